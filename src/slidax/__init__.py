@@ -1,0 +1,1 @@
+"""Sliding-mode control of robot arms in JAX."""

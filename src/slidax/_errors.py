@@ -1,0 +1,105 @@
+"""Errors of the two kinds that are raised: a Definition that cannot be, and an Outcome that a run came to."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+
+class DefinitionError(ValueError):
+    """Something was defined that cannot be: says which field, the rule, the value, the joint and the remedy.
+
+    - `message`: the sentence.
+    - `where`: the path of the field in a scenario, such as `scheme.performance`, if it came from one.
+    """
+
+    def __init__(self, message: str, *, where: str = "") -> None:
+        super().__init__(f"{where}: {message}" if where else message)
+        self.message = message
+        self.where = where
+
+
+class OutcomeError(RuntimeError):
+    """A run ended before its time, raised by `simulate(..., throw=True)`.
+
+    - `outcome`: what happened, to which joint and when.
+    - `run`: the run up to that time, with its log and metrics.
+    """
+
+    def __init__(self, outcome: Any, run: Any = None) -> None:
+        super().__init__(outcome.message)
+        self.outcome = outcome
+        self.run = run
+
+
+@contextmanager
+def located(where: str) -> Iterator[None]:
+    """Puts the path `where` before a DefinitionError that passes through; paths nest from the outside in."""
+    try:
+        yield
+    except DefinitionError as error:
+        path = f"{where}.{error.where}" if error.where else where
+        raise DefinitionError(error.message, where=path) from error
+
+
+def is_traced(tree: Any) -> bool:
+    """True inside `jit`, `vmap` or `grad`, where values are not known and so cannot be checked."""
+    return any(isinstance(leaf, jax.core.Tracer) for leaf in jax.tree.leaves(tree))
+
+
+def parameter(value: Any) -> Array:
+    """A field converter: numbers, lists and arrays become float arrays, so that each is a differentiable leaf."""
+    if isinstance(value, jax.Array):
+        return value
+    try:
+        return jnp.asarray(np.asarray(value, dtype=float))
+    except (TypeError, ValueError) as error:
+        raise DefinitionError(f"a number or a list of numbers is needed; got {value!r}") from error
+
+
+def require(owner: object, field: str, holds: Any, rule: str) -> None:
+    """Raises a DefinitionError unless `holds` is true in every entry of the field and the field is finite.
+
+    - `owner`: the object whose field it is; its class names it in the message.
+    - `holds`: bool or array of bools, of the field's shape.
+    - `rule`: what must hold, with its equation: "must be > 2 (eq. 20)".
+
+    Traced values pass: inside a transformation nothing is known about them.
+    """
+    value = getattr(owner, field)
+    if is_traced((value, holds)):
+        return
+    number = np.asarray(value)
+    wrong = ~(np.asarray(holds) & np.isfinite(number))
+    if not wrong.any():
+        return
+    name = f"`{type(owner).__name__}.{field}`"
+    if number.ndim == 0 and wrong.ndim == 0:
+        raise DefinitionError(f"{name} {rule}; got {number.item():g}")
+    if number.ndim == wrong.ndim == 1:
+        joint = int(np.argmax(wrong))
+        raise DefinitionError(f"{name} {rule}; got {number[joint].item():g} for joint {joint + 1}")
+    if number.ndim == 0:
+        raise DefinitionError(f"{name} {rule}; got {number.item():g}, which fails for joint {int(np.argmax(wrong)) + 1}")
+    raise DefinitionError(f"{name} {rule}; got {number.tolist()}")
+
+
+def require_joints(tree: object, joints: int, of: str) -> None:
+    """Raises a DefinitionError unless each parameter in `tree` is one number, or has one entry per joint.
+
+    - `joints`: the number of joints.
+    - `of`: whose joints they are, for the message.
+    """
+    for path, leaf in jax.tree_util.tree_leaves_with_path(tree):
+        shape = np.shape(leaf)
+        if shape not in ((), (joints,), (joints, joints)):
+            name = type(tree).__name__ + jax.tree_util.keystr(path)
+            raise DefinitionError(
+                f"`{name}` has shape {list(shape)}, but {of} has {joints} joints; give one number or {joints} of them"
+            )

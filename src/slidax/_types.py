@@ -1,0 +1,68 @@
+"""The words that the rooms exchange: state, reference, command, envelope."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import equinox as eqx
+from jaxtyping import Array, Float
+
+Scalar = Float[Array, ""]
+"""A single number."""
+
+Vector = Float[Array, " n"]
+"""One number per joint."""
+
+Matrix = Float[Array, "n n"]
+"""A square matrix over the joints."""
+
+PerJoint = Float[Array, "..."]
+"""A parameter: one number for all joints (shape []) or one per joint (shape [n])."""
+
+Memory = Any
+"""What a controller keeps between two samples: any pytree of arrays, also an empty one."""
+
+
+class State(eqx.Module):
+    """Joint positions and velocities. Also used for their rates: `State(q=dq, dq=ddq)`.
+
+    - `q`: positions [n], rad for a revolute joint, m for a prismatic one.
+    - `dq`: velocities [n], rad/s or m/s.
+    """
+
+    q: Vector
+    dq: Vector
+
+
+class Reference(eqx.Module):
+    """What the joints should do at one time.
+
+    - `q`, `dq`, `ddq`: desired position, velocity and acceleration [n] in rad, rad/s, rad/s² (m for a prismatic joint).
+    """
+
+    q: Vector
+    dq: Vector
+    ddq: Vector
+
+
+class Envelope(eqx.Module):
+    """The bounds of the tracking error at one time, `lower < e < upper`, eq. (12).
+
+    - `lower`, `upper`: [n], rad or m.
+    """
+
+    lower: Vector
+    upper: Vector
+
+
+class Command(eqx.Module):
+    """What a controller returns at one sample.
+
+    - `tau`: joint torques [n], N m (N for a prismatic joint).
+    - `memory`: the controller's memory after this sample; the same tree as before it.
+    - `signals`: inner quantities by name (`s`, `eps`, `rho`, `u`, ...), for plots and logs.
+    """
+
+    tau: Vector
+    memory: Memory
+    signals: dict[str, Float[Array, "..."]]

@@ -1,0 +1,47 @@
+"""What every controller is."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+
+import equinox as eqx
+
+from slidax._types import Command, Envelope, Memory, Reference, Scalar, State
+
+
+class AbstractController(eqx.Module):
+    """A pure function from what is measured to a torque, with explicit memory. It never sees the plant."""
+
+    @property
+    @abstractmethod
+    def joints(self) -> int:
+        """The number of joints it commands."""
+
+    @abstractmethod
+    def init(self, t: Scalar, state: State, reference: Reference) -> Memory:
+        """The memory at the start: any pytree of arrays.
+
+        - `t`: time at the start [s].
+        - `state`: measured positions and velocities.
+        - `reference`: what the joints should do then.
+        """
+
+    @abstractmethod
+    def __call__(
+        self, t: Scalar, state: State, reference_now: Reference, reference_next: Reference, memory: Memory
+    ) -> Command:
+        """The torque at one sample, with the memory after it.
+
+        - `t`: time [s].
+        - `state`: measured positions and velocities.
+        - `reference_now`, `reference_next`: what the joints should do now and one period later.
+        - `memory`: the memory before this sample.
+        """
+
+    @abstractmethod
+    def envelope(self, t: Scalar, memory: Memory) -> Envelope | None:
+        """The bounds that the error must keep, or None for a scheme that promises none.
+
+        - `t`: time [s].
+        - `memory`: the memory.
+        """

@@ -1,0 +1,9 @@
+"""Forces from outside that no law knows: they add up, and scale."""
+
+from .constant import Constant as Constant
+from .disturbance import AbstractDisturbance as AbstractDisturbance
+from .disturbance import Scaled as Scaled
+from .disturbance import Sum as Sum
+from .friction import Friction as Friction
+from .harmonic import Harmonic as Harmonic
+from .step import Step as Step

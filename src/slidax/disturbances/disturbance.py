@@ -1,0 +1,71 @@
+"""What every disturbance is, and how two become one."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+
+import equinox as eqx
+
+from slidax._errors import parameter, require
+from slidax._types import Scalar, State, Vector
+
+
+class AbstractDisturbance(eqx.Module):
+    """A generalised force `τ_d(t, q, q̇)` on the joints, eq. (10). `a + b` adds two, `2.0 * a` scales one."""
+
+    @abstractmethod
+    def __call__(self, t: Scalar, state: State) -> Vector:
+        """`τ_d`, [n], N m or N.
+
+        - `t`: time [s].
+        - `state`: positions and velocities.
+        """
+
+    def __add__(self, other: AbstractDisturbance) -> Sum:
+        return Sum((self, other))
+
+    def __mul__(self, factor: object) -> Scaled:
+        return Scaled(self, factor)
+
+    __rmul__ = __mul__
+
+
+class Sum(AbstractDisturbance):
+    """Several disturbances at once.
+
+    - `terms`: what adds up.
+    """
+
+    terms: tuple[AbstractDisturbance, ...]
+
+    def __call__(self, t: Scalar, state: State) -> Vector:
+        """The sum of all terms, [n], N m or N; zero if there is none.
+
+        - `t`: time [s].
+        - `state`: positions and velocities.
+        """
+        return sum((term(t, state) for term in self.terms), start=0.0 * state.q)
+
+
+class Scaled(AbstractDisturbance):
+    """A disturbance times a factor; 0 switches it off, without a new compilation.
+
+    - `disturbance`: what is scaled.
+    - `factor`: a number.
+
+    Raises DefinitionError if the factor is not finite.
+    """
+
+    disturbance: AbstractDisturbance
+    factor: Scalar = eqx.field(converter=parameter)
+
+    def __check_init__(self) -> None:
+        require(self, "factor", self.factor.ndim == 0, "must be one finite number")
+
+    def __call__(self, t: Scalar, state: State) -> Vector:
+        """The scaled force, [n], N m or N.
+
+        - `t`: time [s].
+        - `state`: positions and velocities.
+        """
+        return self.factor * self.disturbance(t, state)

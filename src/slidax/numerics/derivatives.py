@@ -1,0 +1,30 @@
+"""A function of time with its first two derivatives."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import jax
+import jax.numpy as jnp
+
+from slidax._types import PerJoint, Scalar
+
+
+def value_rate_curvature(
+    function: Callable[[Scalar], PerJoint], t: Scalar
+) -> tuple[PerJoint, PerJoint, PerJoint]:
+    """`f(t), f'(t), f''(t)` by two nested forward derivatives.
+
+    - `function`: from a time in s to an array.
+    - `t`: time [s].
+    """
+    one = jnp.ones_like(t)
+
+    def value_and_rate(t: Scalar) -> tuple[PerJoint, PerJoint]:
+        value: PerJoint
+        rate: PerJoint
+        value, rate = jax.jvp(function, (t,), (one,))
+        return value, rate
+
+    (value, rate), (_, curvature) = jax.jvp(value_and_rate, (t,), (one,))
+    return value, rate, curvature

@@ -1,0 +1,6 @@
+"""Performance functions: how fast the envelope narrows."""
+
+from .exponential import Exponential as Exponential
+from .finite_time import FiniteTime as FiniteTime
+from .fixed_time import FixedTime as FixedTime
+from .performance import AbstractPerformance as AbstractPerformance

@@ -1,0 +1,4 @@
+"""Reaching laws: from the surface to the torque that drives it to zero, and how large that torque must be."""
+
+from .fixed_time_reaching import FixedTimeReaching as FixedTimeReaching
+from .uncertainty_bound import UncertaintyBound as UncertaintyBound

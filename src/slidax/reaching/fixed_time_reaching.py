@@ -1,0 +1,53 @@
+"""The reaching law of the paper: a power and a unit vector, sharp or smoothed."""
+
+from __future__ import annotations
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+
+from slidax._errors import DefinitionError, is_traced, parameter, require
+from slidax._types import PerJoint, Scalar, Vector
+from slidax.numerics import is_positive_definite, matvec, sig, vector_norm
+
+
+class FixedTimeReaching(eqx.Module):
+    """`-K0 Sig^r(s) - u s/(‖s‖ + s0)`, eqs. (43), (51); with `s0 = 0` the unit vector (44), 0 at s = 0.
+
+    - `gain`: K0, one number, a diagonal [n] or a matrix [n n], symmetric positive definite.
+    - `exponent`: r, one number, > 1.
+    - `layer`: s0, width of the boundary layer, rad/s or m/s, one number >= 0.
+
+    Raises DefinitionError if one of them is out of its range.
+    """
+
+    gain: PerJoint = eqx.field(converter=parameter)
+    exponent: Scalar = eqx.field(converter=parameter)
+    layer: Scalar = eqx.field(converter=parameter, default=0.0)
+
+    def __check_init__(self) -> None:
+        rule = "must be symmetric positive definite (K0, eq. 43)"
+        if self.gain.ndim < 2:
+            require(self, "gain", self.gain > 0, rule)
+        elif not is_traced(self.gain):
+            matrix = np.asarray(self.gain)
+            if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1] or not is_positive_definite(matrix):
+                raise DefinitionError(f"`FixedTimeReaching.gain` {rule}; got {matrix.tolist()}")
+        require(self, "exponent", self.exponent > 1, "must be > 1 (r, eq. 43)")
+        require(self, "layer", self.layer >= 0, "must be >= 0 (s0, eq. 51; 0 gives the unit vector of eq. 44)")
+
+    def power(self, s: Vector) -> Vector:
+        """`K0 Sig^r(s)`, [n], N m or N.
+
+        - `s`: sliding variable [n], rad/s or m/s.
+        """
+        powers = sig(s, self.exponent)
+        return matvec(self.gain, powers) if self.gain.ndim == 2 else self.gain * powers
+
+    def direction(self, s: Vector) -> Vector:
+        """`s/(‖s‖ + s0)`, [n], and 0 at s = 0.
+
+        - `s`: sliding variable [n], rad/s or m/s.
+        """
+        size = vector_norm(s) + self.layer
+        return s / jnp.where(size > 0, size, 1.0)

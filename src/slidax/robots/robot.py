@@ -1,0 +1,96 @@
+"""What every robot arm is."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from typing import ClassVar
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from slidax._types import Matrix, Scalar, State, Vector
+from slidax.numerics import matvec, solve_symmetric
+
+
+class AbstractRobot(eqx.Module):
+    """A rigid arm `M(q) q̈ + C(q,q̇) q̇ + G(q) = τ + τ_d`, eq. (10), with its tip's place.
+
+    A member gives `mass`, `bias`, `potential` and `tip`; the rest follows from them. Class constants name the joints:
+
+    - `joint_units`: "rad" for a revolute joint, "m" for a prismatic one; one entry per joint.
+    """
+
+    joint_units: eqx.AbstractClassVar[tuple[str, ...]]
+
+    @property
+    def joints(self) -> int:
+        """The number of joints."""
+        return len(self.joint_units)
+
+    @property
+    def torque_units(self) -> tuple[str, ...]:
+        """"N m" for a revolute joint, "N" for a prismatic one."""
+        return tuple("N m" if unit == "rad" else "N" for unit in self.joint_units)
+
+    @abstractmethod
+    def mass(self, q: Vector) -> Matrix:
+        """The inertia matrix `M(q)`, [n n], kg m², kg m, kg.
+
+        - `q`: positions [n].
+        """
+
+    @abstractmethod
+    def bias(self, q: Vector, dq: Vector) -> Vector:
+        """`C(q,q̇) q̇ + G(q)`, [n], N m or N.
+
+        - `q`, `dq`: positions and velocities [n].
+        """
+
+    @abstractmethod
+    def potential(self, q: Vector) -> Scalar:
+        """The potential energy whose gradient is `G(q)`, J.
+
+        - `q`: positions [n].
+        """
+
+    @abstractmethod
+    def tip(self, q: Vector) -> Float[Array, "3"]:
+        """The tip's place in the base frame, [3], m.
+
+        - `q`: positions [n].
+        """
+
+    def gravity(self, q: Vector) -> Vector:
+        """`G(q)`, [n], N m or N.
+
+        - `q`: positions [n].
+        """
+        return self.bias(q, jnp.zeros_like(q))
+
+    def coriolis(self, q: Vector, dq: Vector) -> Matrix:
+        """`C(q,q̇)` in Christoffel form, for which `Ṁ - 2C` is skew-symmetric, [n n].
+
+        It is half the derivative of the bias along the velocity, since `C(q,q̇) q̇` is a quadratic form in it.
+
+        - `q`, `dq`: positions and velocities [n].
+        """
+        return 0.5 * jax.jacfwd(self.bias, argnums=1)(q, dq)
+
+    def energy(self, state: State) -> Scalar:
+        """Kinetic and potential energy, J.
+
+        - `state`: positions and velocities.
+        """
+        return 0.5 * jnp.sum(state.dq * matvec(self.mass(state.q), state.dq)) + self.potential(state.q)
+
+    def acceleration(self, state: State, tau: Vector) -> Vector:
+        """`q̈ = M(q)⁻¹ (τ - C q̇ - G)`, [n].
+
+        - `state`: positions and velocities.
+        - `tau`: all generalised forces together [n], N m or N.
+        """
+        return solve_symmetric(self.mass(state.q), tau - self.bias(state.q, state.dq))
+
+

@@ -1,0 +1,83 @@
+"""The three-joint arm of Example 4.2: two revolute joints and a prismatic one."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from slidax._errors import parameter, require
+from slidax._types import Matrix, Scalar, Vector
+
+from .robot import AbstractRobot
+
+
+class Scara(AbstractRobot):
+    """A SCARA arm with point masses at the link ends; the prismatic axis points down.
+
+    With `a = (m1 + m2 + m3) l1²`, `b = (m2 + m3) l2²`, `c = (m2 + m3) l1 l2`:
+    `M = [a + 2c cos q2 + b, b + c cos q2, 0; b + c cos q2, b, 0; 0, 0, m3]`,
+    `C = [-c sin(q2) q̇2, -c sin(q2) (q̇1 + q̇2), 0; c sin(q2) q̇1, 0, 0; 0, 0, 0]`, `G = [0, 0, -m3 g]`.
+
+    Identified, not sourced: the paper cites its model as [46] and does not print it. This arm fits the printed results
+    best among some 35 variants tried.
+
+    - `lengths`: l1, l2, [2], m.
+    - `masses`: m1, m2, m3, [3], kg.
+    - `gravity_acceleration`: g, m/s².
+
+    Raises DefinitionError unless lengths and masses are positive.
+    """
+
+    lengths: Float[Array, "2"] = eqx.field(converter=parameter)
+    masses: Float[Array, "3"] = eqx.field(converter=parameter)
+    gravity_acceleration: Scalar = eqx.field(converter=parameter, default=9.8)
+
+    joint_units: ClassVar[tuple[str, ...]] = ("rad", "rad", "m")
+
+    def __check_init__(self) -> None:
+        require(self, "lengths", self.lengths > 0, "must be > 0 m")
+        require(self, "masses", self.masses > 0, "must be > 0 kg")
+        require(self, "gravity_acceleration", True, "must be finite")
+
+    def mass(self, q: Vector) -> Matrix:
+        """`M(q)`, [3 3], kg m² and, for the last joint, kg.
+
+        - `q`: positions [3], rad, rad, m.
+        """
+        m1, m2, m3 = self.masses
+        l1, l2 = self.lengths
+        a = (m1 + m2 + m3) * l1 * l1
+        b = (m2 + m3) * l2 * l2
+        c = (m2 + m3) * l1 * l2 * jnp.cos(q[1])
+        zero = jnp.zeros_like(c)
+        return jnp.array([[a + 2.0 * c + b, b + c, zero], [b + c, b, zero], [zero, zero, m3]])
+
+    def bias(self, q: Vector, dq: Vector) -> Vector:
+        """`C(q,q̇) q̇ + G(q)`, [3], N m, N m, N.
+
+        - `q`, `dq`: positions and velocities [3].
+        """
+        _, m2, m3 = self.masses
+        l1, l2 = self.lengths
+        h = (m2 + m3) * l1 * l2 * jnp.sin(q[1])
+        return jnp.array([-h * dq[1] * (2.0 * dq[0] + dq[1]), h * dq[0] * dq[0], -m3 * self.gravity_acceleration])
+
+    def potential(self, q: Vector) -> Scalar:
+        """Potential energy, J: the last link falls as q3 grows.
+
+        - `q`: positions [3], rad, rad, m.
+        """
+        return -self.masses[2] * self.gravity_acceleration * q[2]
+
+    def tip(self, q: Vector) -> Float[Array, "3"]:
+        """`x = l1 cos q1 + l2 cos(q1+q2)`, `y = l1 sin q1 + l2 sin(q1+q2)`, `z = -q3`, [3], m.
+
+        - `q`: positions [3], rad, rad, m.
+        """
+        l1, l2 = self.lengths
+        x = l1 * jnp.cos(q[0]) + l2 * jnp.cos(q[0] + q[1])
+        y = l1 * jnp.sin(q[0]) + l2 * jnp.sin(q[0] + q[1])
+        return jnp.array([x, y, -q[2]])

@@ -1,0 +1,94 @@
+"""The planar two-link arm of Example 4.1."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from slidax._errors import parameter, require
+from slidax._types import Matrix, Scalar, Vector
+
+from .robot import AbstractRobot
+
+
+class TwoLink(AbstractRobot):
+    """Two revolute joints in a vertical plane, link masses at the link ends, with link inertias.
+
+    With `a = (m1 + m2) l1² + m2 l2² + I1`, `b = m2 l2²`, `c = m2 l1 l2`, `h = c sin q2`:
+    `M = [a + 2c cos q2, b + c cos q2; b + c cos q2, b + I2]`,
+    `C = [-h q̇2, -h (q̇1 + q̇2); h q̇1, 0]`,
+    `G = [(m1 + m2) l1 g cos q1 + m2 l2 g cos(q1 + q2), m2 l2 g cos(q1 + q2)]`.
+
+    Source: the benchmark arm that the paper cites as [45] and does not print; this is its standard form. The eigenvalues
+    of `M⁻¹`, .089 to .197 for the paper's numbers, are where its bounds .09 and .2 come from. `I1` and `I2` stand on the
+    diagonal alone, so they act as inertias that turn with their own joint.
+
+    - `lengths`: l1, l2, [2], m.
+    - `masses`: m1, m2, [2], kg.
+    - `inertias`: I1, I2, [2], kg m².
+    - `gravity_acceleration`: g, m/s².
+
+    Raises DefinitionError unless lengths and masses are positive and inertias are not negative.
+    """
+
+    lengths: Float[Array, "2"] = eqx.field(converter=parameter)
+    masses: Float[Array, "2"] = eqx.field(converter=parameter)
+    inertias: Float[Array, "2"] = eqx.field(converter=parameter)
+    gravity_acceleration: Scalar = eqx.field(converter=parameter, default=9.8)
+
+    joint_units: ClassVar[tuple[str, ...]] = ("rad", "rad")
+
+    def __check_init__(self) -> None:
+        require(self, "lengths", self.lengths > 0, "must be > 0 m")
+        require(self, "masses", self.masses > 0, "must be > 0 kg")
+        require(self, "inertias", self.inertias >= 0, "must be >= 0 kg m²")
+        require(self, "gravity_acceleration", True, "must be finite")
+
+    def mass(self, q: Vector) -> Matrix:
+        """`M(q)`, [2 2], kg m².
+
+        - `q`: positions [2], rad.
+        """
+        m1, m2 = self.masses
+        l1, l2 = self.lengths
+        i1, i2 = self.inertias
+        b = m2 * l2 * l2
+        c = m2 * l1 * l2 * jnp.cos(q[1])
+        m11 = (m1 + m2) * l1 * l1 + b + 2.0 * c + i1
+        return jnp.array([[m11, b + c], [b + c, b + i2]])
+
+    def bias(self, q: Vector, dq: Vector) -> Vector:
+        """`C(q,q̇) q̇ + G(q)`, [2], N m.
+
+        - `q`, `dq`: positions and velocities [2], rad, rad/s.
+        """
+        m1, m2 = self.masses
+        l1, l2 = self.lengths
+        g = self.gravity_acceleration
+        h = m2 * l1 * l2 * jnp.sin(q[1])
+        g2 = m2 * l2 * g * jnp.cos(q[0] + q[1])
+        g1 = (m1 + m2) * l1 * g * jnp.cos(q[0]) + g2
+        return jnp.array([g1 - h * dq[1] * (2.0 * dq[0] + dq[1]), g2 + h * dq[0] * dq[0]])
+
+    def potential(self, q: Vector) -> Scalar:
+        """Potential energy, J.
+
+        - `q`: positions [2], rad.
+        """
+        m1, m2 = self.masses
+        l1, l2 = self.lengths
+        height1 = l1 * jnp.sin(q[0])
+        return self.gravity_acceleration * ((m1 + m2) * height1 + m2 * l2 * jnp.sin(q[0] + q[1]))
+
+    def tip(self, q: Vector) -> Float[Array, "3"]:
+        """The end of the second link, [3], m; the arm moves in the x-y plane, y up.
+
+        - `q`: positions [2], rad.
+        """
+        l1, l2 = self.lengths
+        x = l1 * jnp.cos(q[0]) + l2 * jnp.cos(q[0] + q[1])
+        y = l1 * jnp.sin(q[0]) + l2 * jnp.sin(q[0] + q[1])
+        return jnp.array([x, y, jnp.zeros_like(x)])

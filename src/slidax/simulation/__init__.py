@@ -1,0 +1,10 @@
+"""The one place where time passes: a plant under a controller becomes a Run."""
+
+from .outcome import Outcome as Outcome
+from .plant import Plant as Plant
+from .run import Log as Log
+from .run import Run as Run
+from .run import Timing as Timing
+from .simulate import BANDS as BANDS
+from .simulate import simulate as simulate
+from .tally import Tally as Tally

@@ -1,0 +1,92 @@
+"""What a simulation returns."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import equinox as eqx
+from jaxtyping import Array, Bool, Float, Int
+
+from slidax._types import Envelope, Reference, Scalar, State
+
+from .outcome import Fault, Outcome, describe
+from .tally import Tally, Windows
+
+
+class Log(eqx.Module):
+    """Logged samples; every array has the sample as its first axis.
+
+    - `k`: number of the sample.
+    - `t`: time [s].
+    - `state`, `reference`, `envelope`: as the controller saw them; `envelope` is None for a scheme without one.
+    - `tau`: torque [N m or N].
+    - `signals`: the controller's inner quantities by name.
+    - `valid`: False for places after the end of the run, which only a batch has.
+    """
+
+    k: Int[Array, " samples"] | Int[Array, ""]
+    t: Float[Array, " samples"] | Scalar
+    state: State
+    reference: Reference
+    tau: Float[Array, "..."]
+    signals: dict[str, Float[Array, "..."]]
+    envelope: Envelope | None
+    valid: Bool[Array, " samples"] | Bool[Array, ""]
+
+    @property
+    def e(self) -> Float[Array, "..."]:
+        """Error `q - q_d`, rad or m."""
+        return self.state.q - self.reference.q
+
+    @property
+    def de(self) -> Float[Array, "..."]:
+        """Velocity error `q̇ - q̇_d`, rad/s or m/s."""
+        return self.state.dq - self.reference.dq
+
+
+class Timing(NamedTuple):
+    """Where the time of a run went.
+
+    - `compile_s`: tracing and compiling [s]; near 0 for the second run of the same shape.
+    - `run_s`: the run itself [s].
+    """
+
+    compile_s: float
+    run_s: float
+
+
+class Run(eqx.Module):
+    """A finished simulation.
+
+    - `log`: the logged samples, or None if none were asked for.
+    - `tally`: statistics of all samples, which the metrics read.
+    - `windows`: from when each statistic counts, and the settling bands.
+    - `fault`: the first thing that went wrong, as arrays; see `outcome`.
+    - `state`: the last good state.
+    - `period`: time between samples [s].
+    - `t1`: end that was asked for [s].
+    - `joint_units`: unit of each joint's position.
+    - `has_envelope`: whether the scheme promises one.
+    - `timing`: seconds spent; None inside a transformation.
+    """
+
+    log: Log | None
+    tally: Tally
+    windows: Windows
+    fault: Fault
+    state: State
+    period: Scalar
+    t1: Scalar
+    joint_units: tuple[str, ...] = eqx.field(static=True)
+    has_envelope: bool = eqx.field(static=True)
+    timing: Timing | None = eqx.field(static=True, default=None)
+
+    @property
+    def joints(self) -> int:
+        """The number of joints."""
+        return len(self.joint_units)
+
+    @property
+    def outcome(self) -> Outcome:
+        """How the run ended; needs known values, so not inside `vmap`: look at `fault` there."""
+        return describe(self.fault, self.joint_units)

@@ -1,0 +1,119 @@
+"""Running statistics of all samples, so that metrics are exact whatever is logged."""
+
+from __future__ import annotations
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float, Int
+
+from slidax._types import Envelope, Scalar, Vector
+
+
+class Windows(eqx.Module):
+    """From which sample a statistic counts.
+
+    - `steady`: first sample of the last quarter of the run.
+    - `iae`: first sample after 2 s, eq. (80).
+    - `bands`: error bands for the settling time, [k], rad or m.
+    """
+
+    steady: Int[Array, ""]
+    iae: Int[Array, ""]
+    bands: Float[Array, " k"]
+
+
+class Tally(eqx.Module):
+    """What is kept of all samples, each [n] unless it says otherwise.
+
+    - `samples`: how many samples were counted, [].
+    - `violations`: how many of the samples had a joint at or outside its bounds, [].
+    - `last_above`: number of the last sample with |e| above each band, -1 if none, [k n].
+    - `steady_error`: max |e| over the last quarter.
+    - `first_torque`, `last_torque`: τ of the first and of the last sample.
+    - `peak_torque`: max |τ|.
+    - `max_step`, `steady_step`: max |τ(k+1) - τ(k)| over the run, and over its last quarter.
+    - `iae`, `eci`, `aice`: the sums (80), (81), (82).
+    - `margin`: min over time of the distance to the nearer bound, divided by the envelope's width; inf without one.
+    """
+
+    samples: Int[Array, ""]
+    violations: Int[Array, ""]
+    last_above: Int[Array, "k n"]
+    steady_error: Vector
+    first_torque: Vector
+    last_torque: Vector
+    peak_torque: Vector
+    max_step: Vector
+    steady_step: Vector
+    iae: Vector
+    eci: Vector
+    aice: Vector
+    margin: Vector
+
+    @staticmethod
+    def empty(joints: int, bands: int) -> Tally:
+        """The tally before the first sample.
+
+        - `joints`: number of joints.
+        - `bands`: number of settling bands.
+        """
+        zero = jnp.zeros(joints)
+        count = jnp.zeros((), int)
+        return Tally(
+            samples=count,
+            violations=count,
+            last_above=jnp.full((bands, joints), -1),
+            steady_error=zero,
+            first_torque=zero,
+            last_torque=zero,
+            peak_torque=zero,
+            max_step=zero,
+            steady_step=zero,
+            iae=zero,
+            eci=zero,
+            aice=zero,
+            margin=jnp.full(joints, jnp.inf),
+        )
+
+    def add(
+        self, k: Int[Array, ""], e: Vector, tau: Vector, envelope: Envelope | None, windows: Windows
+    ) -> Tally:
+        """The tally with one more sample.
+
+        - `k`: number of the sample.
+        - `e`: error [n], rad or m.
+        - `tau`: torque [n], N m or N.
+        - `envelope`: the bounds, or None.
+        - `windows`: from when each statistic counts.
+        """
+        size = jnp.abs(e)
+        effort = jnp.abs(tau)
+        steady = k >= windows.steady
+        step = jnp.where(k > 0, jnp.abs(tau - self.last_torque), 0.0)
+        margin = self.margin
+        if envelope is not None:
+            nearer = jnp.minimum(e - envelope.lower, envelope.upper - e)
+            margin = jnp.minimum(margin, nearer / (envelope.upper - envelope.lower))
+        return Tally(
+            samples=self.samples + 1,
+            violations=self.violations,
+            last_above=jnp.where(size > windows.bands[:, None], k, self.last_above),
+            steady_error=jnp.where(steady, jnp.maximum(self.steady_error, size), self.steady_error),
+            first_torque=jnp.where(k > 0, self.first_torque, tau),
+            last_torque=tau,
+            peak_torque=jnp.maximum(self.peak_torque, effort),
+            max_step=jnp.maximum(self.max_step, step),
+            # The step that leads into the window's first sample belongs to the time before it.
+            steady_step=jnp.where(k > windows.steady, jnp.maximum(self.steady_step, step), self.steady_step),
+            iae=self.iae + jnp.where(k >= windows.iae, size, 0.0),
+            eci=self.eci + effort * effort,
+            aice=self.aice + step,
+            margin=margin,
+        )
+
+    def with_violation(self, outside: Bool[Array, ""]) -> Tally:
+        """The tally with one more violation where `outside` is true.
+
+        - `outside`: whether the sample lies at or outside its bounds.
+        """
+        return eqx.tree_at(lambda tally: tally.violations, self, self.violations + outside)

@@ -1,0 +1,50 @@
+"""The paper's smooth fixed-time terminal surface."""
+
+from __future__ import annotations
+
+import equinox as eqx
+
+from slidax._errors import parameter, require
+from slidax._types import PerJoint, Vector
+from slidax.numerics import sig, sig_slope, smooth_power, smooth_power_slope
+
+from .surface import AbstractSurface
+
+
+class SmoothFixedTime(AbstractSurface):
+    """`K1 S^p(ε1) + K2 S^q(ε1)`, eqs. (29)-(40).
+
+    - `k1`, `k2`: diagonals of K1 and K2, one number or [n], rad/s or m/s, > 0.
+    - `p`: exponent near zero, in (0, 1).
+    - `q`: exponent far from zero, > 1.
+    - `delta`: δ, half-width of the smooth core of S^p, in (0, 1].
+
+    Raises DefinitionError if one of them is out of its range.
+    """
+
+    k1: PerJoint = eqx.field(converter=parameter)
+    k2: PerJoint = eqx.field(converter=parameter)
+    p: PerJoint = eqx.field(converter=parameter)
+    q: PerJoint = eqx.field(converter=parameter)
+    delta: PerJoint = eqx.field(converter=parameter)
+
+    def __check_init__(self) -> None:
+        require(self, "k1", self.k1 > 0, "must be > 0, so that K1 is diagonal positive definite (eq. 40)")
+        require(self, "k2", self.k2 > 0, "must be > 0, so that K2 is diagonal positive definite (eq. 40)")
+        require(self, "p", (self.p > 0) & (self.p < 1), "must be in (0, 1) (eq. 29)")
+        require(self, "q", self.q > 1, "must be > 1 (eq. 34)")
+        require(self, "delta", (self.delta > 0) & (self.delta <= 1), "must be in (0, 1] (eq. 29)")
+
+    def pull(self, eps: Vector) -> Vector:
+        """`K1 S^p(ε1) + K2 S^q(ε1)`, [n], rad/s or m/s.
+
+        - `eps`: transformed error ε1 [n].
+        """
+        return self.k1 * smooth_power(eps, self.p, self.delta) + self.k2 * sig(eps, self.q)
+
+    def slope(self, eps: Vector) -> Vector:
+        """`K1 F^p(ε1) + K2 H^q(ε1)`, eqs. (33), (35), (37), (39), [n].
+
+        - `eps`: transformed error ε1 [n].
+        """
+        return self.k1 * smooth_power_slope(eps, self.p, self.delta) + self.k2 * sig_slope(eps, self.q)

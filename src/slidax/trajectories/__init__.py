@@ -1,0 +1,7 @@
+"""What the joints should do: a time becomes a desired position, velocity and acceleration."""
+
+from .constant import Constant as Constant
+from .exponential_sum import ExponentialSum as ExponentialSum
+from .minimum_jerk import MinimumJerk as MinimumJerk
+from .sinusoid import Sinusoid as Sinusoid
+from .trajectory import AbstractTrajectory as AbstractTrajectory

@@ -1,0 +1,29 @@
+"""What every trajectory is."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+
+import equinox as eqx
+
+from slidax._types import Reference, Scalar, Vector
+from slidax.numerics import value_rate_curvature
+
+
+class AbstractTrajectory(eqx.Module):
+    """A desired motion `q_d(t)`. A member gives the position; velocity and acceleration follow by differentiation."""
+
+    @abstractmethod
+    def position(self, t: Scalar) -> Vector:
+        """`q_d(t)`, [n], rad or m.
+
+        - `t`: time [s].
+        """
+
+    def reference(self, t: Scalar) -> Reference:
+        """`q_d`, `q̇_d`, `q̈_d` at one time.
+
+        - `t`: time [s].
+        """
+        q, dq, ddq = value_rate_curvature(self.position, t)
+        return Reference(q=q, dq=dq, ddq=ddq)

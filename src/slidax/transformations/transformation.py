@@ -1,0 +1,55 @@
+"""What every error transformation is."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+
+import equinox as eqx
+
+from slidax._types import Envelope, Memory, PerJoint, Scalar, Vector
+
+
+class TransformedError(eqx.Module):
+    """The error as a surface sees it, `ε̇1 = ε2 = B (ė + A e)`, eqs. (25)-(28). All [n].
+
+    - `eps1`: transformed error ε1.
+    - `eps2`: its rate ε2, 1/s.
+    - `beta`: diagonal of B, 1/rad.
+    - `alpha`: diagonal of A, 1/s.
+    - `alpha_rate`: diagonal of Ȧ, 1/s².
+    """
+
+    eps1: Vector
+    eps2: Vector
+    beta: Vector
+    alpha: PerJoint
+    alpha_rate: PerJoint
+
+
+class AbstractTransformation(eqx.Module):
+    """A map from error and time to the transformed error, fixed at the start by the error it finds there."""
+
+    @abstractmethod
+    def init(self, t: Scalar, e: Vector) -> Memory:
+        """What the transformation keeps from the start: any pytree.
+
+        - `t`: time at the start [s].
+        - `e`: error at the start [n].
+        """
+
+    @abstractmethod
+    def __call__(self, t: Scalar, e: Vector, de: Vector, memory: Memory) -> TransformedError:
+        """The transformed error.
+
+        - `t`: time [s].
+        - `e`, `de`: error and its rate [n].
+        - `memory`: what `init` returned.
+        """
+
+    @abstractmethod
+    def envelope(self, t: Scalar, memory: Memory) -> Envelope | None:
+        """The bounds that the error must keep, or None if there are none.
+
+        - `t`: time [s].
+        - `memory`: what `init` returned.
+        """
