@@ -1,1 +1,74 @@
-"""Sliding-mode control of robot arms in JAX."""
+"""Sliding-mode control of robot arms in JAX: one law, written once, simulated, batched, differentiated.
+
+    import jax
+    jax.config.update("jax_enable_x64", True)
+    import slidax as sx
+
+    scenario = sx.scenarios.load("example-4.1")
+    run = scenario.simulate()
+
+The rooms are `trajectories`, `robots`, `disturbances` (the world); `performance`, `transformations`, `surfaces`,
+`reaching`, `controllers` (the law); `simulation` (the loop); `scenarios`; `metrics`, `figures`, `papers`, `reports`
+(the judgement). Each is imported when it is first used.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from . import controllers as controllers
+    from . import disturbances as disturbances
+    from . import figures as figures
+    from . import metrics as metrics
+    from . import numerics as numerics
+    from . import papers as papers
+    from . import performance as performance
+    from . import reaching as reaching
+    from . import reports as reports
+    from . import robots as robots
+    from . import scenarios as scenarios
+    from . import simulation as simulation
+    from . import surfaces as surfaces
+    from . import trajectories as trajectories
+    from . import transformations as transformations
+    from ._errors import DefinitionError as DefinitionError
+    from ._errors import OutcomeError as OutcomeError
+    from ._types import Command as Command
+    from ._types import Envelope as Envelope
+    from ._types import Reference as Reference
+    from ._types import State as State
+    from .simulation import Plant as Plant
+    from .simulation import Run as Run
+    from .simulation import simulate as simulate
+
+__version__ = "0.1.0"
+
+_ROOMS = (
+    "controllers disturbances figures metrics numerics papers performance reaching reports robots scenarios simulation "
+    "surfaces trajectories transformations"
+).split()
+_NAMES = {
+    "DefinitionError": "_errors",
+    "OutcomeError": "_errors",
+    "Command": "_types",
+    "Envelope": "_types",
+    "Reference": "_types",
+    "State": "_types",
+    "Plant": "simulation",
+    "Run": "simulation",
+    "simulate": "simulation",
+}
+
+
+def __getattr__(name: str) -> Any:
+    if name in _ROOMS:
+        return import_module(f".{name}", __name__)
+    if name in _NAMES:
+        return getattr(import_module(f".{_NAMES[name]}", __name__), name)
+    raise AttributeError(f"module `slidax` has no `{name}`")
+
+
+def __dir__() -> list[str]:
+    return sorted([*_ROOMS, *_NAMES, "__version__"])

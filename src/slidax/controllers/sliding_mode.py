@@ -69,12 +69,13 @@ class SlidingMode(AbstractController):
         q, dq = state.q, state.dq
         e, de = q - reference_now.q, dq - reference_now.dq
         error = self.transformation(t, e, de, memory)
-        s = de + error.alpha * e + self.surface.pull(error.eps1)
+        pull, slope = self.surface.pull_and_slope(error.eps1)
+        s = de + error.alpha * e + pull
 
         m0 = self.nominal.mass(q)
         feedforward = reference_now.ddq - error.alpha_rate * e - error.alpha * de
         tau0 = matvec(m0, feedforward) + self.nominal.bias(q, dq)
-        tau1 = -self.reaching.power(s) - matvec(m0, self.surface.slope(error.eps1) * error.eps2)
+        tau1 = -self.reaching.power(s) - matvec(m0, slope * error.eps2)
         u = self.bound(state, tau0 + tau1)
         tau2 = -u * self.reaching.direction(s)
         return Command(

@@ -6,9 +6,9 @@ from .ldl import matvec as matvec
 from .ldl import solve_symmetric as solve_symmetric
 from .power import power as power
 from .power import sig as sig
-from .power import sig_slope as sig_slope
+from .power import sig_and_slope as sig_and_slope
 from .runge_kutta import runge_kutta_4 as runge_kutta_4
 from .semi_implicit_euler import semi_implicit_euler as semi_implicit_euler
 from .smooth_power import smooth_power as smooth_power
-from .smooth_power import smooth_power_slope as smooth_power_slope
+from .smooth_power import smooth_power_and_slope as smooth_power_and_slope
 from .vector_norm import vector_norm as vector_norm

@@ -26,16 +26,20 @@ def solve_symmetric(a: Matrix, b: Vector) -> Vector:
     n = b.shape[0]
     lower: list[list[jnp.ndarray]] = [[] for _ in range(n)]
     diagonal: list[jnp.ndarray] = []
+    # The inverses do not wait for b, which in a control loop comes last.
+    inverse: list[jnp.ndarray] = []
     for i in range(n):
         for j in range(i):
-            lower[i].append(_less(a[i, j], [lower[i][k] * diagonal[k] * lower[j][k] for k in range(j)]) / diagonal[j])
+            known = [lower[i][k] * diagonal[k] * lower[j][k] for k in range(j)]
+            lower[i].append(_less(a[i, j], known) * inverse[j])
         diagonal.append(_less(a[i, i], [lower[i][k] * diagonal[k] * lower[i][k] for k in range(i)]))
+        inverse.append(1.0 / diagonal[i])
     y: list[jnp.ndarray] = []
     for i in range(n):
         y.append(_less(b[i], [lower[i][k] * y[k] for k in range(i)]))
     x: list[jnp.ndarray] = [jnp.zeros_like(b[0])] * n
     for i in reversed(range(n)):
-        x[i] = _less(y[i] / diagonal[i], [lower[k][i] * x[k] for k in range(i + 1, n)])
+        x[i] = _less(y[i] * inverse[i], [lower[k][i] * x[k] for k in range(i + 1, n)])
     return jnp.stack(x)
 
 

@@ -39,26 +39,20 @@ def _power_jvp(primals: tuple[Any, Any], tangents: tuple[Any, Any]) -> tuple[Any
 power.defjvp(_power_jvp, symbolic_zeros=True)
 
 
-def _reduced_power(x: Float[Array, "..."], a: Float[Array, "..."]) -> Float[Array, "..."]:
-    """`|x|^(a-1)`, and 0 at x = 0: what `sig` and its slope have in common."""
-    magnitude = jnp.abs(x)
-    away = magnitude > 0
-    return jnp.where(away, power(jnp.where(away, magnitude, 1.0), a - 1.0), 0.0)
-
-
-def sig(x: Float[Array, "..."], a: Float[Array, "..."]) -> Float[Array, "..."]:
-    """`sig^a(x) = |x|^a sgn(x)`, elementwise, eqs. (1), (2), (34).
-
-    - `x`: any real array.
-    - `a`: exponent > 0, broadcast with `x`.
-    """
-    return x * _reduced_power(x, a)
-
-
-def sig_slope(x: Float[Array, "..."], a: Float[Array, "..."]) -> Float[Array, "..."]:
-    """The slope `a |x|^(a-1)` of `sig^a`, eq. (35), for `a > 1`.
+def sig_and_slope(x: Float[Array, "..."], a: Float[Array, "..."]) -> tuple[Float[Array, "..."], Float[Array, "..."]]:
+    """`sig^a(x)` and its slope `a |x|^(a-1)`, eqs. (34), (35), by one power.
 
     - `x`: any real array.
     - `a`: exponent > 1, broadcast with `x`.
     """
-    return a * _reduced_power(x, a)
+    w = power(jnp.abs(x), a - 1.0)
+    return x * w, a * w
+
+
+def sig(x: Float[Array, "..."], a: Float[Array, "..."]) -> Float[Array, "..."]:
+    """`sig^a(x) = |x|^a sgn(x)`, elementwise, eqs. (1), (2); its derivative at 0 is taken as 0 (true for a > 1).
+
+    - `x`: any real array.
+    - `a`: exponent > 0, broadcast with `x`.
+    """
+    return jnp.sign(x) * power(jnp.abs(x), a)

@@ -2,16 +2,23 @@
 
 from __future__ import annotations
 
+import jax
 import jax.numpy as jnp
 
 from slidax._types import Scalar, Vector
 
 
+@jax.custom_jvp
 def vector_norm(x: Vector) -> Scalar:
     """`‖x‖ = √(xᵀx)`; its gradient at x = 0 is taken as 0.
 
     - `x`: vector [n].
     """
-    square = jnp.sum(x * x)
-    away = square > 0
-    return jnp.where(away, jnp.sqrt(jnp.where(away, square, 1.0)), 0.0)
+    return jnp.sqrt(jnp.sum(x * x))
+
+
+@vector_norm.defjvp
+def _vector_norm_jvp(primals: tuple[Vector], tangents: tuple[Vector]) -> tuple[Scalar, Scalar]:
+    (x,), (dx,) = primals, tangents
+    norm = vector_norm(x)
+    return norm, jnp.where(norm > 0, jnp.sum(x * dx) / jnp.where(norm > 0, norm, 1.0), 0.0)

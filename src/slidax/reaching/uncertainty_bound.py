@@ -56,4 +56,4 @@ class UncertaintyBound(eqx.Module):
         dq_square = jnp.sum(state.dq * state.dq)
         gamma = self.gamma
         known = self.constant + self.position * q_norm + self.velocity * dq_square
-        return (self.margin + known + gamma * vector_norm(tau)) / (1.0 - gamma)
+        return (self.margin + known + gamma * vector_norm(tau)) * (1.0 / (1.0 - gamma))

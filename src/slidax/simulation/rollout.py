@@ -109,7 +109,7 @@ def advance(loop: Loop, carry: Carry, points: int, every: int | None) -> tuple[C
 
 def _sample(loop: Loop, carry: Carry) -> tuple[Carry, Log]:
     """One sample: evaluate the law, count it, move the plant one period on, unless the run is over."""
-    t = carry.k * loop.period
+    t = carry.k.astype(float) * loop.period
     moved, stages = (_continuous_step if loop.continuous else _held_step)(loop, carry, t)
     now = stages[0]
     e = carry.state.q - now.reference.q
@@ -125,7 +125,7 @@ def _sample(loop: Loop, carry: Carry) -> tuple[Carry, Log]:
     counted = carry.tally.add(carry.k, e, now.command.tau, now.envelope, loop.windows)
     tally = _where(good, counted, carry.tally.with_violation(running & (now.fault.kind == 1)))
     after = Carry(
-        k=carry.k + running,
+        k=carry.k + running.astype(int),
         state=_where(onward, moved, carry.state),
         memory=_where(onward, now.command.memory, carry.memory),
         tally=tally,
@@ -161,7 +161,7 @@ def _held_step(loop: Loop, carry: Carry, t: Scalar) -> tuple[State, tuple[Evalua
         return State(q=state.dq, dq=loop.plant.acceleration(t, state, now.command.tau)), None
 
     def substep(state: State, i: Int[Array, ""]) -> tuple[State, None]:
-        return loop.integrator(rate, t + i * h, state, h)[0], None
+        return loop.integrator(rate, t + i.astype(float) * h, state, h)[0], None
 
     if loop.substeps == 1:
         return loop.integrator(rate, t, carry.state, h)[0], (now,)

@@ -116,4 +116,4 @@ class Tally(eqx.Module):
 
         - `outside`: whether the sample lies at or outside its bounds.
         """
-        return eqx.tree_at(lambda tally: tally.violations, self, self.violations + outside)
+        return eqx.tree_at(lambda tally: tally.violations, self, self.violations + outside.astype(int))

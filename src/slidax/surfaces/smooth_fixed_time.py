@@ -6,7 +6,7 @@ import equinox as eqx
 
 from slidax._errors import parameter, require
 from slidax._types import PerJoint, Vector
-from slidax.numerics import sig, sig_slope, smooth_power, smooth_power_slope
+from slidax.numerics import sig_and_slope, smooth_power_and_slope
 
 from .surface import AbstractSurface
 
@@ -35,16 +35,11 @@ class SmoothFixedTime(AbstractSurface):
         require(self, "q", self.q > 1, "must be > 1 (eq. 34)")
         require(self, "delta", (self.delta > 0) & (self.delta <= 1), "must be in (0, 1] (eq. 29)")
 
-    def pull(self, eps: Vector) -> Vector:
-        """`K1 S^p(ε1) + K2 S^q(ε1)`, [n], rad/s or m/s.
+    def pull_and_slope(self, eps: Vector) -> tuple[Vector, Vector]:
+        """`K1 S^p(ε1) + K2 S^q(ε1)`, and `K1 F^p(ε1) + K2 H^q(ε1)` with (33), (35), (37), (39), both [n].
 
         - `eps`: transformed error ε1 [n].
         """
-        return self.k1 * smooth_power(eps, self.p, self.delta) + self.k2 * sig(eps, self.q)
-
-    def slope(self, eps: Vector) -> Vector:
-        """`K1 F^p(ε1) + K2 H^q(ε1)`, eqs. (33), (35), (37), (39), [n].
-
-        - `eps`: transformed error ε1 [n].
-        """
-        return self.k1 * smooth_power_slope(eps, self.p, self.delta) + self.k2 * sig_slope(eps, self.q)
+        near, near_slope = smooth_power_and_slope(eps, self.p, self.delta)
+        far, far_slope = sig_and_slope(eps, self.q)
+        return self.k1 * near + self.k2 * far, self.k1 * near_slope + self.k2 * far_slope

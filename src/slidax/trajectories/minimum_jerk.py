@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
@@ -38,7 +40,7 @@ class MinimumJerk(AbstractTrajectory):
 
         Raises DefinitionError if the times do not increase or do not fit the waypoints.
         """
-        from scipy.interpolate import PPoly, make_interp_spline
+        from scipy.interpolate import make_interp_spline
 
         t = np.asarray(times, dtype=float)
         q = np.asarray(waypoints, dtype=float)
@@ -53,13 +55,13 @@ class MinimumJerk(AbstractTrajectory):
         ends = [(1, rest), (2, rest)]
         # Solved on [0, 1]: with the times themselves the fifth-degree basis is ill-conditioned for long motions.
         span = t[-1] - t[0]
-        spline = make_interp_spline((t - t[0]) / span, q, k=5, bc_type=(ends, ends))
-        pieces = PPoly.from_spline(spline)
-        inside = np.flatnonzero(np.diff(pieces.x) > 0)
-        if len(inside) != len(t) - 1:
+        z = (t - t[0]) / span
+        if not np.all(np.diff(z) > 0):
             raise DefinitionError(f"`MinimumJerk.times` lie too close together; got {t.tolist()}")
-        powers = span ** -np.arange(5.0, -1.0, -1.0)
-        return MinimumJerk(times=t, coefficients=pieces.c[:, inside] * powers[:, None, None])
+        spline = make_interp_spline(z, q, k=5, bc_type=(ends, ends))
+        # The Taylor coefficients at the left end of each piece, where the spline and its derivatives are exact.
+        pieces = np.stack([spline(z[:-1], nu=i) / (math.factorial(i) * span**i) for i in reversed(range(6))])
+        return MinimumJerk(times=t, coefficients=pieces)
 
     def position(self, t: Scalar) -> Vector:
         """The position on the piece that holds `t`.

@@ -48,12 +48,12 @@ def psi_inverse(x: Float[Array, "..."], sides: Sides) -> Float[Array, "..."]:
 
 
 def psi_inverse_slope(x: Float[Array, "..."], sides: Sides) -> Float[Array, "..."]:
-    """`v(x) = 1/(x - b) + 1/(b̄ - x)`, eq. (27).
+    """`v(x) = 1/(x - b) + 1/(b̄ - x)`, eq. (27), over a common denominator.
 
     - `x`: error over radius, e/ρ.
     - `sides`: b and b̄, broadcast with `x`.
     """
-    return 1.0 / (x - sides.lower) + 1.0 / (sides.upper - x)
+    return (sides.upper - sides.lower) / ((x - sides.lower) * (sides.upper - x))
 
 
 class PrescribedPerformance(AbstractTransformation):
@@ -89,11 +89,14 @@ class PrescribedPerformance(AbstractTransformation):
         - `memory`: the sides.
         """
         rho, drho, ddrho = self.performance.radius_rate_curvature(t)
-        alpha = -drho / rho
-        alpha_rate = alpha * alpha - ddrho / rho
-        beta = psi_inverse_slope(e / rho, memory) / rho
+        # One division, and it does not wait for the error.
+        inverse = 1.0 / rho
+        x = e * inverse
+        alpha = -drho * inverse
+        alpha_rate = alpha * alpha - ddrho * inverse
+        beta = psi_inverse_slope(x, memory) * inverse
         return TransformedError(
-            eps1=psi_inverse(e / rho, memory),
+            eps1=psi_inverse(x, memory),
             eps2=beta * (de + alpha * e),
             beta=beta,
             alpha=alpha,

@@ -1,0 +1,81 @@
+# `make` alone lists the targets. Needed: make, and a Python >= 3.11 (or any python3 with pip: see scripts/find-python).
+# Extra arguments go through ARGS, as in: make test ARGS="-k scara -x"
+
+ARGS ?=
+SHELL := /bin/sh
+
+# Robotics set-ups (ROS) put whole package trees on PYTHONPATH, whose pytest plugins would join our test runs.
+unexport PYTHONPATH PYTHONHOME
+# `pip install --user` is refused inside an environment, so that such a default must not reach it.
+export PIP_USER := 0
+
+.PHONY: help venv demo test lint format bench verify lock clean
+.DEFAULT_GOAL := help
+
+help: ## Show these targets
+	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "  make %-8s %s\n", $$1, $$2 }' Makefile
+
+venv: .venv/.installed ## Make or update the environment, .venv
+
+.venv/.installed: pyproject.toml requirements/dev.txt
+	@scripts/bootstrap .venv
+
+.venv-3.11/.installed: pyproject.toml requirements/dev.txt
+	@scripts/bootstrap .venv-3.11 3.11
+
+demo: .venv/.installed ## Reproduce the paper's results and say where the report is
+	@.venv/bin/slidax reproduce --out reproduction $(ARGS)
+	@echo "The report is in $(CURDIR)/reproduction"
+
+test: .venv/.installed ## Run the tests
+	@.venv/bin/python -m pytest $(ARGS)
+
+# All linters run, also after one has failed, so that one run shows everything.
+lint: .venv/.installed ## Check style, types and layers; changes nothing
+	@failed=; \
+	.venv/bin/ruff check . || failed="$$failed ruff-check"; \
+	.venv/bin/ruff format --check . || failed="$$failed ruff-format"; \
+	.venv/bin/mypy || failed="$$failed mypy"; \
+	.venv/bin/lint-imports --no-logo || failed="$$failed lint-imports"; \
+	if [ -n "$$failed" ]; then echo "make lint: failed:$$failed" >&2; exit 1; fi
+
+format: .venv/.installed ## Put the code in order
+	@.venv/bin/ruff check --fix-only --quiet .
+	@.venv/bin/ruff format .
+
+bench: .venv/.installed ## Measure, and write benchmarks/PERFORMANCE.md
+	@.venv/bin/python -m benchmarks $(ARGS)
+
+# The second run of the tests has the oldest Python, and with it the oldest jax, that pyproject.toml allows. The wheel
+# is tried in an environment of its own, away from the sources, where a data file left out of it is missed.
+verify: .venv/.installed .venv-3.11/.installed ## Test on both Pythons, and try the built wheel
+	@.venv/bin/python -m pytest
+	@.venv-3.11/bin/python -m pytest
+	@rm -rf dist .venv-wheel
+	@.venv/bin/python -m build --no-isolation --outdir dist .
+	@.venv/bin/python -m venv .venv-wheel
+	@.venv-wheel/bin/python -m pip install -qq --require-hashes -r requirements/run.txt
+	@.venv-wheel/bin/python -m pip install -qq --no-deps dist/*.whl
+	@.venv-wheel/bin/python -m pip check
+	@cd .venv-wheel && bin/slidax run example-4.1 --json > run.json && bin/python -m json.tool run.json > /dev/null
+	@cd .venv-wheel && bin/slidax reproduce --out reproduction
+	@echo "make verify: all passed"
+
+# Keeps the pins that still fit; to renew them all: make lock ARGS=--upgrade
+# uv has its own environment, since nothing but this target needs it. The pins of run.txt follow those of dev.txt.
+COMPILE = .venv-lock/bin/uv pip compile pyproject.toml --quiet --universal --python-version 3.11 --generate-hashes \
+	--no-emit-index-url --no-emit-find-links --custom-compile-command "make lock"
+lock: .venv-lock/bin/uv ## Renew requirements/*.txt after a change in pyproject.toml
+	@mkdir -p requirements
+	@$(COMPILE) --group dev --extra parquet --output-file requirements/dev.txt $(ARGS)
+	@$(COMPILE) --constraint requirements/dev.txt --output-file requirements/run.txt $(ARGS)
+	@echo "requirements/dev.txt and requirements/run.txt are up to date."
+
+.venv-lock/bin/uv:
+	@python=$$(scripts/find-python) && "$$python" -m venv --clear .venv-lock
+	@.venv-lock/bin/python -m pip install -qq uv
+
+clean: ## Remove everything that make made
+	@rm -rf .venv .venv-3.11 .venv-wheel .venv-lock .python build dist reproduction
+	@rm -rf .pytest_cache .hypothesis .mypy_cache .ruff_cache .import_linter_cache
+	@find src tests benchmarks -name __pycache__ -type d -prune -exec rm -rf {} + 2>/dev/null || true

@@ -1,0 +1,55 @@
+"""What the joints are asked for."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from slidax.simulation import Run
+
+
+def peak_torque(run: Run) -> np.ndarray:
+    """`max |τ|`, [n], N m or N.
+
+    - `run`: a finished run.
+    """
+    return np.asarray(run.tally.peak_torque)
+
+
+def initial_torque(run: Run) -> np.ndarray:
+    """`|τ(0)|`, [n], N m or N.
+
+    - `run`: a finished run.
+    """
+    return np.abs(np.asarray(run.tally.first_torque))
+
+
+def max_torque_step(run: Run) -> np.ndarray:
+    """`max |τ(k+1) - τ(k)|`, [n], N m or N.
+
+    - `run`: a finished run.
+    """
+    return np.asarray(run.tally.max_step)
+
+
+def steady_torque_step(run: Run) -> np.ndarray:
+    """`max |τ(k+1) - τ(k)|` over the last quarter of the run, [n], N m or N.
+
+    - `run`: a finished run.
+    """
+    return np.asarray(run.tally.steady_step)
+
+
+def eci(run: Run) -> np.ndarray:
+    """`ECI = Σ |τ(k)|²`, eq. (81); a sum without the period, as printed, [n], (N m)² or N².
+
+    - `run`: a finished run.
+    """
+    return np.asarray(run.tally.eci)
+
+
+def aice(run: Run) -> np.ndarray:
+    """`AICE = Σ |τ(k+1) - τ(k)|`, eq. (82), [n], N m or N: the length of the way that the torque goes up and down.
+
+    - `run`: a finished run.
+    """
+    return np.asarray(run.tally.aice)

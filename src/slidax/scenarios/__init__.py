@@ -1,0 +1,8 @@
+"""Scenarios: a closed loop written down as YAML, validated, and built from the parts of the other rooms."""
+
+from .description import ScenarioDescription as ScenarioDescription
+from .load import load as load
+from .load import names as names
+from .load import parse as parse
+from .scenario import Scenario as Scenario
+from .schema import schema as schema

@@ -1,0 +1,39 @@
+"""What every part of a scenario file has in common."""
+
+from __future__ import annotations
+
+from difflib import get_close_matches
+from typing import Annotated, Any
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic_core import PydanticCustomError
+
+Numbers = Annotated[float | list[float], Field(union_mode="left_to_right")]
+"""One number for all joints, or one per joint."""
+
+
+def nearest(word: str, known: list[str]) -> str:
+    """" did you mean ...?" with the known word that is most like the given one, or the list of them all.
+
+    - `word`: what was written.
+    - `known`: what could have been.
+    """
+    close = get_close_matches(word.lower(), known, n=1, cutoff=0.5)
+    return f"did you mean `{close[0]}`?" if close else "there are: " + ", ".join(f"`{k}`" for k in known)
+
+
+class Description(BaseModel):
+    """A mapping in a scenario file: immutable, its keys known."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _keys_are_known(cls, data: Any) -> Any:
+        if isinstance(data, dict):
+            known = list(cls.model_fields)
+            for key in data:
+                if key not in known:
+                    hint = nearest(str(key), known)
+                    raise PydanticCustomError("unknown_key", "unknown key `{key}`; {hint}", {"key": key, "hint": hint})
+        return data

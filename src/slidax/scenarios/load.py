@@ -1,0 +1,151 @@
+"""From a file to a scenario, with errors that a person can act on."""
+
+from __future__ import annotations
+
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+from ruamel.yaml import YAML
+from ruamel.yaml.error import YAMLError
+
+from slidax._errors import DefinitionError
+
+from .base import nearest
+from .description import ScenarioDescription
+from .scenario import Scenario
+
+BUILT_IN = resources.files("slidax.scenarios") / "built_in"
+
+
+def names() -> list[str]:
+    """The names of the built-in scenarios."""
+    return sorted(Path(entry.name).stem for entry in BUILT_IN.iterdir() if entry.name.endswith(".yaml"))
+
+
+def load(scenario: str | Path, changes: dict[str, Any] | None = None) -> Scenario:
+    """A scenario, built.
+
+    - `scenario`: name of a built-in scenario, or path of a YAML file.
+    - `changes`: values by dotted path, such as `{"disturbance.scale": 0.0}`, set before validation.
+
+    Raises DefinitionError if there is no such scenario, or something in it cannot be.
+    """
+    name, text = _read(scenario)
+    return parse(text, changes).build(name)
+
+
+def parse(text: str, changes: dict[str, Any] | None = None) -> ScenarioDescription:
+    """The validated description in a YAML text.
+
+    - `text`: YAML.
+    - `changes`: values by dotted path, set before validation.
+
+    Raises DefinitionError with the path of the first field that is wrong.
+    """
+    data = read_yaml(text)
+    if not isinstance(data, dict):
+        raise DefinitionError("a scenario is a mapping with the keys " + ", ".join(ScenarioDescription.model_fields))
+    for path, value in (changes or {}).items():
+        _set(data, path, value)
+    try:
+        return ScenarioDescription.model_validate(data)
+    except ValidationError as error:
+        raise _translated(error, data) from None
+
+
+def read_yaml(text: str) -> Any:
+    """The value in a YAML 1.2 text.
+
+    - `text`: YAML.
+
+    Raises DefinitionError with the line if it is not YAML.
+    """
+    try:
+        return YAML(typ="safe", pure=True).load(text)
+    except YAMLError as error:
+        mark = getattr(error, "problem_mark", None)
+        line = f" at line {mark.line + 1}" if mark else ""
+        raise DefinitionError(f"not valid YAML{line}: {getattr(error, 'problem', None) or error}") from None
+
+
+def _read(scenario: str | Path) -> tuple[str, str]:
+    path = Path(scenario)
+    if path.suffix in (".yaml", ".yml"):
+        try:
+            return path.stem, path.read_text(encoding="utf-8")
+        except (OSError, UnicodeDecodeError) as error:
+            reason = getattr(error, "strerror", None) or "it is not UTF-8 text"
+            raise DefinitionError(f"cannot read the scenario file `{path}`: {reason}") from None
+    if str(scenario) not in names():
+        raise DefinitionError(
+            f"unknown scenario `{scenario}`; {nearest(str(scenario), names())} A file needs the ending .yaml"
+        )
+    return str(scenario), (BUILT_IN / f"{scenario}.yaml").read_text(encoding="utf-8")
+
+
+def _set(data: dict[str, Any], path: str, value: Any) -> None:
+    parts = path.split(".")
+    place: Any = data
+    for depth, part in enumerate(parts):
+        here = ".".join(parts[:depth]) or "the scenario"
+        if isinstance(place, list):
+            if not part.isdigit() or int(part) >= len(place):
+                raise DefinitionError(f"`{here}` is a list of {len(place)}; `{part}` is not one of its numbers from 0")
+            key: Any = int(part)
+        elif isinstance(place, dict):
+            key = part
+        else:
+            raise DefinitionError(f"`{here}` is a single value, so `{path}` cannot be set")
+        if depth == len(parts) - 1:
+            place[key] = value
+        else:
+            place = place.setdefault(key, {}) if isinstance(place, dict) else place[key]
+
+
+def _translated(error: ValidationError, data: Any) -> DefinitionError:
+    """The first mistake as one sentence: what pydantic says is for programmers."""
+    mistakes = error.errors(include_url=False)
+    first = mistakes[0]
+    where = _path(first["loc"], data)
+    together = [mistake for mistake in mistakes if _path(mistake["loc"], data) == where]
+    kinds = {mistake["type"] for mistake in together}
+    context = first.get("ctx", {})
+    given = first.get("input")
+    if first["type"] == "missing":
+        message = "is missing"
+    elif first["type"] == "union_tag_not_found":
+        message = f"needs a {context['discriminator']}, one of the known kinds"
+    elif first["type"] == "union_tag_invalid":
+        known = [word.strip().strip("'") for word in context["expected_tags"].split(",")]
+        where = f"{where}.{context['discriminator'].strip(chr(39))}"
+        message = f"unknown `{context['tag']}`; {nearest(str(context['tag']), known)}"
+    elif first["type"] == "literal_error":
+        known = [word.strip().strip("'") for word in context["expected"].replace(" or ", ",").split(",")]
+        message = f"unknown `{given}`; {nearest(str(given), known)}"
+    elif "list_type" in kinds and kinds & {"float_type", "float_parsing"}:
+        message = f"must be a number or a list of numbers; got {given!r}"
+    elif first["type"] in ("float_type", "float_parsing"):
+        message = f"must be a number; got {given!r}"
+    elif first["type"] == "list_type":
+        message = f"must be a list; got {given!r}"
+    elif first["type"] == "unknown_key":
+        message = first["msg"]
+    else:
+        message = f"{first['msg'][0].lower()}{first['msg'][1:]}; got {given!r}"
+    return DefinitionError(message, where=where)
+
+
+def _path(loc: tuple[int | str, ...], data: Any) -> str:
+    """The path as written in the file: pydantic puts the names of union members between the keys."""
+    parts: list[str] = []
+    place = data
+    for depth, part in enumerate(loc):
+        if isinstance(place, dict) and (part in place or depth == len(loc) - 1):
+            place = place.get(part)
+            parts.append(str(part))
+        elif isinstance(place, list) and isinstance(part, int) and part < len(place):
+            place = place[part]
+            parts.append(str(part))
+    return ".".join(parts)

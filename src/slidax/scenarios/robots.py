@@ -1,0 +1,104 @@
+"""Robots in a scenario file."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from slidax._errors import located
+from slidax.robots import AbstractRobot, Scara, TwoLink
+
+from .base import Description
+
+
+class TwoLinkParameters(Description):
+    """Numbers of a two-link arm."""
+
+    lengths: list[float]
+    """Link lengths l1, l2 [m]."""
+    masses: list[float]
+    """Link masses m1, m2 [kg]."""
+    inertias: list[float]
+    """Link inertias I1, I2 [kg m²]."""
+    gravity_acceleration: float = 9.8
+    """g [m/s²]."""
+
+
+class TwoLinkChanges(Description):
+    """What the law believes of the two-link arm; what is not given is as in the plant."""
+
+    lengths: list[float] | None = None
+    """Link lengths l1, l2 [m]."""
+    masses: list[float] | None = None
+    """Link masses m1, m2 [kg]."""
+    inertias: list[float] | None = None
+    """Link inertias I1, I2 [kg m²]."""
+    gravity_acceleration: float | None = None
+    """g [m/s²]."""
+
+
+class ScaraParameters(Description):
+    """Numbers of a SCARA arm with point masses."""
+
+    lengths: list[float]
+    """Link lengths l1, l2 [m]."""
+    masses: list[float]
+    """Link masses m1, m2, m3 [kg]."""
+    gravity_acceleration: float = 9.8
+    """g [m/s²]."""
+
+
+class ScaraChanges(Description):
+    """What the law believes of the SCARA arm; what is not given is as in the plant."""
+
+    lengths: list[float] | None = None
+    """Link lengths l1, l2 [m]."""
+    masses: list[float] | None = None
+    """Link masses m1, m2, m3 [kg]."""
+    gravity_acceleration: float | None = None
+    """g [m/s²]."""
+
+
+class TwoLinkDescription(Description):
+    """The planar two-link arm of Example 4.1."""
+
+    kind: Literal["two_link"]
+    plant: TwoLinkParameters
+    """The arm that moves."""
+    nominal: TwoLinkChanges = TwoLinkChanges()
+    """The arm as the law knows it."""
+
+    def build(self) -> tuple[AbstractRobot, AbstractRobot]:
+        """The true robot and the nominal one."""
+        true, known = _both(self.plant, self.nominal)
+        with located("plant"):
+            plant = TwoLink(**true)
+        with located("nominal"):
+            return plant, TwoLink(**known)
+
+
+class ScaraDescription(Description):
+    """The three-joint arm of Example 4.2."""
+
+    kind: Literal["scara"]
+    plant: ScaraParameters
+    """The arm that moves."""
+    nominal: ScaraChanges = ScaraChanges()
+    """The arm as the law knows it."""
+
+    def build(self) -> tuple[AbstractRobot, AbstractRobot]:
+        """The true robot and the nominal one."""
+        true, known = _both(self.plant, self.nominal)
+        with located("plant"):
+            plant = Scara(**true)
+        with located("nominal"):
+            return plant, Scara(**known)
+
+
+def _both(plant: Description, changes: Description) -> tuple[dict[str, object], dict[str, object]]:
+    true = plant.model_dump()
+    return true, true | changes.model_dump(exclude_none=True)
+
+
+RobotDescription = Annotated[TwoLinkDescription | ScaraDescription, Field(discriminator="kind")]

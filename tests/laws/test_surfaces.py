@@ -1,0 +1,74 @@
+"""What every surface must be: an odd, increasing, continuously differentiable pull per joint."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from tests.enrolled import every
+from tests.surfaces.members import SURFACES
+
+GRID = np.concatenate([np.linspace(-3.0, 3.0, 1201), np.linspace(-0.02, 0.02, 801)])
+GRID.sort()
+
+
+def pull(surface, eps):
+    return surface.pull_and_slope(eps)[0]
+
+
+def slope(surface, eps):
+    return surface.pull_and_slope(eps)[1]
+
+
+def over(function):
+    eps = jnp.stack([jnp.asarray(GRID), jnp.asarray(GRID)], axis=1)
+    return np.asarray(jax.jit(jax.vmap(function))(eps))
+
+
+@every("surface", SURFACES)
+def test_the_pull_is_odd_and_nothing_at_zero(surface):
+    np.testing.assert_allclose(over(lambda eps: pull(surface, eps)), -over(lambda eps: pull(surface, -eps)), rtol=1e-15)
+    np.testing.assert_array_equal(pull(surface, jnp.zeros(2)), 0.0)
+
+
+@every("surface", SURFACES)
+def test_the_pull_increases_with_the_error(surface):
+    assert np.all(np.diff(over(lambda eps: pull(surface, eps)), axis=0)[np.diff(GRID) > 0] > 0)
+    assert np.all(over(lambda eps: slope(surface, eps)) > 0)
+
+
+@every("surface", SURFACES)
+def test_the_slope_is_the_derivative_of_the_pull(surface):
+    derivative = over(jax.grad(lambda eps: jnp.sum(pull(surface, eps))))
+    np.testing.assert_allclose(over(lambda eps: slope(surface, eps)), derivative, rtol=1e-11)
+
+
+@every("surface", SURFACES)
+def test_joints_do_not_mix(surface):
+    jacobian = jax.jit(jax.jacfwd(lambda eps: pull(surface, eps)))(jnp.array([0.3, -0.004]))
+    np.testing.assert_array_equal(jacobian - np.diag(np.diagonal(jacobian)), 0.0)
+
+
+@every("surface", SURFACES)
+def test_the_slope_is_continuous(surface):
+    """Bisection towards the largest change would close in on a jump; without one the change goes to nothing."""
+    at = jax.jit(lambda x: slope(surface, jnp.stack([x, x])))
+    for low, high in ((-1.2, 0.0), (0.0, 0.7), (0.0, 0.1), (0.005, 1.3)):
+        first = np.abs(at(high) - at(low)).max()
+        for _ in range(100):
+            middle = 0.5 * (low + high)
+            lower, upper = np.abs(at(middle) - at(low)).max(), np.abs(at(high) - at(middle)).max()
+            low, high = (low, middle) if lower > upper else (middle, high)
+        assert np.abs(at(high) - at(low)).max() < 1e-3 * first
+
+
+@every("surface", SURFACES)
+def test_all_gains_have_finite_gradients_also_at_zero_error(surface):
+    assert all(isinstance(leaf, jax.Array) and leaf.dtype == float for leaf in jax.tree.leaves(surface))
+
+    def total(surface, eps, part):
+        return jnp.sum(part(surface, eps))
+
+    for eps in (jnp.zeros(2), jnp.array([0.01, -0.01]), jnp.array([20.0, -20.0])):
+        for part in (pull, slope):
+            gradient = jax.jit(jax.grad(total), static_argnums=2)(surface, eps, part)
+            assert all(np.all(np.isfinite(leaf)) for leaf in jax.tree.leaves(gradient))

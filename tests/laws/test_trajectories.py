@@ -1,0 +1,43 @@
+"""What every trajectory must be: a position whose velocity and acceleration are its derivatives."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from tests.enrolled import every
+from tests.trajectories.members import TRAJECTORIES
+
+TIMES = jnp.asarray(np.random.default_rng(0).uniform(0.01, 4.0, 60))
+
+
+@every("trajectory", TRAJECTORIES)
+def test_velocity_and_acceleration_match_differences_of_the_position(trajectory):
+    reference = jax.jit(jax.vmap(trajectory.reference))(TIMES)
+    position = jax.jit(jax.vmap(trajectory.position))
+    h = 1e-4
+    before, now, after = position(TIMES - h), position(TIMES), position(TIMES + h)
+    np.testing.assert_allclose(reference.q, now, rtol=1e-14, atol=1e-14)
+    np.testing.assert_allclose(reference.dq, (after - before) / (2 * h), atol=1e-6)
+    np.testing.assert_allclose(reference.ddq, (after - 2 * now + before) / h**2, atol=2e-3)
+
+
+@every("trajectory", TRAJECTORIES)
+def test_the_acceleration_is_the_derivative_of_the_velocity(trajectory):
+    velocity = jax.jit(jax.vmap(lambda t: trajectory.reference(t).dq))
+    h = 1e-6
+    difference = (velocity(TIMES + h) - velocity(TIMES - h)) / (2 * h)
+    np.testing.assert_allclose(jax.vmap(trajectory.reference)(TIMES).ddq, difference, atol=1e-6)
+
+
+@every("trajectory", TRAJECTORIES)
+def test_all_parameters_are_differentiable_leaves(trajectory):
+    leaves = jax.tree.leaves(trajectory)
+    assert leaves and all(isinstance(leaf, jax.Array) and leaf.dtype == float for leaf in leaves)
+    gradient = jax.grad(lambda trajectory: jnp.sum(trajectory.position(jnp.asarray(0.8))))(trajectory)
+    assert all(np.all(np.isfinite(leaf)) for leaf in jax.tree.leaves(gradient))
+
+
+@every("trajectory", TRAJECTORIES)
+def test_the_motion_is_finite_from_the_start_to_long_after(trajectory):
+    reference = jax.vmap(trajectory.reference)(jnp.array([0.0, 1e-12, 1.0, 1e3]))
+    assert all(np.all(np.isfinite(leaf)) for leaf in jax.tree.leaves(reference))

@@ -1,0 +1,119 @@
+"""What every transformation must be: an envelope made into a line, and a rate that is the true rate."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from tests.enrolled import every
+from tests.transformations.members import TRANSFORMATIONS
+
+STARTS = [jnp.array([0.3, 0.2]), jnp.array([-0.3, 0.2]), jnp.array([-0.3, -0.2]), jnp.zeros(2)]
+
+
+def motion(t):
+    """A motion of the error inside every member's envelope, at any t in [0, 1]."""
+    return 0.02 * jnp.array([1.0, 0.5]) * jnp.sin(jnp.array([3.0, 2.0]) * t + jnp.array([0.3, -0.4]))
+
+
+def along(transformation, memory, t):
+    e, de = jax.jvp(motion, (t,), (jnp.ones_like(t),))
+    return transformation(t, e, de, memory)
+
+
+@every("transformation", TRANSFORMATIONS)
+@pytest.mark.parametrize("start", STARTS)
+def test_the_second_error_is_the_time_derivative_of_the_first_along_any_motion(transformation, start):
+    memory = transformation.init(jnp.asarray(0.0), start)
+
+    @jax.jit
+    def true_rate(t):
+        return jax.jvp(lambda t: along(transformation, memory, t).eps1, (t,), (jnp.ones_like(t),))[1]
+
+    @jax.jit
+    def both(t):
+        error = along(transformation, memory, t)
+        return error.eps1, error.eps2
+
+    for t in (0.0, 0.4, 0.9):
+        h = 1e-6
+        difference = (both(t + h)[0] - both(t - h)[0]) / (2 * h)
+        np.testing.assert_allclose(both(t)[1], true_rate(t), rtol=1e-11, atol=1e-11)
+        np.testing.assert_allclose(both(t)[1], difference, rtol=1e-6, atol=1e-7)
+
+
+@every("transformation", TRANSFORMATIONS)
+def test_the_rate_of_alpha_is_its_derivative(transformation):
+    memory = transformation.init(jnp.asarray(0.0), STARTS[0])
+
+    @jax.jit
+    def alpha_and_rates(t):
+        def alpha(t):
+            return along(transformation, memory, t).alpha
+
+        return jax.jvp(alpha, (t,), (jnp.ones_like(t),)), along(transformation, memory, t).alpha_rate
+
+    for t in (0.0, 0.4, 0.9):
+        (_, true), given = alpha_and_rates(t)
+        np.testing.assert_allclose(given, true, rtol=1e-11)
+
+
+@every("transformation", TRANSFORMATIONS)
+@pytest.mark.parametrize("start", STARTS)
+def test_errors_at_the_bounds_go_to_plus_and_minus_infinity(transformation, start):
+    memory = transformation.init(jnp.asarray(0.0), start)
+    t, de = jnp.asarray(0.5), jnp.zeros(2)
+    envelope = transformation.envelope(t, memory)
+    width = envelope.upper - envelope.lower
+
+    def eps(share):
+        return np.asarray(transformation(t, envelope.lower + share * width, de, memory).eps1)
+
+    grid = np.array([eps(share) for share in (1e-12, 1e-6, 0.1, 0.3, 0.7, 0.9, 1 - 1e-6, 1 - 1e-12)])
+    assert np.all(np.diff(grid, axis=0) > 0)
+    assert np.all(grid[0] < -20) and np.all(grid[-1] > 20)
+
+
+@every("transformation", TRANSFORMATIONS)
+@pytest.mark.parametrize("start", STARTS)
+def test_zero_error_is_zero_transformed_error_and_lies_inside(transformation, start):
+    memory = transformation.init(jnp.asarray(0.0), start)
+    error = transformation(jnp.asarray(0.5), jnp.zeros(2), jnp.zeros(2), memory)
+    np.testing.assert_allclose(error.eps1, 0.0, atol=1e-15)
+    np.testing.assert_allclose(error.eps2, 0.0, atol=1e-15)
+    envelope = transformation.envelope(jnp.asarray(0.5), memory)
+    assert np.all(np.asarray(envelope.lower) < 0) and np.all(np.asarray(envelope.upper) > 0)
+
+
+@every("transformation", TRANSFORMATIONS)
+def test_alpha_is_not_negative_and_beta_exceeds_twice_the_inverse_radius(transformation):
+    """Proposition 5, at random errors inside the envelope and at random times."""
+    rng = np.random.default_rng(0)
+    memory = transformation.init(jnp.asarray(0.0), STARTS[1])
+
+    @jax.jit
+    @jax.vmap
+    def alpha_beta(t, share):
+        envelope = transformation.envelope(t, memory)
+        e = envelope.lower + share * (envelope.upper - envelope.lower)
+        error = transformation(t, e, jnp.zeros(2), memory)
+        return error.alpha, error.beta
+
+    shares = jnp.asarray(rng.uniform(0.001, 0.999, (500, 2)))
+    alpha, beta = alpha_beta(jnp.asarray(rng.uniform(0.0, 10.0, 500)), shares)
+    assert np.all(np.asarray(alpha) >= 0)
+    assert np.all(np.asarray(beta) > 2.0 / np.asarray(transformation.performance.initial))
+
+
+@every("transformation", TRANSFORMATIONS)
+def test_all_gains_have_finite_gradients_also_at_zero_error(transformation):
+    assert all(isinstance(leaf, jax.Array) and leaf.dtype == float for leaf in jax.tree.leaves(transformation))
+
+    def total(transformation, t):
+        memory = transformation.init(jnp.asarray(0.0), STARTS[0])
+        error = transformation(t, jnp.zeros(2), jnp.zeros(2), memory)
+        return sum(jnp.sum(leaf) for leaf in jax.tree.leaves(error))
+
+    for t in (0.0, 1.0, 5.0, 50.0):
+        gradient = jax.jit(jax.grad(total))(transformation, jnp.asarray(t))
+        assert all(np.all(np.isfinite(leaf)) for leaf in jax.tree.leaves(gradient))

@@ -1,0 +1,73 @@
+"""Schemes that are simple enough to know everything about, for tests of the loop alone."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+
+from slidax._types import Command, Envelope
+from slidax.controllers import AbstractController
+from slidax.disturbances import Harmonic
+from slidax.simulation import Plant
+from tests.paper import TWO_LINK
+
+
+class Spring(AbstractController):
+    """`τ = -stiffness e - damping ė`: smooth, without an envelope; counts its samples in its memory."""
+
+    stiffness: jax.Array
+    damping: jax.Array
+    joints: int = eqx.field(static=True, default=2)
+
+    def init(self, t, state, reference):
+        return jnp.zeros(())
+
+    def __call__(self, t, state, reference_now, reference_next, memory):
+        e, de = state.q - reference_now.q, state.dq - reference_now.dq
+        ahead = reference_next.q - reference_now.q
+        tau = -self.stiffness * e - self.damping * de
+        return Command(tau=tau, memory=memory + 1.0, signals={"count": memory, "ahead": ahead})
+
+    def envelope(self, t, memory):
+        return None
+
+
+class Tube(AbstractController):
+    """A spring whose error must stay within a constant radius."""
+
+    spring: Spring
+    radius: jax.Array
+    joints: int = eqx.field(static=True, default=2)
+
+    def init(self, t, state, reference):
+        return self.spring.init(t, state, reference)
+
+    def __call__(self, t, state, reference_now, reference_next, memory):
+        return self.spring(t, state, reference_now, reference_next, memory)
+
+    def envelope(self, t, memory):
+        wide = self.radius * jnp.ones(self.joints)
+        return Envelope(lower=-wide, upper=wide)
+
+
+class Breaks(AbstractController):
+    """A spring whose torque at one joint is NaN from a time on."""
+
+    spring: Spring
+    when: jax.Array
+    joint: int = eqx.field(static=True)
+    joints: int = eqx.field(static=True, default=2)
+
+    def init(self, t, state, reference):
+        return self.spring.init(t, state, reference)
+
+    def __call__(self, t, state, reference_now, reference_next, memory):
+        command = self.spring(t, state, reference_now, reference_next, memory)
+        broken = (jnp.arange(self.joints) == self.joint - 1) & (t >= self.when)
+        return eqx.tree_at(lambda c: c.tau, command, jnp.where(broken, jnp.nan, command.tau))
+
+    def envelope(self, t, memory):
+        return None
+
+
+SPRING = Spring(jnp.array([300.0, 150.0]), jnp.array([40.0, 25.0]))
+SMOOTH_PLANT = Plant(TWO_LINK, Harmonic([2.0, 1.0], [1.0, 2.0], [0.0, 0.5]))

@@ -1,0 +1,145 @@
+"""Runs that end badly: they say so, name the joint and the time, and keep all that was good."""
+
+from functools import cache
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from slidax._errors import OutcomeError
+from slidax._types import State
+from slidax.numerics import runge_kutta_4
+from slidax.simulation import simulate
+from slidax.trajectories import Constant
+from tests.paper import MOTION_4_1, START_4_1, law_4_1, plant_4_1
+from tests.simulation.simple import SMOOTH_PLANT, SPRING, Breaks, Tube
+
+AT_1_KHZ = {"t1": 10.0, "period": 1e-3}
+
+
+@cache
+def printed_law_at_1_khz(mode):
+    return simulate(plant_4_1(), law_4_1(), MOTION_4_1, START_4_1, mode=mode, **AT_1_KHZ)
+
+
+@pytest.mark.parametrize(("mode", "when"), [("continuous", 5.51), ("held", 4.85)])
+def test_at_1_khz_the_printed_law_leaves_its_envelope(mode, when):
+    outcome = printed_law_at_1_khz(mode).outcome
+    assert outcome.kind == "left_envelope" and not outcome.ok
+    assert outcome.joint == 1
+    assert outcome.t == pytest.approx(when, abs=0.01)
+    assert abs(outcome.error) > abs(outcome.bound)
+
+
+@pytest.mark.parametrize("mode", ["continuous", "held"])
+def test_the_message_names_joint_time_error_bound_and_remedy(mode):
+    outcome = printed_law_at_1_khz(mode).outcome
+    for part in (
+        "Joint 1 left its envelope",
+        f"t = {outcome.t:.4g} s",
+        f"e = {outcome.error:.4g} rad",
+        f"bound {outcome.bound:.4g} rad",
+        "shorten the period",
+    ):
+        assert part in outcome.message
+
+
+@pytest.mark.parametrize("mode", ["continuous", "held"])
+def test_what_was_good_is_kept_and_nothing_is_nan(mode):
+    run = printed_law_at_1_khz(mode)
+    assert all(np.all(np.isfinite(leaf)) for leaf in jax.tree.leaves((run.log, run.tally, run.state)))
+    assert np.all(run.log.valid)
+    assert run.log.t[-1] < run.outcome.t <= run.log.t[-1] + 1.5e-3
+    assert np.all((run.log.envelope.lower < run.log.e) & (run.log.e < run.log.envelope.upper))
+
+
+@pytest.mark.parametrize("mode", ["continuous", "held"])
+def test_the_metrics_count_up_to_the_end_and_no_further(mode):
+    run = printed_law_at_1_khz(mode)
+    assert int(run.tally.samples) == len(run.log.t)
+    np.testing.assert_allclose(run.tally.eci, (run.log.tau**2).sum(axis=0), rtol=1e-12)
+    np.testing.assert_array_equal(run.tally.last_torque, run.log.tau[-1])
+
+
+@pytest.mark.parametrize("mode", ["continuous", "held"])
+def test_an_unlogged_run_ends_the_same_way(mode):
+    run = simulate(plant_4_1(), law_4_1(), MOTION_4_1, START_4_1, mode=mode, log_every=None, **AT_1_KHZ)
+    assert run.outcome == printed_law_at_1_khz(mode).outcome
+    for a, b in zip(jax.tree.leaves(run.tally), jax.tree.leaves(printed_law_at_1_khz(mode).tally), strict=True):
+        np.testing.assert_array_equal(a, b)
+
+
+def test_in_continuous_mode_the_outcome_comes_from_the_first_violating_stage():
+    """Recomputed from the last good sample: the stages in order, the first with an error outside its bounds."""
+    run = printed_law_at_1_khz("continuous")
+    controller, plant = law_4_1(), plant_4_1()
+    memory = controller.init(jnp.zeros(()), START_4_1, MOTION_4_1.reference(jnp.zeros(())))
+
+    def rate(t, state):
+        reference = MOTION_4_1.reference(t)
+        command = controller(t, state, reference, reference, memory)
+        seen = (t, state.q - reference.q, controller.envelope(t, memory))
+        return State(q=state.dq, dq=plant.acceleration(t, state, command.tau)), seen
+
+    last = jax.tree.map(lambda x: jnp.asarray(x[-1]), run.log.state)
+    _, stages = jax.jit(lambda t, y: runge_kutta_4(rate, t, y, jnp.asarray(1e-3)))(jnp.asarray(run.log.t[-1]), last)
+    outside = [np.asarray((e <= env.lower) | (e >= env.upper)) for _, e, env in stages]
+    first = next(i for i, joints in enumerate(outside) if joints.any())
+    t, e, envelope = stages[first]
+    joint = int(np.argmax(outside[first]))
+    assert first > 0
+    assert run.outcome.t == pytest.approx(float(t), abs=1e-12)
+    assert run.outcome.joint == joint + 1
+    assert run.outcome.error == pytest.approx(float(e[joint]), rel=1e-6)
+    assert run.outcome.bound in (pytest.approx(float(envelope.lower[joint])), pytest.approx(float(envelope.upper[joint])))
+
+
+def test_the_sample_that_is_outside_is_counted_as_a_violation_and_nothing_else_is():
+    run = printed_law_at_1_khz("held")
+    assert int(run.tally.violations) == 1
+    assert run.outcome.t == pytest.approx(run.log.t[-1] + 1e-3)
+
+
+@pytest.mark.parametrize("mode", ["continuous", "held"])
+def test_throw_raises_the_outcome_and_hands_over_the_run(mode):
+    with pytest.raises(OutcomeError, match="Joint 1 left its envelope") as caught:
+        simulate(plant_4_1(), law_4_1(), MOTION_4_1, START_4_1, mode=mode, throw=True, **AT_1_KHZ)
+    assert caught.value.outcome == printed_law_at_1_khz(mode).outcome
+    assert len(caught.value.run.log.t) == len(printed_law_at_1_khz(mode).log.t)
+
+
+@pytest.mark.parametrize("mode", ["continuous", "held"])
+@pytest.mark.parametrize("joint", [1, 2])
+def test_a_torque_that_is_not_a_number_ends_the_run_and_names_the_joint(mode, joint):
+    law = Breaks(SPRING, jnp.asarray(0.2), joint)
+    run = simulate(SMOOTH_PLANT, law, MOTION_4_1, START_4_1, t1=1.0, period=0.01, mode=mode)
+    assert run.outcome.kind == "not_finite"
+    assert run.outcome.joint == joint
+    assert run.outcome.t == pytest.approx(0.2, abs=0.0101)
+    assert f"Joint {joint} became infinite or undefined at t = 0.2" in run.outcome.message
+    assert all(np.all(np.isfinite(leaf)) for leaf in jax.tree.leaves((run.log, run.state)))
+    assert run.log.t[-1] < 0.2
+
+
+def test_an_unstable_loop_ends_with_an_outcome_not_with_nan():
+    law = SPRING.__class__(-1e4 * jnp.ones(2), -1e4 * jnp.ones(2))
+    run = simulate(SMOOTH_PLANT, law, MOTION_4_1, START_4_1, t1=100.0, period=0.05)
+    assert run.outcome.kind == "not_finite"
+    assert all(np.all(np.isfinite(leaf)) for leaf in jax.tree.leaves((run.log, run.state)))
+
+
+@pytest.mark.parametrize("target", [0.5, -0.5])
+def test_an_error_on_its_bound_is_outside_on_either_side(target):
+    """The arm falls under gravity or is pushed; whichever bound it meets is the one that is named."""
+    law = Tube(SPRING.__class__(jnp.zeros(2), jnp.zeros(2)), jnp.asarray(0.1))
+    start = State(q=jnp.array([np.pi / 2, 0.0]), dq=jnp.array([target, 0.0]))
+    run = simulate(SMOOTH_PLANT, law, Constant([np.pi / 2, 0.0]), start, t1=2.0, period=0.01)
+    assert run.outcome.kind == "left_envelope" and run.outcome.joint == 1
+    assert run.outcome.bound == pytest.approx(np.sign(target) * 0.1)
+    assert np.sign(run.outcome.error) == np.sign(target)
+
+
+def test_a_good_run_says_that_it_reached_its_end():
+    run = simulate(SMOOTH_PLANT, SPRING, MOTION_4_1, START_4_1, t1=0.5, period=0.01, throw=True)
+    assert run.outcome.ok and run.outcome.t is None and run.outcome.joint is None

@@ -1,0 +1,146 @@
+"""What a run keeps: every sample counted once whatever is logged, and each statistic as its definition says."""
+
+import sys
+from functools import cache
+
+import jax
+import numpy as np
+import pytest
+
+from slidax.simulation import BANDS, simulate
+from tests.paper import MOTION_4_1, START_4_1, law_4_1, plant_4_1
+from tests.simulation.simple import SMOOTH_PLANT, SPRING
+
+PERIOD, END = 2e-3, 3.0
+SAMPLES = 1501
+
+
+@cache
+def run(log_every, mode="held"):
+    law = law_4_1(layer=0.5)
+    return simulate(
+        plant_4_1(), law, MOTION_4_1, START_4_1, t1=END, period=PERIOD, mode=mode, log_every=log_every
+    )
+
+
+def assert_same_bits(a, b):
+    for x, y in zip(jax.tree.leaves(a), jax.tree.leaves(b), strict=True):
+        np.testing.assert_array_equal(x, y)
+
+
+@pytest.mark.parametrize("log_every", [None, 7, 100])
+def test_the_tally_does_not_depend_on_what_is_logged(log_every):
+    assert_same_bits(run(log_every).tally, run(1).tally)
+    assert_same_bits(run(log_every).state, run(1).state)
+
+
+@pytest.mark.parametrize("log_every", [7, 100])
+def test_a_thinner_log_is_every_so_manyth_line_of_the_full_one(log_every):
+    assert_same_bits(run(log_every).log, jax.tree.map(lambda x: x[::log_every], run(1).log))
+
+
+def test_no_log_is_no_log():
+    assert run(None).log is None
+
+
+def test_there_are_n_plus_one_samples_for_n_periods():
+    log = run(1).log
+    assert int(run(1).tally.samples) == SAMPLES
+    assert len(log.t) == len(log.k) == len(log.tau) == SAMPLES
+    np.testing.assert_array_equal(log.k, np.arange(SAMPLES))
+    np.testing.assert_allclose(log.t, np.arange(SAMPLES) * PERIOD, rtol=1e-15)
+    assert np.all(log.valid)
+    assert log.t[-1] == pytest.approx(END)
+
+
+@pytest.mark.parametrize("mode", ["held", "continuous"])
+def test_the_statistics_are_their_definitions_over_the_full_log(mode):
+    done = run(1, mode)
+    assert done.outcome.ok
+    log, tally = done.log, done.tally
+    e, tau, t = np.asarray(log.e), np.asarray(log.tau), np.asarray(log.t)
+    steps = np.abs(np.diff(tau, axis=0))
+    last_quarter = t >= 0.75 * END - 1e-9
+    width = np.asarray(log.envelope.upper - log.envelope.lower)
+    nearer = np.minimum(e - log.envelope.lower, log.envelope.upper - e)
+    expected = {
+        "iae": np.abs(e[t > 2.0 + 1e-9]).sum(axis=0),
+        "eci": (tau**2).sum(axis=0),
+        "aice": steps.sum(axis=0),
+        "steady_error": np.abs(e[last_quarter]).max(axis=0),
+        "first_torque": tau[0],
+        "last_torque": tau[-1],
+        "peak_torque": np.abs(tau).max(axis=0),
+        "max_step": steps.max(axis=0),
+        "steady_step": steps[last_quarter[:-1]].max(axis=0),
+        "margin": (nearer / width).min(axis=0),
+    }
+    for name, value in expected.items():
+        np.testing.assert_allclose(getattr(tally, name), value, rtol=1e-12, err_msg=name)
+    for band, last in zip(BANDS, np.asarray(tally.last_above), strict=True):
+        for joint in range(2):
+            above = np.flatnonzero(np.abs(e[:, joint]) > band)
+            assert last[joint] == (above[-1] if len(above) else -1)
+    assert int(tally.violations) == 0
+
+
+def test_the_first_sample_is_the_start_and_the_state_is_the_last():
+    log = run(1).log
+    np.testing.assert_array_equal(log.state.q[0], START_4_1.q)
+    np.testing.assert_array_equal(log.state.dq[0], START_4_1.dq)
+    np.testing.assert_array_equal(log.state.q[-1], run(1).state.q)
+    np.testing.assert_array_equal(log.state.dq[-1], run(1).state.dq)
+
+
+def test_the_log_holds_what_the_controller_saw_and_said():
+    log = run(1).log
+    k = 700
+    reference = MOTION_4_1.reference(np.asarray(log.t[k]))
+    np.testing.assert_allclose(log.reference.q[k], reference.q, rtol=1e-13)
+    np.testing.assert_allclose(log.de[k], log.state.dq[k] - log.reference.dq[k], rtol=0, atol=0)
+    assert set(log.signals) == {"s", "eps1", "eps2", "u"}
+    assert log.signals["u"].shape == (SAMPLES,) and log.signals["s"].shape == (SAMPLES, 2)
+
+
+def test_the_same_inputs_give_the_same_bits_twice():
+    again = simulate(
+        plant_4_1(), law_4_1(layer=0.5), MOTION_4_1, START_4_1, t1=END, period=PERIOD, log_every=1
+    )
+    assert_same_bits((again.tally, again.log, again.state, again.fault), (run(1).tally, run(1).log, run(1).state, run(1).fault))
+
+
+@pytest.mark.parametrize("log_every", [1, 7])
+def test_the_tally_and_log_do_not_depend_on_the_size_of_a_chunk(monkeypatch, log_every):
+    monkeypatch.setattr(sys.modules["slidax.simulation.simulate"], "CHUNK", 400)
+    law = law_4_1(layer=0.5)
+    chunked = simulate(plant_4_1(), law, MOTION_4_1, START_4_1, t1=END, period=PERIOD, log_every=log_every)
+    assert_same_bits((chunked.tally, chunked.log, chunked.state), (run(1).tally, run(log_every).log, run(1).state))
+
+
+def test_the_memory_passes_from_sample_to_sample_and_the_next_reference_is_one_period_on():
+    done = simulate(SMOOTH_PLANT, SPRING, MOTION_4_1, START_4_1, t1=0.5, period=0.01)
+    np.testing.assert_array_equal(done.log.signals["count"], np.arange(51.0))
+    moved = np.diff(done.log.reference.q, axis=0)
+    np.testing.assert_allclose(done.log.signals["ahead"][:-1], moved, atol=1e-14)
+
+
+def test_a_scheme_without_an_envelope_has_none_in_its_log_and_an_infinite_margin():
+    done = simulate(SMOOTH_PLANT, SPRING, MOTION_4_1, START_4_1, t1=0.5, period=0.01)
+    assert done.outcome.ok and not done.has_envelope and done.log.envelope is None
+    assert np.all(np.isinf(done.tally.margin))
+    assert run(1).has_envelope
+
+
+def test_the_run_knows_its_units_its_times_and_what_it_cost():
+    done = run(1)
+    assert done.joint_units == ("rad", "rad") and done.joints == 2
+    assert float(done.period) == PERIOD and float(done.t1) == END
+    assert done.timing.compile_s > 0 and done.timing.run_s > 0
+
+
+def test_other_bands_can_be_asked_for():
+    done = simulate(
+        SMOOTH_PLANT, SPRING, MOTION_4_1, START_4_1, t1=0.5, period=0.01, bands=(0.3, 1e-9)
+    )
+    e = np.abs(np.asarray(done.log.e))
+    assert np.asarray(done.tally.last_above)[0].tolist() == [np.flatnonzero(e[:, j] > 0.3)[-1] for j in (0, 1)]
