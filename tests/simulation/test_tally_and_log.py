@@ -4,6 +4,7 @@ import sys
 from functools import cache
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -95,7 +96,7 @@ def test_the_first_sample_is_the_start_and_the_state_is_the_last():
 def test_the_log_holds_what_the_controller_saw_and_said():
     log = run(1).log
     k = 700
-    reference = MOTION_4_1.reference(np.asarray(log.t[k]))
+    reference = MOTION_4_1.reference(jnp.asarray(log.t[k]))
     np.testing.assert_allclose(log.reference.q[k], reference.q, rtol=1e-13)
     np.testing.assert_allclose(log.de[k], log.state.dq[k] - log.reference.dq[k], rtol=0, atol=0)
     assert set(log.signals) == {"s", "eps1", "eps2", "u"}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
+from typing import Any
 
 import equinox as eqx
 
@@ -24,7 +25,7 @@ class AbstractDisturbance(eqx.Module):
     def __add__(self, other: AbstractDisturbance) -> Sum:
         return Sum((self, other))
 
-    def __mul__(self, factor: object) -> Scaled:
+    def __mul__(self, factor: Any) -> Scaled:
         return Scaled(self, factor)
 
     __rmul__ = __mul__

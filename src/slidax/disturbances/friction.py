@@ -5,7 +5,7 @@ from __future__ import annotations
 import equinox as eqx
 import jax.numpy as jnp
 
-from slidax._errors import parameter, require
+from slidax._errors import parameter, require, require_consistent
 from slidax._types import PerJoint, Scalar, State, Vector
 
 from .disturbance import AbstractDisturbance
@@ -26,6 +26,7 @@ class Friction(AbstractDisturbance):
     smoothing: PerJoint = eqx.field(converter=parameter, default=0.01)
 
     def __check_init__(self) -> None:
+        require_consistent(self, "coulomb", "viscous", "smoothing")
         require(self, "coulomb", self.coulomb >= 0, "must be >= 0, or it would drive the joint")
         require(self, "viscous", self.viscous >= 0, "must be >= 0, or it would drive the joint")
         require(self, "smoothing", self.smoothing > 0, "must be > 0")

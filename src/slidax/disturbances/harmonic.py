@@ -5,7 +5,7 @@ from __future__ import annotations
 import equinox as eqx
 import jax.numpy as jnp
 
-from slidax._errors import parameter, require
+from slidax._errors import parameter, require, require_consistent
 from slidax._types import PerJoint, Scalar, State, Vector
 
 from .disturbance import AbstractDisturbance
@@ -26,6 +26,7 @@ class Harmonic(AbstractDisturbance):
     phase: PerJoint = eqx.field(converter=parameter, default=0.0)
 
     def __check_init__(self) -> None:
+        require_consistent(self, "amplitude", "frequency", "phase")
         for field in ("amplitude", "frequency", "phase"):
             require(self, field, True, "must be finite")
 

@@ -6,6 +6,8 @@ import numpy as np
 
 from slidax.simulation import Run
 
+from .error import reached_last_quarter
+
 
 def peak_torque(run: Run) -> np.ndarray:
     """`max |τ|`, [n], N m or N.
@@ -31,12 +33,12 @@ def max_torque_step(run: Run) -> np.ndarray:
     return np.asarray(run.tally.max_step)
 
 
-def steady_torque_step(run: Run) -> np.ndarray:
-    """`max |τ(k+1) - τ(k)|` over the last quarter of the run, [n], N m or N.
+def steady_torque_step(run: Run) -> np.ndarray | None:
+    """`max |τ(k+1) - τ(k)|` over the last quarter of the run, [n], N m or N; None if the run ended before it.
 
     - `run`: a finished run.
     """
-    return np.asarray(run.tally.steady_step)
+    return np.asarray(run.tally.steady_step) if reached_last_quarter(run) else None
 
 
 def eci(run: Run) -> np.ndarray:

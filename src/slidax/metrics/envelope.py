@@ -16,8 +16,10 @@ def envelope_violations(run: Run) -> int | None:
 
 
 def envelope_margin(run: Run) -> np.ndarray | None:
-    """Min over time of the distance to the nearer bound, over the envelope's width, [n]; None without an envelope.
+    """Min over time of the distance to the nearer bound, over the envelope's width, [n].
+
+    None for a scheme without an envelope, and for a run whose very first sample was not good.
 
     - `run`: a finished run.
     """
-    return np.asarray(run.tally.margin) if run.has_envelope else None
+    return np.asarray(run.tally.margin) if run.has_envelope and int(run.tally.samples) else None

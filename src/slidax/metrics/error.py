@@ -23,15 +23,24 @@ def settling_time(run: Run, band: float) -> np.ndarray:
         raise DefinitionError(f"the band {band:g} was not tallied; there are {known}; simulate with `bands=({band:g},)`")
     last = np.maximum(np.asarray(run.tally.last_above)[match[0]], 0)
     # Rounded to a picosecond: 7614 periods of 1e-4 s are .7614 s, not .7614000000000001 s.
-    return np.round(last * float(run.period), 12)
+    times: np.ndarray = np.round(last * float(run.period), 12)
+    return times
 
 
-def steady_error(run: Run) -> np.ndarray:
-    """`max |e|` over the last quarter of the run, [n], rad or m.
+def steady_error(run: Run) -> np.ndarray | None:
+    """`max |e|` over the last quarter of the run, [n], rad or m; None if the run ended before it.
 
     - `run`: a finished run.
     """
-    return np.asarray(run.tally.steady_error)
+    return np.asarray(run.tally.steady_error) if reached_last_quarter(run) else None
+
+
+def reached_last_quarter(run: Run) -> bool:
+    """Whether the run has samples in its last quarter, from which steady values are taken.
+
+    - `run`: a finished run.
+    """
+    return int(run.tally.samples) > int(run.windows.steady)
 
 
 def iae(run: Run) -> np.ndarray:

@@ -18,20 +18,23 @@ def summary(run: Run) -> dict[str, Any]:
 
     - `run`: a finished run.
     """
-    margin = envelope_margin(run)
     return {
         "settling_time": {_name(band): settling_time(run, band).tolist() for band in np.asarray(run.windows.bands)},
-        "steady_error": steady_error(run).tolist(),
+        "steady_error": _listed(steady_error(run)),
         "peak_torque": peak_torque(run).tolist(),
         "initial_torque": initial_torque(run).tolist(),
         "max_torque_step": max_torque_step(run).tolist(),
-        "steady_torque_step": steady_torque_step(run).tolist(),
+        "steady_torque_step": _listed(steady_torque_step(run)),
         "iae": iae(run).tolist(),
         "eci": eci(run).tolist(),
         "aice": aice(run).tolist(),
         "envelope_violations": envelope_violations(run),
-        "envelope_margin": None if margin is None else [float(m) if np.isfinite(m) else None for m in margin],
+        "envelope_margin": _listed(envelope_margin(run)),
     }
+
+
+def _listed(values: np.ndarray | None) -> list[float] | None:
+    return None if values is None else values.tolist()
 
 
 def _name(band: float) -> str:

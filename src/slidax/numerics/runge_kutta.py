@@ -26,7 +26,8 @@ def runge_kutta_4(
     """
 
     def moved(slope: State, by: Scalar) -> State:
-        return jax.tree.map(lambda y, dy: y + by * dy, state, slope)
+        there: State = jax.tree.map(lambda y, dy: y + by * dy, state, slope)
+        return there
 
     half = 0.5 * h
     k1, watch1 = rate(t, state)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import equinox as eqx
 import jax.numpy as jnp
 
-from slidax._errors import parameter, require
+from slidax._errors import parameter, require, require_consistent
 from slidax._types import PerJoint, Scalar
 from slidax.numerics import power
 
@@ -32,6 +32,7 @@ class FiniteTime(AbstractPerformance):
     exponent: PerJoint = eqx.field(converter=parameter)
 
     def __check_init__(self) -> None:
+        require_consistent(self, "initial", "final", "rate", "exponent")
         require_narrowing(self)
         require(self, "rate", self.rate > 0, "must be > 0, so that the envelope narrows (Definition 4)")
         require(

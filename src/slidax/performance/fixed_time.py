@@ -5,7 +5,7 @@ from __future__ import annotations
 import equinox as eqx
 import jax.numpy as jnp
 
-from slidax._errors import parameter, require
+from slidax._errors import parameter, require, require_consistent
 from slidax._types import PerJoint, Scalar
 from slidax.numerics import power
 
@@ -29,6 +29,7 @@ class FixedTime(AbstractPerformance):
     exponent: PerJoint = eqx.field(converter=parameter)
 
     def __check_init__(self) -> None:
+        require_consistent(self, "initial", "final", "deadline", "exponent")
         require_narrowing(self)
         require(self, "deadline", self.deadline > 0, "must be > 0 s (eq. 20)")
         require(

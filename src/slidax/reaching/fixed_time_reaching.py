@@ -6,7 +6,7 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
-from slidax._errors import DefinitionError, is_traced, parameter, require
+from slidax._errors import DefinitionError, is_traced, parameter, require, require_shape
 from slidax._types import PerJoint, Scalar, Vector
 from slidax.numerics import is_positive_definite, matvec, sig, vector_norm
 
@@ -26,6 +26,7 @@ class FixedTimeReaching(eqx.Module):
     layer: Scalar = eqx.field(converter=parameter, default=0.0)
 
     def __check_init__(self) -> None:
+        require_shape(self, (), "exponent", "layer")
         rule = "must be symmetric positive definite (K0, eq. 43)"
         if self.gain.ndim < 2:
             require(self, "gain", self.gain > 0, rule)

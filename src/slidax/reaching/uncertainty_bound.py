@@ -5,7 +5,7 @@ from __future__ import annotations
 import equinox as eqx
 import jax.numpy as jnp
 
-from slidax._errors import parameter, require
+from slidax._errors import parameter, require, require_shape
 from slidax._types import Scalar, State, Vector
 from slidax.numerics import vector_norm
 
@@ -30,6 +30,7 @@ class UncertaintyBound(eqx.Module):
     margin: Scalar = eqx.field(converter=parameter)
 
     def __check_init__(self) -> None:
+        require_shape(self, (), "inertia_min", "inertia_max", "constant", "position", "velocity", "margin")
         require(self, "inertia_min", self.inertia_min > 0, "must be > 0 (m1, eq. 47)")
         require(
             self,

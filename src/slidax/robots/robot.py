@@ -76,7 +76,8 @@ class AbstractRobot(eqx.Module):
 
         - `q`, `dq`: positions and velocities [n].
         """
-        return 0.5 * jax.jacfwd(self.bias, argnums=1)(q, dq)
+        slope: Matrix = jax.jacfwd(self.bias, argnums=1)(q, dq)
+        return 0.5 * slope
 
     def energy(self, state: State) -> Scalar:
         """Kinetic and potential energy, J.

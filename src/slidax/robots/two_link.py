@@ -8,7 +8,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from slidax._errors import parameter, require
+from slidax._errors import parameter, require, require_shape
 from slidax._types import Matrix, Scalar, Vector
 
 from .robot import AbstractRobot
@@ -42,6 +42,8 @@ class TwoLink(AbstractRobot):
     joint_units: ClassVar[tuple[str, ...]] = ("rad", "rad")
 
     def __check_init__(self) -> None:
+        require_shape(self, (2,), "lengths", "masses", "inertias")
+        require_shape(self, (), "gravity_acceleration")
         require(self, "lengths", self.lengths > 0, "must be > 0 m")
         require(self, "masses", self.masses > 0, "must be > 0 kg")
         require(self, "inertias", self.inertias >= 0, "must be >= 0 kg m²")

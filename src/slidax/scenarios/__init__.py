@@ -1,8 +1,10 @@
 """Scenarios: a closed loop written down as YAML, validated, and built from the parts of the other rooms."""
 
+from .catalogue import catalogue as catalogue
 from .description import ScenarioDescription as ScenarioDescription
 from .load import load as load
 from .load import names as names
 from .load import parse as parse
 from .scenario import Scenario as Scenario
+from .schema import SCHEMA_FILE as SCHEMA_FILE
 from .schema import schema as schema

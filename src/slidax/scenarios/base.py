@@ -18,7 +18,7 @@ def nearest(word: str, known: list[str]) -> str:
     - `word`: what was written.
     - `known`: what could have been.
     """
-    close = get_close_matches(word.lower(), known, n=1, cutoff=0.5)
+    close = get_close_matches(word.lower(), known, n=1, cutoff=0.6)
     return f"did you mean `{close[0]}`?" if close else "there are: " + ", ".join(f"`{k}`" for k in known)
 
 
@@ -37,3 +37,7 @@ class Description(BaseModel):
                     hint = nearest(str(key), known)
                     raise PydanticCustomError("unknown_key", "unknown key `{key}`; {hint}", {"key": key, "hint": hint})
         return data
+
+    def parameters(self) -> dict[str, Any]:
+        """What the described part is made from: the fields that are given, but for the one that names its kind."""
+        return self.model_dump(exclude={"kind", "name"}, exclude_none=True)

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Annotated, Literal
 
-import jax.numpy as jnp
+import equinox as eqx
+import jax
+from pydantic import Field
 
-from slidax._errors import DefinitionError, located, parameter
+from slidax._errors import DefinitionError, located, parameter, require_joints
 from slidax._types import State
 from slidax.numerics import runge_kutta_4, semi_implicit_euler
 from slidax.simulation import Plant
@@ -29,10 +31,18 @@ class StartDescription(Description):
     dq: list[float] | None = None
     """Velocities, one entry per joint [rad/s or m/s]; at rest if not given."""
 
-    def build(self) -> State:
-        """The state."""
-        q = parameter(self.q)
-        return State(q=q, dq=jnp.zeros_like(q) if self.dq is None else parameter(self.dq))
+    def build(self, joints: int) -> State:
+        """The state.
+
+        - `joints`: the number of joints.
+
+        Raises DefinitionError if there are not as many entries.
+        """
+        dq = [0.0] * joints if self.dq is None else self.dq
+        for field, values in (("q", self.q), ("dq", dq)):
+            if len(values) != joints:
+                raise DefinitionError(f"must have one entry for each of the {joints} joints; got {len(values)}", where=field)
+        return State(q=parameter(self.q), dq=parameter(dq))
 
 
 class SimulationDescription(Description):
@@ -42,13 +52,13 @@ class SimulationDescription(Description):
     """`held`: torque held over a period; `continuous`: the law at every stage of the integrator."""
     integrator: Literal["rk4", "semi_implicit_euler"] = "rk4"
     """One step of the plant."""
-    period: float
+    period: Annotated[float, Field(gt=0)]
     """Time between two samples [s]; in continuous mode the integrator's step."""
-    substeps: int = 1
+    substeps: Annotated[int, Field(ge=1)] = 1
     """Integrator steps per period in held mode."""
-    t1: float
+    t1: Annotated[float, Field(gt=0)]
     """End [s], a whole number of periods."""
-    log_every: int = 10
+    log_every: Annotated[int, Field(ge=1)] = 10
     """One in how many samples is written to the log; metrics count all."""
     engine: Literal["auto", "xla"] = "auto"
     """What computes; `auto` takes the fastest there is."""
@@ -85,17 +95,16 @@ class ScenarioDescription(Description):
             true, nominal = self.robot.build()
         with located("trajectory"):
             trajectory = self.trajectory.build()
+            followed = eqx.filter_eval_shape(trajectory.position, jax.ShapeDtypeStruct((), float)).shape
+            if followed != (true.joints,):
+                raise DefinitionError(f"moves {followed[0]} joints, but the robot has {true.joints}")
         with located("disturbance"):
             disturbance = self.disturbance.build()
+            require_joints(disturbance, true.joints, type(true).__name__)
         with located("scheme"):
             controller = self.scheme.build(nominal)
         with located("start"):
-            state0 = self.start.build()
-            for field, value in (("q", state0.q), ("dq", state0.dq)):
-                if value.shape != (true.joints,):
-                    raise DefinitionError(
-                        f"must have one entry for each of the {true.joints} joints; got {len(value)}", where=field
-                    )
+            state0 = self.start.build(true.joints)
         simulation = self.simulation
         return Scenario(
             name=name,

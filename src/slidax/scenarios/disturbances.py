@@ -21,7 +21,7 @@ class ConstantTerm(Description):
 
     def build(self) -> AbstractDisturbance:
         """The disturbance."""
-        return Constant(self.value)
+        return Constant(**self.parameters())
 
 
 class HarmonicTerm(Description):
@@ -37,7 +37,7 @@ class HarmonicTerm(Description):
 
     def build(self) -> AbstractDisturbance:
         """The disturbance."""
-        return Harmonic(self.amplitude, self.frequency, self.phase)
+        return Harmonic(**self.parameters())
 
 
 class StepTerm(Description):
@@ -53,7 +53,7 @@ class StepTerm(Description):
 
     def build(self) -> AbstractDisturbance:
         """The disturbance."""
-        return Step(self.value, self.start, float("inf") if self.end is None else self.end)
+        return Step(**self.parameters())
 
 
 class FrictionTerm(Description):
@@ -69,7 +69,7 @@ class FrictionTerm(Description):
 
     def build(self) -> AbstractDisturbance:
         """The disturbance."""
-        return Friction(self.coulomb, self.viscous, self.smoothing)
+        return Friction(**self.parameters())
 
 
 Term = Annotated[ConstantTerm | HarmonicTerm | StepTerm | FrictionTerm, Field(discriminator="kind")]
@@ -89,4 +89,4 @@ class DisturbanceDescription(Description):
         for number, term in enumerate(self.terms):
             with located(f"terms.{number}"):
                 built.append(term.build())
-        return Scaled(Sum(tuple(built)), self.scale)
+        return self.scale * Sum(tuple(built))

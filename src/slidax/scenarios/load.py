@@ -80,7 +80,7 @@ def _read(scenario: str | Path) -> tuple[str, str]:
             raise DefinitionError(f"cannot read the scenario file `{path}`: {reason}") from None
     if str(scenario) not in names():
         raise DefinitionError(
-            f"unknown scenario `{scenario}`; {nearest(str(scenario), names())} A file needs the ending .yaml"
+            f"unknown scenario `{scenario}`; {nearest(str(scenario), names())} (a file needs the ending .yaml)"
         )
     return str(scenario), (BUILT_IN / f"{scenario}.yaml").read_text(encoding="utf-8")
 
@@ -130,6 +130,9 @@ def _translated(error: ValidationError, data: Any) -> DefinitionError:
         message = f"must be a number; got {given!r}"
     elif first["type"] == "list_type":
         message = f"must be a list; got {given!r}"
+    elif first["type"] in ("greater_than", "greater_than_equal"):
+        sign, limit = (">", context["gt"]) if first["type"] == "greater_than" else (">=", context["ge"])
+        message = f"must be {sign} {limit:g}; got {given!r}"
     elif first["type"] == "unknown_key":
         message = first["msg"]
     else:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
@@ -96,9 +96,8 @@ class ScaraDescription(Description):
             return plant, Scara(**known)
 
 
-def _both(plant: Description, changes: Description) -> tuple[dict[str, object], dict[str, object]]:
-    true = plant.model_dump()
-    return true, true | changes.model_dump(exclude_none=True)
+def _both(plant: Description, changes: Description) -> tuple[dict[str, Any], dict[str, Any]]:
+    return plant.parameters(), plant.parameters() | changes.parameters()
 
 
 RobotDescription = Annotated[TwoLinkDescription | ScaraDescription, Field(discriminator="kind")]

@@ -6,7 +6,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
-from slidax._errors import located
 from slidax._types import State
 from slidax.controllers import AbstractController
 from slidax.simulation import Plant, Run, simulate
@@ -50,18 +49,17 @@ class Scenario:
 
         Raises DefinitionError if the parts do not fit each other.
         """
-        with located("simulation"):
-            return simulate(
-                self.plant,
-                self.controller,
-                self.trajectory,
-                self.state0,
-                t1=self.t1,
-                period=self.period,
-                mode=self.mode,
-                integrator=self.integrator,
-                substeps=self.substeps,
-                log_every=self.log_every if log_every == 0 else log_every,
-                throw=throw,
-                progress=progress,
-            )
+        return simulate(
+            self.plant,
+            self.controller,
+            self.trajectory,
+            self.state0,
+            t1=self.t1,
+            period=self.period,
+            mode=self.mode,
+            integrator=self.integrator,
+            substeps=self.substeps,
+            log_every=self.log_every if log_every == 0 else log_every,
+            throw=throw,
+            progress=progress,
+        )

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from importlib import resources
 from typing import Any
 
 from .description import ScenarioDescription
+
+SCHEMA_FILE = resources.files("slidax.scenarios") / "scenario.schema.json"
+"""The schema as a file of the package; `make schema` writes it."""
 
 
 def schema() -> dict[str, Any]:

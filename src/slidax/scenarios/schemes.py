@@ -30,7 +30,7 @@ class FixedTimePerformance(Description):
 
     def build(self) -> AbstractPerformance:
         """The performance function."""
-        return FixedTime(self.initial, self.final, self.deadline, self.exponent)
+        return FixedTime(**self.parameters())
 
 
 class ExponentialPerformance(Description):
@@ -46,7 +46,7 @@ class ExponentialPerformance(Description):
 
     def build(self) -> AbstractPerformance:
         """The performance function."""
-        return Exponential(self.initial, self.final, self.rate)
+        return Exponential(**self.parameters())
 
 
 class FiniteTimePerformance(Description):
@@ -64,7 +64,7 @@ class FiniteTimePerformance(Description):
 
     def build(self) -> AbstractPerformance:
         """The performance function."""
-        return FiniteTime(self.initial, self.final, self.rate, self.exponent)
+        return FiniteTime(**self.parameters())
 
 
 PerformanceDescription = Annotated[
@@ -116,7 +116,7 @@ class BoundDescription(Description):
 
     def build(self) -> UncertaintyBound:
         """The bound."""
-        return UncertaintyBound(**self.model_dump())
+        return UncertaintyBound(**self.parameters())
 
 
 class Cftsmppc(Description):
@@ -151,7 +151,7 @@ class Cftsmppc(Description):
             k0=self.reaching.gain,
             r=self.reaching.exponent,
             layer=self.reaching.layer,
-            **self.surface.model_dump(),
+            **self.surface.parameters(),
         )
 
 

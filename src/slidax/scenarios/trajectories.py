@@ -20,7 +20,7 @@ class ConstantTrajectory(Description):
 
     def build(self) -> AbstractTrajectory:
         """The trajectory."""
-        return Constant(self.value)
+        return Constant(**self.parameters())
 
 
 class SinusoidTrajectory(Description):
@@ -38,7 +38,7 @@ class SinusoidTrajectory(Description):
 
     def build(self) -> AbstractTrajectory:
         """The trajectory."""
-        return Sinusoid(self.offset, self.amplitude, self.frequency, self.phase)
+        return Sinusoid(**self.parameters())
 
 
 class ExponentialSumTrajectory(Description):
@@ -54,7 +54,7 @@ class ExponentialSumTrajectory(Description):
 
     def build(self) -> AbstractTrajectory:
         """The trajectory."""
-        return ExponentialSum(self.offset, self.amplitudes, self.rates)
+        return ExponentialSum(**self.parameters())
 
 
 class MinimumJerkTrajectory(Description):

@@ -50,7 +50,7 @@ class Fault(eqx.Module):
     bound: Scalar
 
     @property
-    def absent(self) -> Bool[Array, ""]:
+    def absent(self) -> Bool[Array, "..."]:
         """True as long as nothing went wrong."""
         return self.kind == 0
 
@@ -66,7 +66,8 @@ def earlier(first: Fault, second: Fault) -> Fault:
 
     - `first`, `second`: in the order of time.
     """
-    return jax.tree.map(lambda a, b: jnp.where(first.absent, b, a), first, second)
+    kept: Fault = jax.tree.map(lambda a, b: jnp.where(first.absent, b, a), first, second)
+    return kept
 
 
 def find_fault(t: Scalar, e: Vector, finite: Bool[Array, " n"], envelope: Envelope | None) -> Fault:

@@ -46,7 +46,9 @@ class Progress:
         from rich.progress import Progress as Bar
 
         columns = (TextColumn("simulating"), BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
-        self._bar = Bar(*columns, console=Console(stderr=True), transient=True)
+        console = Console(stderr=True)
+        # Where nobody looks on, rich draws only what remains at the end.
+        self._bar = Bar(*columns, console=console, transient=console.is_terminal)
         self._bar.start()
         self._task = self._bar.add_task("", total=self._total, completed=self._done)
 

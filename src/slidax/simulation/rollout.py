@@ -46,10 +46,12 @@ class Loop(eqx.Module):
 
 
 class Carry(eqx.Module):
-    """All that changes while time passes: the next sample's number, the state, the memory, and what was found."""
+    """All that changes while time passes: the next sample's number, the state there and at the last good sample, the
+    memory, and what was found."""
 
     k: Int[Array, ""]
     state: State
+    good: State
     memory: Memory
     tally: Tally
     fault: Fault
@@ -76,6 +78,7 @@ def begin(loop: Loop, state: State) -> tuple[Carry, Envelope | None, Reference]:
     carry = Carry(
         k=jnp.zeros((), int),
         state=state,
+        good=state,
         memory=memory,
         tally=Tally.empty(state.q.shape[0], loop.windows.bands.shape[0]),
         fault=no_fault(),
@@ -127,6 +130,7 @@ def _sample(loop: Loop, carry: Carry) -> tuple[Carry, Log]:
     after = Carry(
         k=carry.k + running.astype(int),
         state=_where(onward, moved, carry.state),
+        good=_where(good, carry.state, carry.good),
         memory=_where(onward, now.command.memory, carry.memory),
         tally=tally,
         fault=_where(running, found, carry.fault),

@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Mapping
+from typing import NamedTuple, TypeAlias
 
 import equinox as eqx
+import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from slidax._types import Envelope, Reference, Scalar, State
 
 from .outcome import Fault, Outcome, describe
 from .tally import Tally, Windows
+
+Anyhow: TypeAlias = Array | np.ndarray
+"""An array of JAX inside a transformation, of NumPy in a finished run."""
 
 
 class Log(eqx.Module):
@@ -24,22 +29,22 @@ class Log(eqx.Module):
     - `valid`: False for places after the end of the run, which only a batch has.
     """
 
-    k: Int[Array, " samples"] | Int[Array, ""]
-    t: Float[Array, " samples"] | Scalar
+    k: Int[Anyhow, "..."]
+    t: Float[Anyhow, "..."]
     state: State
     reference: Reference
-    tau: Float[Array, "..."]
-    signals: dict[str, Float[Array, "..."]]
+    tau: Float[Anyhow, "..."]
+    signals: Mapping[str, Float[Anyhow, "..."]]
     envelope: Envelope | None
-    valid: Bool[Array, " samples"] | Bool[Array, ""]
+    valid: Bool[Anyhow, "..."]
 
     @property
-    def e(self) -> Float[Array, "..."]:
+    def e(self) -> Float[Anyhow, "..."]:
         """Error `q - q_d`, rad or m."""
         return self.state.q - self.reference.q
 
     @property
-    def de(self) -> Float[Array, "..."]:
+    def de(self) -> Float[Anyhow, "..."]:
         """Velocity error `q̇ - q̇_d`, rad/s or m/s."""
         return self.state.dq - self.reference.dq
 
@@ -62,7 +67,7 @@ class Run(eqx.Module):
     - `tally`: statistics of all samples, which the metrics read.
     - `windows`: from when each statistic counts, and the settling bands.
     - `fault`: the first thing that went wrong, as arrays; see `outcome`.
-    - `state`: the last good state.
+    - `state`: the state at the last good sample.
     - `period`: time between samples [s].
     - `t1`: end that was asked for [s].
     - `joint_units`: unit of each joint's position.

@@ -29,7 +29,7 @@ CHUNK = 10_000
 """About how many samples pass between two looks at the run: often enough for a progress bar, rarely enough to be free."""
 
 _begin = eqx.filter_jit(begin)
-_advance = eqx.filter_jit(advance)
+_advance: Any = eqx.filter_jit(advance)
 
 
 def simulate(
@@ -92,7 +92,7 @@ def simulate(
         tally=carry.tally,
         windows=loop.windows,
         fault=carry.fault,
-        state=carry.state,
+        state=carry.good,
         period=loop.period,
         t1=jnp.asarray(t1, float),
         joint_units=plant.robot.joint_units,
@@ -109,15 +109,19 @@ def _drive(
 ) -> tuple[Carry, Log | None, Timing]:
     """Runs the loop in chunks of equal size, so that it is compiled once and can be watched."""
     chunks = max(1, round(samples / CHUNK))
-    points = -(-samples // (chunks * (every or 1)))
-    chunks = -(-samples // (points * (every or 1)))
-    compiled = _advance.lower(loop, carry, points, every).compile()
+    # Without a log, two lines per chunk are made and dropped: a loop without any, or of a single turn, is compiled
+    # otherwise and rounds otherwise, and then the metrics would depend on what is logged.
+    stride = every or -(-samples // (2 * chunks))
+    points = max(2, -(-samples // (chunks * stride)))
+    chunks = -(-samples // (points * stride))
+    compiled = _advance.lower(loop, carry, points, stride).compile()
     ready = time.perf_counter()
     logs = []
     with Progress(chunks, progress) as bar:
         for _ in range(chunks):
-            carry, log = compiled(loop, carry, points, every)
-            logs.append(jax.tree.map(np.asarray, log))
+            carry, log = compiled(loop, carry, points, stride)
+            if every is not None:
+                logs.append(jax.tree.map(np.asarray, log))
             bar.advance()
             if int(carry.fault.kind):
                 break
@@ -158,6 +162,12 @@ def _define(
     shape = eqx.filter_eval_shape(trajectory.position, jax.ShapeDtypeStruct((), float)).shape
     if shape != (n,):
         raise DefinitionError(f"the trajectory gives {list(shape)} positions, but the plant has {n} joints")
+    try:
+        pushed = eqx.filter_eval_shape(plant.disturbance, jax.ShapeDtypeStruct((), float), state0).shape
+    except (TypeError, ValueError) as error:
+        raise DefinitionError(f"the disturbance does not fit the {n} joints of the plant: {error}") from error
+    if pushed != (n,):
+        raise DefinitionError(f"the disturbance gives {list(pushed)} forces, but the plant has {n} joints")
     if substeps < 1:
         raise DefinitionError(f"`substeps` must be >= 1; got {substeps}")
     if mode == "continuous" and substeps != 1:

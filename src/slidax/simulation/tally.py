@@ -116,4 +116,5 @@ class Tally(eqx.Module):
 
         - `outside`: whether the sample lies at or outside its bounds.
         """
-        return eqx.tree_at(lambda tally: tally.violations, self, self.violations + outside.astype(int))
+        counted: Tally = eqx.tree_at(lambda tally: tally.violations, self, self.violations + outside.astype(int))
+        return counted

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import equinox as eqx
 
-from slidax._errors import parameter, require
+from slidax._errors import parameter, require, require_consistent
 from slidax._types import PerJoint, Vector
 from slidax.numerics import sig_and_slope, smooth_power_and_slope
 
@@ -29,6 +29,7 @@ class SmoothFixedTime(AbstractSurface):
     delta: PerJoint = eqx.field(converter=parameter)
 
     def __check_init__(self) -> None:
+        require_consistent(self, "k1", "k2", "p", "q", "delta")
         require(self, "k1", self.k1 > 0, "must be > 0, so that K1 is diagonal positive definite (eq. 40)")
         require(self, "k2", self.k2 > 0, "must be > 0, so that K2 is diagonal positive definite (eq. 40)")
         require(self, "p", (self.p > 0) & (self.p < 1), "must be in (0, 1) (eq. 29)")

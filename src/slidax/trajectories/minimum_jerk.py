@@ -56,12 +56,12 @@ class MinimumJerk(AbstractTrajectory):
         # Solved on [0, 1]: with the times themselves the fifth-degree basis is ill-conditioned for long motions.
         span = t[-1] - t[0]
         z = (t - t[0]) / span
-        if not np.all(np.diff(z) > 0):
+        if not np.all(np.diff(z) > 1e-9):
             raise DefinitionError(f"`MinimumJerk.times` lie too close together; got {t.tolist()}")
         spline = make_interp_spline(z, q, k=5, bc_type=(ends, ends))
         # The Taylor coefficients at the left end of each piece, where the spline and its derivatives are exact.
         pieces = np.stack([spline(z[:-1], nu=i) / (math.factorial(i) * span**i) for i in reversed(range(6))])
-        return MinimumJerk(times=t, coefficients=pieces)
+        return MinimumJerk(times=parameter(t), coefficients=parameter(pieces))
 
     def position(self, t: Scalar) -> Vector:
         """The position on the piece that holds `t`.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import equinox as eqx
 import jax.numpy as jnp
 
-from slidax._errors import parameter, require
+from slidax._errors import parameter, require, require_consistent
 from slidax._types import PerJoint, Scalar, Vector
 
 from .trajectory import AbstractTrajectory
@@ -19,7 +19,7 @@ class Sinusoid(AbstractTrajectory):
     - `frequency`: ω, [n] or one number, rad/s.
     - `phase`: φ, [n] or one number, rad.
 
-    Raises DefinitionError if one of them is not finite.
+    Raises DefinitionError if one of them is not finite or does not fit the offset.
     """
 
     offset: Vector = eqx.field(converter=parameter)
@@ -28,6 +28,7 @@ class Sinusoid(AbstractTrajectory):
     phase: PerJoint = eqx.field(converter=parameter, default=0.0)
 
     def __check_init__(self) -> None:
+        require_consistent(self, "offset", "amplitude", "frequency", "phase")
         for field in ("offset", "amplitude", "frequency", "phase"):
             require(self, field, True, "must be finite")
 

@@ -1,0 +1,86 @@
+"""Measures everything and writes benchmarks/PERFORMANCE.md."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+from benchmarks import machine
+
+TARGET = Path(__file__).with_name("PERFORMANCE.md")
+HELD, CONTINUOUS = "slidax, held", "slidax, continuous (RK4)"
+REFERENCE = {"held": "example_4_1_data.c, held", "continuous": "example_4_1_data.c, continuous"}
+WHAT = {
+    "slidax, held": "torque held over a period, semi-implicit Euler, metrics of every sample",
+    "slidax, held, every sample logged": "the same, with all signals of all samples kept",
+    "slidax, continuous (RK4)": "the law at each of the four stages, as the paper's runs",
+    "slidax, held, library solve in the step": "a rule broken: `jnp.linalg.solve` instead of the unrolled LDLᵀ",
+    "example_4_1_data.c, held": "C, gcc -O3: the very same loop, all gains and coefficients as data",
+    "example_4_1_data.c, continuous": "C, gcc -O3: the same, RK4 stages",
+    "example_4_1.c, held": "C, gcc -O3, with this example's numbers and identities built in",
+    "example_4_1.c, continuous": "C, gcc -O3: the same, RK4 stages",
+    "NumPy loop, held": "a plain Python loop over small arrays",
+}
+
+
+def main() -> None:
+    """Runs each part in a process of its own, one after the other, and writes the page."""
+    parts = {}
+    for name in ("closed_loop", "batch", "command_line"):
+        print(f"measuring {name} ...", file=sys.stderr)
+        command = [sys.executable, "-m", f"benchmarks.{name}"]
+        answer = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=True).stdout
+        parts[name] = json.loads(answer)
+    TARGET.write_text(_page(parts), encoding="utf-8")
+    print(f"written: {TARGET}")
+
+
+def _page(parts: dict[str, Any]) -> str:
+    loop, batch, command = parts["closed_loop"], parts["batch"], parts["command_line"]
+    times = loop["ns_per_step"]
+    lines = [
+        "# Performance",
+        "",
+        "Written by `make bench`; do not edit. Each table was measured in one run, its rows in turns, on one core unless",
+        "it says otherwise. Least time of all rounds, with the median in brackets. Ratios count, not the times: they are",
+        "of this machine and this hour.",
+        "",
+        f"Machine: {machine.describe()}.",
+        "",
+        "## One closed loop: Example 4.1, 100 000 steps",
+        "",
+        "| loop | ns per step | ratio to C, as data | compile [s] | what it is |",
+        "|---|---:|---:|---:|---|",
+    ]
+    for name, time in times.items():
+        reference = times[REFERENCE["continuous" if "continuous" in name else "held"]]["min"]
+        compile_s = f"{loop['compile_s'][name]:.2f}" if name in loop["compile_s"] else ""
+        lines.append(
+            f"| {name} | {time['min']:,.0f} ({time['median']:,.0f}) | {time['min'] / reference:,.2f} "
+            f"| {compile_s} | {WHAT[name]} |"
+        )
+    lines += [
+        "",
+        f"Goal: `{HELD}` at most 1.5 times `{REFERENCE['held']}`; "
+        f"here {times[HELD]['min'] / times[REFERENCE['held']]['min']:.2f}.",
+        "",
+        "## A batch: Example 4.1, held, all cores",
+        "",
+        "| runs at once | steps each | closed-loop steps per second | first call, with compiling [s] |",
+        "|---:|---:|---:|---:|",
+        f"| {batch['runs']} | {batch['steps']} | {batch['steps_per_s']:,.0f} | {batch['first_call_s']:.1f} |",
+        "",
+        "## The command line",
+        "",
+        "| command | wall time [s] |",
+        "|---|---:|",
+    ]
+    lines += [f"| {name} | {time['min']:.2f} ({time['median']:.2f}) |" for name, time in command.items()]
+    return "\n".join(lines) + "\n"
+
+
+if __name__ == "__main__":
+    main()

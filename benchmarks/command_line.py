@@ -1,0 +1,39 @@
+"""From typing a command to its answer."""
+
+from __future__ import annotations
+
+import json
+import os
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+SLIDAX = Path(sys.executable).with_name("slidax")
+
+
+def measure() -> dict[str, Any]:
+    """Seconds of wall time: cold (nothing compiled yet) and warm (the compilation cache filled), least and median."""
+    with tempfile.TemporaryDirectory() as cache:
+        environment = os.environ | {"XDG_CACHE_HOME": cache}
+        cold = _seconds(["run", "example-4.1", "--json"], environment)
+        warm = [_seconds(["run", "example-4.1", "--json"], environment) for _ in range(5)]
+        helped = [_seconds(["--help"], environment) for _ in range(5)]
+    return {
+        "slidax run example-4.1 --json, nothing compiled yet": {"min": cold, "median": cold},
+        "the same, once more": {"min": min(warm), "median": statistics.median(warm)},
+        "slidax --help": {"min": min(helped), "median": statistics.median(helped)},
+    }
+
+
+def _seconds(arguments: list[str], environment: dict[str, str]) -> float:
+    started = time.perf_counter()
+    subprocess.run([str(SLIDAX), *arguments], env=environment, stdout=subprocess.DEVNULL, check=True)
+    return time.perf_counter() - started
+
+
+if __name__ == "__main__":
+    json.dump(measure(), sys.stdout)

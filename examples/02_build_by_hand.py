@@ -1,0 +1,40 @@
+"""Put a closed loop together from parts: an arm, a motion through waypoints, friction and a push, and the law.
+
+    python examples/02_build_by_hand.py
+"""
+
+import jax
+
+jax.config.update("jax_enable_x64", True)
+
+import jax.numpy as jnp  # noqa: E402
+import slidax as sx  # noqa: E402
+from slidax.controllers import cftsmppc  # noqa: E402
+from slidax.disturbances import Friction, Step  # noqa: E402
+from slidax.performance import FixedTime  # noqa: E402
+from slidax.reaching import UncertaintyBound  # noqa: E402
+from slidax.robots import TwoLink  # noqa: E402
+from slidax.trajectories import MinimumJerk  # noqa: E402
+
+true = TwoLink(lengths=[1.0, 0.8], masses=[0.5, 1.5], inertias=[5.0, 5.0])
+nominal = TwoLink(lengths=[1.0, 0.8], masses=[0.6, 1.8], inertias=[6.0, 6.0])
+
+controller = cftsmppc(
+    nominal,
+    performance=FixedTime(initial=0.4, final=0.005, deadline=2.0, exponent=2.01),
+    overshoot=0.3,
+    bound=UncertaintyBound(0.09, 0.2, constant=12.0, position=2.2, velocity=2.8, margin=1.0),
+)
+run = sx.simulate(
+    sx.Plant(true, Friction(coulomb=[2.0, 1.0], viscous=0.5) + Step([0.0, 5.0], start=3.0, end=4.0)),
+    controller,
+    MinimumJerk.through(times=[0.0, 2.0, 5.0], waypoints=[[0.0, 1.0], [0.8, 0.2], [0.3, 1.2]]),
+    sx.State(q=jnp.array([0.2, 0.8]), dq=jnp.zeros(2)),
+    t1=6.0,
+    period=1e-4,
+    log_every=10,
+)
+print(run.outcome.message)
+print("samples outside the envelope:", sx.metrics.envelope_violations(run))
+print("error in the last quarter [rad]:", sx.metrics.steady_error(run))
+print("peak torque [N m]:", sx.metrics.peak_torque(run))

@@ -1,0 +1,30 @@
+"""Differentiate a whole closed loop: how the tracking error changes with each gain of the surface.
+
+    python examples/04_differentiate_a_run.py
+"""
+
+import jax
+
+jax.config.update("jax_enable_x64", True)
+
+import equinox as eqx  # noqa: E402
+import jax.numpy as jnp  # noqa: E402
+import slidax as sx  # noqa: E402
+
+scenario = sx.scenarios.load("example-4.2")
+
+
+@eqx.filter_jit
+@eqx.filter_value_and_grad
+def mean_square_error(surface):
+    """The mean square error over the first second, as a function of the surface's parameters."""
+    controller = eqx.tree_at(lambda c: c.surface, scenario.controller, surface)
+    parts = (scenario.plant, controller, scenario.trajectory, scenario.state0)
+    run = sx.simulate(*parts, t1=1.0, period=2e-4, log_every=1)
+    return jnp.mean(run.log.e**2)
+
+
+value, gradient = mean_square_error(scenario.controller.surface)
+print(f"mean square error: {value:.6f}")
+for name in ("k1", "k2", "p", "q", "delta"):
+    print(f"  change per unit of {name:<5}: {getattr(gradient, name):+.4f}")

@@ -1,0 +1,16 @@
+"""Pictures of finished runs, made to be printed: one function per picture, each returns a matplotlib Figure.
+
+Figures draw what they are given and compute nothing. No pyplot, no state that stays: `figure.savefig("error.pdf")`, or
+`save` for a small SVG.
+"""
+
+from .error_sizes import error_sizes as error_sizes
+from .performance import performance as performance
+from .style import STYLE as STYLE
+from .svg import inline as inline
+from .svg import save as save
+from .svg import to_svg as to_svg
+from .tip_path import tip_path as tip_path
+from .torque import torque as torque
+from .tracking_error import tracking_error as tracking_error
+from .velocity_error import velocity_error as velocity_error

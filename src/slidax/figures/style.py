@@ -1,0 +1,90 @@
+"""How all pictures look: one column or two of a journal, small serif type, thin lines."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from matplotlib import rc_context
+from matplotlib.artist import Artist
+from matplotlib.figure import Figure
+
+STYLE: dict[str, Any] = {
+    "font.family": "STIXGeneral",
+    "mathtext.fontset": "stix",
+    "font.size": 9.0,
+    "axes.titlesize": 9.0,
+    "axes.labelsize": 9.0,
+    "xtick.labelsize": 8.0,
+    "ytick.labelsize": 8.0,
+    "legend.fontsize": 8.5,
+    "figure.facecolor": "white",
+    "axes.facecolor": "white",
+    "axes.edgecolor": "0.25",
+    "axes.linewidth": 0.6,
+    "axes.labelcolor": "0.1",
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.axisbelow": True,
+    "axes.grid": True,
+    "axes.xmargin": 0.0,
+    "grid.color": "0.9",
+    "grid.linewidth": 0.5,
+    "xtick.color": "0.25",
+    "ytick.color": "0.25",
+    "xtick.labelcolor": "0.1",
+    "ytick.labelcolor": "0.1",
+    "xtick.major.width": 0.6,
+    "ytick.major.width": 0.6,
+    "xtick.major.size": 2.5,
+    "ytick.major.size": 2.5,
+    "xtick.minor.size": 1.5,
+    "ytick.minor.size": 1.5,
+    "xtick.minor.width": 0.4,
+    "ytick.minor.width": 0.4,
+    "lines.linewidth": 1.1,
+    "lines.solid_capstyle": "round",
+    "lines.dash_capstyle": "butt",
+    "legend.frameon": False,
+    "legend.handlelength": 2.4,
+    "legend.columnspacing": 1.8,
+    "path.simplify": True,
+    "path.simplify_threshold": 0.2,
+    "svg.fonttype": "path",
+    "figure.dpi": 100.0,
+    "savefig.dpi": 200.0,
+}
+"""Settings of matplotlib that hold while a picture is drawn, and only then. Text becomes paths in an SVG, so that the
+picture is the same on machines without the typeface."""
+
+WIDTH = 6.9
+"""Width of a picture over both columns of a journal [in]."""
+
+ROW = 1.45
+"""Height of one joint's row [in]."""
+
+LINES: tuple[dict[str, Any], ...] = (
+    {"color": "#0072B2", "linestyle": "-"},
+    {"color": "#D55E00", "linestyle": (0, (5, 1.6))},
+    {"color": "#009E73", "linestyle": (0, (1.2, 1.2))},
+    {"color": "#7B3294", "linestyle": (0, (5, 1.4, 1.2, 1.4))},
+    {"color": "#000000", "linestyle": (0, (3, 1.2, 1.2, 1.2, 1.2, 1.2))},
+)
+"""Colour and dashes of the first, second, ... line: told apart without colour too. After Okabe and Ito."""
+
+BAND = {"facecolor": "#E9EEF4", "edgecolor": "none"}
+"""The inside of an envelope."""
+
+BOUND = {"color": "#6B7785", "linewidth": 0.8}
+"""The edge of an envelope."""
+
+styled = rc_context(STYLE)
+"""Decorates a function that draws: the settings of STYLE hold inside, and what held before holds after."""
+
+
+def legend_above(figure: Figure, handles: list[Artist]) -> None:
+    """One legend above all panels, where it covers no data.
+
+    - `figure`: with a constrained layout, which makes room.
+    - `handles`: what to name, each with its label.
+    """
+    figure.legend(handles=handles, loc="outside upper center", ncols=len(handles))

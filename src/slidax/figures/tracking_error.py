@@ -1,0 +1,73 @@
+"""The error inside its envelope."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+
+from slidax._types import Envelope
+from slidax.simulation import Run
+
+from .axes import use_size_axis, use_time_axis
+from .logged import log_of
+from .style import BAND, BOUND, LINES, ROW, WIDTH, legend_above, styled
+from .thinning import every_nth, thinned
+
+
+@styled
+def tracking_error(run: Run, *, window: tuple[float, float] | None = None) -> Figure:
+    """Per joint: the error in its envelope, eq. (12), and to the right the error's size on a logarithmic axis.
+
+    - `run`: a finished run with a log.
+    - `window`: from when to when [s]; the whole run if not given.
+
+    Raises DefinitionError if the run has no log.
+    """
+    log = log_of(run)
+    t = np.asarray(log.t)
+    seen = slice(None) if window is None else (t >= window[0]) & (t <= window[1])
+    t, e = t[seen], np.asarray(log.e)[seen]
+    figure = Figure(figsize=(WIDTH, ROW * run.joints + 0.55), layout="constrained")
+    panels = figure.subplots(run.joints, 2, sharex=True, squeeze=False, width_ratios=[1.15, 1])
+    bounds = None if log.envelope is None else _bounds(log.envelope, seen)
+    use_size_axis(panels[:, 1], np.abs(e) if bounds is None else np.append(np.abs(e), np.abs(bounds).max()))
+    for i, unit in enumerate(run.joint_units):
+        plain, logarithmic = panels[i]
+        if bounds is not None:
+            _draw_envelope(plain, t, *bounds[..., i])
+            _draw_radii(logarithmic, t, *np.sort(np.abs(bounds[..., i]), axis=0))
+        plain.axhline(0.0, color="0.75", linewidth=0.6, zorder=1.5)
+        plain.plot(*thinned(t, e[:, i]), **LINES[0])
+        plain.set_ylabel(rf"$e_{{{i + 1}}}$  [{unit}]")
+        logarithmic.plot(*thinned(t, np.abs(e[:, i])), **{**LINES[0], "linewidth": 0.9})
+        logarithmic.set_ylabel(rf"$|e_{{{i + 1}}}|$  [{unit}]")
+    for axes in panels[-1]:
+        use_time_axis(axes, float(t[0]), float(t[-1]))
+    handles = [Line2D([], [], **LINES[0], label="error")]
+    if log.envelope is not None:
+        handles.append(Patch(facecolor=BAND["facecolor"], edgecolor=BOUND["color"], linewidth=0.8, label="envelope"))
+    legend_above(figure, handles)
+    figure.align_ylabels()
+    return figure
+
+
+def _bounds(envelope: Envelope, seen: slice | np.ndarray) -> np.ndarray:
+    return np.stack([np.asarray(envelope.lower)[seen], np.asarray(envelope.upper)[seen]])
+
+
+def _draw_envelope(axes: Axes, t: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> None:
+    time, low, high = every_nth(t), every_nth(lower), every_nth(upper)
+    axes.fill_between(time, low, high, **BAND, label="envelope")
+    axes.plot(time, low, **BOUND)
+    axes.plot(time, high, **BOUND)
+
+
+def _draw_radii(axes: Axes, t: np.ndarray, narrow: np.ndarray, wide: np.ndarray) -> None:
+    """Below the narrower side an error of either sign is inside, above the wider one none is."""
+    time, low, high = every_nth(t), every_nth(narrow), every_nth(wide)
+    axes.fill_between(time, axes.get_ylim()[0], high, **BAND, label="envelope")
+    axes.plot(time, high, **BOUND)
+    axes.plot(time, low, **{**BOUND, "linewidth": 0.6, "linestyle": (0, (4, 2))})

@@ -1,0 +1,61 @@
+"""`slidax list`, `slidax schema` and the help texts."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+
+import pytest
+
+import slidax
+from slidax import scenarios
+
+from .commands import in_process
+
+
+def test_list_shows_every_built_in_scenario_with_a_line() -> None:
+    result = in_process("list", "scenarios")
+    assert result.exit_code == 0
+    lines = result.stdout.splitlines()
+    assert [line.split()[0] for line in lines] == scenarios.names()
+    assert all(len(line.split()) > 2 for line in lines)
+
+
+@pytest.mark.parametrize(
+    ("kind", "member"),
+    [
+        ("schemes", "cftsmppc"),
+        ("robots", "scara"),
+        ("trajectories", "minimum_jerk"),
+        ("disturbances", "friction"),
+        ("performance", "finite_time"),
+    ],
+)
+def test_list_shows_the_members_of_a_room(kind: str, member: str) -> None:
+    assert member in json.loads(in_process("list", kind, "--json").stdout)[kind]
+    assert member in in_process("list", kind).stdout
+    assert member in in_process("list").stdout
+
+
+@pytest.mark.parametrize("command", ["run", "reproduce", "list", "schema"])
+def test_the_help_of_each_command_shows_an_example(command: str) -> None:
+    result = in_process(command, "--help")
+    assert result.exit_code == 0
+    assert f"slidax {command}" in " ".join(result.stdout.split())
+
+
+def test_help_and_version_answer_without_importing_jax() -> None:
+    program = (
+        "import sys; from typer.testing import CliRunner; from slidax.cli import app\n"
+        "assert CliRunner().invoke(app, ['--help']).exit_code == 0\n"
+        "print(CliRunner().invoke(app, ['--version']).stdout.strip(), 'jax' in sys.modules)"
+    )
+    answer = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True).stdout
+    assert answer.split("\n")[0] == f"slidax {slidax.__version__} False"
+
+
+def test_the_schema_that_is_shipped_is_the_one_of_the_models() -> None:
+    printed = json.loads(in_process("schema").stdout)
+    assert printed == json.loads(json.dumps(scenarios.schema()))
+    assert printed == json.loads(scenarios.SCHEMA_FILE.read_text(encoding="utf-8")), "run `make schema`"

@@ -1,0 +1,151 @@
+"""The loop refereed by diffrax and scipy on smooth problems, with the order at which it converges to them."""
+
+from functools import cache
+
+import diffrax
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from slidax._types import State
+from slidax.disturbances import Constant
+from slidax.numerics import runge_kutta_4, semi_implicit_euler
+from slidax.simulation import simulate
+from tests.paper import MOTION_4_1, MOTION_4_2, START_4_1, START_4_2, law_4_1, law_4_2, plant_4_1, plant_4_2
+from tests.simulation.simple import SMOOTH_PLANT, SPRING
+
+END = 1.2
+
+
+def closed_loop(plant, controller, trajectory, start):
+    """The same loop as a plain differential equation, put together without `slidax.simulation`'s stepping."""
+    n = start.q.shape[0]
+    memory = controller.init(jnp.zeros(()), start, trajectory.reference(jnp.zeros(())))
+
+    def rate(t, y):
+        state = State(q=y[:n], dq=y[n:])
+        reference = trajectory.reference(t)
+        tau = controller(t, state, reference, reference, memory).tau
+        return jnp.concatenate([state.dq, plant.acceleration(t, state, tau)])
+
+    return jax.jit(rate), np.concatenate([start.q, start.dq])
+
+
+def by_scipy(rate, y0, t0=0.0, t1=END):
+    solution = solve_ivp(
+        lambda t, y: np.asarray(rate(jnp.asarray(t), jnp.asarray(y))), (t0, t1), y0, method="DOP853", rtol=1e-13, atol=1e-13
+    )
+    assert solution.success
+    return solution.y[:, -1]
+
+
+def by_diffrax(rate, y0):
+    solution = diffrax.diffeqsolve(
+        diffrax.ODETerm(lambda t, y, args: rate(t, y)),
+        diffrax.Dopri8(),
+        t0=0.0,
+        t1=END,
+        dt0=1e-3,
+        y0=jnp.asarray(y0),
+        stepsize_controller=diffrax.PIDController(rtol=1e-12, atol=1e-12),
+        max_steps=100_000,
+    )
+    return np.asarray(solution.ys[-1])
+
+
+@cache
+def exact():
+    rate, y0 = closed_loop(SMOOTH_PLANT, SPRING, MOTION_4_1, START_4_1)
+    return by_scipy(rate, y0)
+
+
+def simulated(period, integrator=runge_kutta_4, mode="continuous", substeps=1):
+    run = simulate(
+        SMOOTH_PLANT,
+        SPRING,
+        MOTION_4_1,
+        START_4_1,
+        t1=END,
+        period=period,
+        mode=mode,
+        integrator=integrator,
+        substeps=substeps,
+        log_every=None,
+        throw=True,
+    )
+    return np.concatenate([run.state.q, run.state.dq])
+
+
+def orders(errors):
+    return np.log2(np.array(errors[:-1]) / np.array(errors[1:]))
+
+
+def test_diffrax_and_scipy_agree_with_each_other():
+    rate, y0 = closed_loop(SMOOTH_PLANT, SPRING, MOTION_4_1, START_4_1)
+    np.testing.assert_allclose(by_diffrax(rate, y0), exact(), atol=1e-9)
+
+
+def test_runge_kutta_converges_to_them_at_fourth_order():
+    errors = [np.abs(simulated(END / n) - exact()).max() for n in (60, 120, 240, 480)]
+    assert orders(errors) == pytest.approx([4.0] * 3, abs=0.25)
+    assert errors[-1] < 1e-8
+
+
+def test_semi_implicit_euler_converges_to_them_at_first_order():
+    errors = [np.abs(simulated(END / n, semi_implicit_euler) - exact()).max() for n in (480, 960, 1920, 3840)]
+    assert orders(errors) == pytest.approx([1.0] * 3, abs=0.1)
+
+
+def test_a_held_torque_converges_to_them_at_first_order_in_the_period():
+    errors = [np.abs(simulated(END / n, mode="held") - exact()).max() for n in (240, 480, 960)]
+    assert orders(errors) == pytest.approx([1.0] * 2, abs=0.15)
+
+
+@cache
+def exact_with_a_held_torque(periods):
+    """scipy from sample to sample, the torque computed once per sample from the printed formula of the spring."""
+    y, h = np.concatenate([START_4_1.q, START_4_1.dq]), END / periods
+    reference = jax.jit(lambda t: MOTION_4_1.reference(t))
+
+    @jax.jit
+    def rate(t, y, tau):
+        state = State(q=y[:2], dq=y[2:])
+        return jnp.concatenate([state.dq, SMOOTH_PLANT.acceleration(t, state, tau)])
+
+    for k in range(periods):
+        wanted = reference(jnp.asarray(k * h))
+        tau = -SPRING.stiffness * (y[:2] - wanted.q) - SPRING.damping * (y[2:] - wanted.dq)
+        y = by_scipy(lambda t, y, tau=tau: rate(t, y, tau), y, k * h, (k + 1) * h)
+    return y
+
+
+def test_between_two_samples_the_plant_converges_at_fourth_order_in_the_substeps():
+    exact_held = exact_with_a_held_torque(24)
+    errors = [np.abs(simulated(END / 24, mode="held", substeps=m) - exact_held).max() for m in (1, 2, 4, 8)]
+    assert orders(errors) == pytest.approx([4.0] * 3, abs=0.3)
+    assert errors[-1] < 1e-8
+
+
+def test_between_two_samples_semi_implicit_euler_converges_at_first_order():
+    exact_held = exact_with_a_held_torque(24)
+    errors = [
+        np.abs(simulated(END / 24, semi_implicit_euler, "held", substeps=m) - exact_held).max() for m in (32, 64, 128)
+    ]
+    assert orders(errors) == pytest.approx([1.0] * 2, abs=0.1)
+
+
+@pytest.mark.parametrize(
+    ("plant", "law", "trajectory", "start"),
+    [
+        pytest.param(plant_4_1(), law_4_1(layer=1.0), MOTION_4_1, START_4_1, id="two_link"),
+        pytest.param(plant_4_2(Constant(jnp.zeros(3))), law_4_2(layer=1.0), MOTION_4_2, START_4_2, id="scara"),
+    ],
+)
+def test_the_papers_own_loop_agrees_with_scipy_while_its_error_is_large(plant, law, trajectory, start):
+    """Until |ε1| first meets the smooth core the loop is smooth; with a wide layer it is not stiff either."""
+    rate, y0 = closed_loop(plant, law, trajectory, start)
+    run = simulate(plant, law, trajectory, start, t1=0.3, period=5e-4, mode="continuous", log_every=None, throw=True)
+    final = np.concatenate([run.state.q, run.state.dq])
+    np.testing.assert_allclose(final, by_scipy(rate, y0, 0.0, 0.3), atol=2e-8)

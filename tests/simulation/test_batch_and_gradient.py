@@ -1,0 +1,128 @@
+"""A run inside `vmap`, `jit` and `grad` is the same run."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from slidax._types import State
+from slidax.simulation import simulate
+from slidax.trajectories import Constant
+from tests.paper import MOTION_4_1, START_4_1, law_4_1, plant_4_1
+from tests.simulation.simple import SMOOTH_PLANT, SPRING, Spring, Tube
+
+GAINS = jnp.array([0.4, 0.6, 0.8])
+
+
+def at_1_khz(k2, log_every=None, t1=5.0):
+    law = eqx.tree_at(lambda c: c.surface.k2, law_4_1(), k2)
+    return simulate(plant_4_1(), law, MOTION_4_1, START_4_1, t1=t1, period=1e-3, log_every=log_every)
+
+
+def run(layer, shift):
+    law = eqx.tree_at(lambda c: c.reaching.layer, law_4_1(), layer)
+    start = State(q=START_4_1.q + shift, dq=START_4_1.dq)
+    return simulate(plant_4_1(), law, MOTION_4_1, start, t1=1.0, period=1e-3, log_every=10)
+
+
+def test_a_batch_of_runs_is_the_single_runs():
+    """Invariants, not trajectories: to 1e-9 of their size; counts and faults exactly."""
+    layers, shifts = jnp.array([0.1, 0.3]), jnp.array([0.0, 0.02])
+    many = jax.jit(jax.vmap(run))(layers, shifts)
+    for i, (layer, shift) in enumerate(zip(layers, shifts, strict=True)):
+        single = run(layer, shift)
+        one = jax.tree.map(lambda x, i=i: x[i], many)
+        for a, b in zip(jax.tree.leaves(one.tally), jax.tree.leaves(single.tally), strict=True):
+            np.testing.assert_allclose(a, b, rtol=1e-9)
+        assert int(one.fault.kind) == int(single.fault.kind)
+        np.testing.assert_allclose(one.log.tau, single.log.tau, rtol=1e-6, atol=1e-6)
+        assert int(np.sum(one.log.valid)) == len(single.log.t) == 101
+
+
+def test_a_batch_tells_which_runs_went_wrong_where_and_when():
+    @jax.jit
+    @jax.vmap
+    def many(radius):
+        law = Tube(Spring(jnp.zeros(2), jnp.zeros(2)), radius)
+        start = State(q=jnp.array([np.pi / 2, 0.0]), dq=jnp.array([1.0, 0.0]))
+        return simulate(SMOOTH_PLANT, law, Constant([np.pi / 2, 0.0]), start, t1=0.4, period=0.04)
+
+    done = many(jnp.array([0.095, 10.0, 0.135]))
+    assert done.fault.kind.tolist() == [1, 0, 1]
+    assert done.fault.joint.tolist() == [0, 0, 0]
+    assert done.fault.absent.tolist() == [False, True, False]
+    np.testing.assert_allclose(done.fault.t[::2], [0.12, 0.16], atol=1e-12)
+    np.testing.assert_allclose(done.fault.bound[::2], [0.095, 0.135])
+    assert np.sum(done.log.valid, axis=1).tolist() == [3, 11, 4]
+    assert done.tally.samples.tolist() == [3, 11, 4]
+    assert done.tally.violations.tolist() == [1, 0, 1]
+    leaves = jax.tree.leaves((done.log, done.state, done.tally.eci, done.tally.iae))
+    assert all(np.all(np.isfinite(leaf)) for leaf in leaves)
+
+
+def test_a_run_inside_jit_is_the_run_outside():
+    inside = jax.jit(lambda k2: at_1_khz(k2, t1=1.0).tally)(jnp.asarray(0.6))
+    outside = at_1_khz(jnp.asarray(0.6), t1=1.0).tally
+    for a, b in zip(jax.tree.leaves(inside), jax.tree.leaves(outside), strict=True):
+        np.testing.assert_allclose(a, b, rtol=1e-9)
+
+
+@pytest.mark.parametrize("mode", ["held", "continuous"])
+def test_the_gradient_of_the_final_error_by_a_gain_matches_differences(mode):
+    def final_error(k2):
+        law = eqx.tree_at(lambda c: c.surface.k2, law_4_1(), k2)
+        end = simulate(plant_4_1(), law, MOTION_4_1, START_4_1, t1=0.2, period=1e-3, mode=mode, log_every=None)
+        return jnp.sum(jnp.abs(end.state.q - MOTION_4_1.position(jnp.asarray(0.2))))
+
+    value = jax.jit(jax.vmap(final_error))
+    _, forward = jax.jit(lambda k: jax.jvp(final_error, (k,), (jnp.ones(()),)))(jnp.asarray(0.6))
+    h = 1e-5
+    up, down = value(jnp.array([0.6 + h, 0.6 - h]))
+    difference = float(up - down) / (2 * h)
+    assert np.isfinite(forward) and abs(difference) > 1e-3
+    assert float(forward) == pytest.approx(difference, rel=1e-6)
+    if mode == "held":
+        reverse = jax.jit(jax.grad(final_error))(jnp.asarray(0.6))
+        assert float(reverse) == pytest.approx(float(forward), rel=1e-9)
+
+
+def test_gradients_by_every_gain_at_once_are_finite():
+    def effort(law):
+        done = simulate(plant_4_1(), law, MOTION_4_1, START_4_1, t1=0.05, period=1e-3, log_every=None)
+        return jnp.sum(done.tally.eci) + jnp.sum(done.tally.iae) + jnp.sum(done.tally.aice)
+
+    gradient = jax.jit(jax.grad(effort))(law_4_1())
+    assert all(np.all(np.isfinite(leaf)) for leaf in jax.tree.leaves(gradient))
+    assert sum(np.any(np.asarray(leaf) != 0) for leaf in jax.tree.leaves(gradient)) >= 15
+
+
+def test_the_gradient_by_the_arms_own_mass_is_there_too():
+    """Plant and nominal robot are leaves like the gains: what identification and design both need."""
+
+    def final_angle(plant):
+        end = simulate(plant, SPRING, MOTION_4_1, START_4_1, t1=0.3, period=0.01, log_every=None)
+        return end.state.q[0]
+
+    gradient = jax.jit(jax.grad(final_angle))(SMOOTH_PLANT)
+    h = 1e-5
+
+    def shifted(d):
+        plant = eqx.tree_at(lambda p: p.robot.masses, SMOOTH_PLANT, SMOOTH_PLANT.robot.masses + jnp.array([0.0, d]))
+        return float(final_angle(plant))
+
+    difference = (shifted(h) - shifted(-h)) / (2 * h)
+    assert float(gradient.robot.masses[1]) == pytest.approx(difference, rel=1e-6)
+
+
+def test_a_sweep_over_gains_is_compiled_once():
+    traces = []
+
+    @jax.jit
+    def many(k2):
+        traces.append(1)
+        return jax.vmap(lambda k: at_1_khz(k, t1=0.1).tally.eci)(k2)
+
+    for factor in (1.0, 1.1, 1.2):
+        many(GAINS * factor)
+    assert len(traces) == 1

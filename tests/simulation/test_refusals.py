@@ -1,0 +1,103 @@
+"""What `simulate` refuses before any time passes, and in which words."""
+
+import jax.numpy as jnp
+import pytest
+
+from slidax._errors import DefinitionError
+from slidax._types import State
+from slidax.disturbances import Constant
+from slidax.simulation import Plant, simulate
+from tests.paper import (
+    MOTION_4_1,
+    MOTION_4_2,
+    SCARA,
+    START_4_1,
+    law_4_1,
+    law_4_2,
+    plant_4_1,
+)
+from tests.simulation.simple import SMOOTH_PLANT, SPRING
+
+
+def attempt(plant=None, law=None, trajectory=MOTION_4_1, start=START_4_1, **times):
+    times = {"t1": 0.01, "period": 1e-3} | times
+    return simulate(plant or plant_4_1(), law or law_4_1(), trajectory, start, **times)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"period": -1e-3}, r"`period` must be > 0 s; got -0.001"),
+        ({"period": 0.0}, r"`period` must be > 0 s; got 0"),
+        ({"period": float("nan")}, r"`period` must be > 0 s; got nan"),
+        ({"t1": 0.0}, r"`t1` must be > 0 s; got 0"),
+        ({"t1": float("inf")}, r"`t1` must be > 0 s; got inf"),
+        ({"t1": 0.0105}, r"`t1` must be a whole number of periods of 0.001 s; got 0.0105 s"),
+        ({"t1": 1e-4}, r"`t1` must be a whole number of periods"),
+        ({"substeps": 0}, r"`substeps` must be >= 1; got 0"),
+        ({"substeps": 2, "mode": "continuous"}, r"`substeps` must be 1 in continuous mode.*got 2"),
+        ({"log_every": 0}, r"`log_every` must be >= 1, or None for no log; got 0"),
+    ],
+)
+def test_times_that_do_not_fit_are_refused(change, message):
+    with pytest.raises(DefinitionError, match=message):
+        attempt(**change)
+
+
+@pytest.mark.parametrize(("t1", "period", "samples"), [(0.3, 0.1, 4), (1.0, 1 / 3, 4), (0.7, 0.07, 11)])
+def test_a_whole_number_of_periods_is_found_in_spite_of_rounding(t1, period, samples):
+    run = simulate(SMOOTH_PLANT, SPRING, MOTION_4_1, START_4_1, t1=t1, period=period)
+    assert int(run.tally.samples) == samples
+
+
+@pytest.mark.parametrize(
+    ("q", "message"),
+    [
+        ([-0.4, 2.7], r"got e\(0\) = 0.7 for joint 2, whose bounds are -0.12 and 0.6"),
+        ([-0.7, 2.5], r"got e\(0\) = -0.9 for joint 1, whose bounds are -0.8 and 0.16"),
+        ([1.001, 2.5], r"got e\(0\) = 0.801 for joint 1, whose bounds are -0.16 and 0.8"),
+    ],
+)
+def test_a_start_outside_the_envelope_is_refused(q, message):
+    with pytest.raises(DefinitionError, match=message) as refused:
+        attempt(start=State(q=jnp.array(q), dq=jnp.zeros(2)))
+    for part in ("eq. 12", "|e(0)| < rho0", "eq. 20", "enlarge the initial radius"):
+        assert part in str(refused.value)
+
+
+def test_a_start_without_any_error_is_fine():
+    start = State(q=MOTION_4_1.position(jnp.zeros(())), dq=jnp.zeros(2))
+    assert attempt(start=start).outcome.ok
+
+
+@pytest.mark.parametrize(
+    ("start", "message"),
+    [
+        (State(q=jnp.zeros(3), dq=jnp.zeros(3)), r"`state0.q` must have one entry for each of the 2 joints; got \(3,\)"),
+        (State(q=jnp.array([0.0, jnp.nan]), dq=jnp.zeros(2)), r"`state0.q` must be finite; it is not for joint 2"),
+        (State(q=START_4_1.q, dq=jnp.array([jnp.inf, 0.0])), r"`state0.dq` must be finite; it is not for joint 1"),
+    ],
+)
+def test_a_wrong_start_is_refused(start, message):
+    with pytest.raises(DefinitionError, match=message):
+        attempt(start=start)
+
+
+def test_a_controller_for_another_number_of_joints_is_refused():
+    with pytest.raises(DefinitionError, match="the controller commands 3 joints, but the plant has 2"):
+        attempt(law=law_4_2())
+
+
+def test_a_plant_with_another_number_of_joints_is_refused():
+    with pytest.raises(DefinitionError, match="the controller commands 2 joints, but the plant has 3"):
+        attempt(plant=Plant(SCARA, Constant([0.0, 0.0, 0.0])))
+
+
+def test_a_trajectory_for_another_number_of_joints_is_refused():
+    with pytest.raises(DefinitionError, match=r"the trajectory gives \[3\] positions, but the plant has 2 joints"):
+        attempt(trajectory=MOTION_4_2)
+
+
+def test_a_disturbance_on_another_number_of_joints_is_refused():
+    with pytest.raises(DefinitionError, match=r"the disturbance gives \[3\] forces, but the plant has 2 joints"):
+        attempt(plant=plant_4_1(Constant([0.0, 0.0, 0.0])))
