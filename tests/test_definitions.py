@@ -1,4 +1,4 @@
-"""Things that cannot be are refused at construction, with the field, the rule, its equation, the value and the joint."""
+"""What cannot be is refused at construction, with the field, the rule, its equation, the value and the joint."""
 
 import jax
 import jax.numpy as jnp
@@ -28,7 +28,7 @@ def surface(**changes):
 
 
 def bound(**changes):
-    right = dict(inertia_min=0.09, inertia_max=0.2, constant=12.0, position=2.2, velocity=2.8, margin=1.0)
+    right = {"inertia_min": 0.09, "inertia_max": 0.2, "constant": 12.0, "position": 2.2, "velocity": 2.8, "margin": 1.0}
     return UncertaintyBound(**(right | changes))
 
 
@@ -47,7 +47,13 @@ def scara(**changes):
 WRONG = [
     (fixed_time, "deadline", [5.0, 0.0], "must be > 0 s (eq. 20)", "got 0 for joint 2"),
     (fixed_time, "deadline", -1.0, "must be > 0 s (eq. 20)", "got -1"),
-    (fixed_time, "exponent", [2.01, 1.5], "must be > 2, so that the second derivative is continuous", "got 1.5 for joint 2"),
+    (
+        fixed_time,
+        "exponent",
+        [2.01, 1.5],
+        "must be > 2, so that the second derivative is continuous",
+        "got 1.5 for joint 2",
+    ),
     (fixed_time, "exponent", 2.0, "(eq. 20)", "got 2"),
     (fixed_time, "final", [0.002, 0.0], "must be > 0 (Definition 4, eq. 20)", "got 0 for joint 2"),
     (fixed_time, "final", -0.1, "must be > 0", "got -0.1"),
@@ -55,7 +61,13 @@ WRONG = [
     (fixed_time, "initial", 0.002, "(eq. 20)", "got 0.002"),
     (fixed_time, "initial", [NAN, 0.6], "must be", "got nan for joint 1"),
     (fixed_time, "deadline", NAN, "must be > 0 s", "got nan"),
-    (lambda **c: Exponential(**({"initial": 1.0, "final": 0.1, "rate": 1.0} | c)), "rate", 0.0, "Definition 4", "got 0"),
+    (
+        lambda **c: Exponential(**({"initial": 1.0, "final": 0.1, "rate": 1.0} | c)),
+        "rate",
+        0.0,
+        "Definition 4",
+        "got 0",
+    ),
     (
         lambda **c: FiniteTime(**({"initial": 1.0, "final": 0.1, "rate": 1.0, "exponent": 0.6} | c)),
         "exponent",
@@ -75,7 +87,13 @@ WRONG = [
     (surface, "k1", NAN, "must be > 0", "got nan"),
     (reaching, "exponent", 1.0, "must be > 1 (r, eq. 43)", "got 1"),
     (reaching, "gain", [0.1, 0.0], "symmetric positive definite (K0, eq. 43)", "got 0 for joint 2"),
-    (reaching, "gain", [[1.0, 2.0], [2.0, 1.0]], "symmetric positive definite (K0, eq. 43)", "[[1.0, 2.0], [2.0, 1.0]]"),
+    (
+        reaching,
+        "gain",
+        [[1.0, 2.0], [2.0, 1.0]],
+        "symmetric positive definite (K0, eq. 43)",
+        "[[1.0, 2.0], [2.0, 1.0]]",
+    ),
     (reaching, "gain", [[1.0, 0.5], [0.0, 1.0]], "symmetric positive definite", "[[1.0, 0.5], [0.0, 1.0]]"),
     (reaching, "gain", [[1.0, NAN], [NAN, 1.0]], "symmetric positive definite", "nan"),
     (reaching, "layer", -0.05, "must be >= 0 (s0, eq. 51", "got -0.05"),
@@ -92,7 +110,13 @@ WRONG = [
     (scara, "lengths", [0.3, NAN], "must be > 0 m", "got nan for"),
     (lambda **c: Friction(**({"coulomb": 0.3} | c)), "coulomb", [0.3, -0.1], "must be >= 0", "got -0.1 for joint 2"),
     (lambda **c: Friction(**({"coulomb": 0.3} | c)), "smoothing", 0.0, "must be > 0", "got 0"),
-    (lambda **c: Harmonic(**({"amplitude": [1.0], "frequency": 1.0} | c)), "frequency", NAN, "must be finite", "got nan"),
+    (
+        lambda **c: Harmonic(**({"amplitude": [1.0], "frequency": 1.0} | c)),
+        "frequency",
+        NAN,
+        "must be finite",
+        "got nan",
+    ),
     (lambda **c: Constant(**c), "value", [1.0, NAN], "must be finite", "got nan for joint 2"),
     (lambda **c: Posture(**c), "value", [NAN, 1.0], "must be finite", "got nan for joint 1"),
     (lambda **c: Step(**({"value": [1.0], "end": 1.0} | c)), "start", 2.0, "must be before its end", "got 2"),
@@ -104,7 +128,13 @@ WRONG = [
         "must be finite",
         "got nan for joint 2",
     ),
-    (lambda **c: ExponentialSum(**({"offset": [0.0], "amplitudes": [[1.0]]} | c)), "rates", [0.0], "must be > 0", "got 0"),
+    (
+        lambda **c: ExponentialSum(**({"offset": [0.0], "amplitudes": [[1.0]]} | c)),
+        "rates",
+        [0.0],
+        "must be > 0",
+        "got 0",
+    ),
 ]
 
 
@@ -191,4 +221,5 @@ def test_unknown_values_are_not_judged_inside_a_transformation():
 
 
 def test_the_law_of_three_joints_is_not_that_of_two():
-    assert law_4_2().joints == 3 and law_4_1().joints == 2
+    assert law_4_2().joints == 3
+    assert law_4_1().joints == 2

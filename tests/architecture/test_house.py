@@ -3,7 +3,6 @@
 import importlib
 import inspect
 import os
-import pkgutil
 import re
 import subprocess
 import sys
@@ -127,9 +126,7 @@ def enrolled_kinds(room):
     return {type(member) for member in found}
 
 
-@pytest.mark.parametrize(
-    "room", [room for room in ROOMS if (TESTS / room / "members.py").exists()]
-)
+@pytest.mark.parametrize("room", [room for room in ROOMS if (TESTS / room / "members.py").exists()])
 def test_every_member_of_a_room_is_enrolled_in_the_law_tests(room):
     """Whoever adds a member and forgets its line in `members.py` is told so here."""
     family = [

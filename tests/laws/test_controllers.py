@@ -71,7 +71,8 @@ def test_one_trace_serves_many_gains_states_and_times(case):
 @every("case", CONTROLLERS)
 def test_every_gain_is_a_floating_array_leaf(case):
     leaves = jax.tree.leaves(case.controller)
-    assert leaves and all(isinstance(leaf, jax.Array) and leaf.dtype == float for leaf in leaves)
+    assert leaves
+    assert all(isinstance(leaf, jax.Array) and leaf.dtype == float for leaf in leaves)
 
 
 @every("case", CONTROLLERS)
@@ -138,7 +139,8 @@ def test_the_memory_keeps_its_tree_shapes_and_types(case):
 def test_the_scheme_commands_one_torque_per_joint_of_its_arm(case):
     assert case.controller.joints == case.robot.joints
     tau = answer(case, case.controller, jnp.asarray(0.5), near(case, 0.5)).tau
-    assert tau.shape == (case.robot.joints,) and np.all(np.isfinite(tau))
+    assert tau.shape == (case.robot.joints,)
+    assert np.all(np.isfinite(tau))
 
 
 @every("case", CONTROLLERS)
@@ -148,7 +150,8 @@ def test_the_start_lies_inside_the_envelope_that_the_scheme_promises(case):
     envelope = case.controller.envelope(jnp.zeros(()), memory)
     if envelope is not None:
         e = np.asarray(case.start.q - reference.q)
-        assert np.all(np.asarray(envelope.lower) < e) and np.all(e < np.asarray(envelope.upper))
+        assert np.all(np.asarray(envelope.lower) < e)
+        assert np.all(e < np.asarray(envelope.upper))
 
 
 @every("case", CONTROLLERS)

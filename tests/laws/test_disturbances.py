@@ -47,5 +47,6 @@ def test_one_force_per_joint_and_finite_gradients_by_every_parameter(disturbance
         return jnp.sum(tau)
 
     leaves = jax.tree.leaves(disturbance)
-    assert leaves and all(isinstance(leaf, jax.Array) and leaf.dtype == float for leaf in leaves)
+    assert leaves
+    assert all(isinstance(leaf, jax.Array) and leaf.dtype == float for leaf in leaves)
     assert all(np.all(np.isfinite(leaf)) for leaf in jax.tree.leaves(jax.grad(total)(disturbance)))

@@ -138,7 +138,8 @@ def test_the_arm_looks_the_same_after_a_full_turn(robot):
 @every("robot", ROBOTS)
 def test_every_parameter_of_the_robot_is_a_differentiable_leaf(robot):
     leaves = jax.tree.leaves(robot)
-    assert leaves and all(isinstance(leaf, jax.Array) and leaf.dtype == float for leaf in leaves)
+    assert leaves
+    assert all(isinstance(leaf, jax.Array) and leaf.dtype == float for leaf in leaves)
     n = robot.joints
 
     def effect(robot):
@@ -147,5 +148,3 @@ def test_every_parameter_of_the_robot_is_a_differentiable_leaf(robot):
     gradient = jax.tree.leaves(jax.grad(effect)(robot))
     assert all(np.all(np.isfinite(leaf)) for leaf in gradient)
     assert any(np.any(np.asarray(leaf) != 0) for leaf in gradient)
-
-

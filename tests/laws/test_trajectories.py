@@ -32,7 +32,8 @@ def test_the_acceleration_is_the_derivative_of_the_velocity(trajectory):
 @every("trajectory", TRAJECTORIES)
 def test_all_parameters_are_differentiable_leaves(trajectory):
     leaves = jax.tree.leaves(trajectory)
-    assert leaves and all(isinstance(leaf, jax.Array) and leaf.dtype == float for leaf in leaves)
+    assert leaves
+    assert all(isinstance(leaf, jax.Array) and leaf.dtype == float for leaf in leaves)
     gradient = jax.grad(lambda trajectory: jnp.sum(trajectory.position(jnp.asarray(0.8))))(trajectory)
     assert all(np.all(np.isfinite(leaf)) for leaf in jax.tree.leaves(gradient))
 

@@ -71,7 +71,8 @@ def test_errors_at_the_bounds_go_to_plus_and_minus_infinity(transformation, star
 
     grid = np.array([eps(share) for share in (1e-12, 1e-6, 0.1, 0.3, 0.7, 0.9, 1 - 1e-6, 1 - 1e-12)])
     assert np.all(np.diff(grid, axis=0) > 0)
-    assert np.all(grid[0] < -20) and np.all(grid[-1] > 20)
+    assert np.all(grid[0] < -20)
+    assert np.all(grid[-1] > 20)
 
 
 @every("transformation", TRANSFORMATIONS)
@@ -82,7 +83,8 @@ def test_zero_error_is_zero_transformed_error_and_lies_inside(transformation, st
     np.testing.assert_allclose(error.eps1, 0.0, atol=1e-15)
     np.testing.assert_allclose(error.eps2, 0.0, atol=1e-15)
     envelope = transformation.envelope(jnp.asarray(0.5), memory)
-    assert np.all(np.asarray(envelope.lower) < 0) and np.all(np.asarray(envelope.upper) > 0)
+    assert np.all(np.asarray(envelope.lower) < 0)
+    assert np.all(np.asarray(envelope.upper) > 0)
 
 
 @every("transformation", TRANSFORMATIONS)

@@ -35,7 +35,12 @@ def closed_loop(plant, controller, trajectory, start):
 
 def by_scipy(rate, y0, t0=0.0, t1=END):
     solution = solve_ivp(
-        lambda t, y: np.asarray(rate(jnp.asarray(t), jnp.asarray(y))), (t0, t1), y0, method="DOP853", rtol=1e-13, atol=1e-13
+        lambda t, y: np.asarray(rate(jnp.asarray(t), jnp.asarray(y))),
+        (t0, t1),
+        y0,
+        method="DOP853",
+        rtol=1e-13,
+        atol=1e-13,
     )
     assert solution.success
     return solution.y[:, -1]

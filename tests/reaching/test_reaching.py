@@ -56,7 +56,7 @@ def test_the_robust_torque_is_that_of_eqs_45_and_46():
 
 
 def test_the_robust_torque_covers_the_uncertainty_it_is_made_for():
-    """`u >= b0 + b1‖q‖ + b2‖q̇‖² + γ‖τ0 + τ1 + τ2‖ + k` for any direction of length up to one: why (45) divides by 1 - γ."""
+    """`u >= b0 + b1‖q‖ + b2‖q̇‖² + γ‖τ0 + τ1 + τ2‖ + k` for any direction: why (45) divides by 1 - γ."""
     rng = np.random.default_rng(0)
     for _ in range(50):
         q, dq, tau = rng.normal(size=(3, 2)) * [[1.0], [2.0], [50.0]]

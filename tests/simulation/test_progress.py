@@ -22,14 +22,16 @@ def test_the_bar_shows_when_it_is_asked_for(capfd):
 def test_a_run_draws_its_bar_on_standard_error_and_nothing_on_standard_output(capfd):
     run(True)
     shown = capfd.readouterr()
-    assert "simulating" in shown.err and shown.out == ""
+    assert "simulating" in shown.err
+    assert shown.out == ""
 
 
 def test_no_bar_shows_when_it_is_not_wanted_or_nobody_looks_on(capfd):
     run(False)
     run(None)
     shown = capfd.readouterr()
-    assert shown.err == "" and shown.out == ""
+    assert shown.err == ""
+    assert shown.out == ""
 
 
 def test_a_long_piece_of_work_shows_its_bar_to_a_person(capfd, monkeypatch):

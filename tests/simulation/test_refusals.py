@@ -73,7 +73,10 @@ def test_a_start_without_any_error_is_fine():
 @pytest.mark.parametrize(
     ("start", "message"),
     [
-        (State(q=jnp.zeros(3), dq=jnp.zeros(3)), r"`state0.q` must have one entry for each of the 2 joints; got \(3,\)"),
+        (
+            State(q=jnp.zeros(3), dq=jnp.zeros(3)),
+            r"`state0.q` must have one entry for each of the 2 joints; got \(3,\)",
+        ),
         (State(q=jnp.array([0.0, jnp.nan]), dq=jnp.zeros(2)), r"`state0.q` must be finite; it is not for joint 2"),
         (State(q=START_4_1.q, dq=jnp.array([jnp.inf, 0.0])), r"`state0.dq` must be finite; it is not for joint 1"),
     ],

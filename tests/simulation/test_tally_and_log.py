@@ -8,7 +8,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from slidax.simulation import BANDS, simulate
+from slidax.simulation import BANDS, Tally, simulate
+from slidax.simulation.tally import Windows
 from tests.paper import MOTION_4_1, START_4_1, law_4_1, plant_4_1
 from tests.simulation.simple import SMOOTH_PLANT, SPRING
 
@@ -19,9 +20,7 @@ SAMPLES = 1501
 @cache
 def run(log_every, mode="held"):
     law = law_4_1(layer=0.5)
-    return simulate(
-        plant_4_1(), law, MOTION_4_1, START_4_1, t1=END, period=PERIOD, mode=mode, log_every=log_every
-    )
+    return simulate(plant_4_1(), law, MOTION_4_1, START_4_1, t1=END, period=PERIOD, mode=mode, log_every=log_every)
 
 
 def assert_same_bits(a, b):
@@ -100,14 +99,15 @@ def test_the_log_holds_what_the_controller_saw_and_said():
     np.testing.assert_allclose(log.reference.q[k], reference.q, rtol=1e-13)
     np.testing.assert_allclose(log.de[k], log.state.dq[k] - log.reference.dq[k], rtol=0, atol=0)
     assert set(log.signals) == {"s", "eps1", "eps2", "u"}
-    assert log.signals["u"].shape == (SAMPLES,) and log.signals["s"].shape == (SAMPLES, 2)
+    assert log.signals["u"].shape == (SAMPLES,)
+    assert log.signals["s"].shape == (SAMPLES, 2)
 
 
 def test_the_same_inputs_give_the_same_bits_twice():
-    again = simulate(
-        plant_4_1(), law_4_1(layer=0.5), MOTION_4_1, START_4_1, t1=END, period=PERIOD, log_every=1
+    again = simulate(plant_4_1(), law_4_1(layer=0.5), MOTION_4_1, START_4_1, t1=END, period=PERIOD, log_every=1)
+    assert_same_bits(
+        (again.tally, again.log, again.state, again.fault), (run(1).tally, run(1).log, run(1).state, run(1).fault)
     )
-    assert_same_bits((again.tally, again.log, again.state, again.fault), (run(1).tally, run(1).log, run(1).state, run(1).fault))
 
 
 @pytest.mark.parametrize("log_every", [1, 7])
@@ -127,21 +127,45 @@ def test_the_memory_passes_from_sample_to_sample_and_the_next_reference_is_one_p
 
 def test_a_scheme_without_an_envelope_has_none_in_its_log_and_an_infinite_margin():
     done = simulate(SMOOTH_PLANT, SPRING, MOTION_4_1, START_4_1, t1=0.5, period=0.01)
-    assert done.outcome.ok and not done.has_envelope and done.log.envelope is None
+    assert done.outcome.ok
+    assert not done.has_envelope
+    assert done.log.envelope is None
     assert np.all(np.isinf(done.tally.margin))
     assert run(1).has_envelope
 
 
 def test_the_run_knows_its_units_its_times_and_what_it_cost():
     done = run(1)
-    assert done.joint_units == ("rad", "rad") and done.joints == 2
-    assert float(done.period) == PERIOD and float(done.t1) == END
-    assert done.timing.compile_s > 0 and done.timing.run_s > 0
+    assert done.joint_units == ("rad", "rad")
+    assert done.joints == 2
+    assert float(done.period) == PERIOD
+    assert float(done.t1) == END
+    assert done.timing.compile_s > 0
+    assert done.timing.run_s > 0
 
 
 def test_other_bands_can_be_asked_for():
-    done = simulate(
-        SMOOTH_PLANT, SPRING, MOTION_4_1, START_4_1, t1=0.5, period=0.01, bands=(0.3, 1e-9)
-    )
+    done = simulate(SMOOTH_PLANT, SPRING, MOTION_4_1, START_4_1, t1=0.5, period=0.01, bands=(0.3, 1e-9))
     e = np.abs(np.asarray(done.log.e))
     assert np.asarray(done.tally.last_above)[0].tolist() == [np.flatnonzero(e[:, j] > 0.3)[-1] for j in (0, 1)]
+
+
+def test_the_step_that_leads_into_the_last_quarter_is_not_counted_in_it():
+    windows = Windows(steady=jnp.asarray(2), iae=jnp.asarray(0), bands=jnp.array([0.1]))
+    tally = Tally.empty(1, 1)
+    for k, tau in enumerate([0.0, 1.0, 9.0, 9.5, 9.0]):
+        tally = tally.add(jnp.asarray(k), jnp.array([0.01 * k]), jnp.array([tau]), None, windows)
+    assert float(tally.steady_step[0]) == 0.5
+    assert float(tally.max_step[0]) == 8.0
+    assert float(tally.aice[0]) == 10.0
+    assert float(tally.steady_error[0]) == 0.04
+
+
+@pytest.mark.parametrize("log_every", [None, 30_000])
+def test_the_stiff_printed_loop_too_rounds_alike_whatever_is_logged(log_every):
+    """A loop of a single turn is compiled otherwise: with these numbers it once rounded otherwise."""
+
+    def tally(log_every):
+        return simulate(plant_4_1(), law_4_1(), MOTION_4_1, START_4_1, t1=2.0, period=1e-4, log_every=log_every).tally
+
+    assert_same_bits(tally(log_every), tally(7))

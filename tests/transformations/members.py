@@ -1,4 +1,4 @@
-"""Every transformation: one line here enrols a new one in `tests/laws/test_transformations.py`. All act on two joints."""
+"""Every transformation: one line enrols a new one in `tests/laws/test_transformations.py`. All are for two joints."""
 
 from slidax.performance import Exponential
 from slidax.transformations import AbstractTransformation, PrescribedPerformance
