@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 import sys
 import time
 from collections.abc import Iterator
@@ -102,7 +103,7 @@ def run(
         summary = _summary(parts, finished, import_s)
         if out is not None:
             parquet.write_log(finished, out / "log.parquet")
-            write_run_report(parts, finished, summary, out)
+            write_run_report(parts, finished, out, command=shlex.join(["slidax", *sys.argv[1:]]))
         if json:
             _print_json(summary)
         else:

@@ -17,7 +17,6 @@ from .logged import log_of
 from .style import LINES, ROW, WIDTH, legend_above, styled
 from .thinning import thinned
 
-
 LEVEL: dict[str, Any] = {"color": "0.1", "linewidth": 0.7, "linestyle": "-", "zorder": 3}
 
 
@@ -46,6 +45,6 @@ def error_sizes(runs: Mapping[str, Run], *, levels: Mapping[str, Sequence[float]
     use_time_axis(panels[-1], 0.0, max(float(log.t[-1]) for log in logs))
     handles = [Line2D([], [], **line, label=name) for name, line in zip(runs, LINES, strict=False)]
     handles += [Line2D([], [], **LEVEL, label=name) for name in levels or {}]
-    legend_above(figure, list(handles))
+    legend_above(figure, handles)
     figure.align_ylabels()
     return figure

@@ -28,7 +28,7 @@ def performance(functions: Mapping[str, AbstractPerformance], t: np.ndarray) -> 
     """
     if not 1 <= len(functions) <= len(LINES):
         raise DefinitionError(f"this figure shows 1 to {len(LINES)} functions; got {len(functions)}")
-    figure = Figure(figsize=(5.6, 2.9), layout="constrained")
+    figure = Figure(figsize=(6.2, 3.1), layout="constrained")
     axes = figure.subplots()
     times = jnp.asarray(t, float)
     lines = []
@@ -40,5 +40,5 @@ def performance(functions: Mapping[str, AbstractPerformance], t: np.ndarray) -> 
     axes.set_yscale("log")
     use_time_axis(axes, float(t[0]), float(t[-1]))
     axes.set_ylabel(r"$\rho$  [rad or m]")
-    legend_above(figure, list(lines))
+    legend_above(figure, lines, columns=None if len(lines) < 5 else 3)
     return figure

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 from matplotlib import rc_context
 from matplotlib.artist import Artist
 from matplotlib.figure import Figure
 
-STYLE: dict[str, Any] = {
+STYLE: Any = {
     "font.family": "STIXGeneral",
     "mathtext.fontset": "stix",
     "font.size": 9.0,
@@ -71,20 +72,21 @@ LINES: tuple[dict[str, Any], ...] = (
 )
 """Colour and dashes of the first, second, ... line: told apart without colour too. After Okabe and Ito."""
 
-BAND = {"facecolor": "#E9EEF4", "edgecolor": "none"}
+BAND: dict[str, Any] = {"facecolor": "#E9EEF4", "edgecolor": "none"}
 """The inside of an envelope."""
 
-BOUND = {"color": "#6B7785", "linewidth": 0.8}
+BOUND: dict[str, Any] = {"color": "#6B7785", "linewidth": 0.8}
 """The edge of an envelope."""
 
 styled = rc_context(STYLE)
 """Decorates a function that draws: the settings of STYLE hold inside, and what held before holds after."""
 
 
-def legend_above(figure: Figure, handles: list[Artist]) -> None:
+def legend_above(figure: Figure, handles: Sequence[Artist], columns: int | None = None) -> None:
     """One legend above all panels, where it covers no data.
 
     - `figure`: with a constrained layout, which makes room.
     - `handles`: what to name, each with its label.
+    - `columns`: how many stand beside each other; all if not given.
     """
-    figure.legend(handles=handles, loc="outside upper center", ncols=len(handles))
+    figure.legend(handles=handles, loc="outside upper center", ncols=columns or len(handles))

@@ -28,8 +28,8 @@ def to_svg(figure: Figure, name: str) -> str:
     - `name`: put before each of its ids, so that several pictures fit into one page.
     """
     buffer = io.StringIO()
-    with rc_context({**STYLE, "svg.hashsalt": name}):
-        figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
+    with rc_context(STYLE | {"svg.hashsalt": name}):
+        figure.savefig(buffer, format="svg")
     text = METADATA.sub("", buffer.getvalue())
     text = IDENTIFIER.sub(lambda match: f"{match[1]}{name}-", text)
     text = PLACE.sub(lambda number: LONG_NUMBER.sub(_rounded, number[0]), text)

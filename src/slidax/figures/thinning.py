@@ -32,4 +32,6 @@ def every_nth(points: np.ndarray, most: int = 160) -> np.ndarray:
     - `points`: the curve, its points along the first axis.
     - `most`: how many to keep.
     """
-    return points[np.unique(np.linspace(0, len(points) - 1, min(most, len(points))).round().astype(int))]
+    chosen = np.unique(np.linspace(0, len(points) - 1, min(most, len(points))).round().astype(int))
+    kept: np.ndarray = points[chosen]
+    return kept

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -31,7 +33,7 @@ def tip_path(actual: np.ndarray, desired: np.ndarray) -> Figure:
         axes.set_ylabel(f"${'xyz'[up]}$  [m]")
         if rises:
             axes.set_title("from above" if up == 1 else "from the side")
-    mark = {"color": "0.2", "linestyle": "none", "markerfacecolor": "white", "markersize": 5.0}
+    mark: dict[str, Any] = {"color": "0.2", "linestyle": "none", "markerfacecolor": "white", "markersize": 5.0}
     legend_above(
         figure,
         [
@@ -48,7 +50,7 @@ def _draw(axes: Axes, actual: np.ndarray, desired: np.ndarray) -> None:
     axes.plot(*desired.T, **{**LINES[1], "linewidth": 1.1})
     for path, line in ((actual, LINES[0]), (desired, LINES[1])):
         for place, shape in zip((path[0], path[-1]), MARKS.values(), strict=True):
-            mark = {"markersize": 5.0, "markerfacecolor": "white", "markeredgecolor": line["color"]}
+            mark: dict[str, Any] = {"markersize": 5.0, "markerfacecolor": "white", "markeredgecolor": line["color"]}
             axes.plot(*place, marker=shape, linestyle="none", **mark, zorder=4)
     axes.set_aspect("equal", adjustable="box")
     axes.margins(0.08)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
@@ -46,7 +47,7 @@ def tracking_error(run: Run, *, window: tuple[float, float] | None = None) -> Fi
         logarithmic.set_ylabel(rf"$|e_{{{i + 1}}}|$  [{unit}]")
     for axes in panels[-1]:
         use_time_axis(axes, float(t[0]), float(t[-1]))
-    handles = [Line2D([], [], **LINES[0], label="error")]
+    handles: list[Artist] = [Line2D([], [], **LINES[0], label="error")]
     if log.envelope is not None:
         handles.append(Patch(facecolor=BAND["facecolor"], edgecolor=BOUND["color"], linewidth=0.8, label="envelope"))
     legend_above(figure, handles)

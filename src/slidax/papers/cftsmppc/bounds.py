@@ -1,0 +1,120 @@
+"""What the paper's inequalities say about its own examples."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from slidax._errors import DefinitionError
+from slidax._types import State
+from slidax.controllers import SlidingMode
+from slidax.performance import FixedTime
+from slidax.scenarios import Scenario
+from slidax.simulation import Run
+from slidax.surfaces import SmoothFixedTime
+from slidax.transformations import PrescribedPerformance
+
+
+class Parts(NamedTuple):
+    """The parts of CFTSMPPC, each of its own class."""
+
+    law: SlidingMode
+    transformation: PrescribedPerformance
+    performance: FixedTime
+    surface: SmoothFixedTime
+
+
+def parts_of(scenario: Scenario) -> Parts:
+    """The parts of the scenario's scheme.
+
+    - `scenario`: one of the examples.
+
+    Raises DefinitionError if its scheme is not CFTSMPPC with a fixed-time envelope.
+    """
+    law = scenario.controller
+    transformation = getattr(law, "transformation", None)
+    performance = getattr(transformation, "performance", None)
+    surface = getattr(law, "surface", None)
+    if (
+        isinstance(law, SlidingMode)
+        and isinstance(transformation, PrescribedPerformance)
+        and isinstance(performance, FixedTime)
+        and isinstance(surface, SmoothFixedTime)
+    ):
+        return Parts(law, transformation, performance, surface)
+    raise DefinitionError(f"`{scenario.name}` must have the scheme cftsmppc with a fixed-time envelope")
+
+
+def inverse_inertia(scenario: Scenario) -> dict[str, Any]:
+    """Ranges over q2 of `‖M⁻¹(q)‖`, spectral and Frobenius, and of the eigenvalues of `M⁻¹`; also `max ‖M⁻¹M0 - I‖`.
+
+    - `scenario`: its true robot, its nominal robot, and m1, m2, γ of (46), (47).
+
+    The inertia of both arms depends on q2 alone.
+    """
+    law = parts_of(scenario).law
+    robot, n = scenario.plant.robot, law.joints
+    turned = jnp.zeros((721, n)).at[:, 1].set(jnp.linspace(-jnp.pi, jnp.pi, 721))
+    mass, nominal = (np.asarray(jax.vmap(arm.mass)(turned)) for arm in (robot, law.nominal))
+    inverse = np.linalg.inv(mass)
+    values = np.linalg.eigvalsh(inverse)
+    frobenius = np.linalg.norm(inverse, axis=(1, 2))
+    mismatch = np.linalg.norm(inverse @ nominal - np.eye(n), ord=2, axis=(1, 2))
+    return {
+        "m1": float(law.bound.inertia_min),
+        "m2": float(law.bound.inertia_max),
+        "gamma": float(law.bound.gamma),
+        "eigenvalues": [float(values.min()), float(values.max())],
+        "spectral": [float(values[:, -1].min()), float(values[:, -1].max())],
+        "frobenius": [float(frobenius.min()), float(frobenius.max())],
+        "mismatch": float(mismatch.max()),
+    }
+
+
+def settling_bound(scenario: Scenario) -> dict[str, Any]:
+    """`T_max = T_r + T_s`, eqs. (48)-(50), s, with T_s of the slowest joint: the value of the formulas, no more.
+
+    - `scenario`: whose parameters are put in.
+    """
+    law, _, performance, surface = parts_of(scenario)
+    n, r = law.joints, float(law.reaching.exponent)
+    both = float(law.bound.inertia_min + law.bound.inertia_max)
+    gain = float(np.linalg.eigvalsh(np.asarray(law.reaching.gain) * np.eye(n)).min())
+    first = 2 / (float(law.bound.margin) * np.sqrt(both))
+    second = 2 / (n ** ((1 - r) / 2) * gain * both ** ((r + 1) / 2) * (r - 1))
+    k1, k2, p, q, radius = (np.asarray(x) for x in (surface.k1, surface.k2, surface.p, surface.q, performance.initial))
+    sliding = 2 ** (-(p + 1) / 2) * radius / (k1 * (1 - p)) + 2 ** (-(q + 1) / 2) * radius / (k2 * (q - 1))
+    return {
+        "reaching": float(first + second),
+        "sliding": float(np.max(sliding)),
+        "bound": float(first + second + np.max(sliding)),
+        "deadlines": np.broadcast_to(np.asarray(performance.deadline), n).tolist(),
+    }
+
+
+def expected_error(scenario: Scenario, run: Run) -> list[float] | None:
+    """Where the boundary layer of (51) balances the disturbance, if the model is exact, [n], rad or m.
+
+    `‖s‖ ≈ s0 ‖τ_d‖/(u - ‖τ_d‖)`, and `|e| ≈ ‖s‖/(k1 l1 β)` with `l1` of (30) and `β = (1/ϑ + 1)/ρ∞`, which is (26)
+    at e = 0; the largest over the second half of the run.
+
+    - `scenario`: what was simulated.
+    - `run`: its run, with a log.
+    """
+    law, transformation, performance, surface = parts_of(scenario)
+    if run.log is None or not run.outcome.ok:
+        return None
+    late = np.asarray(run.log.t) > 0.5 * float(run.t1)
+    disturbance = eqx.filter_vmap(lambda t, q, dq: scenario.plant.disturbance(t, State(q=q, dq=dq)))
+    forces = disturbance(*(jnp.asarray(x[late]) for x in (run.log.t, run.log.state.q, run.log.state.dq)))
+    force, u = np.linalg.norm(forces, axis=1), np.asarray(run.log.signals["u"])[late]
+    size = float((float(law.reaching.layer) * force / (u - force)).max())
+    p, delta = np.asarray(surface.p), np.asarray(surface.delta)
+    l1 = (p * p / 2 - 5 * p / 2 + 3) * delta ** (p - 1)
+    beta = (1 / np.asarray(transformation.overshoot) + 1) / np.asarray(performance.final)
+    errors = np.broadcast_to(size / (np.asarray(surface.k1) * l1 * beta), law.joints)
+    return [float(error) for error in errors]

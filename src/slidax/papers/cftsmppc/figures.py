@@ -1,0 +1,128 @@
+"""The paper's figures, the proposed scheme's part of them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from slidax import figures
+from slidax._errors import parameter
+from slidax.performance import AbstractPerformance, Exponential, FiniteTime, FixedTime
+from slidax.reports import Picture, picture, tip_paths
+
+from .printed import TABLE_3
+from .runs import READINGS, Case, Runs
+
+FINAL = parameter(0.01)
+"""Final radius of the functions of Fig. 1."""
+
+IN_ENVELOPES = "in their envelopes, and their sizes. Dashed: the envelope's narrower side"
+WHOLE = "the whole run and its beginning"
+
+
+def draw(runs: Runs, folder: Path) -> dict[str, Picture]:
+    """All figures of the report by name, written into the folder as SVG.
+
+    - `runs`: all runs.
+    - `folder`: where to.
+    """
+    reading = runs.readings[0]
+    how = READINGS[reading]
+    two, three = Case("4.1", reading), Case("4.2", reading)
+    drawn = [
+        ("fig-1", "Fig. 1", _narrowing(), "The performance function (20) from two initial radii, with two deadlines."),
+        (
+            "families",
+            "Beside Fig. 1",
+            _families(),
+            "Fixed-time functions settle at T = 5 s from wherever they start; finite-time ones the later, the farther "
+            "away they start; exponential ones in the limit only.",
+        ),
+        (
+            "fig-3",
+            "Fig. 3",
+            figures.tracking_error(runs[two]),
+            f"Example 4.1, tracking errors, {how}: {IN_ENVELOPES}.",
+        ),
+        ("fig-4", "Fig. 4", figures.torque(runs[two]), f"Example 4.1, torques, {how}: {WHOLE}."),
+        ("fig-5", "Fig. 5", _tip(runs, two), f"Example 4.1, path of the tip, {how}."),
+        (
+            "fig-7a",
+            "Fig. 7(a)",
+            figures.tracking_error(runs[three]),
+            f"Example 4.2, tracking errors, {how}: {IN_ENVELOPES}.",
+        ),
+        ("fig-7b", "Fig. 7(b)", _sizes(runs), _sizes_caption(runs)),
+        (
+            "fig-9",
+            "Fig. 9",
+            figures.velocity_error(runs[three]),
+            f"Example 4.2, velocity errors, {how}: at the beginning, and their sizes over the run.",
+        ),
+        ("fig-10", "Fig. 10", figures.torque(runs[three]), f"Example 4.2, torques, {how}: {WHOLE}."),
+        ("fig-11", "Fig. 11", _tip(runs, three), f"Example 4.2, path of the tip, {how}."),
+    ]
+    left = [case for case in runs.sampled if case.mode == "held" and not runs[case].outcome.ok]
+    if left:
+        drawn.append(_leaving(runs, left[-1]))
+    return {name: picture(figure, folder, name, title, caption) for name, title, figure, caption in drawn}
+
+
+def _fixed_time(initial: float, deadline: float) -> FixedTime:
+    return FixedTime(parameter(initial), FINAL, parameter(deadline), parameter(2.01))
+
+
+def _finite_time(initial: float) -> FiniteTime:
+    """From 0.5 it settles after 5 s too."""
+    return FiniteTime(parameter(initial), FINAL, parameter(0.49**0.2), parameter(0.8))
+
+
+def _narrowing() -> Figure:
+    functions = {
+        rf"$\rho_0 = {initial:g}$, $T = {deadline:g}$ s": _fixed_time(initial, deadline)
+        for initial in (0.5, 100.0)
+        for deadline in (2.0, 5.0)
+    }
+    return figures.performance(functions, np.linspace(0.0, 6.0, 601))
+
+
+def _families() -> Figure:
+    functions: dict[str, AbstractPerformance] = {
+        r"fixed-time, $\rho_0 = 0.5$": _fixed_time(0.5, 5.0),
+        r"fixed-time, $\rho_0 = 100$": _fixed_time(100.0, 5.0),
+        r"finite-time, $\rho_0 = 0.5$": _finite_time(0.5),
+        r"finite-time, $\rho_0 = 100$": _finite_time(100.0),
+        r"exponential, $\rho_0 = 100$": Exponential(parameter(100.0), FINAL, parameter(1.0)),
+    }
+    return figures.performance(functions, np.linspace(0.0, 16.0, 801))
+
+
+def _tip(runs: Runs, case: Case) -> Figure:
+    return figures.tip_path(*tip_paths(runs.scenarios[case].plant.robot, runs[case]))
+
+
+def _leaving(runs: Runs, case: Case) -> tuple[str, str, Figure, str]:
+    run = runs[case]
+    end = float(run.outcome.t or 0.0)
+    figure = figures.tracking_error(run, window=(end - 0.06, end))
+    caption = (
+        f"Example {case.example}, {READINGS[case.reading]}, torque held over {1e3 * case.period:g} ms: "
+        f"the last 60 ms before joint {run.outcome.joint} leaves its envelope."
+    )
+    return "leaving", "Beyond the sampling limit", figure, caption
+
+
+def _sizes(runs: Runs) -> Figure:
+    shown = {READINGS[reading]: runs[Case("4.2", reading)] for reading in runs.readings}
+    if "off" in runs.readings:
+        shown["off, half the step"] = runs[Case("4.2", "off").halved]
+    printed = next(item for item in TABLE_3 if item.quantity == "steady_error")
+    return figures.error_sizes(shown, levels={"printed in Table 3": printed.values})
+
+
+def _sizes_caption(runs: Runs) -> str:
+    half = ", and with it off at half the step" if "off" in runs.readings else ""
+    hows = " and ".join(READINGS[reading] for reading in runs.readings)
+    return f"Example 4.2, sizes of the tracking errors, {hows}{half}, beside the steady-state errors of Table 3."

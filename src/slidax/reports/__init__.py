@@ -1,0 +1,11 @@
+"""Pages that a person reads: one self-contained HTML file each, with its figures beside it as SVG."""
+
+from .machine import machine as machine
+from .machine import versions as versions
+from .numbers import significant as significant
+from .numbers import typeset as typeset
+from .page import render as render
+from .picture import Picture as Picture
+from .picture import picture as picture
+from .run_report import write_run_report as write_run_report
+from .tip_paths import tip_paths as tip_paths

@@ -1,0 +1,43 @@
+"""A figure as a page shows it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from markupsafe import Markup
+from matplotlib.figure import Figure
+
+from slidax.figures import inline, to_svg
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A figure with its caption, ready for the page.
+
+    - `name`: of the SVG file, without ending.
+    - `title`: a few words before the caption, such as "Fig. 3".
+    - `caption`: what is seen.
+    - `svg`: the picture.
+    - `width`: its natural width [in].
+    """
+
+    name: str
+    title: str
+    caption: str
+    svg: Markup
+    width: float
+
+
+def picture(figure: Figure, folder: Path, name: str, title: str, caption: str) -> Picture:
+    """Writes the figure into the folder as SVG, and returns it for the page.
+
+    - `figure`: the figure.
+    - `folder`: where to; made if missing.
+    - `name`: of the file, without ending.
+    - `title`, `caption`: plain text.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    svg = to_svg(figure, name)
+    (folder / f"{name}.svg").write_text(svg, encoding="utf-8")
+    return Picture(name, title, caption, Markup(inline(svg)), float(figure.get_figwidth()))
