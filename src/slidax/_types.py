@@ -61,8 +61,12 @@ class Command(eqx.Module):
     - `tau`: joint torques [n], N m (N for a prismatic joint).
     - `memory`: the controller's memory after this sample; the same tree as before it.
     - `signals`: inner quantities by name (`s`, `eps`, `rho`, `u`, ...), for plots and logs.
+    - `rate`: for a memory that is a state with a differential equation of its own, such as an adaptive gain: its time
+      derivative, a tree like `memory`. Whoever lets time pass integrates it: over a period in held mode, with the plant
+      in continuous mode. None for a memory without one.
     """
 
     tau: Vector
     memory: Memory
     signals: dict[str, Float[Array, "..."]]
+    rate: Memory = None
