@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from slidax._errors import require_joints
 from slidax._types import Command, Envelope, Memory, Reference, Scalar, State
-from slidax.numerics import matvec
+from slidax.numerics import matvec, once
 from slidax.reaching import FixedTimeReaching, UncertaintyBound
 from slidax.robots import AbstractRobot
 from slidax.surfaces import AbstractSurface
@@ -68,7 +68,7 @@ class SlidingMode(AbstractController):
         """
         q, dq = state.q, state.dq
         e, de = q - reference_now.q, dq - reference_now.dq
-        error = self.transformation(t, e, de, memory)
+        error = once(self.transformation(t, e, de, memory))
         pull, slope = self.surface.pull_and_slope(error.eps1)
         s = de + error.alpha * e + pull
 

@@ -4,6 +4,7 @@ from .derivatives import value_rate_curvature as value_rate_curvature
 from .ldl import is_positive_definite as is_positive_definite
 from .ldl import matvec as matvec
 from .ldl import solve_symmetric as solve_symmetric
+from .once import once as once
 from .power import power as power
 from .power import sig as sig
 from .power import sig_and_slope as sig_and_slope

@@ -3,31 +3,30 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import jax
 
-from slidax._types import Scalar, State
+from slidax._types import Scalar
 
 Watch = TypeVar("Watch")
 
 
 def runge_kutta_4(
-    rate: Callable[[Scalar, State], tuple[State, Watch]], t: Scalar, state: State, h: Scalar
-) -> tuple[State, tuple[Watch, ...]]:
+    rate: Callable[[Scalar, Any], tuple[Any, Watch]], t: Scalar, state: Any, h: Scalar
+) -> tuple[Any, tuple[Watch, ...]]:
     """The classical Runge-Kutta step: order 4, four evaluations at t, t + h/2 (twice) and t + h.
 
-    - `rate`: from time and state to (`State(dq, ddq)`, what to watch).
+    - `rate`: from time and state to (the state's time derivative, what to watch).
     - `t`: time at the step's start [s].
-    - `state`: state at the step's start.
+    - `state`: state at the step's start: any pytree.
     - `h`: step [s].
 
     Returns the state at `t + h`, and what was watched at each of the four evaluations, in order.
     """
 
-    def moved(slope: State, by: Scalar) -> State:
-        there: State = jax.tree.map(lambda y, dy: y + by * dy, state, slope)
-        return there
+    def moved(slope: Any, by: Scalar) -> Any:
+        return jax.tree.map(lambda y, dy: y + by * dy, state, slope)
 
     half = 0.5 * h
     k1, watch1 = rate(t, state)

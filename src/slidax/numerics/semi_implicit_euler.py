@@ -3,26 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TypeVar
+from typing import Any, TypeVar
 
+import equinox as eqx
+import jax
 
-from slidax._types import Scalar, State
+from slidax._types import Scalar
 
 Watch = TypeVar("Watch")
 
 
 def semi_implicit_euler(
-    rate: Callable[[Scalar, State], tuple[State, Watch]], t: Scalar, state: State, h: Scalar
-) -> tuple[State, tuple[Watch, ...]]:
+    rate: Callable[[Scalar, Any], tuple[Any, Watch]], t: Scalar, state: Any, h: Scalar
+) -> tuple[Any, tuple[Watch, ...]]:
     """`q̇⁺ = q̇ + h q̈(t, q, q̇)`, `q⁺ = q + h q̇⁺`: order 1, one evaluation.
 
-    - `rate`: from time and state to (`State(dq, ddq)`, what to watch).
+    - `rate`: from time and state to (the state's time derivative, what to watch).
     - `t`: time at the step's start [s].
-    - `state`: state at the step's start.
+    - `state`: state at the step's start: any pytree with fields `q` and `dq`; what else it holds moves by Euler's rule.
     - `h`: step [s].
 
     Returns the state at `t + h`, and what was watched at each evaluation, in order.
     """
     slope, watch = rate(t, state)
-    dq = state.dq + h * slope.dq
-    return State(q=state.q + h * dq, dq=dq), (watch,)
+    moved = jax.tree.map(lambda y, dy: y + h * dy, state, slope)
+    return eqx.tree_at(lambda y: y.q, moved, state.q + h * moved.dq), (watch,)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
@@ -24,7 +25,14 @@ def smooth_power_and_slope(
     - `delta`: half-width of the core, in (0, 1], broadcast with `x`.
     """
     magnitude = jnp.abs(x)
-    w = power(jnp.maximum(magnitude, delta), p - 1.0)
+    exponent = p - 1.0
+    edge = power(delta, exponent)
+    # Near the goal all entries are in the core, and a power is the dearest operation of a control step.
+    w = jax.lax.cond(
+        jnp.any(magnitude >= delta),
+        lambda: power(jnp.maximum(magnitude, delta), exponent),
+        lambda: jnp.broadcast_to(edge, jnp.broadcast_shapes(magnitude.shape, edge.shape)),
+    )
     z = jnp.minimum(magnitude * (1.0 / delta), 1.0)
     c1 = 0.5 * p * p - 2.5 * p + 3.0
     c2 = -p * p + 4.0 * p - 3.0

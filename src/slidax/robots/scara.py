@@ -10,6 +10,7 @@ from jaxtyping import Array, Float
 
 from slidax._errors import parameter, require, require_shape
 from slidax._types import Matrix, Scalar, Vector
+from slidax.numerics import once
 
 from .robot import AbstractRobot
 
@@ -54,7 +55,7 @@ class Scara(AbstractRobot):
         l1, l2 = self.lengths
         a = (m1 + m2 + m3) * l1 * l1
         b = (m2 + m3) * l2 * l2
-        c = (m2 + m3) * l1 * l2 * jnp.cos(q[1])
+        c = (m2 + m3) * l1 * l2 * once(jnp.cos(q[1]))
         zero = jnp.zeros_like(c)
         return jnp.array([[a + 2.0 * c + b, b + c, zero], [b + c, b, zero], [zero, zero, m3]])
 
@@ -65,7 +66,7 @@ class Scara(AbstractRobot):
         """
         _, m2, m3 = self.masses
         l1, l2 = self.lengths
-        h = (m2 + m3) * l1 * l2 * jnp.sin(q[1])
+        h = (m2 + m3) * l1 * l2 * once(jnp.sin(q[1]))
         return jnp.array([-h * dq[1] * (2.0 * dq[0] + dq[1]), h * dq[0] * dq[0], -m3 * self.gravity_acceleration])
 
     def potential(self, q: Vector) -> Scalar:

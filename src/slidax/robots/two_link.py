@@ -10,6 +10,7 @@ from jaxtyping import Array, Float
 
 from slidax._errors import parameter, require, require_shape
 from slidax._types import Matrix, Scalar, Vector
+from slidax.numerics import once
 
 from .robot import AbstractRobot
 
@@ -58,7 +59,7 @@ class TwoLink(AbstractRobot):
         l1, l2 = self.lengths
         i1, i2 = self.inertias
         b = m2 * l2 * l2
-        c = m2 * l1 * l2 * jnp.cos(q[1])
+        c = m2 * l1 * l2 * once(jnp.cos(q[1]))
         m11 = (m1 + m2) * l1 * l1 + b + 2.0 * c + i1
         return jnp.array([[m11, b + c], [b + c, b + i2]])
 
@@ -70,9 +71,12 @@ class TwoLink(AbstractRobot):
         m1, m2 = self.masses
         l1, l2 = self.lengths
         g = self.gravity_acceleration
-        h = m2 * l1 * l2 * jnp.sin(q[1])
-        g2 = m2 * l2 * g * jnp.cos(q[0] + q[1])
-        g1 = (m1 + m2) * l1 * g * jnp.cos(q[0]) + g2
+        cos1, sin1 = once((jnp.cos(q[0]), jnp.sin(q[0])))
+        cos2, sin2 = once((jnp.cos(q[1]), jnp.sin(q[1])))
+        h = m2 * l1 * l2 * sin2
+        # cos(q1 + q2), without one more call of the library.
+        g2 = m2 * l2 * g * (cos1 * cos2 - sin1 * sin2)
+        g1 = (m1 + m2) * l1 * g * cos1 + g2
         return jnp.array([g1 - h * dq[1] * (2.0 * dq[0] + dq[1]), g2 + h * dq[0] * dq[0]])
 
     def potential(self, q: Vector) -> Scalar:

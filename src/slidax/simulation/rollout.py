@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Int
 
-from slidax._types import Command, Envelope, Memory, Reference, Scalar, State
+from slidax._types import Command, Envelope, Memory, Reference, Scalar, State, Vector
 from slidax.controllers import AbstractController
+from slidax.numerics import once
 from slidax.trajectories import AbstractTrajectory
 
 from .outcome import Fault, earlier, find_fault, no_fault
@@ -19,7 +22,7 @@ from .plant import Plant
 from .run import Log
 from .tally import Tally, Windows
 
-Integrator = Callable[..., tuple[State, tuple[Any, ...]]]
+Integrator = Callable[..., tuple[Any, tuple[Any, ...]]]
 
 
 class Loop(eqx.Module):
@@ -57,6 +60,14 @@ class Carry(eqx.Module):
     fault: Fault
 
 
+class Moving(eqx.Module):
+    """What the integrator moves: the arm, and the controller's memory if that has a rate, else None."""
+
+    q: Vector
+    dq: Vector
+    memory: Memory
+
+
 class Evaluation(eqx.Module):
     """The law at one time: what it saw, what it answered, and what is wrong."""
 
@@ -86,20 +97,27 @@ def begin(loop: Loop, state: State) -> tuple[Carry, Envelope | None, Reference]:
     return carry, loop.controller.envelope(t, memory), reference
 
 
-def advance(loop: Loop, carry: Carry, points: int, every: int | None) -> tuple[Carry, Log | None]:
+def advance(loop: Loop, carry: Carry, points: int, every: int | None, *, pack: bool) -> tuple[Carry, Log | None]:
     """The carry after `points * (every or 1)` samples, with every `every`-th of them logged.
 
     - `loop`: what stays the same.
     - `carry`: what changes.
     - `points`: how many samples to log.
     - `every`: one in how many samples is logged; None logs none.
+    - `pack`: pass what stays the same as one array. Faster for a single run; a batch then shares nothing.
     """
+    arrays, rest = eqx.partition(loop, eqx.is_inexact_array)
+    packed, unpack = ravel_pytree(arrays)
 
     def sample(carry: Carry, _: None) -> tuple[Carry, Log]:
-        return _sample(loop, carry)
+        # One array instead of dozens: XLA looks up the address of each in every step.
+        same = eqx.combine(unpack(once(packed)), rest) if pack else loop
+        # Tied together, so that a run rounds alike whether it is logged or not.
+        tied: tuple[Carry, Log] = jax.lax.optimization_barrier(_sample(same, carry))
+        return tied
 
     def unlogged(carry: Carry, _: None) -> tuple[Carry, None]:
-        return _sample(loop, carry)[0], None
+        return sample(carry, None)[0], None
 
     def group(carry: Carry, _: None) -> tuple[Carry, Log]:
         carry, logs = jax.lax.scan(sample, carry, None, length=every)
@@ -113,7 +131,7 @@ def advance(loop: Loop, carry: Carry, points: int, every: int | None) -> tuple[C
 def _sample(loop: Loop, carry: Carry) -> tuple[Carry, Log]:
     """One sample: evaluate the law, count it, move the plant one period on, unless the run is over."""
     t = carry.k.astype(float) * loop.period
-    moved, stages = (_continuous_step if loop.continuous else _held_step)(loop, carry, t)
+    moved, memory, stages = (_continuous_step if loop.continuous else _held_step)(loop, carry, t)
     now = stages[0]
     e = carry.state.q - now.reference.q
 
@@ -128,10 +146,11 @@ def _sample(loop: Loop, carry: Carry) -> tuple[Carry, Log]:
     counted = carry.tally.add(carry.k, e, now.command.tau, now.envelope, loop.windows)
     tally = _where(good, counted, carry.tally.with_violation(running & (now.fault.kind == 1)))
     after = Carry(
-        k=carry.k + running.astype(int),
+        # The number grows in runs that are over, too: so a batch has one time, and shares what depends on time alone.
+        k=carry.k + 1,
         state=_where(onward, moved, carry.state),
         good=_where(good, carry.state, carry.good),
-        memory=_where(onward, now.command.memory, carry.memory),
+        memory=_where(onward, memory, carry.memory),
         tally=tally,
         fault=_where(running, found, carry.fault),
     )
@@ -151,13 +170,15 @@ def _sample(loop: Loop, carry: Carry) -> tuple[Carry, Log]:
 def _evaluate(loop: Loop, t: Scalar, state: State, memory: Memory, ahead: Scalar) -> Evaluation:
     reference = loop.trajectory.reference(t)
     command = loop.controller(t, state, reference, loop.trajectory.reference(ahead), memory)
+    # Plant, tally and log read the same bits.
+    command = eqx.tree_at(lambda c: c.tau, command, once(command.tau))
     envelope = loop.controller.envelope(t, memory)
     finite = jnp.isfinite(command.tau) & jnp.isfinite(state.dq)
     return Evaluation(reference, command, envelope, find_fault(t, state.q - reference.q, finite, envelope))
 
 
-def _held_step(loop: Loop, carry: Carry, t: Scalar) -> tuple[State, tuple[Evaluation, ...]]:
-    """The law once, its torque held over the period."""
+def _held_step(loop: Loop, carry: Carry, t: Scalar) -> tuple[State, Memory, tuple[Evaluation, ...]]:
+    """The law once, its torque held over the period; a memory with a rate moves on by Euler's rule, as a robot's does."""
     now = _evaluate(loop, t, carry.state, carry.memory, t + loop.period)
     h = loop.period / loop.substeps
 
@@ -167,19 +188,29 @@ def _held_step(loop: Loop, carry: Carry, t: Scalar) -> tuple[State, tuple[Evalua
     def substep(state: State, i: Int[Array, ""]) -> tuple[State, None]:
         return loop.integrator(rate, t + i.astype(float) * h, state, h)[0], None
 
+    memory = now.command.memory
+    if now.command.rate is not None:
+        memory = jax.tree.map(lambda m, dm: m + loop.period * dm, memory, now.command.rate)
     if loop.substeps == 1:
-        return loop.integrator(rate, t, carry.state, h)[0], (now,)
-    return jax.lax.scan(substep, carry.state, jnp.arange(loop.substeps))[0], (now,)
+        return loop.integrator(rate, t, carry.state, h)[0], memory, (now,)
+    return jax.lax.scan(substep, carry.state, jnp.arange(loop.substeps))[0], memory, (now,)
 
 
-def _continuous_step(loop: Loop, carry: Carry, t: Scalar) -> tuple[State, tuple[Evaluation, ...]]:
+def _continuous_step(loop: Loop, carry: Carry, t: Scalar) -> tuple[State, Memory, tuple[Evaluation, ...]]:
     """The law in every stage of the integrator, as a fixed-step solver of block diagrams does."""
+    evaluate = partial(_evaluate, ahead=t + loop.period)
+    has_rate = eqx.filter_eval_shape(evaluate, loop, t, carry.state, carry.memory).command.rate is not None
 
-    def rate(t: Scalar, state: State) -> tuple[State, Evaluation]:
-        stage = _evaluate(loop, t, state, carry.memory, t + loop.period)
-        return State(q=state.dq, dq=loop.plant.acceleration(t, state, stage.command.tau)), stage
+    def rate(t: Scalar, now: Moving) -> tuple[Moving, Evaluation]:
+        state = State(q=now.q, dq=now.dq)
+        stage = evaluate(loop, t, state, now.memory if has_rate else carry.memory)
+        acceleration = loop.plant.acceleration(t, state, stage.command.tau)
+        return Moving(q=now.dq, dq=acceleration, memory=stage.command.rate), stage
 
-    return loop.integrator(rate, t, carry.state, loop.period)
+    start = Moving(q=carry.state.q, dq=carry.state.dq, memory=carry.memory if has_rate else None)
+    moved, stages = loop.integrator(rate, t, start, loop.period)
+    memory = moved.memory if has_rate else stages[0].command.memory
+    return State(q=moved.q, dq=moved.dq), memory, stages
 
 
 def _where(condition: Array, yes: Any, no: Any) -> Any:

@@ -25,8 +25,9 @@ from .tally import Windows
 BANDS = (1e-2, 1e-3, 1e-4, 1e-5, 1e-8)
 """The settling bands that are tallied unless others are asked for, rad or m."""
 
-CHUNK = 10_000
-"""About how many samples pass between two looks at the run: often enough for a progress bar, rarely enough to be free."""
+CHUNK = 50_000
+"""About how many samples pass between two looks at the run: often enough for a progress bar, and rarely enough, as a look
+costs as much as a thousand samples."""
 
 _begin = eqx.filter_jit(begin)
 _advance: Any = eqx.filter_jit(advance)
@@ -81,7 +82,7 @@ def simulate(
     if traced:
         carry, _, _ = begin(loop, state0)
         points = -(-samples // (log_every or 1))
-        carry, log = advance(loop, carry, points, log_every)
+        carry, log = advance(loop, carry, points, log_every, pack=False)
         timing = None
     else:
         carry, envelope, reference = _begin(loop, state0)
@@ -109,17 +110,17 @@ def _drive(
 ) -> tuple[Carry, Log | None, Timing]:
     """Runs the loop in chunks of equal size, so that it is compiled once and can be watched."""
     chunks = max(1, round(samples / CHUNK))
-    # Without a log, two lines per chunk are made and dropped: a loop without any, or of a single turn, is compiled
-    # otherwise and rounds otherwise, and then the metrics would depend on what is logged.
-    stride = every or -(-samples // (2 * chunks))
-    points = max(2, -(-samples // (chunks * stride)))
-    chunks = -(-samples // (points * stride))
-    compiled = _advance.lower(loop, carry, points, stride).compile()
+    # In continuous mode a loop without a log is compiled otherwise, rounds otherwise (it fuses other products into sums),
+    # and the metrics would depend on what is logged. So two lines per chunk are made there, and dropped.
+    stride = every or (-(-samples // (2 * chunks)) if loop.continuous else None)
+    points = max(2, -(-samples // (chunks * (stride or 1))))
+    chunks = -(-samples // (points * (stride or 1)))
+    compiled = _advance.lower(loop, carry, points, stride, pack=True).compile()
     ready = time.perf_counter()
     logs = []
     with Progress(chunks, progress) as bar:
         for _ in range(chunks):
-            carry, log = compiled(loop, carry, points, stride)
+            carry, log = compiled(loop, carry, points, stride, pack=True)
             if every is not None:
                 logs.append(jax.tree.map(np.asarray, log))
             bar.advance()
