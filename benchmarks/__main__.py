@@ -11,7 +11,7 @@ from typing import Any
 from benchmarks import machine
 
 TARGET = Path(__file__).with_name("PERFORMANCE.md")
-HELD, CONTINUOUS = "slidax, held", "slidax, continuous (RK4)"
+HELD = "slidax, held"
 REFERENCE = {"held": "example_4_1_data.c, held", "continuous": "example_4_1_data.c, continuous"}
 WHAT = {
     "slidax, held": "torque held over a period, semi-implicit Euler, metrics of every sample",
@@ -44,9 +44,9 @@ def _page(parts: dict[str, Any]) -> str:
     lines = [
         "# Performance",
         "",
-        "Written by `make bench`; do not edit. Each table was measured in one run, its rows in turns, on one core unless",
-        "it says otherwise. Least time of all rounds, with the median in brackets. Ratios count, not the times: they are",
-        "of this machine and this hour.",
+        "Written by `make bench`; do not edit. Each table was measured in one run, its rows in turns, on one core",
+        "unless it says otherwise. Least time of all rounds, with the median in brackets. Ratios count, not times:",
+        "those are of this machine and this hour.",
         "",
         f"Machine: {machine.describe()}.",
         "",

@@ -1,6 +1,6 @@
 """Run a built-in scenario, read its metrics, draw its error inside the envelope.
 
-    python examples/01_run_a_scenario.py [FIGURE.svg]
+Usage: python examples/01_run_a_scenario.py [FIGURE.svg]
 """
 
 import sys

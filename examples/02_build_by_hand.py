@@ -1,6 +1,6 @@
 """Put a closed loop together from parts: an arm, a motion through waypoints, friction and a push, and the law.
 
-    python examples/02_build_by_hand.py
+Usage: python examples/02_build_by_hand.py
 """
 
 import jax
@@ -8,6 +8,7 @@ import jax
 jax.config.update("jax_enable_x64", True)
 
 import jax.numpy as jnp  # noqa: E402
+
 import slidax as sx  # noqa: E402
 from slidax.controllers import cftsmppc  # noqa: E402
 from slidax.disturbances import Friction, Step  # noqa: E402

@@ -1,6 +1,6 @@
 """Sweep a gain: 64 closed loops at once, compiled once, since every gain is an array leaf.
 
-    python examples/03_sweep_a_gain.py
+Usage: python examples/03_sweep_a_gain.py
 """
 
 import jax
@@ -9,6 +9,7 @@ jax.config.update("jax_enable_x64", True)
 
 import equinox as eqx  # noqa: E402
 import jax.numpy as jnp  # noqa: E402
+
 import slidax as sx  # noqa: E402
 
 scenario = sx.scenarios.load("example-4.1")

@@ -1,6 +1,6 @@
 """Differentiate a whole closed loop: how the tracking error changes with each gain of the surface.
 
-    python examples/04_differentiate_a_run.py
+Usage: python examples/04_differentiate_a_run.py
 """
 
 import jax
@@ -9,6 +9,7 @@ jax.config.update("jax_enable_x64", True)
 
 import equinox as eqx  # noqa: E402
 import jax.numpy as jnp  # noqa: E402
+
 import slidax as sx  # noqa: E402
 
 scenario = sx.scenarios.load("example-4.2")

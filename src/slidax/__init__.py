@@ -45,10 +45,11 @@ if TYPE_CHECKING:
 
 __version__ = "0.1.0"
 
-_ROOMS = (
-    "controllers disturbances figures metrics numerics papers performance reaching reports robots scenarios simulation "
-    "surfaces trajectories transformations"
-).split()
+_ROOMS = [
+    *("trajectories", "robots", "disturbances", "numerics"),
+    *("performance", "transformations", "surfaces", "reaching", "controllers"),
+    *("simulation", "scenarios", "metrics", "figures", "papers", "reports"),
+]
 _NAMES = {
     "DefinitionError": "_errors",
     "OutcomeError": "_errors",

@@ -86,7 +86,8 @@ def require(owner: object, field: str, holds: Any, rule: str) -> None:
         joint = int(np.argmax(wrong))
         raise DefinitionError(f"{name} {rule}; got {number[joint].item():g} for joint {joint + 1}")
     if number.ndim == 0:
-        raise DefinitionError(f"{name} {rule}; got {number.item():g}, which fails for joint {int(np.argmax(wrong)) + 1}")
+        joint = int(np.argmax(wrong))
+        raise DefinitionError(f"{name} {rule}; got {number.item():g}, which fails for joint {joint + 1}")
     raise DefinitionError(f"{name} {rule}; got {number.tolist()}")
 
 

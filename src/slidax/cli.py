@@ -54,7 +54,7 @@ class Disturbance(StrEnum):
 @app.command(epilog="Example:  slidax reproduce --out reproduction")
 def reproduce(
     out: Annotated[Path, typer.Option(help="Where report.html, figures/ and results.json go.")] = Path("reproduction"),
-    disturbance: Annotated[Disturbance, typer.Option(help="The disturbance as stated, off, or both.")] = Disturbance.both,
+    disturbance: Annotated[Disturbance, typer.Option(help="As stated, off, or both.")] = Disturbance.both,
 ) -> None:
     """The paper's figures and tables beside what is computed here, as one report."""
     with _errors_as_lines():
@@ -80,7 +80,7 @@ def reproduce(
 def run(
     scenario: Annotated[str, typer.Argument(help="A built-in scenario by name, or a YAML file.")],
     changes: Annotated[
-        list[str] | None, typer.Option("--set", metavar="PATH=VALUE", help="Set a field; the value is YAML. Repeatable.")
+        list[str] | None, typer.Option("--set", metavar="PATH=VALUE", help="Set a field, as YAML; repeatable.")
     ] = None,
     json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
     out: Annotated[Path | None, typer.Option(help="Write a report, a Parquet log and figures there.")] = None,

@@ -20,7 +20,8 @@ def settling_time(run: Run, band: float) -> np.ndarray:
     match = np.flatnonzero(np.isclose(bands, band, rtol=1e-9, atol=0.0))
     if not len(match):
         known = ", ".join(f"{b:g}" for b in bands)
-        raise DefinitionError(f"the band {band:g} was not tallied; there are {known}; simulate with `bands=({band:g},)`")
+        remedy = f"simulate with `bands=({band:g},)`"
+        raise DefinitionError(f"the band {band:g} was not tallied; there are {known}; {remedy}")
     last = np.maximum(np.asarray(run.tally.last_above)[match[0]], 0)
     # Rounded to a picosecond: 7614 periods of 1e-4 s are .7614 s, not .7614000000000001 s.
     times: np.ndarray = np.round(last * float(run.period), 12)

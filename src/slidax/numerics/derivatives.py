@@ -10,9 +10,7 @@ import jax.numpy as jnp
 from slidax._types import PerJoint, Scalar
 
 
-def value_rate_curvature(
-    function: Callable[[Scalar], PerJoint], t: Scalar
-) -> tuple[PerJoint, PerJoint, PerJoint]:
+def value_rate_curvature(function: Callable[[Scalar], PerJoint], t: Scalar) -> tuple[PerJoint, PerJoint, PerJoint]:
     """`f(t), f'(t), f''(t)` by two nested forward derivatives.
 
     - `function`: from a time in s to an array.

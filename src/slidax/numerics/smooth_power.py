@@ -40,9 +40,7 @@ def smooth_power_and_slope(
     return x * w * (c1 + z * (c2 + z * c3)), w * (c1 + z * (2.0 * c2 + z * 3.0 * c3))
 
 
-def smooth_power(
-    x: Float[Array, "..."], p: Float[Array, "..."], delta: Float[Array, "..."]
-) -> Float[Array, "..."]:
+def smooth_power(x: Float[Array, "..."], p: Float[Array, "..."], delta: Float[Array, "..."]) -> Float[Array, "..."]:
     """`s^p(x)`, eq. (29).
 
     - `x`: any real array.

@@ -16,7 +16,7 @@ class FiniteTime(AbstractPerformance):
     """The solution of `ρ̇ = -c (ρ - ρ∞)^κ`: `ρ(t) = ((ρ0 - ρ∞)^(1-κ) - (1-κ) c t)^(1/(1-κ)) + ρ∞`, then `ρ∞`.
 
     It settles at `T = (ρ0 - ρ∞)^(1-κ) / ((1-κ) c)`, which grows with ρ0; that is what the paper holds against the
-    finite-time functions it cites as [43]. Reconstructed: the paper does not print that function; this is the usual one.
+    finite-time functions it cites as [43]. Reconstructed: the paper does not print that function; this one is usual.
 
     - `initial`: ρ0, one number or [n], rad or m; greater than |e(0)|.
     - `final`: ρ∞, one number or [n], rad or m; 0 < ρ∞ < ρ0.

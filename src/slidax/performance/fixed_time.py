@@ -32,9 +32,8 @@ class FixedTime(AbstractPerformance):
         require_consistent(self, "initial", "final", "deadline", "exponent")
         require_narrowing(self)
         require(self, "deadline", self.deadline > 0, "must be > 0 s (eq. 20)")
-        require(
-            self, "exponent", self.exponent > 2, "must be > 2, so that the second derivative is continuous at T (eq. 20)"
-        )
+        smooth = "must be > 2, so that the second derivative is continuous at T (eq. 20)"
+        require(self, "exponent", self.exponent > 2, smooth)
 
     def radius(self, t: Scalar) -> PerJoint:
         """`ρ(t)`, [n], rad or m.

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from typing import ClassVar
 
 import equinox as eqx
 import jax
@@ -31,7 +30,7 @@ class AbstractRobot(eqx.Module):
 
     @property
     def torque_units(self) -> tuple[str, ...]:
-        """"N m" for a revolute joint, "N" for a prismatic one."""
+        """Unit of each joint's torque: "N m" for a revolute joint, "N" for a prismatic one."""
         return tuple("N m" if unit == "rad" else "N" for unit in self.joint_units)
 
     @abstractmethod
@@ -93,5 +92,3 @@ class AbstractRobot(eqx.Module):
         - `tau`: all generalised forces together [n], N m or N.
         """
         return solve_symmetric(self.mass(state.q), tau - self.bias(state.q, state.dq))
-
-

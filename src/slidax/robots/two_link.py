@@ -23,9 +23,9 @@ class TwoLink(AbstractRobot):
     `C = [-h q̇2, -h (q̇1 + q̇2); h q̇1, 0]`,
     `G = [(m1 + m2) l1 g cos q1 + m2 l2 g cos(q1 + q2), m2 l2 g cos(q1 + q2)]`.
 
-    Source: the benchmark arm that the paper cites as [45] and does not print; this is its standard form. The eigenvalues
-    of `M⁻¹`, .089 to .197 for the paper's numbers, are where its bounds .09 and .2 come from. `I1` and `I2` stand on the
-    diagonal alone, so they act as inertias that turn with their own joint.
+    Source: the benchmark arm that the paper cites as [45] and does not print; this is its standard form. The
+    eigenvalues of `M⁻¹`, .089 to .197 for the paper's numbers, are where its bounds .09 and .2 come from. `I1` and `I2`
+    stand on the diagonal alone, so they act as inertias that turn with their own joint.
 
     - `lengths`: l1, l2, [2], m.
     - `masses`: m1, m2, [2], kg.

@@ -13,7 +13,7 @@ Numbers = Annotated[float | list[float], Field(union_mode="left_to_right")]
 
 
 def nearest(word: str, known: list[str]) -> str:
-    """" did you mean ...?" with the known word that is most like the given one, or the list of them all.
+    """A question with the known word that is most like the given one, or the list of them all.
 
     - `word`: what was written.
     - `known`: what could have been.

@@ -41,7 +41,8 @@ class StartDescription(Description):
         dq = [0.0] * joints if self.dq is None else self.dq
         for field, values in (("q", self.q), ("dq", dq)):
             if len(values) != joints:
-                raise DefinitionError(f"must have one entry for each of the {joints} joints; got {len(values)}", where=field)
+                message = f"must have one entry for each of the {joints} joints; got {len(values)}"
+                raise DefinitionError(message, where=field)
         return State(q=parameter(self.q), dq=parameter(dq))
 
 

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from slidax._errors import located
-from slidax.disturbances import AbstractDisturbance, Constant, Friction, Harmonic, Scaled, Step, Sum
+from slidax.disturbances import AbstractDisturbance, Constant, Friction, Harmonic, Step, Sum
 
 from .base import Description, Numbers
 
@@ -80,7 +80,7 @@ class DisturbanceDescription(Description):
 
     scale: float = 1.0
     """Factor on all terms; 0 switches the disturbance off."""
-    terms: list[Term] = []
+    terms: tuple[Term, ...] = ()
     """What adds up."""
 
     def build(self) -> AbstractDisturbance:

@@ -49,8 +49,15 @@ class Loop(eqx.Module):
 
 
 class Carry(eqx.Module):
-    """All that changes while time passes: the next sample's number, the state there and at the last good sample, the
-    memory, and what was found."""
+    """All that changes while time passes.
+
+    - `k`: number of the next sample.
+    - `state`: the state there.
+    - `good`: the state at the last good sample.
+    - `memory`: the controller's.
+    - `tally`: what was counted.
+    - `fault`: the first thing that went wrong.
+    """
 
     k: Int[Array, ""]
     state: State
@@ -178,7 +185,7 @@ def _evaluate(loop: Loop, t: Scalar, state: State, memory: Memory, ahead: Scalar
 
 
 def _held_step(loop: Loop, carry: Carry, t: Scalar) -> tuple[State, Memory, tuple[Evaluation, ...]]:
-    """The law once, its torque held over the period; a memory with a rate moves on by Euler's rule, as a robot's does."""
+    """The law once, its torque held over the period; a memory with a rate moves on by Euler's rule."""
     now = _evaluate(loop, t, carry.state, carry.memory, t + loop.period)
     h = loop.period / loop.substeps
 

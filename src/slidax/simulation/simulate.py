@@ -26,8 +26,8 @@ BANDS = (1e-2, 1e-3, 1e-4, 1e-5, 1e-8)
 """The settling bands that are tallied unless others are asked for, rad or m."""
 
 CHUNK = 50_000
-"""About how many samples pass between two looks at the run: often enough for a progress bar, and rarely enough, as a look
-costs as much as a thousand samples."""
+"""About how many samples pass between two looks at the run: often enough for a bar, and each look costs as much as a
+thousand samples."""
 
 _begin = eqx.filter_jit(begin)
 _advance: Any = eqx.filter_jit(advance)
@@ -110,8 +110,8 @@ def _drive(
 ) -> tuple[Carry, Log | None, Timing]:
     """Runs the loop in chunks of equal size, so that it is compiled once and can be watched."""
     chunks = max(1, round(samples / CHUNK))
-    # In continuous mode a loop without a log is compiled otherwise, rounds otherwise (it fuses other products into sums),
-    # and the metrics would depend on what is logged. So two lines per chunk are made there, and dropped.
+    # In continuous mode a loop without a log is compiled otherwise and rounds otherwise (it fuses other products into
+    # sums), and the metrics would depend on what is logged. So two lines per chunk are made there, and dropped.
     stride = every or (-(-samples // (2 * chunks)) if loop.continuous else None)
     points = max(2, -(-samples // (chunks * (stride or 1))))
     chunks = -(-samples // (points * (stride or 1)))

@@ -6,7 +6,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-from slidax._types import Envelope, Scalar, Vector
+from slidax._types import Envelope, Vector
 
 
 class Windows(eqx.Module):
@@ -75,9 +75,7 @@ class Tally(eqx.Module):
             margin=jnp.full(joints, jnp.inf),
         )
 
-    def add(
-        self, k: Int[Array, ""], e: Vector, tau: Vector, envelope: Envelope | None, windows: Windows
-    ) -> Tally:
+    def add(self, k: Int[Array, ""], e: Vector, tau: Vector, envelope: Envelope | None, windows: Windows) -> Tally:
         """The tally with one more sample.
 
         - `k`: number of the sample.
