@@ -535,8 +535,9 @@ int main(int argc, char **argv)
     printf("\"last_above\": [");
     for (int j = 0; j < BANDS; ++j)
         printf("%s[%ld, %ld]", j > 0 ? ", " : "", tally.last_above[0][j], tally.last_above[1][j]);
-    printf("], \"samples\": %ld, \"ns_per_step\": {\"min\": %.6g, \"median\": %.6g}, \"repeats\": %ld}\n", tally.samples,
-           ns[0], 0.5 * (ns[(repeats - 1) / 2] + ns[repeats / 2]), repeats);
+    printf("], \"samples\": %ld, ", tally.samples);
+    printf("\"ns_per_step\": {\"min\": %.6g, \"median\": %.6g}, \"repeats\": %ld}\n", ns[0],
+           0.5 * (ns[(repeats - 1) / 2] + ns[repeats / 2]), repeats);
     free(ns);
     return 0;
 }
