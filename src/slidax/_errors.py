@@ -138,3 +138,20 @@ def require_joints(tree: object, joints: int, of: str) -> None:
             raise DefinitionError(
                 f"`{name}` has shape {list(shape)}, but {of} has {joints} joints; give one number or {joints} of them"
             )
+
+
+def require_per_joint(owner: object, joints: int, of: str, *fields: str) -> None:
+    """Raises a DefinitionError unless each of the fields is one number, or has one entry per joint.
+
+    - `owner`: the object whose fields they are.
+    - `joints`: the number of joints.
+    - `of`: whose joints they are, for the message.
+    - `fields`: their names.
+    """
+    for field in fields:
+        shape = np.shape(getattr(owner, field))
+        if shape not in ((), (joints,)):
+            raise DefinitionError(
+                f"`{type(owner).__name__}.{field}` has shape {list(shape)}, but {of} has {joints} joints; "
+                f"give one number or {joints} of them"
+            )

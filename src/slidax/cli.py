@@ -87,6 +87,10 @@ def run(
 ) -> None:
     """One closed-loop run: its metrics as a table, as JSON, or as a report.
 
+    `--set scheme.name=NAME` puts another scheme in the place of the scenario's own; `slidax list schemes`
+    shows them. Of the file's scheme `performance`, `overshoot` and `bound` are kept, as far as NAME has them; all else
+    takes NAME's own defaults, which are the paper's where it prints any. Other `--set scheme.…` apply after that.
+
     Exit code 0: the run reached its end; 2: the scenario cannot be; 3: it left its envelope or became infinite.
     """
     with _errors_as_lines():

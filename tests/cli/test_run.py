@@ -80,6 +80,13 @@ def test_a_run_that_must_leave_its_envelope_exits_with_3_and_no_nan(mode: str) -
     assert "Joint 1 left its envelope at t = " in result.stderr
 
 
+def test_another_scheme_by_name_takes_the_place_of_the_files() -> None:
+    answer = answered("example-4.1", "--set", "scheme.reaching.layer=0.05", "--set", "scheme.name=ftsmc")
+    assert (answer["scheme"], answer["outcome"]) == ("ftsmc", "ok")
+    assert answer["metrics"]["envelope_violations"] is None
+    np.testing.assert_allclose(answer["metrics"]["steady_error"], [1.99e-4, 3.77e-4], rtol=0.01)
+
+
 def test_the_same_command_gives_the_same_bits() -> None:
     arguments = ("example-4.2", "--set", "simulation.t1=1")
     assert answered(*arguments)["metrics"] == answered(*arguments)["metrics"]

@@ -5,6 +5,7 @@ from typing import NamedTuple
 from slidax._types import State
 from slidax.controllers import AbstractController
 from slidax.robots import AbstractRobot
+from slidax.surfaces import Linear
 from slidax.trajectories import AbstractTrajectory
 from tests.paper import (
     MOTION_4_1,
@@ -16,6 +17,19 @@ from tests.paper import (
     law_4_1,
     law_4_2,
 )
+from tests.rivals import (
+    AROUND_4_1,
+    AROUND_4_2,
+    anftsmc_4_2,
+    computed_torque_4_1,
+    ftsmc_4_1,
+    ftsmppc_4_1,
+    gravity_pd_4_1,
+    nftsmc_4_2,
+    sfsmc_4_2,
+    slotine_li_4_1,
+    super_twisting_4_2,
+)
 
 
 class Case(NamedTuple):
@@ -25,11 +39,33 @@ class Case(NamedTuple):
     robot: AbstractRobot
     trajectory: AbstractTrajectory
     start: State
+    idle: int = 1
+    """How many of its gains have no part in the first torque: those of the surface's core, and of the memory's rate."""
+
+
+def two_link(controller: AbstractController, idle: int = 1) -> Case:
+    return Case(controller, TWO_LINK, MOTION_4_1, START_4_1, idle)
+
+
+def scara(controller: AbstractController, idle: int = 1) -> Case:
+    return Case(controller, SCARA, MOTION_4_2, START_4_2, idle)
 
 
 CONTROLLERS: list[tuple[str, Case]] = [
-    ("cftsmppc_4_1", Case(law_4_1(), TWO_LINK, MOTION_4_1, START_4_1)),
-    ("cftsmppc_4_1_unit_vector", Case(law_4_1(layer=0.0), TWO_LINK, MOTION_4_1, START_4_1)),
-    ("cftsmppc_4_2", Case(law_4_2(), SCARA, MOTION_4_2, START_4_2)),
-    ("cftsmppc_4_2_unit_vector", Case(law_4_2(layer=0.0), SCARA, MOTION_4_2, START_4_2)),
+    ("cftsmppc_4_1", two_link(law_4_1())),
+    ("cftsmppc_4_1_unit_vector", two_link(law_4_1(layer=0.0))),
+    ("cftsmppc_4_2", scara(law_4_2())),
+    ("cftsmppc_4_2_unit_vector", scara(law_4_2(layer=0.0))),
+    ("ftsmppc_4_1", two_link(ftsmppc_4_1())),
+    ("ftsmc_4_1", two_link(ftsmc_4_1())),
+    ("sfsmc_4_2", scara(sfsmc_4_2())),
+    ("sfsmc_4_2_inside_an_envelope", scara(sfsmc_4_2(transformation=AROUND_4_2, layer=0.05), idle=2)),
+    ("nftsmc_4_2", scara(nftsmc_4_2())),
+    ("anftsmc_4_2", scara(anftsmc_4_2(initial=[1.0, 0.5, 0.2], layer=0.01), idle=2)),
+    ("slotine_li", two_link(slotine_li_4_1())),
+    ("slotine_li_inside_an_envelope", two_link(slotine_li_4_1(AROUND_4_1, Linear(0.6)))),
+    ("super_twisting", scara(super_twisting_4_2())),
+    ("super_twisting_inside_an_envelope", scara(super_twisting_4_2(AROUND_4_2, Linear([0.5, 0.6, 0.7])))),
+    ("computed_torque", two_link(computed_torque_4_1())),
+    ("gravity_pd", two_link(gravity_pd_4_1())),
 ]

@@ -4,9 +4,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from slidax.surfaces import LinearCoreFixedTime
 from tests.enrolled import every
 from tests.surfaces.members import SURFACES
 
+# The older surface has a kink: what holds only without one is asked of the others.
+SMOOTH = [(name, member) for name, member in SURFACES if not isinstance(member, LinearCoreFixedTime)]
 GRID = np.concatenate([np.linspace(-3.0, 3.0, 1201), np.linspace(-0.02, 0.02, 801)])
 GRID.sort()
 
@@ -48,7 +51,7 @@ def test_joints_do_not_mix(surface):
     np.testing.assert_array_equal(jacobian - np.diag(np.diagonal(jacobian)), 0.0)
 
 
-@every("surface", SURFACES)
+@every("surface", SMOOTH)
 def test_the_slope_is_continuous(surface):
     """Bisection towards the largest change would close in on a jump; without one the change goes to nothing."""
     at = jax.jit(lambda x: slope(surface, jnp.stack([x, x])))
@@ -58,7 +61,7 @@ def test_the_slope_is_continuous(surface):
             middle = 0.5 * (low + high)
             lower, upper = np.abs(at(middle) - at(low)).max(), np.abs(at(high) - at(middle)).max()
             low, high = (low, middle) if lower > upper else (middle, high)
-        assert np.abs(at(high) - at(low)).max() < 1e-3 * first
+        assert np.abs(at(high) - at(low)).max() <= 1e-3 * first
 
 
 @every("surface", SURFACES)

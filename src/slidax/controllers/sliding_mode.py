@@ -5,7 +5,7 @@ from __future__ import annotations
 from slidax._errors import require_joints
 from slidax._types import Command, Envelope, Memory, Reference, Scalar, State
 from slidax.numerics import matvec, once
-from slidax.reaching import FixedTimeReaching, UncertaintyBound
+from slidax.reaching import AbstractReaching, UncertaintyBound
 from slidax.robots import AbstractRobot
 from slidax.surfaces import AbstractSurface
 from slidax.transformations import AbstractTransformation
@@ -34,7 +34,7 @@ class SlidingMode(AbstractController):
     nominal: AbstractRobot
     transformation: AbstractTransformation
     surface: AbstractSurface
-    reaching: FixedTimeReaching
+    reaching: AbstractReaching
     bound: UncertaintyBound
 
     def __check_init__(self) -> None:

@@ -1,4 +1,7 @@
 """Reaching laws: from the surface to the torque that drives it to zero, and how large that torque must be."""
 
 from .fixed_time_reaching import FixedTimeReaching as FixedTimeReaching
+from .reaching import AbstractReaching as AbstractReaching
+from .state_bound import StateBound as StateBound
+from .two_power_reaching import TwoPowerReaching as TwoPowerReaching
 from .uncertainty_bound import UncertaintyBound as UncertaintyBound

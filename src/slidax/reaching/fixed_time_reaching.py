@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import equinox as eqx
-import jax.numpy as jnp
 import numpy as np
 
 from slidax._errors import DefinitionError, is_traced, parameter, require, require_shape
 from slidax._types import PerJoint, Scalar, Vector
-from slidax.numerics import is_positive_definite, matvec, sig, vector_norm
+from slidax.numerics import is_positive_definite, matvec, sig, unit_vector
+
+from .reaching import AbstractReaching
 
 
-class FixedTimeReaching(eqx.Module):
+class FixedTimeReaching(AbstractReaching):
     """`-K0 Sig^r(s) - u s/(‖s‖ + s0)`, eqs. (43), (51); with `s0 = 0` the unit vector (44), 0 at s = 0.
 
     - `gain`: K0, one number, a diagonal [n] or a matrix [n n], symmetric positive definite.
@@ -50,5 +51,4 @@ class FixedTimeReaching(eqx.Module):
 
         - `s`: sliding variable [n], rad/s or m/s.
         """
-        size = vector_norm(s) + self.layer
-        return s / jnp.where(size > 0, size, 1.0)
+        return unit_vector(s, self.layer)

@@ -15,6 +15,7 @@ from slidax._errors import DefinitionError
 from .base import nearest
 from .description import ScenarioDescription
 from .scenario import Scenario
+from .switch import switched
 
 BUILT_IN = resources.files("slidax.scenarios") / "built_in"
 
@@ -28,7 +29,8 @@ def load(scenario: str | Path, changes: dict[str, Any] | None = None) -> Scenari
     """A scenario, built.
 
     - `scenario`: name of a built-in scenario, or path of a YAML file.
-    - `changes`: values by dotted path, such as `{"disturbance.scale": 0.0}`, set before validation.
+    - `changes`: values by dotted path, such as `{"disturbance.scale": 0.0}`, set before validation. `scheme.name` comes
+      first and puts another scheme in place of the file's, which leaves it `performance`, `overshoot` and `bound` only.
 
     Raises DefinitionError if there is no such scenario, or something in it cannot be.
     """
@@ -40,14 +42,18 @@ def parse(text: str, changes: dict[str, Any] | None = None) -> ScenarioDescripti
     """The validated description in a YAML text.
 
     - `text`: YAML.
-    - `changes`: values by dotted path, set before validation.
+    - `changes`: values by dotted path, set before validation, as in `load`.
 
     Raises DefinitionError with the path of the first field that is wrong.
     """
     data = read_yaml(text)
     if not isinstance(data, dict):
         raise DefinitionError("a scenario is a mapping with the keys " + ", ".join(ScenarioDescription.model_fields))
-    for path, value in (changes or {}).items():
+    changes = dict(changes or {})
+    # The name first: what else is set belongs to the scheme that is named.
+    if "scheme.name" in changes:
+        data["scheme"] = switched(data.get("scheme"), changes.pop("scheme.name"))
+    for path, value in changes.items():
         _set(data, path, value)
     try:
         return ScenarioDescription.model_validate(data)
@@ -108,8 +114,8 @@ def _translated(error: ValidationError, data: Any) -> DefinitionError:
     """The first mistake as one sentence: what pydantic says is for programmers."""
     mistakes = error.errors(include_url=False)
     first = mistakes[0]
-    where = _path(first["loc"], data)
-    together = [mistake for mistake in mistakes if _path(mistake["loc"], data) == where]
+    where = _path(first, data)
+    together = [mistake for mistake in mistakes if _path(mistake, data) == where]
     kinds = {mistake["type"] for mistake in together}
     context = first.get("ctx", {})
     given = first.get("input")
@@ -140,12 +146,14 @@ def _translated(error: ValidationError, data: Any) -> DefinitionError:
     return DefinitionError(message, where=where)
 
 
-def _path(loc: tuple[int | str, ...], data: Any) -> str:
+def _path(mistake: Any, data: Any) -> str:
     """The path as written in the file: pydantic puts the names of union members between the keys."""
+    loc: tuple[int | str, ...] = mistake["loc"]
+    absent = len(loc) - 1 if mistake["type"] == "missing" else -1
     parts: list[str] = []
     place = data
     for depth, part in enumerate(loc):
-        if isinstance(place, dict) and (part in place or depth == len(loc) - 1):
+        if isinstance(place, dict) and (part in place or depth == absent):
             place = place.get(part)
             parts.append(str(part))
         elif isinstance(place, list) and isinstance(part, int) and part < len(place):

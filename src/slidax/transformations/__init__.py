@@ -4,3 +4,4 @@ from .prescribed_performance import PrescribedPerformance as PrescribedPerforman
 from .prescribed_performance import Sides as Sides
 from .transformation import AbstractTransformation as AbstractTransformation
 from .transformation import TransformedError as TransformedError
+from .unconstrained import Unconstrained as Unconstrained

@@ -13,6 +13,7 @@ from slidax._errors import DefinitionError
 from slidax._types import State
 from slidax.controllers import SlidingMode
 from slidax.performance import FixedTime
+from slidax.reaching import FixedTimeReaching
 from slidax.scenarios import Scenario
 from slidax.simulation import Run
 from slidax.surfaces import SmoothFixedTime
@@ -26,6 +27,7 @@ class Parts(NamedTuple):
     transformation: PrescribedPerformance
     performance: FixedTime
     surface: SmoothFixedTime
+    reaching: FixedTimeReaching
 
 
 def parts_of(scenario: Scenario) -> Parts:
@@ -39,13 +41,15 @@ def parts_of(scenario: Scenario) -> Parts:
     transformation = getattr(law, "transformation", None)
     performance = getattr(transformation, "performance", None)
     surface = getattr(law, "surface", None)
+    reaching = getattr(law, "reaching", None)
     if (
         isinstance(law, SlidingMode)
         and isinstance(transformation, PrescribedPerformance)
         and isinstance(performance, FixedTime)
         and isinstance(surface, SmoothFixedTime)
+        and isinstance(reaching, FixedTimeReaching)
     ):
-        return Parts(law, transformation, performance, surface)
+        return Parts(law, transformation, performance, surface, reaching)
     raise DefinitionError(f"`{scenario.name}` must have the scheme cftsmppc with a fixed-time envelope")
 
 
@@ -80,10 +84,10 @@ def settling_bound(scenario: Scenario) -> dict[str, Any]:
 
     - `scenario`: whose parameters are put in.
     """
-    law, _, performance, surface = parts_of(scenario)
-    n, r = law.joints, float(law.reaching.exponent)
+    law, _, performance, surface, reaching = parts_of(scenario)
+    n, r = law.joints, float(reaching.exponent)
     both = float(law.bound.inertia_min + law.bound.inertia_max)
-    gain = float(np.linalg.eigvalsh(np.asarray(law.reaching.gain) * np.eye(n)).min())
+    gain = float(np.linalg.eigvalsh(np.asarray(reaching.gain) * np.eye(n)).min())
     first = 2 / (float(law.bound.margin) * np.sqrt(both))
     second = 2 / (n ** ((1 - r) / 2) * gain * both ** ((r + 1) / 2) * (r - 1))
     k1, k2, p, q, radius = (np.asarray(x) for x in (surface.k1, surface.k2, surface.p, surface.q, performance.initial))
@@ -105,14 +109,14 @@ def expected_error(scenario: Scenario, run: Run) -> list[float] | None:
     - `scenario`: what was simulated.
     - `run`: its run, with a log.
     """
-    law, transformation, performance, surface = parts_of(scenario)
+    law, transformation, performance, surface, reaching = parts_of(scenario)
     if run.log is None or not run.outcome.ok:
         return None
     late = np.asarray(run.log.t) > 0.5 * float(run.t1)
     disturbance = eqx.filter_vmap(lambda t, q, dq: scenario.plant.disturbance(t, State(q=q, dq=dq)))
     forces = disturbance(*(jnp.asarray(x[late]) for x in (run.log.t, run.log.state.q, run.log.state.dq)))
     force, u = np.linalg.norm(forces, axis=1), np.asarray(run.log.signals["u"])[late]
-    size = float((float(law.reaching.layer) * force / (u - force)).max())
+    size = float((float(reaching.layer) * force / (u - force)).max())
     p, delta = np.asarray(surface.p), np.asarray(surface.delta)
     l1 = (p * p / 2 - 5 * p / 2 + 3) * delta ** (p - 1)
     beta = (1 / np.asarray(transformation.overshoot) + 1) / np.asarray(performance.final)

@@ -1,0 +1,91 @@
+"""The torques of several schemes on the same task, some of which chatter."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from slidax.simulation import Run
+
+from .axes import use_time_axis
+from .logged import torque_unit
+from .overlay import Curves, clipped, column_starts, columns_for, curves_of, linear_range, name_runs, zero_line
+from .style import ROW, WIDTH, styled
+from .thinning import thinned
+
+TURNS = 4
+"""A torque that turns around at least so often within one column chatters there."""
+
+
+@styled
+def compared_torques(runs: Mapping[str, Run], *, beginning: float = 2.0) -> Figure:
+    """Per joint: the torques of all runs over the whole run, and to the right over the beginning.
+
+    Where a torque chatters, its range is drawn as a tinted band between its lowest and highest values; peaks far above
+    all else leave the axis.
+
+    - `runs`: finished runs of the same arm with logs, by the name that the legend gives them.
+    - `beginning`: how long the beginning is [s].
+
+    Raises DefinitionError if there are no runs, too many, one without a log, or arms with different joints.
+    """
+    curves = curves_of(runs, "tau")
+    units = next(iter(runs.values())).joint_units
+    figure = Figure(figsize=(WIDTH, ROW * 1.1 * len(units) + 0.25 + 0.2 * -(-len(runs) // 5)), layout="constrained")
+    panels = figure.subplots(len(units), 2, sharex="col", squeeze=False, width_ratios=[1.6, 1])
+    columns = columns_for(2 * len(units) * len(runs), 4)
+    end = max(float(c.t[-1]) for c in curves)
+    for axes_column, until in zip(panels.T, (end, min(beginning, end)), strict=True):
+        for i, axes in enumerate(axes_column):
+            seen = [c.t <= max(until, float(c.t[1])) for c in curves]
+            limits = linear_range([c.y[s, i] for c, s in zip(curves, seen, strict=True)])
+            zero_line(axes)
+            for c, s in zip(curves, seen, strict=True):
+                _draw(axes, Curves(c.t[s], clipped(c.y[s, i], limits), c.look), columns)
+            axes.set_ylim(limits)
+        use_time_axis(axes_column[-1], 0.0, until)
+    for i, unit in enumerate(units):
+        panels[i, 0].set_ylabel(rf"$\tau_{{{i + 1}}}$  [{torque_unit(unit)}]")
+    figure.align_ylabels()
+    name_runs(figure, runs)
+    return figure
+
+
+def _draw(axes: Axes, curve: Curves, columns: int) -> None:
+    t, y = curve.t, curve.y
+    chatters = _chatters(t, y, columns)
+    if not chatters.any():
+        axes.plot(*thinned(t, y, columns), **{**curve.look, "linewidth": 0.9})
+        return
+    starts = column_starts(t, columns)
+    ends = np.append(starts[1:], len(t))
+    middle = 0.5 * (t[starts] + t[ends - 1])
+    low, high = (np.where(chatters, f.reduceat(y, starts), np.nan) for f in (np.minimum, np.maximum))
+    color = curve.look["color"]
+    axes.fill_between(middle, low, high, facecolor=color, alpha=0.16, edgecolor="none", zorder=1.6)
+    for edge in (low, high):
+        axes.plot(middle, edge, **{**curve.look, "linewidth": 0.5}, zorder=1.9)
+    # The rest as a line; the columns next to a band lend it one sample, so that the two meet.
+    calm = np.repeat(~chatters, ends - starts)
+    for part in np.split(np.arange(len(t)), np.flatnonzero(np.diff(calm.astype(int))) + 1):
+        if len(part) > 1 and calm[part[0]]:
+            share = max(2, round(columns * len(part) / len(t)))
+            axes.plot(*thinned(t[part], y[part], share), **{**curve.look, "linewidth": 0.9})
+
+
+def _chatters(t: np.ndarray, y: np.ndarray, columns: int) -> np.ndarray:
+    """Whether the torque chatters, per column; short pauses and short bursts follow their neighbours."""
+    starts = column_starts(t, columns)
+    if len(t) < 2 * TURNS * len(starts):
+        return np.zeros(len(starts), bool)
+    rise = np.sign(np.diff(y))
+    turns = np.concatenate([[0], (rise[1:] * rise[:-1] < 0).astype(int), [0]])
+    # Turns that nobody could see do not count: rounding, or the last digit of a resting torque.
+    often = np.add.reduceat(turns, starts) >= TURNS
+    seen = np.maximum.reduceat(y, starts) - np.minimum.reduceat(y, starts) > 0.004 * np.ptp(y)
+    votes = np.convolve(np.pad((often & seen).astype(int), 2, mode="edge"), np.ones(5, int), mode="valid")
+    majority: np.ndarray = votes >= 3
+    return majority

@@ -1,0 +1,164 @@
+"""What pictures of several runs have in common: their looks, what they show of wild runs, and few enough points."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from slidax._errors import DefinitionError
+from slidax.simulation import Run
+
+from .logged import log_of
+from .style import LINES, legend_above
+
+LOOKS: tuple[dict[str, Any], ...] = (
+    *LINES[:4],
+    {"color": "#C79100", "linestyle": (0, (8, 1.6))},
+    {"color": "#000000", "linestyle": (0, (3, 1.2, 1.2, 1.2, 1.2, 1.2))},
+    {"color": "#CC5F9B", "linestyle": (0, (2.4, 1.2))},
+    {"color": "#56B4E9", "linestyle": (0, (8, 1.4, 2.4, 1.4))},
+    {"color": "#7A5230", "linestyle": (0, (1.2, 2.2))},
+    {"color": "#6B7785", "linestyle": "-"},
+    {"color": "#A50F15", "linestyle": (0, (5, 1.2, 1.2, 1.2, 1.2, 1.2))},
+    {"color": "#00594C", "linestyle": (0, (3, 2.4))},
+)
+"""Colour and dashes of the first, second, ... run: enough for all schemes, told apart without colour too."""
+
+POINTS = 7200
+"""About how many points all curves of a picture have together at most, so that it stays small as an SVG."""
+
+
+@dataclass(frozen=True)
+class Curves:
+    """One run as it is drawn.
+
+    - `t`: time [k], s.
+    - `y`: values [k n], all finite.
+    - `look`: colour and dashes.
+    """
+
+    t: np.ndarray
+    y: np.ndarray
+    look: dict[str, Any]
+
+
+def curves_of(runs: Mapping[str, Run], field: str) -> list[Curves]:
+    """What is to be drawn of each run, its finite samples only.
+
+    - `runs`: finished runs of the same arm with logs, by name.
+    - `field`: name of the log's quantity: `e`, `de` or `tau`.
+
+    Raises DefinitionError if there are no runs, too many, one without a log, or arms with different joints.
+    """
+    require_looks(runs)
+    first = next(iter(runs.values()))
+    found = []
+    for (name, run), look in zip(runs.items(), LOOKS, strict=False):
+        if run.joint_units != first.joint_units:
+            raise DefinitionError(f"the run `{name}` is of an arm with other joints; runs of one arm can be compared")
+        log = log_of(run)
+        y = np.asarray(getattr(log, field))
+        finite = np.isfinite(y).all(axis=1)
+        found.append(Curves(np.asarray(log.t)[finite], y[finite], look))
+    return found
+
+
+def require_looks(named: Mapping[str, Any]) -> None:
+    """Raises a DefinitionError unless there is at least one, and a look for each.
+
+    - `named`: what is to be drawn, by name.
+    """
+    if not 1 <= len(named) <= len(LOOKS):
+        raise DefinitionError(f"this figure shows 1 to {len(LOOKS)} runs; got {len(named)}")
+
+
+def columns_for(curves: int, points: int) -> int:
+    """Into how many columns to divide a panel, so that all curves together have not too many points.
+
+    - `curves`: how many there are in the whole picture.
+    - `points`: how many points each has per column.
+    """
+    return int(np.clip(POINTS // (curves * points), 60, 240))
+
+
+def linear_range(values: Sequence[np.ndarray]) -> tuple[float, float]:
+    """From where to where a linear axis goes: over all values, unless a few peaks would flatten all the rest.
+
+    - `values`: of each curve, [k].
+    """
+    inner = np.array([np.quantile(value, (0.01, 0.99)) for value in values if len(value)] or [(-1.0, 1.0)])
+    whole = np.array([(value.min(), value.max()) for value in values if len(value)] or [(-1.0, 1.0)])
+    # The largest of the runs must not hide the others either: no more than six times the span of the median run.
+    usual = 6.0 * float(np.median(np.abs(inner).max(axis=1)))
+    low, high = (float(f(limit)) for f, limit in zip((np.min, np.max), whole.T, strict=True))
+    if high - low > 4.0 * usual / 6.0 * 2.0 and usual > 0:
+        low, high = max(low, -usual), min(high, usual)
+    low, high = min(low, 0.0), max(high, 0.0)
+    gap = 0.07 * ((high - low) or 1.0)
+    return low - gap, high + gap
+
+
+def clipped(y: np.ndarray, limits: tuple[float, float]) -> np.ndarray:
+    """The values, with those far outside the axis brought near, where drawing them does not overflow.
+
+    - `y`: values.
+    - `limits`: of the axis.
+    """
+    span = limits[1] - limits[0]
+    near: np.ndarray = np.clip(y, limits[0] - span, limits[1] + span)
+    return near
+
+
+def crest(t: np.ndarray, size: np.ndarray, columns: int) -> tuple[np.ndarray, np.ndarray]:
+    """The largest sample of each column, and the first and last of all.
+
+    Sizes of errors that swing about zero then are one line at the height of the swing, and many can be told apart.
+
+    - `t`: increasing [k].
+    - `size`: values >= 0, [k].
+    - `columns`: how many.
+    """
+    if len(t) <= columns:
+        return t, size
+    starts = column_starts(t, columns)
+    ends = np.append(starts[1:], len(t))
+    peaks = [start + int(np.argmax(size[start:end])) for start, end in zip(starts, ends, strict=True)]
+    chosen = np.unique(np.array([0, *peaks, len(t) - 1]))
+    return t[chosen], size[chosen]
+
+
+def column_starts(t: np.ndarray, columns: int) -> np.ndarray:
+    """The number of the first sample in each column that has any.
+
+    - `t`: increasing [k].
+    - `columns`: how many there are.
+    """
+    column = np.minimum(((t - t[0]) * (columns / (t[-1] - t[0]))).astype(int), columns - 1)
+    return np.flatnonzero(np.diff(column, prepend=-1))
+
+
+def zero_line(axes: Axes) -> None:
+    """A faint line at zero.
+
+    - `axes`: where.
+    """
+    axes.axhline(0.0, color="0.75", linewidth=0.6, zorder=1.5)
+
+
+def name_runs(figure: Figure, names: Iterable[str], more: Sequence[Any] = ()) -> None:
+    """The legend of the runs, in rows of at most five.
+
+    - `figure`: where.
+    - `names`: of the runs, in the order of their looks.
+    - `more`: what else to name.
+    """
+    handles = [Line2D([], [], **look, label=name) for name, look in zip(names, LOOKS, strict=False)]
+    handles += more
+    rows = -(-len(handles) // 5)
+    legend_above(figure, handles, columns=-(-len(handles) // rows))

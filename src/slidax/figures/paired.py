@@ -1,0 +1,62 @@
+"""Errors of several runs, plain at the beginning and as sizes over the whole run."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from slidax.simulation import Run
+
+from .axes import use_size_axis, use_time_axis
+from .overlay import clipped, columns_for, crest, curves_of, linear_range, zero_line
+from .style import ROW, WIDTH
+from .thinning import thinned
+
+
+def draw_pairs(
+    runs: Mapping[str, Run], field: str, names: Sequence[tuple[str, str]], beginning: float
+) -> tuple[Figure, np.ndarray]:
+    """The figure, and its panels [n 2]: to the left on a linear, to the right on a logarithmic axis.
+
+    - `runs`: finished runs of the same arm with logs, by name.
+    - `field`: name of the log's quantity: `e` or `de`.
+    - `names`: of the two axes of each joint.
+    - `beginning`: how long the beginning is [s].
+
+    Raises DefinitionError if there are no runs, too many, one without a log, or arms with different joints.
+    """
+    curves = curves_of(runs, field)
+    joints = len(names)
+    figure = Figure(figsize=(WIDTH, ROW * 1.1 * joints + 0.25 + 0.2 * -(-len(runs) // 5)), layout="constrained")
+    panels = figure.subplots(joints, 2, sharex="col", squeeze=False, width_ratios=[1, 1.15])
+    few, most = columns_for(2 * joints * len(runs), 4), columns_for(2 * joints * len(runs), 1)
+    sizes = [np.abs(curve.y) for curve in curves]
+    # What ran away says nothing about the others: it may leave the axis at the top.
+    reached = [
+        float(size.max()) for size, run in zip(sizes, runs.values(), strict=True) if run.outcome.ok and size.size
+    ]
+    top = 10.0 * max(reached, default=np.inf)
+    crests = [
+        [crest(c.t, np.minimum(size[:, i], top), most) for i in range(joints)]
+        for c, size in zip(curves, sizes, strict=True)
+    ]
+    use_size_axis(panels[:, 1], np.concatenate([size for row in crests for _, size in row]))
+    for i, pair in enumerate(panels):
+        plain, logarithmic = pair
+        starts = [c.t <= max(beginning, float(c.t[1])) for c in curves]
+        limits = linear_range([c.y[start, i] for c, start in zip(curves, starts, strict=True)])
+        zero_line(plain)
+        for c, start, row in zip(curves, starts, crests, strict=True):
+            look = {**c.look, "linewidth": 0.95}
+            plain.plot(*thinned(c.t[start], clipped(c.y[start, i], limits), few), **look)
+            logarithmic.plot(*row[i], **look)
+        plain.set_ylim(limits)
+        for axes, name in zip(pair, names[i], strict=True):
+            axes.set_ylabel(name)
+    end = max(float(c.t[-1]) for c in curves)
+    use_time_axis(panels[-1, 0], 0.0, min(beginning, end))
+    use_time_axis(panels[-1, 1], 0.0, end)
+    figure.align_ylabels()
+    return figure, panels

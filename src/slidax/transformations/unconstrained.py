@@ -1,0 +1,39 @@
+"""No transformation: the error itself, for schemes that promise no envelope."""
+
+from __future__ import annotations
+
+import jax.numpy as jnp
+
+from slidax._types import Scalar, Vector
+
+from .transformation import AbstractTransformation, TransformedError
+
+
+class Unconstrained(AbstractTransformation):
+    """`ε1 = e`, `ε2 = ė`, `B = I`, `A = Ȧ = 0`: with it, (40)-(45) are the law of a scheme without an envelope."""
+
+    def init(self, t: Scalar, e: Vector) -> tuple[()]:
+        """Nothing to keep.
+
+        - `t`: time at the start [s].
+        - `e`: error at the start [n].
+        """
+        return ()
+
+    def __call__(self, t: Scalar, e: Vector, de: Vector, memory: tuple[()]) -> TransformedError:
+        """The error and its rate as they are, [rad], [rad/s].
+
+        - `t`: time [s].
+        - `e`, `de`: error and its rate [n].
+        - `memory`: empty.
+        """
+        zero = jnp.zeros_like(e)
+        return TransformedError(eps1=e, eps2=de, beta=jnp.ones_like(e), alpha=zero, alpha_rate=zero)
+
+    def envelope(self, t: Scalar, memory: tuple[()]) -> None:
+        """None: there are no bounds.
+
+        - `t`: time [s].
+        - `memory`: empty.
+        """
+        return None
