@@ -29,7 +29,7 @@ WHAT = {
 def main() -> None:
     """Runs each part in a process of its own, one after the other, and writes the page."""
     parts = {}
-    for name in ("closed_loop", "batch", "command_line"):
+    for name in ("closed_loop", "peer", "batch", "command_line"):
         print(f"measuring {name} ...", file=sys.stderr)
         command = [sys.executable, "-m", f"benchmarks.{name}"]
         answer = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=True).stdout
@@ -67,6 +67,7 @@ def _page(parts: dict[str, Any]) -> str:
         f"Goal: `{HELD}` at most 1.5 times `{REFERENCE['held']}`; "
         f"here {times[HELD]['min'] / times[REFERENCE['held']]['min']:.2f}.",
         "",
+        *_beside_opensmc(parts["peer"]),
         "## A batch: Example 4.1, held, all cores",
         "",
         "| runs at once | steps each | closed-loop steps per second | first call, with compiling [s] |",
@@ -80,6 +81,28 @@ def _page(parts: dict[str, Any]) -> str:
     ]
     lines += [f"| {name} | {time['min']:.2f} ({time['median']:.2f}) |" for name, time in command.items()]
     return "\n".join(lines) + "\n"
+
+
+def _beside_opensmc(peer: dict[str, Any]) -> list[str]:
+    lines = [
+        f"## Beside OpenSMC {peer['opensmc']}: one joint, {peer['steps']} steps",
+        "",
+        "The same laws with the torque held, Runge-Kutta steps of the plant, every sample logged, and the same samples",
+        "(tests/peers/test_opensmc.py). OpenSMC is written in NumPy and runs at once; slidax compiles first.",
+        "",
+        "| law | OpenSMC [ns per step] | slidax [ns per step] | ratio | slidax, no log [ns per step] "
+        "| compile, first run and later ones [s] |",
+        "|---|---:|---:|---:|---:|---:|",
+    ]
+    for law, time in peer["ns_per_step"].items():
+        theirs, logged, bare = time["OpenSMC"], time["slidax, every sample logged"], time["slidax"]
+        lines.append(
+            f"| {law.replace('_', ' ')} | {theirs['min']:,.0f} ({theirs['median']:,.0f}) "
+            f"| {logged['min']:,.0f} ({logged['median']:,.0f}) | {theirs['min'] / logged['min']:,.1f} "
+            f"| {bare['min']:,.0f} ({bare['median']:,.0f}) "
+            f"| {peer['compile_s'][law]:.2f}, {peer['compile_again_s'][law]:.2f} |"
+        )
+    return [*lines, ""]
 
 
 if __name__ == "__main__":

@@ -1,0 +1,266 @@
+"""The laws and loops that slidax shares with OpenSMC, a NumPy toolbox for sliding mode control."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from opensmc import reaching as peer_reaching
+from opensmc import surfaces as peer_surfaces
+
+from slidax._types import Reference, State
+from slidax.disturbances import Harmonic
+from slidax.numerics import saturation, semi_implicit_euler, sig
+from slidax.reaching import FixedTimeReaching, TwoPowerReaching
+from slidax.surfaces import Linear, LinearCoreFixedTime, SingularityFree, SmoothFixedTime
+from tests.peers.double_integrator import (
+    FIXED_TIME,
+    GOAL,
+    NEXT_TO_NOTHING,
+    NONSINGULAR_FAST_TERMINAL,
+    PAIRS,
+    PUSH,
+    START,
+    by_opensmc,
+    by_slidax,
+    super_twisting,
+)
+
+SAME = {"rtol": 1e-12, "atol": 1e-12}
+STATES = 500
+NONE = NEXT_TO_NOTHING
+
+
+def random_errors(reach, seed=0, least=0.0):
+    """Errors with `least < |e| < reach`, and rates of theirs."""
+    draw = np.random.default_rng(seed)
+    e = draw.uniform(least, reach, STATES) * draw.choice([-1.0, 1.0], STATES)
+    return e, draw.normal(0.0, 3.0, STATES)
+
+
+# --- parts ---
+
+
+@pytest.mark.parametrize(
+    ("ours", "peer", "least", "reach"),
+    [
+        pytest.param(Linear(7.0), peer_surfaces.LinearSurface(c=7.0), 0.0, 3.0, id="linear"),
+        # Zak's surface has no core, so theirs is that of slidax's outside of the core, with the other power left out.
+        pytest.param(
+            LinearCoreFixedTime(4.0, NONE, 5 / 7, 2.0, 1e-2),
+            peer_surfaces.TerminalSurface(beta=4.0, p=5, q=7),
+            1e-2,
+            3.0,
+            id="terminal, linear core",
+        ),
+        pytest.param(
+            SmoothFixedTime(4.0, NONE, 5 / 7, 2.0, 1e-2),
+            peer_surfaces.TerminalSurface(beta=4.0, p=5, q=7),
+            1e-2,
+            3.0,
+            id="terminal, smooth core",
+        ),
+        pytest.param(
+            SingularityFree(4.0, NONE, 5 / 7, 2.0, 1.5, 1e-2),
+            peer_surfaces.TerminalSurface(beta=4.0, p=5, q=7),
+            1e-2,
+            3.0,
+            id="terminal, two-term core",
+        ),
+        pytest.param(
+            LinearCoreFixedTime(2.0, 1.5, 0.5, 9 / 5, 1.0),
+            peer_surfaces.FastTerminalSurface(alpha=2.0, beta=1.5, p=5, q=9),
+            0.0,
+            1.0,
+            id="fast terminal",
+        ),
+    ],
+)
+def test_sliding_variables_are_the_same(ours, peer, least, reach):
+    """For any error where slidax's surface is on the branch that OpenSMC has.
+
+    OpenSMC's fast terminal surface has the exponent q/p > 1; the one of Yu and Man (2002), which it cites, has an
+    exponent below 1. Near zero the former is linear, so that the error decays exponentially there. It is compared as
+    it is: as slidax's linear core plus the power above 1.
+    """
+    e, de = random_errors(reach, least=least)
+    wanted = [peer.compute(float(a), float(b)) for a, b in zip(e, de, strict=True)]
+    np.testing.assert_allclose(de + np.asarray(ours.pull_and_slope(jnp.asarray(e))[0]), wanted, **SAME)
+
+
+@pytest.mark.parametrize(
+    ("ours", "peer"),
+    [
+        pytest.param(
+            lambda s: -6.0 * saturation(s, jnp.asarray(0.5)), peer_reaching.Saturation(k=6.0, phi=0.5), id="saturation"
+        ),
+        pytest.param(lambda s: -6.0 * saturation(s, jnp.asarray(0.0)), peer_reaching.ConstantRate(k=6.0), id="sign"),
+        pytest.param(
+            lambda s: -2.0 * saturation(s, jnp.asarray(0.0)) - 3.0 * s,
+            peer_reaching.ExponentialRate(k=2.0, q=3.0),
+            id="exponential",
+        ),
+        pytest.param(
+            lambda s: -5.0 * sig(s, jnp.asarray(0.6)), peer_reaching.PowerRate(k=5.0, alpha=0.6), id="power below 1"
+        ),
+        pytest.param(
+            lambda s: -FixedTimeReaching(5.0, 1.2).power(s),
+            peer_reaching.PowerRate(k=5.0, alpha=1.2),
+            id="power above 1",
+        ),
+        pytest.param(
+            lambda s: -TwoPowerReaching(NONE, 5.0, 1.2, 0.6).power(s),
+            peer_reaching.PowerRate(k=5.0, alpha=0.6),
+            id="one of two powers",
+        ),
+    ],
+)
+def test_reaching_terms_are_the_same(ours, peer):
+    s = np.concatenate([random_errors(3.0, seed=1)[0], [0.0, 0.5, -0.5]])
+    np.testing.assert_allclose(np.asarray(ours(jnp.asarray(s))), [peer.compute(float(x)) for x in s], **SAME)
+
+
+# --- whole laws, one evaluation ---
+
+
+def states(pair, seed=2, least=1e-2):
+    """Random states with their references, [5]: q, q̇, q_d, q̇_d, q̈_d."""
+    e, de = random_errors(pair.reach, seed, least)
+    qd, dqd, ddqd = np.random.default_rng(seed + 1).normal(0.0, 2.0, (3, STATES))
+    return np.stack([qd + e, dqd + de, qd, dqd, ddqd if pair.accelerates else np.zeros(STATES)], axis=1)
+
+
+@jax.jit
+def answers_of_slidax(law, rows):
+    def answer(row):
+        state = State(q=row[0:1], dq=row[1:2])
+        reference = Reference(q=row[2:3], dq=row[3:4], ddq=row[4:5])
+        t = jnp.zeros(())
+        command = law(t, state, reference, reference, law.init(t, state, reference))
+        return jnp.stack([command.tau[0], command.signals["s"][0]])
+
+    return jax.vmap(answer)(rows)
+
+
+def answers_of_opensmc(pair, rows):
+    law = pair.peer()
+    both = (law.compute(0.0, row[:2], row[2:] if pair.accelerates else row[2:4]) for row in rows)
+    return np.array([[float(u), pair.sign * float(info["s"])] for u, info in both])
+
+
+@pytest.mark.parametrize("name", PAIRS)
+def test_torques_and_sliding_variables_are_the_same(name):
+    """At random states, to 1e-12.
+
+    Where the two would differ, as their formulas stand:
+
+    - ClassicalSMC: its code has `J (q̈_d + c ė)` for `e = x_ref - x`, as it must be; the head of its file prints the
+      term in ė with the sign that belongs to `e = x - x_ref`. With a surface given to it, it leaves that part out; so
+      it is used without one.
+    - FixedTimeSMC and NFTSMC leave out the reference acceleration: the same law for references without one.
+    - FixedTimeSMC cites Polyakov (2012), whose surface for the second-order plant is nonlinear. With the linear
+      surface here the sliding variable is brought to zero within `T_max`; the error then decays exponentially.
+    - NFTSMC adds 1e-15 to `|e|` before it takes the power γ - 1 < 1: relative to its term (γ - 1) 1e-15/|e|, which is
+      beneath 1e-13 for the errors here, above 0.01.
+    """
+    pair = PAIRS[name]
+    rows = states(pair)
+    np.testing.assert_allclose(
+        np.asarray(answers_of_slidax(pair.ours, jnp.asarray(rows))), answers_of_opensmc(pair, rows), **SAME
+    )
+
+
+def test_at_zero_error_the_nonsingular_law_differs_by_the_small_number_that_opensmc_adds():
+    """`β γ (1e-15)^(γ-1) ė` with β = 2, γ = 1.4: slidax's slope is zero there."""
+    pair, de = NONSINGULAR_FAST_TERMINAL, 1.5
+    rows = np.array([[0.2, de, 0.2, 0.0, 0.0]])
+    apart = np.asarray(answers_of_slidax(pair.ours, jnp.asarray(rows)))[0] - answers_of_opensmc(pair, rows)[0]
+    assert apart[0] == pytest.approx(2.0 * 1.4 * 1e-15**0.4 * de, rel=1e-6)
+    assert apart[1] == 0.0
+
+
+# --- closed loops ---
+
+STEPS = 3 * 1024
+PERIOD = 1 / 1024
+SHARP = {"classical": PAIRS["classical"], "fixed_time": PAIRS["fixed_time"], "super_twisting": super_twisting(PERIOD)}
+SMOOTH = {name: PAIRS[name] for name in ("boundary_layer", "nonsingular_fast_terminal")}
+
+
+def path(run):
+    return np.concatenate([run.log.state.q, run.log.state.dq], axis=1)
+
+
+def both_loops(pair):
+    """Time, states, torque and sliding variable of all samples [samples 5], by OpenSMC and by slidax."""
+    theirs = by_opensmc(pair, PERIOD, STEPS)
+    run = by_slidax(pair, PERIOD, STEPS)
+    assert run.outcome.ok and len(theirs["t"]) == STEPS + 1
+    return (
+        np.column_stack([theirs["t"], theirs["x"], theirs["u"], pair.sign * theirs["s"]]),
+        np.column_stack([run.log.t, path(run), run.log.tau, run.log.signals["s"]]),
+    )
+
+
+@pytest.mark.parametrize("name", SMOOTH)
+def test_smooth_loops_are_the_same_sample_by_sample(name):
+    """The torque held and the plant moved by the classical Runge-Kutta step, in both; 3 s, 3072 steps.
+
+    To a set-point, since OpenSMC's simulator has no way to hand a reference acceleration to the law.
+    """
+    theirs, ours = both_loops(SMOOTH[name])
+    np.testing.assert_allclose(ours, theirs, **SAME)
+    assert abs(ours[-1, 1] - GOAL) < 0.03 * abs(START[0] - GOAL)
+
+
+@pytest.mark.parametrize("name", SHARP)
+def test_sharp_loops_are_the_same_until_they_reach_the_surface_and_near_it_after(name):
+    """On the surface a rounding can turn a sign, and with it the torque of a whole period."""
+    theirs, ours = both_loops(SHARP[name])
+    reached = int(np.argmax(np.abs(theirs[:, 4]) < 0.02))
+    assert 0 < reached < STEPS // 2
+    np.testing.assert_allclose(ours[:reached], theirs[:reached], **SAME)
+    np.testing.assert_allclose(ours[:, 1:3], theirs[:, 1:3], rtol=0, atol=10 * PERIOD)
+
+
+def apart(pair, steps, method="rk4", push=PUSH, disturbance=None, **options):
+    """How far the two loops are ever apart in 1 s."""
+    theirs = by_opensmc(pair, 1 / steps, steps, method, push)
+    return np.abs(path(by_slidax(pair, 1 / steps, steps, disturbance, **options)) - theirs["x"]).max()
+
+
+FREQUENCY = 2 * np.pi
+OTHERWISE = {
+    "explicit Euler, semi-implicit Euler": {"method": "euler", "integrator": semi_implicit_euler},
+    "torque held, law in every stage": {"mode": "continuous"},
+    "disturbance held, disturbance in every stage": {
+        "push": lambda t: 2.0 * np.sin(FREQUENCY * t),
+        "disturbance": Harmonic([2.0], [FREQUENCY]),
+    },
+}
+
+
+@pytest.mark.parametrize("name", SMOOTH)
+@pytest.mark.parametrize("how", OTHERWISE)
+def test_where_the_loops_are_stepped_otherwise_their_difference_vanishes_at_first_order(name, how):
+    """One solution behind both: OpenSMC's Euler step is explicit, its law is sampled and its disturbance is held."""
+    differences = [apart(SMOOTH[name], steps, **OTHERWISE[how]) for steps in (256, 512, 1024)]
+    assert np.log2(np.divide(differences[:-1], differences[1:])) == pytest.approx([1.0] * 2, abs=0.1)
+    assert 1e-5 < differences[-1] < 2e-2
+
+
+def test_the_time_that_opensmc_states_for_fixed_time_bounds_the_reaching_of_the_surface_in_both():
+    """`1/(α (1-p)) + 1/(β (q-1))`, from starts up to 10^6 away, without a disturbance.
+
+    It is stated as a settling time; what has settled by then is the sliding variable, see above.
+    """
+    law = FIXED_TIME.peer()
+    reaching = FIXED_TIME.ours.reaching
+    bound = 1.0 / (law.alpha * (1.0 - law.p)) + 1.0 / (law.beta * (law.q - 1.0))
+    assert law.T_max == pytest.approx(bound, rel=1e-15)
+    far, near = 1e6, 1e-6
+    s = np.geomspace(near, far, 20_001)
+    # ds/dt = -power(s): the time from far to near is the integral of ds/power(s), in log s by the trapezoid rule.
+    ours = s / np.asarray(reaching.power(jnp.asarray(s)))
+    time = float(np.sum(0.5 * (ours[1:] + ours[:-1]) * np.diff(np.log(s))))
+    assert 0.5 * bound < time < bound
+    assert float(np.exp(-4.0 * bound)) > near  # on the surface, the error decays as exp(-c t): not settled by then
