@@ -9,7 +9,7 @@ unexport PYTHONPATH PYTHONHOME
 # `pip install --user` is refused inside an environment, so that such a default must not reach it.
 export PIP_USER := 0
 
-.PHONY: help venv demo test lint format bench verify figures schema lock clean
+.PHONY: help venv demo test lint format bench verify figures tables schema lock clean
 .DEFAULT_GOAL := help
 
 help: ## Show these targets
@@ -48,6 +48,9 @@ bench: .venv/.installed ## Measure, and write benchmarks/PERFORMANCE.md
 figures: .venv/.installed ## Renew the figures that the documentation shows
 	@mkdir -p docs/figures
 	@.venv/bin/python examples/01_run_a_scenario.py docs/figures/tracking-error.svg
+
+tables: .venv/.installed ## Renew the measured tables of docs/choosing.md
+	@.venv/bin/python scripts/write-tables
 
 schema: .venv/.installed ## Renew the JSON schema of scenario files
 	@.venv/bin/slidax schema > src/slidax/scenarios/scenario.schema.json
