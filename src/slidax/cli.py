@@ -15,7 +15,6 @@ import typer
 
 if TYPE_CHECKING:
     from slidax.scenarios import Scenario
-    from slidax.simulation import Run
 
 STARTED = time.perf_counter()
 DEFINITION, OUTCOME = 2, 3
@@ -96,6 +95,7 @@ def run(
     with _errors_as_lines():
         _prepare()
         from slidax.scenarios import load
+        from slidax.terminal import print_run, run_as_json
 
         parts = load(scenario, _parsed(changes or []))
         if out is not None:
@@ -104,18 +104,55 @@ def run(
             parquet.require_pyarrow()
         import_s = time.perf_counter() - STARTED
         finished = parts.simulate(log_every=0 if out is not None else None)
-        summary = _summary(parts, finished, import_s)
+        summary = run_as_json(parts, finished, import_s)
         if out is not None:
             parquet.write_log(finished, out / "log.parquet")
             write_run_report(parts, finished, out, command=shlex.join(["slidax", *sys.argv[1:]]))
         if json:
             _print_json(summary)
         else:
-            _print_table(parts, finished, summary)
+            print_run(parts, finished, summary)
             if out is not None:
                 _say_where(out)
         if not finished.outcome.ok:
             typer.echo(finished.outcome.message, err=True)
+            raise typer.Exit(OUTCOME)
+
+
+@app.command(epilog="Example:  slidax compare example-4.1 --schemes cftsmppc,ftsmc,sfsmc --out comparison")
+def compare(
+    scenario: Annotated[str, typer.Argument(help="A built-in scenario by name, or a YAML file.")],
+    schemes: Annotated[str, typer.Option(metavar="A,B,C", help="The schemes to compare; all if not given.")] = "",
+    changes: Annotated[
+        list[str] | None, typer.Option("--set", metavar="PATH=VALUE", help="Set a field for all; repeatable.")
+    ] = None,
+    json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
+    out: Annotated[Path | None, typer.Option(help="Write a report, its figures and results.json there.")] = None,
+) -> None:
+    """Several schemes on the same task: their metrics beside each other, the best in bold.
+
+    Each takes the place of the scenario's scheme as with `slidax run --set scheme.name=NAME`; each `--set` applies to
+    all of them after that.
+
+    Exit code 0: at least one run reached its end; 2: something asked for cannot be; 3: none reached its end.
+    """
+    with _errors_as_lines():
+        _prepare()
+        from slidax.reports import results, write_comparison
+        from slidax.terminal import print_comparison
+
+        parts = _switched(scenario, schemes, _parsed(changes or []))
+        runs = {name: (each, each.simulate(log_every=0 if out else None)) for name, each in parts.items()}
+        if out is not None:
+            write_comparison(runs, out, command=shlex.join(["slidax", *sys.argv[1:]]))
+        if json:
+            _print_json(results(runs))
+        else:
+            print_comparison(runs)
+            if out is not None:
+                _say_where(out)
+        if not any(finished.outcome.ok for _, finished in runs.values()):
+            typer.echo("none of the runs reached its end", err=True)
             raise typer.Exit(OUTCOME)
 
 
@@ -207,36 +244,25 @@ def _parsed(changes: list[str]) -> dict[str, Any]:
     return parsed
 
 
-def _summary(parts: Scenario, finished: Run, import_s: float) -> dict[str, Any]:
-    from slidax.metrics import summary
+def _switched(scenario: str, schemes: str, changes: dict[str, Any]) -> dict[str, Scenario]:
+    """The scenario with each of the schemes; an error in one says in which."""
+    from slidax._errors import DefinitionError
+    from slidax.scenarios import catalogue, load
 
-    outcome = finished.outcome
-    timing = finished.timing
-    return {
-        "scenario": parts.name,
-        "robot": parts.robot,
-        "scheme": parts.scheme,
-        "n": finished.joints,
-        "period": parts.period,
-        "t1": parts.t1,
-        "outcome": outcome.kind,
-        "stopped": None
-        if outcome.ok
-        else {
-            "message": outcome.message,
-            "t": outcome.t,
-            "joint": outcome.joint,
-            "error": outcome.error,
-            "bound": outcome.bound,
-        },
-        "metrics": summary(finished),
-        "timing": {
-            "import_s": round(import_s, 4),
-            "compile_s": round(timing.compile_s, 4) if timing else None,
-            "run_s": round(timing.run_s, 4) if timing else None,
-            "steps": round(parts.t1 / parts.period),
-        },
-    }
+    if "scheme.name" in changes:
+        raise DefinitionError("`--set scheme.name` is not for comparing; name the schemes with `--schemes`")
+    names = [name.strip() for name in schemes.split(",") if name.strip()] if schemes else list(catalogue()["schemes"])
+    if not names:
+        raise DefinitionError("`--schemes` names none; give some, such as `--schemes cftsmppc,ftsmc`")
+    found = {}
+    for name in dict.fromkeys(names):
+        try:
+            found[name] = load(scenario, {"scheme.name": name, **changes})
+        except DefinitionError as error:
+            if name not in catalogue()["schemes"] or not changes:
+                raise
+            raise DefinitionError(f"with the scheme `{name}`: {error}") from None
+    return found
 
 
 def _say_where(out: Path) -> None:
@@ -248,48 +274,3 @@ def _print_json(value: dict[str, Any]) -> None:
 
     # allow_nan=False: a NaN here would be a fault of ours, and is better a traceback than a lie.
     typer.echo(json.dumps(value, indent=2, allow_nan=False, ensure_ascii=False))
-
-
-def _print_table(parts: Scenario, finished: Run, summary: dict[str, Any]) -> None:
-    from rich.console import Console
-    from rich.table import Table
-
-    metrics = summary["metrics"]
-    table = Table(title=parts.description.title, title_justify="left", title_style="bold", box=None, pad_edge=False)
-    table.add_column("")
-    for joint in range(finished.joints):
-        table.add_column(f"joint {joint + 1}", justify="right")
-    length, torque = _joined(finished.joint_units), _joined(parts.plant.robot.torque_units)
-    end = (int(finished.tally.samples) - 1) * parts.period
-    rows: list[tuple[str, list[float | None] | None]] = [
-        (f"settled to |e| <= {band} [s]", [value if value < end else None for value in values])
-        for band, values in metrics["settling_time"].items()
-    ]
-    rows += [
-        (f"steady error [{length}]", metrics["steady_error"]),
-        (f"peak torque [{torque}]", metrics["peak_torque"]),
-        (f"initial torque [{torque}]", metrics["initial_torque"]),
-        (f"torque step, max [{torque}]", metrics["max_torque_step"]),
-        (f"torque step, steady [{torque}]", metrics["steady_torque_step"]),
-        ("IAE (80)", metrics["iae"]),
-        ("ECI (81)", metrics["eci"]),
-        ("AICE (82)", metrics["aice"]),
-        ("envelope margin [of its width]", metrics["envelope_margin"]),
-    ]
-    for name, values in rows:
-        if values is not None:
-            table.add_row(name, *("-" if value is None else f"{value:.4g}" for value in values))
-    console = Console(markup=False, highlight=False)
-    console.print(table)
-    violations = metrics["envelope_violations"]
-    kept = "no envelope promised" if violations is None else f"samples outside the envelope: {violations}"
-    timing = summary["timing"]
-    console.print(
-        f"\n{parts.scheme} on {parts.robot}: outcome {finished.outcome.kind}, {kept}; "
-        f"{int(finished.tally.samples)} samples in {timing['run_s']:.2f} s, compiled in {timing['compile_s']:.1f} s",
-        soft_wrap=True,
-    )
-
-
-def _joined(units: tuple[str, ...]) -> str:
-    return units[0] if len(set(units)) == 1 else ", ".join(units)

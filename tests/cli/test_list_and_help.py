@@ -38,7 +38,7 @@ def test_list_shows_the_members_of_a_room(kind: str, member: str) -> None:
     assert member in in_process("list").stdout
 
 
-@pytest.mark.parametrize("command", ["run", "reproduce", "list", "schema"])
+@pytest.mark.parametrize("command", ["run", "compare", "reproduce", "list", "schema"])
 def test_the_help_of_each_command_shows_an_example(command: str) -> None:
     result = in_process(command, "--help")
     assert result.exit_code == 0

@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from .overlay import LOOKS, name_runs, require_looks
+from .overlay import LOOKS, POINTS, legend_rows, name_runs, require_looks
 from .style import WIDTH, styled
 from .thinning import every_nth
 
@@ -34,15 +34,17 @@ def compared_tip_paths(paths: Mapping[str, np.ndarray], desired: np.ndarray) -> 
     views = [(0, 1), (0, 2)] if rises else [(0, 1)]
     spans = np.maximum(high - low, 1e-9)
     ratios = [float(np.clip(spans[across] / spans[up], 0.5, 2.0)) for across, up in views]
-    width = min(WIDTH, max(4.8, 3.0 * sum(ratios) + 0.8 * len(views)))
-    figure = Figure(figsize=(width, 3.5 + 0.2 * -(-(len(paths) + 1) // 5)), layout="compressed")
+    width = min(WIDTH, max(5.5, 3.0 * sum(ratios) + 0.8 * len(views)))
+    figure = Figure(figsize=(width, 3.5 + 0.2 * legend_rows(len(paths) + 1, width)), layout="compressed")
     panels = figure.subplots(1, len(views), squeeze=False, width_ratios=ratios)[0]
     for axes, (across, up) in zip(panels, views, strict=True):
         axes.plot(*every_nth(goal[:, [across, up]], 300).T, **DESIRED, zorder=1.8)
         for path, look in zip(paths.values(), LOOKS, strict=False):
             # A straying path is cut one size outside the picture, where nobody sees it.
             places = np.clip(np.asarray(path), low - spans.max(), high + spans.max())[:, [across, up]]
-            axes.plot(*_with_its_beginning(places).T, **{**look, "linewidth": 1.0})
+            axes.plot(
+                *_with_its_beginning(places, POINTS // (3 * len(paths) * len(views))).T, **{**look, "linewidth": 1.0}
+            )
             axes.plot(*places[0], marker="o", markersize=4.5, markerfacecolor="white", markeredgecolor="0.2", zorder=4)
         axes.set_aspect("equal", adjustable="box")
         axes.set_xlim(low[across], high[across])
@@ -66,10 +68,11 @@ def _box(paths: list[np.ndarray], goal: np.ndarray) -> tuple[np.ndarray, np.ndar
     return low - gap, high + gap
 
 
-def _with_its_beginning(places: np.ndarray) -> np.ndarray:
+def _with_its_beginning(places: np.ndarray, most: int) -> np.ndarray:
     """Fewer places, but all that is seen of the way onto the path: half of the points along it, half along time."""
     way = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(places, axis=0), axis=1))])
-    even = np.searchsorted(way, np.linspace(0.0, way[-1], 200)).clip(0, len(places) - 1)
-    chosen = np.unique(np.concatenate([even, np.linspace(0, len(places) - 1, 200).round().astype(int)]))
+    each = min(200, most)
+    even = np.searchsorted(way, np.linspace(0.0, way[-1], each)).clip(0, len(places) - 1)
+    chosen = np.unique(np.concatenate([even, np.linspace(0, len(places) - 1, each).round().astype(int)]))
     kept: np.ndarray = places[chosen]
     return kept

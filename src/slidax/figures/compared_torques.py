@@ -12,12 +12,29 @@ from slidax.simulation import Run
 
 from .axes import use_time_axis
 from .logged import torque_unit
-from .overlay import Curves, clipped, column_starts, columns_for, curves_of, linear_range, name_runs, zero_line
+from .overlay import (
+    Curves,
+    clipped,
+    column_starts,
+    columns_for,
+    curves_of,
+    lean,
+    legend_rows,
+    linear_range,
+    name_runs,
+    zero_line,
+)
 from .style import ROW, WIDTH, styled
 from .thinning import thinned
 
-TURNS = 4
+TURNS = 3
 """A torque that turns around at least so often within one column chatters there."""
+
+SAMPLES = 20
+"""A column has at least so many, or its turns could not be counted."""
+
+NEIGHBOURS = 30
+"""A band reaches from the lowest to the highest of so many samples before and after."""
 
 
 @styled
@@ -34,7 +51,9 @@ def compared_torques(runs: Mapping[str, Run], *, beginning: float = 2.0) -> Figu
     """
     curves = curves_of(runs, "tau")
     units = next(iter(runs.values())).joint_units
-    figure = Figure(figsize=(WIDTH, ROW * 1.1 * len(units) + 0.25 + 0.2 * -(-len(runs) // 5)), layout="constrained")
+    figure = Figure(
+        figsize=(WIDTH, ROW * 1.1 * len(units) + 0.25 + 0.2 * legend_rows(len(runs), WIDTH)), layout="constrained"
+    )
     panels = figure.subplots(len(units), 2, sharex="col", squeeze=False, width_ratios=[1.6, 1])
     columns = columns_for(2 * len(units) * len(runs), 4)
     end = max(float(c.t[-1]) for c in curves)
@@ -44,7 +63,7 @@ def compared_torques(runs: Mapping[str, Run], *, beginning: float = 2.0) -> Figu
             limits = linear_range([c.y[s, i] for c, s in zip(curves, seen, strict=True)])
             zero_line(axes)
             for c, s in zip(curves, seen, strict=True):
-                _draw(axes, Curves(c.t[s], clipped(c.y[s, i], limits), c.look), columns)
+                _draw(axes, Curves(c.t[s], clipped(c.y[s, i], limits), c.look), columns, limits)
             axes.set_ylim(limits)
         use_time_axis(axes_column[-1], 0.0, until)
     for i, unit in enumerate(units):
@@ -54,38 +73,49 @@ def compared_torques(runs: Mapping[str, Run], *, beginning: float = 2.0) -> Figu
     return figure
 
 
-def _draw(axes: Axes, curve: Curves, columns: int) -> None:
+def _draw(axes: Axes, curve: Curves, columns: int, limits: tuple[float, float]) -> None:
     t, y = curve.t, curve.y
+    wide, columns = columns, max(1, min(columns, len(t) // SAMPLES))
     chatters = _chatters(t, y, columns)
     if not chatters.any():
-        axes.plot(*thinned(t, y, columns), **{**curve.look, "linewidth": 0.9})
+        axes.plot(*lean(*thinned(t, y, wide), limits), **{**curve.look, "linewidth": 0.9})
         return
     starts = column_starts(t, columns)
     ends = np.append(starts[1:], len(t))
     middle = 0.5 * (t[starts] + t[ends - 1])
-    low, high = (np.where(chatters, f.reduceat(y, starts), np.nan) for f in (np.minimum, np.maximum))
+    # Over some neighbours too: the few samples of one column need not meet both ends of a switching torque.
+    reach = max(1, round(NEIGHBOURS * len(starts) / len(t)))
+    low, high = (np.where(chatters, _widest(f, y, starts, chatters, reach), np.nan) for f in (np.minimum, np.maximum))
     color = curve.look["color"]
     axes.fill_between(middle, low, high, facecolor=color, alpha=0.16, edgecolor="none", zorder=1.6)
     for edge in (low, high):
         axes.plot(middle, edge, **{**curve.look, "linewidth": 0.5}, zorder=1.9)
-    # The rest as a line; the columns next to a band lend it one sample, so that the two meet.
+    # The rest as lines between the bands.
     calm = np.repeat(~chatters, ends - starts)
     for part in np.split(np.arange(len(t)), np.flatnonzero(np.diff(calm.astype(int))) + 1):
         if len(part) > 1 and calm[part[0]]:
-            share = max(2, round(columns * len(part) / len(t)))
-            axes.plot(*thinned(t[part], y[part], share), **{**curve.look, "linewidth": 0.9})
+            share = max(2, round(wide * len(part) / len(t)))
+            axes.plot(*lean(*thinned(t[part], y[part], share), limits), **{**curve.look, "linewidth": 0.9})
+
+
+def _widest(pick: np.ufunc, y: np.ndarray, starts: np.ndarray, chatters: np.ndarray, reach: int) -> np.ndarray:
+    """The lowest or highest value of each column and its neighbours, of those only where the torque chatters."""
+    nothing = np.inf if pick is np.minimum else -np.inf
+    padded = np.pad(np.where(chatters, pick.reduceat(y, starts), nothing), reach, constant_values=nothing)
+    widest: np.ndarray = pick.reduce([padded[i : i + len(starts)] for i in range(2 * reach + 1)])
+    return widest
 
 
 def _chatters(t: np.ndarray, y: np.ndarray, columns: int) -> np.ndarray:
     """Whether the torque chatters, per column; short pauses and short bursts follow their neighbours."""
     starts = column_starts(t, columns)
-    if len(t) < 2 * TURNS * len(starts):
-        return np.zeros(len(starts), bool)
-    rise = np.sign(np.diff(y))
-    turns = np.concatenate([[0], (rise[1:] * rise[:-1] < 0).astype(int), [0]])
-    # Turns that nobody could see do not count: rounding, or the last digit of a resting torque.
+    step = np.diff(y)
+    turns = np.concatenate([[0], (step[1:] * step[:-1] < 0).astype(int), [0]])
     often = np.add.reduceat(turns, starts) >= TURNS
-    seen = np.maximum.reduceat(y, starts) - np.minimum.reduceat(y, starts) > 0.004 * np.ptp(y)
+    # The torque must go to and fro, and far enough to be seen: a ramp with ripples does not, nor does rounding.
+    height = np.maximum.reduceat(y, starts) - np.minimum.reduceat(y, starts)
+    way = np.add.reduceat(np.abs(np.append(step, 0.0)), starts)
+    seen = (way > 2.5 * height) & (height > 0.004 * np.ptp(y))
     votes = np.convolve(np.pad((often & seen).astype(int), 2, mode="edge"), np.ones(5, int), mode="valid")
-    majority: np.ndarray = votes >= 3
+    majority: np.ndarray = votes >= 2
     return majority

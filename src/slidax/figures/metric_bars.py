@@ -10,11 +10,11 @@ from matplotlib.patches import Patch
 
 from slidax._errors import DefinitionError
 
-from .overlay import LOOKS, require_looks
-from .style import legend_above, styled
+from .overlay import LOOKS, legend_rows, require_looks
+from .style import WIDTH, legend_above, styled
 
-HATCHES = ("", "////", "....", "xxxx", "\\\\\\\\", "----", "oooo", "||||", "++++", "**", "//..", "\\\\--")
-"""Fillings of the first, second, ... scheme, told apart without colour."""
+HATCHES = ("", "////", "----", "xxxx", "\\\\\\\\", "||||", "++++", "//", "--", "\\\\", "xx", "||")
+"""Fillings of the first, second, ... scheme, told apart without colour; lines only, since dots make an SVG large."""
 
 
 @styled
@@ -33,8 +33,9 @@ def metric_bars(values: Mapping[str, Sequence[float]], label: str) -> Figure:
         raise DefinitionError("each scheme needs one value per joint, and all of them the same joints")
     table = np.array([list(row) for row in values.values()], dtype=float)
     drawn = np.where(np.isfinite(table) & (table > 0), table, np.nan)
-    rows = -(-len(table) // 5)
-    figure = Figure(figsize=(min(6.9, 3.2 + 0.12 * table.size), 2.5 + 0.2 * rows), layout="constrained")
+    across = min(WIDTH, 5.5 + 0.06 * table.size)
+    rows = legend_rows(len(table), across)
+    figure = Figure(figsize=(across, 2.5 + 0.2 * rows), layout="constrained")
     axes = figure.subplots()
     width = 0.8 / len(table)
     low, high = _decades(drawn)

@@ -30,8 +30,16 @@ LOOKS: tuple[dict[str, Any], ...] = (
 )
 """Colour and dashes of the first, second, ... run: enough for all schemes, told apart without colour too."""
 
-POINTS = 7200
+POINTS = 4800
 """About how many points all curves of a picture have together at most, so that it stays small as an SVG."""
+
+
+SPAN = 6.0
+"""How many times larger than what the median run mostly has an axis may be; higher peaks leave it."""
+
+
+HEIGHTS = 450
+"""A curve may be off by one part in so many of its panel's height: less than half the width of its line."""
 
 
 @dataclass(frozen=True)
@@ -65,6 +73,8 @@ def curves_of(runs: Mapping[str, Run], field: str) -> list[Curves]:
         log = log_of(run)
         y = np.asarray(getattr(log, field))
         finite = np.isfinite(y).all(axis=1)
+        if finite.sum() < 2:
+            raise DefinitionError(f"the run `{name}` has fewer than two finite samples; leave it out")
         found.append(Curves(np.asarray(log.t)[finite], y[finite], look))
     return found
 
@@ -84,7 +94,7 @@ def columns_for(curves: int, points: int) -> int:
     - `curves`: how many there are in the whole picture.
     - `points`: how many points each has per column.
     """
-    return int(np.clip(POINTS // (curves * points), 60, 240))
+    return int(np.clip(POINTS // (curves * points), 30, 160))
 
 
 def linear_range(values: Sequence[np.ndarray]) -> tuple[float, float]:
@@ -94,10 +104,9 @@ def linear_range(values: Sequence[np.ndarray]) -> tuple[float, float]:
     """
     inner = np.array([np.quantile(value, (0.01, 0.99)) for value in values if len(value)] or [(-1.0, 1.0)])
     whole = np.array([(value.min(), value.max()) for value in values if len(value)] or [(-1.0, 1.0)])
-    # The largest of the runs must not hide the others either: no more than six times the span of the median run.
-    usual = 6.0 * float(np.median(np.abs(inner).max(axis=1)))
-    low, high = (float(f(limit)) for f, limit in zip((np.min, np.max), whole.T, strict=True))
-    if high - low > 4.0 * usual / 6.0 * 2.0 and usual > 0:
+    usual = SPAN * float(np.median(np.abs(inner).max(axis=1)))
+    low, high = float(whole[:, 0].min()), float(whole[:, 1].max())
+    if usual > 0:
         low, high = max(low, -usual), min(high, usual)
     low, high = min(low, 0.0), max(high, 0.0)
     gap = 0.07 * ((high - low) or 1.0)
@@ -116,7 +125,7 @@ def clipped(y: np.ndarray, limits: tuple[float, float]) -> np.ndarray:
 
 
 def crest(t: np.ndarray, size: np.ndarray, columns: int) -> tuple[np.ndarray, np.ndarray]:
-    """The largest sample of each column, and the first and last of all.
+    """The largest sample of each column, from the first time to the last.
 
     Sizes of errors that swing about zero then are one line at the height of the swing, and many can be told apart.
 
@@ -129,8 +138,9 @@ def crest(t: np.ndarray, size: np.ndarray, columns: int) -> tuple[np.ndarray, np
     starts = column_starts(t, columns)
     ends = np.append(starts[1:], len(t))
     peaks = [start + int(np.argmax(size[start:end])) for start, end in zip(starts, ends, strict=True)]
-    chosen = np.unique(np.array([0, *peaks, len(t) - 1]))
-    return t[chosen], size[chosen]
+    x, y = np.append(t[peaks], t[-1]), np.append(size[peaks], size[peaks[-1]])
+    # An error that starts at zero comes from below any logarithmic axis; its line starts where it has a size.
+    return (np.append(t[0], x), np.append(size[0], y)) if size[0] > 1e-3 * y[0] else (x, y)
 
 
 def column_starts(t: np.ndarray, columns: int) -> np.ndarray:
@@ -152,7 +162,7 @@ def zero_line(axes: Axes) -> None:
 
 
 def name_runs(figure: Figure, names: Iterable[str], more: Sequence[Any] = ()) -> None:
-    """The legend of the runs, in rows of at most five.
+    """The legend of the runs, in as many rows as they need.
 
     - `figure`: where.
     - `names`: of the runs, in the order of their looks.
@@ -160,5 +170,38 @@ def name_runs(figure: Figure, names: Iterable[str], more: Sequence[Any] = ()) ->
     """
     handles = [Line2D([], [], **look, label=name) for name, look in zip(names, LOOKS, strict=False)]
     handles += more
-    rows = -(-len(handles) // 5)
-    legend_above(figure, handles, columns=-(-len(handles) // rows))
+    legend_above(figure, handles, columns=-(-len(handles) // legend_rows(len(handles), figure.get_figwidth())))
+
+
+def legend_rows(entries: int, width: float) -> int:
+    """How many rows a legend takes.
+
+    - `entries`: how many names there are.
+    - `width`: of the figure [in].
+    """
+    return -(-entries // max(1, int(width / 1.35)))
+
+
+def lean(x: np.ndarray, y: np.ndarray, limits: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
+    """The curve without the points that lie on a line between others, as far as eyes can tell.
+
+    - `x`: increasing [k].
+    - `y`: values as the axis shows them, logarithms on a logarithmic one, [k].
+    - `limits`: of the axis.
+    """
+    tolerance = (limits[1] - limits[0]) / HEIGHTS
+    keep = np.zeros(len(x), bool)
+    keep[[0, -1]] = True
+    open_ends = [(0, len(x) - 1)]
+    while open_ends:
+        first, last = open_ends.pop()
+        if last - first < 2:
+            continue
+        inner = slice(first + 1, last)
+        off = np.abs(y[inner] - np.interp(x[inner], x[[first, last]], y[[first, last]]))
+        worst = int(np.argmax(off))
+        if off[worst] > tolerance:
+            middle = first + 1 + worst
+            keep[middle] = True
+            open_ends += [(first, middle), (middle, last)]
+    return x[keep], y[keep]

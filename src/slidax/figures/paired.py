@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from slidax.simulation import Run
 
 from .axes import use_size_axis, use_time_axis
-from .overlay import clipped, columns_for, crest, curves_of, linear_range, zero_line
+from .overlay import clipped, columns_for, crest, curves_of, lean, legend_rows, linear_range, zero_line
 from .style import ROW, WIDTH
 from .thinning import thinned
 
@@ -29,7 +29,9 @@ def draw_pairs(
     """
     curves = curves_of(runs, field)
     joints = len(names)
-    figure = Figure(figsize=(WIDTH, ROW * 1.1 * joints + 0.25 + 0.2 * -(-len(runs) // 5)), layout="constrained")
+    figure = Figure(
+        figsize=(WIDTH, ROW * 1.1 * joints + 0.25 + 0.2 * legend_rows(len(runs), WIDTH)), layout="constrained"
+    )
     panels = figure.subplots(joints, 2, sharex="col", squeeze=False, width_ratios=[1, 1.15])
     few, most = columns_for(2 * joints * len(runs), 4), columns_for(2 * joints * len(runs), 1)
     sizes = [np.abs(curve.y) for curve in curves]
@@ -50,8 +52,8 @@ def draw_pairs(
         zero_line(plain)
         for c, start, row in zip(curves, starts, crests, strict=True):
             look = {**c.look, "linewidth": 0.95}
-            plain.plot(*thinned(c.t[start], clipped(c.y[start, i], limits), few), **look)
-            logarithmic.plot(*row[i], **look)
+            plain.plot(*lean(*thinned(c.t[start], clipped(c.y[start, i], limits), few), limits), **look)
+            logarithmic.plot(*_lean_sizes(*row[i], logarithmic.get_ylim()), **look)
         plain.set_ylim(limits)
         for axes, name in zip(pair, names[i], strict=True):
             axes.set_ylabel(name)
@@ -60,3 +62,9 @@ def draw_pairs(
     use_time_axis(panels[-1, 1], 0.0, end)
     figure.align_ylabels()
     return figure, panels
+
+
+def _lean_sizes(t: np.ndarray, size: np.ndarray, limits: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
+    low, high = np.log10(limits)
+    x, y = lean(t, np.log10(np.maximum(size, limits[0] / 10.0)), (float(low), float(high)))
+    return x, 10.0**y

@@ -1,5 +1,6 @@
 """Pages that a person reads: one self-contained HTML file each, with its figures beside it as SVG."""
 
+from .comparison import write_comparison as write_comparison
 from .machine import machine as machine
 from .machine import versions as versions
 from .numbers import significant as significant
@@ -8,4 +9,7 @@ from .page import render as render
 from .picture import Picture as Picture
 from .picture import picture as picture
 from .run_report import write_run_report as write_run_report
+from .standings import Row as Row
+from .standings import results as results
+from .standings import standings as standings
 from .tip_paths import tip_paths as tip_paths

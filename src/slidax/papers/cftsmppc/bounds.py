@@ -13,10 +13,10 @@ from slidax._errors import DefinitionError
 from slidax._types import State
 from slidax.controllers import SlidingMode
 from slidax.performance import FixedTime
-from slidax.reaching import FixedTimeReaching
+from slidax.reaching import FixedTimeReaching, TwoPowerReaching
 from slidax.scenarios import Scenario
 from slidax.simulation import Run
-from slidax.surfaces import SmoothFixedTime
+from slidax.surfaces import LinearCoreFixedTime, SingularityFree, SmoothFixedTime
 from slidax.transformations import PrescribedPerformance
 
 
@@ -79,24 +79,49 @@ def inverse_inertia(scenario: Scenario) -> dict[str, Any]:
     }
 
 
-def settling_bound(scenario: Scenario) -> dict[str, Any]:
+def settling_bound(scenario: Scenario) -> dict[str, Any] | None:
     """`T_max = T_r + T_s`, eqs. (48)-(50), s, with T_s of the slowest joint: the value of the formulas, no more.
 
     - `scenario`: whose parameters are put in.
+
+    (50) has `ρ0/2 >= 1/β` (Proposition 5); without an envelope β = 1, so that 2 stands for ρ0. SFSMC has the exponents
+    and gains of its own powers in the same places. None if the scheme is none of the fixed-time ones.
     """
-    law, _, performance, surface, reaching = parts_of(scenario)
-    n, r = law.joints, float(reaching.exponent)
-    both = float(law.bound.inertia_min + law.bound.inertia_max)
-    gain = float(np.linalg.eigvalsh(np.asarray(reaching.gain) * np.eye(n)).min())
+    law = scenario.controller
+    if not isinstance(law, SlidingMode):
+        return None
+    surface, reaching = law.surface, law.reaching
+    if isinstance(surface, SmoothFixedTime | LinearCoreFixedTime):
+        gains, powers = (surface.k1, surface.k2), (surface.p, surface.q)
+    elif isinstance(surface, SingularityFree):
+        gains, powers = (surface.c1, surface.c2), (surface.alpha, surface.beta)
+    else:
+        return None
+    if isinstance(reaching, FixedTimeReaching):
+        r, gain = float(reaching.exponent), np.asarray(reaching.gain)
+    elif isinstance(reaching, TwoPowerReaching):
+        r, gain = float(np.max(np.asarray(reaching.v1))), np.asarray(reaching.k1)
+    else:
+        return None
+    n, both = law.joints, float(law.bound.inertia_min + law.bound.inertia_max)
+    slowest = float(np.linalg.eigvalsh(gain * np.eye(n)).min())
     first = 2 / (float(law.bound.margin) * np.sqrt(both))
-    second = 2 / (n ** ((1 - r) / 2) * gain * both ** ((r + 1) / 2) * (r - 1))
-    k1, k2, p, q, radius = (np.asarray(x) for x in (surface.k1, surface.k2, surface.p, surface.q, performance.initial))
-    sliding = 2 ** (-(p + 1) / 2) * radius / (k1 * (1 - p)) + 2 ** (-(q + 1) / 2) * radius / (k2 * (q - 1))
+    second = 2 / (n ** ((1 - r) / 2) * slowest * both ** ((r + 1) / 2) * (r - 1))
+    performance = getattr(law.transformation, "performance", None)
+    radius = np.asarray(performance.initial) if isinstance(performance, FixedTime) else np.asarray(2.0)
+    (k1, k2), (p, q) = (tuple(np.asarray(x) for x in pair) for pair in (gains, powers))
+    near = 2 ** (-(p + 1) / 2) * radius / (k1 * (1 - p))
+    far = 2 ** (-(q + 1) / 2) * radius / (k2 * (q - 1))
+    worst = np.argmax(np.atleast_1d(near + far))
+    terms = [float(np.broadcast_to(term, n)[worst]) for term in (near, far)]
     return {
+        "terms": {"reaching": [float(first), float(second)], "sliding": terms},
         "reaching": float(first + second),
-        "sliding": float(np.max(sliding)),
-        "bound": float(first + second + np.max(sliding)),
-        "deadlines": np.broadcast_to(np.asarray(performance.deadline), n).tolist(),
+        "sliding": sum(terms),
+        "bound": float(first + second) + sum(terms),
+        "deadlines": np.broadcast_to(np.asarray(performance.deadline), n).tolist()
+        if isinstance(performance, FixedTime)
+        else None,
     }
 
 

@@ -1,4 +1,4 @@
-"""What the paper prints beside what the runs gave, with a verdict on each."""
+"""What the paper says beside what the runs gave, with a verdict on each."""
 
 from __future__ import annotations
 
@@ -10,36 +10,11 @@ from slidax import metrics
 from slidax.reports import significant
 
 from .bounds import inverse_inertia, settling_bound
-from .measured import steady_error, step_ratio, table_3, worst_after_deadline
-from .printed import BAND, STEADY_LIMIT, TABLE_3
+from .measured import step_ratio, worst_after_deadline
 from .runs import EXAMPLES, Case, Runs
-from .verdicts import REPRODUCED, Verdict, below, claim, compare, unchecked
+from .verdicts import REPRODUCED, Verdict, claim, unchecked
 
 CONTINUOUS = "the torque is continuous and free of chattering"
-
-
-@dataclass(frozen=True)
-class Row:
-    """A printed number.
-
-    - `quantity`: its key, as in `printed`, or `limit`.
-    - `place`, `name`: where it is printed, and what it is called there.
-    - `joint`: which joint, as text.
-    - `unit`: of both numbers.
-    - `printed`: as printed.
-    - `compared_with`: what was computed.
-    - `computed`, `verdicts`: by reading of the disturbance.
-    """
-
-    quantity: str
-    place: str
-    name: str
-    joint: str
-    unit: str
-    printed: str
-    compared_with: str
-    computed: dict[str, float | None]
-    verdicts: dict[str, Verdict]
 
 
 @dataclass(frozen=True)
@@ -54,55 +29,6 @@ class Claim:
     says: str
     evidence: dict[str, str]
     verdicts: dict[str, Verdict]
-
-
-def numbers(runs: Runs) -> list[Row]:
-    """Table 3's row of CFTSMPPC, and the limit of the error that the text gives.
-
-    - `runs`: all runs.
-    """
-    robot = runs.scenarios[Case("4.2", runs.readings[0])].plant.robot
-    rows = []
-    for item in TABLE_3:
-        computed = {reading: table_3(runs[Case("4.2", reading)], item.quantity) for reading in runs.readings}
-        for i, text in enumerate(item.texts):
-            unit = {"settling_time": "s", "steady_error": robot.joint_units[i], "peak_torque": robot.torque_units[i]}
-            values: dict[str, float | None] = {reading: joints[i] for reading, joints in computed.items()}
-            verdicts: dict[str, Verdict] = {
-                reading: compare(float(text), value, _absent(runs, reading, item.quantity))
-                for reading, value in values.items()
-            }
-            rows.append(
-                Row(
-                    item.quantity,
-                    item.place,
-                    item.name,
-                    str(i + 1),
-                    unit[item.quantity],
-                    text,
-                    item.compared_with,
-                    values,
-                    verdicts,
-                )
-            )
-    errors = {reading: steady_error(runs[Case("4.2", reading)]) for reading in runs.readings}
-    worst: dict[str, float | None] = {
-        reading: None if joints is None else max(joints) for reading, joints in errors.items()
-    }
-    rows.append(
-        Row(
-            "limit",
-            "Section 4",
-            "|e_i| in steady state",
-            "all",
-            "rad, m",
-            f"< {STEADY_LIMIT}",
-            "largest |e| over the second half of the run",
-            worst,
-            {reading: below(float(STEADY_LIMIT), value) for reading, value in worst.items()},
-        )
-    )
-    return rows
 
 
 def claims(runs: Runs) -> list[Claim]:
@@ -133,6 +59,8 @@ def promises(runs: Runs) -> list[Claim]:
         )
     for example in EXAMPLES:
         bound = settling_bound(runs.scenarios[Case(example, runs.readings[0])])
+        if bound is None or bound["deadlines"] is None:
+            continue
         deadlines = [f"{deadline:g}" for deadline in bound["deadlines"]]
         found.append(
             Claim(
@@ -195,13 +123,6 @@ def _continuous(runs: Runs, example: str) -> Claim:
         smooth = runs[case].outcome.ok and max(steps) < 0.6 and all(abs(way - 1) <= REPRODUCED for way in ways)
         verdicts[reading] = claim(smooth)
     return Claim(f"{figure}, Example\u00a0{example}", CONTINUOUS, evidence, verdicts)
-
-
-def _absent(runs: Runs, reading: str, quantity: str) -> Verdict | None:
-    """A run that reached its end without settling does not lack a settling time: it differs."""
-    if quantity == "settling_time" and runs[Case("4.2", "stated" if reading == "stated" else "off")].outcome.ok:
-        return Verdict("differs", f"differs: still above {significant(BAND, 1)} at the end")
-    return None
 
 
 def _range(values: list[float]) -> str:

@@ -1,4 +1,4 @@
-"""The paper's figures, the proposed scheme's part of them."""
+"""The paper's figures, in its order."""
 
 from __future__ import annotations
 
@@ -10,16 +10,17 @@ from matplotlib.figure import Figure
 from slidax import figures
 from slidax._errors import parameter
 from slidax.performance import AbstractPerformance, Exponential, FiniteTime, FixedTime
-from slidax.reports import Picture, picture, tip_paths
+from slidax.reports import Picture, picture
 
+from .compared_figures import of_three_joints, of_two_links
 from .printed import TABLE_3
 from .runs import READINGS, Case, Runs
+from .schemes import PROPOSED
 
 FINAL = parameter(0.01)
 """Final radius of the functions of Fig. 1."""
 
 IN_ENVELOPES = "in their envelopes, and their sizes. Dashed: the envelope's narrower side"
-WHOLE = "the whole run and its beginning"
 
 
 def draw(runs: Runs, folder: Path) -> dict[str, Picture]:
@@ -42,12 +43,11 @@ def draw(runs: Runs, folder: Path) -> dict[str, Picture]:
         ),
         (
             "fig-3",
-            "Fig. 3",
+            "Fig. 3, CFTSMPPC",
             figures.tracking_error(runs[two]),
             f"Example 4.1, tracking errors, {how}: {IN_ENVELOPES}.",
         ),
-        ("fig-4", "Fig. 4", figures.torque(runs[two]), f"Example 4.1, torques, {how}: {WHOLE}."),
-        ("fig-5", "Fig. 5", _tip(runs, two), f"Example 4.1, path of the tip, {how}."),
+        *of_two_links(runs),
         (
             "fig-7a",
             "Fig. 7(a)",
@@ -55,14 +55,7 @@ def draw(runs: Runs, folder: Path) -> dict[str, Picture]:
             f"Example 4.2, tracking errors, {how}: {IN_ENVELOPES}.",
         ),
         ("fig-7b", "Fig. 7(b)", _sizes(runs), _sizes_caption(runs)),
-        (
-            "fig-9",
-            "Fig. 9",
-            figures.velocity_error(runs[three]),
-            f"Example 4.2, velocity errors, {how}: at the beginning, and their sizes over the run.",
-        ),
-        ("fig-10", "Fig. 10", figures.torque(runs[three]), f"Example 4.2, torques, {how}: {WHOLE}."),
-        ("fig-11", "Fig. 11", _tip(runs, three), f"Example 4.2, path of the tip, {how}."),
+        *of_three_joints(runs),
     ]
     left = [case for case in runs.sampled if case.mode == "held" and not runs[case].outcome.ok]
     if left:
@@ -99,10 +92,6 @@ def _families() -> Figure:
     return figures.performance(functions, np.linspace(0.0, 16.0, 801))
 
 
-def _tip(runs: Runs, case: Case) -> Figure:
-    return figures.tip_path(*tip_paths(runs.scenarios[case].plant.robot, runs[case]))
-
-
 def _leaving(runs: Runs, case: Case) -> tuple[str, str, Figure, str]:
     run = runs[case]
     end = float(run.outcome.t or 0.0)
@@ -118,7 +107,7 @@ def _sizes(runs: Runs) -> Figure:
     shown = {READINGS[reading]: runs[Case("4.2", reading)] for reading in runs.readings}
     if "off" in runs.readings:
         shown["off, half the step"] = runs[Case("4.2", "off").halved]
-    printed = next(item for item in TABLE_3 if item.quantity == "steady_error")
+    printed = next(item for item in TABLE_3[PROPOSED] if item.quantity == "steady_error")
     return figures.error_sizes(shown, levels={"printed in Table 3": printed.values})
 
 

@@ -12,7 +12,11 @@ from slidax.simulation import Run
 from .bounds import expected_error, inverse_inertia, settling_bound
 from .measured import steady_error, table_3
 from .printed import STEADY_LIMIT, TABLE_3
+from .rivals import bands, compared, energy, jumps, layers, printed_alpha, sensitivity, settling_bounds
 from .runs import EXAMPLES, READINGS, Case, Runs
+from .schemes import PROPOSED, SCHEMES
+
+BAND = SCHEMES[PROPOSED].band
 
 
 def findings(runs: Runs) -> dict[str, Any]:
@@ -23,7 +27,7 @@ def findings(runs: Runs) -> dict[str, Any]:
     accuracy = {
         reading: steady_error(runs[Case("4.2", reading)]) if reading in runs.readings else None for reading in READINGS
     }
-    printed = {item.quantity: list(item.values) for item in TABLE_3}
+    printed = {item.quantity: list(item.values) for item in TABLE_3[PROPOSED]}
     first = runs.readings[0]
     return {
         "printed": printed | {"steady_limit": float(STEADY_LIMIT)},
@@ -33,10 +37,23 @@ def findings(runs: Runs) -> dict[str, Any]:
         "settling": {
             reading: metrics.summary(runs[Case("4.2", reading)])["settling_time"] for reading in runs.readings
         },
-        "peaks": {reading: table_3(runs[Case("4.2", reading)], "peak_torque") for reading in runs.readings},
+        "peaks": {reading: table_3(runs[Case("4.2", reading)], "peak_torque", BAND) for reading in runs.readings},
         "sampling": [_sampled(runs, case) for case in runs.sampled],
         "inertia": {example: inverse_inertia(runs.scenarios[Case(example, first)]) for example in EXAMPLES},
         "bounds": {example: settling_bound(runs.scenarios[Case(example, first)]) for example in EXAMPLES},
+        "compared": compared(runs),
+        "bands": bands(runs),
+        "sensitivity": sensitivity(runs),
+        "settling_bounds": settling_bounds(runs),
+        "jumps": jumps(runs),
+        "alpha": printed_alpha(runs),
+        "energy": energy(runs),
+        "ftsmc": layers(runs, "ftsmc"),
+        "nftsmc_layer": SCHEMES["nftsmc"].other,
+        "rows": {
+            reading: {case.name: steady_error(runs[case]) for case in runs.compared("4.2", reading).values()}
+            for reading in runs.readings
+        },
         "last_above_1e-3": max(
             float(metrics.settling_time(runs[Case(example, first)], 1e-3).max()) for example in EXAMPLES
         ),

@@ -9,7 +9,7 @@ from slidax.scenarios import Scenario
 from slidax.simulation import Run
 
 from .bounds import parts_of
-from .printed import BAND
+from .verdicts import CLOSE
 
 
 def steady_error(run: Run) -> list[float] | None:
@@ -25,16 +25,17 @@ def steady_error(run: Run) -> list[float] | None:
     return [float(size) for size in np.abs(np.asarray(run.log.e)[late]).max(axis=0)]
 
 
-def table_3(run: Run, quantity: str) -> list[float | None]:
+def table_3(run: Run, quantity: str, band: float) -> list[float | None]:
     """A quantity of Table 3, one per joint.
 
     - `run`: a finished run with a log.
     - `quantity`: `settling_time`, `steady_error` or `peak_torque`.
+    - `band`: settling band, rad or m.
     """
     if quantity == "steady_error":
         errors = steady_error(run)
-        return [None] * run.joints if errors is None else [*errors]
-    values = metrics.settling_time(run, BAND) if quantity == "settling_time" else metrics.peak_torque(run)
+        return [None] * len(run.joint_units) if errors is None else [*errors]
+    values = metrics.settling_time(run, band) if quantity == "settling_time" else metrics.peak_torque(run)
     # Still outside the band at the end: the run has no such time.
     late = quantity == "settling_time"
     return [None if late and value >= float(run.t1) - 1e-9 else float(value) for value in values]
@@ -67,3 +68,16 @@ def step_ratio(run: Run, halved: Run) -> tuple[list[float], list[float]]:
     pairs = [(metrics.max_torque_step(r), metrics.aice(r)) for r in (run, halved)]
     (step, way), (half_step, half_way) = pairs
     return (half_step / step).tolist(), (half_way / way).tolist()
+
+
+def chatter(run: Run, halved: Run) -> list[float | None]:
+    """How many times AICE grows when the step is halved, [n], for joints whose torque chatters, and None for others.
+
+    The way of a continuous torque does not depend on the step; that of one which jumps at every sample does. It counts
+    as chattering if it changes by more than the fraction within which numbers are called close.
+
+    - `run`: at the step.
+    - `halved`: at half the step.
+    """
+    ways = metrics.aice(halved) / metrics.aice(run)
+    return [float(way) if abs(way - 1.0) > CLOSE else None for way in ways]

@@ -1,8 +1,12 @@
-"""What the paper prints about its own scheme, CFTSMPPC, figure by figure as printed."""
+"""What the paper prints, figure by figure as printed."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+
+from slidax.reports import significant
+
+from .schemes import SCHEMES
 
 TITLE = (
     "Approximate continuous fixed-time terminal sliding mode control with prescribed performance for uncertain "
@@ -35,42 +39,50 @@ class Printed:
         return tuple(float(text) for text in self.texts)
 
 
-BAND = 1e-8
-"""The settling band at which the printed times of CFTSMPPC come out; the paper does not print it."""
-
-TABLE_3 = (
-    Printed(
-        "settling_time",
-        "Table 3",
+NAMES = {
+    "settling_time": (
         "t_s, actual convergence time",
-        ("1.37", "1.35", "1.53"),
-        "last time with |e| above 1e-8, a band that is not printed",
+        "last time with |e| above a band that is not printed, here {band}",
     ),
-    Printed(
-        "steady_error",
-        "Table 3",
-        "e_ρ, steady-state error",
-        ("4.92e-11", "6.90e-11", "2.21e-11"),
-        "largest |e| over the second half of the run",
+    "steady_error": ("e_ρ, steady-state error", "largest |e| over the second half of the run"),
+    "peak_torque": ("τ_max, maximum control torque", "largest |τ| over the run"),
+}
+"""What the columns of Table 3 are called, and what was computed for each."""
+
+
+def _row(scheme: str, *columns: tuple[str, str, str]) -> tuple[Printed, ...]:
+    band = significant(SCHEMES[scheme].band, 1)
+    return tuple(
+        Printed(quantity, "Table 3", name, texts, computed.format(band=band))
+        for (quantity, (name, computed)), texts in zip(NAMES.items(), columns, strict=True)
+    )
+
+
+TABLE_3 = {
+    "cftsmppc": _row(
+        "cftsmppc", ("1.37", "1.35", "1.53"), ("4.92e-11", "6.90e-11", "2.21e-11"), ("12.19", "14.96", "15.17")
     ),
-    Printed(
-        "peak_torque",
-        "Table 3",
-        "τ_max, maximum control torque",
-        ("12.19", "14.96", "15.17"),
-        "largest |τ| over the run",
+    "nftsmc": _row(
+        "nftsmc", ("1.77", "1.47", "1.75"), ("1.89e-5", "1.52e-5", "5.25e-6"), ("39.62", "203.39", "100.52")
     ),
-)
+    "anftsmc": _row(
+        "anftsmc", ("1.79", "1.47", "1.76"), ("2.81e-6", "4.21e-6", "2.60e-6"), ("26.24", "20.64", "39.44")
+    ),
+    "sfsmc": _row("sfsmc", ("2.20", "2.12", "2.35"), ("3.08e-4", "1.30e-4", "1.23e-4"), ("23.41", "29.04", "45.37")),
+}
+"""Table 3 by scheme."""
 
 STEADY_LIMIT = "8e-11"
 """Section 4 on Fig. 7(b): "the convergence accuracy of the steady-state error satisfies |e_i| < 8 × 10⁻¹¹ even with
 time-varying external disturbances"."""
 
+ENERGY_SHARE = "8.84"
+"""Section 4: the ECI of CFTSMPPC in percent of that of NFTSMC. (The sentence cites Fig. 12; the bars are Fig. 13.)"""
+
 NOT_COVERED = (
-    "Figs. 3 and 4, the curves of FTSMC and FTSMPPC: schemes that the proposed one is compared with.",
-    "Figs. 8 to 11, the curves of NFTSMC, ANFTSMC and SFSMC, and their rows in Table 3.",
-    "Figs. 12 to 14, the bars of IAE, ECI and AICE: no values are printed, and most of the bars are other schemes'.",
-    "The energy, 8.84 % of that of NFTSMC: it needs a run of NFTSMC. (The sentence cites Fig. 12; it is Fig. 13.)",
+    "Figs. 12 to 14 as such: they print bars without values, so the computed ones stand for themselves.",
     "The curves of the figures as such: the paper gives no data for them, so they can be compared by eye only.",
+    "The laws of the schemes that it compares with: it prints their parameters only. They were sourced or "
+    "reconstructed, and what differs may be the reconstruction.",
 )
-"""What it prints that needs more than runs of its own scheme."""
+"""What it prints that cannot be compared."""

@@ -12,12 +12,14 @@ from slidax._errors import DefinitionError
 from slidax.reports import machine, render, versions
 from slidax.reports.parameters import as_yaml
 
-from .comparison import claims, numbers, promises
+from .comparison import claims, promises
 from .figures import draw
 from .findings import findings
-from .printed import BAND, DOI, JOURNAL, NOT_COVERED, TITLE
+from .numbers import numbers
+from .printed import DOI, JOURNAL, NOT_COVERED, TITLE
 from .results import counts, plain, run_results, shown
 from .runs import EXAMPLES, READINGS, Case, Progress, Reading, simulate_all
+from .schemes import PROPOSED, SCHEMES
 from .verdicts import CLOSE, REPRODUCED
 
 CHOICES: dict[str, tuple[Reading, ...]] = {"stated": ("stated",), "off": ("off",), "both": ("stated", "off")}
@@ -66,7 +68,7 @@ def reproduce(
             "machine": machine(),
         },
         "readings": {reading: READINGS[reading] for reading in runs.readings},
-        "rule": {"reproduced_within": REPRODUCED, "close_within": CLOSE, "settling_band": BAND},
+        "rule": {"reproduced_within": REPRODUCED, "close_within": CLOSE, "settling_band": SCHEMES[PROPOSED].band},
         "counts": counts(rows, said),
         "numbers": rows,
         "claims": said,

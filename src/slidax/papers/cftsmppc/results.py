@@ -9,8 +9,10 @@ from typing import Any
 
 from slidax import metrics
 
-from .comparison import CONTINUOUS, Claim, Row
+from .comparison import CONTINUOUS, Claim
+from .numbers import Row
 from .runs import Case, Runs
+from .schemes import PROPOSED, SCHEMES
 from .verdicts import KINDS, Verdict
 
 
@@ -33,7 +35,10 @@ def shown(runs: Runs, rows: list[Row], claims: list[Claim]) -> dict[str, Any]:
     - `runs`: all runs.
     - `rows`, `claims`: with their verdicts.
     """
-    settling = [row.verdicts["off"].kind for row in rows if row.quantity == "settling_time" and "off" in row.verdicts]
+    proposed = [row for row in rows if row.scheme == SCHEMES[PROPOSED].name]
+    settling = [
+        row.verdicts["off"].kind for row in proposed if row.quantity == "settling_time" and "off" in row.verdicts
+    ]
     limit = {
         reading: verdict.kind for row in rows if row.quantity == "limit" for reading, verdict in row.verdicts.items()
     }

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
-from typing import Any, Literal, NamedTuple
+from typing import Any, NamedTuple
 
 from slidax import scenarios
 from slidax.scenarios import Scenario
 from slidax.simulation import Run
 
-Reading = Literal["stated", "off"]
+from .schemes import COMPARED, PROPOSED, SCHEMES
+from .schemes import Reading as Reading
+
 READINGS: dict[Reading, str] = {"stated": "disturbance as stated", "off": "disturbance off"}
 EXAMPLES = ("4.1", "4.2")
 PERIOD = 1e-4
@@ -21,17 +24,37 @@ Progress = Callable[[str, float], None]
 
 
 class Case(NamedTuple):
-    """One run: which example, with which disturbance, in which mode and with which period [s]."""
+    """One run: which example, with which disturbance, in which mode, with which period [s], scheme and boundary layer.
+
+    The layer is the listed one if None.
+    """
 
     example: str
     reading: Reading
     mode: str = "continuous"
     period: float = PERIOD
+    scheme: str = PROPOSED
+    layer: float | None = None
 
     @property
     def halved(self) -> Case:
         """The same at half the period."""
         return self._replace(period=self.period / 2)
+
+    @property
+    def held(self) -> Case:
+        """The same with the torque held between two samples."""
+        return self._replace(mode="held")
+
+    @property
+    def relayered(self) -> Case:
+        """The same with the other boundary layer."""
+        return self._replace(layer=SCHEMES[self.scheme].other)
+
+    @property
+    def name(self) -> str:
+        """The scheme's name, with its boundary layer where that is not the listed one."""
+        return SCHEMES[self.scheme].called(self.layer)
 
 
 @dataclass(frozen=True)
@@ -55,37 +78,93 @@ class Runs:
         """The cases that look for the sampling limit."""
         return [Case(example, self.readings[0], *how) for example in EXAMPLES for how in SAMPLED]
 
+    def nearest(self, example: str, scheme: str) -> Case:
+        """The scheme as printed, in the reading that comes nearer to what is printed, if that was simulated.
+
+        - `example`, `scheme`: which.
+        """
+        return _nearest(example, scheme, self.readings)
+
+    def compared(self, example: str, reading: Reading, layers: Sequence[str] = ()) -> dict[str, Case]:
+        """The cases of an example's schemes by name, the proposed one first.
+
+        - `example`, `reading`: which.
+        - `layers`: schemes to take with the other boundary layer.
+        """
+        plain = [Case(example, reading, scheme=scheme) for scheme in COMPARED[example]]
+        chosen = [case.relayered if case.scheme in layers else case for case in plain]
+        return {case.name: case for case in chosen}
+
 
 def cases(readings: Sequence[Reading]) -> list[Case]:
-    """All cases: each example and reading at the paper's step and at half of it, then the sampled ones.
+    """All cases, the same for every scheme and then more of the proposed one, which look for the sampling limit.
+
+    Each scheme: at the paper's step and at half of it, with another boundary layer, and with the torque held.
 
     - `readings`: how to read the disturbance.
     """
-    listed = []
+    listed: dict[Case, None] = {}
     for example in EXAMPLES:
-        for reading in readings:
-            listed += [Case(example, reading), Case(example, reading).halved]
-        listed += [Case(example, readings[0], mode, period) for mode, period in SAMPLED]
-    return listed
+        for scheme in COMPARED[example]:
+            for reading in readings:
+                case = Case(example, reading, scheme=scheme)
+                listed |= dict.fromkeys([case, case.halved, case.relayered])
+            listed[_nearest(example, scheme, readings).held] = None
+        listed |= dict.fromkeys(Case(example, readings[0], mode, period) for mode, period in SAMPLED)
+    return list(listed)
 
 
 def simulate_all(readings: Sequence[Reading], changes: dict[str, Any], progress: Progress) -> Runs:
-    """Runs all cases, each once.
+    """Runs all cases, each once, two at a time.
 
     - `readings`: how to read the disturbance.
     - `changes`: values by dotted path that all scenarios share.
-    - `progress`: told what is being done and which fraction of the runs is done.
+    - `progress`: told what was done and which fraction of the runs is done.
     """
     built: dict[Case, Scenario] = {}
     runs: dict[Case, Run] = {}
     listed = cases(readings)
-    for number, case in enumerate(listed):
-        stage = f"Example {case.example}, {READINGS[case.reading]}, {case.mode}, {case.period:g} s"
-        progress(stage, number / len(listed))
-        values: dict[str, Any] = {"simulation.mode": case.mode, "simulation.period": case.period}
-        if case.reading == "off":
-            values["disturbance.scale"] = 0.0
-        built[case] = scenarios.load(f"example-{case.example}", {**values, **changes})
-        # What holds its torque moves between any two samples, so that its log leaves none out.
-        runs[case] = built[case].simulate(progress=False, log_every=1 if case.mode == "held" else 0)
-    return Runs(built, runs, tuple(readings))
+    # Cases that differ in numbers only share one compiled loop, so that they go one after another.
+    groups: dict[tuple[str, str, str], list[Case]] = {}
+    for case in listed:
+        built[case] = scenario_of(case, changes)
+        groups.setdefault((case.example, case.scheme, case.mode), []).append(case)
+    progress("Example 4.1", 0.0)
+    with ThreadPoolExecutor(2) as pool:
+        waiting = {pool.submit(_simulate, {case: built[case] for case in group}): group for group in groups.values()}
+        for done in as_completed(waiting):
+            runs |= done.result()
+            case = waiting[done][0]
+            stage = f"Example {case.example}, {SCHEMES[case.scheme].name}, {case.mode}"
+            progress(stage, len(runs) / len(listed))
+    return Runs(built, {case: runs[case] for case in listed}, tuple(readings))
+
+
+def scenario_of(case: Case, changes: dict[str, Any]) -> Scenario:
+    """What is simulated in a case.
+
+    - `case`: which.
+    - `changes`: values by dotted path, set last.
+    """
+    values: dict[str, Any] = {"simulation.mode": case.mode, "simulation.period": case.period}
+    if case.scheme != PROPOSED:
+        values["scheme.name"] = case.scheme
+    if case.layer is not None:
+        values[SCHEMES[case.scheme].path] = case.layer
+    if case.reading == "off":
+        values["disturbance.scale"] = 0.0
+    return scenarios.load(f"example-{case.example}", {**values, **changes})
+
+
+def _simulate(group: dict[Case, Scenario]) -> dict[Case, Run]:
+    # What holds its torque moves between any two samples, so that the log of the proposed scheme leaves none out.
+    return {
+        case: scenario.simulate(progress=False, log_every=1 if case.mode == "held" and case.scheme == PROPOSED else 0)
+        for case, scenario in group.items()
+    }
+
+
+def _nearest(example: str, scheme: str, readings: Sequence[Reading]) -> Case:
+    # Only Example 4.2 has printed values.
+    wanted = SCHEMES[scheme].nearest if example == "4.2" else "stated"
+    return Case(example, wanted if wanted in readings else readings[0], scheme=scheme)

@@ -76,6 +76,14 @@ def unchecked(why: str) -> Verdict:
     return Verdict("unchecked", f"cannot be checked: {why}")
 
 
+def incomparable(why: str) -> Verdict:
+    """The verdict where the computed number is an accident of the computation.
+
+    - `why`: the reason.
+    """
+    return Verdict("unchecked", f"not compared: {why}")
+
+
 def _percent(fraction: float) -> str:
     """Rounded up to a tenth, so that "within" stays true."""
     return f"{max(0.1, math.ceil(fraction * 1000 - 1e-9) / 10):.1f} %"

@@ -1,0 +1,86 @@
+"""`slidax compare`: several schemes on one scenario, from the command line."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from slidax import scenarios
+from slidax.reports.parameters import as_yaml
+
+from .commands import in_process
+
+SHORT = ("--set", "simulation.t1=0.5")
+HASTY = ("--set", "scheme.performance.deadline=0.05")
+
+
+def test_the_json_has_each_scheme_and_who_is_best() -> None:
+    result = in_process("compare", "example-4.1", "--schemes", "cftsmppc, ftsmc", *SHORT, "--json")
+    assert result.exit_code == 0, result.output
+    answer = json.loads(result.stdout)
+    assert (answer["scenario"], answer["robot"], answer["t1"]) == ("example-4.1", "two_link", 0.5)
+    assert list(answer["schemes"]) == ["cftsmppc", "ftsmc"]
+    assert [each["outcome"] for each in answer["schemes"].values()] == ["ok", "ok"]
+    assert answer["best"]["peak_torque"] == [["ftsmc"], ["ftsmc"]]
+    alone = json.loads(in_process("run", "example-4.1", *SHORT, "--json").stdout)
+    assert answer["schemes"]["cftsmppc"]["metrics"] == alone["metrics"]
+
+
+def test_the_table_has_a_column_per_scheme_and_a_row_per_metric_and_joint() -> None:
+    result = in_process("compare", "example-4.1", "--schemes", "cftsmppc,ftsmc", *SHORT)
+    assert result.exit_code == 0, result.output
+    assert "cftsmppc" in result.stdout
+    assert "peak torque, joint 2 [N m]" in result.stdout
+    assert "103.7" in result.stdout
+    assert "88.21" in result.stdout
+
+
+def test_without_schemes_all_are_compared() -> None:
+    result = in_process("compare", "example-4.1", "--set", "simulation.t1=0.01", "--json")
+    assert result.exit_code == 0, result.output
+    listed = json.loads(in_process("list", "schemes", "--json").stdout)
+    assert list(json.loads(result.stdout)["schemes"]) == list(listed["schemes"])
+
+
+def test_a_bad_end_is_a_row_and_no_failure_unless_all_end_so() -> None:
+    bad = ("compare", "example-4.1", *SHORT, *HASTY, "--schemes")
+    result = in_process(*bad, "cftsmppc,ftsmppc")
+    assert result.exit_code == 3
+    assert "none of the runs reached its end" in result.stderr
+    assert "cftsmppc: " in result.stdout
+
+
+def test_one_good_end_is_enough(tmp_path: Path) -> None:
+    """An envelope that narrows too soon belongs to the one scheme; the other has none."""
+    file, out = tmp_path / "hasty.yaml", tmp_path / "out"
+    hasty = scenarios.load("example-4.1", {"scheme.performance.deadline": 0.05, "simulation.t1": 0.5})
+    file.write_text(as_yaml(hasty.description), encoding="utf-8")
+    result = in_process("compare", str(file), "--schemes", "cftsmppc,ftsmc", "--out", str(out))
+    assert result.exit_code == 0, result.output
+    found = json.loads((out / "results.json").read_text(encoding="utf-8"))
+    assert found["schemes"]["cftsmppc"]["outcome"] != "ok"
+    assert found["schemes"]["ftsmc"]["outcome"] == "ok"
+    assert "cftsmppc: " in result.stdout
+    assert "The report is in" in result.stdout
+    assert (out / "report.html").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("--schemes", "cftsmppc,ftsmcc"), ["unknown `ftsmcc`", "did you mean `ftsmc`?"]),
+        (("--schemes", ","), ["--schemes", "names none"]),
+        (("--set", "scheme.name=ftsmc"), ["`--schemes`"]),
+        (("--schemes", "cftsmppc,ftsmc", "--set", "scheme.overshoot=0.5"), ["with the scheme `ftsmc`", "overshoot"]),
+        (("--set", "simulaton.t1=1"), ["did you mean `simulation`?"]),
+    ],
+)
+def test_what_cannot_be_is_one_line_and_exit_code_2(arguments: tuple[str, ...], words: list[str]) -> None:
+    result = in_process("compare", "example-4.1", *arguments, "--json")
+    assert result.exit_code == 2
+    assert result.stdout == ""
+    assert len(result.stderr.strip().splitlines()) == 1
+    for word in words:
+        assert word in result.stderr
