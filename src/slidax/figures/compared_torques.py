@@ -27,8 +27,8 @@ from .overlay import (
 from .style import ROW, WIDTH, styled
 from .thinning import thinned
 
-TURNS = 3
-"""A torque that turns around at least so often within one column chatters there."""
+TURNS, SHARE = 3, 0.15
+"""A torque that turns around at least so often within one column, and at such a share of its samples, chatters there."""
 
 SAMPLES = 20
 """A column has at least so many, or its turns could not be counted."""
@@ -111,7 +111,8 @@ def _chatters(t: np.ndarray, y: np.ndarray, columns: int) -> np.ndarray:
     starts = column_starts(t, columns)
     step = np.diff(y)
     turns = np.concatenate([[0], (step[1:] * step[:-1] < 0).astype(int), [0]])
-    often = np.add.reduceat(turns, starts) >= TURNS
+    samples = np.diff(np.append(starts, len(t)))
+    often = np.add.reduceat(turns, starts) >= np.maximum(TURNS, SHARE * samples)
     # The torque must go to and fro, and far enough to be seen: a ramp with ripples does not, nor does rounding.
     height = np.maximum.reduceat(y, starts) - np.minimum.reduceat(y, starts)
     way = np.add.reduceat(np.abs(np.append(step, 0.0)), starts)
