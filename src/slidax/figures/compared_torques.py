@@ -13,6 +13,7 @@ from slidax.simulation import Run
 from .axes import use_time_axis
 from .logged import torque_unit
 from .overlay import (
+    SPAN,
     Curves,
     clipped,
     column_starts,
@@ -28,7 +29,7 @@ from .style import ROW, WIDTH, styled
 from .thinning import thinned
 
 TURNS, SHARE = 3, 0.15
-"""A torque that turns around at least so often within one column, and at such a share of its samples, chatters there."""
+"""A torque that turns around so often within one column, and at such a share of its samples, chatters there."""
 
 SAMPLES = 20
 """A column has at least so many, or its turns could not be counted."""
@@ -41,8 +42,8 @@ NEIGHBOURS = 30
 def compared_torques(runs: Mapping[str, Run], *, beginning: float = 2.0) -> Figure:
     """Per joint: the torques of all runs over the whole run, and to the right over the beginning.
 
-    Where a torque chatters, its range is drawn as a tinted band between its lowest and highest values; peaks far above
-    all else leave the axis.
+    Where a torque chatters, its range is drawn as a tinted band between its lowest and highest values. Over the whole
+    run, peaks far above all else leave the axis; the beginning shows them in full.
 
     - `runs`: finished runs of the same arm with logs, by the name that the legend gives them.
     - `beginning`: how long the beginning is [s].
@@ -57,10 +58,11 @@ def compared_torques(runs: Mapping[str, Run], *, beginning: float = 2.0) -> Figu
     panels = figure.subplots(len(units), 2, sharex="col", squeeze=False, width_ratios=[1.6, 1])
     columns = columns_for(2 * len(units) * len(runs), 4)
     end = max(float(c.t[-1]) for c in curves)
-    for axes_column, until in zip(panels.T, (end, min(beginning, end)), strict=True):
+    spans = ((end, SPAN), (min(beginning, end), np.inf))
+    for axes_column, (until, span) in zip(panels.T, spans, strict=True):
         for i, axes in enumerate(axes_column):
             seen = [c.t <= max(until, float(c.t[1])) for c in curves]
-            limits = linear_range([c.y[s, i] for c, s in zip(curves, seen, strict=True)])
+            limits = linear_range([c.y[s, i] for c, s in zip(curves, seen, strict=True)], span)
             zero_line(axes)
             for c, s in zip(curves, seen, strict=True):
                 _draw(axes, Curves(c.t[s], clipped(c.y[s, i], limits), c.look), columns, limits)

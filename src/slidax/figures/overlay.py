@@ -97,16 +97,17 @@ def columns_for(curves: int, points: int) -> int:
     return int(np.clip(POINTS // (curves * points), 30, 160))
 
 
-def linear_range(values: Sequence[np.ndarray]) -> tuple[float, float]:
+def linear_range(values: Sequence[np.ndarray], span: float = SPAN) -> tuple[float, float]:
     """From where to where a linear axis goes: over all values, unless a few peaks would flatten all the rest.
 
     - `values`: of each curve, [k].
+    - `span`: how many times larger than what the median run mostly has the axis may be; infinite shows all.
     """
     inner = np.array([np.quantile(value, (0.01, 0.99)) for value in values if len(value)] or [(-1.0, 1.0)])
     whole = np.array([(value.min(), value.max()) for value in values if len(value)] or [(-1.0, 1.0)])
-    usual = SPAN * float(np.median(np.abs(inner).max(axis=1)))
+    usual = span * float(np.median(np.abs(inner).max(axis=1)))
     low, high = float(whole[:, 0].min()), float(whole[:, 1].max())
-    if usual > 0:
+    if 0 < usual < np.inf:
         low, high = max(low, -usual), min(high, usual)
     low, high = min(low, 0.0), max(high, 0.0)
     gap = 0.07 * ((high - low) or 1.0)
