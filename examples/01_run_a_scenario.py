@@ -9,7 +9,7 @@ import jax
 
 jax.config.update("jax_enable_x64", True)
 
-import slidax as sx  # noqa: E402  (64-bit numbers come first)
+import slidax as sx
 
 scenario = sx.scenarios.load("example-4.1")
 run = scenario.simulate()

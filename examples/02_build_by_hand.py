@@ -7,15 +7,15 @@ import jax
 
 jax.config.update("jax_enable_x64", True)
 
-import jax.numpy as jnp  # noqa: E402
+import jax.numpy as jnp
 
-import slidax as sx  # noqa: E402
-from slidax.controllers import cftsmppc  # noqa: E402
-from slidax.disturbances import Friction, Step  # noqa: E402
-from slidax.performance import FixedTime  # noqa: E402
-from slidax.reaching import UncertaintyBound  # noqa: E402
-from slidax.robots import TwoLink  # noqa: E402
-from slidax.trajectories import MinimumJerk  # noqa: E402
+import slidax as sx
+from slidax.controllers import cftsmppc
+from slidax.disturbances import Friction, Step
+from slidax.performance import FixedTime
+from slidax.reaching import UncertaintyBound
+from slidax.robots import TwoLink
+from slidax.trajectories import MinimumJerk
 
 true = TwoLink(lengths=[1.0, 0.8], masses=[0.5, 1.5], inertias=[5.0, 5.0])
 nominal = TwoLink(lengths=[1.0, 0.8], masses=[0.6, 1.8], inertias=[6.0, 6.0])

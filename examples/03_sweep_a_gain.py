@@ -7,10 +7,10 @@ import jax
 
 jax.config.update("jax_enable_x64", True)
 
-import equinox as eqx  # noqa: E402
-import jax.numpy as jnp  # noqa: E402
+import equinox as eqx
+import jax.numpy as jnp
 
-import slidax as sx  # noqa: E402
+import slidax as sx
 
 scenario = sx.scenarios.load("example-4.1")
 
