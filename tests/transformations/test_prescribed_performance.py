@@ -8,7 +8,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from slidax.transformations import PrescribedPerformance, Sides
-from slidax.transformations.prescribed_performance import psi, psi_inverse, psi_inverse_slope
+from slidax.transformations.psi import psi, psi_inverse, psi_inverse_slope
 from tests.paper import ENVELOPE_4_1
 
 overshoots = st.floats(0.01, 0.99)

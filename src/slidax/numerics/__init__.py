@@ -1,11 +1,13 @@
 """Mathematics without robots: powers, norms, small linear solves, time derivatives, integrators."""
 
 from .derivatives import value_rate_curvature as value_rate_curvature
+from .increasing_root import increasing_root as increasing_root
 from .inverse_norm import inverse_norm as inverse_norm
 from .ldl import is_positive_definite as is_positive_definite
 from .ldl import matvec as matvec
 from .ldl import solve_symmetric as solve_symmetric
 from .linear_core_power import linear_core_power_and_slope as linear_core_power_and_slope
+from .nearest_in_box import nearest_in_box as nearest_in_box
 from .once import once as once
 from .power import power as power
 from .power import sig as sig

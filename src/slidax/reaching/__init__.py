@@ -1,7 +1,9 @@
 """Reaching laws: from the surface to the torque that drives it to zero, and how large that torque must be."""
 
+from .fixed_bound import FixedBound as FixedBound
 from .fixed_time_reaching import FixedTimeReaching as FixedTimeReaching
 from .reaching import AbstractReaching as AbstractReaching
+from .saturated_reaching import SaturatedReaching as SaturatedReaching
 from .state_bound import StateBound as StateBound
 from .two_power_reaching import TwoPowerReaching as TwoPowerReaching
 from .uncertainty_bound import UncertaintyBound as UncertaintyBound

@@ -6,9 +6,10 @@ import equinox as eqx
 import numpy as np
 
 from slidax._errors import DefinitionError, is_traced, parameter, require, require_shape
-from slidax._types import PerJoint, Scalar, Vector
-from slidax.numerics import is_positive_definite, matvec, sig, unit_vector
+from slidax._types import Matrix, PerJoint, Scalar, Vector
+from slidax.numerics import is_positive_definite, matvec, sig, sig_and_slope, unit_vector
 
+from .proximal_step import proximal_step
 from .reaching import AbstractReaching
 
 
@@ -52,3 +53,27 @@ class FixedTimeReaching(AbstractReaching):
         - `s`: sliding variable [n], rad/s or m/s.
         """
         return unit_vector(s, self.layer)
+
+    def power_and_slope(self, s: Vector) -> tuple[Vector, Vector]:
+        """`K0 Sig^r(s)` and its derivative, [n], for a diagonal K0.
+
+        - `s`: sliding variable [n], rad/s or m/s.
+        """
+        powers, slope = sig_and_slope(s, self.exponent)
+        return self.gain * powers, self.gain * slope
+
+    def implicit(self, metric: Matrix, s: Vector, u: Scalar) -> Vector:
+        """The implicit step, [n], with a diagonal K0: a full one times Sig^r is not monotone, so the step may have none.
+
+        - `metric`: A = M0/H, symmetric positive definite [n n].
+        - `s`: sliding variable [n], rad/s or m/s.
+        - `u`: size of the robust torque, >= 0, N m.
+
+        Raises DefinitionError if K0 is a matrix.
+        """
+        if self.gain.ndim == 2:
+            raise DefinitionError(
+                "`FixedTimeReaching.gain` must be one number or a diagonal [n] for an implicit step, since a full matrix "
+                f"times Sig^r is not monotone (K0, eq. 43); got shape {list(self.gain.shape)}"
+            )
+        return proximal_step(self, metric, s, u)

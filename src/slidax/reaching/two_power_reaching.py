@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import equinox as eqx
+import jax.numpy as jnp
 
 from slidax._errors import parameter, require, require_consistent, require_shape
-from slidax._types import PerJoint, Scalar, Vector
-from slidax.numerics import sig, unit_vector
+from slidax._types import Matrix, PerJoint, Scalar, Vector
+from slidax.numerics import power, sig, sig_and_slope, unit_vector
 
+from .proximal_step import proximal_step
 from .reaching import AbstractReaching
 
 
@@ -53,3 +55,22 @@ class TwoPowerReaching(AbstractReaching):
         - `s`: sliding variable [n], rad/s or m/s.
         """
         return unit_vector(s, self.layer)
+
+    def power_and_slope(self, s: Vector) -> tuple[Vector, Vector]:
+        """`K1 Sig^v1(s) + K2 Sig^v2(s)` and its derivative, [n]; below 1e-30 the slope stays as it is there.
+
+        - `s`: sliding variable [n], rad/s or m/s.
+        """
+        far, far_slope = sig_and_slope(s, self.v1)
+        # The slope of sig^v2 is infinite at 0; held finite, it stays larger than any other there.
+        ratio = power(jnp.maximum(jnp.abs(s), 1e-30), self.v2 - 1.0)
+        return self.k1 * far + self.k2 * s * ratio, self.k1 * far_slope + self.k2 * self.v2 * ratio
+
+    def implicit(self, metric: Matrix, s: Vector, u: Scalar) -> Vector:
+        """The implicit step, [n].
+
+        - `metric`: A = M0/H, symmetric positive definite [n n].
+        - `s`: sliding variable [n], rad/s or m/s.
+        - `u`: size of the robust torque, >= 0, N m.
+        """
+        return proximal_step(self, metric, s, u)

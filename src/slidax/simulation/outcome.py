@@ -12,7 +12,9 @@ from jaxtyping import Array, Bool, Int
 
 from slidax._types import Envelope, Scalar, Vector
 
-Kind = Literal["ok", "left_envelope", "not_finite"]
+from .excursion import Excursion
+
+Kind = Literal["ok", "left_envelope", "not_finite", "recovered"]
 KINDS: tuple[Kind, ...] = ("ok", "left_envelope", "not_finite")
 
 
@@ -20,11 +22,13 @@ KINDS: tuple[Kind, ...] = ("ok", "left_envelope", "not_finite")
 class Outcome:
     """How a run ended, for a person and for a program.
 
-    - `kind`: "ok", "left_envelope" or "not_finite".
+    - `kind`: "ok", "left_envelope", "not_finite", or "recovered" for a run that was outside and came back.
     - `message`: one sentence, with the remedy.
     - `t`: when [s]; None if ok, as all that follow.
     - `joint`: which joint, counted from 1.
     - `error`, `bound`: the error there and the bound that it met, rad or m; None unless it left the envelope.
+    - `back`: from when on it was inside to the end [s]; None unless it went on outside and came back.
+    - `beyond`: by how much it was outside at the worst, rad or m; None unless it went on outside.
     """
 
     kind: Kind
@@ -33,6 +37,8 @@ class Outcome:
     joint: int | None = None
     error: float | None = None
     bound: float | None = None
+    back: float | None = None
+    beyond: float | None = None
 
     @property
     def ok(self) -> bool:
@@ -92,26 +98,57 @@ def find_fault(t: Scalar, e: Vector, finite: Bool[Array, " n"], envelope: Envelo
     return Fault(kind=kind, t=t, joint=joint, error=error, bound=bound)
 
 
-def describe(fault: Fault, units: tuple[str, ...]) -> Outcome:
+def describe(
+    fault: Fault, excursion: Excursion | None, violations: int, period: float, units: tuple[str, ...]
+) -> Outcome:
     """The outcome in words.
 
     - `fault`: with known values.
+    - `excursion`: where the run was outside its envelope, if it went on there.
+    - `violations`: how many samples were outside.
+    - `period`: time between samples [s].
     - `units`: the unit of each joint's position.
     """
     kind = KINDS[int(fault.kind)]
+    went_out = excursion is not None and int(excursion.first) >= 0
     if kind == "ok":
+        if excursion is not None and went_out:
+            return _described_excursion(excursion, violations, period, units)
         return Outcome("ok", "The run reached its end.")
     t, joint = float(fault.t), int(fault.joint)
     if kind == "not_finite":
-        message = (
-            f"Joint {joint + 1} became infinite or undefined at t = {t:.4g} s. "
-            "Shorten the period, or lower the gains; the run up to there is kept."
+        remedy = (
+            "It was outside its envelope, where the law is not defined: use its sampled-data form."
+            if went_out
+            else "Shorten the period, or lower the gains; the run up to there is kept."
         )
-        return Outcome(kind, message, t, joint + 1)
+        return Outcome(
+            kind, f"Joint {joint + 1} became infinite or undefined at t = {t:.4g} s. {remedy}", t, joint + 1
+        )
     error, bound = float(fault.error), float(fault.bound)
-    unit = units[joint]
-    message = (
-        f"Joint {joint + 1} left its envelope at t = {t:.4g} s (e = {error:.4g} {unit}, bound {bound:.4g} {unit}). "
-        "Start inside it, enlarge its final radius, or shorten the period."
+    message = _left(joint, t, error, bound, units) + (
+        ". Start inside it, enlarge its final radius, or shorten the period."
     )
     return Outcome(kind, message, t, joint + 1, error, bound)
+
+
+def _left(joint: int, t: float, error: float, bound: float, units: tuple[str, ...]) -> str:
+    unit = units[joint]
+    return f"Joint {joint + 1} left its envelope at t = {t:.4g} s (e = {error:.4g} {unit}, bound {bound:.4g} {unit})"
+
+
+def _described_excursion(
+    excursion: Excursion, violations: int, period: float, units: tuple[str, ...]
+) -> Outcome:
+    joint, error, bound = int(excursion.joint), float(excursion.error), float(excursion.bound)
+    t, back = int(excursion.first) * period, (int(excursion.last) + 1) * period
+    worst = int(jnp.argmax(excursion.beyond))
+    beyond = float(excursion.beyond[worst])
+    start = f"Joint {joint + 1} was outside its envelope from the start" if int(excursion.first) == 0 else ""
+    first = start or _left(joint, t, error, bound, units)
+    extent = f"{violations} samples were outside, by at most {beyond:.3g} {units[worst]} (joint {worst + 1})"
+    if bool(excursion.outside):
+        message = f"{first} and is outside at the end: {extent}. Allow more torque, or shorten the period."
+        return Outcome("left_envelope", message, t, joint + 1, error, bound, beyond=beyond)
+    message = f"{first}, and was back for good at t = {back:.4g} s: {extent}."
+    return Outcome("recovered", message, t, joint + 1, error, bound, back, beyond)

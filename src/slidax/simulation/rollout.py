@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import partial
 from typing import Any
 
 import equinox as eqx
@@ -17,6 +16,7 @@ from slidax.controllers import AbstractController
 from slidax.numerics import once
 from slidax.trajectories import AbstractTrajectory
 
+from .excursion import Excursion
 from .outcome import Fault, earlier, find_fault, no_fault
 from .plant import Plant
 from .run import Log
@@ -35,6 +35,7 @@ class Loop(eqx.Module):
     - `integrator`: one step of the plant.
     - `substeps`: steps of the plant per period, in held mode.
     - `continuous`: whether the law is evaluated at every stage of the integrator.
+    - `recover`: whether the run goes on outside the envelope.
     """
 
     plant: Plant
@@ -46,6 +47,7 @@ class Loop(eqx.Module):
     integrator: Integrator = eqx.field(static=True)
     substeps: int = eqx.field(static=True)
     continuous: bool = eqx.field(static=True)
+    recover: bool = eqx.field(static=True)
 
 
 class Carry(eqx.Module):
@@ -57,6 +59,9 @@ class Carry(eqx.Module):
     - `memory`: the controller's.
     - `tally`: what was counted.
     - `fault`: the first thing that went wrong.
+    - `excursion`: where it was outside its envelope; None if that ends the run.
+    - `sensor`, `actuator`: what those keep.
+    - `torque`: the last command [n], which is held while samples are lost; None without a sensor.
     """
 
     k: Int[Array, ""]
@@ -65,6 +70,19 @@ class Carry(eqx.Module):
     memory: Memory
     tally: Tally
     fault: Fault
+    excursion: Excursion | None
+    sensor: Memory
+    actuator: Memory
+    torque: Vector | None
+
+
+class Passed(eqx.Module):
+    """What one period leaves behind, beside the state: the memories of all who have one."""
+
+    memory: Memory
+    sensor: Memory
+    actuator: Memory
+    torque: Vector | None
 
 
 class Moving(eqx.Module):
@@ -92,14 +110,28 @@ def begin(loop: Loop, state: State) -> tuple[Carry, Envelope | None, Reference]:
     """
     t = jnp.zeros(())
     reference = loop.trajectory.reference(t)
-    memory = loop.controller.init(t, state, reference)
+    plant, period = loop.plant, loop.period
+    sensor, torque = None, None
+    # The arm is held still, or in even motion, until the run begins.
+    held = plant.robot.bias(state.q, state.dq)
+    measured = state
+    if plant.sensor is not None:
+        sensor = plant.sensor.init(state)
+        measured = plant.sensor(jnp.zeros((), int), state, period, sensor)[0].state
+        torque = held
+    memory = loop.controller.init(t, measured, reference)
+    joints = state.q.shape[0]
     carry = Carry(
         k=jnp.zeros((), int),
         state=state,
         good=state,
         memory=memory,
-        tally=Tally.empty(state.q.shape[0], loop.windows.bands.shape[0]),
+        tally=Tally.empty(joints, loop.windows.bands.shape[0]),
         fault=no_fault(),
+        excursion=Excursion.none(joints) if loop.recover else None,
+        sensor=sensor,
+        actuator=None if plant.actuator is None else jax.tree.map(lambda x: x + held, plant.actuator.init(joints, period)),
+        torque=torque,
     )
     return carry, loop.controller.envelope(t, memory), reference
 
@@ -138,7 +170,7 @@ def advance(loop: Loop, carry: Carry, points: int, every: int | None, *, pack: b
 def _sample(loop: Loop, carry: Carry) -> tuple[Carry, Log]:
     """One sample: evaluate the law, count it, move the plant one period on, unless the run is over."""
     t = carry.k.astype(float) * loop.period
-    moved, memory, stages = (_continuous_step if loop.continuous else _held_step)(loop, carry, t)
+    moved, passed, stages = (_continuous_step if loop.continuous else _held_step)(loop, carry, t)
     now = stages[0]
     e = carry.state.q - now.reference.q
 
@@ -152,14 +184,23 @@ def _sample(loop: Loop, carry: Carry) -> tuple[Carry, Log]:
 
     counted = carry.tally.add(carry.k, e, now.command.tau, now.envelope, loop.windows)
     tally = _where(good, counted, carry.tally.with_violation(running & (now.fault.kind == 1)))
+    excursion = carry.excursion
+    if excursion is not None and now.envelope is not None:
+        seen = excursion.add(carry.k, e, now.envelope)
+        tally = tally.with_violation(good & seen.outside)
+        excursion = _where(good, seen, excursion)
     after = Carry(
         # The number grows in runs that are over, too: so a batch has one time, and shares what depends on time alone.
         k=carry.k + 1,
         state=_where(onward, moved, carry.state),
         good=_where(good, carry.state, carry.good),
-        memory=_where(onward, memory, carry.memory),
+        memory=_where(onward, passed.memory, carry.memory),
         tally=tally,
         fault=_where(running, found, carry.fault),
+        excursion=excursion,
+        sensor=passed.sensor,
+        actuator=passed.actuator,
+        torque=passed.torque,
     )
     log = Log(
         k=carry.k,
@@ -174,50 +215,81 @@ def _sample(loop: Loop, carry: Carry) -> tuple[Carry, Log]:
     return after, log
 
 
-def _evaluate(loop: Loop, t: Scalar, state: State, memory: Memory, ahead: Scalar) -> Evaluation:
+def _evaluate(loop: Loop, t: Scalar, state: State, seen: State, memory: Memory, ahead: Scalar) -> Evaluation:
+    """The law at one time, judged by the true state: the law itself knows what is seen of it."""
     reference = loop.trajectory.reference(t)
-    command = loop.controller(t, state, reference, loop.trajectory.reference(ahead), memory)
+    command = loop.controller(t, seen, reference, loop.trajectory.reference(ahead), memory)
     # Plant, tally and log read the same bits.
     command = eqx.tree_at(lambda c: c.tau, command, once(command.tau))
+    return _judged(loop, t, state, memory, reference, command)
+
+
+def _judged(
+    loop: Loop, t: Scalar, state: State, memory: Memory, reference: Reference, command: Command
+) -> Evaluation:
     envelope = loop.controller.envelope(t, memory)
     finite = jnp.isfinite(command.tau) & jnp.isfinite(state.dq)
-    return Evaluation(reference, command, envelope, find_fault(t, state.q - reference.q, finite, envelope))
+    fault = find_fault(t, state.q - reference.q, finite, None if loop.recover else envelope)
+    return Evaluation(reference, command, envelope, fault)
 
 
-def _held_step(loop: Loop, carry: Carry, t: Scalar) -> tuple[State, Memory, tuple[Evaluation, ...]]:
+def _held_step(loop: Loop, carry: Carry, t: Scalar) -> tuple[State, Passed, tuple[Evaluation, ...]]:
     """The law once, its torque held over the period; a memory with a rate moves on by Euler's rule."""
-    now = _evaluate(loop, t, carry.state, carry.memory, t + loop.period)
-    h = loop.period / loop.substeps
+    plant, period = loop.plant, loop.period
+    seen, sensor, torque, delivery, fresh = carry.state, None, None, None, None
+    if plant.sensor is not None:
+        measurement, sensor = plant.sensor(carry.k, carry.state, period, carry.sensor)
+        seen, fresh = measurement.state, measurement.fresh
+    now = _evaluate(loop, t, carry.state, seen, carry.memory, t + period)
+    memory = now.command.memory
+    if now.command.rate is not None:
+        memory = jax.tree.map(lambda m, dm: m + period * dm, memory, now.command.rate)
+    tau = now.command.tau
+    if fresh is not None and carry.torque is not None:
+        # No measurement, no new command: the last one stands, and the law has seen nothing.
+        tau = torque = jnp.where(fresh, tau, carry.torque)
+        memory = _where(fresh, memory, carry.memory)
+    if plant.actuator is not None:
+        tau, delivery = plant.actuator.set(tau, period, carry.actuator)
+    if plant.sensor is not None or plant.actuator is not None:
+        command = eqx.tree_at(lambda c: c.tau, now.command, once(tau))
+        now = _judged(loop, t, carry.state, carry.memory, now.reference, command)
+    h = period / loop.substeps
 
-    def rate(t: Scalar, state: State) -> tuple[State, None]:
-        return State(q=state.dq, dq=loop.plant.acceleration(t, state, now.command.tau)), None
+    def rate(time: Scalar, state: State) -> tuple[State, None]:
+        delivered = now.command.tau
+        if plant.actuator is not None and delivery is not None:
+            delivered = plant.actuator.delivered(delivery, time - t, period)
+        return State(q=state.dq, dq=plant.acceleration(time, state, delivered)), None
 
     def substep(state: State, i: Int[Array, ""]) -> tuple[State, None]:
         return loop.integrator(rate, t + i.astype(float) * h, state, h)[0], None
 
-    memory = now.command.memory
-    if now.command.rate is not None:
-        memory = jax.tree.map(lambda m, dm: m + loop.period * dm, memory, now.command.rate)
+    passed = Passed(memory=memory, sensor=sensor, actuator=delivery, torque=torque)
     if loop.substeps == 1:
-        return loop.integrator(rate, t, carry.state, h)[0], memory, (now,)
-    return jax.lax.scan(substep, carry.state, jnp.arange(loop.substeps))[0], memory, (now,)
+        return loop.integrator(rate, t, carry.state, h)[0], passed, (now,)
+    return jax.lax.scan(substep, carry.state, jnp.arange(loop.substeps))[0], passed, (now,)
 
 
-def _continuous_step(loop: Loop, carry: Carry, t: Scalar) -> tuple[State, Memory, tuple[Evaluation, ...]]:
+def _continuous_step(loop: Loop, carry: Carry, t: Scalar) -> tuple[State, Passed, tuple[Evaluation, ...]]:
     """The law in every stage of the integrator, as a fixed-step solver of block diagrams does."""
-    evaluate = partial(_evaluate, ahead=t + loop.period)
-    has_rate = eqx.filter_eval_shape(evaluate, loop, t, carry.state, carry.memory).command.rate is not None
+    def evaluate(t: Scalar, state: State, memory: Memory) -> Evaluation:
+        return _evaluate(loop, t, state, state, memory, ahead)
+
+    ahead = t + loop.period
+    has_rate = eqx.filter_eval_shape(evaluate, t, carry.state, carry.memory).command.rate is not None
 
     def rate(t: Scalar, now: Moving) -> tuple[Moving, Evaluation]:
         state = State(q=now.q, dq=now.dq)
-        stage = evaluate(loop, t, state, now.memory if has_rate else carry.memory)
+        stage = evaluate(t, state, now.memory if has_rate else carry.memory)
         acceleration = loop.plant.acceleration(t, state, stage.command.tau)
         return Moving(q=now.dq, dq=acceleration, memory=stage.command.rate), stage
 
     start = Moving(q=carry.state.q, dq=carry.state.dq, memory=carry.memory if has_rate else None)
     moved, stages = loop.integrator(rate, t, start, loop.period)
     memory = moved.memory if has_rate else stages[0].command.memory
-    return State(q=moved.q, dq=moved.dq), memory, stages
+    passed = Passed(memory=memory, sensor=None, actuator=None, torque=None)
+    return State(q=moved.q, dq=moved.dq), passed, stages
 
 
 def _where(condition: Array, yes: Any, no: Any) -> Any:

@@ -11,6 +11,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from slidax._types import Envelope, Reference, Scalar, State
 
+from .excursion import Excursion
 from .outcome import Fault, Outcome, describe
 from .tally import Tally, Windows
 
@@ -67,6 +68,7 @@ class Run(eqx.Module):
     - `tally`: statistics of all samples, which the metrics read.
     - `windows`: from when each statistic counts, and the settling bands.
     - `fault`: the first thing that went wrong, as arrays; see `outcome`.
+    - `excursion`: where it was outside its envelope, as arrays; None if that ends a run.
     - `state`: the state at the last good sample.
     - `period`: time between samples [s].
     - `t1`: end that was asked for [s].
@@ -79,6 +81,7 @@ class Run(eqx.Module):
     tally: Tally
     windows: Windows
     fault: Fault
+    excursion: Excursion | None
     state: State
     period: Scalar
     t1: Scalar
@@ -94,4 +97,6 @@ class Run(eqx.Module):
     @property
     def outcome(self) -> Outcome:
         """How the run ended; needs known values, so not inside `vmap`: look at `fault` there."""
-        return describe(self.fault, self.joint_units)
+        return describe(
+            self.fault, self.excursion, int(self.tally.violations), float(self.period), self.joint_units
+        )

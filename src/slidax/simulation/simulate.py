@@ -46,6 +46,7 @@ def simulate(
     substeps: int = 1,
     log_every: int | None = 1,
     bands: tuple[float, ...] = BANDS,
+    outside: Literal["raise", "recover"] = "raise",
     throw: bool = False,
     progress: bool | None = None,
 ) -> Run:
@@ -54,7 +55,8 @@ def simulate(
     In mode "held" the law is evaluated once a period, its torque is held, and the plant takes `substeps` steps of the
     integrator. In mode "continuous" the law is evaluated at every stage of the integrator, whose step is the period;
     τ(k) is then the torque at the start of step k. The envelope and finiteness are watched at every evaluation of the
-    law. The first violation ends the run, and `run.outcome` names it.
+    law. The first violation ends the run, and `run.outcome` names it; with `outside="recover"` the run goes on, for a law
+    that is defined there, and the outcome says when it left and when it was back.
 
     - `plant`: the true robot and the disturbance on it.
     - `controller`: the scheme.
@@ -67,6 +69,7 @@ def simulate(
     - `substeps`: integrator steps per period in held mode.
     - `log_every`: log one in so many samples; None logs none. Metrics count all samples whatever is logged.
     - `bands`: error bands for the settling time, rad or m.
+    - `outside`: what a sample outside the envelope does: "raise" ends the run; "recover", in held mode, counts it.
     - `throw`: raise OutcomeError on a bad outcome, instead of returning the run.
     - `progress`: a bar on the terminal; None shows it if the run is long and a person looks on.
 
@@ -75,7 +78,7 @@ def simulate(
     Raises DefinitionError if the parts do not fit each other or the start is outside the envelope.
     """
     loop, samples = _define(
-        plant, controller, trajectory, state0, t1, period, mode, integrator, substeps, log_every, bands
+        plant, controller, trajectory, state0, t1, period, mode, integrator, substeps, log_every, bands, outside
     )
     traced = is_traced((loop, state0))
     started = time.perf_counter()
@@ -86,13 +89,15 @@ def simulate(
         timing = None
     else:
         carry, envelope, reference = _begin(loop, state0)
-        _require_start_inside(state0, reference, envelope)
+        if outside == "raise":
+            _require_start_inside(state0, reference, envelope)
         carry, log, timing = _drive(loop, carry, samples, log_every, progress, started)
     run = Run(
         log=log,
         tally=carry.tally,
         windows=loop.windows,
         fault=carry.fault,
+        excursion=carry.excursion,
         state=carry.good,
         period=loop.period,
         t1=jnp.asarray(t1, float),
@@ -146,6 +151,7 @@ def _define(
     substeps: int,
     log_every: int | None,
     bands: tuple[float, ...],
+    outside: str,
 ) -> tuple[Loop, int]:
     if not jax.config.read("jax_enable_x64"):
         raise DefinitionError(
@@ -173,6 +179,12 @@ def _define(
         raise DefinitionError(f"`substeps` must be >= 1; got {substeps}")
     if mode == "continuous" and substeps != 1:
         raise DefinitionError(f"`substeps` must be 1 in continuous mode, where `period` is the step; got {substeps}")
+    if mode == "continuous":
+        for name, part in (("sensor", plant.sensor), ("actuator", plant.actuator)):
+            if part is not None:
+                raise DefinitionError(f"a {name} needs samples: simulate in held mode, not in continuous mode")
+        if outside == "recover":
+            raise DefinitionError("`outside` must be `raise` in continuous mode: recovering needs samples")
     if log_every is not None and log_every < 1:
         raise DefinitionError(f"`log_every` must be >= 1, or None for no log; got {log_every}")
     if is_traced(period):
@@ -193,6 +205,7 @@ def _define(
         integrator=integrator,
         substeps=substeps,
         continuous=mode == "continuous",
+        recover=outside == "recover",
     )
     return loop, steps + 1
 

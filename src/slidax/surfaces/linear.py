@@ -33,3 +33,10 @@ class Linear(AbstractSurface):
         - `eps`: error, or transformed error ε1, [n].
         """
         return self.rate * eps, self.rate * jnp.ones_like(eps)
+
+    def reach(self, pull: Vector) -> Vector:
+        """`pull/Λ`, [n].
+
+        - `pull`: >= 0, [n], rad/s or m/s.
+        """
+        return pull / self.rate

@@ -6,7 +6,7 @@ import equinox as eqx
 
 from slidax._errors import parameter, require, require_consistent
 from slidax._types import PerJoint, Vector
-from slidax.numerics import sig_and_slope, two_term_power_and_slope
+from slidax.numerics import power, sig_and_slope, two_term_power_and_slope
 
 from .surface import AbstractSurface
 
@@ -51,3 +51,10 @@ class SingularityFree(AbstractSurface):
         near, near_slope = two_term_power_and_slope(eps, self.alpha, self.r, self.delta)
         far, far_slope = sig_and_slope(eps, self.beta)
         return self.c1 * near + self.c2 * far, self.c1 * near_slope + self.c2 * far_slope
+
+    def reach(self, pull: Vector) -> Vector:
+        """`(pull/C2)^(1/β)`, [n]: the far power alone pulls as hard there.
+
+        - `pull`: >= 0, [n], rad/s or m/s.
+        """
+        return power(pull / self.c2, 1.0 / self.beta)

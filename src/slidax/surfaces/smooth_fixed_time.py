@@ -6,7 +6,7 @@ import equinox as eqx
 
 from slidax._errors import parameter, require, require_consistent
 from slidax._types import PerJoint, Vector
-from slidax.numerics import sig_and_slope, smooth_power_and_slope
+from slidax.numerics import power, sig_and_slope, smooth_power_and_slope
 
 from .surface import AbstractSurface
 
@@ -44,3 +44,10 @@ class SmoothFixedTime(AbstractSurface):
         near, near_slope = smooth_power_and_slope(eps, self.p, self.delta)
         far, far_slope = sig_and_slope(eps, self.q)
         return self.k1 * near + self.k2 * far, self.k1 * near_slope + self.k2 * far_slope
+
+    def reach(self, pull: Vector) -> Vector:
+        """`(pull/K2)^(1/q)`, [n]: the far power alone pulls as hard there.
+
+        - `pull`: >= 0, [n], rad/s or m/s.
+        """
+        return power(pull / self.k2, 1.0 / self.q)

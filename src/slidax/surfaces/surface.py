@@ -20,3 +20,10 @@ class AbstractSurface(eqx.Module):
 
         - `eps`: transformed error ε1 [n].
         """
+
+    @abstractmethod
+    def reach(self, pull: Vector) -> Vector:
+        """A transformed error where the pull is at least this strong, [n]: the end of a bracket.
+
+        - `pull`: >= 0, [n], rad/s or m/s.
+        """

@@ -4,56 +4,17 @@ from __future__ import annotations
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Float
 
 from slidax._errors import parameter, require
 from slidax._types import Envelope, PerJoint, Scalar, Vector
 from slidax.performance import AbstractPerformance
 
+from .frame import Frame
+from .psi import Sides, psi_inverse, psi_inverse_slope
 from .transformation import AbstractTransformation, TransformedError
 
-
-class Sides(eqx.Module):
-    """The two sides of the envelope as fractions of ρ, `lower ρ < e < upper ρ`, eq. (13).
-
-    - `lower`: b, [n], in [-1, 0).
-    - `upper`: b̄, [n], in (0, 1].
-    """
-
-    lower: Vector
-    upper: Vector
-
-
-def psi(x: Float[Array, "..."], sides: Sides) -> Float[Array, "..."]:
-    """`ψ(x) = b b̄ (eˣ - 1)/(b eˣ - b̄)`, eq. (21): increasing, from b at -∞ to b̄ at +∞, and 0 at 0.
-
-    - `x`: transformed error.
-    - `sides`: b and b̄, broadcast with `x`.
-    """
-    b, b_bar = sides.lower, sides.upper
-    # Each branch keeps the exponential below one, so that no argument overflows.
-    z = jnp.exp(-jnp.abs(x))
-    small = -jnp.expm1(-jnp.abs(x))
-    return jnp.where(x >= 0, b * b_bar * small / (b - b_bar * z), -b * b_bar * small / (b * z - b_bar))
-
-
-def psi_inverse(x: Float[Array, "..."], sides: Sides) -> Float[Array, "..."]:
-    """`ψ⁻¹(x) = ln( b̄ (x - b) / (-b (b̄ - x)) )`, eq. (23); NaN outside (b, b̄).
-
-    - `x`: error over radius, e/ρ.
-    - `sides`: b and b̄, broadcast with `x`.
-    """
-    b, b_bar = sides.lower, sides.upper
-    return jnp.log(b_bar * (x - b) / (-b * (b_bar - x)))
-
-
-def psi_inverse_slope(x: Float[Array, "..."], sides: Sides) -> Float[Array, "..."]:
-    """`v(x) = 1/(x - b) + 1/(b̄ - x)`, eq. (27), over a common denominator.
-
-    - `x`: error over radius, e/ρ.
-    - `sides`: b and b̄, broadcast with `x`.
-    """
-    return (sides.upper - sides.lower) / ((x - sides.lower) * (sides.upper - x))
+SLIMMEST = 0.1
+"""A plan's frame is never slimmer than this share of the envelope, however fast that narrows."""
 
 
 class PrescribedPerformance(AbstractTransformation):
@@ -111,3 +72,18 @@ class PrescribedPerformance(AbstractTransformation):
         """
         rho = self.performance.radius(t)
         return Envelope(lower=memory.lower * rho, upper=memory.upper * rho)
+
+    def frame(self, t: Scalar, lead: Scalar, horizon: Scalar, memory: Sides) -> Frame:
+        """The envelope of the led error, and its tangent one horizon later.
+
+        - `t`: time [s].
+        - `lead`: c in `y = e + c ė` [s].
+        - `horizon`: H [s].
+        - `memory`: the sides.
+        """
+        rho, drho, ddrho = self.performance.radius_rate_curvature(t)
+        slimmest = SLIMMEST * rho
+        now = jnp.maximum(rho + lead * drho, slimmest)
+        ahead = jnp.maximum(now + horizon * (drho + lead * ddrho), slimmest)
+        shape = memory.lower.shape
+        return Frame(now=jnp.broadcast_to(now, shape), ahead=jnp.broadcast_to(ahead, shape), sides=memory)

@@ -8,6 +8,8 @@ import equinox as eqx
 
 from slidax._types import Envelope, Memory, PerJoint, Scalar, Vector
 
+from .frame import Frame
+
 
 class TransformedError(eqx.Module):
     """The error as a surface sees it, `ε̇1 = ε2 = B (ė + A e)`, eqs. (25)-(28). All [n].
@@ -51,5 +53,15 @@ class AbstractTransformation(eqx.Module):
         """The bounds that the error must keep, or None if there are none.
 
         - `t`: time [s].
+        - `memory`: what `init` returned.
+        """
+
+    @abstractmethod
+    def frame(self, t: Scalar, lead: Scalar, horizon: Scalar, memory: Memory) -> Frame:
+        """Where the led error `y = e + c ė` may be now and one horizon later, for a law that plans in discrete time.
+
+        - `t`: time [s].
+        - `lead`: c [s].
+        - `horizon`: H [s].
         - `memory`: what `init` returned.
         """

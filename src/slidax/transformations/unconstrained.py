@@ -6,6 +6,7 @@ import jax.numpy as jnp
 
 from slidax._types import Scalar, Vector
 
+from .frame import Frame
 from .transformation import AbstractTransformation, TransformedError
 
 
@@ -37,3 +38,13 @@ class Unconstrained(AbstractTransformation):
         - `memory`: empty.
         """
         return None
+
+    def frame(self, t: Scalar, lead: Scalar, horizon: Scalar, memory: tuple[()]) -> Frame:
+        """The whole line.
+
+        - `t`: time [s].
+        - `lead`, `horizon`: c and H [s].
+        - `memory`: empty.
+        """
+        one = jnp.ones(())
+        return Frame(now=one, ahead=one, sides=None)

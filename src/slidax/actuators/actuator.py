@@ -1,0 +1,93 @@
+"""A drive: from the torque that is commanded to the torque on the joint."""
+
+from __future__ import annotations
+
+import math
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from slidax._errors import parameter, require, require_consistent
+from slidax._types import PerJoint, Scalar, Vector
+
+from .torque_limits import TorqueLimits
+
+
+class Delivery(eqx.Module):
+    """The memory of `Actuator`.
+
+    - `commands`: the commands that were set last [m n], newest first, N m or N.
+    - `lagged`: torque on the joint at the start of the period [n], N m or N.
+    """
+
+    commands: Float[Array, "m n"]
+    lagged: Vector
+
+
+class Actuator(eqx.Module):
+    """A command is limited, held until the next, delayed by `dead_time` periods, and then `T τ̇ + τ = command`.
+
+    The dead time need not be whole: the command that applies then changes within the period. Between changes the lag is
+    integrated exactly, by an exponential. Before the start all torques are 0.
+
+    - `limits`: of the command.
+    - `time_constant`: T, one number or [n], s, >= 0; 0 for no lag.
+    - `dead_time`: in sampling periods, whole or not, >= 0. Known when compiled: it sets how many commands are kept.
+
+    Raises DefinitionError if one of them is out of its range.
+    """
+
+    limits: TorqueLimits = eqx.field(default_factory=TorqueLimits)
+    time_constant: PerJoint = eqx.field(converter=parameter, default=0.0)
+    dead_time: float = eqx.field(static=True, converter=float, default=0.0)
+
+    def __check_init__(self) -> None:
+        require_consistent(self, "time_constant")
+        require(self, "time_constant", self.time_constant >= 0, "must be >= 0 s (0 for no lag)")
+        require(self, "dead_time", self.dead_time >= 0, "must be >= 0 sampling periods")
+
+    @property
+    def change(self) -> float:
+        """When within a period the next command applies, as a share of it, in [0, 1)."""
+        return self.dead_time - math.floor(self.dead_time)
+
+    def init(self, joints: int, period: Scalar) -> Delivery:
+        """No torque.
+
+        - `joints`: how many there are.
+        - `period`: time between two samples [s].
+        """
+        none = jnp.zeros_like(period, shape=(joints,))
+        return Delivery(commands=jnp.zeros_like(period, shape=(math.ceil(self.dead_time) + 1, joints)), lagged=none)
+
+    def set(self, tau: Vector, period: Scalar, memory: Delivery) -> tuple[Vector, Delivery]:
+        """Takes a command at a sample. Returns the one that is set, [n], N m or N, and the memory after it.
+
+        - `tau`: commanded torque [n], N m or N.
+        - `period`: time since the last sample, and to the next [s], > 0.
+        - `memory`: what `init` returned, or `set` at the last sample.
+        """
+        lagged = self.delivered(memory, period, period)
+        limited = self.limits(tau, memory.commands[0], period)
+        return limited, Delivery(commands=jnp.concatenate([limited[None], memory.commands[:-1]]), lagged=lagged)
+
+    def delivered(self, memory: Delivery, elapsed: Scalar, period: Scalar) -> Vector:
+        """The torque on the joint, [n], N m or N.
+
+        - `memory`: what `set` returned at the last sample.
+        - `elapsed`: time since that sample [s], in [0, period].
+        - `period`: time between two samples [s], > 0.
+        """
+        if not self.change:
+            return self._towards(memory.commands[-1], memory.lagged, elapsed)
+        until = self.change * period
+        at_change = self._towards(memory.commands[-1], memory.lagged, jnp.minimum(elapsed, until))
+        after = self._towards(memory.commands[-2], at_change, jnp.maximum(elapsed - until, 0.0))
+        return jnp.where(elapsed < until, at_change, after)
+
+    def _towards(self, command: Vector, start: Vector, elapsed: Scalar) -> Vector:
+        """The lag's answer to a constant command."""
+        lags = self.time_constant > 0
+        left = jnp.where(lags, jnp.exp(-elapsed / jnp.where(lags, self.time_constant, 1.0)), 0.0)
+        return command + left * (start - command)

@@ -1,0 +1,286 @@
+"""The sampled-data law: the surface reached and followed by implicit steps, at the arm's own rate."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool
+
+from slidax._errors import parameter, require, require_joints, require_shape
+from slidax._types import Command, Envelope, Matrix, Memory, Reference, Scalar, State, Vector
+from slidax.actuators import TorqueLimits
+from slidax.estimators import AbstractEstimator, Estimate
+from slidax.numerics import matvec, nearest_in_box, once, solve_symmetric, vector_norm
+from slidax.reaching import AbstractReaching
+from slidax.robots import AbstractRobot
+from slidax.surfaces import AbstractSurface
+from slidax.transformations import AbstractTransformation, Frame
+
+from ..controller import AbstractController
+from .plan import Barrier
+from .recovery import Recovery, Reseat
+
+Bound = Callable[[State, Vector], Scalar]
+"""u of (45), from the state and τ0 + τ1."""
+
+
+class Kept(eqx.Module):
+    """What the law keeps between two samples.
+
+    - `t`: time of the last sample [s].
+    - `sides`: what the transformation keeps.
+    - `prior`: what the nominal model predicts for the next measurement.
+    - `estimator`: what the estimator keeps.
+    - `torques`: commands under way, the oldest first, [m n].
+    - `s`, `dq`: sliding variable and velocity that are planned for the next sample, [n].
+    - `eps`: the last plan's transformed error [n].
+    - `planned`: whether that plan can be relied on.
+    - `reseat`: envelopes in force in place of the drawn ones; None without a recovery.
+    """
+
+    t: Scalar
+    sides: Memory
+    prior: Estimate
+    estimator: Memory
+    torques: Array
+    s: Vector
+    dq: Vector
+    eps: Vector
+    planned: Bool[Array, ""]
+    reseat: Reseat | None
+
+
+class SampledData(AbstractController):
+    """The law `s = ė + φ(t, e)` with (41)-(45) as one implicit Euler step over the horizon H, anew in every period h.
+
+    With the led error `y = e + c ė`, `c = H - h/2`, its radius `ρ_y = ρ + c ρ̇` and `ρ_a = ρ_y + H ρ̇_y`:
+
+    1. `A (s⁺ - s) = -K0 Sig^r(s⁺) - u N(s⁺)`, `A = M0/H`: the reaching step;
+    2. `ρ_y ψ(ε) + H pull(ε) = y + H s⁺`: one ε for each joint;
+    3. `v⁺ = (ρ_a ψ(ε) - y)/H`: the velocity error at the end of the horizon;
+    4. `τ = M0 (q̈_r + (v⁺ - ė)/H - w) + C0 q̇ + G0`, `q̈_r = (q̇_d(t + h) - q̇_d(t))/h`.
+
+    w is the acceleration that the nominal model does not explain, from the estimator. Without a disturbance y moves to
+    `(1 - h/H) y + (h/H) ρ_a ψ(ε)` in one period, and e to a convex mean of itself and both y: so neither leaves the
+    envelope (docs/sampled-data.md). Steps 1 and 2 have exactly one solution for every measurement, inside or outside.
+
+    - `nominal`: the robot as the law knows it.
+    - `transformation`, `surface`, `reaching`, `bound`: as in the printed law.
+    - `estimator`: from what is measured to q, q̇ and w.
+    - `limits`: torque and torque rate that the actuators keep.
+    - `recovery`: what to do outside the envelope; None: pull back to the drawn one.
+    - `period`: h [s], > 0.
+    - `horizon`: H [s], >= h.
+    - `delay`: age of a measurement when its torque sets in, in periods, >= 0: transport and dead time together.
+    - `dead_time`: the part of it after the command, in periods.
+
+    Signals: `s`, `eps1`, `push` (w) [n], `u`; with a recovery `reseated` [n], 1 where its envelope is in force.
+
+    Raises DefinitionError if one of them is out of its range or does not fit the joints.
+    """
+
+    nominal: AbstractRobot
+    transformation: AbstractTransformation
+    surface: AbstractSurface
+    reaching: AbstractReaching
+    bound: Bound
+    estimator: AbstractEstimator
+    limits: TorqueLimits
+    recovery: Recovery | None
+    period: Scalar = eqx.field(converter=parameter)
+    horizon: Scalar = eqx.field(converter=parameter)
+    delay: float = eqx.field(static=True, default=0.0)
+    dead_time: float = eqx.field(static=True, default=0.0)
+
+    def __check_init__(self) -> None:
+        for part in (self.transformation, self.surface, self.reaching, self.bound, self.limits):
+            require_joints(part, self.joints, type(self.nominal).__name__)
+        require_shape(self, (), "period", "horizon")
+        require(self, "period", self.period > 0, "must be > 0 s")
+        require(self, "horizon", self.horizon >= self.period, f"must be >= `period` = {self.period} s")
+        require(self, "delay", self.delay >= 0, "must be >= 0 periods")
+        require(self, "dead_time", 0 <= self.dead_time <= self.delay, "must be part of `delay`, from 0 to it")
+
+    @property
+    def joints(self) -> int:
+        """The number of joints of the nominal robot."""
+        return self.nominal.joints
+
+    def init(self, t: Scalar, state: State, reference: Reference) -> Memory:
+        """The memory of an arm that is held by its own weight's torque.
+
+        - `t`: time at the start [s].
+        - `state`: measured positions and velocities.
+        - `reference`: what the joints should do then.
+        """
+        e, de = state.q - reference.q, state.dq - reference.dq
+        sides = self.transformation.init(t, e)
+        zero = jnp.zeros(self.joints)
+        held = self.nominal.bias(state.q, state.dq)
+        lead, horizon = self._lead_and_horizon()
+        frame = self.transformation.frame(t, lead, horizon, sides)
+        return Kept(
+            # No sample came before, so the first is treated as one after a gap: nothing is learnt from the prior.
+            t=t - 10.0 * self.period,
+            sides=sides,
+            prior=Estimate(state=state, push=zero),
+            estimator=self.estimator.init(state),
+            torques=jnp.broadcast_to(held, (self._queue(), self.joints)),
+            s=zero,
+            dq=state.dq,
+            eps=frame.transformed(e + lead * de),
+            planned=jnp.zeros((), bool),
+            reseat=None if self.recovery is None else self.recovery.init(self.joints),
+        )
+
+    def __call__(
+        self, t: Scalar, state: State, reference_now: Reference, reference_next: Reference, memory: Kept
+    ) -> Command:
+        """The torque, with the plan that led to it in the memory.
+
+        - `t`: time [s].
+        - `state`: measured positions and velocities.
+        - `reference_now`, `reference_next`: what the joints should do now and one period later.
+        - `memory`: what `init` or the last sample returned.
+        """
+        h = self.period
+        lead, horizon = self._lead_and_horizon()
+        elapsed = t - memory.t
+        missed = elapsed > 1.5 * h
+        estimate, estimator = self.estimator(state, memory.prior, elapsed, missed, memory.estimator)
+        push = estimate.push
+
+        # The state at which this sample's torque sets in, and what will be measured next, as far as it is settled now.
+        now, following = self._predict(estimate, memory.torques)
+        dead = self.dead_time * h
+        t_set = t + dead
+        jerk = (reference_next.ddq - reference_now.ddq) / h
+        q_d = reference_now.q + dead * (reference_now.dq + 0.5 * dead * reference_now.ddq)
+        dq_d = reference_now.dq + dead * (reference_now.ddq + 0.5 * dead * jerk)
+        ddq_r = (reference_next.dq - reference_now.dq) / h + dead * jerk
+
+        e, v = now.q - q_d, now.dq - dq_d
+        y = e + lead * v
+        m0 = once(self.nominal.mass(now.q))
+        bias = self.nominal.bias(now.q, now.dq)
+        frame = self.transformation.frame(t_set, lead, horizon, memory.sides)
+        reseat, planned = memory.reseat, memory.planned & ~missed
+        if self.recovery is not None and reseat is not None:
+            drawn = self.transformation.envelope(t_set, memory.sides)
+            if drawn is not None:
+                reseat, fresh = self.recovery.reseat(t_set, e, v, drawn, self._authority(m0, bias), lead, reseat)
+                planned = planned & ~jnp.any(fresh)
+                frame = self.recovery.frame(t_set, lead, horizon, frame, reseat)
+        frame = once(frame)
+
+        # What the last step planned, plus what the velocity missed: the position's slip is not multiplied by φ's slope.
+        s, eps_guess = jax.lax.cond(
+            planned,
+            lambda: (memory.s + now.dq - memory.dq, memory.eps),
+            lambda: self._measured(frame, y, v, horizon),
+        )
+        barrier = Barrier(frame, self.surface, horizon)
+        place, place_slope = frame.place_and_slope(eps_guess)
+        pull, pull_slope = self.surface.pull_and_slope(eps_guess)
+        value, slope = frame.now * place + horizon * pull, frame.now * place_slope + horizon * pull_slope
+
+        # τ0 + τ1 with the slopes that an implicit step sees: one Newton step of the plan that keeps s as it is.
+        kept_place = place + place_slope * (y + horizon * s - value) / slope
+        coasting = (frame.ahead * kept_place - y) / horizon
+        tau_01 = matvec(m0, ddq_r + (coasting - v) / horizon) + bias - self.reaching.power(s)
+        u = self.bound(now, tau_01)
+
+        s_next = self.reaching.implicit(m0 / horizon, s, u)
+        eps = barrier.solve(y + horizon * s_next, eps_guess, (value, slope))
+        v_next = (frame.ahead * frame.place_and_slope(eps)[0] - y) / horizon
+        acceleration = ddq_r + (v_next - v) / horizon
+
+        # The disturbance that is made up for is no larger than the one that u covers.
+        lumped = matvec(m0, push)
+        size = vector_norm(lumped)
+        share = jnp.where(size > u, u / jnp.maximum(size, u), 1.0)
+        push, lumped = share * push, share * lumped
+        wanted = matvec(m0, acceleration) + bias - lumped
+        tau = once(self._within_limits(wanted, memory.torques[-1], m0))
+        limited = solve_symmetric(m0, tau - wanted)
+
+        moved = acceleration + limited
+        if following is None:
+            following = _after(now, moved, (1.0 - self.delay % 1.0) * h)
+        kept = Kept(
+            t=t,
+            sides=memory.sides,
+            prior=Estimate(state=following, push=push),
+            estimator=estimator,
+            torques=jnp.concatenate([memory.torques[1:], tau[None]]),
+            s=s + (s_next - s) * (h / horizon),
+            dq=now.dq + h * moved,
+            eps=eps,
+            planned=jnp.all(tau == wanted),
+            reseat=reseat,
+        )
+        signals = {"s": s, "eps1": eps, "push": push, "u": u}
+        if reseat is not None:
+            signals["reseated"] = (t_set < reseat.until).astype(float)
+        return Command(tau=tau, memory=kept, signals=signals)
+
+    def envelope(self, t: Scalar, memory: Kept) -> Envelope | None:
+        """The drawn envelope, whichever is in force.
+
+        - `t`: time [s].
+        - `memory`: what `init` or a sample returned.
+        """
+        return self.transformation.envelope(t, memory.sides)
+
+    def _lead_and_horizon(self) -> tuple[Scalar, Scalar]:
+        """`c = H - h/2` and H, s."""
+        return self.horizon - 0.5 * self.period, self.horizon
+
+    def _queue(self) -> int:
+        """How many commands are kept: those under way, and at least the last, which the rate limit counts from."""
+        return max(1, math.ceil(self.delay))
+
+    def _predict(self, estimate: Estimate, torques: Array) -> tuple[State, State | None]:
+        """The state when this sample's torque sets in, and the one that will be measured next if that is before."""
+        whole, part = int(self.delay), self.delay % 1.0
+        now, following = estimate.state, None
+        if part > 0:
+            now = self._move(now, torques[-1 - whole], estimate.push, part * self.period)
+        if whole > 0:
+            following = self._move(now, torques[-whole], estimate.push, (1.0 - part) * self.period)
+            now = following if part == 0 else self._move(now, torques[-whole], estimate.push, self.period)
+        for i in range(whole - 1, 0, -1):
+            now = self._move(now, torques[-i], estimate.push, self.period)
+        return now, following
+
+    def _move(self, state: State, tau: Vector, push: Vector, duration: Scalar) -> State:
+        """The nominal arm with the estimated push, after a short time under a constant torque."""
+        bias = self.nominal.bias(state.q, state.dq)
+        return _after(state, solve_symmetric(self.nominal.mass(state.q), tau - bias) + push, duration)
+
+    def _measured(self, frame: Frame, y: Vector, v: Vector, horizon: Scalar) -> tuple[Vector, Vector]:
+        """`s = ė + φ(t, y)` and ε as they are measured, with y held inside the frame."""
+        eps = frame.transformed(y)
+        drift = (frame.now - frame.ahead) / (horizon * frame.now)
+        return v + drift * y + self.surface.pull_and_slope(eps)[0], eps
+
+    def _within_limits(self, wanted: Vector, last: Vector, m0: Matrix) -> Vector:
+        """The torque that the limits allow, with the accelerations nearest to the wanted ones."""
+        endless = jnp.full_like(wanted, jnp.inf)
+        lower, upper = self.limits(-endless, last, self.period), self.limits(endless, last, self.period)
+        return nearest_in_box(wanted, lower, upper, m0)
+
+    def _authority(self, m0: Matrix, bias: Vector) -> Vector:
+        """The acceleration that the torque limits leave beside the arm's own weight, [n], with all coupled inertia."""
+        limit = self.limits.torque
+        authority: Vector = jnp.maximum(limit - jnp.abs(bias), 0.25 * limit) / jnp.sum(jnp.abs(m0), axis=1)
+        return authority
+
+
+def _after(state: State, acceleration: Vector, duration: Scalar) -> State:
+    step = duration * acceleration
+    return State(q=state.q + duration * (state.dq + 0.5 * step), dq=state.dq + step)

@@ -1,0 +1,87 @@
+"""From a law in continuous time to its sampled-data form."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import jax.numpy as jnp
+
+from slidax._errors import DefinitionError
+from slidax.actuators import TorqueLimits
+from slidax.estimators import AbstractEstimator, Measured
+from slidax.numerics import vector_norm
+from slidax.reaching import FixedBound, SaturatedReaching
+
+from ..controller import AbstractController
+from ..sliding_mode import SlidingMode
+from ..slotine_li import SlotineLi
+from .law import SampledData
+from .recovery import Recovery
+
+HORIZON = 0.01
+"""The horizon unless another is asked for [s]: long enough for one period of delay, rate limits and an encoder's noise at
+1 kHz, short enough for the slowest mode to settle within a tenth of a second."""
+
+
+def sampled_data(
+    law: AbstractController,
+    *,
+    period: Any,
+    horizon: Any = None,
+    estimator: AbstractEstimator | None = None,
+    limits: TorqueLimits | None = None,
+    recovery: Recovery | None = None,
+    delay: float = 0.0,
+    dead_time: float = 0.0,
+) -> SampledData:
+    """The implicit-Euler form of a law with a surface `s = ė + φ(t, e)`: same surface, envelope, reaching law and bound.
+
+    - `law`: a `SlidingMode` (CFTSMPPC, FTSMPPC, FTSMC, SFSMC) or a `SlotineLi`, with an envelope or without.
+    - `period`: h [s].
+    - `horizon`: H [s], >= h; None: 10 ms, but no less than two periods.
+    - `estimator`: from what is measured to q, q̇ and the unexplained acceleration; None: `Measured` with the gain
+      `min(.5, 1.6 h/H)`, for sensors that give the velocity.
+    - `limits`: of torque and torque rate, as far as they are known; None for none.
+    - `recovery`: what to do outside the envelope; None: pull back to the drawn one as it is.
+    - `delay`: age of a measurement when its torque sets in, in periods.
+    - `dead_time`: the part of it after the command, in periods.
+
+    Raises DefinitionError if the law has no such surface, or something does not fit.
+    """
+    if horizon is None:
+        horizon = jnp.maximum(HORIZON, 2.0 * period)
+    if estimator is None:
+        estimator = Measured(jnp.minimum(0.5, 1.6 * period / horizon))
+    common = {
+        "estimator": estimator,
+        "limits": TorqueLimits() if limits is None else limits,
+        "recovery": recovery,
+        "period": period,
+        "horizon": horizon,
+        "delay": delay,
+        "dead_time": dead_time,
+    }
+    if isinstance(law, SlidingMode):
+        return SampledData(
+            nominal=law.nominal,
+            transformation=law.transformation,
+            surface=law.surface,
+            reaching=law.reaching,
+            bound=law.bound,
+            **common,
+        )
+    if isinstance(law, SlotineLi):
+        gain = jnp.broadcast_to(law.gain, (law.joints,))
+        size = vector_norm(gain)
+        return SampledData(
+            nominal=law.nominal,
+            transformation=law.transformation,
+            surface=law.surface,
+            reaching=SaturatedReaching(law.damping, gain / jnp.where(size > 0, size, 1.0), law.layer),
+            bound=FixedBound(size),
+            **common,
+        )
+    raise DefinitionError(
+        "only a law with a surface s = de + phi(t, e) has a sampled-data form: a SlidingMode or a SlotineLi; "
+        f"got {type(law).__name__}"
+    )

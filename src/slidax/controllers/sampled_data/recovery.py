@@ -1,0 +1,133 @@
+"""What a law does outside its envelope: it draws a new one around the error, which narrows into the old."""
+
+from __future__ import annotations
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Bool
+
+from slidax._errors import parameter, require, require_shape
+from slidax._types import Envelope, Scalar, Vector
+from slidax.transformations import Frame, Sides
+
+
+LOOSE = 4.0
+"""An envelope this many times wider than a new one would be is replaced by that."""
+
+
+class Reseat(eqx.Module):
+    """The envelopes that are in force in place of the drawn ones, as excess over the inner radius; all [n].
+
+    - `until`: when they end [s]; -inf for a joint that has none.
+    - `span`: how long they last [s].
+    - `excess`: by how much they are wider at their start, rad or m.
+    """
+
+    until: Vector
+    span: Vector
+    excess: Vector
+
+    def excess_rate_curvature(self, t: Scalar) -> tuple[Vector, Vector, Vector]:
+        """`X = excess (1 - (t - t_r)/span)³` and its two derivatives, [n]; 0 from `until` on.
+
+        - `t`: time [s].
+        """
+        left = jnp.clip((self.until - t) / self.span, 0.0, 1.0)
+        per_second = 1.0 / self.span
+        x = self.excess * left
+        return x * left * left, -3.0 * x * left * per_second, 6.0 * x * per_second * per_second
+
+
+class Recovery(eqx.Module):
+    """The policy `recover`: when a joint is outside, `|e| < ϑ ρ(t) + X(t)` takes the place of its drawn envelope.
+
+    X begins with `R0 = room (|e| + c |ė| + ė²/(2a))`, so that there is room to brake with the acceleration a that the
+    torque limits leave, and ends after `max(deadline, sqrt(6 R0/(share a)))` as a cubic, whose own curvature asks for no
+    more than `share a`. From then on the drawn envelope is in force again. Where X has become four times wider than it
+    would be if it began now, it begins anew.
+
+    - `deadline`: least time for the way back [s], > 0.
+    - `room`: how much wider than needed to brake, > 1.
+    - `share`: of the acceleration at hand, in (0, 1), that the new envelope may ask for.
+
+    Raises DefinitionError if one of them is out of its range.
+    """
+
+    deadline: Scalar = eqx.field(converter=parameter, default=0.3)
+    room: Scalar = eqx.field(converter=parameter, default=1.6)
+    share: Scalar = eqx.field(converter=parameter, default=0.25)
+
+    def __check_init__(self) -> None:
+        require_shape(self, (), "deadline", "room", "share")
+        require(self, "deadline", self.deadline > 0, "must be > 0 s")
+        require(self, "room", self.room > 1, "must be > 1, so that there is room to brake")
+        require(self, "share", (self.share > 0) & (self.share < 1), "must be in (0, 1)")
+
+    def init(self, joints: int) -> Reseat:
+        """No envelope but the drawn ones.
+
+        - `joints`: number of joints.
+        """
+        zero = jnp.zeros(joints)
+        return Reseat(until=jnp.full(joints, -jnp.inf), span=zero + 1.0, excess=zero)
+
+    def reseat(
+        self, t: Scalar, e: Vector, de: Vector, drawn: Envelope, authority: Vector, lead: Scalar, now: Reseat
+    ) -> tuple[Reseat, Bool[Array, " n"]]:
+        """The envelopes in force after this sample, and which of them are new.
+
+        - `t`: time [s].
+        - `e`, `de`: error and its rate [n].
+        - `drawn`: the drawn envelope.
+        - `authority`: acceleration that the torque limits leave [n], rad/s² or m/s²; may be infinite.
+        - `lead`: c [s].
+        - `now`: those in force before.
+        """
+        inner = jnp.minimum(-drawn.lower, drawn.upper)
+        speed = jnp.abs(de)
+        brake = self.share * authority
+        needed = self.room * (jnp.abs(e) + lead * speed + 0.5 * de * de / authority)
+        # A cubic begins with the rate 3 R0/span, which the led radius must not lose more than a quarter to.
+        span = jnp.maximum(jnp.maximum(self.deadline, 12.0 * lead), jnp.sqrt(6.0 * needed / brake))
+        radius = needed / (1.0 - 3.0 * lead / span)
+        fresh = Reseat(until=t + span, span=span, excess=jnp.maximum(radius - inner, 0.0))
+
+        active = t < now.until
+        in_force = inner + now.excess_rate_curvature(t)[0]
+        outside = jnp.where(active, jnp.abs(e) >= in_force, (e <= drawn.lower) | (e >= drawn.upper))
+        # One that was drawn in full flight is far too wide and slow once the joint has been caught.
+        loose = active & (in_force > LOOSE * jnp.maximum(radius, inner)) & (fresh.until < now.until)
+        new = outside | loose
+        return _where(new, fresh, now), new
+
+    def frame(self, t: Scalar, lead: Scalar, horizon: Scalar, drawn: Frame, now: Reseat) -> Frame:
+        """The frame of a plan, with the new envelopes where they are in force.
+
+        - `t`: time [s].
+        - `lead`, `horizon`: c and H [s].
+        - `drawn`: the frame of the drawn envelope.
+        - `now`: the envelopes in force.
+        """
+        if drawn.sides is None:
+            return drawn
+        active = t < now.until
+        inner = jnp.minimum(-drawn.sides.lower, drawn.sides.upper)
+        x, dx, ddx = now.excess_rate_curvature(t)
+        # At its end the cubic flattens faster than the lead can follow.
+        led = jnp.maximum(x + lead * dx, 0.0)
+        ahead = jnp.maximum(led + horizon * (dx + lead * ddx), 0.0)
+        return Frame(
+            now=jnp.where(active, inner * drawn.now + led, drawn.now),
+            ahead=jnp.where(active, inner * drawn.ahead + ahead, drawn.ahead),
+            sides=Sides(
+                lower=jnp.where(active, -1.0, drawn.sides.lower), upper=jnp.where(active, 1.0, drawn.sides.upper)
+            ),
+        )
+
+
+def _where(condition: Bool[Array, " n"], yes: Reseat, no: Reseat) -> Reseat:
+    return Reseat(
+        until=jnp.where(condition, yes.until, no.until),
+        span=jnp.where(condition, yes.span, no.span),
+        excess=jnp.where(condition, yes.excess, no.excess),
+    )

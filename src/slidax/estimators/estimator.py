@@ -1,0 +1,73 @@
+"""What every estimator is, and what it says."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Bool
+
+from slidax._types import Memory, Scalar, State, Vector
+
+
+class Estimate(eqx.Module):
+    """What a law goes by at one sample.
+
+    - `state`: estimated positions and velocities.
+    - `push`: estimated acceleration that the nominal model does not explain [n], rad/s² or m/s².
+    """
+
+    state: State
+    push: Vector
+
+
+class AbstractEstimator(eqx.Module):
+    """Corrects the prediction of the nominal model by what is measured.
+
+    It is to be called at each measurement that arrives, and not at one that is lost.
+    """
+
+    @abstractmethod
+    def init(self, measured: State) -> Memory:
+        """What is kept between two measurements, from the first one: any pytree of arrays, also an empty one.
+
+        The first estimate is that measurement, and no push.
+
+        - `measured`: the first measurement.
+        """
+
+    @abstractmethod
+    def __call__(
+        self, measured: State, prior: Estimate, elapsed: Scalar, missed: Bool[Array, ""], memory: Memory
+    ) -> tuple[Estimate, Memory]:
+        """The estimate at the time of a measurement, and the memory after it; the same tree as before it.
+
+        - `measured`: measured positions and velocities.
+        - `prior`: the last estimate, moved by the nominal model and with its push to the time of this measurement.
+        - `elapsed`: time since the last measurement [s], > 0.
+        - `missed`: whether that is more than one period. The push then stays as it was, for over a long time other
+          errors add up to it.
+        - `memory`: what `init` returned, or the call at the last measurement.
+        """
+
+
+def reseated(measured: State, prior: Estimate, elapsed: Scalar, missed: Bool[Array, ""], usual: Estimate) -> Estimate:
+    """After missed samples the position that is measured, `q̇ + 2 (q' - q)/T`, and the push of before; else `usual`.
+
+    The velocity is right if the acceleration was off by a constant since the last measurement.
+
+    - `measured`: measured positions; velocities are not used.
+    - `prior`: q and q̇, the prediction.
+    - `elapsed`: T, time since the last measurement [s], > 0.
+    - `missed`: whether samples were missed.
+    - `usual`: the estimate if none was.
+    """
+    dq = prior.state.dq + 2.0 * (measured.q - prior.state.q) / elapsed
+    return Estimate(
+        state=State(
+            q=jnp.where(missed, measured.q, usual.state.q),
+            dq=jnp.where(missed, dq, usual.state.dq),
+        ),
+        push=jnp.where(missed, prior.push, usual.push),
+    )

@@ -1,0 +1,140 @@
+"""One implicit Euler step of a reaching law with a power and a unit vector."""
+
+from __future__ import annotations
+
+from typing import Any, Protocol, runtime_checkable
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Int
+
+from slidax._types import Matrix, Scalar, Vector
+from slidax.numerics import matvec, solve_symmetric, vector_norm
+
+STEPS = 300
+"""At most so many Newton steps and halvings; nearly always two to four are enough."""
+
+PRECISION = 2e-13
+"""The residual that is reached, relative to 1 and the push."""
+
+
+TINY = 1e-150
+"""Keeps a division by a length from being one by zero; its square is still a number."""
+
+
+@runtime_checkable
+class Reaching(Protocol):
+    """What of a reaching law is needed here: a power that acts on each joint alone, and the width of the layer."""
+
+    layer: Scalar
+
+    def power_and_slope(self, s: Vector) -> tuple[Vector, Vector]:
+        """The power and its derivative, [n].
+
+        - `s`: sliding variable [n].
+        """
+
+
+class _Search(eqx.Module):
+    s: Vector
+    residual: Vector
+    size: Scalar
+    direction: Vector
+    fraction: Scalar
+    step: Int[Array, ""]
+
+
+def proximal_step(reaching: Reaching, metric: Matrix, s: Vector, u: Scalar) -> Vector:
+    """The s⁺ with `A (s⁺ - s) = -P(s⁺) - u N(s⁺)`, `N(s) = s/(‖s‖ + s0)`; for s0 = 0 N(0) is the whole unit ball.
+
+    The right-hand side is minus a monotone map, and A is positive definite: there is exactly one such s⁺. With s0 = 0 it
+    is exactly zero where `‖A s‖ <= u`. Else Newton steps from the root along `A s`, each halved until the residual
+    shrinks. The derivative is that of the solution, by the implicit function theorem.
+    Source: Acary, Brogliato and Orlov, IEEE Transactions on Automatic Control 57 (2012), 1087-1101.
+
+    - `reaching`: P and s0.
+    - `metric`: A = M0/H, symmetric positive definite [n n].
+    - `s`: sliding variable [n], rad/s or m/s.
+    - `u`: size of the robust torque, >= 0, N m.
+    """
+    found: Vector = _step(reaching, metric, s, u)
+    return found
+
+
+def _residual_and_jacobian(reaching: Any, metric: Matrix, push: Vector, u: Scalar, s: Vector) -> tuple[Vector, Matrix]:
+    """What is left of the equation at s, and its derivative there."""
+    power, slope = reaching.power_and_slope(s)
+    size = vector_norm(s)
+    share = u / jnp.maximum(size + reaching.layer, TINY)
+    residual = matvec(metric, s) + power + share * s - push
+    # The derivative of the unit vector: share (I - s sᵀ/(‖s‖ (‖s‖ + s0))).
+    turned = share / jnp.maximum(size * (size + reaching.layer), TINY)
+    return residual, metric + jnp.eye(s.shape[0]) * (slope + share) - turned * s[:, None] * s[None, :]
+
+
+@eqx.filter_custom_jvp
+def _step(reaching: Any, metric: Matrix, s: Vector, u: Scalar) -> Vector:
+    push = matvec(metric, s)
+    size = vector_norm(push)
+    layer = reaching.layer
+
+    def search() -> Vector:
+        # Along the push alone the equation is a quadratic one for the length of s⁺, without the powers.
+        stiffness = jnp.sum(push * matvec(metric, push)) / jnp.maximum(size * size, TINY)
+        half = 0.5 * (stiffness * layer + u - size)
+        root = jnp.sqrt(half * half + stiffness * layer * size)
+        # The form without a difference of like numbers.
+        length = jnp.where(half > 0, layer * size / jnp.maximum(half + root, TINY), (root - half) / stiffness)
+        start = push * (jnp.maximum(length, 0.0) / jnp.maximum(size, TINY))
+        tolerance = PRECISION * (1.0 + size)
+
+        def unfinished(now: _Search) -> jax.Array:
+            return (now.size > tolerance) & (now.step < STEPS)
+
+        def step(now: _Search) -> _Search:
+            candidate = now.s + now.fraction * now.direction
+            residual, jacobian = _residual_and_jacobian(reaching, metric, push, u, candidate)
+            direction = -solve_symmetric(jacobian, residual)
+            length = vector_norm(residual)
+            better = length < now.size
+            return _Search(
+                s=jnp.where(better, candidate, now.s),
+                residual=jnp.where(better, residual, now.residual),
+                size=jnp.where(better, length, now.size),
+                direction=jnp.where(better, direction, now.direction),
+                fraction=jnp.where(better, 1.0, 0.5 * now.fraction),
+                step=now.step + 1,
+            )
+
+        residual, jacobian = _residual_and_jacobian(reaching, metric, push, u, start)
+        direction = -solve_symmetric(jacobian, residual)
+        first = _Search(start, residual, vector_norm(residual), direction, jnp.ones(()), jnp.zeros((), int))
+        found: Vector = jax.lax.while_loop(unfinished, step, first).s
+        return found
+
+    held = (layer <= 0.0) & (size <= u)
+    reached: Vector = jax.lax.cond(held, lambda: jnp.zeros_like(s), search)
+    return reached
+
+
+@_step.def_jvp  # type: ignore[untyped-decorator]
+def _step_jvp(primals: Any, tangents: Any) -> tuple[Vector, Vector]:
+    moving, still = eqx.partition(primals, _tangent_mask(primals, tangents))
+    found = _step(*primals)
+
+    def residual(moving: Any) -> Vector:
+        reaching, metric, s, u = eqx.combine(moving, still)
+        return _residual_and_jacobian(reaching, metric, matvec(metric, s), u, found)[0]
+
+    _, change = jax.jvp(residual, (moving,), (eqx.filter(tangents, _tangent_mask(primals, tangents)),))
+    reaching, metric, _, u = primals
+    jacobian = _residual_and_jacobian(reaching, metric, found, u, found)[1]
+    free = jnp.any(found != 0) | (reaching.layer > 0)
+    safe = jnp.where(free, jacobian, metric)
+    return found, jnp.where(free, -solve_symmetric(safe, change), 0.0)
+
+
+def _tangent_mask(primals: Any, tangents: Any) -> Any:
+    """Which leaves have a tangent: those that stand still come as None."""
+    return jax.tree.map(lambda p, d: d is not None, primals, tangents, is_leaf=lambda x: x is None)

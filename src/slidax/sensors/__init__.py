@@ -1,0 +1,9 @@
+"""What is measured of the true state: a sample of it becomes a measurement, exact, rounded, noisy, late or lost."""
+
+from .delayed import Delayed as Delayed
+from .differenced_encoders import DifferencedEncoders as DifferencedEncoders
+from .encoders import Encoders as Encoders
+from .exact import Exact as Exact
+from .lossy import Lossy as Lossy
+from .sensor import AbstractSensor as AbstractSensor
+from .sensor import Measurement as Measurement

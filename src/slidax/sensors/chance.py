@@ -1,0 +1,55 @@
+"""Random numbers by seed and sample: no state, the same bits every time."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int, Key
+
+from slidax._errors import DefinitionError
+
+# One stream of random numbers for each kind of sensor: a chain of sensors with one seed is not correlated with itself.
+ENCODERS, DIFFERENCED_ENCODERS, DELAYED, LOSSY = 1, 2, 3, 4
+
+
+def whole(value: Any) -> Array:
+    """A field converter: whole numbers and lists of them become int arrays, so that a batch can vary them.
+
+    - `value`: a whole number, a list of them or an array.
+
+    Raises DefinitionError if one of them is not whole.
+    """
+    if isinstance(value, jax.Array):
+        return value
+    number = np.asarray(value)
+    if number.size and not np.issubdtype(number.dtype, np.integer):
+        raise DefinitionError(f"a whole number or a list of whole numbers is needed; got {value!r}")
+    return jnp.asarray(number.astype(int))
+
+
+def _key(seed: Int[Array, ""], stream: int, k: Int[Array, ""]) -> Key[Array, ""]:
+    return jax.random.fold_in(jax.random.fold_in(jax.random.key(seed), stream), k)
+
+
+def normal(seed: Int[Array, ""], stream: int, k: Int[Array, ""], shape: tuple[int, ...]) -> Float[Array, "..."]:
+    """Independent numbers with mean 0 and standard deviation 1.
+
+    - `seed`: any whole number.
+    - `stream`: the kind of sensor.
+    - `k`: number of the sample.
+    - `shape`: of what is returned.
+    """
+    return jax.random.normal(_key(seed, stream, k), shape, float)
+
+
+def uniform(seed: Int[Array, ""], stream: int, k: Int[Array, ""]) -> Float[Array, ""]:
+    """A number in [0, 1), each equally likely.
+
+    - `seed`: any whole number.
+    - `stream`: the kind of sensor.
+    - `k`: number of the sample.
+    """
+    return jax.random.uniform(_key(seed, stream, k), (), float)

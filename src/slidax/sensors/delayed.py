@@ -1,0 +1,111 @@
+"""A sensor that speaks late, and at uneven times."""
+
+from __future__ import annotations
+
+import math
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float, Int
+
+from slidax._errors import require, require_shape
+from slidax._types import Memory, Scalar, State
+
+from .chance import DELAYED, uniform, whole
+from .sensor import AbstractSensor, Measurement
+
+
+class History(eqx.Module):
+    """The memory of `Delayed`.
+
+    - `start`: the state at sample 0.
+    - `q`, `dq`: the last states [m n]; that of sample k is in row k mod m.
+    - `inner`: the memory of the sensor that is late.
+    """
+
+    start: State
+    q: Float[Array, "m n"]
+    dq: Float[Array, "m n"]
+    inner: Memory
+
+
+class Delayed(AbstractSensor):
+    """What `sensor` measures of the state that was `periods + jitter U` sampling periods ago, but not of one to come.
+
+    U is uniform in [-1/2, 1/2) and drawn anew for each sample: the instants of sampling are uneven. Between two samples
+    the state follows the cubic polynomial that has both positions and velocities there (Hermite), an error of `h⁴` in
+    the position and `h³` in the velocity; before sample 0 the velocity was constant.
+
+    - `sensor`: what measures.
+    - `periods`: the delay, in sampling periods, whole or not, >= 0. Known when compiled: it sets how much is kept.
+    - `jitter`: the width of the spread of the delay, in sampling periods, >= 0. Known when compiled.
+    - `seed`: a whole number; another seed gives other instants.
+
+    Raises DefinitionError if one of them is out of its range.
+    """
+
+    sensor: AbstractSensor
+    periods: float = eqx.field(static=True, converter=float)
+    jitter: float = eqx.field(static=True, converter=float, default=0.0)
+    seed: Int[Array, ""] = eqx.field(converter=whole, default=0)
+
+    def __check_init__(self) -> None:
+        require_shape(self, (), "seed")
+        require(self, "periods", self.periods >= 0, "must be >= 0 sampling periods")
+        require(self, "jitter", self.jitter >= 0, "must be >= 0 sampling periods")
+
+    @property
+    def kept(self) -> int:
+        """m, the number of states that are kept."""
+        return math.ceil(self.periods + 0.5 * self.jitter) + 1
+
+    def init(self, state: State) -> History:
+        """A history of the first state.
+
+        - `state`: true positions and velocities at sample 0.
+        """
+        shape = (self.kept, *state.q.shape)
+        return History(
+            start=state,
+            q=jnp.broadcast_to(state.q, shape),
+            dq=jnp.broadcast_to(state.dq, shape),
+            inner=self.sensor.init(state),
+        )
+
+    def __call__(self, k: Int[Array, ""], state: State, period: Scalar, memory: History) -> tuple[Measurement, History]:
+        """What is measured of the old state.
+
+        - `k`: number of the sample.
+        - `state`: true positions and velocities at it.
+        - `period`: time between two samples [s].
+        - `memory`: the states before.
+        """
+        row = k % self.kept
+        q, dq = memory.q.at[row].set(state.q), memory.dq.at[row].set(state.dq)
+        measurement, inner = self.sensor(k, self._past(k, q, dq, period, memory.start), period, memory.inner)
+        return measurement, History(start=memory.start, q=q, dq=dq, inner=inner)
+
+    def _past(
+        self, k: Int[Array, ""], q: Float[Array, "m n"], dq: Float[Array, "m n"], period: Scalar, start: State
+    ) -> State:
+        """The state at the age of this sample."""
+        age = jnp.asarray(self.periods)
+        if self.jitter:
+            age = jnp.maximum(age + self.jitter * (uniform(self.seed, DELAYED, k) - 0.5), 0.0)
+        whole_age = jnp.floor(age)
+        later = (k - whole_age.astype(k.dtype)) % self.kept
+        earlier = (later - 1) % self.kept
+        # From the later sample back by a share of the period, so that whole ages are exact.
+        back = age - whole_age
+        q1, v1, v0 = q[later], dq[later], dq[earlier]
+        mean = (q1 - q[earlier]) / period
+        square, cube = 2.0 * v1 + v0 - 3.0 * mean, 2.0 * mean - v1 - v0
+        between = State(
+            q=q1 + period * back * (back * (square + back * cube) - v1),
+            dq=v1 - back * (2.0 * square + 3.0 * back * cube),
+        )
+        before = jnp.maximum(age - k.astype(age.dtype), 0.0) * period
+        return State(
+            q=jnp.where(before > 0, start.q - before * start.dq, between.q),
+            dq=jnp.where(before > 0, start.dq, between.dq),
+        )

@@ -1,0 +1,63 @@
+"""Encoders only: the velocity is a filtered difference of their counts, as drives report it."""
+
+from __future__ import annotations
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Int
+
+from slidax._errors import parameter, require, require_consistent, require_shape
+from slidax._types import PerJoint, Scalar, State
+
+from .chance import DIFFERENCED_ENCODERS, normal, whole
+from .rounding import rounded
+from .sensor import AbstractSensor, Measurement
+
+
+class DifferencedEncoders(AbstractSensor):
+    """`q' = r round((q + σ ν)/r)`, and `v⁺ = v + (1 - e^{-c h}) ((q' - q'₋)/h - v)`, `q̇' = v⁺`.
+
+    There is no sensor of the velocity: it is the difference of the last two positions, through a low-pass of first
+    order, and lags by about `1/c + h/2`. At sample 0 it is the true one, since nothing came before.
+
+    - `resolution`: r, one number or [n], rad or m, >= 0; 0 rounds nothing.
+    - `position_noise`: σ, before rounding, one number or [n], rad or m, >= 0.
+    - `cutoff`: c, one number or [n], rad/s, > 0.
+    - `seed`: a whole number; another seed gives other noise.
+
+    Raises DefinitionError if one of them is out of its range.
+    """
+
+    resolution: PerJoint = eqx.field(converter=parameter)
+    position_noise: PerJoint = eqx.field(converter=parameter, default=0.0)
+    cutoff: PerJoint = eqx.field(converter=parameter, default=600.0)
+    seed: Int[Array, ""] = eqx.field(converter=whole, default=0)
+
+    def __check_init__(self) -> None:
+        require_consistent(self, "resolution", "position_noise", "cutoff")
+        require_shape(self, (), "seed")
+        for field in ("resolution", "position_noise"):
+            require(self, field, getattr(self, field) >= 0, "must be >= 0 (0 for none)")
+        require(self, "cutoff", self.cutoff > 0, "must be > 0 rad/s")
+
+    def init(self, state: State) -> State:
+        """The position that was counted last, and the filtered velocity: at the start both are the true ones.
+
+        - `state`: true positions and velocities at sample 0.
+        """
+        return state
+
+    def __call__(self, k: Int[Array, ""], state: State, period: Scalar, memory: State) -> tuple[Measurement, State]:
+        """Rounded positions, and the velocities that follow from them.
+
+        - `k`: number of the sample.
+        - `state`: true positions and velocities at it.
+        - `period`: time between two samples [s].
+        - `memory`: the last measurement.
+        """
+        noise = normal(self.seed, DIFFERENCED_ENCODERS, k, state.q.shape)
+        q = rounded(state.q + self.position_noise * noise, self.resolution)
+        share = -jnp.expm1(-self.cutoff * period)
+        moved = memory.dq + share * ((q - memory.q) / period - memory.dq)
+        measured = State(q=q, dq=jnp.where(k > 0, moved, memory.dq))
+        return Measurement(state=measured, fresh=jnp.asarray(True)), measured

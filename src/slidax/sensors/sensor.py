@@ -1,0 +1,46 @@
+"""What every sensor is, and what it says."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+
+import equinox as eqx
+from jaxtyping import Array, Bool, Int
+
+from slidax._types import Memory, Scalar, State
+
+
+class Measurement(eqx.Module):
+    """What a sensor says at one sample.
+
+    - `state`: measured positions and velocities.
+    - `fresh`: False if this sample was lost; `state` is then the last that arrived.
+    """
+
+    state: State
+    fresh: Bool[Array, ""]
+
+
+class AbstractSensor(eqx.Module):
+    """From the true state at a sample to what is measured.
+
+    Pure: chance comes from a seed and the number of the sample only, and the same two give the same bits. A sensor is
+    to be called at every sample, in order, from number 0 on.
+    """
+
+    @abstractmethod
+    def init(self, state: State) -> Memory:
+        """What is kept between two samples, before the first one: any pytree of arrays, also an empty one.
+
+        - `state`: true positions and velocities at sample 0.
+        """
+
+    @abstractmethod
+    def __call__(self, k: Int[Array, ""], state: State, period: Scalar, memory: Memory) -> tuple[Measurement, Memory]:
+        """The measurement at sample k, and the memory after it; the same tree as before it.
+
+        - `k`: number of the sample, from 0 on.
+        - `state`: true positions and velocities at it.
+        - `period`: time between two samples [s], > 0.
+        - `memory`: what `init` returned, or the call at the last sample.
+        """

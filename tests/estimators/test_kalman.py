@@ -1,0 +1,146 @@
+"""The gains of the Kalman filter against a general solver, and what they do against their definition."""
+
+import itertools
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.linalg import solve_discrete_are
+
+from slidax._errors import DefinitionError
+from slidax._types import State
+from slidax.estimators import Estimate, Kalman
+from tests.estimators.followed import followed
+
+CASES = list(itertools.product(np.logspace(-4, 4, 5), [1e-4, 1e-3, 1e-2], [1e-6, 1e-5, 1e-4, 1e-3]))
+
+
+def system(density, period):
+    """The discrete triple integrator, and the covariance that white noise on the third derivative gives it."""
+    h = period
+    moved = np.array([[1, h, h**2 / 2], [0, 1, h], [0, 0, 1]])
+    drift = np.array([[h**5 / 20, h**4 / 8, h**3 / 6], [h**4 / 8, h**3 / 3, h**2 / 2], [h**3 / 6, h**2 / 2, h]])
+    return moved, density * drift
+
+
+def general(density, variance, period):
+    """The gains by scipy, in units in which it can: the filter's own time and the deviation of the measurement."""
+    time = max((variance * period / density) ** (1 / 6), period)
+    units = np.sqrt(variance) * np.array([1.0, 1 / time, 1 / time**2])
+    moved, drift = system(density, period)
+    moved, drift = moved * units[None, :] / units[:, None], drift / np.outer(units, units)
+    covariance = solve_discrete_are(moved.T, np.array([[1.0], [0.0], [0.0]]), drift, np.eye(1))
+    return covariance[:, 0] / (covariance[0, 0] + 1.0) * units / units[0]
+
+
+def test_the_steady_gains_are_those_of_a_general_solver():
+    for density, period, resolution in CASES:
+        variance = resolution**2 / 12
+        gains = Kalman.steady(density=density, variance=variance, period=period).gains
+        np.testing.assert_allclose(gains, general(density, variance, period), rtol=1e-8)
+
+
+def test_the_steady_gains_are_what_the_filter_comes_to():
+    """By the filter's own recursion, from a start that knows nothing."""
+    density, variance, period = 10.0, 1e-10 / 12, 1e-3
+    moved, drift = system(density, period)
+    covariance = np.diag([1e-8, 1e-2, 1e2])
+    for _ in range(3000):
+        gains = covariance[:, 0] / (covariance[0, 0] + variance)
+        covariance = covariance - np.outer(gains, covariance[0])
+        covariance = moved @ covariance @ moved.T + drift
+    found = Kalman.steady(density=density, variance=variance, period=period).gains
+    np.testing.assert_allclose(found, gains, rtol=1e-9)
+
+
+@pytest.mark.parametrize("power", [-80, -40, -20, 0, 20, 80])
+def test_the_filter_is_stable_however_slow_or_fast(power):
+    gains = np.asarray(Kalman.steady(density=10.0**power, variance=1.0, period=1.0).gains)
+    moved = system(1.0, 1.0)[0]
+    errors = (np.eye(3) - np.outer(gains, [1.0, 0.0, 0.0])) @ moved
+    assert np.all(np.isfinite(gains)) and np.all(gains > 0)
+    assert np.max(np.abs(np.linalg.eigvals(errors))) < 1.0
+
+
+def test_a_filter_without_noise_forgets_the_prediction_of_the_position():
+    gains = np.asarray(Kalman.steady(density=1e20, variance=1.0, period=1.0).gains)
+    np.testing.assert_allclose(gains[0], 1.0, rtol=1e-12)
+
+
+def test_gains_per_joint_are_those_of_each_joint():
+    density, variance = [1.0, 1e3], [1e-10, 1e-12]
+    both = np.asarray(Kalman.steady(density=density, variance=variance, period=1e-3).gains)
+    assert both.shape == (3, 2)
+    for joint in range(2):
+        single = Kalman.steady(density=density[joint], variance=variance[joint], period=1e-3).gains
+        np.testing.assert_allclose(both[:, joint], single, rtol=1e-12)
+
+
+def test_gains_can_be_found_and_differentiated_inside_a_compiled_function():
+    def gains(density):
+        return Kalman.steady(density=density, variance=1e-10, period=1e-3).gains
+
+    one = jnp.asarray(1.0)
+    np.testing.assert_allclose(jax.jit(gains)(one), gains(1.0), rtol=1e-12)
+    step = 1e-5
+    slopes = (np.asarray(gains(1.0 + step)) - np.asarray(gains(1.0 - step))) / (2 * step)
+    np.testing.assert_allclose(jax.jacfwd(gains)(one), slopes, rtol=1e-6)
+    np.testing.assert_allclose(jax.jacrev(gains)(one), slopes, rtol=1e-6)
+
+
+def test_a_residual_is_divided_as_the_gains_say():
+    none = jnp.zeros(2)
+    prior = Estimate(state=State(q=jnp.array([1.0, 2.0]), dq=none), push=jnp.ones(2))
+    measured = State(q=jnp.array([1.1, 1.8]), dq=none)
+    kalman = Kalman([[0.5, 0.25], [10.0, 20.0], [100.0, 300.0]])
+    found, _ = kalman(measured, prior, jnp.asarray(1e-3), jnp.asarray(False), kalman.init(measured))
+    np.testing.assert_allclose(found.state.q, [1.05, 1.95], rtol=1e-12)
+    np.testing.assert_allclose(found.state.dq, [1.0, -4.0], rtol=1e-12)
+    np.testing.assert_allclose(found.push, [11.0, -59.0], rtol=1e-12)
+
+
+def test_no_scaled_gains_estimate_a_drifting_push_better():
+    """With the very noise that they were made for."""
+    density, deviation, period, samples = 4.0, 1e-5, 1e-3, 20_000
+    rng = np.random.default_rng(0)
+    moved, drift = system(density, period)
+    noise = rng.multivariate_normal(np.zeros(3), drift / np.diag(drift).max(), size=samples) * np.sqrt(drift[2, 2])
+    x, q = np.zeros(3), np.zeros(samples + 1)
+    push = np.zeros(samples + 1)
+    for k in range(samples):
+        x = moved @ x + noise[k]
+        q[k + 1], push[k + 1] = x[0], x[2]
+    measured = jnp.asarray(q + deviation * rng.normal(size=samples + 1))
+
+    def motion(t):
+        k = jnp.round(t / period).astype(int)
+        return State(q=measured[k][None], dq=jnp.zeros(1))
+
+    best = Kalman.steady(density=density, variance=deviation**2, period=period).gains
+
+    def error(factor):
+        found = followed(Kalman(factor * best), motion, samples, period).push[:, 0]
+        return float(jnp.sqrt(jnp.mean((found - push[1:])[2000:] ** 2)))
+
+    found = error(1.0)
+    for factor in ([0.5, 0.5, 0.5], [2.0, 2.0, 2.0], [1.0, 1.0, 0.3], [1.0, 1.0, 2.0]):
+        assert error(jnp.array(factor)) > found
+
+
+@pytest.mark.parametrize("gains", [[1.0, 2.0], [[1.0, 2.0, 3.0]], 1.0, [[[1.0]], [[1.0]], [[1.0]]]])
+def test_gains_of_another_shape_are_refused(gains):
+    with pytest.raises(DefinitionError, match=r"`Kalman\.gains` must be three numbers or three per joint; got shape"):
+        Kalman(gains)
+
+
+def test_gains_that_cannot_be_are_refused():
+    with pytest.raises(DefinitionError, match=r"`Kalman\.gains` must be >= 0"):
+        Kalman([0.5, -1.0, 2.0])
+
+
+@pytest.mark.parametrize("field", ["density", "variance", "period"])
+@pytest.mark.parametrize("value", [0.0, -1.0, float("nan"), float("inf")])
+def test_noise_that_cannot_be_is_refused(field, value):
+    with pytest.raises(DefinitionError, match=f"`{field}` of a Kalman filter must be > 0"):
+        Kalman.steady(**({"density": 1.0, "variance": 1e-10, "period": 1e-3} | {field: value}))

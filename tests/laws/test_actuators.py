@@ -1,0 +1,129 @@
+"""What every actuator must be: a pure function of arrays, causal, limited, and finite whatever is commanded."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from slidax.actuators import Actuator, TorqueLimits
+from tests.enrolled import every
+
+PERIOD = jnp.asarray(1e-2)
+COMMANDS = jnp.asarray(np.random.default_rng(0).normal(size=(20, 2)) * [30.0, 3.0])
+
+ACTUATORS: list[tuple[str, Actuator]] = [
+    ("ideal", Actuator()),
+    ("limited", Actuator(TorqueLimits([20.0, 2.0], 500.0))),
+    ("lag", Actuator(time_constant=[5e-3, 0.0])),
+    ("one_period", Actuator(dead_time=1)),
+    ("between_samples", Actuator(dead_time=0.3)),
+    ("long", Actuator(dead_time=4.75)),
+    ("all_at_once", Actuator(TorqueLimits([20.0, 2.0], [500.0, 100.0]), [5e-3, 2e-2], 1.6)),
+]
+
+
+def delivered(actuator, commands=COMMANDS, period=PERIOD):
+    """What is set at each sample, and what is delivered at its start, in its middle and at its end."""
+
+    def sample(memory, tau):
+        tau_set, memory = actuator.set(tau, period, memory)
+        return memory, (tau_set, [actuator.delivered(memory, share * period, period) for share in (0.0, 0.5, 1.0)])
+
+    return jax.lax.scan(sample, actuator.init(2, period), commands)[1]
+
+
+def assert_same(a, b, rtol=0.0):
+    for x, y in zip(jax.tree.leaves(a), jax.tree.leaves(b), strict=True):
+        np.testing.assert_allclose(x, y, rtol=rtol, atol=rtol)
+
+
+@every("actuator", ACTUATORS)
+def test_compiled_and_eager_agree(actuator):
+    with jax.disable_jit():
+        eager = delivered(actuator)
+    assert_same(eqx.filter_jit(delivered)(actuator), eager, rtol=1e-12)
+
+
+@every("actuator", ACTUATORS)
+def test_a_batch_over_parameters_and_commands_is_the_loop_over_them(actuator):
+    arrays, rest = eqx.partition(actuator, eqx.is_array)
+
+    def answer(factor):
+        varied = eqx.combine(jax.tree.map(lambda x: x * factor, arrays), rest)
+        return delivered(varied, factor * COMMANDS)
+
+    factors = jnp.array([0.5, 1.0, 2.0])
+    looped = [answer(factor) for factor in factors]
+    assert_same(jax.vmap(answer)(factors), jax.tree.map(lambda *parts: jnp.stack(parts), *looped), rtol=1e-12)
+
+
+@every("actuator", ACTUATORS)
+def test_the_same_call_gives_the_same_bits(actuator):
+    assert_same(delivered(actuator), delivered(actuator))
+
+
+@every("actuator", ACTUATORS)
+def test_the_memory_keeps_its_tree_its_shapes_and_its_kinds(actuator):
+    memory = actuator.init(2, PERIOD)
+    after = actuator.set(COMMANDS[0], PERIOD, memory)[1]
+    assert jax.tree.structure(after) == jax.tree.structure(memory)
+    for old, new in zip(jax.tree.leaves(memory), jax.tree.leaves(after), strict=True):
+        assert (old.shape, old.dtype) == (new.shape, new.dtype)
+
+
+@every("actuator", ACTUATORS)
+def test_what_is_set_keeps_both_limits(actuator):
+    tau = np.asarray(delivered(actuator)[0])
+    changes = np.abs(np.diff(np.concatenate([np.zeros((1, 2)), tau]), axis=0))
+    assert np.all(np.abs(tau) <= actuator.limits.torque)
+    assert np.all(changes <= np.asarray(actuator.limits.rate) * 1e-2 * (1 + 1e-12))
+
+
+@every("actuator", ACTUATORS)
+def test_what_is_delivered_lies_between_commands_that_were_set(actuator):
+    tau, moments = delivered(actuator)
+    highest = np.maximum.accumulate(np.maximum(np.asarray(tau), 0.0))
+    lowest = np.minimum.accumulate(np.minimum(np.asarray(tau), 0.0))
+    for moment in moments:
+        assert np.all(moment <= highest * (1 + 1e-12)) and np.all(moment >= lowest * (1 + 1e-12))
+
+
+@every("actuator", ACTUATORS)
+def test_a_period_ends_where_the_next_begins_unless_a_command_takes_over_there(actuator):
+    """With a lag always, and without one too if the dead time is not whole."""
+    _, (start, _, end) = delivered(actuator)
+    continuous = (np.asarray(actuator.time_constant) > 0) | (actuator.change > 0)
+    gap = np.abs(np.asarray(end)[:-1] - np.asarray(start)[1:])
+    assert np.all((gap < 1e-12) | ~continuous)
+
+
+@every("actuator", ACTUATORS)
+def test_a_constant_command_is_delivered_in_the_end(actuator):
+    _, moments = delivered(actuator, jnp.tile(jnp.array([7.0, -1.5]), (200, 1)))
+    for moment in moments:
+        np.testing.assert_allclose(moment[-1], [7.0, -1.5], rtol=1e-12)
+
+
+@every("actuator", ACTUATORS)
+def test_the_future_has_no_influence(actuator):
+    other = COMMANDS.at[10:].set(0.0)
+    for a, b in zip(jax.tree.leaves(delivered(actuator)), jax.tree.leaves(delivered(actuator, other)), strict=True):
+        np.testing.assert_array_equal(a[:10], b[:10])
+
+
+@pytest.mark.parametrize("size", [0.0, 5e-324, 1e-160, 1e150, 1e307])
+@every("actuator", ACTUATORS)
+def test_whatever_is_commanded_the_torque_is_finite(actuator, size):
+    commands = size * jnp.tile(jnp.array([[1.0, -1.0], [-1.0, 1.0]]), (10, 1))
+    assert all(np.all(np.isfinite(leaf)) for leaf in jax.tree.leaves(delivered(actuator, commands)))
+
+
+@every("actuator", ACTUATORS)
+def test_gradients_by_parameters_commands_and_period_are_finite(actuator):
+    def total(given):
+        actuator, commands, period = given
+        return sum(jnp.sum(leaf) for leaf in jax.tree.leaves(delivered(actuator, commands, period)))
+
+    found = eqx.filter_grad(total)((actuator, COMMANDS, PERIOD))
+    assert all(np.all(np.isfinite(leaf)) for leaf in jax.tree.leaves(found))

@@ -1,0 +1,190 @@
+"""What every estimator must be: a pure function of arrays that finds a constant push, and is finite always."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from slidax._types import State
+from slidax.estimators import Estimate, FilteredDifference, Measured
+from tests.enrolled import every
+from tests.estimators.followed import accelerated, followed, predicted, swinging
+from tests.estimators.members import ESTIMATORS
+
+PERIOD = jnp.asarray(1e-3)
+PUSH = jnp.array([4.0, -0.5])
+WITHOUT_PUSH = [("measured", Measured(0.0)), ("filtered_difference", FilteredDifference(200.0, 0.0))]
+
+
+def arrays_of(q, dq):
+    return State(q=jnp.asarray(q), dq=jnp.asarray(dq))
+
+
+MEASURED = arrays_of([0.5, -0.3], [1.0, 2.0])
+PRIOR = Estimate(state=arrays_of([0.49999, -0.3001], [1.01, 1.9]), push=jnp.array([3.0, -1.0]))
+
+
+def answer(estimator, measured=MEASURED, prior=PRIOR, elapsed=PERIOD, missed=False):
+    memory = estimator.init(arrays_of([0.499, -0.302], [1.0, 2.0]))
+    return estimator(measured, prior, elapsed, jnp.asarray(missed), memory)
+
+
+def assert_same(a, b, rtol=0.0):
+    for x, y in zip(jax.tree.leaves(a), jax.tree.leaves(b), strict=True):
+        np.testing.assert_allclose(x, y, rtol=rtol, atol=rtol)
+
+
+@every("estimator", ESTIMATORS)
+def test_compiled_and_eager_agree(estimator):
+    with jax.disable_jit():
+        eager = answer(estimator)
+    assert_same(eqx.filter_jit(answer)(estimator), eager, rtol=1e-10)
+
+
+@every("estimator", ESTIMATORS)
+def test_a_batch_over_parameters_is_the_loop_over_them(estimator):
+    arrays, rest = eqx.partition(estimator, eqx.is_array)
+    factors = jnp.array([0.25, 0.5, 1.0])
+
+    def single(factor):
+        varied = eqx.combine(jax.tree.map(lambda x: x * factor, arrays), rest)
+        return followed(varied, accelerated(jnp.array([400.0, -500.0])), 20)
+
+    looped = jax.tree.map(lambda *parts: jnp.stack(parts), *[single(factor) for factor in factors])
+    assert_same(jax.vmap(single)(factors), looped, rtol=1e-8)
+    assert np.all(np.ptp(looped.push, axis=0)[0] > 0)
+
+
+@every("estimator", ESTIMATORS)
+def test_the_same_call_gives_the_same_bits(estimator):
+    assert_same(answer(estimator), answer(estimator))
+
+
+@every("estimator", ESTIMATORS)
+def test_the_memory_keeps_its_tree_its_shapes_and_its_kinds(estimator):
+    memory, after = estimator.init(MEASURED), answer(estimator)[1]
+    assert jax.tree.structure(after) == jax.tree.structure(memory)
+    for old, new in zip(jax.tree.leaves(memory), jax.tree.leaves(after), strict=True):
+        assert (old.shape, old.dtype) == (new.shape, new.dtype)
+
+
+@pytest.mark.parametrize("missed", [False, True])
+@pytest.mark.parametrize("size", [0.0, 5e-324, 1e-160, 1e-3, 1e16, 1e150, 1e280])
+@every("estimator", ESTIMATORS)
+def test_whatever_is_measured_the_estimate_is_finite(estimator, size, missed):
+    for signs in ([1.0, -1.0], [-1.0, 1.0]):
+        far = size * jnp.asarray(signs)
+        measured, none = State(q=far, dq=far), jnp.zeros(2)
+        for prior in (
+            PRIOR,
+            Estimate(state=State(q=-far, dq=far), push=-far),
+            Estimate(state=State(q=none, dq=none), push=none),
+        ):
+            found = answer(estimator, measured, prior, missed=missed)
+            assert all(np.all(np.isfinite(leaf)) for leaf in jax.tree.leaves(found))
+
+
+@every("estimator", ESTIMATORS)
+def test_gradients_by_parameters_measurements_and_predictions_are_finite(estimator):
+    @eqx.filter_grad
+    def gradients(given):
+        return sum(jnp.sum(leaf) for leaf in jax.tree.leaves(answer(*given)))
+
+    for residual in (0.0, 1e-12, 1.0):
+        measured = State(q=PRIOR.state.q + residual, dq=PRIOR.state.dq)
+        found = gradients((estimator, measured, PRIOR, PERIOD))
+        assert all(np.all(np.isfinite(leaf)) for leaf in jax.tree.leaves(found))
+
+
+@every("estimator", ESTIMATORS)
+def test_numbers_are_arrays_that_a_batch_can_vary(estimator):
+    leaves = jax.tree.leaves(estimator)
+    assert leaves and all(isinstance(leaf, jax.Array) and leaf.dtype == float for leaf in leaves)
+
+
+@every("estimator", ESTIMATORS + WITHOUT_PUSH)
+def test_what_was_predicted_is_believed(estimator):
+    """A measurement that agrees with the prediction changes nothing."""
+    last = Estimate(state=arrays_of([0.2, 0.1], [1.0, -2.0]), push=jnp.array([3.0, -1.0]))
+    prior = predicted(last, PERIOD)
+    found, _ = estimator(prior.state, prior, PERIOD, jnp.asarray(False), estimator.init(last.state))
+    assert_same(found.state, prior.state, rtol=1e-13)
+    np.testing.assert_allclose(found.push, last.push, rtol=1e-9)
+
+
+@every("estimator", ESTIMATORS + WITHOUT_PUSH)
+def test_a_constant_velocity_is_followed_without_error(estimator):
+    found = followed(estimator, accelerated(jnp.zeros(2)), 200)
+    times = np.arange(1, 201)[:, None] * 1e-3
+    np.testing.assert_allclose(found.state.q, times * [1.0, -2.0], atol=1e-13)
+    np.testing.assert_allclose(found.state.dq, np.tile([1.0, -2.0], (200, 1)), atol=1e-11)
+    np.testing.assert_allclose(found.push, 0.0, atol=1e-8)
+
+
+@every("estimator", ESTIMATORS)
+def test_a_constant_push_is_found_and_then_all_is_exact(estimator):
+    found = followed(estimator, accelerated(PUSH), 2000)
+    np.testing.assert_allclose(found.push[-1], PUSH, atol=1e-6)
+    np.testing.assert_allclose(found.state.dq[-1], [9.0, -3.0], atol=1e-8)
+    np.testing.assert_allclose(found.state.q[-1], [10.0, -5.0], atol=1e-10)
+
+
+@every("estimator", ESTIMATORS)
+def test_a_constant_push_is_approached_and_not_overshot_by_half(estimator):
+    found = np.asarray(followed(estimator, accelerated(PUSH), 2000).push) / np.asarray(PUSH)
+    assert np.all(found > -0.01) and np.all(found < 1.5)
+
+
+@every("estimator", ESTIMATORS)
+def test_a_slowly_changing_push_is_followed(estimator):
+    found = followed(estimator, swinging, 8000)
+    times = jnp.asarray(np.arange(1, 8001) * 1e-3)
+    right = jax.vmap(swinging)(times)
+    np.testing.assert_allclose(found.push[3000:], -right.q[3000:], atol=0.1)
+    np.testing.assert_allclose(found.state.dq[3000:], right.dq[3000:], atol=2e-3)
+    np.testing.assert_allclose(found.state.q[3000:], right.q[3000:], atol=2e-5)
+
+
+@every("estimator", WITHOUT_PUSH)
+def test_a_gain_of_zero_leaves_the_push_as_it_is(estimator):
+    found = followed(estimator, accelerated(PUSH), 100, push=0.25)
+    np.testing.assert_array_equal(found.push, 0.25)
+
+
+@every("estimator", ESTIMATORS)
+def test_after_missed_samples_the_push_stays_and_the_measured_position_is_believed(estimator):
+    found, _ = answer(estimator, elapsed=jnp.asarray(0.02), missed=True)
+    np.testing.assert_array_equal(found.push, PRIOR.push)
+    np.testing.assert_array_equal(found.state.q, MEASURED.q)
+
+
+@every("estimator", ESTIMATORS)
+def test_after_missed_samples_the_velocity_is_right_if_the_push_was_wrong_by_a_constant(estimator):
+    true = accelerated(PUSH)
+    last = Estimate(state=true(jnp.asarray(0.5)), push=jnp.zeros(2))
+    measured, elapsed = true(jnp.asarray(0.52)), jnp.asarray(0.02)
+    found, memory = estimator(
+        measured, predicted(last, elapsed), elapsed, jnp.asarray(True), estimator.init(last.state)
+    )
+    np.testing.assert_allclose(found.state.dq, measured.dq, rtol=1e-12)
+    np.testing.assert_array_equal(found.push, 0.0)
+    # And it goes on from there as if nothing had happened.
+    last = Estimate(state=found.state, push=PUSH)
+    measured = true(jnp.asarray(0.521))
+    found, _ = estimator(measured, predicted(last, PERIOD), PERIOD, jnp.asarray(False), memory)
+    np.testing.assert_allclose(found.state.dq, measured.dq, rtol=1e-9)
+    np.testing.assert_allclose(found.push, PUSH, rtol=1e-6)
+
+
+@every("estimator", ESTIMATORS)
+def test_each_joint_is_estimated_by_itself(estimator):
+    other = arrays_of([MEASURED.q[0], 7.0], [MEASURED.dq[0], -7.0])
+    for a, b in zip(jax.tree.leaves(answer(estimator)), jax.tree.leaves(answer(estimator, other)), strict=True):
+        assert a[0] == b[0]
+
+
+@every("estimator", [case for case in ESTIMATORS if not case[0].startswith("measured")])
+def test_estimators_of_positions_do_not_look_at_measured_velocities(estimator):
+    other = arrays_of(MEASURED.q, [50.0, -50.0])
+    assert_same(answer(estimator, other), answer(estimator))

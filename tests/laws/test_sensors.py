@@ -1,0 +1,126 @@
+"""What every sensor must be: a pure function of arrays, with chance from its seed only, and finite whatever happens."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from slidax._types import State
+from tests.enrolled import every
+from tests.sensors.members import SENSORS
+from tests.sensors.sampled import moving, sampled
+
+PERIOD = jnp.asarray(1e-2)
+RANDOM = ("noisy", "unevenly", "by_chance", "all_at_once")
+
+
+def one_by_one(sensor, samples=12):
+    memory, measurements = sensor.init(moving(jnp.zeros(()))), []
+    for k in range(samples):
+        state = moving(jnp.asarray(k * 1e-2))
+        measurement, memory = sensor(jnp.asarray(k), state, PERIOD, memory)
+        measurements.append(measurement)
+    return jax.tree.map(lambda *parts: jnp.stack(parts), *measurements)
+
+
+def assert_same(a, b, rtol=0.0):
+    assert jax.tree.structure(a) == jax.tree.structure(b)
+    for x, y in zip(jax.tree.leaves(a), jax.tree.leaves(b), strict=True):
+        np.testing.assert_allclose(x, y, rtol=rtol, atol=rtol)
+
+
+@every("sensor", SENSORS)
+def test_compiled_and_eager_agree(sensor):
+    assert_same(eqx.filter_jit(sampled)(sensor), one_by_one(sensor), rtol=1e-11)
+
+
+@every("sensor", SENSORS)
+def test_a_batch_over_motions_is_the_loop_over_them(sensor):
+    def seen(shift):
+        return sampled(sensor, lambda t: moving(t + shift))
+
+    shifts = jnp.array([0.0, 0.3, 2.0])
+    looped = [seen(shift) for shift in shifts]
+    assert_same(jax.vmap(seen)(shifts), jax.tree.map(lambda *parts: jnp.stack(parts), *looped), rtol=1e-11)
+
+
+@every("sensor", [case for case in SENSORS if case[0].endswith(RANDOM)])
+def test_a_batch_over_seeds_is_the_loop_over_them_and_each_seed_measures_otherwise(sensor):
+    def seen(seed):
+        return sampled(eqx.tree_at(lambda sensor: sensor.seed, sensor, seed), samples=40)
+
+    seeds = jnp.arange(3)
+    looped = jax.tree.map(lambda *parts: jnp.stack(parts), *[seen(seed) for seed in seeds])
+    assert_same(jax.vmap(seen)(seeds), looped, rtol=1e-11)
+    for a, b in ((0, 1), (1, 2), (0, 2)):
+        assert np.any(looped.state.q[a] != looped.state.q[b])
+
+
+@every("sensor", SENSORS)
+def test_the_same_call_gives_the_same_bits(sensor):
+    assert_same(sampled(sensor), sampled(sensor))
+
+
+@every("sensor", SENSORS)
+def test_the_first_sample_arrives_and_is_near_the_truth(sensor):
+    first = jax.tree.map(lambda x: x[0], sampled(sensor))
+    assert bool(first.fresh)
+    # At most 2.5 periods late at 3 rad/s, and rounded.
+    np.testing.assert_allclose(first.state.q, moving(jnp.zeros(())).q, atol=0.08)
+    np.testing.assert_allclose(first.state.dq, moving(jnp.zeros(())).dq, atol=0.02)
+
+
+@every("sensor", SENSORS)
+def test_the_memory_keeps_its_tree_its_shapes_and_its_kinds(sensor):
+    memory = sensor.init(moving(jnp.zeros(())))
+    after = sensor(jnp.asarray(0), moving(jnp.zeros(())), PERIOD, memory)[1]
+    assert jax.tree.structure(after) == jax.tree.structure(memory)
+    for old, new in zip(jax.tree.leaves(memory), jax.tree.leaves(after), strict=True):
+        assert (old.shape, old.dtype) == (new.shape, new.dtype)
+
+
+@pytest.mark.parametrize("size", [0.0, 5e-324, 1e-160, 1e16, 1e150, 1e280])
+@every("sensor", SENSORS)
+def test_whatever_the_state_the_measurement_is_finite(sensor, size):
+    signs = jnp.array([1.0, -1.0])
+
+    def jumping(t):
+        side = jnp.where(jnp.sin(500.0 * t) >= 0, 1.0, -1.0)
+        return State(q=size * side * signs, dq=-size * side * signs)
+
+    seen = sampled(sensor, jumping, samples=20, period=1e-3)
+    assert all(np.all(np.isfinite(leaf)) for leaf in jax.tree.leaves(seen))
+
+
+@every("sensor", SENSORS)
+def test_gradients_by_parameters_and_states_are_finite(sensor):
+    @eqx.filter_grad
+    def gradients(given):
+        sensor, scale = given
+        seen = sampled(sensor, lambda t: jax.tree.map(lambda x: scale * x, moving(t))).state
+        return jnp.sum(seen.q) + jnp.sum(seen.dq)
+
+    found = gradients((sensor, jnp.ones(())))
+    assert all(np.all(np.isfinite(leaf)) for leaf in jax.tree.leaves(found))
+
+
+@every("sensor", SENSORS)
+def test_numbers_are_arrays_that_a_batch_can_vary(sensor):
+    assert all(isinstance(leaf, jax.Array) for leaf in jax.tree.leaves(sensor))
+
+
+@every("sensor", SENSORS)
+def test_one_trace_serves_all_samples_and_seeds(sensor):
+    traces = []
+
+    @eqx.filter_jit
+    def call(sensor, k, state, memory):
+        traces.append(None)
+        return sensor(k, state, PERIOD, memory)
+
+    state = moving(jnp.zeros(()))
+    for k in range(4):
+        factor = jax.tree.map(lambda x, k=k: x + jnp.asarray(k, x.dtype), sensor)
+        call(factor, jnp.asarray(k), state, sensor.init(state))
+    assert len(traces) == 1
