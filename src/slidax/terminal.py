@@ -54,6 +54,8 @@ def run_as_json(parts: Scenario, finished: Run, import_s: float) -> dict[str, An
             "joint": outcome.joint,
             "error": outcome.error,
             "bound": outcome.bound,
+            "back": outcome.back,
+            "beyond": outcome.beyond,
         },
         "metrics": summary(finished),
         "timing": {
@@ -89,6 +91,7 @@ def print_run(parts: Scenario, finished: Run, answer: dict[str, Any]) -> None:
         (f"initial torque [{torque}]", metrics["initial_torque"]),
         (f"torque step, max [{torque}]", metrics["max_torque_step"]),
         (f"torque step, steady [{torque}]", metrics["steady_torque_step"]),
+        (f"torque step, steady, rms [{torque}]", metrics["steady_torque_step_rms"]),
         ("IAE (80)", metrics["iae"]),
         ("ECI (81)", metrics["eci"]),
         ("AICE (82)", metrics["aice"]),

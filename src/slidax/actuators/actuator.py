@@ -29,7 +29,7 @@ class Actuator(eqx.Module):
     """A command is limited, held until the next, delayed by `dead_time` periods, and then `T τ̇ + τ = command`.
 
     The dead time need not be whole: the command that applies then changes within the period. Between changes the lag is
-    integrated exactly, by an exponential. Before the start all torques are 0.
+    integrated exactly, by an exponential.
 
     - `limits`: of the command.
     - `time_constant`: T, one number or [n], s, >= 0; 0 for no lag.
@@ -52,14 +52,12 @@ class Actuator(eqx.Module):
         """When within a period the next command applies, as a share of it, in [0, 1)."""
         return self.dead_time - math.floor(self.dead_time)
 
-    def init(self, joints: int, period: Scalar) -> Delivery:
-        """No torque.
+    def init(self, tau: Vector) -> Delivery:
+        """The memory of a drive that has held a torque for long.
 
-        - `joints`: how many there are.
-        - `period`: time between two samples [s].
+        - `tau`: that torque [n], N m or N.
         """
-        none = jnp.zeros_like(period, shape=(joints,))
-        return Delivery(commands=jnp.zeros_like(period, shape=(math.ceil(self.dead_time) + 1, joints)), lagged=none)
+        return Delivery(commands=jnp.broadcast_to(tau, (math.ceil(self.dead_time) + 1, *tau.shape)), lagged=tau)
 
     def set(self, tau: Vector, period: Scalar, memory: Delivery) -> tuple[Vector, Delivery]:
         """Takes a command at a sample. Returns the one that is set, [n], N m or N, and the memory after it.

@@ -8,6 +8,9 @@ from .ftsmc import ftsmc as ftsmc
 from .ftsmppc import ftsmppc as ftsmppc
 from .gravity_compensated_pd import GravityCompensatedPD as GravityCompensatedPD
 from .nonsingular_fast_terminal import NonsingularFastTerminal as NonsingularFastTerminal
+from .sampled_data import Recovery as Recovery
+from .sampled_data import SampledData as SampledData
+from .sampled_data import sampled_data as sampled_data
 from .sfsmc import sfsmc as sfsmc
 from .sliding_mode import SlidingMode as SlidingMode
 from .slotine_li import SlotineLi as SlotineLi

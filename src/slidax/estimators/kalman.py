@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import equinox as eqx
+import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from slidax._errors import DefinitionError, parameter, require
@@ -12,6 +13,9 @@ from slidax._types import Scalar, State
 
 from .estimator import AbstractEstimator, Estimate, reseated
 from .steady_gains import steady_gains
+
+TORQUE_DENSITY = 0.05
+"""Of the drift of a disturbance torque unless another is asked for, (N m/s)² s: in one second it drifts by .2 N m."""
 
 
 class Kalman(AbstractEstimator):
@@ -44,6 +48,21 @@ class Kalman(AbstractEstimator):
         Raises DefinitionError if one of them is out of its range.
         """
         return cls(steady_gains(density, variance, period))
+
+    @classmethod
+    def of_arm(cls, mass: Any, *, variance: Any, period: Any, torque_density: Any = TORQUE_DENSITY) -> Kalman:
+        """The steady filter for a disturbance torque that drifts alike on all joints, each with its own inertia.
+
+        - `mass`: inertia matrix of the nominal arm where it works [n n], kg m², kg m, kg.
+        - `variance`: of a measured position, one number or [n], rad² or m², > 0; `r²/12` for a resolution r.
+        - `period`: time between two samples [s], > 0.
+        - `torque_density`: spectral density of dτ_d/dt, one number or [n], (N m/s)² s, > 0. docs/loop-rate.md shows what
+          more or less of it does.
+
+        Raises DefinitionError if one of them is out of its range.
+        """
+        inertia = jnp.diagonal(parameter(mass))
+        return cls.steady(density=parameter(torque_density) / (inertia * inertia), variance=variance, period=period)
 
     def init(self, measured: State) -> tuple[()]:
         """Nothing to keep.

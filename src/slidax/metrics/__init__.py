@@ -6,6 +6,7 @@ from .effort import initial_torque as initial_torque
 from .effort import max_torque_step as max_torque_step
 from .effort import peak_torque as peak_torque
 from .effort import steady_torque_step as steady_torque_step
+from .effort import steady_torque_step_rms as steady_torque_step_rms
 from .envelope import envelope_margin as envelope_margin
 from .envelope import envelope_violations as envelope_violations
 from .error import iae as iae

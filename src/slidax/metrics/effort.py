@@ -41,6 +41,17 @@ def steady_torque_step(run: Run) -> np.ndarray | None:
     return np.asarray(run.tally.steady_step) if reached_last_quarter(run) else None
 
 
+def steady_torque_step_rms(run: Run) -> np.ndarray | None:
+    """Root mean square of `τ(k+1) - τ(k)` over the last quarter of the run, [n], N m or N; None if it ended before.
+
+    - `run`: a finished run.
+    """
+    if not reached_last_quarter(run):
+        return None
+    steps = int(run.tally.samples) - 1 - int(run.windows.steady)
+    return np.sqrt(np.asarray(run.tally.steady_square) / max(steps, 1))
+
+
 def eci(run: Run) -> np.ndarray:
     """`ECI = Σ |τ(k)|²`, eq. (81); a sum without the period, as printed, [n], (N m)² or N².
 

@@ -8,7 +8,15 @@ import numpy as np
 
 from slidax.simulation import Run
 
-from .effort import aice, eci, initial_torque, max_torque_step, peak_torque, steady_torque_step
+from .effort import (
+    aice,
+    eci,
+    initial_torque,
+    max_torque_step,
+    peak_torque,
+    steady_torque_step,
+    steady_torque_step_rms,
+)
 from .envelope import envelope_margin, envelope_violations
 from .error import iae, settling_time, steady_error
 
@@ -25,6 +33,7 @@ def summary(run: Run) -> dict[str, Any]:
         "initial_torque": initial_torque(run).tolist(),
         "max_torque_step": max_torque_step(run).tolist(),
         "steady_torque_step": _listed(steady_torque_step(run)),
+        "steady_torque_step_rms": _listed(steady_torque_step_rms(run)),
         "iae": iae(run).tolist(),
         "eci": eci(run).tolist(),
         "aice": aice(run).tolist(),

@@ -77,7 +77,8 @@ class _Sweep(eqx.Module):
 
 def _parts(law: SaturatedReaching, u: Scalar, n: int) -> tuple[Vector, Vector, Vector]:
     """K_D, K and φ, each [n]."""
-    return tuple(jnp.broadcast_to(x, (n,)) for x in (law.damping, u * law.weights, law.layer))
+    damping, gain, layer = (jnp.broadcast_to(x, (n,)) for x in (law.damping, u * law.weights, law.layer))
+    return damping, gain, layer
 
 
 @eqx.filter_custom_jvp
@@ -117,7 +118,8 @@ def _step_jvp(primals: Any, tangents: Any) -> tuple[Vector, Vector]:
 
     def residual(moving: Any) -> Vector:
         law, metric, s, u = eqx.combine(moving, still)
-        return matvec(metric, found - s) + law.power(found) + u * law.direction(found)
+        rest: Vector = matvec(metric, found - s) + law.power(found) + u * law.direction(found)
+        return rest
 
     _, change = jax.jvp(residual, (moving,), (eqx.filter(tangents, mask),))
     law, metric, _, u = primals

@@ -23,6 +23,7 @@ PER_JOINT = {
     "initial_torque": ("initial torque, |τ(0)|", "{1}"),
     "max_torque_step": ("largest torque step", "{1}"),
     "steady_torque_step": ("largest torque step, last quarter", "{1}"),
+    "steady_torque_step_rms": ("torque step, root mean square, last quarter", "{1}"),
     "iae": ("IAE, Σ|e| for t > 2 s", "{0}"),
     "eci": ("ECI, Σ|τ|²", "({1})²"),
     "aice": ("AICE, Σ|Δτ|", "{1}"),

@@ -15,9 +15,10 @@ from slidax.simulation import Plant
 
 from .base import Description
 from .disturbances import DisturbanceDescription
+from .instruments import ActuatorDescription, SensorDescription
 from .robots import RobotDescription
 from .scenario import Scenario
-from .schemes import SchemeDescription
+from .schemes import AbstractSliding, Sampling, SchemeDescription
 from .trajectories import TrajectoryDescription
 
 INTEGRATORS = {"rk4": runge_kutta_4, "semi_implicit_euler": semi_implicit_euler}
@@ -61,6 +62,8 @@ class SimulationDescription(Description):
     """End [s], a whole number of periods."""
     log_every: Annotated[int, Field(ge=1)] = 10
     """One in how many samples is written to the log; metrics count all."""
+    outside: Literal["raise", "recover"] = "raise"
+    """What a sample outside the envelope does: `raise` ends the run, `recover` counts it and goes on."""
     engine: Literal["auto", "xla"] = "auto"
     """What computes; `auto` takes the fastest there is."""
 
@@ -78,6 +81,10 @@ class ScenarioDescription(Description):
     """What the joints should do."""
     disturbance: DisturbanceDescription = DisturbanceDescription()
     """What pushes the joints from outside."""
+    sensor: SensorDescription = SensorDescription()
+    """What the law gets to know of the state; all of it, at once, if not given."""
+    actuator: ActuatorDescription = ActuatorDescription()
+    """What becomes of its torque; the joints get it as it is, at once, if not given."""
     start: StartDescription
     """The state at t = 0."""
     scheme: SchemeDescription
@@ -102,17 +109,34 @@ class ScenarioDescription(Description):
         with located("disturbance"):
             disturbance = self.disturbance.build()
             require_joints(disturbance, true.joints, type(true).__name__)
-        with located("scheme"):
-            controller = self.scheme.build(nominal)
+        simulation = self.simulation
+        with located("sensor"):
+            sensor = self.sensor.build(simulation.period, true.joints)
+        with located("actuator"):
+            actuator = self.actuator.build()
+            require_joints(actuator, true.joints, type(true).__name__)
         with located("start"):
             state0 = self.start.build(true.joints)
-        simulation = self.simulation
+        with located("scheme"):
+            controller = self.scheme.build(nominal)
+            if isinstance(self.scheme, AbstractSliding) and self.scheme.sampled_data is not None:
+                sampling = Sampling(
+                    period=simulation.period,
+                    delay=self.sensor.delay + self.actuator.dead_time,
+                    dead_time=self.actuator.dead_time,
+                    limits=self.actuator.limits(),
+                    variance=self.sensor.variance(),
+                    has_velocity=self.sensor.velocity == "measured",
+                    mass=nominal.mass(state0.q),
+                )
+                with located("sampled_data"):
+                    controller = self.scheme.sampled_data.build(controller, sampling)
         return Scenario(
             name=name,
             robot=self.robot.kind,
             scheme=self.scheme.name,
             description=self,
-            plant=Plant(true, disturbance),
+            plant=Plant(true, disturbance, sensor, actuator),
             controller=controller,
             trajectory=trajectory,
             state0=state0,
@@ -122,4 +146,5 @@ class ScenarioDescription(Description):
             integrator=INTEGRATORS[simulation.integrator],
             substeps=simulation.substeps,
             log_every=simulation.log_every,
+            outside=simulation.outside,
         )

@@ -22,7 +22,7 @@ class Scenario:
     - `name`, `robot`, `scheme`: what the scenario, its robot and its scheme are called.
     - `description`: the validated file it was built from.
     - `plant`, `controller`, `trajectory`, `state0`: the parts.
-    - `t1`, `period`, `mode`, `integrator`, `substeps`, `log_every`: as in `simulate`.
+    - `t1`, `period`, `mode`, `integrator`, `substeps`, `log_every`, `outside`: as in `simulate`.
     """
 
     name: str
@@ -39,6 +39,7 @@ class Scenario:
     integrator: Callable[..., Any]
     substeps: int
     log_every: int
+    outside: Literal["raise", "recover"] = "raise"
 
     def simulate(self, *, log_every: int | None = 0, throw: bool = False, progress: bool | None = None) -> Run:
         """The run of this scenario.
@@ -60,6 +61,7 @@ class Scenario:
             integrator=self.integrator,
             substeps=self.substeps,
             log_every=self.log_every if log_every == 0 else log_every,
+            outside=self.outside,
             throw=throw,
             progress=progress,
         )

@@ -7,8 +7,8 @@ from typing import Any, get_args
 from .base import Description
 from .schemes import SchemeDescription
 
-CARRIED = ("performance", "overshoot", "bound")
-"""What describes the task and the arm, and not the scheme, and so is kept."""
+CARRIED = ("performance", "overshoot", "bound", "sampled_data")
+"""What describes the task, the arm and its sampling, and not the scheme, and so is kept."""
 
 SCHEMES: dict[str, type[Description]] = {
     get_args(model.model_fields["name"].annotation)[0]: model for model in get_args(get_args(SchemeDescription)[0])
@@ -19,7 +19,7 @@ SCHEMES: dict[str, type[Description]] = {
 def switched(scheme: Any, name: Any) -> Any:
     """The scheme of a scenario file with another name.
 
-    Of what the file says, `performance`, `overshoot` and `bound` are kept, as far as the new scheme has them; all else
+    Of what the file says, `performance`, `overshoot`, `bound` and `sampled_data` are kept, as far as the new scheme has them; all else
     is dropped, so that it takes the new scheme's defaults. Where the name is the file's own, nothing changes.
 
     - `scheme`: the mapping in the file.

@@ -122,9 +122,7 @@ def describe(
             if went_out
             else "Shorten the period, or lower the gains; the run up to there is kept."
         )
-        return Outcome(
-            kind, f"Joint {joint + 1} became infinite or undefined at t = {t:.4g} s. {remedy}", t, joint + 1
-        )
+        return Outcome(kind, f"Joint {joint + 1} became infinite or undefined at t = {t:.4g} s. {remedy}", t, joint + 1)
     error, bound = float(fault.error), float(fault.bound)
     message = _left(joint, t, error, bound, units) + (
         ". Start inside it, enlarge its final radius, or shorten the period."
@@ -137,9 +135,7 @@ def _left(joint: int, t: float, error: float, bound: float, units: tuple[str, ..
     return f"Joint {joint + 1} left its envelope at t = {t:.4g} s (e = {error:.4g} {unit}, bound {bound:.4g} {unit})"
 
 
-def _described_excursion(
-    excursion: Excursion, violations: int, period: float, units: tuple[str, ...]
-) -> Outcome:
+def _described_excursion(excursion: Excursion, violations: int, period: float, units: tuple[str, ...]) -> Outcome:
     joint, error, bound = int(excursion.joint), float(excursion.error), float(excursion.bound)
     t, back = int(excursion.first) * period, (int(excursion.last) + 1) * period
     worst = int(jnp.argmax(excursion.beyond))

@@ -130,7 +130,7 @@ def begin(loop: Loop, state: State) -> tuple[Carry, Envelope | None, Reference]:
         fault=no_fault(),
         excursion=Excursion.none(joints) if loop.recover else None,
         sensor=sensor,
-        actuator=None if plant.actuator is None else jax.tree.map(lambda x: x + held, plant.actuator.init(joints, period)),
+        actuator=None if plant.actuator is None else plant.actuator.init(held),
         torque=torque,
     )
     return carry, loop.controller.envelope(t, memory), reference
@@ -224,9 +224,7 @@ def _evaluate(loop: Loop, t: Scalar, state: State, seen: State, memory: Memory, 
     return _judged(loop, t, state, memory, reference, command)
 
 
-def _judged(
-    loop: Loop, t: Scalar, state: State, memory: Memory, reference: Reference, command: Command
-) -> Evaluation:
+def _judged(loop: Loop, t: Scalar, state: State, memory: Memory, reference: Reference, command: Command) -> Evaluation:
     envelope = loop.controller.envelope(t, memory)
     finite = jnp.isfinite(command.tau) & jnp.isfinite(state.dq)
     fault = find_fault(t, state.q - reference.q, finite, None if loop.recover else envelope)
@@ -273,6 +271,7 @@ def _held_step(loop: Loop, carry: Carry, t: Scalar) -> tuple[State, Passed, tupl
 
 def _continuous_step(loop: Loop, carry: Carry, t: Scalar) -> tuple[State, Passed, tuple[Evaluation, ...]]:
     """The law in every stage of the integrator, as a fixed-step solver of block diagrams does."""
+
     def evaluate(t: Scalar, state: State, memory: Memory) -> Evaluation:
         return _evaluate(loop, t, state, state, memory, ahead)
 

@@ -97,6 +97,4 @@ class Run(eqx.Module):
     @property
     def outcome(self) -> Outcome:
         """How the run ended; needs known values, so not inside `vmap`: look at `fault` there."""
-        return describe(
-            self.fault, self.excursion, int(self.tally.violations), float(self.period), self.joint_units
-        )
+        return describe(self.fault, self.excursion, int(self.tally.violations), float(self.period), self.joint_units)

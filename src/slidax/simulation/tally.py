@@ -32,6 +32,7 @@ class Tally(eqx.Module):
     - `first_torque`, `last_torque`: τ of the first and of the last sample.
     - `peak_torque`: max |τ|.
     - `max_step`, `steady_step`: max |τ(k+1) - τ(k)| over the run, and over its last quarter.
+    - `steady_square`: sum of (τ(k+1) - τ(k))² over its last quarter.
     - `iae`, `eci`, `aice`: the sums (80), (81), (82).
     - `margin`: min over time of the distance to the nearer bound, divided by the envelope's width; inf without one.
     """
@@ -45,6 +46,7 @@ class Tally(eqx.Module):
     peak_torque: Vector
     max_step: Vector
     steady_step: Vector
+    steady_square: Vector
     iae: Vector
     eci: Vector
     aice: Vector
@@ -69,6 +71,7 @@ class Tally(eqx.Module):
             peak_torque=zero,
             max_step=zero,
             steady_step=zero,
+            steady_square=zero,
             iae=zero,
             eci=zero,
             aice=zero,
@@ -103,6 +106,7 @@ class Tally(eqx.Module):
             max_step=jnp.maximum(self.max_step, step),
             # The step that leads into the window's first sample belongs to the time before it.
             steady_step=jnp.where(k > windows.steady, jnp.maximum(self.steady_step, step), self.steady_step),
+            steady_square=self.steady_square + jnp.where(k > windows.steady, step * step, 0.0),
             iae=self.iae + jnp.where(k >= windows.iae, size, 0.0),
             eci=self.eci + effort * effort,
             aice=self.aice + step,

@@ -77,8 +77,10 @@ class SampledData(AbstractController):
     - `horizon`: H [s], >= h.
     - `delay`: age of a measurement when its torque sets in, in periods, >= 0: transport and dead time together.
     - `dead_time`: the part of it after the command, in periods.
+    - `slopes`: whether u counts the slope part of τ1, as (45) prints it, or τ0 and K0's part alone.
 
-    Signals: `s`, `eps1`, `push` (w) [n], `u`; with a recovery `reseated` [n], 1 where its envelope is in force.
+    Signals: `s`, `s_next` (s⁺), `eps1`, `push` (w), `residual` (the acceleration that the last plan missed) [n], `u`; with
+    a recovery `reseated` [n], 1 where its envelope is in force.
 
     Raises DefinitionError if one of them is out of its range or does not fit the joints.
     """
@@ -95,6 +97,7 @@ class SampledData(AbstractController):
     horizon: Scalar = eqx.field(converter=parameter)
     delay: float = eqx.field(static=True, default=0.0)
     dead_time: float = eqx.field(static=True, default=0.0)
+    slopes: bool = eqx.field(static=True, default=True)
 
     def __check_init__(self) -> None:
         for part in (self.transformation, self.surface, self.reaching, self.bound, self.limits):
@@ -189,9 +192,11 @@ class SampledData(AbstractController):
         value, slope = frame.now * place + horizon * pull, frame.now * place_slope + horizon * pull_slope
 
         # τ0 + τ1 with the slopes that an implicit step sees: one Newton step of the plan that keeps s as it is.
-        kept_place = place + place_slope * (y + horizon * s - value) / slope
-        coasting = (frame.ahead * kept_place - y) / horizon
-        tau_01 = matvec(m0, ddq_r + (coasting - v) / horizon) + bias - self.reaching.power(s)
+        feedforward = ddq_r
+        if self.slopes:
+            kept_place = place + place_slope * (y + horizon * s - value) / slope
+            feedforward = ddq_r + ((frame.ahead * kept_place - y) / horizon - v) / horizon
+        tau_01 = matvec(m0, feedforward) + bias - self.reaching.power(s)
         u = self.bound(now, tau_01)
 
         s_next = self.reaching.implicit(m0 / horizon, s, u)
@@ -223,7 +228,8 @@ class SampledData(AbstractController):
             planned=jnp.all(tau == wanted),
             reseat=reseat,
         )
-        signals = {"s": s, "eps1": eps, "push": push, "u": u}
+        residual = jnp.where(planned, (now.dq - memory.dq) / h, 0.0)
+        signals = {"s": s, "s_next": s_next, "eps1": eps, "push": push, "residual": residual, "u": u}
         if reseat is not None:
             signals["reseated"] = (t_set < reseat.until).astype(float)
         return Command(tau=tau, memory=kept, signals=signals)

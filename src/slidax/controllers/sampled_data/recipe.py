@@ -18,9 +18,9 @@ from ..slotine_li import SlotineLi
 from .law import SampledData
 from .recovery import Recovery
 
-HORIZON = 0.01
-"""The horizon unless another is asked for [s]: long enough for one period of delay, rate limits and an encoder's noise at
-1 kHz, short enough for the slowest mode to settle within a tenth of a second."""
+HORIZON = 0.012
+"""The horizon unless another is asked for [s]: long enough at 1 kHz for one period of delay, rate limits and the noise of
+encoders; docs/loop-rate.md shows the trade-off."""
 
 
 def sampled_data(
@@ -33,25 +33,27 @@ def sampled_data(
     recovery: Recovery | None = None,
     delay: float = 0.0,
     dead_time: float = 0.0,
+    slopes: bool = True,
 ) -> SampledData:
     """The implicit-Euler form of a law with a surface `s = ė + φ(t, e)`: same surface, envelope, reaching law and bound.
 
     - `law`: a `SlidingMode` (CFTSMPPC, FTSMPPC, FTSMC, SFSMC) or a `SlotineLi`, with an envelope or without.
     - `period`: h [s].
-    - `horizon`: H [s], >= h; None: 10 ms, but no less than two periods.
-    - `estimator`: from what is measured to q, q̇ and the unexplained acceleration; None: `Measured` with the gain
-      `min(.5, 1.6 h/H)`, for sensors that give the velocity.
+    - `horizon`: H [s], >= h; None: 12 ms, but no less than two periods.
+    - `estimator`: from what is measured to q, q̇ and the unexplained acceleration; None: `Measured.critical` with the
+      gain `min(.5, 2 h/H)`, for sensors that give the velocity.
     - `limits`: of torque and torque rate, as far as they are known; None for none.
     - `recovery`: what to do outside the envelope; None: pull back to the drawn one as it is.
     - `delay`: age of a measurement when its torque sets in, in periods.
     - `dead_time`: the part of it after the command, in periods.
+    - `slopes`: whether u counts τ1's slopes, as (45) prints it; without them the arm is reached for with less torque.
 
     Raises DefinitionError if the law has no such surface, or something does not fit.
     """
     if horizon is None:
         horizon = jnp.maximum(HORIZON, 2.0 * period)
     if estimator is None:
-        estimator = Measured(jnp.minimum(0.5, 1.6 * period / horizon))
+        estimator = Measured.critical(jnp.minimum(0.5, 2.0 * period / horizon), delay + 1.0)
     common = {
         "estimator": estimator,
         "limits": TorqueLimits() if limits is None else limits,
@@ -60,6 +62,7 @@ def sampled_data(
         "horizon": horizon,
         "delay": delay,
         "dead_time": dead_time,
+        "slopes": slopes,
     }
     if isinstance(law, SlidingMode):
         return SampledData(

@@ -10,7 +10,6 @@ from slidax._errors import parameter, require, require_shape
 from slidax._types import Envelope, Scalar, Vector
 from slidax.transformations import Frame, Sides
 
-
 LOOSE = 4.0
 """An envelope this many times wider than a new one would be is replaced by that."""
 

@@ -8,7 +8,9 @@ from pydantic import Field
 
 from .classical import ComputedTorqueScheme, GravityPd, SlotineLiPpc, SlotineLiScheme, SuperTwistingScheme
 from .fixed_time import Cftsmppc, Ftsmc, Ftsmppc
+from .parts import AbstractSliding as AbstractSliding
 from .performance import PerformanceDescription as PerformanceDescription
+from .sampled_data import Sampling as Sampling
 from .terminal import Anftsmc, Nftsmc, Sfsmc, Sfsmppc
 
 SchemeDescription = Annotated[

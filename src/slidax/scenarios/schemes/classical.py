@@ -17,7 +17,7 @@ from slidax.surfaces import Linear
 from slidax.transformations import AbstractTransformation, Unconstrained
 
 from ..base import Numbers
-from .parts import AbstractEnveloped, AbstractScheme
+from .parts import AbstractEnveloped, AbstractScheme, AbstractSliding
 
 
 class ComputedTorqueScheme(AbstractScheme):
@@ -54,7 +54,7 @@ class GravityPd(AbstractScheme):
         return GravityCompensatedPD(nominal, **self.parameters())
 
 
-class SlotineLiScheme(AbstractScheme):
+class SlotineLiScheme(AbstractSliding):
     """The classical sliding mode law with a boundary layer (Slotine and Li)."""
 
     name: Literal["slotine_li"]

@@ -9,7 +9,7 @@ from slidax.controllers import AbstractController, cftsmppc, ftsmc, ftsmppc
 from slidax.robots import AbstractRobot
 
 from ..base import Description, Numbers
-from .parts import AbstractEnveloped, AbstractScheme, BoundDescription, VelocityBoundDescription
+from .parts import AbstractEnveloped, AbstractSliding, BoundDescription, VelocityBoundDescription
 
 
 class SurfaceDescription(Description):
@@ -110,7 +110,7 @@ class Ftsmppc(AbstractEnveloped):
         return ftsmppc(nominal, **_enveloped(self))
 
 
-class Ftsmc(AbstractScheme):
+class Ftsmc(AbstractSliding):
     """Fixed-time terminal sliding mode without an envelope, the paper's [23]."""
 
     name: Literal["ftsmc"]

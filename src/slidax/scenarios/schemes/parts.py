@@ -12,6 +12,7 @@ from slidax.transformations import PrescribedPerformance
 
 from ..base import Description, Numbers
 from .performance import PerformanceDescription
+from .sampled_data import SampledDataDescription
 
 
 class BoundDescription(Description):
@@ -80,7 +81,14 @@ class AbstractScheme(Description):
         """
 
 
-class AbstractEnveloped(AbstractScheme):
+class AbstractSliding(AbstractScheme):
+    """What every description of a scheme with a surface `s = de + phi(t, e)` has."""
+
+    sampled_data: SampledDataDescription | None = None
+    """The scheme as implicit steps, for the arm's own rate; the law as it is printed if not given."""
+
+
+class AbstractEnveloped(AbstractSliding):
     """What every description of a scheme with an envelope has."""
 
     performance: PerformanceDescription

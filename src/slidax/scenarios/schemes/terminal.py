@@ -16,7 +16,7 @@ from slidax.controllers import (
 from slidax.robots import AbstractRobot
 
 from ..base import Description, Numbers
-from .parts import AbstractEnveloped, AbstractScheme, StateBoundDescription, VelocityBoundDescription
+from .parts import AbstractEnveloped, AbstractScheme, AbstractSliding, StateBoundDescription, VelocityBoundDescription
 
 
 class Nftsmc(AbstractScheme):
@@ -109,7 +109,7 @@ class TwoPowerReachingDescription(Description):
     """s0 >= 0 [rad/s]; 0 gives the discontinuous law."""
 
 
-class Sfsmc(AbstractScheme):
+class Sfsmc(AbstractSliding):
     """Singularity-free fixed-time sliding mode, the paper's [24]."""
 
     name: Literal["sfsmc"]

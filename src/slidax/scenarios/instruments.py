@@ -1,0 +1,117 @@
+"""Sensors and actuators in a scenario file."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+import jax.numpy as jnp
+from jaxtyping import Array
+from pydantic import Field
+
+from slidax._errors import DefinitionError, located, parameter
+from slidax.actuators import Actuator, TorqueLimits
+from slidax.sensors import AbstractSensor, Delayed, DifferencedEncoders, Encoders, Exact, Lossy
+
+from .base import Description, Numbers
+
+
+class OutageDescription(Description):
+    """Samples that are lost in a row."""
+
+    start: Annotated[float, Field(ge=0)]
+    """Time of the first [s]."""
+    samples: Annotated[int, Field(ge=0)]
+    """How many."""
+
+
+class LossDescription(Description):
+    """Samples that do not arrive; the last torque is held."""
+
+    probability: float = 0.0
+    """Of losing any sample, in [0, 1]."""
+    outages: tuple[OutageDescription, ...] = ()
+    """Those that are lost for certain."""
+
+
+class SensorDescription(Description):
+    """What a law gets to know of the state."""
+
+    resolution: Numbers = 0.0
+    """Of the encoders [rad or m]; 0 rounds nothing."""
+    position_noise: Numbers = 0.0
+    """Standard deviation, before rounding [rad or m]."""
+    velocity: Literal["measured", "differenced"] = "measured"
+    """`measured` by a sensor of its own, or `differenced` from the encoders."""
+    velocity_noise: Numbers = 0.0
+    """Standard deviation, if measured [rad/s or m/s]."""
+    cutoff: Numbers = 600.0
+    """Of the low-pass on differenced velocities [rad/s]."""
+    delay: Annotated[float, Field(ge=0)] = 0.0
+    """Age of a measurement when it arrives [periods], whole or not."""
+    jitter: Annotated[float, Field(ge=0)] = 0.0
+    """Width of the spread of that age [periods]."""
+    loss: LossDescription = LossDescription()
+    """Samples that do not arrive."""
+    seed: int = 0
+    """Another seed gives other noise."""
+
+    def build(self, period: float, joints: int) -> AbstractSensor | None:
+        """The sensor; None if it is perfect.
+
+        - `period`: time between samples [s].
+        - `joints`: how many are measured.
+
+        Raises DefinitionError if a list has another length, or a number is out of its range.
+        """
+        for field in ("resolution", "position_noise", "velocity_noise", "cutoff"):
+            value = getattr(self, field)
+            if isinstance(value, list) and len(value) != joints:
+                message = f"must be one number or one for each of the {joints} joints; got {len(value)}"
+                raise DefinitionError(message, where=field)
+        resolution, position_noise = parameter(self.resolution), parameter(self.position_noise)
+        velocity_noise = parameter(self.velocity_noise)
+        seed = jnp.asarray(self.seed)
+        sensor: AbstractSensor = Exact()
+        if self.velocity == "differenced":
+            sensor = DifferencedEncoders(resolution, position_noise, parameter(self.cutoff), seed)
+        elif any(x.any() for x in (resolution, position_noise, velocity_noise)):
+            sensor = Encoders(resolution, position_noise, velocity_noise, seed)
+        if self.delay or self.jitter:
+            sensor = Delayed(sensor, self.delay, self.jitter, seed)
+        if self.loss.probability or self.loss.outages:
+            with located("loss"):
+                starts = jnp.asarray([round(outage.start / period) for outage in self.loss.outages], int)
+                counts = jnp.asarray([outage.samples for outage in self.loss.outages], int)
+                sensor = Lossy(sensor, parameter(self.loss.probability), starts, counts, seed)
+        return None if isinstance(sensor, Exact) else sensor
+
+    def variance(self) -> Array:
+        """The variance of a measured position, one number or [n], rad² or m²."""
+        rounding, noise = parameter(self.resolution), parameter(self.position_noise)
+        # A filter needs some noise to weigh the model against.
+        return jnp.maximum(rounding * rounding / 12.0 + noise * noise, 1e-18)
+
+
+class ActuatorDescription(Description):
+    """What becomes of a commanded torque."""
+
+    torque: Numbers | None = None
+    """Largest torque [N m or N]; no limit if not given."""
+    rate: Numbers | None = None
+    """Fastest change of torque [N m/s or N/s]; no limit if not given."""
+    time_constant: Numbers = 0.0
+    """Of a lag of first order [s]."""
+    dead_time: Annotated[float, Field(ge=0)] = 0.0
+    """Between a command and its torque [periods], whole or not."""
+
+    def limits(self) -> TorqueLimits:
+        """The limits of torque and torque rate."""
+        given = {"torque": self.torque, "rate": self.rate}
+        return TorqueLimits(**{name: parameter(value) for name, value in given.items() if value is not None})
+
+    def build(self) -> Actuator | None:
+        """The actuator; None if it is perfect."""
+        perfect = self.torque is None and self.rate is None and not self.dead_time
+        if perfect and not parameter(self.time_constant).any():
+            return None
+        return Actuator(self.limits(), parameter(self.time_constant), self.dead_time)
