@@ -3,7 +3,9 @@
 from typing import NamedTuple
 
 from slidax._types import State
-from slidax.controllers import AbstractController
+from slidax.actuators import TorqueLimits
+from slidax.controllers import AbstractController, Recovery, SampledData, sampled_data
+from slidax.estimators import Kalman
 from slidax.robots import AbstractRobot
 from slidax.surfaces import Linear
 from slidax.trajectories import AbstractTrajectory
@@ -51,6 +53,16 @@ def scara(controller: AbstractController, idle: int = 1) -> Case:
     return Case(controller, SCARA, MOTION_4_2, START_4_2, idle)
 
 
+FAR_LIMITS = TorqueLimits(1e6, 1e12)
+"""Limits that are never met, and finite, so that a difference quotient by them is."""
+
+
+def sampled(law: AbstractController, **options: object) -> SampledData:
+    return sampled_data(law, period=1e-3, limits=FAR_LIMITS, **options)
+
+
+KALMAN = Kalman.steady(density=0.1, variance=1e-11, period=1e-3)
+
 CONTROLLERS: list[tuple[str, Case]] = [
     ("cftsmppc_4_1", two_link(law_4_1())),
     ("cftsmppc_4_1_unit_vector", two_link(law_4_1(layer=0.0))),
@@ -66,6 +78,12 @@ CONTROLLERS: list[tuple[str, Case]] = [
     ("slotine_li_inside_an_envelope", two_link(slotine_li_4_1(AROUND_4_1, Linear(0.6)))),
     ("super_twisting", scara(super_twisting_4_2())),
     ("super_twisting_inside_an_envelope", scara(super_twisting_4_2(AROUND_4_2, Linear([0.5, 0.6, 0.7])))),
+    ("sampled_cftsmppc_4_1", two_link(sampled(law_4_1(layer=0.0)), idle=11)),
+    ("sampled_cftsmppc_4_1_layer_and_delay", two_link(sampled(law_4_1(), delay=1.5, dead_time=0.5), idle=11)),
+    ("sampled_cftsmppc_4_2_recovery", scara(sampled(law_4_2(layer=0.0), recovery=Recovery(), slopes=False), idle=13)),
+    ("sampled_ftsmc_4_1", two_link(sampled(ftsmc_4_1(), estimator=KALMAN), idle=11)),
+    ("sampled_sfsmc_4_2", scara(sampled(sfsmc_4_2(), delay=1.0), idle=11)),
+    ("sampled_slotine_li", two_link(sampled(slotine_li_4_1(AROUND_4_1, Linear(0.6))), idle=11)),
     ("computed_torque", two_link(computed_torque_4_1())),
     ("gravity_pd", two_link(gravity_pd_4_1())),
 ]

@@ -5,8 +5,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from slidax._types import State
+from slidax._types import Reference, State
 from slidax.controllers import GravityCompensatedPD
+from slidax.estimators import Kalman
 from tests.controllers.members import CONTROLLERS
 from tests.enrolled import every
 
@@ -162,7 +163,17 @@ def test_the_same_measurements_give_the_same_bits_twice(case):
     np.testing.assert_array_equal(first, second)
 
 
-@every("case", CONTROLLERS)
+# What a law predicts over its delay hangs on the torques that are under way; what a filter says of the velocity, on what
+# came before.
+IMMEDIATE = [
+    (name, case)
+    for name, case in CONTROLLERS
+    if getattr(case.controller, "delay", 0) == 0
+    and not isinstance(getattr(case.controller, "estimator", None), Kalman)
+]
+
+
+@every("case", IMMEDIATE)
 def test_without_any_error_the_torque_is_the_feed_forward_of_the_nominal_arm(case):
     """At e = ė = 0 every law is `M0 q̈_d + C0 q̇ + G0`; PD with gravity compensation knows the last of them only."""
     nominal = case.controller.nominal
@@ -172,5 +183,7 @@ def test_without_any_error_the_torque_is_the_feed_forward_of_the_nominal_arm(cas
         if isinstance(case.controller, GravityCompensatedPD):
             motion = 0.0
         memory = case.controller.init(jnp.zeros(()), on_reference(case, 0.0), case.trajectory.reference(jnp.zeros(())))
-        given = case.controller(jnp.asarray(t), state, reference, reference, memory)
+        # A law that plans over a period takes the mean acceleration, so the motion goes on evenly here.
+        ahead = Reference(reference.q + 1e-3 * reference.dq, reference.dq + 1e-3 * reference.ddq, reference.ddq)
+        given = case.controller(jnp.asarray(t), state, reference, ahead, memory)
         np.testing.assert_allclose(given.tau, motion + nominal.gravity(state.q), rtol=1e-10, atol=1e-11)

@@ -3,7 +3,11 @@
 import jax
 import jax.numpy as jnp
 import numpy as np
+import pytest
 
+from slidax._errors import DefinitionError
+from slidax.numerics import matvec
+from slidax.reaching import FixedTimeReaching, SaturatedReaching
 from tests.enrolled import every
 from tests.reaching.members import REACHING
 
@@ -18,10 +22,21 @@ def test_power_and_direction_push_along_s(reaching):
         np.testing.assert_allclose(jax.vmap(part)(-S), -pushed, rtol=1e-13)
 
 
+# One saturates each joint by itself, so its direction is not that of s.
+PARALLEL = [(name, member) for name, member in REACHING if not isinstance(member, SaturatedReaching)]
+# A full matrix times Sig^r is not monotone, so that law has no implicit step.
+IMPLICIT = [(name, member) for name, member in REACHING if getattr(member, "gain", jnp.zeros(())).ndim < 2]
+
+
 @every("reaching", REACHING)
-def test_the_direction_is_no_longer_than_one_and_parallel_to_s(reaching):
+def test_the_direction_is_no_longer_than_one(reaching):
     direction = np.asarray(jax.vmap(reaching.direction)(S))
     assert np.all(np.linalg.norm(direction, axis=1) <= 1 + 1e-15)
+
+
+@every("reaching", PARALLEL)
+def test_the_direction_is_parallel_to_s(reaching):
+    direction = np.asarray(jax.vmap(reaching.direction)(S))
     cross = direction[:, 0] * np.asarray(S)[:, 1] - direction[:, 1] * np.asarray(S)[:, 0]
     np.testing.assert_allclose(cross, 0.0, atol=1e-14 * np.linalg.norm(S, axis=1).max())
 
@@ -37,3 +52,83 @@ def test_at_zero_both_are_zero_with_finite_gradients(reaching):
         np.testing.assert_array_equal(getattr(reaching, name)(jnp.zeros(2)), 0.0)
         gradients = jax.jit(jax.grad(total, argnums=(0, 1)))(reaching, jnp.zeros(2))
         assert all(np.all(np.isfinite(leaf)) for leaf in jax.tree.leaves(gradients))
+
+
+CASES = 400
+CHANCE = np.random.default_rng(1)
+FACTORS = CHANCE.normal(size=(CASES, 2, 2))
+METRICS = jnp.asarray(
+    (FACTORS @ FACTORS.transpose(0, 2, 1) + 0.05 * np.eye(2)) * 10 ** CHANCE.uniform(1, 5, size=(CASES, 1, 1))
+)
+STARTS = jnp.asarray(CHANCE.normal(size=(CASES, 2)) * 10 ** CHANCE.uniform(-8, 1, size=(CASES, 1)))
+SIZES = jnp.asarray(10 ** CHANCE.uniform(-1, 3, size=CASES))
+
+
+def implicit(reaching, metric=METRICS, s=STARTS, u=SIZES):
+    return np.asarray(jax.jit(jax.vmap(reaching.implicit))(metric, s, u))
+
+
+@every("reaching", IMPLICIT)
+def test_the_implicit_step_solves_its_equation_in_every_case(reaching):
+    """`A (s⁺ - s) + P(s⁺) ∈ -u N(s⁺)`: to 1e-12 where N is single-valued, within its set where it is not."""
+    after = implicit(reaching)
+    push = np.asarray(jax.vmap(matvec)(METRICS, STARTS))
+    rest = push - np.asarray(jax.vmap(matvec)(METRICS, after) + jax.vmap(reaching.power)(after))
+    allowed = 1e-12 * (1 + np.linalg.norm(push, axis=1))
+    if isinstance(reaching, SaturatedReaching):
+        limit = np.asarray(SIZES)[:, None] * np.broadcast_to(reaching.weights, (2,))
+        free = (after != 0) | (np.asarray(reaching.layer) > 0)
+        wanted = np.asarray(SIZES)[:, None] * np.asarray(jax.vmap(reaching.direction)(after))
+        assert np.all(np.where(free, np.abs(rest - wanted), 0.0) <= allowed[:, None])
+        assert np.all(np.where(free, 0.0, np.abs(rest) - limit) <= allowed[:, None])
+        return
+    stuck = np.all(after == 0, axis=1)
+    wanted = np.asarray(SIZES)[:, None] * np.asarray(jax.vmap(reaching.direction)(after))
+    left = np.linalg.norm(rest - wanted, axis=1)
+    assert np.all(left[~stuck] <= allowed[~stuck])
+    assert np.all(np.linalg.norm(rest[stuck], axis=1) <= np.asarray(SIZES)[stuck])
+
+
+@every("reaching", IMPLICIT)
+def test_the_implicit_step_stays_at_zero_exactly_where_the_push_is_within_u(reaching):
+    if isinstance(reaching, SaturatedReaching) or reaching.layer > 0:
+        np.testing.assert_array_equal(implicit(reaching, s=0.0 * STARTS), 0.0)
+        return
+    push = np.linalg.norm(np.asarray(jax.vmap(matvec)(METRICS, STARTS)), axis=1)
+    stuck = np.all(implicit(reaching) == 0, axis=1)
+    np.testing.assert_array_equal(stuck, push <= np.asarray(SIZES))
+    assert 50 < stuck.sum() < 350
+
+
+@every("reaching", IMPLICIT)
+def test_the_implicit_step_brings_any_two_starts_together_in_the_metric(reaching):
+    """The resolvent of a monotone map does not widen a distance: no step can overshoot."""
+    first, second = implicit(reaching), implicit(reaching, s=-0.7 * STARTS[::-1])
+    before = np.asarray(STARTS + 0.7 * STARTS[::-1])
+    after = first - second
+
+    def squared(x):
+        return np.einsum("ki,kij,kj->k", x, np.asarray(METRICS), x)
+
+    assert np.all(squared(after) <= squared(before) * (1 + 1e-9) + 1e-18)
+
+
+@every("reaching", IMPLICIT)
+def test_the_derivative_of_the_implicit_step_is_that_of_the_solution(reaching):
+    """Against differences, away from the kinks, where there are two."""
+    metric, s, u = jnp.array([[300.0, 40.0], [40.0, 200.0]]), jnp.array([0.5, -0.4]), jnp.asarray(20.0)
+    step = jax.jit(lambda metric, s, u: reaching.implicit(metric, s, u))
+    slope_s, slope_u = jax.jacrev(step, argnums=(1, 2))(metric, s, u)
+    for i in range(2):
+        d = 1e-5 * jnp.eye(2)[i]
+        difference = (step(metric, s + d, u) - step(metric, s - d, u)) / 2e-5
+        np.testing.assert_allclose(slope_s[:, i], difference, rtol=1e-6, atol=1e-8)
+    difference = (step(metric, s, u + 1e-4) - step(metric, s, u - 1e-4)) / 2e-4
+    np.testing.assert_allclose(slope_u, difference, rtol=1e-6, atol=1e-9)
+    gradient = jax.jit(jax.grad(lambda law: jnp.sum(law.implicit(metric, s, u))))(reaching)
+    assert all(np.all(np.isfinite(leaf)) for leaf in jax.tree.leaves(gradient))
+
+
+def test_a_full_gain_matrix_has_no_implicit_step():
+    with pytest.raises(DefinitionError, match="must be one number or a diagonal"):
+        FixedTimeReaching([[0.2, 0.1], [0.1, 0.4]], 1.2).implicit(METRICS[0], STARTS[0], SIZES[0])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import equinox as eqx
 import jax.numpy as jnp
 
-from slidax._types import Vector
+from slidax._types import PerJoint, Vector
 
 from .psi import Sides, psi_and_slope, psi_inverse
 
@@ -18,8 +18,8 @@ class Frame(eqx.Module):
     - `sides`: of the envelope; None without one.
     """
 
-    now: Vector
-    ahead: Vector
+    now: PerJoint
+    ahead: PerJoint
     sides: Sides | None
 
     def place_and_slope(self, eps: Vector) -> tuple[Vector, Vector]:

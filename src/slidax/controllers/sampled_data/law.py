@@ -79,8 +79,8 @@ class SampledData(AbstractController):
     - `dead_time`: the part of it after the command, in periods.
     - `slopes`: whether u counts the slope part of τ1, as (45) prints it, or τ0 and K0's part alone.
 
-    Signals: `s`, `s_next` (s⁺), `eps1`, `push` (w), `residual` (the acceleration that the last plan missed) [n], `u`; with
-    a recovery `reseated` [n], 1 where its envelope is in force.
+    Signals: `s`, `s_next` (s⁺), `eps1`, `push` (w), `residual` (the acceleration that the last plan missed) [n], `u`;
+    with a recovery `reseated` [n], 1 where its envelope is in force.
 
     Raises DefinitionError if one of them is out of its range or does not fit the joints.
     """
@@ -137,7 +137,7 @@ class SampledData(AbstractController):
             dq=state.dq,
             eps=frame.transformed(e + lead * de),
             planned=jnp.zeros((), bool),
-            reseat=None if self.recovery is None else self.recovery.init(self.joints),
+            reseat=None if self.recovery is None else self.recovery.init(t, self.joints),
         )
 
     def __call__(
@@ -175,7 +175,7 @@ class SampledData(AbstractController):
         if self.recovery is not None and reseat is not None:
             drawn = self.transformation.envelope(t_set, memory.sides)
             if drawn is not None:
-                reseat, fresh = self.recovery.reseat(t_set, e, v, drawn, self._authority(m0, bias), lead, reseat)
+                reseat, fresh = self.recovery.reseat(t_set, e, v, drawn, self._slowness(m0, bias), lead, reseat)
                 planned = planned & ~jnp.any(fresh)
                 frame = self.recovery.frame(t_set, lead, horizon, frame, reseat)
         frame = once(frame)
@@ -217,7 +217,7 @@ class SampledData(AbstractController):
         if following is None:
             following = _after(now, moved, (1.0 - self.delay % 1.0) * h)
         kept = Kept(
-            t=t,
+            t=t.astype(memory.t.dtype),
             sides=memory.sides,
             prior=Estimate(state=following, push=push),
             estimator=estimator,
@@ -280,11 +280,11 @@ class SampledData(AbstractController):
         lower, upper = self.limits(-endless, last, self.period), self.limits(endless, last, self.period)
         return nearest_in_box(wanted, lower, upper, m0)
 
-    def _authority(self, m0: Matrix, bias: Vector) -> Vector:
-        """The acceleration that the torque limits leave beside the arm's own weight, [n], with all coupled inertia."""
+    def _slowness(self, m0: Matrix, bias: Vector) -> Vector:
+        """1/a, with the acceleration a that the limits leave each joint beside the arm's weight and coupled inertia."""
         limit = self.limits.torque
-        authority: Vector = jnp.maximum(limit - jnp.abs(bias), 0.25 * limit) / jnp.sum(jnp.abs(m0), axis=1)
-        return authority
+        slowness: Vector = jnp.sum(jnp.abs(m0), axis=1) / jnp.maximum(limit - jnp.abs(bias), 0.25 * limit)
+        return slowness
 
 
 def _after(state: State, acceleration: Vector, duration: Scalar) -> State:

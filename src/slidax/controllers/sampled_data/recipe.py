@@ -6,7 +6,7 @@ from typing import Any
 
 import jax.numpy as jnp
 
-from slidax._errors import DefinitionError
+from slidax._errors import DefinitionError, parameter
 from slidax.actuators import TorqueLimits
 from slidax.estimators import AbstractEstimator, Measured
 from slidax.numerics import vector_norm
@@ -19,7 +19,7 @@ from .law import SampledData
 from .recovery import Recovery
 
 HORIZON = 0.012
-"""The horizon unless another is asked for [s]: long enough at 1 kHz for one period of delay, rate limits and the noise of
+"""The horizon unless another is asked for [s]: at 1 kHz long enough for a period of delay, rate limits and the noise of
 encoders; docs/loop-rate.md shows the trade-off."""
 
 
@@ -35,7 +35,7 @@ def sampled_data(
     dead_time: float = 0.0,
     slopes: bool = True,
 ) -> SampledData:
-    """The implicit-Euler form of a law with a surface `s = ė + φ(t, e)`: same surface, envelope, reaching law and bound.
+    """The implicit form of a law with a surface `s = ė + φ(t, e)`: same surface, envelope, reaching law and bound.
 
     - `law`: a `SlidingMode` (CFTSMPPC, FTSMPPC, FTSMC, SFSMC) or a `SlotineLi`, with an envelope or without.
     - `period`: h [s].
@@ -50,8 +50,8 @@ def sampled_data(
 
     Raises DefinitionError if the law has no such surface, or something does not fit.
     """
-    if horizon is None:
-        horizon = jnp.maximum(HORIZON, 2.0 * period)
+    period = parameter(period)
+    horizon = jnp.maximum(parameter(HORIZON), 2.0 * period) if horizon is None else parameter(horizon)
     if estimator is None:
         estimator = Measured.critical(jnp.minimum(0.5, 2.0 * period / horizon), delay + 1.0)
     common = {

@@ -10,6 +10,9 @@ from slidax._errors import parameter, require, require_shape
 from slidax._types import Envelope, Scalar, Vector
 from slidax.transformations import Frame, Sides
 
+TINY = 1e-30
+"""Keeps the derivative of a square root finite where there are no limits."""
+
 LOOSE = 4.0
 """An envelope this many times wider than a new one would be is replaced by that."""
 
@@ -17,7 +20,7 @@ LOOSE = 4.0
 class Reseat(eqx.Module):
     """The envelopes that are in force in place of the drawn ones, as excess over the inner radius; all [n].
 
-    - `until`: when they end [s]; -inf for a joint that has none.
+    - `until`: when they end [s].
     - `span`: how long they last [s].
     - `excess`: by how much they are wider at their start, rad or m.
     """
@@ -41,8 +44,8 @@ class Recovery(eqx.Module):
     """The policy `recover`: when a joint is outside, `|e| < ϑ ρ(t) + X(t)` takes the place of its drawn envelope.
 
     X begins with `R0 = room (|e| + c |ė| + ė²/(2a))`, so that there is room to brake with the acceleration a that the
-    torque limits leave, and ends after `max(deadline, sqrt(6 R0/(share a)))` as a cubic, whose own curvature asks for no
-    more than `share a`. From then on the drawn envelope is in force again. Where X has become four times wider than it
+    torque limits leave, and ends after `max(deadline, sqrt(6 R0/(share a)))` as a cubic, whose own curvature asks
+    for no more than `share a`. From then on the drawn envelope is in force again. Where X has become four times wider than it
     would be if it began now, it begins anew.
 
     - `deadline`: least time for the way back [s], > 0.
@@ -62,32 +65,32 @@ class Recovery(eqx.Module):
         require(self, "room", self.room > 1, "must be > 1, so that there is room to brake")
         require(self, "share", (self.share > 0) & (self.share < 1), "must be in (0, 1)")
 
-    def init(self, joints: int) -> Reseat:
+    def init(self, t: Scalar, joints: int) -> Reseat:
         """No envelope but the drawn ones.
 
+        - `t`: time at the start [s].
         - `joints`: number of joints.
         """
         zero = jnp.zeros(joints)
-        return Reseat(until=jnp.full(joints, -jnp.inf), span=zero + 1.0, excess=zero)
+        return Reseat(until=zero + t, span=zero + 1.0, excess=zero)
 
     def reseat(
-        self, t: Scalar, e: Vector, de: Vector, drawn: Envelope, authority: Vector, lead: Scalar, now: Reseat
+        self, t: Scalar, e: Vector, de: Vector, drawn: Envelope, slowness: Vector, lead: Scalar, now: Reseat
     ) -> tuple[Reseat, Bool[Array, " n"]]:
         """The envelopes in force after this sample, and which of them are new.
 
         - `t`: time [s].
         - `e`, `de`: error and its rate [n].
         - `drawn`: the drawn envelope.
-        - `authority`: acceleration that the torque limits leave [n], rad/s² or m/s²; may be infinite.
+        - `slowness`: 1/a, a the acceleration that the torque limits leave [n], s²/rad or s²/m; 0 without limits.
         - `lead`: c [s].
         - `now`: those in force before.
         """
         inner = jnp.minimum(-drawn.lower, drawn.upper)
         speed = jnp.abs(de)
-        brake = self.share * authority
-        needed = self.room * (jnp.abs(e) + lead * speed + 0.5 * de * de / authority)
+        needed = self.room * (jnp.abs(e) + lead * speed + 0.5 * de * de * slowness)
         # A cubic begins with the rate 3 R0/span, which the led radius must not lose more than a quarter to.
-        span = jnp.maximum(jnp.maximum(self.deadline, 12.0 * lead), jnp.sqrt(6.0 * needed / brake))
+        span = jnp.maximum(jnp.maximum(self.deadline, 12.0 * lead), jnp.sqrt(6.0 * needed * slowness / self.share + TINY))
         radius = needed / (1.0 - 3.0 * lead / span)
         fresh = Reseat(until=t + span, span=span, excess=jnp.maximum(radius - inner, 0.0))
 
