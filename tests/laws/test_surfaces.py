@@ -75,3 +75,11 @@ def test_all_gains_have_finite_gradients_also_at_zero_error(surface):
         for part in (pull, slope):
             gradient = jax.jit(jax.grad(total), static_argnums=2)(surface, eps, part)
             assert all(np.all(np.isfinite(leaf)) for leaf in jax.tree.leaves(gradient))
+
+
+@every("surface", SURFACES)
+def test_where_the_pull_is_said_to_reach_a_size_it_has_reached_it(surface):
+    sizes = jnp.asarray(np.logspace(-6, 6, 97))
+    eps = jax.jit(jax.vmap(lambda size: surface.reach(jnp.stack([size, size]))))(sizes)
+    reached = jax.jit(jax.vmap(lambda eps: pull(surface, eps)))(eps)
+    assert np.all(np.asarray(reached) >= np.asarray(sizes)[:, None] * (1 - 1e-12))

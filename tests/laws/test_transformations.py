@@ -122,3 +122,41 @@ def test_all_gains_have_finite_gradients_also_at_zero_error(transformation):
     for t in (0.0, 1.0, 5.0, 50.0):
         gradient = jax.jit(jax.grad(total))(transformation, jnp.asarray(t))
         assert all(np.all(np.isfinite(leaf)) for leaf in jax.tree.leaves(gradient))
+
+
+@every("transformation", TRANSFORMATIONS)
+def test_a_frame_maps_the_led_error_there_and_back(transformation):
+    memory = transformation.init(jnp.asarray(0.0), STARTS[0])
+    frame = transformation.frame(jnp.asarray(0.5), jnp.asarray(2e-3), jnp.asarray(3e-3), memory)
+    for eps in (jnp.array([0.0, 1e-3]), jnp.array([2.0, -3.0]), jnp.array([-8.0, 6.0])):
+        place, slope = frame.place_and_slope(eps)
+        np.testing.assert_allclose(frame.transformed(frame.now * place), eps, rtol=1e-9, atol=1e-14)
+        difference = (frame.place_and_slope(eps + 1e-6)[0] - frame.place_and_slope(eps - 1e-6)[0]) / 2e-6
+        np.testing.assert_allclose(slope, difference, rtol=1e-6, atol=1e-10)
+
+
+@every("transformation", ENVELOPED)
+@pytest.mark.parametrize("start", STARTS)
+def test_a_frame_is_the_envelope_led_by_its_rate_and_its_tangent(transformation, start):
+    memory, t = transformation.init(jnp.asarray(0.0), start), jnp.asarray(0.5)
+    lead, horizon = jnp.asarray(2e-3), jnp.asarray(3e-3)
+    frame = transformation.frame(t, lead, horizon, memory)
+
+    def upper(t):
+        return transformation.envelope(t, memory).upper
+
+    def led(t):
+        value, rate = jax.jvp(upper, (t,), (jnp.ones(()),))
+        return value + lead * rate
+
+    value, rate = jax.jvp(led, (t,), (jnp.ones(()),))
+    np.testing.assert_allclose(frame.now * memory.upper, value, rtol=1e-12)
+    np.testing.assert_allclose(frame.ahead * memory.upper, value + horizon * rate, rtol=1e-12)
+
+
+@every("transformation", TRANSFORMATIONS)
+def test_a_frame_is_defined_for_every_finite_error(transformation):
+    memory = transformation.init(jnp.asarray(0.0), STARTS[0])
+    frame = transformation.frame(jnp.asarray(0.5), jnp.asarray(2e-3), jnp.asarray(3e-3), memory)
+    for y in (0.0, 1e-300, 1.0, -5.0, 1e150, -1e300):
+        assert np.all(np.isfinite(frame.transformed(jnp.full(2, y))))

@@ -12,8 +12,8 @@ from jaxtyping import Array, Bool, Int
 
 from slidax._types import Vector
 
-STEPS = 60
-"""At most so many steps: with a bisection whenever a residual did not halve, half of them alone reach rounding."""
+STEPS = 200
+"""At most so many steps: each halves the residual or the bracket, so it suffices for any function; two are usual."""
 
 Increasing = Callable[[Any, Vector], tuple[Vector, Vector]]
 """From parameters and a point [n] to values [n] and slopes [n], each entry a function of its own."""
