@@ -29,7 +29,7 @@ WHAT = {
 def main() -> None:
     """Runs each part in a process of its own, one after the other, and writes the page."""
     parts = {}
-    for name in ("closed_loop", "peer", "batch", "command_line"):
+    for name in ("closed_loop", "sampled_data", "peer", "batch", "command_line"):
         print(f"measuring {name} ...", file=sys.stderr)
         command = [sys.executable, "-m", f"benchmarks.{name}"]
         answer = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=True).stdout
@@ -67,6 +67,7 @@ def _page(parts: dict[str, Any]) -> str:
         f"Goal: `{HELD}` at most 1.5 times `{REFERENCE['held']}`; "
         f"here {times[HELD]['min'] / times[REFERENCE['held']]['min']:.2f}.",
         "",
+        *_beside_the_printed_law(parts["sampled_data"]),
         *_beside_opensmc(parts["peer"]),
         "## A batch: Example 4.1, held, all cores",
         "",
@@ -81,6 +82,33 @@ def _page(parts: dict[str, Any]) -> str:
     ]
     lines += [f"| {name} | {time['min']:.2f} ({time['median']:.2f}) |" for name, time in command.items()]
     return "\n".join(lines) + "\n"
+
+
+def _beside_the_printed_law(arms: dict[str, Any]) -> list[str]:
+    laws = list(next(iter(arms.values())))
+    lines = [
+        "## The sampled-data law: a closed-loop step, and its ratio to the printed law's",
+        "",
+        "The whole step: law, plant (semi-implicit Euler, no substeps) and metrics, at 1e-4 s, where the printed law still",
+        "works. The chains are benchmarks/chain.py.",
+        "",
+        f"| arm | {' | '.join(f'{law} [ns]' for law in laws)} |",
+        f"|---|{'---:|' * len(laws)}",
+    ]
+    for arm, times in arms.items():
+        printed = times[laws[0]]["min"]
+        cells = [f"{printed:,.0f} ({times[laws[0]]['median']:,.0f})"]
+        cells += [f"{times[law]['min']:,.0f}, ratio {times[law]['min'] / printed:.2f}" for law in laws[1:]]
+        lines.append(f"| {arm} | {' | '.join(cells)} |")
+    worst = max(
+        time["min"] / times[laws[0]]["min"] for times in arms.values() for time in [times[laws[1]], times[laws[2]]]
+    )
+    return [
+        *lines,
+        "",
+        f"Goal: at most 3 times the printed law, for s0 = 0 and s0 > 0; the worst here is {worst:.2f}.",
+        "",
+    ]
 
 
 def _beside_opensmc(peer: dict[str, Any]) -> list[str]:

@@ -18,10 +18,13 @@ class LibraryPlant(eqx.Module):
 
     - `robot`: M, C, G.
     - `disturbance`: the forces from outside.
+    - `sensor`, `actuator`: none.
     """
 
     robot: AbstractRobot
     disturbance: AbstractDisturbance
+    sensor: None = None
+    actuator: None = None
 
     def acceleration(self, t: Any, state: Any, tau: Any) -> Any:
         """`M⁻¹ (τ + τ_d - C q̇ - G)` by `jnp.linalg.solve`.

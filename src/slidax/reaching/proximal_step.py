@@ -7,7 +7,7 @@ from typing import Any, Protocol, runtime_checkable
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Int
+from jaxtyping import Array, Bool, Int
 
 from slidax._types import Matrix, Scalar, Vector
 from slidax.numerics import matvec, solve_symmetric, vector_norm
@@ -38,10 +38,10 @@ class Reaching(Protocol):
 
 class _Search(eqx.Module):
     s: Vector
-    residual: Vector
     size: Scalar
     direction: Vector
     fraction: Scalar
+    careful: Bool[Array, ""]
     step: Int[Array, ""]
 
 
@@ -62,9 +62,17 @@ def proximal_step(reaching: Reaching, metric: Matrix, s: Vector, u: Scalar) -> V
     return found
 
 
-def _residual_and_jacobian(reaching: Any, metric: Matrix, push: Vector, u: Scalar, s: Vector) -> tuple[Vector, Matrix]:
-    """What is left of the equation at s, and its derivative there."""
+def _residual_and_jacobian(
+    reaching: Any, metric: Matrix, push: Vector, u: Scalar, s: Vector, careful: Any = False
+) -> tuple[Vector, Matrix]:
+    """What is left of the equation at s, and its derivative there.
+
+    Where an exponent is less than one Newton steps jump to and fro over zero. Carefully taken, the slope of a power is
+    no less than its chord from zero, which converges from everywhere.
+    """
     power, slope = reaching.power_and_slope(s)
+    chord = power / jnp.where(jnp.abs(s) > TINY, s, 1.0)
+    slope = jnp.where(careful & (chord > slope), chord, slope)
     size = vector_norm(s)
     share = u / jnp.maximum(size + reaching.layer, TINY)
     residual = matvec(metric, s) + power + share * s - push
@@ -86,30 +94,40 @@ def _step(reaching: Any, metric: Matrix, s: Vector, u: Scalar) -> Vector:
         root = jnp.sqrt(half * half + stiffness * layer * size)
         # The form without a difference of like numbers.
         length = jnp.where(half > 0, layer * size / jnp.maximum(half + root, TINY), (root - half) / stiffness)
-        start = push * (jnp.maximum(length, 0.0) / jnp.maximum(size, TINY))
+        # With that length in the unit vector's denominator the equation is linear, and turns the start to the right.
+        share = u / jnp.maximum(jnp.maximum(length, 0.0) + layer, TINY)
+        start = solve_symmetric(metric + share * jnp.eye(s.shape[0]), push)
         tolerance = PRECISION * (1.0 + size)
 
         def unfinished(now: _Search) -> jax.Array:
             return (now.size > tolerance) & (now.step < STEPS)
 
+        def direction_from(s: Vector, careful: Bool[Array, ""]) -> tuple[Vector, Scalar]:
+            residual, jacobian = _residual_and_jacobian(reaching, metric, push, u, s, careful)
+            return -solve_symmetric(jacobian, residual), vector_norm(residual)
+
         def step(now: _Search) -> _Search:
             candidate = now.s + now.fraction * now.direction
-            residual, jacobian = _residual_and_jacobian(reaching, metric, push, u, candidate)
-            direction = -solve_symmetric(jacobian, residual)
-            length = vector_norm(residual)
-            better = length < now.size
+            direction, length = direction_from(candidate, now.careful)
+            # A step that does not halve what is left, the first time, is taken again from where it began, carefully.
+            better = length < jnp.where(now.careful, 1.0, 0.5) * now.size
+            again = ~better & ~now.careful
+            direction = jax.lax.cond(
+                again,
+                lambda: direction_from(now.s, jnp.ones((), bool))[0],
+                lambda: jnp.where(better, direction, now.direction),
+            )
             return _Search(
                 s=jnp.where(better, candidate, now.s),
-                residual=jnp.where(better, residual, now.residual),
                 size=jnp.where(better, length, now.size),
-                direction=jnp.where(better, direction, now.direction),
-                fraction=jnp.where(better, 1.0, 0.5 * now.fraction),
+                direction=direction,
+                fraction=jnp.where(better | again, 1.0, 0.5 * now.fraction),
+                careful=now.careful | again,
                 step=now.step + 1,
             )
 
-        residual, jacobian = _residual_and_jacobian(reaching, metric, push, u, start)
-        direction = -solve_symmetric(jacobian, residual)
-        first = _Search(start, residual, vector_norm(residual), direction, jnp.ones(()), jnp.zeros((), int))
+        direction, length = direction_from(start, jnp.zeros((), bool))
+        first = _Search(start, length, direction, jnp.ones(()), jnp.zeros((), bool), jnp.zeros((), int))
         found: Vector = jax.lax.while_loop(unfinished, step, first).s
         return found
 

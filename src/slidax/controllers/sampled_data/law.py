@@ -37,7 +37,8 @@ class Kept(eqx.Module):
     - `estimator`: what the estimator keeps.
     - `torques`: commands under way, the oldest first, [m n].
     - `s`, `dq`: sliding variable and velocity that are planned for the next sample, [n].
-    - `eps`: the last plan's transformed error [n].
+    - `eps`: the transformed error that the next plan may be near [n].
+    - `last_eps`: the last plan's transformed error [n].
     - `planned`: whether that plan can be relied on.
     - `reseat`: envelopes in force in place of the drawn ones; None without a recovery.
     """
@@ -50,6 +51,7 @@ class Kept(eqx.Module):
     s: Vector
     dq: Vector
     eps: Vector
+    last_eps: Vector
     planned: Bool[Array, ""]
     reseat: Reseat | None
 
@@ -125,7 +127,7 @@ class SampledData(AbstractController):
         zero = jnp.zeros(self.joints)
         held = self.nominal.bias(state.q, state.dq)
         lead, horizon = self._lead_and_horizon()
-        frame = self.transformation.frame(t, lead, horizon, sides)
+        eps = self.transformation.frame(t, lead, horizon, sides).transformed(e + lead * de)
         return Kept(
             # No sample came before, so the first is treated as one after a gap: nothing is learnt from the prior.
             t=t - 10.0 * self.period,
@@ -135,7 +137,8 @@ class SampledData(AbstractController):
             torques=jnp.broadcast_to(held, (self._queue(), self.joints)),
             s=zero,
             dq=state.dq,
-            eps=frame.transformed(e + lead * de),
+            eps=eps,
+            last_eps=eps,
             planned=jnp.zeros((), bool),
             reseat=None if self.recovery is None else self.recovery.init(t, self.joints),
         )
@@ -210,10 +213,9 @@ class SampledData(AbstractController):
         share = jnp.where(size > u, u / jnp.maximum(size, u), 1.0)
         push, lumped = share * push, share * lumped
         wanted = matvec(m0, acceleration) + bias - lumped
-        tau = once(self._within_limits(wanted, memory.torques[-1], m0))
-        limited = solve_symmetric(m0, tau - wanted)
+        tau, withheld, free = self._within_limits(wanted, memory.torques[-1], m0)
 
-        moved = acceleration + limited
+        moved = acceleration - withheld
         if following is None:
             following = _after(now, moved, (1.0 - self.delay % 1.0) * h)
         kept = Kept(
@@ -224,8 +226,10 @@ class SampledData(AbstractController):
             torques=jnp.concatenate([memory.torques[1:], tau[None]]),
             s=s + (s_next - s) * (h / horizon),
             dq=now.dq + h * moved,
-            eps=eps,
-            planned=jnp.all(tau == wanted),
+            # The line through the last two plans: from there most plans are one Newton step away.
+            eps=jnp.where(planned, 2.0 * eps - memory.last_eps, eps),
+            last_eps=eps,
+            planned=free,
             reseat=reseat,
         )
         residual = jnp.where(planned, (now.dq - memory.dq) / h, 0.0)
@@ -274,11 +278,18 @@ class SampledData(AbstractController):
         drift = (frame.now - frame.ahead) / (horizon * frame.now)
         return v + drift * y + self.surface.pull_and_slope(eps)[0], eps
 
-    def _within_limits(self, wanted: Vector, last: Vector, m0: Matrix) -> Vector:
-        """The torque that the limits allow, with the accelerations nearest to the wanted ones."""
+    def _within_limits(self, wanted: Vector, last: Vector, m0: Matrix) -> tuple[Vector, Vector, Bool[Array, ""]]:
+        """The torque that the limits allow, the acceleration that they withhold, and whether they withhold none."""
         endless = jnp.full_like(wanted, jnp.inf)
         lower, upper = self.limits(-endless, last, self.period), self.limits(endless, last, self.period)
-        return nearest_in_box(wanted, lower, upper, m0)
+        free = jnp.all((wanted >= lower) & (wanted <= upper))
+
+        def limited() -> tuple[Vector, Vector]:
+            tau = nearest_in_box(wanted, lower, upper, m0)
+            return tau, solve_symmetric(m0, wanted - tau)
+
+        tau, withheld = jax.lax.cond(free, lambda: (wanted, jnp.zeros_like(wanted)), limited)
+        return tau, withheld, free
 
     def _slowness(self, m0: Matrix, bias: Vector) -> Vector:
         """1/a, with the acceleration a that the limits leave each joint beside the arm's weight and coupled inertia."""

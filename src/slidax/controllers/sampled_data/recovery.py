@@ -90,7 +90,9 @@ class Recovery(eqx.Module):
         speed = jnp.abs(de)
         needed = self.room * (jnp.abs(e) + lead * speed + 0.5 * de * de * slowness)
         # A cubic begins with the rate 3 R0/span, which the led radius must not lose more than a quarter to.
-        span = jnp.maximum(jnp.maximum(self.deadline, 12.0 * lead), jnp.sqrt(6.0 * needed * slowness / self.share + TINY))
+        span = jnp.maximum(
+            jnp.maximum(self.deadline, 12.0 * lead), jnp.sqrt(6.0 * needed * slowness / self.share + TINY)
+        )
         radius = needed / (1.0 - 3.0 * lead / span)
         fresh = Reseat(until=t + span, span=span, excess=jnp.maximum(radius - inner, 0.0))
 
