@@ -89,8 +89,8 @@ def _beside_the_printed_law(arms: dict[str, Any]) -> list[str]:
     lines = [
         "## The sampled-data law: a closed-loop step, and its ratio to the printed law's",
         "",
-        "The whole step: law, plant (semi-implicit Euler, no substeps) and metrics, at 1e-4 s, where the printed law still",
-        "works. The chains are benchmarks/chain.py.",
+        "The whole step: law, plant (semi-implicit Euler, no substeps) and metrics, at 1e-4 s, where the printed law",
+        "still works. The chains are benchmarks/chain.py.",
         "",
         f"| arm | {' | '.join(f'{law} [ns]' for law in laws)} |",
         f"|---|{'---:|' * len(laws)}",

@@ -7,9 +7,9 @@
     scenario = sx.scenarios.load("example-4.1")
     run = scenario.simulate()
 
-The rooms are `trajectories`, `robots`, `disturbances` (the world); `performance`, `transformations`, `surfaces`,
-`reaching`, `controllers` (the law); `simulation` (the loop); `scenarios`; `metrics`, `figures`, `papers`, `reports`
-(the judgement). Each is imported when it is first used.
+The rooms are `trajectories`, `robots`, `disturbances`, `sensors`, `actuators` (the world); `performance`,
+`transformations`, `surfaces`, `reaching`, `estimators`, `controllers` (the law); `simulation` (the loop); `scenarios`;
+`metrics`, `figures`, `papers`, `reports` (the judgement). Each is imported when it is first used.
 """
 
 from __future__ import annotations
@@ -18,8 +18,10 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from . import actuators as actuators
     from . import controllers as controllers
     from . import disturbances as disturbances
+    from . import estimators as estimators
     from . import figures as figures
     from . import metrics as metrics
     from . import numerics as numerics
@@ -29,6 +31,7 @@ if TYPE_CHECKING:
     from . import reports as reports
     from . import robots as robots
     from . import scenarios as scenarios
+    from . import sensors as sensors
     from . import simulation as simulation
     from . import surfaces as surfaces
     from . import trajectories as trajectories
@@ -46,8 +49,8 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 _ROOMS = [
-    *("trajectories", "robots", "disturbances", "numerics"),
-    *("performance", "transformations", "surfaces", "reaching", "controllers"),
+    *("trajectories", "robots", "disturbances", "sensors", "actuators", "numerics"),
+    *("performance", "transformations", "surfaces", "reaching", "estimators", "controllers"),
     *("simulation", "scenarios", "metrics", "figures", "papers", "reports"),
 ]
 _NAMES = {

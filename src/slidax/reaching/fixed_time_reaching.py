@@ -63,7 +63,7 @@ class FixedTimeReaching(AbstractReaching):
         return self.gain * powers, self.gain * slope
 
     def implicit(self, metric: Matrix, s: Vector, u: Scalar) -> Vector:
-        """The implicit step, [n], with a diagonal K0: a full one times Sig^r is not monotone, so the step may have none.
+        """The implicit step, [n], with a diagonal K0: a full one times Sig^r is not monotone, so it may have none.
 
         - `metric`: A = M0/H, symmetric positive definite [n n].
         - `s`: sliding variable [n], rad/s or m/s.
@@ -73,7 +73,7 @@ class FixedTimeReaching(AbstractReaching):
         """
         if self.gain.ndim == 2:
             raise DefinitionError(
-                "`FixedTimeReaching.gain` must be one number or a diagonal [n] for an implicit step, since a full matrix "
-                f"times Sig^r is not monotone (K0, eq. 43); got shape {list(self.gain.shape)}"
+                "`FixedTimeReaching.gain` must be one number or a diagonal [n] for an implicit step, since a full "
+                f"matrix times Sig^r is not monotone (K0, eq. 43); got shape {list(self.gain.shape)}"
             )
         return proximal_step(self, metric, s, u)

@@ -48,9 +48,10 @@ class _Search(eqx.Module):
 def proximal_step(reaching: Reaching, metric: Matrix, s: Vector, u: Scalar) -> Vector:
     """The s⁺ with `A (s⁺ - s) = -P(s⁺) - u N(s⁺)`, `N(s) = s/(‖s‖ + s0)`; for s0 = 0 N(0) is the whole unit ball.
 
-    The right-hand side is minus a monotone map, and A is positive definite: there is exactly one such s⁺. With s0 = 0 it
-    is exactly zero where `‖A s‖ <= u`. Else Newton steps from the root along `A s`, each halved until the residual
-    shrinks. The derivative is that of the solution, by the implicit function theorem.
+    The right-hand side is minus a monotone map, and A is positive definite: there is exactly one such s⁺. With s0 = 0
+    it is exactly zero where `‖A s‖ <= u`. Else Newton's steps lead to it, from the root without P; where they do not
+    halve what is left, those with the chords of P do. The derivative is that of the solution, by the implicit function
+    theorem.
     Source: Acary, Brogliato and Orlov, IEEE Transactions on Automatic Control 57 (2012), 1087-1101.
 
     - `reaching`: P and s0.

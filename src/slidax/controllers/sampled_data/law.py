@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 
 import equinox as eqx
@@ -22,6 +21,7 @@ from slidax.transformations import AbstractTransformation, Frame
 
 from ..controller import AbstractController
 from .plan import Barrier
+from .prediction import commands_kept, moved_on, predicted, reference_ahead
 from .recovery import Recovery, Reseat
 
 Bound = Callable[[State, Vector], Scalar]
@@ -134,7 +134,7 @@ class SampledData(AbstractController):
             sides=sides,
             prior=Estimate(state=state, push=zero),
             estimator=self.estimator.init(state),
-            torques=jnp.broadcast_to(held, (self._queue(), self.joints)),
+            torques=jnp.broadcast_to(held, (commands_kept(self.delay), self.joints)),
             s=zero,
             dq=state.dq,
             eps=eps,
@@ -161,15 +161,12 @@ class SampledData(AbstractController):
         push = estimate.push
 
         # The state at which this sample's torque sets in, and what will be measured next, as far as it is settled now.
-        now, following = self._predict(estimate, memory.torques)
-        dead = self.dead_time * h
-        t_set = t + dead
-        jerk = (reference_next.ddq - reference_now.ddq) / h
-        q_d = reference_now.q + dead * (reference_now.dq + 0.5 * dead * reference_now.ddq)
-        dq_d = reference_now.dq + dead * (reference_now.ddq + 0.5 * dead * jerk)
-        ddq_r = (reference_next.dq - reference_now.dq) / h + dead * jerk
+        now, following = predicted(self.nominal, estimate, memory.torques, self.delay, h)
+        t_set = t + self.dead_time * h
+        desired = reference_ahead(reference_now, reference_next, self.dead_time, h)
+        ddq_r = desired.ddq
 
-        e, v = now.q - q_d, now.dq - dq_d
+        e, v = now.q - desired.q, now.dq - desired.dq
         y = e + lead * v
         m0 = once(self.nominal.mass(now.q))
         bias = self.nominal.bias(now.q, now.dq)
@@ -217,7 +214,7 @@ class SampledData(AbstractController):
 
         moved = acceleration - withheld
         if following is None:
-            following = _after(now, moved, (1.0 - self.delay % 1.0) * h)
+            following = moved_on(now, moved, (1.0 - self.delay % 1.0) * h)
         kept = Kept(
             t=t.astype(memory.t.dtype),
             sides=memory.sides,
@@ -250,28 +247,6 @@ class SampledData(AbstractController):
         """`c = H - h/2` and H, s."""
         return self.horizon - 0.5 * self.period, self.horizon
 
-    def _queue(self) -> int:
-        """How many commands are kept: those under way, and at least the last, which the rate limit counts from."""
-        return max(1, math.ceil(self.delay))
-
-    def _predict(self, estimate: Estimate, torques: Array) -> tuple[State, State | None]:
-        """The state when this sample's torque sets in, and the one that will be measured next if that is before."""
-        whole, part = int(self.delay), self.delay % 1.0
-        now, following = estimate.state, None
-        if part > 0:
-            now = self._move(now, torques[-1 - whole], estimate.push, part * self.period)
-        if whole > 0:
-            following = self._move(now, torques[-whole], estimate.push, (1.0 - part) * self.period)
-            now = following if part == 0 else self._move(now, torques[-whole], estimate.push, self.period)
-        for i in range(whole - 1, 0, -1):
-            now = self._move(now, torques[-i], estimate.push, self.period)
-        return now, following
-
-    def _move(self, state: State, tau: Vector, push: Vector, duration: Scalar) -> State:
-        """The nominal arm with the estimated push, after a short time under a constant torque."""
-        bias = self.nominal.bias(state.q, state.dq)
-        return _after(state, solve_symmetric(self.nominal.mass(state.q), tau - bias) + push, duration)
-
     def _measured(self, frame: Frame, y: Vector, v: Vector, horizon: Scalar) -> tuple[Vector, Vector]:
         """`s = ė + φ(t, y)` and ε as they are measured, with y held inside the frame."""
         eps = frame.transformed(y)
@@ -296,8 +271,3 @@ class SampledData(AbstractController):
         limit = self.limits.torque
         slowness: Vector = jnp.sum(jnp.abs(m0), axis=1) / jnp.maximum(limit - jnp.abs(bias), 0.25 * limit)
         return slowness
-
-
-def _after(state: State, acceleration: Vector, duration: Scalar) -> State:
-    step = duration * acceleration
-    return State(q=state.q + duration * (state.dq + 0.5 * step), dq=state.dq + step)

@@ -44,9 +44,9 @@ class Recovery(eqx.Module):
     """The policy `recover`: when a joint is outside, `|e| < ϑ ρ(t) + X(t)` takes the place of its drawn envelope.
 
     X begins with `R0 = room (|e| + c |ė| + ė²/(2a))`, so that there is room to brake with the acceleration a that the
-    torque limits leave, and ends after `max(deadline, sqrt(6 R0/(share a)))` as a cubic, whose own curvature asks
-    for no more than `share a`. From then on the drawn envelope is in force again. Where X has become four times wider than it
-    would be if it began now, it begins anew.
+    torque limits leave, and ends after `max(deadline, sqrt(6 R0/(share a)))` as a cubic, whose own curvature asks for
+    no more than `share a`. From then on the drawn envelope is in force again. Where X is four times wider than it would
+    be if it began now, it begins anew.
 
     - `deadline`: least time for the way back [s], > 0.
     - `room`: how much wider than needed to brake, > 1.
