@@ -52,7 +52,9 @@ class AbstractEstimator(eqx.Module):
         """
 
 
-def reseated(measured: State, prior: Estimate, elapsed: Scalar, missed: Bool[Array, ""], usual: Estimate) -> Estimate:
+def reseated(
+    measured: State, prior: Estimate, elapsed: Scalar, missed: Bool[Array, "..."], usual: Estimate
+) -> Estimate:
     """After missed samples the position that is measured, `q̇ + 2 (q' - q)/T`, and the push of before; else `usual`.
 
     The velocity is right if the acceleration was off by a constant since the last measurement.

@@ -9,7 +9,7 @@ from jaxtyping import Array, Bool
 from slidax._errors import parameter, require, require_consistent
 from slidax._types import PerJoint, Scalar, State
 
-from .estimator import AbstractEstimator, Estimate, reseated
+from .estimator import AbstractEstimator, Estimate
 
 
 class FilteredDifference(AbstractEstimator):
@@ -60,5 +60,6 @@ class FilteredDifference(AbstractEstimator):
             state=State(q=measured.q, dq=prior.state.dq + correction),
             push=prior.push + self.gain * share * correction / elapsed,
         )
-        estimate = reseated(measured, prior, elapsed, missed, usual)
+        # Over a gap the mean velocity is as good as ever, the push is not.
+        estimate = Estimate(state=usual.state, push=jnp.where(missed, prior.push, usual.push))
         return estimate, estimate.state

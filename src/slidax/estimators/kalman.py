@@ -6,9 +6,10 @@ from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from slidax._errors import DefinitionError, parameter, require
+from slidax._errors import DefinitionError, is_traced, parameter, require
 from slidax._types import Scalar, State
 
 from .estimator import AbstractEstimator, Estimate, reseated
@@ -21,7 +22,7 @@ TORQUE_DENSITY = 0.05
 class Kalman(AbstractEstimator):
     """`q = q_predicted + L1 r`, `q̇ = q̇_predicted + L2 r`, `push⁺ = push + L3 r`, with `r = q' - q_predicted`.
 
-    Measured velocities are not used.
+    Measured velocities are not used. After a gap that is longer than the filter's memory, 2/L2, it begins anew.
 
     - `gains`: L1 [1], L2 [1/s], L3 [1/s²], three numbers [3] or three per joint [3 n], >= 0; `steady` finds them.
 
@@ -56,13 +57,17 @@ class Kalman(AbstractEstimator):
         - `mass`: inertia matrix of the nominal arm where it works [n n], kg m², kg m, kg.
         - `variance`: of a measured position, one number or [n], rad² or m², > 0; `r²/12` for a resolution r.
         - `period`: time between two samples [s], > 0.
-        - `torque_density`: spectral density of dτ_d/dt, one number or [n], (N m/s)² s, > 0. docs/loop-rate.md shows what
-          more or less of it does.
+        - `torque_density`: spectral density of dτ_d/dt, one number or [n], (N m/s)² s, > 0. docs/loop-rate.md shows
+          what more or less of it does.
 
         Raises DefinitionError if one of them is out of its range.
         """
-        inertia = jnp.diagonal(parameter(mass))
-        return cls.steady(density=parameter(torque_density) / (inertia * inertia), variance=variance, period=period)
+        inertia, torque_density = jnp.diagonal(parameter(mass)), parameter(torque_density)
+        if not is_traced(torque_density) and not np.all((np.asarray(torque_density) > 0) & np.isfinite(torque_density)):
+            raise DefinitionError(
+                f"`torque_density` of a Kalman filter must be > 0 (N m/s)² s and finite; got {torque_density}"
+            )
+        return cls.steady(density=torque_density / (inertia * inertia), variance=variance, period=period)
 
     def init(self, measured: State) -> tuple[()]:
         """Nothing to keep.
@@ -90,4 +95,6 @@ class Kalman(AbstractEstimator):
             ),
             push=prior.push + self.gains[2] * residual,
         )
-        return reseated(measured, prior, elapsed, missed, usual), ()
+        # A gap that is shorter than what the filter remembers changes little of what it knows.
+        forgotten = missed & (self.gains[1] * elapsed > 2.0)
+        return reseated(measured, prior, elapsed, forgotten, usual), ()

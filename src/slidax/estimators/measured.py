@@ -23,8 +23,8 @@ class Measured(AbstractEstimator):
     For sensors with a good velocity.
 
     - `gain`: g, one number or [n], in [0, 1]; 0 with trend 0 leaves the push as it is.
-    - `trend`: b, one number or [n], >= 0; 0 for a filter of first order; `critical` gives the one that does not
-      overshoot.
+    - `trend`: b, one number or [n], in [0, 4 - 2 g]; 0 for a filter of first order; `critical` gives the one that is
+      critically damped.
     - `ahead`: from the middle of the last measured period to the middle of the one that the torque acts in, in periods.
 
     Raises DefinitionError if one of them is out of its range.

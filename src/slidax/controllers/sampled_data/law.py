@@ -21,8 +21,12 @@ from slidax.transformations import AbstractTransformation, Frame
 
 from ..controller import AbstractController
 from .plan import Barrier
-from .prediction import commands_kept, moved_on, predicted, reference_ahead
+from .prediction import commands_kept, free_acceleration, moved_on, predicted, reference_ahead
 from .recovery import Recovery, Reseat
+
+FASTEST = 1e6
+"""No arm is as fast, in rad/s or m/s; its cube bounds the estimated push. Whatever an estimator may come to, after
+measurements that make no sense, the numbers after it stay finite."""
 
 Bound = Callable[[State, Vector], Scalar]
 """u of (45), from the state and τ0 + τ1."""
@@ -109,6 +113,9 @@ class SampledData(AbstractController):
         require(self, "horizon", self.horizon >= self.period, f"must be >= `period` = {self.period} s")
         require(self, "delay", self.delay >= 0, "must be >= 0 periods")
         require(self, "dead_time", 0 <= self.dead_time <= self.delay, "must be part of `delay`, from 0 to it")
+        # A reaching law that has no implicit step says so now, and not in the middle of a run.
+        shapes = (jax.ShapeDtypeStruct(shape, float) for shape in ((self.joints, self.joints), (self.joints,), ()))
+        eqx.filter_eval_shape(self.reaching.implicit, *shapes)
 
     @property
     def joints(self) -> int:
@@ -129,8 +136,7 @@ class SampledData(AbstractController):
         lead, horizon = self._lead_and_horizon()
         eps = self.transformation.frame(t, lead, horizon, sides).transformed(e + lead * de)
         return Kept(
-            # No sample came before, so the first is treated as one after a gap: nothing is learnt from the prior.
-            t=t - 10.0 * self.period,
+            t=t - self.period,
             sides=sides,
             prior=Estimate(state=state, push=zero),
             estimator=self.estimator.init(state),
@@ -157,7 +163,9 @@ class SampledData(AbstractController):
         lead, horizon = self._lead_and_horizon()
         elapsed = t - memory.t
         missed = elapsed > 1.5 * h
-        estimate, estimator = self.estimator(state, memory.prior, elapsed, missed, memory.estimator)
+        prior = jax.lax.cond(missed, lambda: self._after_gap(memory, elapsed - h), lambda: memory.prior)
+        estimate, estimator = self.estimator(state, prior, elapsed, missed, memory.estimator)
+        estimate = _within_reason(estimate)
         push = estimate.push
 
         # The state at which this sample's torque sets in, and what will be measured next, as far as it is settled now.
@@ -247,6 +255,12 @@ class SampledData(AbstractController):
         """`c = H - h/2` and H, s."""
         return self.horizon - 0.5 * self.period, self.horizon
 
+    def _after_gap(self, memory: Kept, gap: Scalar) -> Estimate:
+        """The prediction for the first measurement after lost samples, under the torque that was held meanwhile."""
+        prior = memory.prior
+        acceleration = free_acceleration(self.nominal, prior.state, memory.torques[-1]) + prior.push
+        return Estimate(state=moved_on(prior.state, acceleration, gap), push=prior.push)
+
     def _measured(self, frame: Frame, y: Vector, v: Vector, horizon: Scalar) -> tuple[Vector, Vector]:
         """`s = ė + φ(t, y)` and ε as they are measured, with y held inside the frame."""
         eps = frame.transformed(y)
@@ -271,3 +285,8 @@ class SampledData(AbstractController):
         limit = self.limits.torque
         slowness: Vector = jnp.sum(jnp.abs(m0), axis=1) / jnp.maximum(limit - jnp.abs(bias), 0.25 * limit)
         return slowness
+
+
+def _within_reason(estimate: Estimate) -> Estimate:
+    state = State(q=estimate.state.q, dq=jnp.clip(estimate.state.dq, -FASTEST, FASTEST))
+    return Estimate(state=state, push=jnp.clip(estimate.push, -(FASTEST**3), FASTEST**3))

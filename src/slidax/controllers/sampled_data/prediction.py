@@ -31,6 +31,16 @@ def moved_on(state: State, acceleration: Vector, duration: Scalar) -> State:
     return State(q=state.q + duration * (state.dq + 0.5 * step), dq=state.dq + step)
 
 
+def free_acceleration(nominal: AbstractRobot, state: State, tau: Vector) -> Vector:
+    """The acceleration of the nominal arm, [n], rad/s² or m/s².
+
+    - `nominal`: the robot as the law knows it.
+    - `state`: positions and velocities.
+    - `tau`: torque [n], N m or N.
+    """
+    return solve_symmetric(nominal.mass(state.q), tau - nominal.bias(state.q, state.dq))
+
+
 def predicted(
     nominal: AbstractRobot, estimate: Estimate, torques: Float[Array, "m n"], delay: float, period: Scalar
 ) -> tuple[State, State | None]:
@@ -46,9 +56,7 @@ def predicted(
     """
 
     def move(state: State, tau: Vector, duration: Scalar) -> State:
-        bias = nominal.bias(state.q, state.dq)
-        acceleration = solve_symmetric(nominal.mass(state.q), tau - bias) + estimate.push
-        return moved_on(state, acceleration, duration)
+        return moved_on(state, free_acceleration(nominal, state, tau) + estimate.push, duration)
 
     whole, part = int(delay), delay % 1.0
     now, following = estimate.state, None
