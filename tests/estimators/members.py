@@ -8,6 +8,8 @@ from slidax.estimators import AbstractEstimator, FilteredDifference, Kalman, Mea
 ESTIMATORS: list[tuple[str, AbstractEstimator]] = [
     ("measured", Measured()),
     ("measured_per_joint", Measured([0.1, 1.0])),
+    ("measured_ahead", Measured.critical(0.3, 1.0)),
+    ("measured_with_trend", Measured([0.3, 0.5], [0.02, 0.1], 2.0)),
     ("filtered_difference", FilteredDifference(200.0)),
     ("filtered_difference_per_joint", FilteredDifference([100.0, 1000.0], [0.25, 1.0])),
     ("kalman", Kalman.steady(density=1.0, variance=1e-10 / 12, period=1e-3)),

@@ -144,3 +144,48 @@ def test_gains_that_cannot_be_are_refused():
 def test_noise_that_cannot_be_is_refused(field, value):
     with pytest.raises(DefinitionError, match=f"`{field}` of a Kalman filter must be > 0"):
         Kalman.steady(**({"density": 1.0, "variance": 1e-10, "period": 1e-3} | {field: value}))
+
+
+MASS = jnp.array([[4.0, 1.5], [1.5, 2.0]])
+
+
+@pytest.mark.parametrize("torque_density", [0.3, [0.3, 0.7]])
+def test_a_torque_that_drifts_alike_on_all_joints_moves_each_by_its_own_inertia(torque_density):
+    """A torque on a joint of inertia M is an acceleration of 1/M, and a density is that of its square."""
+    found = Kalman.of_arm(MASS, variance=1e-11, period=1e-3, torque_density=torque_density)
+    by_hand = np.broadcast_to(torque_density, 2) / np.array([16.0, 4.0])
+    right = [general(density, 1e-11, 1e-3) for density in by_hand]
+    np.testing.assert_allclose(found.gains, np.transpose(right), rtol=1e-8)
+
+
+def test_unless_asked_otherwise_a_torque_drifts_by_two_tenths_of_a_newton_metre_in_a_second():
+    found = Kalman.of_arm(MASS, variance=[1e-11, 1e-12], period=2e-3)
+    right = [general(0.05 / m**2, v, 2e-3) for m, v in ((4.0, 1e-11), (2.0, 1e-12))]
+    np.testing.assert_allclose(found.gains, np.transpose(right), rtol=1e-8)
+    assert np.sqrt(0.05) == pytest.approx(0.2, abs=0.03)
+
+
+@pytest.mark.parametrize("value", [0.0, [0.1, -1.0], float("nan"), float("inf")])
+def test_a_torque_that_cannot_drift_so_is_refused(value):
+    with pytest.raises(DefinitionError, match=r"`torque_density` of a Kalman filter must be > 0 \(N m/s\)² s"):
+        Kalman.of_arm(MASS, variance=1e-11, period=1e-3, torque_density=value)
+
+
+def test_after_a_gap_longer_than_its_memory_the_velocity_is_right_if_the_push_was_wrong_by_a_constant():
+    kalman, elapsed = Kalman.steady(density=1.0, variance=1e-11, period=1e-3), jnp.asarray(0.4)
+    assert float(kalman.gains[1]) * 0.4 > 2.0
+    push = jnp.array([3.0, -1.0])
+    measured = State(q=0.5 * push * elapsed**2, dq=push * elapsed)
+    prior = Estimate(state=State(q=jnp.zeros(2), dq=jnp.zeros(2)), push=jnp.zeros(2))
+    found, _ = kalman(measured, prior, elapsed, jnp.asarray(True), ())
+    np.testing.assert_allclose(found.state.dq, measured.dq, rtol=1e-12)
+    np.testing.assert_array_equal(found.state.q, measured.q)
+
+
+def test_a_gap_shorter_than_its_memory_is_filtered_as_any_sample_is():
+    kalman = Kalman.steady(density=1e-3, variance=1e-11, period=1e-3)
+    measured = State(q=jnp.full(2, 1e-5), dq=jnp.zeros(2))
+    prior = Estimate(state=State(q=jnp.zeros(2), dq=jnp.zeros(2)), push=jnp.zeros(2))
+    usual, _ = kalman(measured, prior, jnp.asarray(1e-3), jnp.asarray(False), ())
+    found, _ = kalman(measured, prior, jnp.asarray(2e-3), jnp.asarray(True), ())
+    np.testing.assert_array_equal(found.state.dq, usual.state.dq)

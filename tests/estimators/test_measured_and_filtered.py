@@ -36,6 +36,56 @@ def test_a_push_is_approached_by_a_share_of_what_is_left(gain):
     np.testing.assert_allclose(found, PUSH * (1 - left[:, None]), atol=1e-9)
 
 
+def growing(t):
+    """A motion whose push is `PUSH t`: it grows evenly."""
+    return State(q=jnp.array([0.1, 0.2]) + PUSH * t**3 / 6, dq=PUSH * t**2 / 2)
+
+
+@pytest.mark.parametrize("ahead", [0.0, 1.0, 2.0, 2.5])
+@pytest.mark.parametrize("make", [lambda ahead: Measured.critical(0.3, ahead), lambda ahead: Measured(0.5, 0.2, ahead)])
+def test_a_push_that_grows_evenly_is_made_up_for_without_a_lag(make, ahead):
+    """The push is the one that there will be so many periods after the middle of the last one."""
+    found = np.asarray(followed(make(ahead), growing, 400).push)
+    times = np.arange(1, 401)[:, None] * 1e-3
+    np.testing.assert_allclose(found[200:], (PUSH * (times + (ahead - 0.5) * 1e-3))[200:], rtol=1e-9)
+
+
+@pytest.mark.parametrize("gain", [0.2, 0.5])
+def test_without_a_trend_the_push_lags_behind_one_that_grows(gain):
+    found = np.asarray(followed(Measured(gain), growing, 400).push)
+    times = np.arange(1, 401)[:, None] * 1e-3
+    lag = (0.5 + (1 - gain) / gain) * 1e-3
+    np.testing.assert_allclose(found[200:], (PUSH * (times - lag))[200:], rtol=1e-9)
+
+
+@pytest.mark.parametrize("gain", [0.05, 0.3, 0.9])
+def test_the_critical_trend_makes_both_poles_equal(gain):
+    """What is left of a constant push goes as `(1 - (1 - p) k) pᵏ` with `p = √(1 - g)`: it passes zero once."""
+    found = np.asarray(followed(Measured.critical(gain, 0.0), accelerated(jnp.asarray(PUSH)), 60).push)
+    k, pole = np.arange(1, 61)[:, None], np.sqrt(1 - gain)
+    np.testing.assert_allclose(found, PUSH * (1 - (1 - (1 - pole) * k) * pole**k), atol=1e-8)
+
+
+def test_how_far_ahead_changes_only_what_is_said_and_not_what_is_learnt():
+    said = [np.asarray(followed(Measured.critical(0.3, a), accelerated(jnp.asarray(PUSH)), 40).push) for a in (0, 1, 3)]
+    np.testing.assert_allclose(said[2] - said[0], 3 * (said[1] - said[0]), atol=1e-9)
+    assert np.abs(said[1] - said[0]).max() > 0.01
+
+
+def test_the_trend_may_be_as_large_as_the_filter_stays_stable():
+    for gain in np.linspace(0.0, 1.0, 11):
+        for share in np.linspace(0.02, 0.98, 13):
+            for trend, stable in ((share * (4 - 2 * gain), True), ((1 + share) * (4 - 2 * gain), False)):
+                decay = np.array([[1 - gain, 1 - gain], [-trend, 1 - trend]])
+                # Without a gain the error of the push itself never decays; it must not grow either.
+                assert (np.max(np.abs(np.linalg.eigvals(decay))) <= 1 + 1e-12) == stable
+                if stable:
+                    Measured(gain, trend)
+                else:
+                    with pytest.raises(DefinitionError, match="trend"):
+                        Measured(gain, trend)
+
+
 @pytest.mark.parametrize(("cutoff", "gain"), [(50.0, 0.25), (300.0, 0.5), (5000.0, 1.0)])
 def test_the_errors_of_the_filter_go_on_as_derived(cutoff, gain):
     estimate = followed(FilteredDifference(cutoff, gain), accelerated(jnp.asarray(PUSH)), 60)
@@ -84,6 +134,9 @@ def test_the_filter_does_not_lag_behind_what_its_model_knows():
     [
         (Measured, "gain", 1.5, r"must be in \[0, 1\]; got 1.5"),
         (Measured, "gain", [0.5, -0.1], r"must be in \[0, 1\]; got -0.1 for joint 2"),
+        (Measured, "trend", [0.1, -0.1], r"must be in \[0, 4 - 2 gain\]; got -0.1 for joint 2"),
+        (Measured, "ahead", -1.0, "must be >= 0 periods; got -1"),
+        (Measured, "ahead", [1.0, 2.0], "must be one number; got shape"),
         (FilteredDifference, "cutoff", 0.0, "must be > 0 rad/s; got 0"),
         (FilteredDifference, "gain", float("nan"), r"must be in \[0, 1\]; got nan"),
     ],

@@ -153,28 +153,21 @@ def test_a_gain_of_zero_leaves_the_push_as_it_is(estimator):
 
 
 @every("estimator", ESTIMATORS)
-def test_after_missed_samples_the_push_stays_and_the_measured_position_is_believed(estimator):
-    found, _ = answer(estimator, elapsed=jnp.asarray(0.02), missed=True)
+def test_after_a_long_gap_the_push_stays_and_the_measured_position_is_believed(estimator):
+    found, _ = answer(estimator, elapsed=jnp.asarray(1.0), missed=True)
     np.testing.assert_array_equal(found.push, PRIOR.push)
-    np.testing.assert_array_equal(found.state.q, MEASURED.q)
+    np.testing.assert_allclose(found.state.q, MEASURED.q, rtol=1e-6)
 
 
 @every("estimator", ESTIMATORS)
-def test_after_missed_samples_the_velocity_is_right_if_the_push_was_wrong_by_a_constant(estimator):
+def test_after_a_gap_with_a_push_that_nobody_knew_the_velocity_is_nearer_than_the_prediction(estimator):
     true = accelerated(PUSH)
-    last = Estimate(state=true(jnp.asarray(0.5)), push=jnp.zeros(2))
-    measured, elapsed = true(jnp.asarray(0.52)), jnp.asarray(0.02)
-    found, memory = estimator(
-        measured, predicted(last, elapsed), elapsed, jnp.asarray(True), estimator.init(last.state)
-    )
-    np.testing.assert_allclose(found.state.dq, measured.dq, rtol=1e-12)
-    np.testing.assert_array_equal(found.push, 0.0)
-    # And it goes on from there as if nothing had happened.
-    last = Estimate(state=found.state, push=PUSH)
-    measured = true(jnp.asarray(0.521))
-    found, _ = estimator(measured, predicted(last, PERIOD), PERIOD, jnp.asarray(False), memory)
-    np.testing.assert_allclose(found.state.dq, measured.dq, rtol=1e-9)
-    np.testing.assert_allclose(found.push, PUSH, rtol=1e-6)
+    for elapsed in (jnp.asarray(0.002), jnp.asarray(0.02), jnp.asarray(0.5)):
+        last = Estimate(state=true(jnp.asarray(0.5)), push=jnp.zeros(2))
+        measured, prior = true(0.5 + elapsed), predicted(last, elapsed)
+        found, _ = estimator(measured, prior, elapsed, jnp.asarray(True), estimator.init(last.state))
+        before = np.abs(prior.state.dq - measured.dq)
+        assert np.all(np.abs(found.state.dq - measured.dq) < before)
 
 
 @every("estimator", ESTIMATORS)
