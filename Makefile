@@ -45,9 +45,10 @@ format: .venv/.installed ## Put the code in order
 bench: .venv/.installed ## Measure, and write benchmarks/PERFORMANCE.md
 	@.venv/bin/python -m benchmarks $(ARGS)
 
-figures: .venv/.installed ## Renew the figures that the documentation shows
+figures: .venv/.installed ## Renew the figures of the documentation, and the tables beside them
 	@mkdir -p docs/figures
 	@.venv/bin/python examples/01_run_a_scenario.py docs/figures/tracking-error.svg
+	@.venv/bin/python scripts/write-figures $(ARGS)
 
 tables: .venv/.installed ## Renew the measured tables of docs/choosing.md
 	@.venv/bin/python scripts/write-tables

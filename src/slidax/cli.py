@@ -38,6 +38,7 @@ class Kind(StrEnum):
     robots = "robots"
     trajectories = "trajectories"
     disturbances = "disturbances"
+    estimators = "estimators"
     performance = "performance"
     scenarios = "scenarios"
 
@@ -87,10 +88,12 @@ def run(
     """One closed-loop run: its metrics as a table, as JSON, or as a report.
 
     `--set scheme.name=NAME` puts another scheme in the place of the scenario's own; `slidax list schemes`
-    shows them. Of the file's scheme `performance`, `overshoot` and `bound` are kept, as far as NAME has them; all else
-    takes NAME's own defaults, which are the paper's where it prints any. Other `--set scheme.…` apply after that.
+    shows them. Of the file's scheme `performance`, `overshoot`, `bound` and `sampled_data` are kept, as far as NAME has
+    them; all else takes NAME's own defaults, which are the paper's where it prints any. Other `--set scheme.…` apply
+    after that.
 
-    Exit code 0: the run reached its end; 2: the scenario cannot be; 3: it left its envelope or became infinite.
+    Exit code 0: the run reached its end inside its envelope; 2: the scenario cannot be; 3: it left its envelope, also
+    if it came back, or became infinite.
     """
     with _errors_as_lines():
         _prepare()

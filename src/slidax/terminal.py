@@ -46,17 +46,7 @@ def run_as_json(parts: Scenario, finished: Run, import_s: float) -> dict[str, An
         "period": parts.period,
         "t1": parts.t1,
         "outcome": outcome.kind,
-        "stopped": None
-        if outcome.ok
-        else {
-            "message": outcome.message,
-            "t": outcome.t,
-            "joint": outcome.joint,
-            "error": outcome.error,
-            "bound": outcome.bound,
-            "back": outcome.back,
-            "beyond": outcome.beyond,
-        },
+        "stopped": outcome.stopped,
         "metrics": summary(finished),
         "timing": {
             "import_s": round(import_s, 4),

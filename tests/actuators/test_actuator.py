@@ -15,7 +15,7 @@ COMMANDS = np.random.default_rng(1).normal(size=(8, 2))
 
 def memories(actuator, commands, period=PERIOD):
     """The memory after each command."""
-    memory, after = actuator.init(commands.shape[1], period), []
+    memory, after = actuator.init(jnp.zeros(commands.shape[1])), []
     for tau in commands:
         _, memory = actuator.set(jnp.asarray(tau), period, memory)
         after.append(memory)
@@ -45,12 +45,28 @@ def test_the_size_is_limited_before_the_change_so_that_both_hold():
 
 def test_the_change_is_counted_from_what_was_set_and_not_from_what_was_asked():
     actuator = Actuator(TorqueLimits(INF, 100.0))
-    memory = actuator.init(1, PERIOD)
+    memory = actuator.init(jnp.zeros(1))
     given = []
     for tau in (5.0, 5.0, -5.0, -0.5):
         tau_set, memory = actuator.set(jnp.array([tau]), PERIOD, memory)
         given.append(float(tau_set[0]))
     np.testing.assert_allclose(given, [1.0, 2.0, 1.0, 0.0], atol=1e-14)
+
+
+def test_what_was_held_before_goes_on_until_the_first_command_gets_through():
+    """Through the dead time as it was, from there on as the lag lets go of it; the rate is counted from it, too."""
+    held = jnp.array([8.0, -3.0])
+    actuator = Actuator(TorqueLimits(INF, 50.0), time_constant=[0.02, 0.0], dead_time=1.25)
+    memory, given = actuator.init(held), []
+    for _ in range(3):
+        tau, memory = actuator.set(jnp.zeros(2), PERIOD, memory)
+        given.append([actuator.delivered(memory, share * PERIOD, PERIOD) for share in (0.1, 0.75)])
+        if len(given) == 1:
+            np.testing.assert_allclose(tau, [7.5, -2.5], rtol=1e-14)
+    np.testing.assert_array_equal(given[0], [held, held])
+    np.testing.assert_allclose(given[1][0], held, rtol=1e-14)
+    # Half a period after the command of 7.5, -2.5 got through.
+    np.testing.assert_allclose(given[1][1], [7.5 + 0.5 * np.exp(-0.25), -2.5], rtol=1e-14)
 
 
 def test_an_ideal_drive_delivers_each_command_through_its_whole_period():
@@ -110,7 +126,7 @@ def test_the_torque_is_that_of_a_fine_integration(dead_time):
 def test_the_lag_starts_each_period_from_the_period_that_has_passed():
     """Also where periods are of different length: the last one counts, as `set` is told."""
     actuator = Actuator(time_constant=0.02)
-    _, memory = actuator.set(jnp.array([1.0]), jnp.asarray(1e-2), actuator.init(1, PERIOD))
+    _, memory = actuator.set(jnp.array([1.0]), jnp.asarray(1e-2), actuator.init(jnp.zeros(1)))
     _, memory = actuator.set(jnp.array([1.0]), jnp.asarray(3e-2), memory)
     np.testing.assert_allclose(memory.lagged, [1 - np.exp(-1.5)], rtol=1e-14)
 
@@ -118,7 +134,7 @@ def test_the_lag_starts_each_period_from_the_period_that_has_passed():
 def test_the_gradient_by_the_time_constant_is_that_of_the_exponential():
     def torque(constant):
         actuator = Actuator(time_constant=constant)
-        _, memory = actuator.set(jnp.array([1.0]), PERIOD, actuator.init(1, PERIOD))
+        _, memory = actuator.set(jnp.array([1.0]), PERIOD, actuator.init(jnp.zeros(1)))
         return actuator.delivered(memory, PERIOD, PERIOD)[0]
 
     expected = -np.exp(-0.5) * 1e-2 / 0.02**2

@@ -22,10 +22,13 @@ ROOMS = [
     "trajectories",
     "robots",
     "disturbances",
+    "sensors",
+    "actuators",
     "performance",
     "transformations",
     "surfaces",
     "reaching",
+    "estimators",
     "controllers",
     "simulation",
 ]

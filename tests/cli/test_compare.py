@@ -67,6 +67,29 @@ def test_one_good_end_is_enough(tmp_path: Path) -> None:
     assert (out / "report.html").exists()
 
 
+def test_at_1_khz_those_on_a_surface_are_compared_in_their_sampled_data_form_and_the_others_as_they_are() -> None:
+    names = "cftsmppc,ftsmppc,ftsmc,sfsmc,slotine_li,computed_torque"
+    result = in_process("compare", "example-4.1-1khz", "--schemes", names, "--json")
+    assert result.exit_code == 0, result.output
+    schemes = json.loads(result.stdout)["schemes"]
+    assert ",".join(schemes) == names
+    assert {each["outcome"] for each in schemes.values()} == {"ok"}
+    errors = {name: max(each["metrics"]["steady_error"]) for name, each in schemes.items()}
+    # Computed torque has no disturbance estimate.
+    assert errors.pop("computed_torque") > 1e-3
+    assert max(errors.values()) < 3e-6
+    assert [schemes[name]["metrics"]["envelope_violations"] for name in ("cftsmppc", "ftsmppc")] == [0, 0]
+
+
+def test_one_that_came_back_is_a_bad_end_of_the_comparison_too() -> None:
+    outside = ("--set", "start.q=[-0.8,2.9]", "--set", "simulation.t1=2")
+    result = in_process("compare", "example-4.1-1khz", "--schemes", "cftsmppc,ftsmppc", *outside, "--json")
+    assert result.exit_code == 3
+    found = json.loads(result.stdout)["schemes"]["ftsmppc"]
+    assert found["outcome"] == "recovered"
+    assert 0 < found["stopped"]["back"] < 2
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [

@@ -29,6 +29,7 @@ def test_list_shows_every_built_in_scenario_with_a_line() -> None:
         ("robots", "scara"),
         ("trajectories", "minimum_jerk"),
         ("disturbances", "friction"),
+        ("estimators", "kalman"),
         ("performance", "finite_time"),
     ],
 )

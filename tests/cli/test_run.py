@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -61,7 +62,7 @@ def test_the_json_has_every_field_that_was_promised() -> None:
     assert answer["timing"]["steps"] == 1000
     assert all(answer["timing"][key] >= 0 for key in ("import_s", "compile_s", "run_s"))
     per_joint = [value for value in answer["metrics"].values() if isinstance(value, list)]
-    assert len(per_joint) == 9 and all(len(value) == 2 for value in per_joint)
+    assert len(per_joint) == 10 and all(len(value) == 2 for value in per_joint)
 
 
 @pytest.mark.parametrize("mode", ["continuous", "held"])
@@ -90,3 +91,58 @@ def test_another_scheme_by_name_takes_the_place_of_the_files() -> None:
 def test_the_same_command_gives_the_same_bits() -> None:
     arguments = ("example-4.2", "--set", "simulation.t1=1")
     assert answered(*arguments)["metrics"] == answered(*arguments)["metrics"]
+
+
+def test_a_run_that_left_its_envelope_and_came_back_exits_with_3_and_says_all_of_it() -> None:
+    result = in_process(
+        *("run", "example-4.1-1khz", "--json", "--set", "start.q=[-0.8,2.9]", "--set", "simulation.t1=4"),
+    )
+    assert result.exit_code == 3
+    answer = json.loads(result.stdout)
+    stopped = answer["stopped"]
+    assert answer["outcome"] == "recovered"
+    assert list(stopped) == ["message", "t", "joint", "error", "bound", "back", "beyond"]
+    assert stopped["t"] == 0.0
+    assert 0.1 < stopped["back"] < 1.5
+    # e(0) is (-1, .9), the bounds are -.8 and .6 there; the second is farther out.
+    assert (stopped["joint"], stopped["bound"]) == (2, 0.6)
+    assert stopped["error"] == pytest.approx(0.9)
+    assert stopped["beyond"] >= 0.3 - 1e-9
+    assert answer["metrics"]["envelope_violations"] == round(stopped["back"] / 1e-3)
+    assert max(answer["metrics"]["steady_error"]) < 1e-2
+    assert stopped["message"] == result.stderr.strip()
+    assert "Joint 2 was outside its envelope from the start" in result.stderr
+    assert "was back for good at t = " in result.stderr
+
+
+def test_a_run_that_is_outside_at_its_end_has_left_with_3_and_is_not_back() -> None:
+    answer = answered("example-4.1-1khz", "--set", "start.q=[-0.8,2.9]", "--set", "simulation.t1=0.1", code=3)
+    assert answer["outcome"] == "left_envelope"
+    assert answer["stopped"]["back"] is None
+    assert answer["stopped"]["beyond"] > 0
+    assert answer["metrics"]["envelope_violations"] == 101
+
+
+def test_the_table_of_a_run_shows_how_many_samples_were_outside_and_how_smooth_the_torque_was() -> None:
+    result = in_process("run", "example-4.1-1khz", "--set", "start.q=[-0.8,2.9]", "--set", "simulation.t1=4")
+    assert result.exit_code == 3
+    assert "outcome recovered, samples outside the envelope: " in result.stdout
+    assert "torque step, steady, rms [N m]" in result.stdout
+
+
+def test_another_scheme_by_name_keeps_the_sampled_data_form_of_the_file() -> None:
+    answer = answered("example-4.1-1khz", "--set", "scheme.name=ftsmc", "--set", "simulation.t1=2")
+    assert (answer["scheme"], answer["outcome"], answer["stopped"]) == ("ftsmc", "ok", None)
+    # As printed it would ask for 88 N m in the first sample; the drive gives 4 N m more than the arm's own weight.
+    assert answer["metrics"]["initial_torque"] == pytest.approx([12.1158 + 4, 5.93699 + 4], abs=1e-3)
+    assert max(answer["metrics"]["max_torque_step"]) <= 4.0 + 1e-9
+
+
+def test_the_report_of_a_run_that_came_back_shows_what_happened(tmp_path: Path) -> None:
+    arguments = ("--set", "start.q=[-0.8,2.9]", "--set", "simulation.t1=1.5", "--out", str(tmp_path))
+    result = in_process("run", "example-4.1-1khz", *arguments)
+    assert result.exit_code == 3
+    text = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert "outcome bad" in text
+    assert "was back for good at" in text
+    assert "outside: recover" in " ".join(text.split())

@@ -30,7 +30,7 @@ def delivered(actuator, commands=COMMANDS, period=PERIOD):
         tau_set, memory = actuator.set(tau, period, memory)
         return memory, (tau_set, [actuator.delivered(memory, share * period, period) for share in (0.0, 0.5, 1.0)])
 
-    return jax.lax.scan(sample, actuator.init(2, period), commands)[1]
+    return jax.lax.scan(sample, actuator.init(jnp.zeros(2)), commands)[1]
 
 
 def assert_same(a, b, rtol=0.0):
@@ -65,7 +65,7 @@ def test_the_same_call_gives_the_same_bits(actuator):
 
 @every("actuator", ACTUATORS)
 def test_the_memory_keeps_its_tree_its_shapes_and_its_kinds(actuator):
-    memory = actuator.init(2, PERIOD)
+    memory = actuator.init(jnp.zeros(2))
     after = actuator.set(COMMANDS[0], PERIOD, memory)[1]
     assert jax.tree.structure(after) == jax.tree.structure(memory)
     for old, new in zip(jax.tree.leaves(memory), jax.tree.leaves(after), strict=True):

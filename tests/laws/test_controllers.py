@@ -163,8 +163,8 @@ def test_the_same_measurements_give_the_same_bits_twice(case):
     np.testing.assert_array_equal(first, second)
 
 
-# What a law predicts over its delay hangs on the torques that are under way; what a filter says of the velocity, on what
-# came before.
+# What a law predicts over its delay hangs on the torques that are under way; what a filter says of the velocity, on
+# what came before.
 IMMEDIATE = [
     (name, case)
     for name, case in CONTROLLERS

@@ -58,6 +58,7 @@ def test_sums_and_peaks_are_those_of_all_samples() -> None:
         "initial_torque": np.abs(tau[0]),
         "max_torque_step": steps.max(0),
         "steady_torque_step": np.abs(np.diff(tau[late], axis=0)).max(0),
+        "steady_torque_step_rms": np.sqrt((np.diff(tau[late], axis=0) ** 2).mean(0)),
         "iae": e[t > 2.0 + 1e-9].sum(0),
         "eci": (tau**2).sum(0),
         "aice": steps.sum(0),
@@ -78,9 +79,21 @@ def test_a_run_that_ends_early_has_no_steady_values_but_keeps_the_others() -> No
     run = scenarios.load("example-4.1", {"simulation.period": 1e-3}).simulate(log_every=None)
     assert run.outcome.kind == "left_envelope"
     assert metrics.steady_error(run) is None and metrics.steady_torque_step(run) is None
+    assert metrics.steady_torque_step_rms(run) is None
     assert np.isfinite(metrics.peak_torque(run)).all()
     text = json.dumps(metrics.summary(run), allow_nan=False)
     assert '"steady_error": null' in text
+
+
+def test_of_a_run_that_goes_on_outside_all_samples_count_and_the_margin_is_negative() -> None:
+    changes = {"start.q": [-0.8, 2.9], "simulation.t1": 1.0}
+    run = scenarios.load("example-4.1-1khz", changes).simulate(log_every=1)
+    assert run.outcome.kind == "recovered"
+    lower, upper = np.asarray(run.log.envelope.lower), np.asarray(run.log.envelope.upper)
+    nearer = np.minimum(run.log.e - lower, upper - run.log.e)
+    assert metrics.envelope_violations(run) == np.sum((nearer <= 0).any(axis=1)) > 100
+    np.testing.assert_allclose(metrics.envelope_margin(run), (nearer / (upper - lower)).min(0), rtol=1e-12)
+    assert np.all(metrics.envelope_margin(run) < 0)
 
 
 def test_the_summary_is_plain_json_with_short_band_names() -> None:

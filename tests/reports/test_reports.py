@@ -94,8 +94,18 @@ def test_a_run_without_a_log_has_a_report_without_figures(tmp_path: Path) -> Non
     assert "Metrics" in text
 
 
-def test_the_shown_parameters_make_the_same_scenario() -> None:
-    scenario = scenarios.load("example-4.2", {"disturbance.scale": 0.25})
+@pytest.mark.parametrize(
+    ("name", "changes"),
+    [
+        ("example-4.2", {"disturbance.scale": 0.25}),
+        ("example-4.1-1khz", {"actuator.rate": None, "scheme.sampled_data.estimator.kind": "kalman"}),
+        # Here null is something else than what comes if nothing is said.
+        ("example-4.1-1khz", {"scheme.sampled_data.recovery": None}),
+        ("example-4.2-1khz", {"sensor.loss.outages": [{"start": 1.0, "samples": 5}], "scheme.sampled_data": None}),
+    ],
+)
+def test_the_shown_parameters_make_the_same_scenario(name: str, changes: dict[str, object]) -> None:
+    scenario = scenarios.load(name, changes)
     assert scenarios.parse(as_yaml(scenario.description)) == scenario.description
 
 

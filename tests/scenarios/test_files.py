@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import equinox as eqx
 import jax.numpy as jnp
 import jsonschema
 import numpy as np
@@ -11,7 +12,10 @@ import pytest
 
 from slidax import scenarios
 from slidax._errors import DefinitionError
+from slidax.controllers import Recovery
+from slidax.scenarios.instruments import ActuatorDescription, LossDescription, OutageDescription, SensorDescription
 from slidax.scenarios.load import read_yaml
+from slidax.scenarios.schemes.sampled_data import SampledDataDescription
 
 BUILT_IN = Path(scenarios.__file__).parent / "built_in"
 DOCUMENTED = Path(__file__).parents[2] / "docs" / "scenarios.md"
@@ -40,7 +44,7 @@ def test_the_example_follows_the_motion_that_the_paper_prints(name: str) -> None
         "example-4.2": [np.sin(np.pi * t / 5), 1.5 * np.cos(np.pi * t / 5), 1 + 0.5 * np.sin(np.pi * t / 5)],
     }
     position = scenarios.load(name).trajectory.position(jnp.asarray(t))
-    np.testing.assert_allclose(position, printed[name], rtol=1e-14)
+    np.testing.assert_allclose(position, printed[name.removesuffix("-1khz")], rtol=1e-14)
 
 
 @pytest.mark.parametrize("name", scenarios.names())
@@ -53,8 +57,23 @@ def test_the_example_is_disturbed_as_the_paper_prints(name: str) -> None:
     }
     scenario = scenarios.load(name)
     np.testing.assert_allclose(
-        scenario.plant.disturbance(jnp.asarray(t), scenario.state0), printed[name], rtol=1e-12, atol=1e-12
+        scenario.plant.disturbance(jnp.asarray(t), scenario.state0),
+        printed[name.removesuffix("-1khz")],
+        rtol=1e-12,
+        atol=1e-12,
     )
+
+
+@pytest.mark.parametrize("name", ["example-4.1", "example-4.2"])
+def test_at_1_khz_the_law_has_the_papers_gains_and_no_boundary_layer(name: str) -> None:
+    slow, printed = scenarios.load(f"{name}-1khz"), scenarios.load(name)
+    for part in ("transformation", "surface", "bound"):
+        assert eqx.tree_equal(getattr(slow.controller, part), getattr(printed.controller, part)), part
+    reaching = eqx.tree_at(lambda law: law.layer, printed.controller.reaching, jnp.zeros(()))
+    assert eqx.tree_equal(slow.controller.reaching, reaching)
+    assert eqx.tree_equal((slow.plant.robot, slow.state0), (printed.plant.robot, printed.state0))
+    # 20 % heavier than the arm in both examples.
+    np.testing.assert_allclose(slow.controller.nominal.masses, 1.2 * slow.plant.robot.masses, rtol=1e-15)
 
 
 def test_the_nominal_robot_takes_from_the_plant_what_it_is_not_given() -> None:
@@ -74,6 +93,32 @@ def test_a_file_is_read_like_a_built_in_scenario(tmp_path: Path) -> None:
 def test_the_scenario_in_the_documentation_runs_inside_its_envelope() -> None:
     text = DOCUMENTED.read_text(encoding="utf-8").split("```yaml\n")[1].split("```")[0]
     assert scenarios.parse(text).build("documented").simulate(log_every=None).outcome.ok
+
+
+def test_the_documented_sensor_actuator_and_sampled_data_fit_the_documented_scenario() -> None:
+    blocks = DOCUMENTED.read_text(encoding="utf-8").split("```yaml\n")
+    scenario, rate = blocks[1].split("```")[0], read_yaml(blocks[3].split("```")[0])
+    assert list(rate) == ["sensor", "actuator", "scheme", "simulation"]
+    own = rate.pop("scheme")["sampled_data"]
+    built = scenarios.parse(scenario, rate | {"scheme.sampled_data": own}).build("documented")
+    # What the page says of leaving the recovery out.
+    assert eqx.tree_equal(built.controller.recovery, Recovery())
+    run = built.simulate(log_every=None)
+    assert run.outcome.ok, run.outcome.message
+    assert int(run.tally.violations) == 0
+    # Without the form, the same law with the same sensor is lost.
+    printed = scenarios.parse(scenario, rate).build("printed").simulate(log_every=None)
+    assert printed.outcome.kind == "not_finite"
+
+
+def test_every_field_of_the_sensor_and_the_actuator_is_documented() -> None:
+    text = DOCUMENTED.read_text(encoding="utf-8")
+    section = text[text.index("## At the rate of a robot") :]
+    for model in (SensorDescription, ActuatorDescription, LossDescription, OutageDescription, SampledDataDescription):
+        for field in model.model_fields:
+            assert f"`{field}`" in section or f"`loss.{field}`" in section or field == "loss", field
+    for kind in scenarios.catalogue()["estimators"]:
+        assert f"- `{kind}`" in section
 
 
 def test_numbers_with_an_exponent_are_numbers_in_yaml_1_2() -> None:

@@ -1,5 +1,7 @@
 """Schemes that are simple enough to know everything about, for tests of the loop alone."""
 
+from typing import ClassVar
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -7,6 +9,7 @@ import jax.numpy as jnp
 from slidax._types import Command, Envelope
 from slidax.controllers import AbstractController
 from slidax.disturbances import Harmonic
+from slidax.robots import AbstractRobot
 from slidax.simulation import Plant
 from tests.paper import TWO_LINK
 
@@ -47,6 +50,43 @@ class Tube(AbstractController):
     def envelope(self, t, memory):
         wide = self.radius * jnp.ones(self.joints)
         return Envelope(lower=-wide, upper=wide)
+
+
+class Witness(AbstractController):
+    """A spring that tells what it sees, what it saw at the start, and how often it was asked."""
+
+    spring: Spring
+    joints: int = eqx.field(static=True, default=2)
+
+    def init(self, t, state, reference):
+        return self.spring.init(t, state, reference), state.q
+
+    def __call__(self, t, state, reference_now, reference_next, memory):
+        count, first = memory
+        command = self.spring(t, state, reference_now, reference_next, count)
+        signals = {"q": state.q, "dq": state.dq, "first": first, "count": count}
+        return Command(tau=command.tau, memory=(command.memory, first), signals=signals)
+
+    def envelope(self, t, memory):
+        return None
+
+
+class Pendulum(AbstractRobot):
+    """`2 q̈ + 3 sin q = τ`, one joint."""
+
+    joint_units: ClassVar[tuple[str, ...]] = ("rad",)
+
+    def mass(self, q):
+        return 2.0 * jnp.eye(1)
+
+    def bias(self, q, dq):
+        return 3.0 * jnp.sin(q)
+
+    def potential(self, q):
+        return -3.0 * jnp.cos(q[0])
+
+    def tip(self, q):
+        return jnp.stack([jnp.sin(q[0]), jnp.zeros(()), -jnp.cos(q[0])])
 
 
 class Breaks(AbstractController):

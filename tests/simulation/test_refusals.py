@@ -5,7 +5,10 @@ import pytest
 
 from slidax._errors import DefinitionError
 from slidax._types import State
+from slidax.actuators import Actuator
+from slidax.controllers import sampled_data
 from slidax.disturbances import Constant
+from slidax.sensors import Exact
 from slidax.simulation import Plant, simulate
 from tests.paper import (
     MOTION_4_1,
@@ -17,6 +20,10 @@ from tests.paper import (
     plant_4_1,
 )
 from tests.simulation.simple import SMOOTH_PLANT, SPRING
+
+
+def plant_parts():
+    return plant_4_1().robot, plant_4_1().disturbance
 
 
 def attempt(plant=None, law=None, trajectory=MOTION_4_1, start=START_4_1, **times):
@@ -104,3 +111,25 @@ def test_a_trajectory_for_another_number_of_joints_is_refused():
 def test_a_disturbance_on_another_number_of_joints_is_refused():
     with pytest.raises(DefinitionError, match=r"the disturbance gives \[3\] forces, but the plant has 2 joints"):
         attempt(plant=plant_4_1(Constant([0.0, 0.0, 0.0])))
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"plant": Plant(*plant_parts(), Exact())}, "a sensor needs samples: simulate in held mode"),
+        ({"plant": Plant(*plant_parts(), None, Actuator())}, "an actuator needs samples: simulate in held mode"),
+        ({"law": sampled_data(law_4_1(), period=1e-3)}, "a sampled-data law needs samples: simulate in held mode"),
+        ({"outside": "recover"}, "`outside` must be `raise` in continuous mode: recovering needs samples"),
+    ],
+)
+def test_what_needs_samples_is_refused_in_continuous_mode(change, message):
+    assert attempt(**change).outcome.ok
+    with pytest.raises(DefinitionError, match=message):
+        attempt(mode="continuous", **change)
+
+
+def test_a_sampled_data_law_that_is_made_for_another_period_is_refused():
+    law = sampled_data(law_4_1(), period=2e-3)
+    assert attempt(law=law, period=2e-3).outcome.ok
+    with pytest.raises(DefinitionError, match=r"made for a period of 0.002 s; it cannot be sampled every 0.001 s"):
+        attempt(law=law, period=1e-3)

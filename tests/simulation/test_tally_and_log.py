@@ -73,6 +73,7 @@ def test_the_statistics_are_their_definitions_over_the_full_log(mode):
         "peak_torque": np.abs(tau).max(axis=0),
         "max_step": steps.max(axis=0),
         "steady_step": steps[last_quarter[:-1]].max(axis=0),
+        "steady_square": (steps[last_quarter[:-1]] ** 2).sum(axis=0),
         "margin": (nearer / width).min(axis=0),
     }
     for name, value in expected.items():
@@ -156,6 +157,7 @@ def test_the_step_that_leads_into_the_last_quarter_is_not_counted_in_it():
     for k, tau in enumerate([0.0, 1.0, 9.0, 9.5, 9.0]):
         tally = tally.add(jnp.asarray(k), jnp.array([0.01 * k]), jnp.array([tau]), None, windows)
     assert float(tally.steady_step[0]) == 0.5
+    assert float(tally.steady_square[0]) == 0.5
     assert float(tally.max_step[0]) == 8.0
     assert float(tally.aice[0]) == 10.0
     assert float(tally.steady_error[0]) == 0.04

@@ -87,12 +87,11 @@ def results(scenario_runs: Mapping[str, tuple[Scenario, Run]]) -> dict[str, Any]
 
 def _result(run: Run) -> dict[str, Any]:
     outcome, timing = run.outcome, run.timing
-    stopped = {key: getattr(outcome, key) for key in ("message", "t", "joint", "error", "bound")}
     times = {"compile_s": round(timing.compile_s, 4), "run_s": round(timing.run_s, 4)} if timing else None
     cleaned: dict[str, Any] = _cleaned(
         {
             "outcome": outcome.kind,
-            "stopped": None if outcome.ok else stopped,
+            "stopped": outcome.stopped,
             "metrics": metrics.summary(run),
             "timing": times,
         }

@@ -8,6 +8,8 @@ from typing import Annotated, Any
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 from pydantic_core import PydanticCustomError
 
+from slidax._errors import DefinitionError
+
 Numbers = Annotated[float | list[float], Field(union_mode="left_to_right")]
 """One number for all joints, or one per joint."""
 
@@ -37,6 +39,16 @@ class Description(BaseModel):
                     hint = nearest(str(key), known)
                     raise PydanticCustomError("unknown_key", "unknown key `{key}`; {hint}", {"key": key, "hint": hint})
         return data
+
+    def require_joints(self, joints: int) -> None:
+        """Raises a DefinitionError unless each list in it has one entry per joint; not for lists of other things.
+
+        - `joints`: the number of joints.
+        """
+        for field, value in self:
+            if isinstance(value, list) and len(value) != joints:
+                message = f"must be one number or one for each of the {joints} joints; got {len(value)}"
+                raise DefinitionError(message, where=field)
 
     def parameters(self) -> dict[str, Any]:
         """What the described part is made from: the fields that are given, but for the one that names its kind."""

@@ -8,7 +8,7 @@ from .base import Description
 from .disturbances import Term
 from .load import load, names
 from .robots import RobotDescription
-from .schemes import PerformanceDescription, SchemeDescription
+from .schemes import EstimatorDescription, PerformanceDescription, SchemeDescription
 from .trajectories import TrajectoryDescription
 
 
@@ -19,6 +19,7 @@ def catalogue() -> dict[str, dict[str, str]]:
         "robots": _members(RobotDescription, "kind"),
         "trajectories": _members(TrajectoryDescription, "kind"),
         "disturbances": _members(Term, "kind"),
+        "estimators": _members(EstimatorDescription, "kind"),
         "performance": _members(PerformanceDescription, "kind"),
         "scenarios": {name: load(name).description.title for name in names()},
     }

@@ -113,8 +113,7 @@ class ScenarioDescription(Description):
         with located("sensor"):
             sensor = self.sensor.build(simulation.period, true.joints)
         with located("actuator"):
-            actuator = self.actuator.build()
-            require_joints(actuator, true.joints, type(true).__name__)
+            actuator = self.actuator.build(true.joints)
         with located("start"):
             state0 = self.start.build(true.joints)
         with located("scheme"):

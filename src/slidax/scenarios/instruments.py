@@ -52,7 +52,7 @@ class SensorDescription(Description):
     """Width of the spread of that age [periods]."""
     loss: LossDescription = LossDescription()
     """Samples that do not arrive."""
-    seed: int = 0
+    seed: Annotated[int, Field(ge=0, lt=2**32)] = 0
     """Another seed gives other noise."""
 
     def build(self, period: float, joints: int) -> AbstractSensor | None:
@@ -63,16 +63,15 @@ class SensorDescription(Description):
 
         Raises DefinitionError if a list has another length, or a number is out of its range.
         """
-        for field in ("resolution", "position_noise", "velocity_noise", "cutoff"):
-            value = getattr(self, field)
-            if isinstance(value, list) and len(value) != joints:
-                message = f"must be one number or one for each of the {joints} joints; got {len(value)}"
-                raise DefinitionError(message, where=field)
+        self.require_joints(joints)
         resolution, position_noise = parameter(self.resolution), parameter(self.position_noise)
         velocity_noise = parameter(self.velocity_noise)
         seed = jnp.asarray(self.seed)
         sensor: AbstractSensor = Exact()
         if self.velocity == "differenced":
+            if velocity_noise.any():
+                message = "is that of a velocity sensor, which `velocity: differenced` has not; leave it out"
+                raise DefinitionError(f"{message}; got {self.velocity_noise}", where="velocity_noise")
             sensor = DifferencedEncoders(resolution, position_noise, parameter(self.cutoff), seed)
         elif any(x.any() for x in (resolution, position_noise, velocity_noise)):
             sensor = Encoders(resolution, position_noise, velocity_noise, seed)
@@ -109,8 +108,14 @@ class ActuatorDescription(Description):
         given = {"torque": self.torque, "rate": self.rate}
         return TorqueLimits(**{name: parameter(value) for name, value in given.items() if value is not None})
 
-    def build(self) -> Actuator | None:
-        """The actuator; None if it is perfect."""
+    def build(self, joints: int) -> Actuator | None:
+        """The actuator; None if it is perfect.
+
+        - `joints`: how many are driven.
+
+        Raises DefinitionError if a list has another length, or a number is out of its range.
+        """
+        self.require_joints(joints)
         perfect = self.torque is None and self.rate is None and not self.dead_time
         if perfect and not parameter(self.time_constant).any():
             return None

@@ -17,6 +17,9 @@ from .description import ScenarioDescription
 from .scenario import Scenario
 from .switch import switched
 
+LIMITS = {"greater_than": (">", "gt"), "greater_than_equal": (">=", "ge"), "less_than": ("<", "lt")}
+"""Kinds of mistakes about a number's range: the sign, and the key under which pydantic has the limit."""
+
 BUILT_IN = resources.files("slidax.scenarios") / "built_in"
 
 
@@ -30,7 +33,8 @@ def load(scenario: str | Path, changes: dict[str, Any] | None = None) -> Scenari
 
     - `scenario`: name of a built-in scenario, or path of a YAML file.
     - `changes`: values by dotted path, such as `{"disturbance.scale": 0.0}`, set before validation. `scheme.name` comes
-      first and puts another scheme in place of the file's, which leaves it `performance`, `overshoot` and `bound` only.
+      first and puts another scheme in place of the file's, which leaves it `performance`, `overshoot`, `bound` and
+      `sampled_data` only.
 
     Raises DefinitionError if there is no such scenario, or something in it cannot be.
     """
@@ -136,9 +140,9 @@ def _translated(error: ValidationError, data: Any) -> DefinitionError:
         message = f"must be a number; got {given!r}"
     elif first["type"] == "list_type":
         message = f"must be a list; got {given!r}"
-    elif first["type"] in ("greater_than", "greater_than_equal"):
-        sign, limit = (">", context["gt"]) if first["type"] == "greater_than" else (">=", context["ge"])
-        message = f"must be {sign} {limit:g}; got {given!r}"
+    elif first["type"] in LIMITS:
+        sign, limit = LIMITS[first["type"]]
+        message = f"must be {sign} {context[limit]:g}; got {given!r}"
     elif first["type"] == "unknown_key":
         message = first["msg"]
     else:

@@ -19,8 +19,9 @@ SCHEMES: dict[str, type[Description]] = {
 def switched(scheme: Any, name: Any) -> Any:
     """The scheme of a scenario file with another name.
 
-    Of what the file says, `performance`, `overshoot`, `bound` and `sampled_data` are kept, as far as the new scheme has them; all else
-    is dropped, so that it takes the new scheme's defaults. Where the name is the file's own, nothing changes.
+    Of what the file says, `performance`, `overshoot`, `bound` and `sampled_data` are kept, as far as the new scheme has
+    them; all else is dropped, so that it takes the new scheme's defaults. Where the name is the file's own, nothing
+    changes.
 
     - `scheme`: the mapping in the file.
     - `name`: the name to be set; one that is not known is left for the validation to refuse.

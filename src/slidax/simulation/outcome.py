@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Literal
 
 import equinox as eqx
@@ -16,6 +16,7 @@ from .excursion import Excursion
 
 Kind = Literal["ok", "left_envelope", "not_finite", "recovered"]
 KINDS: tuple[Kind, ...] = ("ok", "left_envelope", "not_finite")
+REMEDY = "Start inside it, enlarge its final radius, or shorten the period."
 
 
 @dataclass(frozen=True)
@@ -44,6 +45,11 @@ class Outcome:
     def ok(self) -> bool:
         """True if the run reached its end inside the envelope."""
         return self.kind == "ok"
+
+    @property
+    def stopped(self) -> dict[str, str | float | int | None] | None:
+        """All but the kind, by name, as results in JSON have it; None if ok."""
+        return None if self.ok else {key: value for key, value in asdict(self).items() if key != "kind"}
 
 
 class Fault(eqx.Module):
@@ -110,29 +116,30 @@ def describe(
     - `units`: the unit of each joint's position.
     """
     kind = KINDS[int(fault.kind)]
-    went_out = excursion is not None and int(excursion.first) >= 0
     if kind == "ok":
-        if excursion is not None and went_out:
+        if excursion is not None and int(excursion.first) >= 0:
             return _described_excursion(excursion, violations, period, units)
         return Outcome("ok", "The run reached its end.")
     t, joint = float(fault.t), int(fault.joint)
     if kind == "not_finite":
         remedy = (
             "It was outside its envelope, where the law is not defined: use its sampled-data form."
-            if went_out
+            if excursion is not None and bool(excursion.outside)
             else "Shorten the period, or lower the gains; the run up to there is kept."
         )
         return Outcome(kind, f"Joint {joint + 1} became infinite or undefined at t = {t:.4g} s. {remedy}", t, joint + 1)
     error, bound = float(fault.error), float(fault.bound)
-    message = _left(joint, t, error, bound, units) + (
-        ". Start inside it, enlarge its final radius, or shorten the period."
-    )
+    message = f"{_met(joint, _left(t), error, bound, units)}. {REMEDY}"
     return Outcome(kind, message, t, joint + 1, error, bound)
 
 
-def _left(joint: int, t: float, error: float, bound: float, units: tuple[str, ...]) -> str:
+def _left(t: float) -> str:
+    return f"left its envelope at t = {t:.4g} s"
+
+
+def _met(joint: int, how: str, error: float, bound: float, units: tuple[str, ...]) -> str:
     unit = units[joint]
-    return f"Joint {joint + 1} left its envelope at t = {t:.4g} s (e = {error:.4g} {unit}, bound {bound:.4g} {unit})"
+    return f"Joint {joint + 1} {how} (e = {error:.4g} {unit}, bound {bound:.4g} {unit})"
 
 
 def _described_excursion(excursion: Excursion, violations: int, period: float, units: tuple[str, ...]) -> Outcome:
@@ -140,9 +147,10 @@ def _described_excursion(excursion: Excursion, violations: int, period: float, u
     t, back = int(excursion.first) * period, (int(excursion.last) + 1) * period
     worst = int(jnp.argmax(excursion.beyond))
     beyond = float(excursion.beyond[worst])
-    start = f"Joint {joint + 1} was outside its envelope from the start" if int(excursion.first) == 0 else ""
-    first = start or _left(joint, t, error, bound, units)
-    extent = f"{violations} samples were outside, by at most {beyond:.3g} {units[worst]} (joint {worst + 1})"
+    how = "was outside its envelope from the start" if int(excursion.first) == 0 else _left(t)
+    first = _met(joint, how, error, bound, units)
+    outside = "1 sample was outside" if violations == 1 else f"{violations} samples were outside"
+    extent = f"{outside}, by at most {beyond:.3g} {units[worst]} (joint {worst + 1})"
     if bool(excursion.outside):
         message = f"{first} and is outside at the end: {extent}. Allow more torque, or shorten the period."
         return Outcome("left_envelope", message, t, joint + 1, error, bound, beyond=beyond)

@@ -186,9 +186,11 @@ def _sample(loop: Loop, carry: Carry) -> tuple[Carry, Log]:
     tally = _where(good, counted, carry.tally.with_violation(running & (now.fault.kind == 1)))
     excursion = carry.excursion
     if excursion is not None and now.envelope is not None:
+        # Also where the law has no answer: being outside is why.
+        known = running & jnp.all(jnp.isfinite(e))
         seen = excursion.add(carry.k, e, now.envelope)
-        tally = tally.with_violation(good & seen.outside)
-        excursion = _where(good, seen, excursion)
+        tally = tally.with_violation(known & seen.outside)
+        excursion = _where(known, seen, excursion)
     after = Carry(
         # The number grows in runs that are over, too: so a batch has one time, and shares what depends on time alone.
         k=carry.k + 1,

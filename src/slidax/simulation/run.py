@@ -24,9 +24,10 @@ class Log(eqx.Module):
 
     - `k`: number of the sample.
     - `t`: time [s].
-    - `state`, `reference`, `envelope`: as the controller saw them; `envelope` is None for a scheme without one.
-    - `tau`: torque [N m or N].
-    - `signals`: the controller's inner quantities by name.
+    - `state`: the true one, whatever a sensor says of it.
+    - `reference`, `envelope`: as the controller saw them; `envelope` is None for a scheme without one.
+    - `tau`: torque that is set [N m or N]: within the limits of an actuator, and the last one where a sample was lost.
+    - `signals`: the controller's inner quantities by name; where a sample was lost, those of the answer not taken.
     - `valid`: False for places after the end of the run, which only a batch has.
     """
 

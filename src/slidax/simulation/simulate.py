@@ -12,7 +12,7 @@ import numpy as np
 
 from slidax._errors import DefinitionError, OutcomeError, is_traced
 from slidax._types import Envelope, Reference, State
-from slidax.controllers import AbstractController
+from slidax.controllers import AbstractController, SampledData
 from slidax.numerics import runge_kutta_4
 from slidax.trajectories import AbstractTrajectory
 
@@ -55,8 +55,8 @@ def simulate(
     In mode "held" the law is evaluated once a period, its torque is held, and the plant takes `substeps` steps of the
     integrator. In mode "continuous" the law is evaluated at every stage of the integrator, whose step is the period;
     τ(k) is then the torque at the start of step k. The envelope and finiteness are watched at every evaluation of the
-    law. The first violation ends the run, and `run.outcome` names it; with `outside="recover"` the run goes on, for a law
-    that is defined there, and the outcome says when it left and when it was back.
+    law. The first violation ends the run, and `run.outcome` names it; with `outside="recover"` the run goes on, for a
+    law that is defined there, and the outcome says when it left and when it was back.
 
     - `plant`: the true robot and the disturbance on it.
     - `controller`: the scheme.
@@ -180,9 +180,11 @@ def _define(
     if mode == "continuous" and substeps != 1:
         raise DefinitionError(f"`substeps` must be 1 in continuous mode, where `period` is the step; got {substeps}")
     if mode == "continuous":
-        for name, part in (("sensor", plant.sensor), ("actuator", plant.actuator)):
+        if isinstance(controller, SampledData):
+            raise DefinitionError("a sampled-data law needs samples: simulate in held mode, not in continuous mode")
+        for name, part in (("a sensor", plant.sensor), ("an actuator", plant.actuator)):
             if part is not None:
-                raise DefinitionError(f"a {name} needs samples: simulate in held mode, not in continuous mode")
+                raise DefinitionError(f"{name} needs samples: simulate in held mode, not in continuous mode")
         if outside == "recover":
             raise DefinitionError("`outside` must be `raise` in continuous mode: recovering needs samples")
     if log_every is not None and log_every < 1:
@@ -190,6 +192,13 @@ def _define(
     if is_traced(period):
         raise DefinitionError("`period` sets the number of samples, so it must be a known number")
     steps = _steps(float(t1), float(period))
+    if isinstance(controller, SampledData) and not is_traced(controller.period):
+        made_for = float(controller.period)
+        if abs(made_for - float(period)) > 1e-9 * made_for:
+            raise DefinitionError(
+                f"the sampled-data law is made for a period of {made_for:g} s; it cannot be sampled every "
+                f"{float(period):g} s"
+            )
     windows = Windows(
         steady=jnp.asarray(int(np.ceil(0.75 * steps))),
         iae=jnp.asarray(int(np.floor(2.0 / float(period) + 1e-6)) + 1),

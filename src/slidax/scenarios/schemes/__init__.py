@@ -10,6 +10,7 @@ from .classical import ComputedTorqueScheme, GravityPd, SlotineLiPpc, SlotineLiS
 from .fixed_time import Cftsmppc, Ftsmc, Ftsmppc
 from .parts import AbstractSliding as AbstractSliding
 from .performance import PerformanceDescription as PerformanceDescription
+from .sampled_data import EstimatorDescription as EstimatorDescription
 from .sampled_data import Sampling as Sampling
 from .terminal import Anftsmc, Nftsmc, Sfsmc, Sfsmppc
 

@@ -134,7 +134,7 @@ EstimatorDescription = Annotated[
 class SampledDataDescription(Description):
     """The scheme as implicit steps at the arm's own rate; what is not given fits the sensor and the actuator."""
 
-    horizon: float | None = None
+    horizon: Annotated[float, Field(gt=0)] | None = None
     """H [s], at least a period; 12 ms, or two periods if that is more, if not given."""
     estimator: EstimatorDescription | None = None
     """From measurements to the state and the disturbance; if not given `measured`, with gains after the horizon, or
@@ -155,6 +155,7 @@ class SampledDataDescription(Description):
         estimator: AbstractEstimator | None = None
         with located("estimator"):
             if self.estimator is not None:
+                self.estimator.require_joints(sampling.mass.shape[0])
                 estimator = self.estimator.build(sampling)
             elif not sampling.has_velocity:
                 estimator = KalmanDescription(kind="kalman").build(sampling)

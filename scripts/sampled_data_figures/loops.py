@@ -1,0 +1,181 @@
+"""Closed loops at any period, and what of them is shown."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import NullLocator
+
+from slidax import metrics, scenarios
+from slidax.figures import svg
+from slidax.scenarios.scenario import Scenario
+from slidax.simulation import Run
+
+DOCS = Path(__file__).parents[2] / "docs"
+
+STEP = 2e-4
+"""The plant's own step is at most so long [s]."""
+
+MARKERS = re.compile(r'(<g clip-path="[^"]*")>\n((?:<use [^>]*? style="([^"]*)"/>\n)(?:<use [^>]*? style="\3"/>\n)*)')
+
+CURVE = re.compile(r'(?<= d=")[^"]*')
+HUNDREDTHS = re.compile(r"\b\d+\.\d\d\b")
+
+BARE = {
+    "scheme.sampled_data.estimator": {"kind": "measured", "gain": 0.0, "trend": 0.0},
+    "scheme.sampled_data.recovery": None,
+}
+"""The sampled-data law without an estimate of the disturbance, and without a way back: the plain implicit step."""
+
+
+def loop(name: str, period: float, changes: dict[str, Any] | None = None, *, t1: float = 10.0) -> Scenario:
+    """A built-in scenario, held, at another period.
+
+    - `name`: of the scenario.
+    - `period`: h [s].
+    - `changes`: as in `scenarios.load`.
+    - `t1`: about when it ends [s].
+    """
+    held = {
+        "simulation.mode": "held",
+        "simulation.period": period,
+        "simulation.substeps": math.ceil(period / STEP - 1e-9),
+        "simulation.t1": round(t1 / period) * period,
+    }
+    return scenarios.load(name, held | (changes or {}))
+
+
+def steady_error(run: Run) -> float:
+    """The worst joint's largest error over the last quarter; NaN if the run ended before.
+
+    - `run`: a finished run.
+    """
+    errors = metrics.steady_error(run)
+    return math.nan if errors is None else float(np.max(errors))
+
+
+def steady_step(run: Run) -> float:
+    """The worst joint's largest torque step over the last quarter; NaN if the run ended before.
+
+    - `run`: a finished run.
+    """
+    steps = metrics.steady_torque_step(run)
+    return math.nan if steps is None else float(np.max(steps))
+
+
+def steady_step_rms(run: Run) -> float:
+    """The worst joint's root mean square of torque steps over the last quarter; NaN if the run ended before.
+
+    - `run`: a finished run.
+    """
+    steps = metrics.steady_torque_step_rms(run)
+    return math.nan if steps is None else float(np.max(steps))
+
+
+def order(h: Sequence[float], values: Sequence[float], low: float, high: float) -> float:
+    """The slope of the values over h, both in logarithms, fitted for `low <= h <= high`.
+
+    - `h`: periods [s].
+    - `values`: > 0.
+    - `low`, `high`: [s].
+    """
+    kept = [(math.log(a), math.log(b)) for a, b in zip(h, values, strict=True) if low * 0.999 <= a <= high * 1.001]
+    return float(np.polyfit(*zip(*kept, strict=True), 1)[0])
+
+
+def smallest(holds: Callable[[float], bool], low: float, high: float, halvings: int) -> float:
+    """The smallest number for which something holds, by halving the interval of its logarithm.
+
+    - `holds`: false below that number, true above it.
+    - `low`, `high`: it lies between them.
+    - `halvings`: how often.
+    """
+    for _ in range(halvings):
+        middle = math.sqrt(low * high)
+        low, high = (low, middle) if holds(middle) else (middle, high)
+    return high
+
+
+def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """A table of Markdown, the first column to the left and the others to the right.
+
+    - `head`: names of the columns.
+    - `rows`: cells.
+    """
+    lines = [head, ["---", *["---:"] * (len(head) - 1)], *rows]
+    text = "\n".join("| " + " | ".join(cells) + " |" for cells in lines)
+    return text.replace("| --- |", "|---|").replace(" ---: |", "---:|")
+
+
+def write_table(page: str, name: str, text: str) -> None:
+    """Puts a table between its marks in a page.
+
+    - `page`: its name in docs.
+    - `name`: of the table.
+    - `text`: the table.
+    """
+    path = DOCS / page
+    mark = f"<!-- table {name} -->"
+    old = path.read_text(encoding="utf-8")
+    new, found = re.subn(f"{mark}.*?<!-- end -->", lambda _: f"{mark}\n\n{text}\n\n<!-- end -->", old, flags=re.DOTALL)
+    if found != 1:
+        raise SystemExit(f"docs/{page} must have the mark `{mark}` once, and has it {found} times")
+    path.write_text(new, encoding="utf-8")
+
+
+def save(figure: Figure, name: str) -> None:
+    """Writes a picture of the documentation, without the comments and spaces that matplotlib puts between the lines.
+
+    - `figure`: the picture.
+    - `name`: of the file in docs/figures, without its ending.
+    """
+    text = svg.to_svg(figure, "".join(word[0] for word in name.split("-")))
+    text = re.sub(r"<!--.*?-->|(?<=\n)[ ]+", "", text)
+    # A tenth of a point is enough for a curve.
+    text = CURVE.sub(lambda data: HUNDREDTHS.sub(lambda number: f"{float(number[0]):.1f}", data[0]), text)
+    text = MARKERS.sub(_with_one_style, text)
+    path = DOCS / "figures" / f"{name}.svg"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(re.sub(r"\n+", "\n", text), encoding="utf-8")
+
+
+def _with_one_style(markers: re.Match[str]) -> str:
+    """The markers of one line, with what they have in common said once."""
+    group, uses, style = markers.groups()
+    return f'{group} style="{style}">\n' + uses.replace(f' style="{style}"', "")
+
+
+def plain_numbers(axes: Axes, x: Sequence[float], y: Sequence[float] | None = None) -> None:
+    """Ticks at these places only, labelled as `0.1` and not as a power of ten.
+
+    - `axes`: with logarithmic axes.
+    - `x`, `y`: where; None leaves the axis at powers of ten.
+    """
+    for axis, places in ((axes.xaxis, x), (axes.yaxis, y)):
+        axis.set_minor_locator(NullLocator())
+        if places is not None:
+            axis.set_ticks(places)
+            axis.set_major_formatter(lambda value, _: f"{value:g}")
+
+
+def small(value: float) -> str:
+    """A number of any size in two digits, or `-` if there is none.
+
+    - `value`: the number.
+    """
+    return "-" if math.isnan(value) else f"{value:.1e}".replace("e-0", "e-")
+
+
+def milliseconds(seconds: float) -> str:
+    """A time in ms.
+
+    - `seconds`: the time.
+    """
+    return f"{1e3 * seconds:.3g}"

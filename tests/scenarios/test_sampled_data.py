@@ -1,0 +1,117 @@
+"""The block `sampled_data` of a scheme becomes its sampled-data form, which fits the sensor and the actuator."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import equinox as eqx
+import jax.numpy as jnp
+import pytest
+
+from slidax import scenarios
+from slidax.actuators import TorqueLimits
+from slidax.controllers import Recovery, SampledData, sampled_data
+from slidax.estimators import AbstractEstimator, FilteredDifference, Kalman, Measured, RobustDifferentiator
+from slidax.reaching import SaturatedReaching
+from slidax.scenarios.schemes import AbstractSliding
+from slidax.scenarios.switch import SCHEMES, switched
+from tests.paper import START_4_1, TWO_LINK_NOMINAL, law_4_1
+
+NAME = "example-4.1-1khz"
+PRINTED = law_4_1(layer=0.0)
+MASS = TWO_LINK_NOMINAL.mass(START_4_1.q)
+SLIDING = [name for name, model in SCHEMES.items() if issubclass(model, AbstractSliding)]
+
+
+def law(block: dict[str, Any], **changes: Any) -> SampledData:
+    built = scenarios.load(NAME, {"scheme.sampled_data": block, **changes}).controller
+    assert isinstance(built, SampledData)
+    return built
+
+
+def by_hand(**changes: Any) -> SampledData:
+    given: dict[str, Any] = {"period": 1e-3, "limits": TorqueLimits(60.0, 4000.0), "delay": 1.0, "recovery": Recovery()}
+    return sampled_data(PRINTED, **given | changes)
+
+
+FORMS: list[tuple[dict[str, Any], dict[str, Any]]] = [
+    ({}, {}),
+    ({"horizon": 0.02}, {"horizon": 0.02}),
+    ({"slopes": False}, {"slopes": False}),
+    ({"recovery": None}, {"recovery": None}),
+    ({"recovery": {}}, {}),
+    ({"recovery": {"deadline": 0.5, "room": 2, "share": 0.1}}, {"recovery": Recovery(0.5, 2.0, 0.1)}),
+    ({"estimator": {"kind": "measured", "gain": 0.3}}, {"estimator": Measured.critical(0.3, 2.0)}),
+]
+
+
+@pytest.mark.parametrize(("block", "changes"), FORMS)
+def test_the_form_is_the_one_that_is_described(block: dict[str, Any], changes: dict[str, Any]) -> None:
+    assert eqx.tree_equal(law(block), by_hand(**changes))
+
+
+ESTIMATORS: list[tuple[dict[str, Any], AbstractEstimator]] = [
+    ({"kind": "measured"}, Measured.critical(0.5, 2.0)),
+    ({"kind": "measured", "gain": [0.3, 0.4], "trend": 0.0}, Measured([0.3, 0.4], 0.0, 2.0)),
+    ({"kind": "kalman"}, Kalman.of_arm(MASS, variance=1e-18, period=1e-3)),
+    (
+        {"kind": "kalman", "torque_density": [0.1, 0.2], "variance": 1e-12},
+        Kalman.of_arm(MASS, variance=1e-12, period=1e-3, torque_density=jnp.array([0.1, 0.2])),
+    ),
+    ({"kind": "filtered_difference", "cutoff": 300}, FilteredDifference(300.0, 0.25)),
+    ({"kind": "filtered_difference", "cutoff": [300, 200], "gain": 0.4}, FilteredDifference([300.0, 200.0], 0.4)),
+    ({"kind": "robust_differentiator", "lipschitz": [50, 80]}, RobustDifferentiator([50.0, 80.0])),
+]
+
+
+@pytest.mark.parametrize(("described", "estimator"), ESTIMATORS)
+def test_an_estimator_is_the_one_that_is_described(described: dict[str, Any], estimator: AbstractEstimator) -> None:
+    assert eqx.tree_equal(law({"estimator": described}).estimator, estimator)
+
+
+def test_with_encoders_alone_the_estimator_is_a_kalman_filter_for_their_resolution_and_noise() -> None:
+    sensor = {"velocity": "differenced", "resolution": [1e-5, 2e-5], "position_noise": 1e-6}
+    variance = jnp.array([1e-10, 4e-10]) / 12 + 1e-12
+    wanted = Kalman.of_arm(MASS, variance=variance, period=1e-3)
+    assert eqx.tree_equal(law({}, sensor=sensor).estimator, wanted)
+    # With a velocity sensor the velocity is used, however coarse the encoders are.
+    assert isinstance(law({}, sensor=sensor | {"velocity": "measured"}).estimator, Measured)
+
+
+def test_the_horizon_is_12_ms_or_two_periods() -> None:
+    assert float(law({}).horizon) == 0.012
+    assert float(law({}, **{"simulation.period": 0.01}).horizon) == 0.02
+    assert float(law({}, **{"simulation.period": 0.01}).period) == 0.01
+
+
+def test_without_the_block_the_law_is_the_printed_one() -> None:
+    built = scenarios.load(NAME, {"scheme.sampled_data": None}).controller
+    assert eqx.tree_equal(built, PRINTED)
+
+
+@pytest.mark.parametrize("name", SLIDING)
+def test_another_scheme_by_name_keeps_its_sampled_data_form(name: str) -> None:
+    changes = {"scheme.name": name, "scheme.sampled_data.horizon": 0.015}
+    built = scenarios.load(NAME, changes).controller
+    plain = scenarios.load(NAME, {"scheme.name": name, "scheme.sampled_data": None}).controller
+    assert isinstance(built, SampledData)
+    assert float(built.horizon) == 0.015
+    assert eqx.tree_equal(built.surface, plain.surface)
+    assert eqx.tree_equal(built.transformation, plain.transformation)
+    if name.startswith("slotine_li"):
+        assert isinstance(built.reaching, SaturatedReaching)
+        assert eqx.tree_equal(built.reaching.damping, plain.damping)
+    else:
+        assert eqx.tree_equal((built.reaching, built.bound), (plain.reaching, plain.bound))
+
+
+def test_a_scheme_that_has_no_such_form_drops_the_block() -> None:
+    scheme = {"name": "cftsmppc", "sampled_data": {"horizon": 0.02}}
+    assert switched(scheme, "ftsmc") == {"name": "ftsmc", "sampled_data": {"horizon": 0.02}}
+    for name in sorted(set(SCHEMES) - set(SLIDING)):
+        assert switched(scheme, name) == {"name": name}
+
+
+def test_the_schemes_on_a_surface_are_those_that_the_recipe_takes() -> None:
+    named = ["cftsmppc", "ftsmppc", "ftsmc", "sfsmc", "sfsmppc", "slotine_li", "slotine_li_ppc"]
+    assert named == SLIDING
