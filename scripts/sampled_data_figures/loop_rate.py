@@ -176,8 +176,12 @@ def make() -> None:
     arms = {name: [of_arm(name, period) for period in ARM_PERIODS] for name in ARMS}
     save(draw(pushed, arms), "loop-rate")
     rows = [
-        [f"H = {'' if horizon == 1 else f'{horizon} '}h" + (", delay h" if delay else ""), milliseconds(h)]
-        + [small(rule), f"{held / rule:.3f}"]
+        [
+            ("H = h" if horizon == 1 else f"H = {horizon} h") + (", delay h" if delay else ""),
+            milliseconds(h),
+            small(rule),
+            f"{held / rule:.3f}",
+        ]
         for (horizon, delay), found in pushed.items()
         for h, rule, held in zip(PERIODS, *found, strict=True)
         if h in SHOWN
