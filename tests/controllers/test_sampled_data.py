@@ -254,6 +254,11 @@ def test_the_horizon_is_no_shorter_than_the_period():
         sampled_data(law_4_1(), period=1e-3, horizon=5e-4)
 
 
+def test_an_estimator_for_other_joints_is_refused():
+    with pytest.raises(DefinitionError, match="`Measured` does not fit the 2 joints of TwoLink"):
+        sampled_data(law_4_1(), period=1e-3, estimator=Measured([0.1, 0.2, 0.3]))
+
+
 def test_a_run_is_differentiable_in_its_gains():
     def final_error(k2):
         law = sampled_data(eqx.tree_at(lambda law: law.surface.k2, mass_law(), k2), period=2e-3)

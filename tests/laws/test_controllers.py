@@ -168,8 +168,7 @@ def test_the_same_measurements_give_the_same_bits_twice(case):
 IMMEDIATE = [
     (name, case)
     for name, case in CONTROLLERS
-    if getattr(case.controller, "delay", 0) == 0
-    and not isinstance(getattr(case.controller, "estimator", None), Kalman)
+    if getattr(case.controller, "delay", 0) == 0 and not isinstance(getattr(case.controller, "estimator", None), Kalman)
 ]
 
 

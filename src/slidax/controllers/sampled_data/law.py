@@ -9,7 +9,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool
 
-from slidax._errors import parameter, require, require_joints, require_shape
+from slidax._errors import DefinitionError, parameter, require, require_joints, require_shape
 from slidax._types import Command, Envelope, Matrix, Memory, Reference, Scalar, State, Vector
 from slidax.actuators import TorqueLimits
 from slidax.estimators import AbstractEstimator, Estimate
@@ -20,9 +20,10 @@ from slidax.surfaces import AbstractSurface
 from slidax.transformations import AbstractTransformation, Frame
 
 from ..controller import AbstractController
+from .kept import Kept
 from .plan import Barrier
 from .prediction import commands_kept, free_acceleration, moved_on, predicted, reference_ahead
-from .recovery import Recovery, Reseat
+from .recovery import Recovery
 
 FASTEST = 1e6
 """No arm is as fast, in rad/s or m/s; its cube bounds the estimated push. Whatever an estimator may come to, after
@@ -30,34 +31,6 @@ measurements that make no sense, the numbers after it stay finite."""
 
 Bound = Callable[[State, Vector], Scalar]
 """u of (45), from the state and τ0 + τ1."""
-
-
-class Kept(eqx.Module):
-    """What the law keeps between two samples.
-
-    - `t`: time of the last sample [s].
-    - `sides`: what the transformation keeps.
-    - `prior`: what the nominal model predicts for the next measurement.
-    - `estimator`: what the estimator keeps.
-    - `torques`: commands under way, the oldest first, [m n].
-    - `s`, `dq`: sliding variable and velocity that are planned for the next sample, [n].
-    - `eps`: the transformed error that the next plan may be near [n].
-    - `last_eps`: the last plan's transformed error [n].
-    - `planned`: whether that plan can be relied on.
-    - `reseat`: envelopes in force in place of the drawn ones; None without a recovery.
-    """
-
-    t: Scalar
-    sides: Memory
-    prior: Estimate
-    estimator: Memory
-    torques: Array
-    s: Vector
-    dq: Vector
-    eps: Vector
-    last_eps: Vector
-    planned: Bool[Array, ""]
-    reseat: Reseat | None
 
 
 class SampledData(AbstractController):
@@ -116,6 +89,23 @@ class SampledData(AbstractController):
         # A reaching law that has no implicit step says so now, and not in the middle of a run.
         shapes = (jax.ShapeDtypeStruct(shape, float) for shape in ((self.joints, self.joints), (self.joints,), ()))
         eqx.filter_eval_shape(self.reaching.implicit, *shapes)
+        self._require_an_estimator_of_these_joints()
+
+    def _require_an_estimator_of_these_joints(self) -> None:
+        state = State(q=jnp.zeros(self.joints), dq=jnp.zeros(self.joints))
+        prior, number, flag = Estimate(state=state, push=state.q), jnp.zeros(()), jnp.zeros((), bool)
+        try:
+            estimate = eqx.filter_eval_shape(
+                lambda estimator: estimator(state, prior, number, flag, estimator.init(state))[0], self.estimator
+            )
+            fits = all(leaf.shape == (self.joints,) for leaf in jax.tree.leaves(estimate))
+        except (TypeError, ValueError):
+            fits = False
+        if not fits:
+            raise DefinitionError(
+                f"`{type(self.estimator).__name__}` does not fit the {self.joints} joints of "
+                f"{type(self.nominal).__name__}: give one number, or one per joint"
+            )
 
     @property
     def joints(self) -> int:
@@ -167,9 +157,11 @@ class SampledData(AbstractController):
         estimate, estimator = self.estimator(state, prior, elapsed, missed, memory.estimator)
         estimate = _within_reason(estimate)
         push = estimate.push
+        # While nothing arrived the last torque stood, so that it is the one that is under way.
+        under_way = jnp.where(missed, memory.torques[-1], memory.torques)
 
         # The state at which this sample's torque sets in, and what will be measured next, as far as it is settled now.
-        now, following = predicted(self.nominal, estimate, memory.torques, self.delay, h)
+        now, following = predicted(self.nominal, estimate, under_way, self.delay, h)
         t_set = t + self.dead_time * h
         desired = reference_ahead(reference_now, reference_next, self.dead_time, h)
         ddq_r = desired.ddq
@@ -228,7 +220,7 @@ class SampledData(AbstractController):
             sides=memory.sides,
             prior=Estimate(state=following, push=push),
             estimator=estimator,
-            torques=jnp.concatenate([memory.torques[1:], tau[None]]),
+            torques=jnp.concatenate([under_way[1:], tau[None]]),
             s=s + (s_next - s) * (h / horizon),
             dq=now.dq + h * moved,
             # The line through the last two plans: from there most plans are one Newton step away.
