@@ -1,4 +1,4 @@
-"""The sampled-data law beside the printed one: nanoseconds per closed-loop step, in turns on one core.
+"""The sampled-data law beside the printed one: nanoseconds per closed-loop step, and of the law alone, in turns.
 
 Run as a program of its own, `python -m benchmarks.sampled_data`, so that it can be bound to one core from the start.
 """
@@ -9,6 +9,7 @@ import json
 import os
 import statistics
 import sys
+import time
 from collections.abc import Callable
 from typing import Any
 
@@ -35,6 +36,45 @@ def measure() -> dict[str, Any]:
                 times[name].append(run())
         answer[arm] = {name: {"min": min(t), "median": statistics.median(t)} for name, t in times.items()}
     return answer
+
+
+def _alone(law: Any, plant: Any, motion: Any, start: Any) -> Callable[[], float]:
+    """The law over states that a run of it went through: what a controller costs that has a real arm for a plant."""
+    import equinox as eqx
+    import jax
+    import jax.numpy as jnp
+    from jax.flatten_util import ravel_pytree
+
+    from slidax import simulate
+    from slidax.numerics import once, semi_implicit_euler
+
+    options: dict[str, Any] = {"period": PERIOD, "integrator": semi_implicit_euler, "log_every": 1}
+    log = simulate(plant, law, motion, start, t1=STEPS * PERIOD, **options).log
+    states, now = jax.tree.map(jnp.asarray, (log.state, log.reference))
+    following = jax.tree.map(lambda x: jnp.roll(x, -1, axis=0), now)
+    arrays, rest = eqx.partition(law, eqx.is_inexact_array)
+    packed, unpack = ravel_pytree(arrays)
+
+    @jax.jit
+    def run(packed: Any, seen: Any) -> Any:
+        def step(carry: Any, seen: Any) -> Any:
+            memory, k, total = carry
+            state, reference, ahead = seen
+            same = eqx.combine(unpack(once(packed)), rest)
+            command = same(k.astype(float) * PERIOD, state, reference, ahead, memory)
+            return (command.memory, k + 1, total + command.tau), None
+
+        first, reference = jax.tree.map(lambda x: x[0], (states, now))
+        memory = law.init(jnp.zeros(()), first, reference)
+        carry = (memory, jnp.zeros((), int), jnp.zeros(law.joints))
+        return jax.lax.scan(step, carry, seen)[0][2]
+
+    def timed() -> float:
+        began = time.perf_counter()
+        jax.block_until_ready(run(packed, (states, now, following)))
+        return (time.perf_counter() - began) / STEPS * 1e9
+
+    return timed
 
 
 def _arms() -> dict[str, dict[str, Callable[[], float]]]:
@@ -85,7 +125,9 @@ def _laws(plant: Any, printed: Any, motion: Any, start: Any) -> dict[str, Callab
             sharp, period=PERIOD, limits=limits, recovery=Recovery(), delay=1.0
         ),
     }
-    return {name: _contestant(plant, law, motion, start) for name, law in laws.items()}
+    whole = {name: _contestant(plant, law, motion, start) for name, law in laws.items()}
+    alone = {f"{name}, law alone": _alone(law, plant, motion, start) for name, law in list(laws.items())[:3]}
+    return whole | alone
 
 
 def _contestant(plant: Any, law: Any, motion: Any, start: Any) -> Callable[[], float]:
