@@ -17,6 +17,7 @@ from .saturation import saturation as saturation
 from .semi_implicit_euler import semi_implicit_euler as semi_implicit_euler
 from .smooth_power import smooth_power as smooth_power
 from .smooth_power import smooth_power_and_slope as smooth_power_and_slope
+from .tangent_mask import tangent_mask as tangent_mask
 from .two_term_power import two_term_power_and_slope as two_term_power_and_slope
 from .unit_vector import unit_vector as unit_vector
 from .vector_norm import vector_norm as vector_norm

@@ -12,6 +12,8 @@ from jaxtyping import Array, Bool, Int
 
 from slidax._types import Vector
 
+from .tangent_mask import tangent_mask
+
 STEPS = 200
 """At most so many steps: each halves the residual or the bracket, so it suffices for any function; two are usual."""
 
@@ -98,15 +100,10 @@ def _root_jvp(primals: Any, tangents: Any) -> tuple[Vector, Vector]:
     _, d_parameters, d_target, _ = tangents
     x = _root(function, parameters, target, search)
     slope = function(parameters, x)[1]
-    moving, rest = eqx.partition(parameters, _tangent_mask(parameters, d_parameters))
-    d_moving = eqx.filter(d_parameters, _tangent_mask(parameters, d_parameters))
+    moving, rest = eqx.partition(parameters, tangent_mask(parameters, d_parameters))
+    d_moving = eqx.filter(d_parameters, tangent_mask(parameters, d_parameters))
     d_value = jnp.zeros_like(x)
     if jax.tree.leaves(moving):
         _, d_value = jax.jvp(lambda p: function(eqx.combine(p, rest), x)[0], (moving,), (d_moving,))
     wanted = jnp.zeros_like(x) if d_target is None else d_target
     return x, (wanted - d_value) / slope
-
-
-def _tangent_mask(parameters: Any, tangents: Any) -> Any:
-    """Which leaves have a tangent: those that stand still come as None."""
-    return jax.tree.map(lambda p, d: d is not None, parameters, tangents, is_leaf=lambda x: x is None)

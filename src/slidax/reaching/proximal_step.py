@@ -10,7 +10,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Int
 
 from slidax._types import Matrix, Scalar, Vector
-from slidax.numerics import matvec, solve_symmetric, vector_norm
+from slidax.numerics import matvec, solve_symmetric, tangent_mask, vector_norm
 
 STEPS = 300
 """At most so many Newton steps and halvings; nearly always two to four are enough."""
@@ -139,21 +139,16 @@ def _step(reaching: Any, metric: Matrix, s: Vector, u: Scalar) -> Vector:
 
 @_step.def_jvp  # type: ignore[untyped-decorator]
 def _step_jvp(primals: Any, tangents: Any) -> tuple[Vector, Vector]:
-    moving, still = eqx.partition(primals, _tangent_mask(primals, tangents))
+    moving, still = eqx.partition(primals, tangent_mask(primals, tangents))
     found = _step(*primals)
 
     def residual(moving: Any) -> Vector:
         reaching, metric, s, u = eqx.combine(moving, still)
         return _residual_and_jacobian(reaching, metric, matvec(metric, s), u, found)[0]
 
-    _, change = jax.jvp(residual, (moving,), (eqx.filter(tangents, _tangent_mask(primals, tangents)),))
+    _, change = jax.jvp(residual, (moving,), (eqx.filter(tangents, tangent_mask(primals, tangents)),))
     reaching, metric, _, u = primals
     jacobian = _residual_and_jacobian(reaching, metric, found, u, found)[1]
     free = jnp.any(found != 0) | (reaching.layer > 0)
     safe = jnp.where(free, jacobian, metric)
     return found, jnp.where(free, -solve_symmetric(safe, change), 0.0)
-
-
-def _tangent_mask(primals: Any, tangents: Any) -> Any:
-    """Which leaves have a tangent: those that stand still come as None."""
-    return jax.tree.map(lambda p, d: d is not None, primals, tangents, is_leaf=lambda x: x is None)

@@ -11,7 +11,7 @@ from jaxtyping import Array, Bool, Int
 
 from slidax._errors import parameter, require, require_consistent
 from slidax._types import Matrix, PerJoint, Scalar, Vector
-from slidax.numerics import matvec, saturation, solve_symmetric
+from slidax.numerics import matvec, saturation, solve_symmetric, tangent_mask
 
 from .reaching import AbstractReaching
 
@@ -112,7 +112,7 @@ def _step(law: Any, metric: Matrix, s: Vector, u: Scalar) -> Vector:
 
 @_step.def_jvp  # type: ignore[untyped-decorator]
 def _step_jvp(primals: Any, tangents: Any) -> tuple[Vector, Vector]:
-    mask = jax.tree.map(lambda p, d: d is not None, primals, tangents, is_leaf=lambda x: x is None)
+    mask = tangent_mask(primals, tangents)
     moving, still = eqx.partition(primals, mask)
     found = _step(*primals)
 
