@@ -77,7 +77,7 @@ COMPILE = .venv-lock/bin/uv pip compile pyproject.toml --quiet --universal --pyt
 	--no-emit-index-url --no-emit-find-links --custom-compile-command "make lock"
 lock: .venv-lock/bin/uv ## Renew requirements/*.txt after a change in pyproject.toml
 	@mkdir -p requirements
-	@$(COMPILE) --group dev --extra parquet --output-file requirements/dev.txt $(ARGS)
+	@$(COMPILE) --group dev --extra parquet --extra native --output-file requirements/dev.txt $(ARGS)
 	@$(COMPILE) --constraint requirements/dev.txt --output-file requirements/run.txt $(ARGS)
 	@echo "requirements/dev.txt and requirements/run.txt are up to date."
 

@@ -32,11 +32,15 @@ def measure() -> dict[str, Any]:
     compile_s: dict[str, float] = {}
     with tempfile.TemporaryDirectory() as folder:
         contestants: dict[str, Callable[[], float]] = {
-            "slidax, held": _slidax("slidax, held", held, None, compile_s),
-            "slidax, held, every sample logged": _slidax("slidax, held, every sample logged", held, 1, compile_s),
-            "slidax, continuous (RK4)": _slidax("slidax, continuous (RK4)", {}, None, compile_s),
-            "slidax, held, library solve in the step": slow_step.contestant(held, compile_s),
+            f"slidax, {engine}, {name}": _slidax(f"slidax, {engine}, {name}", engine, changes, log_every, compile_s)
+            for name, changes, log_every in (
+                ("held", held, None),
+                ("held, every sample logged", held, 1),
+                ("continuous (RK4)", {}, None),
+            )
+            for engine in ("native", "xla")
         }
+        contestants["slidax, xla, held, library solve in the step"] = slow_step.contestant(held, compile_s)
         for source in ("example_4_1_data", "example_4_1"):
             program = c_program.compiled(source, Path(folder))
             for mode in ("held", "continuous"):
@@ -53,11 +57,11 @@ def measure() -> dict[str, Any]:
 
 
 def _slidax(
-    name: str, changes: dict[str, Any], log_every: int | None, compile_s: dict[str, float]
+    name: str, engine: str, changes: dict[str, Any], log_every: int | None, compile_s: dict[str, float]
 ) -> Callable[[], float]:
     from slidax import scenarios
 
-    scenario = scenarios.load("example-4.1", changes)
+    scenario = scenarios.load("example-4.1", {**changes, "simulation.engine": engine})
     timing = scenario.simulate(log_every=log_every).timing
     assert timing is not None
     compile_s[name] = timing.compile_s

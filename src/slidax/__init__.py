@@ -45,13 +45,14 @@ if TYPE_CHECKING:
     from .simulation import Plant as Plant
     from .simulation import Run as Run
     from .simulation import simulate as simulate
+    from .simulation import simulate_batch as simulate_batch
 
 __version__ = "0.1.0"
 
 _ROOMS = [
     *("trajectories", "robots", "disturbances", "sensors", "actuators", "numerics"),
     *("performance", "transformations", "surfaces", "reaching", "estimators", "controllers"),
-    *("simulation", "scenarios", "metrics", "figures", "papers", "reports"),
+    *("codegen", "simulation", "scenarios", "metrics", "figures", "papers", "reports", "deploy"),
 ]
 _NAMES = {
     "DefinitionError": "_errors",
@@ -63,6 +64,7 @@ _NAMES = {
     "Plant": "simulation",
     "Run": "simulation",
     "simulate": "simulation",
+    "simulate_batch": "simulation",
 }
 
 

@@ -63,6 +63,16 @@ def parameter(value: Any) -> Array:
         raise DefinitionError(f"a number or a list of numbers is needed; got {value!r}") from error
 
 
+def known(value: Any) -> Any:
+    """The numbers of an array, for a check of them; a traced array as it is.
+
+    - `value`: a number or an array.
+
+    A comparison of JAX's arrays would be compiled, and so take a hundred times as long.
+    """
+    return value if is_traced(value) else np.asarray(value)
+
+
 def require(owner: object, field: str, holds: Any, rule: str) -> None:
     """Raises a DefinitionError unless `holds` is true in every entry of the field and the field is finite.
 

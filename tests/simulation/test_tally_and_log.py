@@ -112,11 +112,16 @@ def test_the_same_inputs_give_the_same_bits_twice():
 
 
 @pytest.mark.parametrize("log_every", [1, 7])
-def test_the_tally_and_log_do_not_depend_on_the_size_of_a_chunk(monkeypatch, log_every):
-    monkeypatch.setattr(sys.modules["slidax.simulation.simulate"], "CHUNK", 400)
-    law = law_4_1(layer=0.5)
-    chunked = simulate(plant_4_1(), law, MOTION_4_1, START_4_1, t1=END, period=PERIOD, log_every=log_every)
-    assert_same_bits((chunked.tally, chunked.log, chunked.state), (run(1).tally, run(log_every).log, run(1).state))
+@pytest.mark.parametrize("engine", ["native", "xla"])
+def test_the_tally_and_log_do_not_depend_on_the_size_of_a_chunk(monkeypatch, log_every, engine):
+    def run(log_every):
+        loop = plant_4_1(), law_4_1(layer=0.5), MOTION_4_1, START_4_1
+        return simulate(*loop, t1=END, period=PERIOD, log_every=log_every, engine=engine)
+
+    logged, whole = run(log_every), run(1)
+    monkeypatch.setattr(sys.modules[f"slidax.simulation.{engine}_engine"], "CHUNK", 400)
+    chunked = run(log_every)
+    assert_same_bits((chunked.tally, chunked.log, chunked.state), (whole.tally, logged.log, whole.state))
 
 
 def test_the_memory_passes_from_sample_to_sample_and_the_next_reference_is_one_period_on():

@@ -8,7 +8,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from slidax._errors import parameter, require, require_consistent
+from slidax._errors import known, parameter, require, require_consistent
 from slidax._types import PerJoint, Scalar, Vector
 
 from .torque_limits import TorqueLimits
@@ -44,8 +44,8 @@ class Actuator(eqx.Module):
 
     def __check_init__(self) -> None:
         require_consistent(self, "time_constant")
-        require(self, "time_constant", self.time_constant >= 0, "must be >= 0 s (0 for no lag)")
-        require(self, "dead_time", self.dead_time >= 0, "must be >= 0 sampling periods")
+        require(self, "time_constant", known(self.time_constant) >= 0, "must be >= 0 s (0 for no lag)")
+        require(self, "dead_time", known(self.dead_time) >= 0, "must be >= 0 sampling periods")
 
     @property
     def change(self) -> float:

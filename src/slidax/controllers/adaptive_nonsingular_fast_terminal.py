@@ -6,7 +6,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from slidax._errors import parameter, require, require_consistent, require_per_joint, require_shape
+from slidax._errors import known, parameter, require, require_consistent, require_per_joint, require_shape
 from slidax._types import Command, PerJoint, Reference, Scalar, State
 from slidax.numerics import matvec, power, saturation, sig, sig_and_slope, vector_norm
 from slidax.robots import AbstractRobot
@@ -62,17 +62,25 @@ class AdaptiveNonsingularFastTerminal(AbstractController):
         require_per_joint(self, self.joints, type(self.nominal).__name__, *per_joint)
         require_shape(self, (), "margin")
         require_shape(self, (3,), "adaptation", "initial")
-        require(self, "k1", self.k1 > 0, "must be > 0 ([10])")
-        require(self, "k2", self.k2 > 0, "must be > 0 ([10])")
-        require(self, "beta", (self.beta > 1) & (self.beta < 2), "must be in (1, 2), so that τ is finite ([10])")
+        require(self, "k1", known(self.k1) > 0, "must be > 0 ([10])")
+        require(self, "k2", known(self.k2) > 0, "must be > 0 ([10])")
         require(
-            self, "alpha", self.alpha > self.beta, "must be > `beta` ([10]; the .2 of Table 2 is singular at e = 0)"
+            self,
+            "beta",
+            (known(self.beta) > 1) & (known(self.beta) < 2),
+            "must be in (1, 2), so that τ is finite ([10])",
         )
-        require(self, "gain", self.gain > 0, "must be > 0 (k, [10])")
-        require(self, "margin", self.margin > 0, "must be > 0 (η, [10])")
-        require(self, "adaptation", self.adaptation >= 0, "must be >= 0 (λ0, λ1, λ2, [10])")
-        require(self, "initial", self.initial >= 0, "must be >= 0 (b̂0, b̂1, b̂2 at the start, [10])")
-        require(self, "layer", self.layer >= 0, "must be >= 0 (the boundary layer φ; 0 gives the sign)")
+        require(
+            self,
+            "alpha",
+            known(self.alpha) > known(self.beta),
+            "must be > `beta` ([10]; the .2 of Table 2 is singular at e = 0)",
+        )
+        require(self, "gain", known(self.gain) > 0, "must be > 0 (k, [10])")
+        require(self, "margin", known(self.margin) > 0, "must be > 0 (η, [10])")
+        require(self, "adaptation", known(self.adaptation) >= 0, "must be >= 0 (λ0, λ1, λ2, [10])")
+        require(self, "initial", known(self.initial) >= 0, "must be >= 0 (b̂0, b̂1, b̂2 at the start, [10])")
+        require(self, "layer", known(self.layer) >= 0, "must be >= 0 (the boundary layer φ; 0 gives the sign)")
 
     @property
     def joints(self) -> int:

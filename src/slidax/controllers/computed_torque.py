@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import equinox as eqx
 
-from slidax._errors import parameter, require, require_consistent, require_per_joint
+from slidax._errors import known, parameter, require, require_consistent, require_per_joint
 from slidax._types import Command, Memory, PerJoint, Reference, Scalar, State
 from slidax.numerics import matvec
 from slidax.robots import AbstractRobot
@@ -33,8 +33,8 @@ class ComputedTorque(AbstractController):
     def __check_init__(self) -> None:
         require_consistent(self, "kp", "kd")
         require_per_joint(self, self.joints, type(self.nominal).__name__, "kp", "kd")
-        require(self, "kp", self.kp > 0, "must be > 0 1/s², so that the error oscillator is stable")
-        require(self, "kd", self.kd > 0, "must be > 0 1/s, so that the error oscillator is stable")
+        require(self, "kp", known(self.kp) > 0, "must be > 0 1/s², so that the error oscillator is stable")
+        require(self, "kd", known(self.kd) > 0, "must be > 0 1/s, so that the error oscillator is stable")
 
     @property
     def joints(self) -> int:

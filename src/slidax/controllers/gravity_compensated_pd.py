@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import equinox as eqx
 
-from slidax._errors import parameter, require, require_consistent, require_per_joint
+from slidax._errors import known, parameter, require, require_consistent, require_per_joint
 from slidax._types import Command, Memory, PerJoint, Reference, Scalar, State
 from slidax.robots import AbstractRobot
 
@@ -32,8 +32,12 @@ class GravityCompensatedPD(AbstractController):
     def __check_init__(self) -> None:
         require_consistent(self, "kp", "kd")
         require_per_joint(self, self.joints, type(self.nominal).__name__, "kp", "kd")
-        require(self, "kp", self.kp > 0, "must be > 0, so that the posture is stable (Takegaki and Arimoto, 1981)")
-        require(self, "kd", self.kd > 0, "must be > 0, so that the posture is stable (Takegaki and Arimoto, 1981)")
+        require(
+            self, "kp", known(self.kp) > 0, "must be > 0, so that the posture is stable (Takegaki and Arimoto, 1981)"
+        )
+        require(
+            self, "kd", known(self.kd) > 0, "must be > 0, so that the posture is stable (Takegaki and Arimoto, 1981)"
+        )
 
     @property
     def joints(self) -> int:

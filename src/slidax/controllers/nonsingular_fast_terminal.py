@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import equinox as eqx
 
-from slidax._errors import parameter, require, require_consistent, require_per_joint, require_shape
+from slidax._errors import known, parameter, require, require_consistent, require_per_joint, require_shape
 from slidax._types import Command, Memory, PerJoint, Reference, Scalar, State
 from slidax.numerics import inverse_norm, matvec, sig, sig_and_slope, unit_vector
 from slidax.reaching import StateBound
@@ -49,11 +49,16 @@ class NonsingularFastTerminal(AbstractController):
         require_consistent(self, "gamma1", "gamma2", "gain")
         require_per_joint(self, self.joints, type(self.nominal).__name__, "gamma1", "gamma2", "gain")
         require_shape(self, (), "reach", "layer")
-        require(self, "gamma2", (self.gamma2 > 1) & (self.gamma2 < 2), "must be in (1, 2), so that τ is finite ([7])")
-        require(self, "gamma1", self.gamma1 > self.gamma2, "must be > `gamma2` ([7])")
-        require(self, "reach", self.reach > 0, "must be > 0 (M1, [7])")
-        require(self, "gain", self.gain > 0, "must be > 0 (M2, [7])")
-        require(self, "layer", self.layer >= 0, "must be >= 0 (s0; 0 gives the unit vector)")
+        require(
+            self,
+            "gamma2",
+            (known(self.gamma2) > 1) & (known(self.gamma2) < 2),
+            "must be in (1, 2), so that τ is finite ([7])",
+        )
+        require(self, "gamma1", known(self.gamma1) > known(self.gamma2), "must be > `gamma2` ([7])")
+        require(self, "reach", known(self.reach) > 0, "must be > 0 (M1, [7])")
+        require(self, "gain", known(self.gain) > 0, "must be > 0 (M2, [7])")
+        require(self, "layer", known(self.layer) >= 0, "must be >= 0 (s0; 0 gives the unit vector)")
 
     @property
     def joints(self) -> int:

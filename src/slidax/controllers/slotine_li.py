@@ -5,7 +5,7 @@ from __future__ import annotations
 import equinox as eqx
 import jax
 
-from slidax._errors import parameter, require, require_consistent, require_joints, require_per_joint
+from slidax._errors import known, parameter, require, require_consistent, require_joints, require_per_joint
 from slidax._types import Command, Envelope, Memory, PerJoint, Reference, Scalar, State, Vector
 from slidax.numerics import matvec, once, saturation
 from slidax.robots import AbstractRobot
@@ -48,9 +48,9 @@ class SlotineLi(AbstractController):
             require_joints(part, self.joints, type(self.nominal).__name__)
         require_consistent(self, "damping", "gain", "layer")
         require_per_joint(self, self.joints, type(self.nominal).__name__, "damping", "gain", "layer")
-        require(self, "damping", self.damping >= 0, "must be >= 0 (K_D; Slotine and Li, 1991)")
-        require(self, "gain", self.gain >= 0, "must be >= 0 (K; Slotine and Li, 1991)")
-        require(self, "layer", self.layer >= 0, "must be >= 0 (the boundary layer φ; 0 gives the sign)")
+        require(self, "damping", known(self.damping) >= 0, "must be >= 0 (K_D; Slotine and Li, 1991)")
+        require(self, "gain", known(self.gain) >= 0, "must be >= 0 (K; Slotine and Li, 1991)")
+        require(self, "layer", known(self.layer) >= 0, "must be >= 0 (the boundary layer φ; 0 gives the sign)")
 
     @property
     def joints(self) -> int:

@@ -6,7 +6,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from slidax._errors import parameter, require, require_consistent, require_joints, require_per_joint
+from slidax._errors import known, parameter, require, require_consistent, require_joints, require_per_joint
 from slidax._types import Command, Envelope, Memory, PerJoint, Reference, Scalar, State, Vector
 from slidax.numerics import matvec, once, sig
 from slidax.robots import AbstractRobot
@@ -59,8 +59,8 @@ class SuperTwisting(AbstractController):
             require_joints(part, self.joints, type(self.nominal).__name__)
         require_consistent(self, "k1", "k2")
         require_per_joint(self, self.joints, type(self.nominal).__name__, "k1", "k2")
-        require(self, "k1", self.k1 > 0, "must be > 0 (Moreno and Osorio, 2012)")
-        require(self, "k2", self.k2 > 0, "must be > 0 (Moreno and Osorio, 2012)")
+        require(self, "k1", known(self.k1) > 0, "must be > 0 (Moreno and Osorio, 2012)")
+        require(self, "k2", known(self.k2) > 0, "must be > 0 (Moreno and Osorio, 2012)")
 
     @property
     def joints(self) -> int:

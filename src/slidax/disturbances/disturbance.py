@@ -7,7 +7,7 @@ from typing import Any
 
 import equinox as eqx
 
-from slidax._errors import parameter, require
+from slidax._errors import known, parameter, require
 from slidax._types import Scalar, State, Vector
 
 
@@ -61,7 +61,7 @@ class Scaled(AbstractDisturbance):
     factor: Scalar = eqx.field(converter=parameter)
 
     def __check_init__(self) -> None:
-        require(self, "factor", self.factor.ndim == 0, "must be one finite number")
+        require(self, "factor", known(self.factor).ndim == 0, "must be one finite number")
 
     def __call__(self, t: Scalar, state: State) -> Vector:
         """The scaled force, [n], N m or N.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import equinox as eqx
 import jax.numpy as jnp
 
-from slidax._errors import parameter, require, require_consistent
+from slidax._errors import known, parameter, require, require_consistent
 from slidax._types import PerJoint, Scalar, State, Vector
 
 from .disturbance import AbstractDisturbance
@@ -27,9 +27,9 @@ class Friction(AbstractDisturbance):
 
     def __check_init__(self) -> None:
         require_consistent(self, "coulomb", "viscous", "smoothing")
-        require(self, "coulomb", self.coulomb >= 0, "must be >= 0, or it would drive the joint")
-        require(self, "viscous", self.viscous >= 0, "must be >= 0, or it would drive the joint")
-        require(self, "smoothing", self.smoothing > 0, "must be > 0")
+        require(self, "coulomb", known(self.coulomb) >= 0, "must be >= 0, or it would drive the joint")
+        require(self, "viscous", known(self.viscous) >= 0, "must be >= 0, or it would drive the joint")
+        require(self, "smoothing", known(self.smoothing) > 0, "must be > 0")
 
     def __call__(self, t: Scalar, state: State) -> Vector:
         """The friction force, [n], N m or N.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import equinox as eqx
 import jax.numpy as jnp
 
-from slidax._errors import parameter, require
+from slidax._errors import known, parameter, require
 from slidax._types import Scalar, State, Vector
 
 from .disturbance import AbstractDisturbance
@@ -27,7 +27,7 @@ class Step(AbstractDisturbance):
 
     def __check_init__(self) -> None:
         require(self, "value", True, "must be finite")
-        require(self, "start", self.end > self.start, f"must be before its end ({self.end} s)")
+        require(self, "start", known(self.end) > known(self.start), f"must be before its end ({self.end} s)")
 
     def __call__(self, t: Scalar, state: State) -> Vector:
         """`c` while it lasts, [n], N m or N.

@@ -6,7 +6,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool
 
-from slidax._errors import parameter, require, require_consistent
+from slidax._errors import known, parameter, require, require_consistent
 from slidax._types import PerJoint, Scalar, State
 
 from .estimator import AbstractEstimator, Estimate
@@ -33,8 +33,8 @@ class FilteredDifference(AbstractEstimator):
 
     def __check_init__(self) -> None:
         require_consistent(self, "cutoff", "gain")
-        require(self, "cutoff", self.cutoff > 0, "must be > 0 rad/s")
-        require(self, "gain", (self.gain >= 0) & (self.gain <= 1), "must be in [0, 1]")
+        require(self, "cutoff", known(self.cutoff) > 0, "must be > 0 rad/s")
+        require(self, "gain", (known(self.gain) >= 0) & (known(self.gain) <= 1), "must be in [0, 1]")
 
     def init(self, measured: State) -> State:
         """The last measured position and the last estimated velocity.

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from slidax._errors import DefinitionError, is_traced, parameter, require
+from slidax._errors import DefinitionError, is_traced, known, parameter, require
 from slidax._types import Scalar, State
 
 from .estimator import AbstractEstimator, Estimate, reseated
@@ -35,7 +35,7 @@ class Kalman(AbstractEstimator):
         shape = self.gains.shape
         if len(shape) not in (1, 2) or shape[0] != 3:
             raise DefinitionError(f"`Kalman.gains` must be three numbers or three per joint; got shape {list(shape)}")
-        require(self, "gains", self.gains >= 0, "must be >= 0")
+        require(self, "gains", known(self.gains) >= 0, "must be >= 0")
 
     @classmethod
     def steady(cls, *, density: Any, variance: Any, period: Any) -> Kalman:

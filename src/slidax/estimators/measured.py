@@ -8,7 +8,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool
 
-from slidax._errors import parameter, require, require_consistent, require_shape
+from slidax._errors import known, parameter, require, require_consistent, require_shape
 from slidax._types import PerJoint, Scalar, State, Vector
 
 from .estimator import AbstractEstimator, Estimate
@@ -37,10 +37,15 @@ class Measured(AbstractEstimator):
     def __check_init__(self) -> None:
         require_consistent(self, "gain", "trend")
         require_shape(self, (), "ahead")
-        require(self, "gain", (self.gain >= 0) & (self.gain <= 1), "must be in [0, 1]")
+        require(self, "gain", (known(self.gain) >= 0) & (known(self.gain) <= 1), "must be in [0, 1]")
         # Beyond it the filter itself is unstable (Jury).
-        require(self, "trend", (self.trend >= 0) & (self.trend <= 4.0 - 2.0 * self.gain), "must be in [0, 4 - 2 gain]")
-        require(self, "ahead", self.ahead >= 0, "must be >= 0 periods")
+        require(
+            self,
+            "trend",
+            (known(self.trend) >= 0) & (known(self.trend) <= 4.0 - 2.0 * known(self.gain)),
+            "must be in [0, 4 - 2 gain]",
+        )
+        require(self, "ahead", known(self.ahead) >= 0, "must be >= 0 periods")
 
     @classmethod
     def critical(cls, gain: Any, ahead: Any) -> Measured:

@@ -6,7 +6,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool
 
-from slidax._errors import parameter, require, require_consistent
+from slidax._errors import known, parameter, require, require_consistent
 from slidax._types import PerJoint, Scalar, State, Vector
 
 from .estimator import AbstractEstimator, Estimate
@@ -42,7 +42,7 @@ class RobustDifferentiator(AbstractEstimator):
 
     def __check_init__(self) -> None:
         require_consistent(self, "lipschitz")
-        require(self, "lipschitz", self.lipschitz > 0, "must be > 0 rad/s³ (L, Levant, 2003)")
+        require(self, "lipschitz", known(self.lipschitz) > 0, "must be > 0 rad/s³ (L, Levant, 2003)")
 
     def init(self, measured: State) -> tuple[()]:
         """Nothing to keep.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import equinox as eqx
 import jax.numpy as jnp
 
-from slidax._errors import parameter, require, require_consistent
+from slidax._errors import known, parameter, require, require_consistent
 from slidax._types import PerJoint, Scalar
 
 from .performance import AbstractPerformance, require_narrowing
@@ -28,7 +28,7 @@ class Exponential(AbstractPerformance):
     def __check_init__(self) -> None:
         require_consistent(self, "initial", "final", "rate")
         require_narrowing(self)
-        require(self, "rate", self.rate > 0, "must be > 0 1/s, so that the envelope narrows (Definition 4)")
+        require(self, "rate", known(self.rate) > 0, "must be > 0 1/s, so that the envelope narrows (Definition 4)")
 
     def radius(self, t: Scalar) -> PerJoint:
         """`ρ(t)`, [n], rad or m.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import equinox as eqx
 import jax.numpy as jnp
 
-from slidax._errors import parameter, require, require_consistent
+from slidax._errors import known, parameter, require, require_consistent
 from slidax._types import PerJoint, Scalar
 from slidax.numerics import power
 
@@ -34,11 +34,11 @@ class FiniteTime(AbstractPerformance):
     def __check_init__(self) -> None:
         require_consistent(self, "initial", "final", "rate", "exponent")
         require_narrowing(self)
-        require(self, "rate", self.rate > 0, "must be > 0, so that the envelope narrows (Definition 4)")
+        require(self, "rate", known(self.rate) > 0, "must be > 0, so that the envelope narrows (Definition 4)")
         require(
             self,
             "exponent",
-            (self.exponent > 0.5) & (self.exponent < 1),
+            (known(self.exponent) > 0.5) & (known(self.exponent) < 1),
             "must be in (1/2, 1), so that the second derivative is continuous where the function settles",
         )
 

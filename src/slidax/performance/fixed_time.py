@@ -5,7 +5,7 @@ from __future__ import annotations
 import equinox as eqx
 import jax.numpy as jnp
 
-from slidax._errors import parameter, require, require_consistent
+from slidax._errors import known, parameter, require, require_consistent
 from slidax._types import PerJoint, Scalar
 from slidax.numerics import power
 
@@ -31,9 +31,9 @@ class FixedTime(AbstractPerformance):
     def __check_init__(self) -> None:
         require_consistent(self, "initial", "final", "deadline", "exponent")
         require_narrowing(self)
-        require(self, "deadline", self.deadline > 0, "must be > 0 s (eq. 20)")
+        require(self, "deadline", known(self.deadline) > 0, "must be > 0 s (eq. 20)")
         smooth = "must be > 2, so that the second derivative is continuous at T (eq. 20)"
-        require(self, "exponent", self.exponent > 2, smooth)
+        require(self, "exponent", known(self.exponent) > 2, smooth)
 
     def radius(self, t: Scalar) -> PerJoint:
         """`ρ(t)`, [n], rad or m.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import equinox as eqx
 
-from slidax._errors import parameter, require, require_shape
+from slidax._errors import known, parameter, require, require_shape
 from slidax._types import Scalar, State, Vector
 
 
@@ -20,7 +20,7 @@ class FixedBound(eqx.Module):
 
     def __check_init__(self) -> None:
         require_shape(self, (), "size")
-        require(self, "size", self.size >= 0, "must be >= 0 N m (u)")
+        require(self, "size", known(self.size) >= 0, "must be >= 0 N m (u)")
 
     def __call__(self, state: State, tau: Vector) -> Scalar:
         """u, N m.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import equinox as eqx
 import numpy as np
 
-from slidax._errors import DefinitionError, is_traced, parameter, require, require_shape
+from slidax._errors import DefinitionError, is_traced, known, parameter, require, require_shape
 from slidax._types import Matrix, PerJoint, Scalar, Vector
 from slidax.numerics import is_positive_definite, matvec, sig, sig_and_slope, unit_vector
 
@@ -31,13 +31,13 @@ class FixedTimeReaching(AbstractReaching):
         require_shape(self, (), "exponent", "layer")
         rule = "must be symmetric positive definite (K0, eq. 43)"
         if self.gain.ndim < 2:
-            require(self, "gain", self.gain > 0, rule)
+            require(self, "gain", known(self.gain) > 0, rule)
         elif not is_traced(self.gain):
             matrix = np.asarray(self.gain)
             if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1] or not is_positive_definite(matrix):
                 raise DefinitionError(f"`FixedTimeReaching.gain` {rule}; got {matrix.tolist()}")
-        require(self, "exponent", self.exponent > 1, "must be > 1 (r, eq. 43)")
-        require(self, "layer", self.layer >= 0, "must be >= 0 (s0, eq. 51; 0 gives the unit vector of eq. 44)")
+        require(self, "exponent", known(self.exponent) > 1, "must be > 1 (r, eq. 43)")
+        require(self, "layer", known(self.layer) >= 0, "must be >= 0 (s0, eq. 51; 0 gives the unit vector of eq. 44)")
 
     def power(self, s: Vector) -> Vector:
         """`K0 Sig^r(s)`, [n], N m or N.

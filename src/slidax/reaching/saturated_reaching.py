@@ -9,7 +9,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Int
 
-from slidax._errors import parameter, require, require_consistent
+from slidax._errors import known, parameter, require, require_consistent
 from slidax._types import Matrix, PerJoint, Scalar, Vector
 from slidax.numerics import matvec, saturation, solve_symmetric, tangent_mask
 
@@ -40,9 +40,14 @@ class SaturatedReaching(AbstractReaching):
 
     def __check_init__(self) -> None:
         require_consistent(self, "damping", "weights", "layer")
-        require(self, "damping", self.damping >= 0, "must be >= 0 (K_D; Slotine and Li, 1991)")
-        require(self, "weights", (self.weights >= 0) & (self.weights <= 1), "must be in [0, 1], a joint's share of u")
-        require(self, "layer", self.layer >= 0, "must be >= 0 (the boundary layer φ; 0 gives the sign)")
+        require(self, "damping", known(self.damping) >= 0, "must be >= 0 (K_D; Slotine and Li, 1991)")
+        require(
+            self,
+            "weights",
+            (known(self.weights) >= 0) & (known(self.weights) <= 1),
+            "must be in [0, 1], a joint's share of u",
+        )
+        require(self, "layer", known(self.layer) >= 0, "must be >= 0 (the boundary layer φ; 0 gives the sign)")
 
     def power(self, s: Vector) -> Vector:
         """`K_D s`, [n], N m or N.

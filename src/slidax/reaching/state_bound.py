@@ -5,7 +5,7 @@ from __future__ import annotations
 import equinox as eqx
 import jax.numpy as jnp
 
-from slidax._errors import parameter, require, require_shape
+from slidax._errors import known, parameter, require, require_shape
 from slidax._types import Scalar, State
 from slidax.numerics import vector_norm
 
@@ -25,7 +25,7 @@ class StateBound(eqx.Module):
     def __check_init__(self) -> None:
         require_shape(self, (), "constant", "position", "velocity")
         for field, symbol in (("constant", "b0"), ("position", "b1"), ("velocity", "b2")):
-            require(self, field, getattr(self, field) >= 0, f"must be >= 0 ({symbol}, eq. 19)")
+            require(self, field, known(getattr(self, field)) >= 0, f"must be >= 0 ({symbol}, eq. 19)")
 
     def __call__(self, state: State) -> Scalar:
         """The bound, N m.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import equinox as eqx
 import jax.numpy as jnp
 
-from slidax._errors import parameter, require, require_consistent, require_shape
+from slidax._errors import known, parameter, require, require_consistent, require_shape
 from slidax._types import Matrix, PerJoint, Scalar, Vector
 from slidax.numerics import power, sig, sig_and_slope, unit_vector
 
@@ -36,11 +36,11 @@ class TwoPowerReaching(AbstractReaching):
     def __check_init__(self) -> None:
         require_consistent(self, "k1", "k2")
         require_shape(self, (), "v1", "v2", "layer")
-        require(self, "k1", self.k1 > 0, "must be > 0, so that K1 is diagonal positive definite ([24])")
-        require(self, "k2", self.k2 > 0, "must be > 0, so that K2 is diagonal positive definite ([24])")
-        require(self, "v1", self.v1 > 1, "must be > 1 ([24])")
-        require(self, "v2", (self.v2 > 0) & (self.v2 < 1), "must be in (0, 1) ([24])")
-        require(self, "layer", self.layer >= 0, "must be >= 0 (s0, eq. 51; 0 gives the unit vector of eq. 44)")
+        require(self, "k1", known(self.k1) > 0, "must be > 0, so that K1 is diagonal positive definite ([24])")
+        require(self, "k2", known(self.k2) > 0, "must be > 0, so that K2 is diagonal positive definite ([24])")
+        require(self, "v1", known(self.v1) > 1, "must be > 1 ([24])")
+        require(self, "v2", (known(self.v2) > 0) & (known(self.v2) < 1), "must be in (0, 1) ([24])")
+        require(self, "layer", known(self.layer) >= 0, "must be >= 0 (s0, eq. 51; 0 gives the unit vector of eq. 44)")
 
     def power(self, s: Vector) -> Vector:
         """`K1 Sig^v1(s) + K2 Sig^v2(s)`, [n], N m or N.

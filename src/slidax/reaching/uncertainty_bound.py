@@ -5,7 +5,7 @@ from __future__ import annotations
 import equinox as eqx
 import jax.numpy as jnp
 
-from slidax._errors import parameter, require, require_shape
+from slidax._errors import known, parameter, require, require_shape
 from slidax._types import Scalar, State, Vector
 from slidax.numerics import vector_norm
 
@@ -31,16 +31,16 @@ class UncertaintyBound(eqx.Module):
 
     def __check_init__(self) -> None:
         require_shape(self, (), "inertia_min", "inertia_max", "constant", "position", "velocity", "margin")
-        require(self, "inertia_min", self.inertia_min > 0, "must be > 0 (m1, eq. 47)")
+        require(self, "inertia_min", known(self.inertia_min) > 0, "must be > 0 (m1, eq. 47)")
         require(
             self,
             "inertia_max",
-            self.inertia_max >= self.inertia_min,
+            known(self.inertia_max) >= known(self.inertia_min),
             f"must be >= `inertia_min` = {self.inertia_min} (m2, eq. 47)",
         )
         for field, symbol in (("constant", "b0"), ("position", "b1"), ("velocity", "b2")):
-            require(self, field, getattr(self, field) >= 0, f"must be >= 0 ({symbol}, eq. 19)")
-        require(self, "margin", self.margin > 0, "must be > 0 (k, eq. 45)")
+            require(self, field, known(getattr(self, field)) >= 0, f"must be >= 0 ({symbol}, eq. 19)")
+        require(self, "margin", known(self.margin) > 0, "must be > 0 (k, eq. 45)")
 
     @property
     def gamma(self) -> Scalar:

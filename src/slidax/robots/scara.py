@@ -8,7 +8,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from slidax._errors import parameter, require, require_shape
+from slidax._errors import known, parameter, require, require_shape
 from slidax._types import Matrix, Scalar, Vector
 from slidax.numerics import once
 
@@ -42,8 +42,8 @@ class Scara(AbstractRobot):
         require_shape(self, (2,), "lengths")
         require_shape(self, (3,), "masses")
         require_shape(self, (), "gravity_acceleration")
-        require(self, "lengths", self.lengths > 0, "must be > 0 m")
-        require(self, "masses", self.masses > 0, "must be > 0 kg")
+        require(self, "lengths", known(self.lengths) > 0, "must be > 0 m")
+        require(self, "masses", known(self.masses) > 0, "must be > 0 kg")
         require(self, "gravity_acceleration", True, "must be finite")
 
     def mass(self, q: Vector) -> Matrix:

@@ -8,7 +8,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from slidax._errors import parameter, require, require_shape
+from slidax._errors import known, parameter, require, require_shape
 from slidax._types import Matrix, Scalar, Vector
 from slidax.numerics import once
 
@@ -45,9 +45,9 @@ class TwoLink(AbstractRobot):
     def __check_init__(self) -> None:
         require_shape(self, (2,), "lengths", "masses", "inertias")
         require_shape(self, (), "gravity_acceleration")
-        require(self, "lengths", self.lengths > 0, "must be > 0 m")
-        require(self, "masses", self.masses > 0, "must be > 0 kg")
-        require(self, "inertias", self.inertias >= 0, "must be >= 0 kg m²")
+        require(self, "lengths", known(self.lengths) > 0, "must be > 0 m")
+        require(self, "masses", known(self.masses) > 0, "must be > 0 kg")
+        require(self, "inertias", known(self.inertias) >= 0, "must be >= 0 kg m²")
         require(self, "gravity_acceleration", True, "must be finite")
 
     def mass(self, q: Vector) -> Matrix:

@@ -64,8 +64,8 @@ class SimulationDescription(Description):
     """One in how many samples is written to the log; metrics count all."""
     outside: Literal["raise", "recover"] = "raise"
     """What a sample outside the envelope does: `raise` ends the run, `recover` counts it and goes on."""
-    engine: Literal["auto", "xla"] = "auto"
-    """What computes; `auto` takes the fastest there is."""
+    engine: Literal["auto", "native", "xla"] = "auto"
+    """What computes: `native` is machine code of our own, `xla` JAX's compiler; `auto` takes the fastest there is."""
 
 
 class ScenarioDescription(Description):
@@ -146,4 +146,5 @@ class ScenarioDescription(Description):
             substeps=simulation.substeps,
             log_every=simulation.log_every,
             outside=simulation.outside,
+            engine=simulation.engine,
         )

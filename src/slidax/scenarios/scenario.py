@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from slidax._types import State
 from slidax.controllers import AbstractController
-from slidax.simulation import Plant, Run, simulate
+from slidax.simulation import Engine, Plant, Run, simulate
 from slidax.trajectories import AbstractTrajectory
 
 if TYPE_CHECKING:
@@ -22,7 +22,7 @@ class Scenario:
     - `name`, `robot`, `scheme`: what the scenario, its robot and its scheme are called.
     - `description`: the validated file it was built from.
     - `plant`, `controller`, `trajectory`, `state0`: the parts.
-    - `t1`, `period`, `mode`, `integrator`, `substeps`, `log_every`, `outside`: as in `simulate`.
+    - `t1`, `period`, `mode`, `integrator`, `substeps`, `log_every`, `outside`, `engine`: as in `simulate`.
     """
 
     name: str
@@ -40,6 +40,7 @@ class Scenario:
     substeps: int
     log_every: int
     outside: Literal["raise", "recover"] = "raise"
+    engine: Engine = "auto"
 
     def simulate(self, *, log_every: int | None = 0, throw: bool = False, progress: bool | None = None) -> Run:
         """The run of this scenario.
@@ -62,6 +63,7 @@ class Scenario:
             substeps=self.substeps,
             log_every=self.log_every if log_every == 0 else log_every,
             outside=self.outside,
+            engine=self.engine,
             throw=throw,
             progress=progress,
         )

@@ -8,7 +8,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
-from slidax._errors import require, require_shape
+from slidax._errors import known, require, require_shape
 from slidax._types import Memory, Scalar, State
 
 from .chance import DELAYED, uniform, whole
@@ -51,8 +51,8 @@ class Delayed(AbstractSensor):
 
     def __check_init__(self) -> None:
         require_shape(self, (), "seed")
-        require(self, "periods", self.periods >= 0, "must be >= 0 sampling periods")
-        require(self, "jitter", self.jitter >= 0, "must be >= 0 sampling periods")
+        require(self, "periods", known(self.periods) >= 0, "must be >= 0 sampling periods")
+        require(self, "jitter", known(self.jitter) >= 0, "must be >= 0 sampling periods")
 
     @property
     def kept(self) -> int:

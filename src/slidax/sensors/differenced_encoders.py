@@ -6,7 +6,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Int
 
-from slidax._errors import parameter, require, require_consistent, require_shape
+from slidax._errors import known, parameter, require, require_consistent, require_shape
 from slidax._types import PerJoint, Scalar, State
 
 from .chance import DIFFERENCED_ENCODERS, normal, whole
@@ -37,8 +37,8 @@ class DifferencedEncoders(AbstractSensor):
         require_consistent(self, "resolution", "position_noise", "cutoff")
         require_shape(self, (), "seed")
         for field in ("resolution", "position_noise"):
-            require(self, field, getattr(self, field) >= 0, "must be >= 0 (0 for none)")
-        require(self, "cutoff", self.cutoff > 0, "must be > 0 rad/s")
+            require(self, field, known(getattr(self, field)) >= 0, "must be >= 0 (0 for none)")
+        require(self, "cutoff", known(self.cutoff) > 0, "must be > 0 rad/s")
 
     def init(self, state: State) -> State:
         """The position that was counted last, and the filtered velocity: at the start both are the true ones.

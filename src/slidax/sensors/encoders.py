@@ -6,7 +6,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Int
 
-from slidax._errors import parameter, require, require_consistent, require_shape
+from slidax._errors import known, parameter, require, require_consistent, require_shape
 from slidax._types import PerJoint, Scalar, State
 
 from .chance import ENCODERS, normal, whole
@@ -37,7 +37,7 @@ class Encoders(AbstractSensor):
         require_consistent(self, "resolution", "position_noise", "velocity_noise")
         require_shape(self, (), "seed")
         for field in ("resolution", "position_noise", "velocity_noise"):
-            require(self, field, getattr(self, field) >= 0, "must be >= 0 (0 for none)")
+            require(self, field, known(getattr(self, field)) >= 0, "must be >= 0 (0 for none)")
 
     def init(self, state: State) -> tuple[()]:
         """Nothing to keep.

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Int
 
-from slidax._errors import DefinitionError, is_traced, parameter, require, require_shape
+from slidax._errors import DefinitionError, is_traced, known, parameter, require, require_shape
 from slidax._types import Memory, Scalar, State
 
 from .chance import LOSSY, uniform, whole
@@ -49,7 +49,9 @@ class Lossy(AbstractSensor):
 
     def __check_init__(self) -> None:
         require_shape(self, (), "probability", "seed")
-        require(self, "probability", (self.probability >= 0) & (self.probability <= 1), "must be in [0, 1]")
+        require(
+            self, "probability", (known(self.probability) >= 0) & (known(self.probability) <= 1), "must be in [0, 1]"
+        )
         if self.starts.ndim != 1 or self.starts.shape != self.counts.shape:
             raise DefinitionError(
                 "`Lossy.counts` must have one entry for each of `starts`; "

@@ -1,5 +1,6 @@
 """The one place where time passes: a plant under a controller becomes a Run."""
 
+from .engine import Engine as Engine
 from .outcome import Outcome as Outcome
 from .plant import Plant as Plant
 from .run import Log as Log
@@ -7,4 +8,5 @@ from .run import Run as Run
 from .run import Timing as Timing
 from .simulate import BANDS as BANDS
 from .simulate import simulate as simulate
+from .simulate_batch import simulate_batch as simulate_batch
 from .tally import Tally as Tally

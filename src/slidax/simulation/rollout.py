@@ -1,4 +1,4 @@
-"""The closed loop as one pure, scanned function."""
+"""One sample of the closed loop as a pure function, whichever engine runs it."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from typing import Any
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Int
 
 from slidax._types import Command, Envelope, Memory, Reference, Scalar, State, Vector
@@ -76,6 +75,13 @@ class Carry(eqx.Module):
     torque: Vector | None
 
 
+Begun = tuple[Carry, Envelope | None, Reference]
+"""The carry before the first sample, with the envelope and the reference there."""
+
+Inside = Callable[[State, Reference, Envelope | None], None]
+"""Raises a DefinitionError if the first state may not be where it is."""
+
+
 class Passed(eqx.Module):
     """What one period leaves behind, beside the state: the memories of all who have one."""
 
@@ -102,7 +108,7 @@ class Evaluation(eqx.Module):
     fault: Fault
 
 
-def begin(loop: Loop, state: State) -> tuple[Carry, Envelope | None, Reference]:
+def begin(loop: Loop, state: State) -> Begun:
     """The carry before the first sample, with the envelope and the reference there.
 
     - `loop`: what stays the same.
@@ -136,39 +142,12 @@ def begin(loop: Loop, state: State) -> tuple[Carry, Envelope | None, Reference]:
     return carry, loop.controller.envelope(t, memory), reference
 
 
-def advance(loop: Loop, carry: Carry, points: int, every: int | None, *, pack: bool) -> tuple[Carry, Log | None]:
-    """The carry after `points * (every or 1)` samples, with every `every`-th of them logged.
+def sample(loop: Loop, carry: Carry) -> tuple[Carry, Log]:
+    """One sample: evaluate the law, count it, move the plant one period on, unless the run is over.
 
     - `loop`: what stays the same.
     - `carry`: what changes.
-    - `points`: how many samples to log.
-    - `every`: one in how many samples is logged; None logs none.
-    - `pack`: pass what stays the same as one array. Faster for a single run; a batch then shares nothing.
     """
-    arrays, rest = eqx.partition(loop, eqx.is_inexact_array)
-    packed, unpack = ravel_pytree(arrays)
-
-    def sample(carry: Carry, _: None) -> tuple[Carry, Log]:
-        # One array instead of dozens: XLA looks up the address of each in every step.
-        same = eqx.combine(unpack(once(packed)), rest) if pack else loop
-        # Tied together, so that a run rounds alike whether it is logged or not.
-        tied: tuple[Carry, Log] = jax.lax.optimization_barrier(_sample(same, carry))
-        return tied
-
-    def unlogged(carry: Carry, _: None) -> tuple[Carry, None]:
-        return sample(carry, None)[0], None
-
-    def group(carry: Carry, _: None) -> tuple[Carry, Log]:
-        carry, logs = jax.lax.scan(sample, carry, None, length=every)
-        return carry, jax.tree.map(lambda x: x[0], logs)
-
-    if every is None:
-        return jax.lax.scan(unlogged, carry, None, length=points)
-    return jax.lax.scan(sample if every == 1 else group, carry, None, length=points)
-
-
-def _sample(loop: Loop, carry: Carry) -> tuple[Carry, Log]:
-    """One sample: evaluate the law, count it, move the plant one period on, unless the run is over."""
     t = carry.k.astype(float) * loop.period
     moved, passed, stages = (_continuous_step if loop.continuous else _held_step)(loop, carry, t)
     now = stages[0]

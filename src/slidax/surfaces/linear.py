@@ -5,7 +5,7 @@ from __future__ import annotations
 import equinox as eqx
 import jax.numpy as jnp
 
-from slidax._errors import parameter, require, require_consistent
+from slidax._errors import known, parameter, require, require_consistent
 from slidax._types import PerJoint, Vector
 
 from .surface import AbstractSurface
@@ -25,7 +25,7 @@ class Linear(AbstractSurface):
 
     def __check_init__(self) -> None:
         require_consistent(self, "rate")
-        require(self, "rate", self.rate > 0, "must be > 0 1/s, so that the error decays (Slotine and Li, 1991)")
+        require(self, "rate", known(self.rate) > 0, "must be > 0 1/s, so that the error decays (Slotine and Li, 1991)")
 
     def pull_and_slope(self, eps: Vector) -> tuple[Vector, Vector]:
         """`Λ e`, and `Λ`, both [n].

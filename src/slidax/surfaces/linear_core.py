@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import equinox as eqx
 
-from slidax._errors import parameter, require, require_consistent
+from slidax._errors import known, parameter, require, require_consistent
 from slidax._types import PerJoint, Vector
 from slidax.numerics import linear_core_power_and_slope, power, sig_and_slope
 
@@ -33,11 +33,11 @@ class LinearCoreFixedTime(AbstractSurface):
 
     def __check_init__(self) -> None:
         require_consistent(self, "k1", "k2", "p", "q", "delta")
-        require(self, "k1", self.k1 > 0, "must be > 0, so that K1 is diagonal positive definite (eq. 40)")
-        require(self, "k2", self.k2 > 0, "must be > 0, so that K2 is diagonal positive definite (eq. 40)")
-        require(self, "p", (self.p > 0) & (self.p < 1), "must be in (0, 1) (eq. 78)")
-        require(self, "q", self.q > 1, "must be > 1 (eq. 34)")
-        require(self, "delta", (self.delta > 0) & (self.delta <= 1), "must be in (0, 1] (eq. 78)")
+        require(self, "k1", known(self.k1) > 0, "must be > 0, so that K1 is diagonal positive definite (eq. 40)")
+        require(self, "k2", known(self.k2) > 0, "must be > 0, so that K2 is diagonal positive definite (eq. 40)")
+        require(self, "p", (known(self.p) > 0) & (known(self.p) < 1), "must be in (0, 1) (eq. 78)")
+        require(self, "q", known(self.q) > 1, "must be > 1 (eq. 34)")
+        require(self, "delta", (known(self.delta) > 0) & (known(self.delta) <= 1), "must be in (0, 1] (eq. 78)")
 
     def pull_and_slope(self, eps: Vector) -> tuple[Vector, Vector]:
         """`K1 Ŝ^p(ε1) + K2 Sig^q(ε1)`, and `K1 F̂^p(ε1) + K2 H^q(ε1)`, both [n]; at |ε1| = δ the outer slope.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import equinox as eqx
 
-from slidax._errors import parameter, require, require_consistent
+from slidax._errors import known, parameter, require, require_consistent
 from slidax._types import PerJoint, Vector
 from slidax.numerics import power, sig_and_slope, two_term_power_and_slope
 
@@ -36,12 +36,12 @@ class SingularityFree(AbstractSurface):
 
     def __check_init__(self) -> None:
         require_consistent(self, "c1", "c2", "alpha", "beta", "r", "delta")
-        require(self, "c1", self.c1 > 0, "must be > 0, so that C1 is diagonal positive definite ([24])")
-        require(self, "c2", self.c2 > 0, "must be > 0, so that C2 is diagonal positive definite ([24])")
-        require(self, "alpha", (self.alpha > 0) & (self.alpha < 1), "must be in (0, 1) ([24])")
-        require(self, "beta", self.beta > 1, "must be > 1 ([24])")
-        require(self, "r", self.r > 1, "must be > 1, so that the slope is finite at zero ([24])")
-        require(self, "delta", self.delta > 0, "must be > 0 ([24])")
+        require(self, "c1", known(self.c1) > 0, "must be > 0, so that C1 is diagonal positive definite ([24])")
+        require(self, "c2", known(self.c2) > 0, "must be > 0, so that C2 is diagonal positive definite ([24])")
+        require(self, "alpha", (known(self.alpha) > 0) & (known(self.alpha) < 1), "must be in (0, 1) ([24])")
+        require(self, "beta", known(self.beta) > 1, "must be > 1 ([24])")
+        require(self, "r", known(self.r) > 1, "must be > 1, so that the slope is finite at zero ([24])")
+        require(self, "delta", known(self.delta) > 0, "must be > 0 ([24])")
 
     def pull_and_slope(self, eps: Vector) -> tuple[Vector, Vector]:
         """`C1 S_α(e) + C2 Sig^β(e)`, and `C1 S_α'(e) + C2 β |e|^(β-1)`, both [n].

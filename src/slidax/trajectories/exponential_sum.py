@@ -6,7 +6,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from slidax._errors import parameter, require
+from slidax._errors import known, parameter, require
 from slidax._types import Scalar, Vector
 
 from .trajectory import AbstractTrajectory
@@ -28,7 +28,7 @@ class ExponentialSum(AbstractTrajectory):
 
     def __check_init__(self) -> None:
         require(self, "offset", True, "must be finite")
-        require(self, "rates", self.rates > 0, "must be > 0, so that the motion comes to rest")
+        require(self, "rates", known(self.rates) > 0, "must be > 0, so that the motion comes to rest")
         fits = self.amplitudes.ndim == 2 and self.amplitudes.shape == (*self.rates.shape, *self.offset.shape)
         require(self, "amplitudes", fits, "must have one row per rate and one column per joint")
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import equinox as eqx
 import jax.numpy as jnp
 
-from slidax._errors import parameter, require
+from slidax._errors import known, parameter, require
 from slidax._types import Envelope, PerJoint, Scalar, Vector
 from slidax.performance import AbstractPerformance
 
@@ -32,7 +32,9 @@ class PrescribedPerformance(AbstractTransformation):
     overshoot: PerJoint = eqx.field(converter=parameter)
 
     def __check_init__(self) -> None:
-        require(self, "overshoot", (self.overshoot > 0) & (self.overshoot < 1), "must be in (0, 1) (eq. 13)")
+        require(
+            self, "overshoot", (known(self.overshoot) > 0) & (known(self.overshoot) < 1), "must be in (0, 1) (eq. 13)"
+        )
 
     def init(self, t: Scalar, e: Vector) -> Sides:
         """The sides by the sign of the initial error, eq. (13).

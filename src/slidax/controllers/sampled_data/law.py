@@ -9,7 +9,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool
 
-from slidax._errors import DefinitionError, parameter, require, require_joints, require_shape
+from slidax._errors import DefinitionError, known, parameter, require, require_joints, require_shape
 from slidax._types import Command, Envelope, Matrix, Memory, Reference, Scalar, State, Vector
 from slidax.actuators import TorqueLimits
 from slidax.estimators import AbstractEstimator, Estimate
@@ -82,10 +82,12 @@ class SampledData(AbstractController):
         for part in (self.transformation, self.surface, self.reaching, self.bound, self.limits):
             require_joints(part, self.joints, type(self.nominal).__name__)
         require_shape(self, (), "period", "horizon")
-        require(self, "period", self.period > 0, "must be > 0 s")
-        require(self, "horizon", self.horizon >= self.period, f"must be >= `period` = {self.period} s")
-        require(self, "delay", self.delay >= 0, "must be >= 0 periods")
-        require(self, "dead_time", 0 <= self.dead_time <= self.delay, "must be part of `delay`, from 0 to it")
+        require(self, "period", known(self.period) > 0, "must be > 0 s")
+        require(self, "horizon", known(self.horizon) >= known(self.period), f"must be >= `period` = {self.period} s")
+        require(self, "delay", known(self.delay) >= 0, "must be >= 0 periods")
+        require(
+            self, "dead_time", 0 <= known(self.dead_time) <= known(self.delay), "must be part of `delay`, from 0 to it"
+        )
         # A reaching law that has no implicit step says so now, and not in the middle of a run.
         shapes = (jax.ShapeDtypeStruct(shape, float) for shape in ((self.joints, self.joints), (self.joints,), ()))
         eqx.filter_eval_shape(self.reaching.implicit, *shapes)

@@ -6,7 +6,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool
 
-from slidax._errors import parameter, require, require_shape
+from slidax._errors import known, parameter, require, require_shape
 from slidax._types import Envelope, Scalar, Vector
 from slidax.transformations import Frame, Sides
 
@@ -61,9 +61,9 @@ class Recovery(eqx.Module):
 
     def __check_init__(self) -> None:
         require_shape(self, (), "deadline", "room", "share")
-        require(self, "deadline", self.deadline > 0, "must be > 0 s")
-        require(self, "room", self.room > 1, "must be > 1, so that there is room to brake")
-        require(self, "share", (self.share > 0) & (self.share < 1), "must be in (0, 1)")
+        require(self, "deadline", known(self.deadline) > 0, "must be > 0 s")
+        require(self, "room", known(self.room) > 1, "must be > 1, so that there is room to brake")
+        require(self, "share", (known(self.share) > 0) & (known(self.share) < 1), "must be in (0, 1)")
 
     def init(self, t: Scalar, joints: int) -> Reseat:
         """No envelope but the drawn ones.

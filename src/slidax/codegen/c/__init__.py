@@ -1,0 +1,7 @@
+"""Programs as C99 that is read with pleasure."""
+
+from .dialect import Dialect as Dialect
+from .helpers import Helpers as Helpers
+from .lasting import lasting as lasting
+from .statements import Statements as Statements
+from .statements import statements as statements

@@ -1,0 +1,70 @@
+"""Lines of C in the making: how they are indented, and where a comment says what they are about."""
+
+from __future__ import annotations
+
+import re
+import textwrap
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+INDENT = "    "
+WIDTH = 100
+
+
+@dataclass(frozen=True)
+class Line:
+    """One line.
+
+    - `level`: how deep it is indented.
+    - `text`: the rest.
+    - `about`: what it computes, as a comment; empty for lines that compute nothing.
+    """
+
+    level: int
+    text: str
+    about: str = ""
+
+
+def laid_out(lines: list[Line]) -> list[str]:
+    """The lines as text, with a comment before each two or more about the same that differ from those before.
+
+    What has been said once is then told by its first words, up to the colon.
+
+    - `lines`: in order.
+    """
+    texts: list[str] = []
+    last = ""
+    told: set[str] = set()
+    for run in _runs(lines):
+        about, level = run[0].about, run[0].level
+        if about and about != last and len(run) > 1:
+            if texts and not texts[-1].endswith("{"):
+                texts.append("")
+            texts += _comment(about.partition(":")[0] if about in told else about, level)
+            told.add(about)
+            last = about
+        texts += [INDENT * line.level + line.text if line.text else "" for line in run]
+    return texts
+
+
+def _comment(text: str, level: int) -> list[str]:
+    before = INDENT * level
+    # The number of an equation stays with its "eq.".
+    held = re.sub(r"(eqs?\.) \(", "\\1\0(", text)
+    lines = [line.replace("\0", " ") for line in textwrap.wrap(held, WIDTH - len(before) - len("/*  */"))]
+    lines[0] = f"{before}/* {lines[0]}"
+    lines[1:] = [f"{before} * {line}" for line in lines[1:]]
+    lines[-1] += " */"
+    return lines
+
+
+def _runs(lines: list[Line]) -> Iterator[list[Line]]:
+    """Lines about the same, at the same level, one after the other."""
+    run: list[Line] = []
+    for line in lines:
+        if run and (line.about, line.level) != (run[-1].about, run[-1].level):
+            yield run
+            run = []
+        run.append(line)
+    if run:
+        yield run

@@ -1,0 +1,68 @@
+"""A program, or some of its values, as the statements of a C function."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+
+from ..form import Program, Value
+from ..naming import Names
+from .blocks import BlockWriter
+from .dialect import Dialect
+from .helpers import Helpers
+from .layout import laid_out
+from .placement import Placement
+from .writer import Read, Rows
+
+
+@dataclass(frozen=True)
+class Statements:
+    """The inside of a C function.
+
+    - `lines`: of C, indented.
+    - `helpers`: the small functions that it calls.
+    - `reads`: the numbers of the inputs that it reads.
+    - `bytes`: what its variables take if each has a place of its own; a compiler needs less.
+    """
+
+    lines: list[str]
+    helpers: Helpers
+    reads: frozenset[int]
+    bytes: int
+
+
+def statements(
+    program: Program,
+    assigned: Sequence[tuple[str, Value]],
+    read: Read,
+    *,
+    dialect: Dialect | None = None,
+    given: Mapping[Value, str] | None = None,
+    names: Names | None = None,
+    rows: Rows | None = None,
+    taken: Collection[str] = (),
+) -> Statements:
+    """Statements that compute values and assign them, and no more than they need.
+
+    All assignments come last and at once: where an input is read from the very place that an output is written to, the
+    old number is read.
+
+    - `program`: that the values belong to.
+    - `assigned`: where each value is written, as a C lvalue, and the value.
+    - `read`: how an element of an input is read.
+    - `dialect`: C99 with doubles if None.
+    - `given`: values that are known already, and how they are read.
+    - `names`: what values would like to be called; None: as the source calls them.
+    - `rows`: where logged outputs are written; None leaves them out.
+    - `taken`: names that local variables must not have, such as those of the function's arguments.
+    """
+    given = given or {}
+    stores = [value for value in program.walk() if value.op == "store"] if rows is not None else []
+    placement = Placement(program, [*(value for _, value in assigned), *stores], given)
+    writer = BlockWriter(placement, dialect or Dialect(), read, given, names or Names(program), set(taken))
+    writer.rows = rows
+    writer.region(program.body)
+    if writer.lines and assigned:
+        writer.line("")
+    writer.assign(assigned)
+    return Statements(laid_out(writer.lines), writer.helpers, frozenset(writer.reads), writer.bytes)

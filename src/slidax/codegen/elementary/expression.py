@@ -1,0 +1,186 @@
+"""Formulas: operators that make a program's values."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from slidax.codegen.builder import Builder
+from slidax.codegen.form import Number, Type, Value
+
+
+class Expression:
+    """A value that can be written in formulas; numbers in them become constants of its type.
+
+    - `builder`: makes the values.
+    - `value`: its own.
+    """
+
+    __slots__ = ("builder", "value")
+
+    def __init__(self, builder: Builder, value: Value) -> None:
+        self.builder = builder
+        self.value = value
+
+    def constant(self, number: Number) -> Expression:
+        """A number, as a value of this one's type."""
+        return Expression(self.builder, self.builder.constant(number, self.value.type))
+
+    def _operand(self, other: Expression | Number) -> Value:
+        return other.value if isinstance(other, Expression) else self.builder.constant(other, self.value.type)
+
+    def _apply(self, op: str, *others: Expression | Number) -> Expression:
+        operands = [self._operand(other) for other in others]
+        return Expression(self.builder, self.builder.apply(op, self.value, *operands))
+
+    def __add__(self, other: Expression | Number) -> Expression:
+        return self._apply("add", other)
+
+    def __sub__(self, other: Expression | Number) -> Expression:
+        return self._apply("sub", other)
+
+    def __rsub__(self, other: Number) -> Expression:
+        return self.constant(other) - self
+
+    def __mul__(self, other: Expression | Number) -> Expression:
+        return self._apply("mul", other)
+
+    def __truediv__(self, other: Expression | Number) -> Expression:
+        return self._apply("div", other)
+
+    def __rtruediv__(self, other: Number) -> Expression:
+        return self.constant(other) / self
+
+    def __neg__(self) -> Expression:
+        return self._apply("neg")
+
+    def __abs__(self) -> Expression:
+        return self._apply("abs")
+
+    def __and__(self, other: Expression | Number) -> Expression:
+        return self._apply("and", other)
+
+    def __or__(self, other: Expression | Number) -> Expression:
+        return self._apply("or", other)
+
+    def __xor__(self, other: Expression | Number) -> Expression:
+        return self._apply("xor", other)
+
+    def __invert__(self) -> Expression:
+        return self._apply("not")
+
+    def __lshift__(self, by: Expression | int) -> Expression:
+        return self._apply("shl", by)
+
+    def __rshift__(self, by: Expression | int) -> Expression:
+        return self._apply("shr", by)
+
+    def __lt__(self, other: Expression | Number) -> Expression:
+        return self._apply("lt", other)
+
+    def __le__(self, other: Expression | Number) -> Expression:
+        return self._apply("le", other)
+
+    def __gt__(self, other: Expression | Number) -> Expression:
+        return self._apply("gt", other)
+
+    def __ge__(self, other: Expression | Number) -> Expression:
+        return self._apply("ge", other)
+
+    def equals(self, other: Expression | Number) -> Expression:
+        """Whether they are equal, b1."""
+        return self._apply("eq", other)
+
+    def differs(self, other: Expression | Number) -> Expression:
+        """Whether they are not equal, b1; true if one is NaN."""
+        return self._apply("ne", other)
+
+    def rounded(self) -> Expression:
+        """The nearest integer, halves to even."""
+        return self._apply("rint")
+
+    def root(self) -> Expression:
+        """The square root."""
+        return self._apply("sqrt")
+
+    def bits(self) -> Expression:
+        """The bits of a f64, as u64."""
+        return self.cast("bitcast", "u64")
+
+    def number(self) -> Expression:
+        """The f64 with these bits."""
+        return self.cast("bitcast", "f64")
+
+    def cast(self, op: str, type: Type) -> Expression:
+        """As another type.
+
+        - `op`: `bitcast` or `convert`.
+        - `type`: of the result.
+        """
+        return Expression(self.builder, self.builder.apply(op, self.value, type=type))
+
+    def at_most(self, limit: float) -> Expression:
+        """The smaller of both; NaN stays NaN."""
+        return select(self > limit, limit, self)
+
+    def at_least(self, limit: float) -> Expression:
+        """The larger of both; NaN stays NaN."""
+        return select(self < limit, limit, self)
+
+    def within(self, limit: float) -> Expression:
+        """Held between -limit and limit; NaN becomes one of them."""
+        upper = select(self < limit, self, limit)
+        return select(upper > -limit, upper, -limit)
+
+
+def fma(a: Expression, b: Expression | Number, c: Expression | Number) -> Expression:
+    """`a b + c`, rounded once."""
+    return a._apply("fma", b, c)
+
+
+def select(when: Expression, yes: Expression | Number, no: Expression | Number) -> Expression:
+    """`yes` where `when` holds, else `no`; one of them an expression, which tells the type.
+
+    - `when`: b1.
+    - `yes`, `no`: of one type.
+    """
+    like = yes if isinstance(yes, Expression) else no
+    assert isinstance(like, Expression)
+    builder = when.builder
+    return Expression(builder, builder.apply("select", when.value, like._operand(yes), like._operand(no)))
+
+
+def rarely(
+    when: Expression, then: Callable[[], tuple[Expression, ...]], else_these: tuple[Expression, ...]
+) -> tuple[Expression, ...]:
+    """What `then()` makes where `when` holds, else values that are there already, by a branch; made once, like a value.
+
+    - `when`: b1, of the same numbers as those values.
+    - `then`: makes as many values, of the same types.
+    - `else_these`: the values, all computed in one place; the branch stands there too.
+    """
+    builder, place = when.builder, else_these[0].value.region
+    keys = [("rarely", when.value.number, value.value.number) for value in else_these]
+    if keys[0] not in place.known:
+        around, builder.region = builder.region, place
+        left = builder.branch(
+            when.value, lambda: [value.value for value in then()], lambda: [value.value for value in else_these]
+        )
+        builder.region = around
+        place.known.update(zip(keys, left, strict=True))
+    return tuple(Expression(builder, place.known[key]) for key in keys)
+
+
+def polynomial(x: Expression, coefficients: tuple[float, ...]) -> Expression:
+    """`c0 + c1 x + c2 x² + ...` by Estrin's scheme, whose parts do not wait for each other.
+
+    - `x`: the argument.
+    - `coefficients`: c0, c1, ...
+    """
+    terms: list[Expression] = [x.constant(c) for c in coefficients]
+    power = x
+    while len(terms) > 1:
+        pairs = [fma(high, power, low) for low, high in zip(terms[::2], terms[1::2], strict=False)]
+        terms = pairs + terms[len(pairs) * 2 :]
+        if len(terms) > 1:
+            power = power * power
+    return terms[0]

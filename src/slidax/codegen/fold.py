@@ -1,0 +1,280 @@
+"""What an operation simplifies to: known numbers are computed, and what changes nothing is left out.
+
+Only what holds for every number is used, NaN, infinities and the sign of zero aside from `x + 0`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from .form import FLOATS, Number, Type, Value
+
+if TYPE_CHECKING:
+    from .builder import Builder
+
+DTYPES: dict[str, Any] = {
+    "f64": np.float64,
+    "f32": np.float32,
+    "i64": np.int64,
+    "i32": np.int32,
+    "u64": np.uint64,
+    "u32": np.uint32,
+    "b1": np.bool_,
+}
+"""NumPy's name of each type."""
+
+_COMPUTE: dict[str, Callable[..., Any]] = {
+    "add": np.add,
+    "sub": np.subtract,
+    "mul": np.multiply,
+    "neg": np.negative,
+    "abs": np.abs,
+    "min": np.minimum,
+    "max": np.maximum,
+    "sqrt": np.sqrt,
+    "floor": np.floor,
+    "ceil": np.ceil,
+    "rint": np.rint,
+    "and": np.bitwise_and,
+    "or": np.bitwise_or,
+    "xor": np.bitwise_xor,
+    "eq": np.equal,
+    "ne": np.not_equal,
+    "lt": np.less,
+    "le": np.less_equal,
+    "gt": np.greater,
+    "ge": np.greater_equal,
+    "isfinite": np.isfinite,
+    "exp": np.exp,
+    "log": np.log,
+    "sin": np.sin,
+    "cos": np.cos,
+    "pow": np.power,
+}
+_EQUAL_GIVES = {"eq": True, "le": True, "ge": True, "ne": False, "lt": False, "gt": False}
+
+
+def folded(builder: Builder, op: str, type: Type, args: tuple[Value, ...]) -> Value | None:
+    """The simpler value, or None if there is none.
+
+    - `builder`: makes it.
+    - `op`, `type`, `args`: of the operation.
+    """
+    if op == "select" and args[0].op == "const":
+        return args[1] if args[0].data else args[2]
+    if args and all(arg.op == "const" for arg in args):
+        number = _computed(op, type, args)
+        if number is not None:
+            return builder.constant(number, type)
+    rule = _RULES.get(op)
+    return rule(builder, type, args) if rule is not None else None
+
+
+def _computed(op: str, type: Type, args: tuple[Value, ...]) -> Number | None:
+    numbers = [DTYPES[arg.type](arg.data) for arg in args]
+    with np.errstate(all="ignore"):
+        if op == "convert":
+            return converted(args[0].data, args[0].type, type)
+        if op == "bitcast":
+            return np.asarray(numbers[0]).view(DTYPES[type]).item()  # type: ignore[no-any-return]
+        if op == "not":
+            return (not args[0].data) if type == "b1" else np.invert(numbers[0]).item()
+        if op in ("div", "rem"):
+            return _divided(op, type, numbers)
+        if op in ("shl", "shr", "sar"):
+            return _shifted(op, type, *(int(arg.data) for arg in args))
+        compute = _COMPUTE.get(op)
+        return None if compute is None else np.asarray(compute(*numbers)).item()
+
+
+def _divided(op: str, type: Type, numbers: list[Any]) -> Number | None:
+    if type not in FLOATS and numbers[1] == 0:
+        return None
+    rest = np.fmod(*numbers)
+    if op == "rem":
+        return rest.item()  # type: ignore[no-any-return]
+    if type in FLOATS:
+        return np.divide(*numbers).item()  # type: ignore[no-any-return]
+    return int((numbers[0] - rest) // numbers[1])
+
+
+def _shifted(op: str, type: Type, number: int, distance: int) -> Number:
+    bits = np.iinfo(DTYPES[type]).bits
+    if not 0 <= distance < bits:
+        return -1 if op == "sar" and number < 0 else 0
+    whole = number if op == "sar" else number & ((1 << bits) - 1)
+    return converted(whole >> distance if op != "shl" else whole << distance, "u64", type)
+
+
+def converted(number: Number, source: Type, target: Type) -> Number:
+    """A number as another type.
+
+    - `number`: as Python's.
+    - `source`, `target`: the types.
+    """
+    if target == "b1":
+        return bool(number)
+    if target in FLOATS:
+        return float(DTYPES[target](number))
+    if source in FLOATS:
+        if math.isnan(number):
+            return 0
+        ends = np.iinfo(DTYPES[target])
+        return (
+            int(max(ends.min, min(ends.max, number)))
+            if math.isfinite(number)
+            else (int(ends.max) if number > 0 else int(ends.min))
+        )
+    return int(np.asarray(int(number) & 0xFFFFFFFFFFFFFFFF, np.uint64).astype(DTYPES[target]))
+
+
+def _is(value: Value, number: Number) -> bool:
+    return value.op == "const" and value.data == number
+
+
+def _add(b: Builder, type: Type, args: tuple[Value, ...]) -> Value | None:
+    x, y = args
+    if _is(x, 0):
+        return y
+    if _is(y, 0):
+        return x
+    if y.op == "neg":
+        return b.apply("sub", x, y.args[0])
+    if x.op == "neg":
+        return b.apply("sub", y, x.args[0])
+    return None
+
+
+def _sub(b: Builder, type: Type, args: tuple[Value, ...]) -> Value | None:
+    x, y = args
+    if _is(y, 0):
+        return x
+    if _is(x, 0):
+        return b.apply("neg", y)
+    return b.apply("add", x, y.args[0]) if y.op == "neg" else None
+
+
+def _mul(b: Builder, type: Type, args: tuple[Value, ...]) -> Value | None:
+    for x, y in (args, args[::-1]):
+        if _is(x, 1):
+            return y
+        if _is(x, -1):
+            return b.apply("neg", y)
+    return None
+
+
+def _div(b: Builder, type: Type, args: tuple[Value, ...]) -> Value | None:
+    return args[0] if _is(args[1], 1) else None
+
+
+def _neg(b: Builder, type: Type, args: tuple[Value, ...]) -> Value | None:
+    return args[0].args[0] if args[0].op == "neg" else None
+
+
+def _abs(b: Builder, type: Type, args: tuple[Value, ...]) -> Value | None:
+    if args[0].op == "neg":
+        return b.apply("abs", args[0].args[0])
+    return args[0] if args[0].op == "abs" else None
+
+
+def _same(b: Builder, type: Type, args: tuple[Value, ...]) -> Value | None:
+    return args[0] if args[0] is args[1] else None
+
+
+def _and(b: Builder, type: Type, args: tuple[Value, ...]) -> Value | None:
+    for x, y in (args, args[::-1]):
+        if x.op == "const" and type == "b1":
+            return y if x.data else x
+        if _is(x, 0):
+            return x
+    return _same(b, type, args)
+
+
+def _or(b: Builder, type: Type, args: tuple[Value, ...]) -> Value | None:
+    for x, y in (args, args[::-1]):
+        if x.op == "const" and type == "b1":
+            return x if x.data else y
+        if _is(x, 0):
+            return y
+    return _same(b, type, args)
+
+
+def _xor(b: Builder, type: Type, args: tuple[Value, ...]) -> Value | None:
+    return b.constant(0, type) if args[0] is args[1] else None
+
+
+def _not(b: Builder, type: Type, args: tuple[Value, ...]) -> Value | None:
+    return args[0].args[0] if args[0].op == "not" else None
+
+
+def _select(b: Builder, type: Type, args: tuple[Value, ...]) -> Value | None:
+    when, yes, no = args
+    if yes is no:
+        return yes
+    if when.op == "not":
+        return b.apply("select", when.args[0], no, yes)
+    if type == "b1":
+        for value, other, op in ((yes, no, "or"), (no, yes, "and")):
+            if value.op == "const":
+                # yes = true: when or no; no = false: when and yes
+                if op == "or" and value.data:
+                    return b.apply("or", when, other)
+                if op == "and" and not value.data:
+                    return b.apply("and", when, other)
+    # The same question twice has the same answer.
+    if yes.op == "select" and yes.args[0] is when:
+        return b.apply("select", when, yes.args[1], no)
+    if no.op == "select" and no.args[0] is when:
+        return b.apply("select", when, yes, no.args[2])
+    return None
+
+
+def _convert(b: Builder, type: Type, args: tuple[Value, ...]) -> Value | None:
+    return args[0] if args[0].type == type else None
+
+
+def _pow(b: Builder, type: Type, args: tuple[Value, ...]) -> Value | None:
+    base, exponent = args
+    if _is(exponent, 1.0):
+        return base
+    if _is(exponent, 2.0):
+        return b.apply("mul", base, base)
+    return None
+
+
+def _compared(op: str) -> Callable[[Builder, Type, tuple[Value, ...]], Value | None]:
+    def rule(b: Builder, type: Type, args: tuple[Value, ...]) -> Value | None:
+        if args[0] is args[1] and args[0].type not in FLOATS:
+            return b.constant(_EQUAL_GIVES[op], "b1")
+        if args[0].type in ("u32", "u64"):
+            # Nothing is below an unsigned zero.
+            for k, always, never in ((1, "ge", "lt"), (0, "le", "gt")):
+                if op in (always, never) and _is(args[k], 0):
+                    return b.constant(op == always, "b1")
+        return None
+
+    return rule
+
+
+_RULES: dict[str, Callable[[Builder, Type, tuple[Value, ...]], Value | None]] = {
+    "add": _add,
+    "sub": _sub,
+    "mul": _mul,
+    "div": _div,
+    "neg": _neg,
+    "abs": _abs,
+    "min": _same,
+    "max": _same,
+    "and": _and,
+    "or": _or,
+    "xor": _xor,
+    "not": _not,
+    "select": _select,
+    "convert": _convert,
+    "pow": _pow,
+    **{op: _compared(op) for op in _EQUAL_GIVES},
+}

@@ -1,0 +1,8 @@
+"""Machine code from programs, by LLVM."""
+
+from .kernel import LANES as LANES
+from .kernel import Kernel as Kernel
+from .kernel import compile as compile
+from .machine import available as available
+
+__all__ = ["LANES", "Kernel", "available", "compile"]

@@ -1,0 +1,269 @@
+"""Loops and branches, and the values in them, as the body of one LLVM function.
+
+What is the same in all runs of a group is computed once, as one number, and spread over the lanes where it meets what
+differs. A loop that the runs leave at different times goes on until none wants more, and holds the numbers of those
+that are done; of a branch that they take differently both sides are computed, each only if some run wants it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from slidax.codegen.form import ELEMENTARY, Branch, Loop, Program, Region, Value
+
+from . import memory
+from .operations import operation
+from .uniformity import varying
+from .words import TYPES, literal, typed
+
+DEAR = frozenset({*ELEMENTARY, "load", "store", "loop", "branch", "div", "rem", "sqrt"})
+FEW = 12
+"""Both sides of a branch are computed and one is selected, if they hold so few operations and none that is dear."""
+
+
+class Blocks:
+    """The lines of the function, as they are written.
+
+    - `program`: to be printed.
+    - `lanes`: as many runs are computed side by side.
+    """
+
+    def __init__(self, program: Program, lanes: int) -> None:
+        self.program = program
+        self.lanes = lanes
+        self.lines: list[str] = []
+        self.declarations: set[str] = set()
+        self._write = self.lines.append
+        self._differs = varying(program) if lanes > 1 else set()
+        self._names: dict[Value, str] = {}
+        self._spread: list[dict[Value, str]] = [{}]  # uniform values as vectors, by the regions that are open
+        self._label = "entry"
+        self._mask = ""  # the lanes that want what is being computed; "" for all
+
+    def print(self) -> None:
+        """Writes the whole body."""
+        memory.addresses(self.program, self._write)
+        memory.spare(self.program, self.lanes, self._write)
+        self._region(self.program.body)
+        for which, output in enumerate(self.program.outputs):
+            for element, value in enumerate(output.values or ()):
+                word = self._wide(value)
+                self.declarations |= memory.leave(self.program, which, element, word, self.lanes, self._write)
+        self._write("ret void")
+
+    # ---- words ------------------------------------------------------------------------------------------------------
+
+    def _narrow(self, value: Value) -> str:
+        if value.op == "const":
+            return literal(value.data, value.type)
+        return self._names.get(value) or f"%v{value.number}"
+
+    def _wide(self, value: Value) -> str:
+        if self.lanes == 1 or value in self._differs:
+            return self._narrow(value)
+        if value.op == "const":
+            return literal(value.data, value.type, self.lanes)
+        for known in reversed(self._spread):
+            if value in known:
+                return known[value]
+        name, whole = f"%s{value.number}x{len(self.lines)}", typed(value.type, self.lanes)
+        number = f"{TYPES[value.type]} {self._narrow(value)}"
+        self._write(f"{name}i = insertelement {whole} poison, {number}, i32 0")
+        lanes = f"<{self.lanes} x i32>"
+        self._write(f"{name} = shufflevector {whole} {name}i, {whole} poison, {lanes} zeroinitializer")
+        self._spread[-1][value] = name
+        return name
+
+    def _words(self, values: Sequence[Value], wide: Sequence[bool]) -> list[str]:
+        return [self._wide(value) if w else self._narrow(value) for value, w in zip(values, wide, strict=True)]
+
+    def _typed(self, value: Value, wide: bool) -> str:
+        return typed(value.type, self.lanes if wide else 1)
+
+    def _any(self, mask: str, name: str) -> str:
+        self._write(f"{name}b = bitcast <{self.lanes} x i1> {mask} to i{self.lanes}")
+        self._write(f"{name} = icmp ne i{self.lanes} {name}b, 0")
+        return name
+
+    def _both(self, mask: str, name: str) -> str:
+        """Those lanes of a mask that want anything."""
+        if not self._mask:
+            return mask
+        self._write(f"{name} = and <{self.lanes} x i1> {self._mask}, {mask}")
+        return name
+
+    def _open(self, label: str) -> None:
+        self._write(f"{label}:")
+        self._label = label
+
+    # ---- values -----------------------------------------------------------------------------------------------------
+
+    def _region(self, region: Region) -> None:
+        for value in region.values:
+            self._value(value)
+
+    def _value(self, value: Value) -> None:
+        op, wide = value.op, value in self._differs
+        if op == "const" or op == "param":
+            return
+        if isinstance(value, Loop):
+            self._loop(value)
+        elif isinstance(value, Branch):
+            self._branch(value)
+        elif op == "result":
+            block = value.args[0]
+            self._names[value] = (
+                self._narrow(block.params[value.data]) if isinstance(block, Loop) else f"%v{block.number}r{value.data}"
+            )
+        elif op == "store":
+            self._store(value)
+        elif op in ("input", "load"):
+            self._read(value, wide)
+        else:
+            lanes = self.lanes if wide else 1
+            words = [self._wide(arg) if wide else self._narrow(arg) for arg in value.args]
+            self.declarations |= operation(value, words, lanes, self._write)
+
+    def _read(self, value: Value, wide: bool) -> None:
+        far = value.op == "load" and value.args[0] in self._differs
+        index = self._narrow(value.args[0]) if value.op == "load" else str(value.data[1])
+        lanes = self.lanes if wide else 1
+        self.declarations |= memory.read(self.program, value, index, lanes, far, self._mask, self._write)
+
+    def _store(self, value: Value) -> None:
+        row, when, *numbers = value.args
+        name = f"%v{value.number}"
+        certain = when.op == "const" and when.data
+        wanted = self._mask
+        if not certain:
+            if when in self._differs:
+                wanted = self._both(self._wide(when), f"{name}m")
+                asked = self._any(wanted, f"{name}y")
+            else:
+                asked = self._narrow(when)
+            self._write(f"br i1 {asked}, label %write{value.number}, label %after{value.number}")
+            self._open(f"write{value.number}")
+        self._spread.append({})
+        words = [self._wide(number) for number in numbers]
+        places = [self._narrow(row)] * self.lanes
+        if row in self._differs:
+            places = [f"{name}p{lane}" for lane in range(self.lanes)]
+            for lane, place in enumerate(places):
+                self._write(f"{place} = extractelement <{self.lanes} x i64> {self._narrow(row)}, i32 {lane}")
+        memory.rows(self.program, value, places, wanted, words, self.lanes, self._write)
+        self._spread.pop()
+        if not certain:
+            self._write(f"br label %after{value.number}")
+            self._open(f"after{value.number}")
+
+    # ---- blocks -----------------------------------------------------------------------------------------------------
+
+    def _loop(self, loop: Loop) -> None:
+        n, around = loop.number, self._mask
+        wide = [param in self._differs for param in loop.params]
+        first, before = self._words(loop.args, wide), self._label
+        self._write(f"br label %head{n}")
+        self._open(f"head{n}")
+        place = len(self.lines)
+        self.lines += [""] * len(loop.params)  # for the phis: what they bring is known at the end
+        self._spread.append({})
+        self._region(loop.head)
+        asked = self._narrow(loop.condition)
+        if loop.condition in self._differs:
+            self._mask = self._both(asked, f"%v{n}m")
+            asked = self._any(self._mask, f"%v{n}y")
+        self._write(f"br i1 {asked}, label %body{n}, label %after{n}")
+        self._open(f"body{n}")
+        self._spread.append({})
+        self._region(loop.body)
+        following = self._words(loop.following, wide)
+        if loop.condition in self._differs:
+            for k, param in enumerate(loop.params):
+                if wide[k] and loop.following[k] is not param:
+                    whole, held = self._typed(param, True), f"%v{n}h{k}"
+                    mask = f"<{self.lanes} x i1> {self._mask}"
+                    self._write(f"{held} = select {mask}, {whole} {following[k]}, {whole} %v{param.number}")
+                    following[k] = held
+        self._write(f"br label %head{n}")
+        for k, param in enumerate(loop.params):
+            phi = f"phi {self._typed(param, wide[k])} [ {first[k]}, %{before} ], [ {following[k]}, %{self._label} ]"
+            self.lines[place + k] = f"%v{param.number} = {phi}"
+        self._spread[-2:] = []
+        self._mask = around
+        self._open(f"after{n}")
+
+    def _branch(self, branch: Branch) -> None:
+        n, when = branch.number, branch.args[0]
+        apart = when in self._differs
+        wide = [apart or yes in self._differs or no in self._differs
+                for yes, no in zip(branch.yes, branch.no, strict=True)]  # fmt: skip
+        if is_cheap(branch):
+            self._region(branch.then)
+            self._region(branch.otherwise)
+            self._select(branch, wide)
+        elif apart:
+            mask, around = self._narrow(when), self._mask
+            self._write(f"%v{n}n = xor <{self.lanes} x i1> {mask}, {literal(1, 'b1', self.lanes)}")
+            then = self._side(branch.then, branch.yes, mask, f"{n}t")
+            self._mask = around
+            otherwise = self._side(branch.otherwise, branch.no, f"%v{n}n", f"{n}e")
+            self._mask = around
+            self._select(branch, wide, then, otherwise)
+        else:
+            self._write(f"br i1 {self._narrow(when)}, label %then{n}, label %else{n}")
+            then, then_end = self._jumped(branch.then, branch.yes, wide, f"then{n}", f"after{n}")
+            otherwise, else_end = self._jumped(branch.otherwise, branch.no, wide, f"else{n}", f"after{n}")
+            self._open(f"after{n}")
+            for k, value in enumerate(branch.yes):
+                phi = f"[ {then[k]}, %{then_end} ], [ {otherwise[k]}, %{else_end} ]"
+                self._write(f"%v{n}r{k} = phi {self._typed(value, wide[k])} {phi}")
+
+    def _jumped(
+        self, region: Region, leaves: Sequence[Value], wide: Sequence[bool], label: str, after: str
+    ) -> tuple[list[str], str]:
+        """One side of a branch that all runs take alike; its words, and the label that it ends under."""
+        self._open(label)
+        self._spread.append({})
+        self._region(region)
+        words = self._words(leaves, wide)
+        self._spread.pop()
+        self._write(f"br label %{after}")
+        return words, self._label
+
+    def _side(self, region: Region, leaves: Sequence[Value], mask: str, name: str) -> list[str]:
+        """One side of a branch that the runs take differently, jumped over if none takes it; its words after that."""
+        if not region.values:
+            return [self._wide(value) for value in leaves]
+        self._mask = self._both(mask, f"%v{name}m")
+        asked, before = self._any(self._mask, f"%v{name}y"), self._label
+        self._write(f"br i1 {asked}, label %side{name}, label %after{name}")
+        words, end = self._jumped(region, leaves, [True] * len(leaves), f"side{name}", f"after{name}")
+        self._open(f"after{name}")
+        for k, value in enumerate(leaves):
+            # Not poison: lanes that are done with may come to ask it where to go.
+            phi = f"[ {words[k]}, %{end} ], [ zeroinitializer, %{before} ]"
+            self._write(f"%v{name}{k} = phi {self._typed(value, True)} {phi}")
+            words[k] = f"%v{name}{k}"
+        return words
+
+    def _select(
+        self, branch: Branch, wide: Sequence[bool], then: Sequence[str] = (), otherwise: Sequence[str] = ()
+    ) -> None:
+        when = branch.args[0]
+        then = then or self._words(branch.yes, wide)
+        otherwise = otherwise or self._words(branch.no, wide)
+        for k, value in enumerate(branch.yes):
+            whole = self._typed(value, wide[k])
+            # One number chooses between vectors too.
+            mask = self._typed(when, when in self._differs)
+            chosen = f"{whole} {then[k]}, {whole} {otherwise[k]}"
+            self._write(f"%v{branch.number}r{k} = select {mask} {self._narrow(when)}, {chosen}")
+
+
+def is_cheap(branch: Branch) -> bool:
+    """Whether both sides of a branch cost less than a jump that is foretold wrongly.
+
+    - `branch`: of the program that is printed.
+    """
+    values = [*branch.then.values, *branch.otherwise.values]
+    return len(values) <= FEW and not any(value.op in DEAR for value in values)

@@ -1,0 +1,158 @@
+"""A program as a function of NumPy arrays."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+import numpy as np
+
+from slidax._errors import DefinitionError
+from slidax.codegen.fold import DTYPES
+from slidax.codegen.form import Program
+
+from .machine import Code, host
+from .module import module
+from .prepare import prepared
+
+Arrays = list[np.ndarray]
+
+LANES = 8
+"""As many runs side by side as go best through the vector units."""
+
+CHUNKS = 8
+"""Pieces of a batch for each thread: so many that none waits long for the last."""
+
+
+class Kernel:
+    """A compiled program.
+
+    - `program`: what it computes.
+    - `lanes`: as many runs are computed side by side in vectors.
+    """
+
+    def __init__(self, program: Program, lanes: int) -> None:
+        self.lanes = lanes
+        self.inputs, self.outputs = program.inputs, program.outputs
+        self.text = module(prepared(program), lanes)
+        self._code = Code(host().object_of(self.text))
+        signature = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_int64, ctypes.c_int64)
+        self._run: Any = signature(self._code.address)
+
+    def __call__(self, inputs: Sequence[Any], rows: int = 0) -> Arrays:
+        """One run; returns its outputs.
+
+        - `inputs`: of the shapes and dtypes that the program says.
+        - `rows`: of each logged output, which has them as its first axis; those that are not written are 0.
+
+        Raises DefinitionError if an input has another shape or dtype.
+        """
+        if self.lanes > 1:
+            spread = [
+                np.asarray(array)[None] if entry.varying else array
+                for array, entry in zip(inputs, self.inputs, strict=True)
+            ]
+            return [array[0] for array in self.batch(spread, 1, rows, threads=1)]
+        given = self._checked(inputs, None)
+        outputs = self._empty(None, rows)
+        table = np.array([array.ctypes.data for array in (*given, *outputs)], np.uintp)
+        self._run(table.ctypes.data, 1, rows)
+        return outputs
+
+    def batch(self, inputs: Sequence[Any], runs: int, rows: int = 0, threads: int | None = None) -> Arrays:
+        """Many runs; returns their outputs, with a first axis for the runs.
+
+        - `inputs`: of the shapes and dtypes that the program says; those that vary have a first axis for the runs.
+        - `runs`: how many, > 0.
+        - `rows`: of each logged output, as its second axis; those that are not written are 0.
+        - `threads`: as many share the runs; None: one for each processor. They change nothing in the numbers.
+
+        Raises DefinitionError if an input has another shape or dtype.
+        """
+        given = self._checked(inputs, runs)
+        outputs = self._empty(runs, rows)
+        whole = runs // self.lanes
+        table = self._table(given, outputs, whole)
+        # The last group is filled up by repeating the last run, in arrays of its own.
+        filled: Arrays = []
+        if runs > whole * self.lanes:
+            chosen = np.minimum(np.arange(whole * self.lanes, (whole + 1) * self.lanes), runs - 1)
+            last = [array[chosen] if entry.varying else array for array, entry in zip(given, self.inputs, strict=True)]
+            filled = self._empty(self.lanes, rows)
+            table = np.concatenate([table, self._table(last, filled, 1)])
+        self._share(table, rows, threads or _processors())
+        for array, extra in zip(outputs, filled, strict=bool(filled)):
+            array[whole * self.lanes :] = extra[: runs - whole * self.lanes]
+        return outputs
+
+    # ---- inside -----------------------------------------------------------------------------------------------------
+
+    def _checked(self, inputs: Sequence[Any], runs: int | None) -> Arrays:
+        if len(inputs) != len(self.inputs):
+            raise DefinitionError(f"the program has {len(self.inputs)} inputs; got {len(inputs)}")
+        arrays = []
+        for array, entry in zip(inputs, self.inputs, strict=True):
+            array = np.asarray(array)
+            shape = (runs, *entry.shape) if entry.varying and runs is not None else entry.shape
+            dtype = np.dtype(DTYPES[entry.type])
+            if array.shape != shape or array.dtype != dtype:
+                raise DefinitionError(
+                    f"input `{entry.name}` must be {dtype} of shape {list(shape)}; "
+                    f"got {array.dtype} of shape {list(array.shape)}"
+                )
+            arrays.append(np.ascontiguousarray(array))
+        return arrays
+
+    def _empty(self, runs: int | None, rows: int) -> Arrays:
+        first = () if runs is None else (runs,)
+        return [
+            np.empty((*first, *output.shape), DTYPES[output.type])
+            if output.values is not None
+            else np.zeros((*first, rows, *output.shape), DTYPES[output.type])
+            for output in self.outputs
+        ]
+
+    def _table(self, inputs: Arrays, outputs: Arrays, groups: int) -> Any:
+        """The addresses of all arrays, for each group."""
+        first = np.array([array.ctypes.data for array in (*inputs, *outputs)], np.uintp)
+        steps = [array[0].nbytes if entry.varying else 0 for array, entry in zip(inputs, self.inputs, strict=True)]
+        steps += [array[0].nbytes for array in outputs]
+        return first + np.arange(groups, dtype=np.uintp)[:, None] * (np.array(steps, np.uintp) * np.uintp(self.lanes))
+
+    def _share(self, table: Any, rows: int, threads: int) -> None:
+        def run(piece: slice) -> None:
+            part = table[piece]
+            self._run(part.ctypes.data, len(part), rows)
+
+        pieces = list(_pieces(len(table), 1 if threads == 1 else threads * CHUNKS))
+        if len(pieces) == 1:
+            run(pieces[0])
+            return
+        with ThreadPoolExecutor(threads) as pool:
+            list(pool.map(run, pieces))
+
+
+def _pieces(groups: int, pieces: int) -> Iterator[slice]:
+    ends = np.linspace(0, groups, min(groups, pieces) + 1).astype(int)
+    for first, end in zip(ends[:-1], ends[1:], strict=True):
+        yield slice(int(first), int(end))
+
+
+def _processors() -> int:
+    """Those that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def compile(program: Program, lanes: int = 1) -> Kernel:
+    """Machine code for a program.
+
+    - `program`: stays as it is.
+    - `lanes`: as many runs are computed side by side in vectors, a power of two; 1: no vectors. A run's numbers do not
+      depend on it.
+
+    Raises DefinitionError if llvmlite is missing, or the program asks for what there is no code for.
+    """
+    return Kernel(program, lanes)

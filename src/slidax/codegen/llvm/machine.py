@@ -1,0 +1,88 @@
+"""From LLVM's text to code that runs, for the processor at hand."""
+
+from __future__ import annotations
+
+import functools
+import itertools
+from importlib.util import find_spec
+from typing import Any
+
+from slidax._errors import DefinitionError
+
+from .cache import remembered
+from .module import ENTRY
+
+OPTIMISED = 2
+"""LLVM's level for instruction selection, scheduling and registers."""
+
+
+def available() -> bool:
+    """Whether llvmlite is installed, which brings LLVM."""
+    return find_spec("llvmlite") is not None
+
+
+class Code:
+    """Machine code in memory, as long as this object lives.
+
+    - `object`: an object file, from `Machine.object_of`.
+    """
+
+    def __init__(self, object: bytes) -> None:
+        machine = host()
+        name = f"slidax{next(machine.numbers)}"
+        builder = machine.llvm.JITLibraryBuilder().add_object_img(object).add_current_process().export_symbol(ENTRY)
+        self._library = builder.link(machine.jit, name)
+        self.address: int = self._library[ENTRY]
+
+
+class Machine:
+    """The processor that this process runs on, with what it can do."""
+
+    def __init__(self) -> None:
+        if not available():
+            raise DefinitionError('machine code needs llvmlite, which is not installed: pip install "slidax[native]"')
+        import llvmlite
+        import llvmlite.binding as llvm
+
+        llvm.initialize_native_target()
+        llvm.initialize_native_asmprinter()
+        self.llvm: Any = llvm
+        self.cpu: str = llvm.get_host_cpu_name()
+        self.features: str = llvm.get_host_cpu_features().flatten()
+        self.version = f"llvmlite {llvmlite.__version__}, LLVM {llvm.llvm_version_info}"
+        # Not the model for JITs, which spells out the address of every constant.
+        self.target: Any = llvm.Target.from_default_triple().create_target_machine(
+            cpu=self.cpu, features=self.features, opt=OPTIMISED, reloc="pic", codemodel="small"
+        )
+        self.jit: Any = llvm.create_lljit_compiler(self.target, use_jit_link=False)
+        self.numbers = itertools.count()
+
+    def object_of(self, text: str) -> bytes:
+        """An object file, from the disk if the same text was compiled before.
+
+        - `text`: of the module.
+        """
+        key = "\n".join([self.version, self.cpu, self.features, str(OPTIMISED), text])
+        return remembered(key, lambda: self.compiled(text))
+
+    def compiled(self, text: str) -> bytes:
+        """An object file made anew.
+
+        - `text`: of the module.
+        """
+        module = self.optimised(text)
+        return bytes(self.target.emit_object(module))
+
+    def optimised(self, text: str) -> Any:
+        """The module after LLVM's passes.
+
+        - `text`: of the module.
+        """
+        module = self.llvm.parse_assembly(text)
+        return module
+
+
+@functools.cache
+def host() -> Machine:
+    """The machine, looked at once."""
+    return Machine()

@@ -1,0 +1,183 @@
+"""Inputs, outputs and the rows of logs, where they lie in memory.
+
+A run's table holds the addresses of its inputs and then of its outputs. Each run's arrays are in C order; those of the
+runs of one group follow each other, so lane k of element j is at `k size + j`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+from slidax.codegen.form import Program, Type, Value
+
+from .words import BYTES, STORED, literal, suffix, typed
+
+Write = Callable[[str], None]
+
+
+def addresses(program: Program, write: Write) -> None:
+    """Writes the loads of all addresses: `%in0`, `%in1`, ..., `%out0`, ...
+
+    - `program`: whose inputs and outputs they are.
+    - `write`: takes a line.
+    """
+    names = [f"%in{k}" for k in range(len(program.inputs))] + [f"%out{k}" for k in range(len(program.outputs))]
+    for k, name in enumerate(names):
+        write(f"{name}a = getelementptr ptr, ptr %table, i64 {k}")
+        write(f"{name} = load ptr, ptr {name}a, !invariant.load !0")
+
+
+def spare(program: Program, lanes: int, write: Write) -> None:
+    """Writes where the lanes put the rows that they do not want.
+
+    - `program`, `write`: as in `addresses`.
+    - `lanes`: of the program.
+    """
+    sizes = [output.size * BYTES[output.type] for output in program.outputs if output.values is None]
+    if lanes > 1 and sizes:
+        write(f"%spare = alloca [{max(*sizes, 8)} x i8], align 8")
+
+
+def read(program: Program, value: Value, index: str, lanes: int, wide: bool, mask: str, write: Write) -> set[str]:
+    """Writes what reads one element of an input; returns the declarations of what it calls.
+
+    - `program`, `write`: as in `addresses`.
+    - `value`: an `input` or a `load`.
+    - `index`: the element's number: one word, or one for each lane.
+    - `lanes`: as many runs are in a group; 1: one number is read.
+    - `wide`: whether `index` has as many lanes.
+    - `mask`: the lanes that want it, whose index alone is known to be in range; "" for all.
+    """
+    which = value.data[0] if value.op == "input" else value.data
+    entry = program.inputs[which]
+    name, stored = f"%v{value.number}", STORED[value.type]
+    base = f"%in{which}"
+    if lanes == 1:
+        write(f"{name}p = getelementptr {stored}, ptr {base}, i64 {index}")
+        loaded = f"{name}i" if value.type == "b1" else name
+        write(f"{loaded} = load {stored}, ptr {name}p, !invariant.load !0")
+        if value.type == "b1":
+            write(f"{name} = icmp ne i8 {loaded}, 0")
+        return set()
+    if not wide:
+        write(f"{name}b = getelementptr {stored}, ptr {base}, i64 {index}")
+        base = f"{name}b"
+        index = literal(0, "i64", lanes)
+    elif mask:
+        write(f"{name}g = select {typed('b1', lanes)} {mask}, {typed('i64', lanes)} {index}, "
+              f"{typed('i64', lanes)} zeroinitializer")  # fmt: skip
+        index = f"{name}g"
+    if entry.varying:
+        write(f"{name}k = add {typed('i64', lanes)} {index}, {_every(entry.size, lanes)}")
+        index = f"{name}k"
+    write(f"{name}p = getelementptr {stored}, ptr {base}, <{lanes} x i64> {index}")
+    loaded = f"{name}i" if value.type == "b1" else name
+    whole = f"<{lanes} x {stored}>"
+    kind = f"v{lanes}i8" if value.type == "b1" else suffix(value.type, lanes)
+    full = f"{whole} @llvm.masked.gather.{kind}.v{lanes}p0"
+    every = literal(1, "b1", lanes)
+    align = BYTES[value.type]
+    write(f"{loaded} = call {full}(<{lanes} x ptr> align {align} {name}p, <{lanes} x i1> {every}, {whole} poison)")
+    if value.type == "b1":
+        write(f"{name} = icmp ne {whole} {loaded}, zeroinitializer")
+    return {f"declare {full}(<{lanes} x ptr>, <{lanes} x i1>, {whole})"}
+
+
+def leave(program: Program, which: int, element: int, word: str, lanes: int, write: Write) -> set[str]:
+    """Writes what puts one element into an output; returns the declarations of what it calls.
+
+    - `program`, `write`: as in `addresses`.
+    - `which`, `element`: of the output.
+    - `word`: the number; of all lanes.
+    - `lanes`: as many runs are in a group.
+    """
+    output = program.outputs[which]
+    name, stored = f"%out{which}e{element}", STORED[output.type]
+    whole = stored if lanes == 1 else f"<{lanes} x {stored}>"
+    if output.type == "b1":
+        write(f"{name}i = zext {typed('b1', lanes)} {word} to {whole}")
+        word = f"{name}i"
+    write(f"{name}b = getelementptr {stored}, ptr %out{which}, i64 {element}")
+    if lanes == 1:
+        write(f"store {stored} {word}, ptr {name}b")
+        return set()
+    write(f"{name}p = getelementptr {stored}, ptr {name}b, <{lanes} x i64> {_every(output.size, lanes)}")
+    kind = f"v{lanes}i8" if output.type == "b1" else suffix(output.type, lanes)
+    full = f"void @llvm.masked.scatter.{kind}.v{lanes}p0"
+    write(f"call {full}({whole} {word}, <{lanes} x ptr> align {BYTES[output.type]} {name}p, "
+          f"<{lanes} x i1> {literal(1, 'b1', lanes)})")  # fmt: skip
+    return {f"declare {full}({whole}, <{lanes} x ptr>, <{lanes} x i1>)"}
+
+
+def rows(
+    program: Program, store: Value, row: Sequence[str], wanted: str, words: Sequence[str], lanes: int, write: Write
+) -> None:
+    """Writes what puts the numbers of a row into a log, each lane's into its own.
+
+    - `program`, `write`: as in `addresses`.
+    - `store`: the `store`.
+    - `row`: the row's number in each lane.
+    - `wanted`: the lanes that want it, "" for all.
+    - `words`: the numbers, of all lanes.
+    - `lanes`: as many runs are in a group.
+    """
+    output = program.outputs[store.data]
+    name, stored, log = f"%w{store.number}", STORED[output.type], f"%out{store.data}"
+    places = []
+    for lane in range(lanes):
+        at = f"{name}r{lane}"
+        write(f"{at}a = mul i64 %rows, {lane}")
+        write(f"{at}b = add i64 {at}a, {row[lane]}")
+        write(f"{at}c = mul i64 {at}b, {output.size}")
+        write(f"{at}{'d' if wanted else ''} = getelementptr {stored}, ptr {log}, i64 {at}c")
+        if wanted:
+            write(f"{at}w = extractelement <{lanes} x i1> {wanted}, i32 {lane}")
+            write(f"{at} = select i1 {at}w, ptr {at}d, ptr %spare")
+        places.append(at)
+    numbers = list(words)
+    if output.type == "b1":
+        numbers = [f"{name}z{k}" for k in range(len(words))]
+        whole = stored if lanes == 1 else f"<{lanes} x {stored}>"
+        for number, word in zip(numbers, words, strict=True):
+            write(f"{number} = zext {typed('b1', lanes)} {word} to {whole}")
+    done = 0
+    while lanes > 1 and len(numbers) - done >= lanes:
+        _put_block(name, stored, places, numbers[done : done + lanes], done, write)
+        done += lanes
+    for k in range(done, len(numbers)):
+        for lane, place in enumerate(places):
+            number = numbers[k]
+            if lanes > 1:
+                number = f"{name}x{k}l{lane}"
+                write(f"{number} = extractelement <{lanes} x {stored}> {numbers[k]}, i32 {lane}")
+            write(f"{name}p{k}l{lane} = getelementptr {stored}, ptr {place}, i64 {k}")
+            write(f"store {stored} {number}, ptr {name}p{k}l{lane}")
+
+
+def _put_block(
+    name: str, stored: Type | str, places: Sequence[str], numbers: Sequence[str], first: int, write: Write
+) -> None:
+    """As many numbers as there are lanes, turned into one contiguous piece for each lane."""
+    lanes = len(places)
+    whole = f"<{lanes} x {stored}>"
+    block, apart = list(numbers), lanes // 2
+    # A transposition by halves: swaps the off-diagonal quarters of ever smaller squares.
+    while apart:
+        turned = list(block)
+        low = [k if not k & apart else lanes + (k ^ apart) for k in range(lanes)]
+        high = [k ^ apart if not k & apart else lanes + k for k in range(lanes)]
+        for k in range(lanes):
+            if not k & apart:
+                for to, picked in ((k, low), (k | apart, high)):
+                    turned[to] = f"{name}t{first}a{apart}k{to}"
+                    chosen = ", ".join(f"i32 {p}" for p in picked)
+                    write(f"{turned[to]} = shufflevector {whole} {block[k]}, {whole} {block[k | apart]}, "
+                          f"<{lanes} x i32> <{chosen}>")  # fmt: skip
+        block, apart = turned, apart // 2
+    for lane, (place, piece) in enumerate(zip(places, block, strict=True)):
+        write(f"{name}q{first}l{lane} = getelementptr {stored}, ptr {place}, i64 {first}")
+        write(f"store {whole} {piece}, ptr {name}q{first}l{lane}, align {1}")
+
+
+def _every(size: int, lanes: int) -> str:
+    return "<" + ", ".join(f"i64 {k * size}" for k in range(lanes)) + ">"

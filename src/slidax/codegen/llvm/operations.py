@@ -1,0 +1,200 @@
+"""One operation in LLVM's words, on one number or on a vector of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+from slidax._errors import DefinitionError
+from slidax.codegen.form import ELEMENTARY, FLOATS, Value
+
+from .words import BYTES, literal, suffix, typed
+
+Write = Callable[[str], None]
+
+SIGNED = ("i64", "i32")
+FLOAT_WORDS = {"add": "fadd", "sub": "fsub", "mul": "fmul", "div": "fdiv", "rem": "frem"}
+INTEGER_WORDS = {"add": "add", "sub": "sub", "mul": "mul", "and": "and", "or": "or", "xor": "xor"}
+SHIFTS = {"shl": "shl", "shr": "lshr", "sar": "ashr"}
+CALLS = {"sqrt": "sqrt", "floor": "floor", "ceil": "ceil", "rint": "rint", "fma": "fma", "abs": "fabs"}
+FLOAT_TESTS = {"eq": "oeq", "ne": "une", "lt": "olt", "le": "ole", "gt": "ogt", "ge": "oge"}
+NOT_IN_LIBM = ("erf_inv",)
+
+
+def operation(value: Value, words: Sequence[str], lanes: int, write: Write) -> set[str]:
+    """Writes what computes a value; returns the functions that it calls, as declarations.
+
+    Nothing of it is undefined, whatever the numbers: in lanes that do not want a value, it is computed of anything.
+
+    - `value`: neither a block nor a part of one, nor anything that touches memory.
+    - `words`: its arguments, of as many lanes.
+    - `lanes`: 1 for one number.
+    - `write`: takes a line.
+
+    Raises DefinitionError for a function that is neither in libm nor written out.
+    """
+    op, name = value.op, f"%v{value.number}"
+    source = value.args[0].type if value.args else value.type
+    whole = typed(source, lanes)
+    if op == "select":
+        yes = typed(value.type, lanes)
+        write(f"{name} = select {typed('b1', lanes)} {words[0]}, {yes} {words[1]}, {yes} {words[2]}")
+    elif op in FLOAT_TESTS:
+        write(f"{name} = {_test(op, source)} {whole} {words[0]}, {words[1]}")
+    elif op == "convert":
+        return _convert(value, words[0], lanes, write)
+    elif op == "bitcast":
+        write(f"{name} = bitcast {whole} {words[0]} to {typed(value.type, lanes)}")
+    elif op == "not":
+        write(f"{name} = xor {whole} {words[0]}, {literal(1 if source == 'b1' else -1, source, lanes)}")
+    elif op == "isfinite":
+        size = _call("fabs", value.args[0], words, lanes)
+        write(f"{name}s = {size[0]}")
+        write(f"{name} = fcmp olt {whole} {name}s, {literal(float('inf'), source, lanes)}")
+        return {size[1]}
+    elif op in ("min", "max"):
+        _extreme(value, words, lanes, write)
+    elif op in ELEMENTARY:
+        return _call_libm(value, words, lanes, write)
+    elif source in FLOATS:
+        if op in FLOAT_WORDS:
+            write(f"{name} = {FLOAT_WORDS[op]} {whole} {words[0]}, {words[1]}")
+        elif op == "neg":
+            write(f"{name} = fneg {whole} {words[0]}")
+        else:
+            call, declaration = _call(CALLS[op], value, words, lanes)
+            write(f"{name} = {call}")
+            return {declaration}
+    else:
+        _integer(value, words, lanes, write)
+    return set()
+
+
+def _test(op: str, type: str) -> str:
+    if type in FLOATS:
+        return f"fcmp {FLOAT_TESTS[op]}"
+    if op in ("eq", "ne"):
+        return f"icmp {op}"
+    return f"icmp {'s' if type in SIGNED else 'u'}{op}"
+
+
+def _call(function: str, value: Value, words: Sequence[str], lanes: int) -> tuple[str, str]:
+    whole = typed(value.type, lanes)
+    full = f"{whole} @llvm.{function}.{suffix(value.type, lanes)}"
+    arguments = ", ".join(f"{whole} {word}" for word in words)
+    return f"call {full}({arguments})", f"declare {full}({', '.join([whole] * len(words))})"
+
+
+def _extreme(value: Value, words: Sequence[str], lanes: int, write: Write) -> None:
+    a, b = words
+    name, whole, mask = f"%v{value.number}", typed(value.type, lanes), typed("b1", lanes)
+    if value.args[1].op == "const":
+        a, b = b, a  # a comparison with NaN is false and leaves b, so only a has to be looked at
+    first = value.args[1] if value.args[1].op == "const" else value.args[0]
+    known = value.type not in FLOATS or (first.op == "const" and first.data == first.data)
+    better = name if known else f"{name}m"
+    write(f"{name}c = {_test('gt' if value.op == 'max' else 'lt', value.type)} {whole} {a}, {b}")
+    write(f"{better} = select {mask} {name}c, {whole} {a}, {whole} {b}")
+    if not known:
+        write(f"{name}n = fcmp uno {whole} {a}, {a}")
+        write(f"{name} = select {mask} {name}n, {whole} {a}, {whole} {better}")
+
+
+def _integer(value: Value, words: Sequence[str], lanes: int, write: Write) -> None:
+    op, name, whole, mask = value.op, f"%v{value.number}", typed(value.type, lanes), typed("b1", lanes)
+    signed = value.type in SIGNED
+    if op in INTEGER_WORDS:
+        write(f"{name} = {INTEGER_WORDS[op]} {whole} {words[0]}, {words[1]}")
+    elif op == "neg":
+        write(f"{name} = sub {whole} {literal(0, value.type, lanes)}, {words[0]}")
+    elif op == "abs":
+        write(f"{name}n = sub {whole} {literal(0, value.type, lanes)}, {words[0]}")
+        write(f"{name}c = icmp slt {whole} {words[0]}, {literal(0, value.type, lanes)}")
+        write(f"{name} = select {mask} {name}c, {whole} {name}n, {whole} {words[0]}")
+    elif op in SHIFTS:
+        _shift(value, words, lanes, write)
+    elif op in ("div", "rem"):
+        # As XLA has it: x / 0 is -1, the remainder then x; the least number over -1 is itself.
+        word = f"{'s' if signed else 'u'}{op}"
+        one, minus = literal(1, value.type, lanes), literal(-1, value.type, lanes)
+        write(f"{name}z = icmp eq {whole} {words[1]}, {literal(0, value.type, lanes)}")
+        unsafe = f"{name}z"
+        if signed:
+            write(f"{name}m = icmp eq {whole} {words[1]}, {minus}")
+            write(f"{name}u = or {mask} {name}z, {name}m")
+            unsafe = f"{name}u"
+        write(f"{name}y = select {mask} {unsafe}, {whole} {one}, {whole} {words[1]}")
+        write(f"{name}q = {word} {whole} {words[0]}, {name}y")
+        by_zero = minus if op == "div" else words[0]
+        last = f"{name}q"
+        if signed and op == "div":
+            write(f"{name}n = sub {whole} {literal(0, value.type, lanes)}, {words[0]}")
+            write(f"{name}r = select {mask} {name}m, {whole} {name}n, {whole} {last}")
+            last = f"{name}r"
+        write(f"{name} = select {mask} {name}z, {whole} {by_zero}, {whole} {last}")
+    else:
+        raise DefinitionError(f"`{op}` of {value.type} numbers is no operation of the form")
+
+
+def _shift(value: Value, words: Sequence[str], lanes: int, write: Write) -> None:
+    name, whole, mask, bits = f"%v{value.number}", typed(value.type, lanes), typed("b1", lanes), 8 * BYTES[value.type]
+    by = value.args[1]
+    word = SHIFTS[value.op]
+    if by.op == "const" and 0 <= int(by.data) < bits:
+        write(f"{name} = {word} {whole} {words[0]}, {words[1]}")
+        return
+    # A shift by more than there are bits is left undefined by LLVM.
+    last = literal(bits - 1, value.type, lanes)
+    write(f"{name}c = icmp ugt {whole} {words[1]}, {last}")
+    write(f"{name}b = select {mask} {name}c, {whole} {last}, {whole} {words[1]}")
+    if word == "ashr":
+        write(f"{name} = ashr {whole} {words[0]}, {name}b")
+    else:
+        write(f"{name}r = {word} {whole} {words[0]}, {name}b")
+        write(f"{name} = select {mask} {name}c, {whole} {literal(0, value.type, lanes)}, {whole} {name}r")
+
+
+def _convert(value: Value, word: str, lanes: int, write: Write) -> set[str]:
+    source, target = value.args[0].type, value.type
+    name, before, after = f"%v{value.number}", typed(source, lanes), typed(target, lanes)
+    zero = literal(0, source, lanes)
+    if target == "b1":
+        write(f"{name} = {'fcmp une' if source in FLOATS else 'icmp ne'} {before} {word}, {zero}")
+    elif source == "b1":
+        one, none = literal(1, target, lanes), literal(0, target, lanes)
+        write(f"{name} = select {before} {word}, {after} {one}, {after} {none}")
+    elif source in FLOATS and target in FLOATS:
+        write(f"{name} = {'fpext' if target == 'f64' else 'fptrunc'} {before} {word} to {after}")
+    elif source in FLOATS:
+        kind = "fptosi" if target in SIGNED else "fptoui"
+        full = f"{after} @llvm.{kind}.sat.{suffix(target, lanes)}.{suffix(source, lanes)}"
+        write(f"{name} = call {full}({before} {word})")
+        return {f"declare {full}({before})"}
+    elif target in FLOATS:
+        write(f"{name} = {'sitofp' if source in SIGNED else 'uitofp'} {before} {word} to {after}")
+    elif BYTES[source] == BYTES[target]:
+        write(f"{name} = bitcast {before} {word} to {after}")
+    elif BYTES[source] > BYTES[target]:
+        write(f"{name} = trunc {before} {word} to {after}")
+    else:
+        write(f"{name} = {'sext' if source in SIGNED else 'zext'} {before} {word} to {after}")
+    return set()
+
+
+def _call_libm(value: Value, words: Sequence[str], lanes: int, write: Write) -> set[str]:
+    """Calls the C library's function, lane by lane: it has none for vectors that rounds alike everywhere."""
+    if value.op in NOT_IN_LIBM:
+        raise DefinitionError(f"`{value.op}` has to be written out in simpler operations before it is printed")
+    name, number, whole = f"%v{value.number}", typed(value.type, 1), typed(value.type, lanes)
+    full = f"{number} @{value.op}{'f' if value.type == 'f32' else ''}"
+    if lanes == 1:
+        write(f"{name} = call {full}({', '.join(f'{number} {word}' for word in words)})")
+    before = "poison"
+    for k in range(lanes if lanes > 1 else 0):
+        for j, word in enumerate(words):
+            write(f"{name}a{j}l{k} = extractelement {whole} {word}, i32 {k}")
+        arguments = ", ".join(f"{number} {name}a{j}l{k}" for j in range(len(words)))
+        write(f"{name}l{k} = call {full}({arguments})")
+        after = name if k == lanes - 1 else f"{name}w{k}"
+        write(f"{after} = insertelement {whole} {before}, {number} {name}l{k}, i32 {k}")
+        before = after
+    return {f"declare {full}({', '.join([number] * len(words))}) #1"}

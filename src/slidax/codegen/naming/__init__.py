@@ -1,0 +1,6 @@
+"""Names and comments for generated code, from the source that it was made from."""
+
+from .identifiers import identifier as identifier
+from .names import Name as Name
+from .names import Names as Names
+from .plain_text import plain as plain

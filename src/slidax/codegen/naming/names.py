@@ -1,0 +1,178 @@
+"""Names of values, from the statements of the source that made them."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+from ..form import Program, Value
+from .comments import about
+from .identifiers import identifier
+from .sources import Named, Returned, function_called, operand, source
+
+DERIVATIVES = frozenset({"jvp", "vjp", "grad", "value_and_grad", "jacfwd", "jacrev", "linearize", "hessian"})
+OPERATORS: dict[type[ast.AST], str] = {ast.Sub: "sub", ast.Div: "div", ast.Add: "add", ast.Mult: "mul"}
+
+
+class Name(NamedTuple):
+    """What a value would like to be called.
+
+    - `text`: an identifier.
+    - `firm`: whether the source names the very value, so that a reader will look for it.
+    """
+
+    text: str
+    firm: bool
+
+
+class Names:
+    """Names for the values of a program, and comments on them.
+
+    A value has the name of the variable that the source assigns it to, with the number of the joint behind it: `s_1`,
+    `m_12`. One that was only passed on has that of an operand or of the function that returned it.
+
+    - `program`: whose values have an `origin` with `frames`, `element` and `shape`, or None.
+    - `chosen`: names that are given to values.
+    """
+
+    def __init__(self, program: Program, chosen: Mapping[Value, str] | None = None) -> None:
+        self._names = {value: Name(identifier(name), True) for value, name in (chosen or {}).items()}
+        self._about: dict[Value, str] = {}
+        self._read_inputs(program)
+        made: dict[Any, list[Value]] = {}
+        for value in program.walk():
+            frames = tuple(value.origin.frames) if value.origin is not None and value.op != "const" else ()
+            if frames and value.op != "input":
+                self._about[value] = about(frames)
+                made.setdefault(frames, []).append(value)
+        for frames, values in made.items():
+            self._name_results(values, frames)
+        for frames, values in made.items():
+            if not _is_differentiated(frames):
+                for value in values:
+                    self._name_operands(value, frames[0])
+
+    def of(self, value: Value) -> Name | None:
+        """The name of a value, None if it has none.
+
+        - `value`: of the program.
+        """
+        return self._names.get(value)
+
+    def about(self, value: Value) -> str:
+        """A comment on a value, empty for none.
+
+        - `value`: of the program.
+        """
+        return self._about.get(value, "")
+
+    def _read_inputs(self, program: Program) -> None:
+        """Names inputs by the last part of their names that tells them apart; `state.q` before `gains.surface.q`."""
+        paths = [entry.name.split(".") for entry in program.inputs]
+        short: dict[int, str] = {}
+        for k in sorted(range(len(paths)), key=lambda k: len(paths[k])):
+            ends = ["_".join(paths[k][-parts:]) for parts in range(1, len(paths[k]) + 1)]
+            short[k] = next((end for end in ends if not end.isdigit() and end not in short.values()), ends[-1])
+        for value in program.body.values:
+            if value.op == "input":
+                which, element = value.data
+                text = identifier(short[which] + suffix(element, program.inputs[which].shape))
+                self._names.setdefault(value, Name(text, True))
+
+    def _name_results(self, values: list[Value], frames: tuple[Any, ...]) -> None:
+        """Names what one expression gives, of all that it makes on the way."""
+        found = _found(frames)
+        if found is None:
+            return
+        marked = [value for value in values if value.origin.element is not None]
+        # Its result comes last; but derivatives come after what they are of.
+        if not _is_differentiated(frames):
+            marked.reverse()
+        done: set[int] = set()
+        for value in marked:
+            if value.origin.shape == marked[0].origin.shape and value.origin.element not in done:
+                done.add(value.origin.element)
+                self._name(value, *found)
+
+    def _name(self, value: Value, found: Named, firm: bool) -> None:
+        if value not in self._names:
+            index = "".join(str(k + 1) for k in found.path)
+            number = suffix(value.origin.element, value.origin.shape).removeprefix("_")
+            tail = f"_{index}{number}" if index or number else ""
+            self._names[value] = Name(identifier(found.name + tail), firm)
+
+    def _name_operands(self, value: Value, frame: Any) -> None:
+        """Names what an operation is applied to by what the source calls it, as far as it is clear which is which."""
+        text = source(frame.file)
+        node = None if text is None else text.at(frame)
+        if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub) and value.op == "neg":
+            self._suggest(value.args[0], node.operand)
+        if not isinstance(node, ast.BinOp) or OPERATORS.get(type(node.op)) != value.op:
+            return
+        sides = [node.left, node.right]
+        args = list(value.args)
+        if value.op in ("add", "mul"):
+            # The builder may have swapped them: one of them has to be known.
+            known = [self._names[arg].text.partition("_")[0] if arg in self._names else None for arg in args]
+            called = [operand(side) for side in sides]
+            if any(name is not None and name == called[1 - k] for k, name in enumerate(known)):
+                args.reverse()
+            elif not any(name is not None and name == called[k] for k, name in enumerate(known)):
+                return
+        for arg, side in zip(args, sides, strict=True):
+            self._suggest(arg, side)
+
+    def _suggest(self, value: Value, node: ast.expr) -> None:
+        text = operand(node)
+        if text is None or value in self._names or value.op in ("const", "input") or value.origin is None:
+            return
+        number = suffix(value.origin.element, value.origin.shape) if value.origin.element is not None else ""
+        self._names[value] = Name(identifier(text + number), False)
+
+
+def suffix(element: int, shape: tuple[int, ...]) -> str:
+    """The number of an element, as names have it: `_2`, or `_12` in a matrix; nothing for a single number.
+
+    - `element`: counted in C order from 0.
+    - `shape`: of the array.
+    """
+    digits: list[str] = []
+    for length in reversed(shape):
+        element, k = divmod(element, length)
+        if length > 1 or len(shape) == 1:
+            digits.insert(0, str(k + 1))
+    return f"_{('' if max(shape, default=0) < 10 else '_').join(digits)}" if digits else ""
+
+
+def _found(frames: tuple[Any, ...]) -> tuple[Named, bool] | None:
+    """The name that the first function on the way out gives, and whether it is more than that of a function."""
+    value = Returned()
+    differentiated = _is_differentiated(frames)
+    function: Named | None = None
+    for frame in frames:
+        text = source(frame.file)
+        node = None if text is None else text.at(frame)
+        fate = None if text is None or node is None else text.fate(node, value)
+        function_name = frame.function.rpartition(".")[2]
+        if differentiated and function_name.startswith("_"):
+            # A rule of differentiation, in which a name stands for a derivative as often as for what it is of.
+            return None
+        if isinstance(fate, Named):
+            name = fate.name.strip("_")
+            return (Named(name, fate.path), True) if name else None
+        if fate is None:
+            break
+        value = fate
+        if function is None and value.position is None and function_name[:1].isalpha():
+            function = Named(function_name, value.path)
+    return None if function is None else (function, False)
+
+
+def _is_differentiated(frames: tuple[Any, ...]) -> bool:
+    for frame in frames:
+        text = source(frame.file)
+        node = None if text is None else text.at(frame)
+        if isinstance(node, ast.Call) and function_called(node) in DERIVATIVES:
+            return True
+    return False

@@ -1,0 +1,82 @@
+"""Leaves out what nothing needs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from .form import Branch, Loop, Program, Region, Value, regions
+
+
+def prune(program: Program) -> None:
+    """Removes all values that no output and no store needs, numbers that loops carry and branches leave among them.
+
+    - `program`: changed in place.
+    """
+    _drop(program.body, _needed(program))
+
+
+def _needed(program: Program) -> set[Value]:
+    needed: set[Value] = set()
+    asked: list[Value] = [value for output in program.outputs for value in output.values or ()]
+    asked += [value for value in program.walk() if value.op == "store"]
+    while asked:
+        value = asked.pop()
+        if value not in needed:
+            needed.add(value)
+            asked += _for(value)
+    return needed
+
+
+def _for(value: Value) -> Iterable[Value]:
+    """What a needed value needs at once."""
+    if value.op == "param":
+        loop = value.region.owner
+        assert isinstance(loop, Loop)
+        return loop, loop.args[value.data], loop.following[value.data]
+    if value.op == "result":
+        block = value.args[0]
+        if isinstance(block, Loop):
+            return block, block.params[value.data]
+        assert isinstance(block, Branch)
+        return block, block.yes[value.data], block.no[value.data]
+    if isinstance(value, Loop):
+        counter = () if value.turns is None else (value.turns, value.params[0])
+        return *_blocks_around(value), value.condition, *counter
+    if isinstance(value, Branch):
+        return *_blocks_around(value), value.args[0]
+    if value.op == "store":
+        return *_blocks_around(value), *value.args
+    return value.args
+
+
+def _blocks_around(value: Value) -> tuple[Value, ...]:
+    return () if value.region.owner is None else (value.region.owner,)
+
+
+def _drop(region: Region, needed: set[Value]) -> None:
+    region.values = [value for value in region.values if value in needed]
+    places: dict[Value, dict[int, int]] = {}
+    for value in region.values:
+        if value.op == "result":
+            value.data = places[value.args[0]][value.data]
+        elif isinstance(value, Loop):
+            places[value] = _drop_carried(value, needed)
+        elif isinstance(value, Branch):
+            left = {r.data for r in region.values if r.op == "result" and r.args[0] is value}
+            kept = sorted(left)
+            value.yes = tuple(value.yes[k] for k in kept)
+            value.no = tuple(value.no[k] for k in kept)
+            places[value] = {k: place for place, k in enumerate(kept)}
+        for inner in regions(value):
+            _drop(inner, needed)
+
+
+def _drop_carried(loop: Loop, needed: set[Value]) -> dict[int, int]:
+    kept = [k for k, param in enumerate(loop.params) if param in needed]
+    loop.args = tuple(loop.args[k] for k in kept)
+    loop.following = tuple(loop.following[k] for k in kept)
+    loop.params = tuple(loop.params[k] for k in kept)
+    places = {k: place for place, k in enumerate(kept)}
+    for place, param in enumerate(loop.params):
+        param.data = place
+    return places

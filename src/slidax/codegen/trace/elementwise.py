@@ -1,0 +1,189 @@
+"""Primitives that work on each element by itself."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from slidax.codegen.builder import Builder, Values
+from slidax.codegen.form import FLOATS, Type, Value
+
+from .arrays import TYPES, each
+
+SAME = {
+    "add": "add",
+    "add_any": "add",
+    "sub": "sub",
+    "mul": "mul",
+    "div": "div",
+    "neg": "neg",
+    "abs": "abs",
+    "min": "min",
+    "max": "max",
+    "rem": "rem",
+    "sqrt": "sqrt",
+    "floor": "floor",
+    "ceil": "ceil",
+    "exp": "exp",
+    "expm1": "expm1",
+    "log": "log",
+    "log1p": "log1p",
+    "pow": "pow",
+    "sin": "sin",
+    "cos": "cos",
+    "tan": "tan",
+    "asin": "asin",
+    "acos": "acos",
+    "atan": "atan",
+    "atan2": "atan2",
+    "sinh": "sinh",
+    "cosh": "cosh",
+    "tanh": "tanh",
+    "erf": "erf",
+    "erf_inv": "erf_inv",
+    "cbrt": "cbrt",
+    "and": "and",
+    "or": "or",
+    "xor": "xor",
+    "not": "not",
+    "shift_left": "shl",
+    "shift_right_logical": "shr",
+    "shift_right_arithmetic": "sar",
+    "is_finite": "isfinite",
+    "eq": "eq",
+    "ne": "ne",
+    "lt": "lt",
+    "le": "le",
+    "gt": "gt",
+    "ge": "ge",
+}
+"""Primitives that are operations of the form, by their names."""
+
+Rule = Callable[[Builder, Any, list[Values]], Values]
+"""From a builder, an equation and the arrays it takes to the array that it gives."""
+
+
+def same(builder: Builder, equation: Any, arrays: list[Values]) -> Values:
+    """A primitive that is an operation of the form."""
+    op = SAME[equation.primitive.name]
+    apply = builder.apply
+    if arrays[0].size and arrays[0].flat[0].type == "b1" and op in ("lt", "le", "gt", "ge", "max", "min", "mul", "add"):
+        return each(lambda *args: _of_bools(builder, op, args), *arrays)
+    if op == "pow" and arrays[1].size and arrays[1].flat[0].type not in FLOATS:
+        raise NotImplementedError("a power with an array of integers as exponent")
+    return each(lambda *args: apply(op, *args), *arrays)
+
+
+def _of_bools(b: Builder, op: str, args: tuple[Value, ...]) -> Value:
+    x, y = args
+    if op in ("max", "add"):
+        return b.apply("or", x, y)
+    if op in ("min", "mul"):
+        return b.apply("and", x, y)
+    if op in ("lt", "le"):
+        x, y = y, x
+    return b.apply("and", x, b.apply("not", y)) if op in ("lt", "gt") else b.apply("or", x, b.apply("not", y))
+
+
+def _type(equation: Any) -> Type:
+    return TYPES[equation.outvars[0].aval.dtype.name]
+
+
+def _convert(b: Builder, equation: Any, arrays: list[Values]) -> Values:
+    kind = _type(equation)
+    if kind == "b1":
+        return each(lambda x: x if x.type == "b1" else b.apply("ne", x, b.constant(0, x.type)), arrays[0])
+    return each(lambda x: b.apply("convert", x, type=kind), arrays[0])
+
+
+def _bitcast(b: Builder, equation: Any, arrays: list[Values]) -> Values:
+    kind = _type(equation)
+    if arrays[0].shape != equation.outvars[0].aval.shape:
+        raise NotImplementedError("a bitcast to a type of another size")
+    return each(lambda x: b.apply("bitcast", x, type=kind), arrays[0])
+
+
+def _power(b: Builder, x: Value, exponent: int) -> Value:
+    if exponent < 0:
+        return b.apply("div", b.constant(1, x.type), _power(b, x, -exponent))
+    result, square = None, x
+    while exponent:
+        if exponent & 1:
+            result = square if result is None else b.apply("mul", result, square)
+        exponent >>= 1
+        if exponent:
+            square = b.apply("mul", square, square)
+    return b.constant(1, x.type) if result is None else result
+
+
+def _sign(b: Builder, x: Value) -> Value:
+    zero, one, less = b.constant(0, x.type), b.constant(1, x.type), b.constant(-1, x.type)
+    if x.type in ("u32", "u64"):
+        return b.apply("select", b.apply("gt", x, zero), one, zero)
+    # Zeros keep their sign, and NaN is NaN.
+    rest = b.apply("select", b.apply("lt", x, zero), less, x if x.type in FLOATS else zero)
+    return b.apply("select", b.apply("gt", x, zero), one, rest)
+
+
+def _round(b: Builder, equation: Any, x: Value) -> Value:
+    if int(equation.params["rounding_method"]) == 1:
+        return b.apply("rint", x)
+    half = b.constant(0.5, x.type)
+    size = b.apply("floor", b.apply("abs", x))
+    size = b.apply(
+        "add",
+        size,
+        b.apply(
+            "select",
+            b.apply("ge", b.apply("sub", b.apply("abs", x), size), half),
+            b.constant(1.0, x.type),
+            b.constant(0.0, x.type),
+        ),
+    )
+    return b.apply("select", b.apply("lt", x, b.constant(0.0, x.type)), b.apply("neg", size), size)
+
+
+def _select(b: Builder, equation: Any, arrays: list[Values]) -> Values:
+    which, *cases = arrays
+    if which.size and which.flat[0].type != "b1" and len(cases) > 2:
+        raise NotImplementedError("a choice between more than two arrays")
+
+    def choice(when: Value, no: Value, yes: Value | None = None) -> Value:
+        if yes is None:
+            return no
+        if when.type != "b1":
+            when = b.apply("ne", when, b.constant(0, when.type))
+        return b.apply("select", when, yes, no)
+
+    return each(choice, which, *cases)
+
+
+def _clamp(b: Builder, equation: Any, arrays: list[Values]) -> Values:
+    return each(lambda low, x, high: b.apply("min", b.apply("max", x, low), high), *arrays)
+
+
+def _half_angle(b: Builder, equation: Any, x: Value) -> Value:
+    one = b.constant(1.0, x.type)
+    return b.apply("div", one, b.apply("add", one, b.apply("exp", b.apply("neg", x))))
+
+
+RULES: dict[str, Rule] = {
+    **dict.fromkeys(SAME, same),
+    "convert_element_type": _convert,
+    "bitcast_convert_type": _bitcast,
+    "integer_pow": lambda b, eqn, arrays: each(lambda x: _power(b, x, eqn.params["y"]), arrays[0]),
+    "square": lambda b, eqn, arrays: each(lambda x: b.apply("mul", x, x), arrays[0]),
+    "rsqrt": lambda b, eqn, arrays: each(
+        lambda x: b.apply("div", b.constant(1.0, x.type), b.apply("sqrt", x)), arrays[0]
+    ),
+    "exp2": lambda b, eqn, arrays: each(lambda x: b.apply("pow", b.constant(2.0, x.type), x), arrays[0]),
+    "logistic": lambda b, eqn, arrays: each(lambda x: _half_angle(b, eqn, x), arrays[0]),
+    "sign": lambda b, eqn, arrays: each(lambda x: _sign(b, x), arrays[0]),
+    "round": lambda b, eqn, arrays: each(lambda x: _round(b, eqn, x), arrays[0]),
+    "select_n": _select,
+    "clamp": _clamp,
+    "copy": lambda b, eqn, arrays: arrays[0],
+    "copy_p": lambda b, eqn, arrays: arrays[0],
+    "stop_gradient": lambda b, eqn, arrays: arrays[0],
+}
+"""The rule of each primitive, by its name."""

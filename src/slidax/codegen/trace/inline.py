@@ -1,0 +1,167 @@
+"""A jaxpr, equation by equation, into a builder."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+from jax.extend.core import ClosedJaxpr  # type: ignore[attr-defined]
+
+from slidax._errors import DefinitionError
+from slidax.codegen.builder import Builder, Values
+
+from . import blocks, elementwise, indexing, random, reductions, shapes
+from .arrays import of_numbers
+from .origin import Origin, frames_of
+
+
+class NoNativeCodeError(DefinitionError):
+    """A function holds something that there is no native code for; JAX itself may well run it."""
+
+
+CALLS = {
+    "jit": "jaxpr",
+    "pjit": "jaxpr",
+    "closed_call": "call_jaxpr",
+    "core_call": "call_jaxpr",
+    "remat": "jaxpr",
+    "checkpoint": "jaxpr",
+    "remat2": "jaxpr",
+    "custom_jvp_call": "call_jaxpr",
+    "custom_vjp_call": "call_jaxpr",
+    "custom_vjp_call_jaxpr": "fun_jaxpr",
+}
+"""Primitives that call another jaxpr, with the parameter that holds it."""
+
+PLAIN: dict[str, Callable[[Builder, Any, list[Values]], Values | list[Values]]] = {
+    **elementwise.RULES,
+    **shapes.RULES,
+    **reductions.RULES,
+    **indexing.RULES,
+    "threefry2x32": random.threefry,
+    "iota_2x32_shape": random.counters,
+    "random_wrap": random.same_words,
+    "random_unwrap": random.same_words,
+}
+WITH_INNER: dict[str, Callable[[Builder, Any, list[Values], blocks.Inline], list[Values]]] = {
+    "while": blocks.while_loop,
+    "scan": blocks.scan,
+    "cond": blocks.cond,
+    "random_seed": random.by_implementation("seed"),
+    "random_fold_in": random.by_implementation("fold_in"),
+    "random_bits": random.by_implementation("random_bits"),
+    "random_split": random.by_implementation("split"),
+}
+REMEDIES = {
+    "sort": "write it with `jnp.max`, `jnp.min` or `jnp.argmax`",
+    "top_k": "write it with `jnp.max` or `jnp.argmax`",
+    "cholesky": "use `slidax.numerics.solve_symmetric`",
+    "triangular_solve": "use `slidax.numerics.solve_symmetric`",
+    "lu": "use `slidax.numerics.solve_symmetric`",
+    "eigh": "use `slidax.numerics.inverse_norm`, or a closed form",
+    "svd": "use `slidax.numerics.inverse_norm`, or a closed form",
+    "qr": "use `slidax.numerics.solve_symmetric`",
+    "custom_linear_solve": "use `slidax.numerics.solve_symmetric` in the place of `jnp.linalg.solve`",
+    "linear_solve": "use `slidax.numerics.solve_symmetric` in the place of `jnp.linalg.solve`",
+    "pure_callback": "write it in `jax.numpy`",
+    "io_callback": "write it in `jax.numpy`",
+    "debug_callback": "take the print out",
+}
+
+
+def inline(
+    builder: Builder,
+    closed: Any,
+    arrays: Sequence[Values],
+    *,
+    constants: Sequence[Values] | None = None,
+    named: bool = False,
+) -> list[Values]:
+    """The results of a closed jaxpr, as arrays of values.
+
+    - `builder`: makes them.
+    - `closed`: the jaxpr.
+    - `arrays`: its arguments.
+    - `constants`: what stands for the arrays that it closes over; None: their numbers.
+    - `named`: whether each value is told where in the source it came from; takes time.
+
+    Raises NoNativeCodeError if it holds a primitive that has no rule, with its name, place and remedy.
+    """
+    return _Inlining(builder, named).run(closed, arrays, constants)
+
+
+class _Inlining:
+    def __init__(self, builder: Builder, named: bool) -> None:
+        self.builder = builder
+        self.named = named
+        # Inside a called function, the place of the call.
+        self.call: Any = None
+
+    def run(self, closed: Any, arrays: Sequence[Values], constants: Sequence[Values] | None = None) -> list[Values]:
+        jaxpr = closed.jaxpr
+        if constants is None:
+            constants = [of_numbers(self.builder, np.asarray(number)) for number in closed.consts]
+        known: dict[Any, Values] = dict(zip(jaxpr.invars, arrays, strict=True))
+        known.update(zip(jaxpr.constvars, constants, strict=True))
+        for equation in jaxpr.eqns:
+            results = self._equation(equation, [self._read(known, atom) for atom in equation.invars])
+            known.update(zip(equation.outvars, results, strict=True))
+        return [self._read(known, atom) for atom in jaxpr.outvars]
+
+    def _read(self, known: dict[Any, Values], atom: Any) -> Values:
+        value = getattr(atom, "val", None)
+        return known[atom] if value is None else of_numbers(self.builder, np.asarray(value, atom.aval.dtype))
+
+    def _equation(self, equation: Any, arrays: list[Values]) -> list[Values]:
+        name = equation.primitive.name
+        if name in CALLS:
+            inner = equation.params[CALLS[name]]
+            around, self.call = self.call, self.call or equation
+            results = self.run(_closed(inner), arrays)
+            self.call = around
+            return results
+        if self.named:
+            self.builder.origin = Origin(self.call or equation)
+        try:
+            if name in PLAIN:
+                result = PLAIN[name](self.builder, equation, arrays)
+                results = result if isinstance(result, list) else [result]
+                if self.named:
+                    self._mark(results)
+                return results
+            if name in WITH_INNER:
+                around, self.call = self.call, None
+                mine = self.builder.origin
+                results = WITH_INNER[name](self.builder, equation, arrays, self.run)
+                self.call = around
+                if self.named:
+                    self.builder.origin = mine
+                    self._mark(results)
+                return results
+        except NotImplementedError as error:
+            raise NoNativeCodeError(f"no native code for {error}{self._where(equation)}") from None
+        except KeyError as error:
+            if "dtype" not in repr(error) and error.args and str(error.args[0]) in ("int8", "uint8", "float16"):
+                raise NoNativeCodeError(f"no native code for {error.args[0]}{self._where(equation)}") from None
+            raise
+        remedy = REMEDIES.get(name, "write it with other operations of `jax.numpy`, or simulate with the engine `xla`")
+        raise NoNativeCodeError(f"no native code for the JAX primitive `{name}`{self._where(equation)}: {remedy}")
+
+    def _mark(self, results: list[Values]) -> None:
+        """Tells each new value which element of the result it is."""
+        mine = self.builder.origin
+        for array in results:
+            for k, value in enumerate(array.ravel()):
+                if value.origin is mine:
+                    value.origin = Origin(mine.equation, k, array.shape)
+
+    def _where(self, equation: Any) -> str:
+        frames = frames_of(self.call or equation)
+        if not frames:
+            return ""
+        return f" (line {frames[0].line} of {frames[0].file}, in `{frames[0].function}`)"
+
+
+def _closed(jaxpr: Any) -> Any:
+    return jaxpr if hasattr(jaxpr, "jaxpr") else ClosedJaxpr(jaxpr, ())

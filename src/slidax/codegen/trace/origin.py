@@ -1,0 +1,90 @@
+"""Where in the source a value came from."""
+
+from __future__ import annotations
+
+import functools
+import itertools
+import os
+from types import CodeType
+from typing import Any, NamedTuple
+
+import jax
+
+HERE = os.path.dirname(__file__)
+LIBRARIES = tuple(f"{os.sep}{name}{os.sep}" for name in ("jax", "equinox", "jaxtyping", "beartype"))
+
+
+class Frame(NamedTuple):
+    """A place in a file: an expression.
+
+    - `file`, `line`: where it begins.
+    - `function`: in which function, by its qualified name.
+    - `column`, `end_line`, `end_column`: where in the line it begins, and where it ends, in bytes as `ast` counts them.
+    """
+
+    file: str
+    line: int
+    function: str
+    column: int = 0
+    end_line: int = 0
+    end_column: int = 0
+
+
+class Origin:
+    """The place in the source that made a value.
+
+    - `equation`: of the jaxpr.
+    - `element`: which element of the equation's result the value is, in C order; None if it is none.
+    - `shape`: of that result.
+    """
+
+    __slots__ = ("element", "equation", "shape")
+
+    def __init__(self, equation: Any, element: int | None = None, shape: tuple[int, ...] = ()) -> None:
+        self.equation = equation
+        self.element = element
+        self.shape = shape
+
+    @property
+    def size(self) -> int:
+        """How many elements the result has."""
+        size = 1
+        for length in self.shape:
+            size *= length
+        return size
+
+    @property
+    def frames(self) -> list[Frame]:
+        """The places in the source, the innermost first, without those in JAX and its kin."""
+        return frames_of(self.equation)
+
+
+def frames_of(equation: Any) -> list[Frame]:
+    """The places in the source of an equation of a jaxpr, the innermost first.
+
+    - `equation`: with its source information.
+    """
+    traceback = equation.source_info.traceback
+    frames: list[Frame] = []
+    for code, instruction in zip(*traceback.raw_frames(), strict=True) if traceback is not None else ():
+        if code.co_filename.startswith(HERE):
+            # What called the tracing is no part of what was traced.
+            break
+        if _ours(code.co_filename):
+            frames.append(_place(code, instruction))
+    return frames
+
+
+@functools.lru_cache(10_000)
+def _place(code: CodeType, instruction: int) -> Frame:
+    positions = next(itertools.islice(code.co_positions(), instruction // 2, None))
+    line, end_line, column, end_column = (number or 0 for number in positions)
+    return Frame(code.co_filename, line, code.co_qualname, column, end_line, end_column)
+
+
+@functools.cache
+def _ours(file: str) -> bool:
+    inside = os.path.dirname(os.path.dirname(jax.__file__))
+    if file.startswith(inside) and any(name in file[len(inside) :] for name in LIBRARIES):
+        return False
+    return not file.startswith("<frozen")

@@ -1,0 +1,145 @@
+"""The parts of a closed loop, checked against each other."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from slidax._errors import DefinitionError, is_traced
+from slidax._types import Envelope, Reference, State
+from slidax.controllers import AbstractController, SampledData
+from slidax.trajectories import AbstractTrajectory
+
+from .plant import Plant
+from .rollout import Integrator, Loop
+from .tally import Windows
+
+
+def define_loop(
+    plant: Plant,
+    controller: AbstractController,
+    trajectory: AbstractTrajectory,
+    state0: State,
+    t1: float,
+    period: Any,
+    mode: str,
+    integrator: Integrator,
+    substeps: int,
+    log_every: int | None,
+    bands: tuple[float, ...],
+    outside: str,
+) -> tuple[Loop, int]:
+    """The closed loop, and the number of its samples, once its parts are known to fit each other.
+
+    All arguments are those of `simulate`. What is traced is not checked, aside from its shape.
+
+    Raises DefinitionError if they do not fit.
+    """
+    if not jax.config.read("jax_enable_x64"):
+        raise DefinitionError(
+            'slidax needs 64-bit numbers: call jax.config.update("jax_enable_x64", True) before anything else'
+        )
+    n = plant.robot.joints
+    if controller.joints != n:
+        raise DefinitionError(f"the controller commands {controller.joints} joints, but the plant has {n}")
+    for name, value in (("q", state0.q), ("dq", state0.dq)):
+        if value.shape != (n,):
+            raise DefinitionError(f"`state0.{name}` must have one entry for each of the {n} joints; got {value.shape}")
+        if not is_traced(value) and not np.isfinite(value).all():
+            joint = int(np.argmin(np.isfinite(value))) + 1
+            raise DefinitionError(f"`state0.{name}` must be finite; it is not for joint {joint}")
+    shape = eqx.filter_eval_shape(trajectory.position, jax.ShapeDtypeStruct((), float)).shape
+    if shape != (n,):
+        raise DefinitionError(f"the trajectory gives {list(shape)} positions, but the plant has {n} joints")
+    try:
+        pushed = eqx.filter_eval_shape(plant.disturbance, jax.ShapeDtypeStruct((), float), state0).shape
+    except (TypeError, ValueError) as error:
+        raise DefinitionError(f"the disturbance does not fit the {n} joints of the plant: {error}") from error
+    if pushed != (n,):
+        raise DefinitionError(f"the disturbance gives {list(pushed)} forces, but the plant has {n} joints")
+    if substeps < 1:
+        raise DefinitionError(f"`substeps` must be >= 1; got {substeps}")
+    if mode == "continuous" and substeps != 1:
+        raise DefinitionError(f"`substeps` must be 1 in continuous mode, where `period` is the step; got {substeps}")
+    if mode == "continuous":
+        if isinstance(controller, SampledData):
+            raise DefinitionError("a sampled-data law needs samples: simulate in held mode, not in continuous mode")
+        for name, part in (("a sensor", plant.sensor), ("an actuator", plant.actuator)):
+            if part is not None:
+                raise DefinitionError(f"{name} needs samples: simulate in held mode, not in continuous mode")
+        if outside == "recover":
+            raise DefinitionError("`outside` must be `raise` in continuous mode: recovering needs samples")
+    if log_every is not None and log_every < 1:
+        raise DefinitionError(f"`log_every` must be >= 1, or None for no log; got {log_every}")
+    if is_traced(period):
+        raise DefinitionError("`period` sets the number of samples, so it must be a known number")
+    steps = _steps(float(t1), float(period))
+    if isinstance(controller, SampledData) and not is_traced(controller.period):
+        made_for = float(controller.period)
+        if abs(made_for - float(period)) > 1e-9 * made_for:
+            raise DefinitionError(
+                f"the sampled-data law is made for a period of {made_for:g} s; it cannot be sampled every "
+                f"{float(period):g} s"
+            )
+    loop = Loop(
+        plant=plant,
+        controller=controller,
+        trajectory=trajectory,
+        period=jnp.asarray(period, float),
+        last=jnp.asarray(steps),
+        windows=windows_of(steps, float(period), bands),
+        integrator=integrator,
+        substeps=substeps,
+        continuous=mode == "continuous",
+        recover=outside == "recover",
+    )
+    return loop, steps + 1
+
+
+def windows_of(steps: int, period: float, bands: tuple[float, ...]) -> Windows:
+    """From when each statistic of a run counts.
+
+    - `steps`: number of periods.
+    - `period`: time between samples [s].
+    - `bands`: error bands for the settling time, rad or m.
+    """
+    return Windows(
+        steady=jnp.asarray(int(np.ceil(0.75 * steps))),
+        iae=jnp.asarray(int(np.floor(2.0 / period + 1e-6)) + 1),
+        bands=jnp.asarray(bands, float),
+    )
+
+
+def _steps(t1: float, period: float) -> int:
+    if not (np.isfinite(period) and period > 0):
+        raise DefinitionError(f"`period` must be > 0 s; got {period:g}")
+    if not (np.isfinite(t1) and t1 > 0):
+        raise DefinitionError(f"`t1` must be > 0 s; got {t1:g}")
+    steps = round(t1 / period)
+    if steps < 1 or abs(steps * period - t1) > 1e-6 * period * max(1.0, 1e-3 * steps):
+        raise DefinitionError(f"`t1` must be a whole number of periods of {period:g} s; got {t1:g} s")
+    return steps
+
+
+def require_start_inside(state0: State, reference: Reference, envelope: Envelope | None) -> None:
+    """Raises DefinitionError if the first error is at or outside its bounds.
+
+    - `state0`: the first state.
+    - `reference`, `envelope`: at that time.
+    """
+    if envelope is None:
+        return
+    e = np.asarray(state0.q - reference.q)
+    lower, upper = np.asarray(envelope.lower), np.asarray(envelope.upper)
+    outside = ~((lower < e) & (e < upper))
+    if outside.any():
+        joint = int(np.argmax(outside))
+        raise DefinitionError(
+            f"`state0.q` must start inside the envelope, lower < e(0) < upper (eq. 12), so |e(0)| < rho0 (eq. 20); "
+            f"got e(0) = {e[joint]:.4g} for joint {joint + 1}, whose bounds are {lower[joint]:.4g} and "
+            f"{upper[joint]:.4g}; enlarge the initial radius or start nearer"
+        )

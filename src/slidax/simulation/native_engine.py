@@ -1,0 +1,167 @@
+"""The closed loop as machine code of its own, for single runs and for batches on the processor."""
+
+from __future__ import annotations
+
+import functools
+import time
+from collections.abc import Hashable
+from dataclasses import dataclass, field
+from typing import Any
+
+import equinox as eqx
+import jax
+import numpy as np
+
+from slidax._types import State
+from slidax.codegen import llvm
+
+from .native_loop import Define, NativeLoop, batch_loop, single_loop
+from .progress import Progress
+from .rollout import Begun, Inside, Loop
+from .run import Log, Timing
+
+CHUNK = 1_000_000
+"""About how many samples pass between two looks at the run, for its bar."""
+
+
+def drive(
+    loop: Loop,
+    state0: State,
+    samples: int,
+    every: int | None,
+    progress: bool | None,
+    started: float,
+    inside: Inside,
+) -> tuple[Begun, Log | None, Timing]:
+    """The carry at the end, with envelope and reference at the beginning, and the log.
+
+    - `loop`: what stays the same.
+    - `state0`: the state at t = 0.
+    - `samples`: how many.
+    - `every`: one in how many is logged; None logs none.
+    - `progress`: whether a bar is shown; None if the run is long and a person looks on.
+    - `started`: when, by `time.perf_counter`.
+    - `inside`: says no to a start that may not be.
+
+    Raises NoNativeCodeError if there is no machine code for something in it.
+    """
+    arrays, static = eqx.partition((loop, state0), eqx.is_array)
+    native, kernel = _compiled(_Kind.of(arrays, static, every is not None))
+    ready = time.perf_counter()
+    stride = every or 1
+    chunk = max(1, CHUNK // stride) * stride
+    known = [*native.consts, *_numbers(arrays)]
+    carry = [np.zeros(leaf.shape, leaf.dtype) for leaf in jax.tree.leaves(native.begun[0])]
+    begun: list[np.ndarray] = []
+    logs: list[list[np.ndarray]] = []
+    with Progress(-(-samples // chunk), progress) as bar:
+        for first in range(0, samples, chunk):
+            steps = min(chunk, samples - first)
+            how = [np.asarray(steps), *([] if every is None else [np.asarray(every)]), np.asarray(first == 0)]
+            results = kernel([*known, *how, *carry], rows=-(-steps // stride))
+            logged, left = _split(native, results)
+            logs.append(logged)
+            if first == 0:
+                _, envelope, reference = _unflattened(native.begun, left)
+                inside(state0, reference, envelope)
+            begun = left if not begun else [*left[: len(carry)], *begun[len(carry) :]]
+            carry = left[: len(carry)]
+            bar.advance()
+            if int(_unflattened(native.begun[0], carry).fault.kind):
+                break
+    log = None
+    if every is not None:
+        whole = _unflattened(native.log, [np.concatenate(parts) for parts in zip(*logs, strict=True)])
+        log = jax.tree.map(lambda x: x[whole.valid], whole)
+    ended: Begun = _unflattened(native.begun, jax.device_put(begun))
+    return ended, log, Timing(compile_s=ready - started, run_s=time.perf_counter() - ready)
+
+
+def drive_batch(
+    task: Hashable,
+    define: Define,
+    one: Any,
+    varied: Any,
+    samples: int,
+    every: int | None,
+    threads: int | None,
+) -> tuple[Begun, Log | None]:
+    """The same for many runs; every array has the run as its first axis.
+
+    - `task`: equal for equal loops, so that each is compiled once.
+    - `define`: from what varies, for one run, to the loop and the first state.
+    - `one`: the shapes of what varies, for one run.
+    - `varied`: arrays with the run as their first axis.
+    - `samples`: how many.
+    - `every`: one in how many is logged; None logs none.
+    - `threads`: how many; None: as many as there are cores.
+
+    Raises NoNativeCodeError if there is no machine code for something in it.
+    """
+    leaves, tree = jax.tree.flatten(one)
+    shapes = tuple((leaf.shape, leaf.dtype.name) for leaf in leaves)
+    native, kernel = _compiled_batch(_Known((task, tree, shapes), define, one, every is not None))
+    how = [np.asarray(samples), *([] if every is None else [np.asarray(every)])]
+    arrays = _numbers(varied)
+    results = kernel.batch(
+        [*native.consts, *arrays, *how], runs=arrays[0].shape[0], rows=-(-samples // (every or 1)), threads=threads
+    )
+    logged, left = _split(native, results)
+    log = None if every is None else _unflattened(native.log, logged)
+    ended: Begun = _unflattened(native.begun, jax.device_put(left))
+    return ended, log
+
+
+@dataclass(frozen=True)
+class _Known:
+    """A batch's loop, equal to others by its key alone."""
+
+    key: Hashable
+    define: Define = field(compare=False)
+    one: Any = field(compare=False)
+    logged: bool
+
+
+@functools.lru_cache(maxsize=64)
+def _compiled_batch(known: _Known) -> tuple[NativeLoop, llvm.Kernel]:
+    native = batch_loop(known.define, known.one, logged=known.logged)
+    return native, llvm.compile(native.program, lanes=llvm.LANES)
+
+
+@dataclass(frozen=True)
+class _Kind:
+    """What a compiled loop depends on: all but the numbers."""
+
+    tree: Any
+    shapes: tuple[tuple[tuple[int, ...], str], ...]
+    static_tree: Any
+    static: tuple[Any, ...]
+    logged: bool
+
+    @staticmethod
+    def of(arrays: Any, static: Any, logged: bool) -> _Kind:
+        leaves, tree = jax.tree.flatten(arrays)
+        others, static_tree = jax.tree.flatten(static)
+        return _Kind(tree, tuple((x.shape, x.dtype.name) for x in leaves), static_tree, tuple(others), logged)
+
+
+@functools.lru_cache(maxsize=64)
+def _compiled(kind: _Kind) -> tuple[NativeLoop, llvm.Kernel]:
+    shapes = [jax.ShapeDtypeStruct(shape, np.dtype(name)) for shape, name in kind.shapes]
+    arrays = jax.tree.unflatten(kind.tree, shapes)
+    static = jax.tree.unflatten(kind.static_tree, kind.static)
+    native = single_loop(lambda given: eqx.combine(given, static), arrays, logged=kind.logged)
+    return native, llvm.compile(native.program)
+
+
+def _numbers(tree: Any) -> list[np.ndarray]:
+    return [np.asarray(leaf) for leaf in jax.tree.leaves(tree)]
+
+
+def _split(native: NativeLoop, results: list[np.ndarray]) -> tuple[list[np.ndarray], list[np.ndarray]]:
+    logged = len(jax.tree.leaves(native.log))
+    return results[:logged], results[logged:]
+
+
+def _unflattened(shapes: Any, leaves: list[Any]) -> Any:
+    return jax.tree.unflatten(jax.tree.structure(shapes), leaves)

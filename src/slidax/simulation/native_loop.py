@@ -1,0 +1,190 @@
+"""The whole closed loop in the intermediate form: beginning, time loop, log."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import equinox as eqx
+import jax
+import numpy as np
+
+from slidax._types import State
+from slidax.codegen.builder import Builder, Values
+from slidax.codegen.form import Program, Value
+from slidax.codegen.trace import inline
+from slidax.codegen.trace.arrays import filled
+from slidax.codegen.trace.trace import kind, leaves
+
+from .rollout import Carry, Loop, begin, sample
+
+Define = Callable[[Any], tuple[Loop, State]]
+"""From arrays to a loop and the state at t = 0."""
+
+
+@dataclass(frozen=True)
+class NativeLoop:
+    """A closed loop as a program, with what its arrays mean.
+
+    Its inputs are `consts`, the arrays it is made from, `steps`, and then, if something is logged, `every`, and, if it
+    is the loop of one run, `fresh` and the carry to go on with. Its outputs are the log's arrays, row by row, and then
+    those of `begun`, with the carry after the last sample.
+
+    - `program`: in the intermediate form.
+    - `consts`: arrays that it closes over.
+    - `begun`: `(carry, envelope, reference)`, with shapes for arrays.
+    - `log`: that of one sample, with shapes for arrays; None if nothing is logged.
+    """
+
+    program: Program
+    consts: tuple[np.ndarray, ...]
+    begun: Any
+    log: Any
+
+
+def single_loop(define: Define, arrays: Any, *, logged: bool) -> NativeLoop:
+    """The loop of one run: `steps` samples from the beginning if `fresh`, else from a carry on; ends at a fault.
+
+    - `define`: makes it.
+    - `arrays`: what it is made from.
+    - `logged`: whether one in `every` samples is logged.
+    """
+    return _lowered(define, arrays, logged=logged, batch=False)
+
+
+def batch_loop(define: Define, arrays: Any, *, logged: bool) -> NativeLoop:
+    """The loop of each run of a batch, from the beginning; runs that are over stand still until all have ended.
+
+    - `define`: makes it.
+    - `arrays`: what it is made from, of one run.
+    - `logged`: whether one in `every` samples is logged.
+    """
+    return _lowered(define, arrays, logged=logged, batch=True)
+
+
+def _lowered(define: Define, arrays: Any, *, logged: bool, batch: bool) -> NativeLoop:
+    start = _Traced(lambda given: begin(*define(given)), arrays)
+    turn = _Traced(lambda given, carry: sample(define(given)[0], carry), arrays, start.result[0])
+    b = Builder()
+    outside = _Outside(b)
+    of_start, of_turn = outside.inputs(start.jaxpr.consts), outside.inputs(turn.jaxpr.consts)
+    given = [
+        b.input(name, kind(leaf.dtype, name), leaf.shape, varying=batch)
+        for name, leaf in leaves((jax.tree.map(_shape, arrays),), ("",))
+    ]
+    steps = b.input("steps", "i64", ()).item()
+    every = b.input("every", "i64", ()).item() if logged else None
+    rows = [
+        (b.logged(name, kind(leaf.dtype, name), leaf.shape) if logged else 0)
+        for name, leaf in leaves((turn.result[1],), ("log",))
+    ]
+    carried = len(jax.tree.leaves(start.result[0]))
+    begun = _begun(b, start, lambda: inline(b, start.jaxpr, given, constants=of_start), carried, batch)
+    fault = _place_of_fault(start.result[0])
+    pack = _Packed(begun[:carried])
+    zero, one = b.constant(0, "i64"), b.constant(1, "i64")
+
+    def unfinished(numbers: Sequence[Value]) -> Value:
+        more = b.apply("lt", numbers[0], steps)
+        if batch:
+            return more
+        found = pack.unpacked(numbers[3:])[fault].item()
+        return b.apply("and", more, b.apply("eq", found, b.constant(0, found.type)))
+
+    def following(numbers: Sequence[Value]) -> list[Value]:
+        count, left, row = numbers[:3]
+        results = inline(b, turn.jaxpr, [*given, *pack.unpacked(numbers[3:])], constants=of_turn)
+        if every is not None:
+            due = b.apply("eq", left, zero)
+            for output, values in zip(rows, results[carried:], strict=True):
+                b.store(output, row, due, values)
+            left = b.apply("sub", b.apply("select", due, every, left), one)
+            row = b.apply("add", row, b.apply("convert", due, type="i64"))
+        return [b.apply("add", count, one), left, row, *pack.packed(results[:carried])]
+
+    ended = b.loop([zero, zero, zero, *pack.start], unfinished, following, steps if batch else None)
+    results = [*pack.unpacked(ended[3:]), *begun[carried:]]
+    for (name, leaf), values in zip(leaves((start.result,), ("",)), results, strict=True):
+        b.output(name, kind(leaf.dtype, name), values)
+    return NativeLoop(b.finish(), tuple(outside.arrays), start.result, turn.result[1] if logged else None)
+
+
+def _begun(b: Builder, start: _Traced, afresh: Callable[[], list[Values]], carried: int, batch: bool) -> list[Values]:
+    """The carry, and after it envelope and reference: computed, or for a run that goes on given, the latter as 0."""
+    if batch:
+        return afresh()
+    fresh = b.input("fresh", "b1", ()).item()
+    found = leaves((start.result,), ("",))
+    inputs = [b.input(name, kind(leaf.dtype, name), leaf.shape) for name, leaf in found[:carried]]
+    nothing = [filled(b.constant(0, kind(leaf.dtype, name)), leaf.shape) for name, leaf in found[carried:]]
+    pack = _Packed([*inputs, *nothing])
+    return pack.unpacked(b.branch(fresh, lambda: pack.packed(afresh()), lambda: pack.start))
+
+
+class _Traced:
+    """A function's jaxpr, and its result with shapes for arrays."""
+
+    def __init__(self, function: Callable[..., Any], *args: Any) -> None:
+        rest: list[Any] = []
+
+        def arrays_of(*args: Any) -> Any:
+            arrays, static = eqx.partition(function(*args), eqx.is_array)
+            rest[:] = [static]
+            return arrays
+
+        shapes = jax.tree.map(_shape, args)
+        self.jaxpr, arrays = jax.make_jaxpr(arrays_of, return_shape=True)(*shapes)
+        self.result = eqx.combine(arrays, rest[0], is_leaf=lambda x: x is None)
+
+
+class _Outside:
+    """The arrays that functions close over, each an input once."""
+
+    def __init__(self, builder: Builder) -> None:
+        self.builder = builder
+        self.arrays: list[np.ndarray] = []
+        self._known: dict[int, Values] = {}
+
+    def inputs(self, consts: Sequence[Any]) -> list[Values]:
+        found = []
+        for const in consts:
+            if id(const) not in self._known:
+                name = f"const{len(self.arrays)}"
+                self._known[id(const)] = self.builder.input(name, kind(const.dtype, name), np.shape(const))
+                self.arrays.append(np.asarray(const))
+            found.append(self._known[id(const)])
+        return found
+
+
+class _Packed:
+    """Between arrays and the flat numbers that a loop carries."""
+
+    def __init__(self, arrays: Sequence[Values]) -> None:
+        self.shapes = [array.shape for array in arrays]
+        self.start = self.packed(arrays)
+
+    def packed(self, arrays: Sequence[Values]) -> list[Value]:
+        return [value for array in arrays for value in array.ravel()]
+
+    def unpacked(self, values: Sequence[Value]) -> list[Values]:
+        arrays, place = [], 0
+        for shape in self.shapes:
+            size = int(np.prod(shape, dtype=int))
+            array = np.empty(size, object)
+            array[:] = values[place : place + size]
+            arrays.append(array.reshape(shape))
+            place += size
+        return arrays
+
+
+def _place_of_fault(carry: Carry) -> int:
+    """Which of the carry's arrays says whether something went wrong."""
+    marked = eqx.tree_at(lambda c: c.fault.kind, carry, None, is_leaf=lambda x: x is None)
+    before = [name for name, _ in leaves((carry,), ("",))]
+    (missing,) = set(before) - {name for name, _ in leaves((marked,), ("",))}
+    return before.index(missing)
+
+
+def _shape(x: Any) -> jax.ShapeDtypeStruct:
+    return jax.ShapeDtypeStruct(np.shape(x), x.dtype)

@@ -1,0 +1,153 @@
+"""Many closed loops at once."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+from typing import Any, Literal
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+
+from slidax._errors import DefinitionError, is_traced
+from slidax._types import State
+from slidax.codegen.trace import NoNativeCodeError
+from slidax.controllers import AbstractController
+from slidax.numerics import runge_kutta_4
+from slidax.trajectories import AbstractTrajectory
+
+from . import native_engine
+from .define import define_loop, windows_of
+from .engine import Engine, engine_for, say_xla_instead
+from .plant import Plant
+from .rollout import Integrator, Loop
+from .run import Run
+from .simulate import BANDS, simulate
+
+Parts = tuple[Plant, AbstractController, AbstractTrajectory, State]
+"""What a closed loop is made of: plant, controller, trajectory, state at t = 0."""
+
+
+def simulate_batch(
+    define: Callable[[Any], Parts],
+    varied: Any,
+    *,
+    t1: float,
+    period: float,
+    mode: Literal["held", "continuous"] = "held",
+    integrator: Integrator = runge_kutta_4,
+    substeps: int = 1,
+    log_every: int | None = None,
+    bands: tuple[float, ...] = BANDS,
+    outside: Literal["raise", "recover"] = "raise",
+    engine: Engine = "auto",
+    threads: int | None = None,
+) -> Run:
+    """The closed loops of `define(varied[0])`, `define(varied[1])`, ... as one `Run`.
+
+    Its arrays have the run as their first axis, as those of `jax.vmap` of `simulate`.
+
+    The runs go several at a time through the vector units of each core. What they share is computed once for several,
+    and all of it if only gains vary: reference, envelope and disturbance. The bits of a run depend neither on the
+    others nor on the number of threads.
+
+    - `define`: from what varies, for one run, to `(plant, controller, trajectory, state0)`; pure, and traced by JAX,
+      so that its numbers are not checked: `run.fault` says what went wrong.
+    - `varied`: a pytree of arrays with the run as their first axis.
+    - `t1`, `period`, `mode`, `integrator`, `substeps`, `bands`, `outside`: as in `simulate`, the same for all.
+    - `log_every`: log one in so many samples; None logs none. `run.log.valid` marks what is good.
+    - `engine`: "native" for machine code of our own, "xla" for `jax.vmap`; "auto" takes the first where it can.
+    - `threads`: of the native engine; None: as many as there are cores.
+
+    Raises DefinitionError if the parts do not fit each other, or the arrays have not one first axis.
+    """
+    varied = jax.tree.map(jnp.asarray, varied)
+    _require_one_length(varied)
+    task = _Task(define, float(t1), period, mode, integrator, substeps, log_every, tuple(bands), outside)
+    if not is_traced(varied) and engine_for(engine) == "native":
+        try:
+            return _natively(task, varied, threads)
+        except NoNativeCodeError as error:
+            if engine == "native":
+                raise
+            say_xla_instead(f"there is {error.message}")
+    many = jax.vmap(task.simulated)
+    run: Run = many(varied) if is_traced(varied) else jax.jit(many)(varied)
+    return run
+
+
+@dataclass(frozen=True)
+class _Task:
+    """What the runs of a batch have in common."""
+
+    define: Callable[[Any], Parts]
+    t1: float
+    period: float
+    mode: Literal["held", "continuous"]
+    integrator: Integrator
+    substeps: int
+    log_every: int | None
+    bands: tuple[float, ...]
+    outside: Literal["raise", "recover"]
+
+    def simulated(self, given: Any) -> Run:
+        """The run, by XLA."""
+        how = {field.name: getattr(self, field.name) for field in fields(self) if field.name != "define"}
+        return simulate(*self.define(given), **how)
+
+    def loop(self, given: Any) -> tuple[Loop, State, int, tuple[str, ...]]:
+        """The loop, the first state, how many samples, and the joints' units."""
+        parts = self.define(given)
+        plant, *_, state0 = parts
+        loop, samples = define_loop(
+            *parts,
+            self.t1,
+            self.period,
+            self.mode,
+            self.integrator,
+            self.substeps,
+            self.log_every,
+            self.bands,
+            self.outside,
+        )
+        return loop, state0, samples, plant.robot.joint_units
+
+
+def _natively(task: _Task, varied: Any, threads: int | None) -> Run:
+    one = jax.tree.map(lambda x: jax.ShapeDtypeStruct(x.shape[1:], x.dtype), varied)
+    *_, samples, units = eqx.filter_eval_shape(task.loop, one)
+    (carry, envelope, _), log = native_engine.drive_batch(
+        task, lambda given: task.loop(given)[:2], one, varied, samples, task.log_every, threads
+    )
+    runs = jax.tree.leaves(varied)[0].shape[0]
+    shared = windows_of(samples - 1, task.period, task.bands), jnp.asarray(task.period, float), jnp.asarray(task.t1)
+    each = jax.tree.map(lambda x: jnp.broadcast_to(x, (runs, *x.shape)), shared)
+    arrays = (log, carry.tally, carry.fault, carry.excursion, carry.good, each)
+    # Made of the first run's numbers, which have the shapes that a run says, and then filled with those of all.
+    log, tally, fault, excursion, state, (windows, period, t1) = jax.tree.map(lambda x: x[0], arrays)
+    first = Run(
+        log=log,
+        tally=tally,
+        windows=windows,
+        fault=fault,
+        excursion=excursion,
+        state=state,
+        period=period,
+        t1=t1,
+        joint_units=units,
+        has_envelope=envelope is not None,
+    )
+    log, tally, fault, excursion, state, (windows, period, t1) = arrays
+    leaves = jax.tree.leaves((log, tally, windows, fault, excursion, state, period, t1))
+    run: Run = jax.tree.unflatten(jax.tree.structure(first), leaves)
+    return run
+
+
+def _require_one_length(varied: Any) -> None:
+    shapes = [leaf.shape for leaf in jax.tree.leaves(varied)]
+    if not shapes or any(not shape for shape in shapes) or len({shape[0] for shape in shapes}) > 1 or not shapes[0][0]:
+        raise DefinitionError(
+            "`varied` must hold arrays with the run as their first axis, all of one length >= 1; "
+            f"got shapes {', '.join(map(str, shapes)) or 'none'}"
+        )
