@@ -29,6 +29,11 @@ app = typer.Typer(
     rich_markup_mode="rich",
     pretty_exceptions_enable=False,
 )
+export = typer.Typer(help="A scheme as code for a robot.", no_args_is_help=True, rich_markup_mode="rich")
+app.add_typer(export, name="export")
+Changes = Annotated[
+    list[str] | None, typer.Option("--set", metavar="PATH=VALUE", help="Set a field, as YAML; repeatable.")
+]
 
 
 class Kind(StrEnum):
@@ -41,6 +46,14 @@ class Kind(StrEnum):
     estimators = "estimators"
     performance = "performance"
     scenarios = "scenarios"
+
+
+class Engine(StrEnum):
+    """What computes a run."""
+
+    auto = "auto"
+    native = "native"
+    xla = "xla"
 
 
 class Disturbance(StrEnum):
@@ -79,11 +92,10 @@ def reproduce(
 @app.command(epilog="Example:  slidax run example-4.1 --set disturbance.scale=0 --set scheme.surface.k1=0.4")
 def run(
     scenario: Annotated[str, typer.Argument(help="A built-in scenario by name, or a YAML file.")],
-    changes: Annotated[
-        list[str] | None, typer.Option("--set", metavar="PATH=VALUE", help="Set a field, as YAML; repeatable.")
-    ] = None,
+    changes: Changes = None,
     json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
     out: Annotated[Path | None, typer.Option(help="Write a report, a Parquet log and figures there.")] = None,
+    engine: Annotated[Engine | None, typer.Option(help="What computes; the scenario's own if not given.")] = None,
 ) -> None:
     """One closed-loop run: its metrics as a table, as JSON, or as a report.
 
@@ -100,7 +112,8 @@ def run(
         from slidax.scenarios import load
         from slidax.terminal import print_run, run_as_json
 
-        parts = load(scenario, _parsed(changes or []))
+        chosen = {} if engine is None else {"simulation.engine": engine.value}
+        parts = load(scenario, _parsed(changes or []) | chosen)
         if out is not None:
             from slidax.reports import parquet, write_run_report
 
@@ -190,6 +203,24 @@ def schema() -> None:
         from slidax import scenarios
 
         _print_json(scenarios.schema())
+
+
+@export.command("c", epilog="Example:  slidax export c example-4.1-1khz --out law")
+def export_c(
+    scenario: Annotated[str, typer.Argument(help="A built-in scenario by name, or a YAML file.")],
+    out: Annotated[Path, typer.Option(help="The folder of the project.")],
+    name: Annotated[str | None, typer.Option(help="Of the law in C; after the scenario if not given.")] = None,
+    single: Annotated[bool, typer.Option("--float", help="Floats in the place of doubles.")] = False,
+    changes: Changes = None,
+) -> None:
+    """The control law as a C99 project: library, tests against Python, latency benchmark, example, C++ wrapper."""
+    with _errors_as_lines():
+        _prepare()
+        from slidax import deploy, scenarios
+
+        parts = scenarios.load(scenario, _parsed(changes or []))
+        made = deploy.export_c(parts, out, name=name, single=single, command=shlex.join(["slidax", *sys.argv[1:]]))
+        typer.echo(f"{made.law} in {made.real}s, at most {made.stack} bytes of stack: {out.resolve() / 'README.md'}")
 
 
 @app.callback(invoke_without_command=True)

@@ -62,7 +62,8 @@ def compiled(program, folder: Path, *, compiler="gcc", real="double", flags=()):
         return np.dtype(np.float32) if real == "float" and type == "f64" else np.dtype(DTYPES[type])
 
     def call(arrays):
-        given = [np.ascontiguousarray(x, dtype(i.type)) for x, i in zip(arrays, program.inputs, strict=True)]
+        with np.errstate(over="ignore"):
+            given = [np.ascontiguousarray(x, dtype(i.type)) for x, i in zip(arrays, program.inputs, strict=True)]
         left = [np.zeros(output.shape, dtype(output.type)) for output in program.outputs]
         run(*[ctypes.c_void_p(array.ctypes.data) for array in (*given, *left)])
         return left

@@ -16,15 +16,16 @@ class RandomProgram:
 
     - `seed`: of all that is random in it.
     - `size`: how many operations a region has, about.
+    - `varying`: whether each run of a batch has inputs of its own.
     """
 
-    def __init__(self, seed, size=30):
+    def __init__(self, seed, size=16, varying=False):
         self.random = np.random.default_rng(seed)
         self.builder = Builder()
         self.size = size
         self.known = {"f64": [], "i32": [], "i64": [], "u32": [], "b1": []}
         for type in ("f64", "i32", "i64", "u32"):
-            self.known[type] += list(self.builder.input(f"{type}s", type, (3,)))
+            self.known[type] += list(self.builder.input(f"{type}s", type, (3,), varying=varying))
         self.known["f64"] += [self.builder.constant(x, "f64") for x in (0.0, -1.5, 1e-3)]
         self.known["i32"] += [self.builder.constant(k, "i32") for k in (-2, 3, -(2**31))]
         self.known["b1"].append(self.builder.apply("lt", *self.known["f64"][:2]))

@@ -6,7 +6,7 @@ from abc import abstractmethod
 
 import equinox as eqx
 
-from slidax._errors import require
+from slidax._errors import known, require
 from slidax._types import PerJoint, Scalar
 from slidax.numerics import value_rate_curvature
 
@@ -37,10 +37,7 @@ def require_narrowing(performance: AbstractPerformance) -> None:
 
     - `performance`: the function to check.
     """
-    require(performance, "final", performance.final > 0, "must be > 0 (Definition 4, eq. 20)")
-    require(
-        performance,
-        "initial",
-        performance.initial > performance.final,
-        f"must be > `final` = {performance.final}, so that the envelope narrows (eq. 20)",
-    )
+    initial, final = known(performance.initial), known(performance.final)
+    require(performance, "final", final > 0, "must be > 0 (Definition 4, eq. 20)")
+    rule = f"must be > `final` = {performance.final}, so that the envelope narrows (eq. 20)"
+    require(performance, "initial", initial > final, rule)

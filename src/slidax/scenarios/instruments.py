@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
+import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array
 from pydantic import Field
 
-from slidax._errors import DefinitionError, located, parameter
+from slidax._errors import DefinitionError, known, located, parameter
 from slidax.actuators import Actuator, TorqueLimits
 from slidax.sensors import AbstractSensor, Delayed, DifferencedEncoders, Encoders, Exact, Lossy
 
@@ -66,14 +68,14 @@ class SensorDescription(Description):
         self.require_joints(joints)
         resolution, position_noise = parameter(self.resolution), parameter(self.position_noise)
         velocity_noise = parameter(self.velocity_noise)
-        seed = jnp.asarray(self.seed)
+        seed = jax.device_put(np.asarray(self.seed))
         sensor: AbstractSensor = Exact()
         if self.velocity == "differenced":
-            if velocity_noise.any():
+            if known(velocity_noise).any():
                 message = "is that of a velocity sensor, which `velocity: differenced` has not; leave it out"
                 raise DefinitionError(f"{message}; got {self.velocity_noise}", where="velocity_noise")
             sensor = DifferencedEncoders(resolution, position_noise, parameter(self.cutoff), seed)
-        elif any(x.any() for x in (resolution, position_noise, velocity_noise)):
+        elif any(known(x).any() for x in (resolution, position_noise, velocity_noise)):
             sensor = Encoders(resolution, position_noise, velocity_noise, seed)
         if self.delay or self.jitter:
             sensor = Delayed(sensor, self.delay, self.jitter, seed)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int, Key
 
@@ -27,7 +26,8 @@ def whole(value: Any) -> Array:
     number = np.asarray(value)
     if number.size and not np.issubdtype(number.dtype, np.integer):
         raise DefinitionError(f"a whole number or a list of whole numbers is needed; got {value!r}")
-    return jnp.asarray(number.astype(int))
+    array: Array = jax.device_put(number.astype(int))
+    return array
 
 
 def _key(seed: Int[Array, ""], stream: int, k: Int[Array, ""]) -> Key[Array, ""]:

@@ -190,7 +190,8 @@ class BlockWriter(Writer):
         if name is not None:
             self.line(f"{name} = {start};")
             return name
-        hint = (self.hint(result) if result is not None else None) or self.hint(param)
+        alike = [param, loop.following[k]] if result is None else [result, param, loop.following[k]]
+        hint = next((self.hint(value) for value in alike if self.hint(value) is not None), None)
         type, name = self.declared(param, hint)
         self.line(f"{type} {name} = {start};", param)
         return name

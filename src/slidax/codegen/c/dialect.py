@@ -79,7 +79,7 @@ class Dialect:
             return ("-" if number < 0 else "") + self._special("INFINITY", single)
         if not single:
             return shortest(repr(number))
-        if number != 0.0:
+        if number != 0.0 and type == "f64":
             number = math.copysign(min(max(abs(number), FLOAT_MIN), FLOAT_MAX), number)
         return shortest(str(np.float32(number))) + "f"
 

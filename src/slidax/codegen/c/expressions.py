@@ -66,14 +66,15 @@ class Expressions:
         self.dialect = dialect
         self.helpers = helpers
 
-    def operation(self, op: str, type: Type, of: Type, args: list[Written]) -> Written:
+    def operation(self, op: str, type: Type, of: Type, args: list[Written], *, counts: bool = False) -> Written:
         """An operation of the form.
 
         - `op`, `type`: its own.
         - `of`: the type of its last argument.
         - `args`: its arguments.
+        - `counts`: whether it is a sum of integers that cannot overflow.
         """
-        text, precedence = self._text(op, type, of, args)
+        text, precedence = _commuted(op, args) if counts else self._text(op, type, of, args)
         weight = 1 + sum(arg.weight for arg in args)
         return Written(text, precedence, weight, NOTHING.union(*[arg.reads for arg in args]))
 
@@ -83,7 +84,7 @@ class Expressions:
         if op in EQUATED:
             if args[0].text == args[1].text and of in FLOATS:
                 return (f"isnan({args[0].text})", PRIMARY) if op == "ne" else (f"!isnan({args[0].text})", UNARY)
-            return _two(args, *EQUATED[op], each=SHIFT)
+            return _two(args[::-1] if _is_number(args[0]) else args, *EQUATED[op], each=SHIFT)
         if op == "select":
             when, yes, no = args
             # A choice within a choice reads only as an else-if.

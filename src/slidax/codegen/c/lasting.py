@@ -27,36 +27,40 @@ class _Lasting:
     def __init__(self, program: Program, inputs: Collection[int]) -> None:
         self.program = program
         self.inputs = inputs
-        self.cost: dict[Value, int] = {}  # of each value that lasts
+        self.found: dict[Value, None] = {}  # in an order in which they can be computed
         self.inner: set[Value] = set()  # of blocks that last
         self._region(program.body, guarded=False)
 
     def kept(self) -> list[Value]:
-        """Those that something else needs, in the order of their making."""
-        kept = {value for output in self.program.outputs for value in output.values or () if self._is_worth(value)}
+        """Those that something else needs and that are dear, others being kept."""
+        asked = {value for output in self.program.outputs for value in output.values or ()}
         for value in self.program.walk():
-            if value not in self.cost and value not in self.inner:
-                kept.update(need for need in uses(value) if self._is_worth(need))
-        return sorted(kept, key=lambda value: value.number)
-
-    def _is_worth(self, value: Value) -> bool:
-        return self.cost.get(value, 0) >= WORTH
+            if value not in self.found and value not in self.inner:
+                asked.update(uses(value))
+        kept: list[Value] = []
+        cost: dict[Value, int] = {}
+        for value in self.found:
+            own = WORTH if value.op in DEAR or value.op == "result" else 0 if value.op in ("const", "input") else 1
+            cost[value] = min(own + sum(cost[arg] for arg in value.args if not regions(arg)), WORTH)
+            if value in asked and cost[value] == WORTH:
+                kept.append(value)
+                cost[value] = 0
+        return kept
 
     def _region(self, region: Region, guarded: bool) -> None:
         for value in region.values:
             if regions(value):
                 self._block(value, guarded)
             elif value.op == "const" or (value.op == "input" and value.data[0] in self.inputs):
-                self.cost[value] = 0
+                self.found[value] = None
             elif value.op == "result":
-                if value.args[0] in self.cost:
-                    self.cost[value] = WORTH
+                if value.args[0] in self.found:
+                    self.found[value] = None
             elif self._lasts(value, guarded):
-                own = WORTH if value.op in DEAR else 1
-                self.cost[value] = min(own + sum(self.cost[arg] for arg in value.args), WORTH)
+                self.found[value] = None
 
     def _lasts(self, value: Value, guarded: bool) -> bool:
-        if value.op in ("input", "store") or not all(arg in self.cost for arg in value.args):
+        if value.op in ("input", "store") or not all(arg in self.found for arg in value.args):
             return False
         # Where a branch guards it, its index may be out of range elsewhere.
         return value.op != "load" or (value.data in self.inputs and not guarded)
@@ -67,7 +71,7 @@ class _Lasting:
             inner.update(block.params)
         inner |= {param for one in inner if isinstance(one, Loop) for param in one.params}
         if self._block_lasts(block, inner, guarded):
-            self.cost[block] = WORTH
+            self.found[block] = None
             self.inner |= inner
             return
         for region in regions(block):
@@ -80,7 +84,7 @@ class _Lasting:
             # A branch may be there to keep a loop from going on for ever.
             if guarded and isinstance(one, Loop) and one.turns is None:
                 return False
-            if not all(need in inner or need in self.cost for need in _needs(one)):
+            if not all(need in inner or need in self.found for need in _needs(one)):
                 return False
         return True
 

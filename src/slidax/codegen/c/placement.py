@@ -122,7 +122,7 @@ class Placement:
 
     def _key(self, value: Value) -> float:
         if not regions(value):
-            return value.number
+            return float(value.number)
         if self.results.get(value):
             return min(result.number for result in self.results[value]) - 0.5
         return max(need.number for inner in (value, *_inside(value)) for need in (inner, *uses(inner))) + 0.5
@@ -205,6 +205,25 @@ def counts(param: Value) -> bool:
     """
     loop = param.region.owner
     return isinstance(loop, Loop) and loop.turns is not None and param.data == 0
+
+
+def counts_by_little(value: Value) -> bool:
+    """Whether a value is what a loop's 64-bit counter is next: too little more for it ever to overflow.
+
+    - `value`: any.
+    """
+    if value.op != "add" or value.type != "i64":
+        return False
+    for more, param in (value.args, value.args[::-1]):
+        loop = param.region.owner
+        if param.op == "param" and isinstance(loop, Loop) and loop.following[param.data] is value:
+            little = more.op == "convert" and more.args[0].type == "b1"
+            return (little or _is_little(more)) and _is_little(loop.args[param.data])
+    return False
+
+
+def _is_little(value: Value) -> bool:
+    return value.op == "const" and abs(value.data) < 2**31
 
 
 def _inside(block: Value) -> Iterator[Value]:

@@ -11,7 +11,7 @@ from .dialect import Dialect
 from .expressions import Expressions, Written, constant
 from .helpers import Helpers
 from .layout import INDENT, WIDTH, Line
-from .placement import Placement
+from .placement import Placement, counts_by_little
 
 Read = Callable[[int, int | str], str]
 """From an input's number and the number of an element, known or an expression, to how that element is read."""
@@ -192,7 +192,8 @@ class Writer(ABC):
             self.reads.add(value.data)
             text = self.read(value.data, args[0].text)
             return Written(text, weight=1 + args[0].weight, reads=args[0].reads | {text})
-        return self.expressions.operation(value.op, value.type, value.args[-1].type, args)
+        counts = counts_by_little(value)
+        return self.expressions.operation(value.op, value.type, value.args[-1].type, args, counts=counts)
 
     def is_inline(self, value: Value) -> bool:
         """Whether a value is written where it is used, and not in a statement of its own.

@@ -7,13 +7,10 @@ from .expression import Expression, fma, polynomial
 INTEGER = 1.5 * 2.0**52 + 2046.0
 """Added to a number, it leaves in the lowest bits the nearest integer, plus 2046 so that no sign is in the way."""
 
-SIGN = 1 << 63
-"""The bit of the sign."""
-
-LOG2_E = 1.4426950408889634
+_LOG2_E = 1.4426950408889634
 # ln 2 in two parts, of which the first has so few bits that its product with an exponent is exact.
-LN2_HIGH = float.fromhex("0x1.62e42fefa3800p-1")
-LN2_LOW = float.fromhex("0x1.ef35793c76730p-45")
+_LN2_HIGH = float.fromhex("0x1.62e42fefa3800p-1")
+_LN2_LOW = float.fromhex("0x1.ef35793c76730p-45")
 
 # (e^r - 1 - r)/r² for |r| <= ln(2)/2, minimax; relative error of e^r 2^-57.
 _TAIL = (
@@ -45,10 +42,10 @@ def _parts(x: Expression) -> tuple[Expression, Expression, Expression]:
 
     Cody and Waite's reduction `x = n ln 2 + r`, |r| <= ln(2)/2, q = e^r - 1.
     """
-    x = x.at_most(710.0).at_least(-746.0)
-    shifted = fma(x, LOG2_E, INTEGER)
+    x = x.at_most(711.0).at_least(-746.0)
+    shifted = fma(x, _LOG2_E, INTEGER)
     n = shifted - INTEGER
-    r = fma(n, -LN2_LOW, fma(n, -LN2_HIGH, x))
+    r = fma(n, -_LN2_LOW, fma(n, -_LN2_HIGH, x))
     q = fma(r * r, polynomial(r, _TAIL), r)
     return q, *powers_of_two(shifted)
 
@@ -62,12 +59,26 @@ def exp(x: Expression) -> Expression:
     return fma(a, q, a) * b
 
 
-def expm1(x: Expression) -> Expression:
-    """`e^x - 1`, as `(a q + (a - 1/b)) b`.
+def half_expm1(x: Expression) -> Expression:
+    """`(e^x - 1)/2` as `(a q + (a - 1/b)) b/2`, which does not overflow before `sinh` does.
 
     - `x`: f64.
     """
     q, a, b = _parts(x)
-    inverse = (0x7FE0000000000000 - b.bits()).number()
-    magnitude = fma(a, q, a - inverse) * b
-    return (magnitude.bits() | (x.bits() & SIGN)).number()
+    return _less_one(q, a, b) * (b * 0.5)
+
+
+def expm1(x: Expression) -> Expression:
+    """`e^x - 1` as `(a q + (a - 1/b)) b`.
+
+    - `x`: f64.
+    """
+    q, a, b = _parts(x)
+    # A negative result is so already; only of a zero the sign is lost.
+    return (_less_one(q, a, b) * b).signed_as(x)
+
+
+def _less_one(q: Expression, a: Expression, b: Expression) -> Expression:
+    """`(1 + q) a - 1/b`."""
+    # Twice the bits of 1, less those of a power of two, are those of its inverse.
+    return fma(a, q, a - (0x7FE0000000000000 - b.bits()).number())

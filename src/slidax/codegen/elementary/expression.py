@@ -7,6 +7,9 @@ from collections.abc import Callable
 from slidax.codegen.builder import Builder
 from slidax.codegen.form import Number, Type, Value
 
+SIGN = 1 << 63
+"""The bit of the sign."""
+
 
 class Expression:
     """A value that can be written in formulas; numbers in them become constants of its type.
@@ -42,6 +45,9 @@ class Expression:
         return self.constant(other) - self
 
     def __mul__(self, other: Expression | Number) -> Expression:
+        return self._apply("mul", other)
+
+    def __rmul__(self, other: Number) -> Expression:
         return self._apply("mul", other)
 
     def __truediv__(self, other: Expression | Number) -> Expression:
@@ -109,6 +115,14 @@ class Expression:
     def number(self) -> Expression:
         """The f64 with these bits."""
         return self.cast("bitcast", "f64")
+
+    def signed_as(self, other: Expression) -> Expression:
+        """This number, which is not negative, with the sign of another."""
+        return (self.bits() | (other.bits() & SIGN)).number()
+
+    def flipped(self, sign: Expression) -> Expression:
+        """This number, negated where the bit of the sign is set in a u64 with no other bits."""
+        return (self.bits() ^ sign).number()
 
     def cast(self, op: str, type: Type) -> Expression:
         """As another type.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from itertools import pairwise
 
-from .expression import Expression, fma, select
+from .expression import SIGN, Expression, fma, select
 
 # pi/2 in two parts.
 _PI_2_HIGH = float.fromhex("0x1.921fb54442d18p+0")
@@ -62,13 +62,12 @@ def reduced(x: Expression) -> tuple[Expression, Expression, Expression]:
     rest = rest - (fraction - top)
     r = fraction * _PI_2_HIGH
     error = fma(fraction, -_PI_2_LOW, fma(rest, -_PI_2_HIGH, -fma(fraction, _PI_2_HIGH, -r)))
-    backwards = x < 0.0
-    flip = (x.bits() ^ select(negative, n.constant(1 << 63), 0)) & (1 << 63)
+    sign = (x.bits() ^ select(negative, n.constant(SIGN), 0)) & SIGN
     # x - x is NaN at infinity.
     return (
-        (r.bits() ^ flip).number() + (x - x),
-        (error.bits() ^ flip).number(),
-        select(backwards, 0 - n, n),
+        r.flipped(sign) + (x - x),
+        error.flipped(sign),
+        select(x < 0.0, 0 - n, n),
     )
 
 

@@ -1,4 +1,4 @@
-"""`log`, and the logarithm to base 2 in two parts that powers need."""
+"""`log`, `log1p`, and the logarithm to base 2 in two parts that powers need."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ _MANTISSA = 0x000FFFFFFFFFFFFF
 # Of 2^52, in whose lowest bits an integer stands.
 _INTEGER = 0x4330000000000000
 
-LN2_HIGH = float.fromhex("0x1.62e42fefa39efp-1")
-LN2_LOW = float.fromhex("0x1.abc9e3b39803fp-56")
+_LN2_HIGH = float.fromhex("0x1.62e42fefa39efp-1")
+_LN2_LOW = float.fromhex("0x1.abc9e3b39803fp-56")
 # 2/(3 ln 2) in two parts.
 _SCALE_HIGH = float.fromhex("0x1.ec709dc3a03fdp-1")
 _SCALE_LOW = float.fromhex("0x1.d27f05548af0cp-55")
@@ -62,32 +62,53 @@ class _Artanh:
 
 
 def log(x: Expression) -> Expression:
-    """`ln x = e ln 2 + f - (f²/2 - s (f²/2 + 2/3 (z + z² W)))`.
+    """`ln x`.
 
     - `x`: f64.
     """
+    return _log(x, None)
+
+
+def log1p(x: Expression) -> Expression:
+    """`ln(1 + x) = ln u + c/u`, u the rounded sum and c its error.
+
+    - `x`: f64.
+    """
+    u = x + 1.0
+    added = u - 1.0
+    error = (1.0 - (u - added)) + (x - added)
+    # At -1 and at infinity the quotient is NaN, and must not be in the way.
+    result = _log(u, (error / u).within(2.0**-50))
+    # A negative result is so already; only of a zero the sign is lost.
+    return result.signed_as(x)
+
+
+def _log(x: Expression, addend: Expression | None) -> Expression:
+    """`ln x = e ln 2 + f - (f²/2 - s (f²/2 + 2/3 (z + z² W)))`, and a small number added to it."""
     e, m = _split(x)
     e = select(x < 0.0, float("nan"), e)
     parts = _Artanh(m)
     half_square = parts.f * 0.5 * parts.f
     bracket = fma(parts.z + parts.tail, 2.0 / 3.0, half_square)
-    rest = half_square - fma(parts.s, bracket, e * LN2_LOW)
-    return fma(e, LN2_HIGH, parts.f - rest)
+    small = e * _LN2_LOW if addend is None else fma(e, _LN2_LOW, addend)
+    return fma(e, _LN2_HIGH, parts.f - (half_square - fma(parts.s, bracket, small)))
 
 
 def log2_in_two_parts(x: Expression) -> tuple[Expression, Expression]:
-    """`log2 |x|` as a sum of a rounded number and a small one, relative error 2^-64; the small one is NaN at 0 and inf.
+    """`log2 x` as a number and its rest, relative error 2^-63; the rest is NaN where x is 0 or infinite.
 
     - `x`: f64, not negative.
     """
     e, m = _split(x)
     parts = _Artanh(m)
     s, z, d = parts.s, parts.z, parts.d
-    # What the rounding of d, s and z left out.
+    # What the roundings left out.
     s_low = fma(-s, m - (d - 1.0), fma(-s, d, parts.f)) * parts.reciprocal
     z_low = fma(s + s, s_low, fma(s, s, -z))
-    three = z + 3.0
-    three_low = (z - (three - 3.0)) + (z_low + parts.tail)
+    series = z + parts.tail
+    series_low = ((z - series) + parts.tail) + z_low
+    three = series + 3.0
+    three_low = (series - (three - 3.0)) + series_low
     p = s * three
     p_low = fma(s_low, three, fma(s, three_low, fma(s, three, -p)))
     log2_m = p * _SCALE_HIGH

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import math
+
 from slidax.codegen.form import Value
 
-from .exponential import INTEGER, SIGN, powers_of_two
-from .expression import Expression, fma, polynomial, select
+from .exponential import INTEGER, powers_of_two
+from .expression import SIGN, Expression, fma, polynomial, select
 from .logarithm import log2_in_two_parts
 
-LN2 = 0.6931471805599453
+_LN2 = 0.6931471805599453
 
 # (2^r - 1 - r ln 2)/r² for |r| <= 1/2, minimax; relative error of 2^r 2^-57.
 _TAIL = (
@@ -37,7 +39,7 @@ def power(x: Expression, y: Expression) -> Expression:
     odd = half.rounded().differs(half) & y.rounded().equals(y)
     sign = select(odd, x.bits() & SIGN, 0)
     undefined = (x < 0.0) & (x > float("-inf")) & y.rounded().differs(y)
-    return select(undefined, float("nan"), (magnitude.bits() | sign).number())
+    return select(undefined, float("nan"), magnitude.flipped(sign))
 
 
 def _of_magnitude(x: Expression, y: Expression) -> Expression:
@@ -49,7 +51,7 @@ def _of_magnitude(x: Expression, y: Expression) -> Expression:
     product = product.at_most(1100.0).at_least(-1100.0)
     shifted = product + INTEGER
     r = (product - (shifted - INTEGER)) + rest
-    q = fma(r, LN2, r * r * polynomial(r, _TAIL))
+    q = fma(r, _LN2, r * r * polynomial(r, _TAIL))
     a, b = powers_of_two(shifted)
     result = fma(a, q, a) * b
     if y.value.op == "const" and y.value.data != 0.0 and abs(y.value.data) < float("inf"):
@@ -59,7 +61,7 @@ def _of_magnitude(x: Expression, y: Expression) -> Expression:
 
 def _known_not_negative(x: Value) -> bool:
     if x.op == "const":
-        return float(x.data) >= 0.0
+        return math.copysign(1.0, x.data) > 0.0
     if x.op == "mul":
         return x.args[0] is x.args[1]
     if x.op in ("max", "select"):

@@ -64,8 +64,7 @@ def sin(x: Expression) -> Expression:
     - `x`: f64.
     """
     sine, cosine, n = _sine_and_cosine(x)
-    magnitude = select((n & 1).equals(0), sine, cosine)
-    return (magnitude.bits() ^ ((n & 2) << 62)).number()
+    return select((n & 1).equals(0), sine, cosine).flipped((n & 2) << 62)
 
 
 def cos(x: Expression) -> Expression:
@@ -74,5 +73,14 @@ def cos(x: Expression) -> Expression:
     - `x`: f64.
     """
     sine, cosine, n = _sine_and_cosine(x)
-    magnitude = select((n & 1).equals(0), cosine, sine)
-    return (magnitude.bits() ^ (((n + 1) & 2) << 62)).number()
+    return select((n & 1).equals(0), cosine, sine).flipped(((n + 1) & 2) << 62)
+
+
+def tan(x: Expression) -> Expression:
+    """`tan x`.
+
+    - `x`: f64.
+    """
+    sine, cosine, n = _sine_and_cosine(x)
+    even = (n & 1).equals(0)
+    return (select(even, sine, cosine) / select(even, cosine, sine)).flipped((n & 1) << 63)

@@ -7,19 +7,35 @@ from collections.abc import Callable
 from slidax.codegen.builder import Builder
 from slidax.codegen.form import Value
 
+from .cube_root import cbrt
+from .error_function import erf, erf_inv
 from .exponential import exp, expm1
 from .expression import Expression
-from .logarithm import log
+from .hyperbolic import cosh, sinh, tanh
+from .inverse_trigonometric import acos, asin, atan, atan2
+from .logarithm import log, log1p
 from .power import power
-from .trigonometric import cos, sin
+from .trigonometric import cos, sin, tan
 
 _WRITTEN_OUT: dict[str, Callable[..., Expression]] = {
     "exp": exp,
     "expm1": expm1,
     "log": log,
+    "log1p": log1p,
+    "pow": power,
+    "cbrt": cbrt,
     "sin": sin,
     "cos": cos,
-    "pow": power,
+    "tan": tan,
+    "asin": asin,
+    "acos": acos,
+    "atan": atan,
+    "atan2": atan2,
+    "sinh": sinh,
+    "cosh": cosh,
+    "tanh": tanh,
+    "erf": erf,
+    "erf_inv": erf_inv,
 }
 
 

@@ -13,6 +13,7 @@ from slidax.codegen.form import ELEMENTARY, Branch, Loop, Program, Region, Value
 
 from . import memory
 from .operations import operation
+from .packing import Vector
 from .uniformity import varying
 from .words import TYPES, literal, typed
 
@@ -47,38 +48,44 @@ class Blocks:
         self._region(self.program.body)
         for which, output in enumerate(self.program.outputs):
             for element, value in enumerate(output.values or ()):
-                word = self._wide(value)
+                word = self._word(value, self.lanes)
                 self.declarations |= memory.leave(self.program, which, element, word, self.lanes, self._write)
         self._write("ret void")
 
     # ---- words ------------------------------------------------------------------------------------------------------
 
-    def _narrow(self, value: Value) -> str:
+    def _width(self, value: Value) -> int:
+        """How many numbers a value is here."""
+        if isinstance(value, Vector):
+            return value.lanes
+        return self.lanes if value in self._differs else 1
+
+    def _own(self, value: Value) -> str:
         if value.op == "const":
             return literal(value.data, value.type)
         return self._names.get(value) or f"%v{value.number}"
 
-    def _wide(self, value: Value) -> str:
-        if self.lanes == 1 or value in self._differs:
-            return self._narrow(value)
+    def _word(self, value: Value, width: int) -> str:
+        """A value as so many numbers: its own, or one in all lanes."""
+        if width == self._width(value):
+            return self._own(value)
         if value.op == "const":
-            return literal(value.data, value.type, self.lanes)
+            return literal(value.data, value.type, width)
         for known in reversed(self._spread):
             if value in known:
                 return known[value]
-        name, whole = f"%s{value.number}x{len(self.lines)}", typed(value.type, self.lanes)
-        number = f"{TYPES[value.type]} {self._narrow(value)}"
-        self._write(f"{name}i = insertelement {whole} poison, {number}, i32 0")
-        lanes = f"<{self.lanes} x i32>"
-        self._write(f"{name} = shufflevector {whole} {name}i, {whole} poison, {lanes} zeroinitializer")
+        name = f"%s{value.number}x{len(self.lines)}"
+        self._write_spread(name, value, width)
         self._spread[-1][value] = name
         return name
 
-    def _words(self, values: Sequence[Value], wide: Sequence[bool]) -> list[str]:
-        return [self._wide(value) if w else self._narrow(value) for value, w in zip(values, wide, strict=True)]
+    def _write_spread(self, name: str, value: Value, width: int) -> None:
+        whole = typed(value.type, width)
+        self._write(f"{name}i = insertelement {whole} poison, {TYPES[value.type]} {self._own(value)}, i32 0")
+        self._write(f"{name} = shufflevector {whole} {name}i, {whole} poison, <{width} x i32> zeroinitializer")
 
-    def _typed(self, value: Value, wide: bool) -> str:
-        return typed(value.type, self.lanes if wide else 1)
+    def _words(self, values: Sequence[Value], widths: Sequence[int]) -> list[str]:
+        return [self._word(value, width) for value, width in zip(values, widths, strict=True)]
 
     def _any(self, mask: str, name: str) -> str:
         self._write(f"{name}b = bitcast <{self.lanes} x i1> {mask} to i{self.lanes}")
@@ -103,7 +110,7 @@ class Blocks:
             self._value(value)
 
     def _value(self, value: Value) -> None:
-        op, wide = value.op, value in self._differs
+        op = value.op
         if op == "const" or op == "param":
             return
         if isinstance(value, Loop):
@@ -113,22 +120,41 @@ class Blocks:
         elif op == "result":
             block = value.args[0]
             self._names[value] = (
-                self._narrow(block.params[value.data]) if isinstance(block, Loop) else f"%v{block.number}r{value.data}"
+                self._own(block.params[value.data]) if isinstance(block, Loop) else f"%v{block.number}r{value.data}"
             )
         elif op == "store":
             self._store(value)
         elif op in ("input", "load"):
-            self._read(value, wide)
+            self._read(value)
+        elif op in ("pick", "gather", "spread"):
+            self._rearrange(value)
         else:
-            lanes = self.lanes if wide else 1
-            words = [self._wide(arg) if wide else self._narrow(arg) for arg in value.args]
-            self.declarations |= operation(value, words, lanes, self._write)
+            width = self._width(value)
+            words = [self._word(arg, width) for arg in value.args]
+            self.declarations |= operation(value, words, width, self._write)
 
-    def _read(self, value: Value, wide: bool) -> None:
+    def _rearrange(self, value: Value) -> None:
+        name = f"%v{value.number}"
+        if not isinstance(value, Vector):
+            (vector,) = value.args
+            whole = typed(vector.type, self._width(vector))
+            self._write(f"{name} = extractelement {whole} {self._own(vector)}, i32 {value.data}")
+        elif value.op == "spread":
+            self._write_spread(name, value.args[0], value.lanes)
+        else:
+            whole, before = typed(value.type, value.lanes), "poison"
+            for k, number in enumerate(value.args):
+                after = name if k == value.lanes - 1 else f"{name}g{k}"
+                self._write(f"{after} = insertelement {whole} {before}, {TYPES[value.type]} {self._own(number)}, i32 {k}")
+                before = after
+
+    def _read(self, value: Value) -> None:
+        if isinstance(value, Vector):
+            memory.read_vector(value, value.lanes, self._write)
+            return
         far = value.op == "load" and value.args[0] in self._differs
-        index = self._narrow(value.args[0]) if value.op == "load" else str(value.data[1])
-        lanes = self.lanes if wide else 1
-        self.declarations |= memory.read(self.program, value, index, lanes, far, self._mask, self._write)
+        index = self._own(value.args[0]) if value.op == "load" else str(value.data[1])
+        self.declarations |= memory.read(self.program, value, index, self._width(value), far, self._mask, self._write)
 
     def _store(self, value: Value) -> None:
         row, when, *numbers = value.args
@@ -137,19 +163,19 @@ class Blocks:
         wanted = self._mask
         if not certain:
             if when in self._differs:
-                wanted = self._both(self._wide(when), f"{name}m")
+                wanted = self._both(self._word(when, self.lanes), f"{name}m")
                 asked = self._any(wanted, f"{name}y")
             else:
-                asked = self._narrow(when)
+                asked = self._own(when)
             self._write(f"br i1 {asked}, label %write{value.number}, label %after{value.number}")
             self._open(f"write{value.number}")
         self._spread.append({})
-        words = [self._wide(number) for number in numbers]
-        places = [self._narrow(row)] * self.lanes
+        words = [self._word(number, self.lanes) for number in numbers]
+        places = [self._own(row)] * self.lanes
         if row in self._differs:
             places = [f"{name}p{lane}" for lane in range(self.lanes)]
             for lane, place in enumerate(places):
-                self._write(f"{place} = extractelement <{self.lanes} x i64> {self._narrow(row)}, i32 {lane}")
+                self._write(f"{place} = extractelement <{self.lanes} x i64> {self._own(row)}, i32 {lane}")
         memory.rows(self.program, value, places, wanted, words, self.lanes, self._write)
         self._spread.pop()
         if not certain:
@@ -160,15 +186,15 @@ class Blocks:
 
     def _loop(self, loop: Loop) -> None:
         n, around = loop.number, self._mask
-        wide = [param in self._differs for param in loop.params]
-        first, before = self._words(loop.args, wide), self._label
+        widths = [self._width(param) for param in loop.params]
+        first, before = self._words(loop.args, widths), self._label
         self._write(f"br label %head{n}")
         self._open(f"head{n}")
         place = len(self.lines)
         self.lines += [""] * len(loop.params)  # for the phis: what they bring is known at the end
         self._spread.append({})
         self._region(loop.head)
-        asked = self._narrow(loop.condition)
+        asked = self._own(loop.condition)
         if loop.condition in self._differs:
             self._mask = self._both(asked, f"%v{n}m")
             asked = self._any(self._mask, f"%v{n}y")
@@ -176,17 +202,17 @@ class Blocks:
         self._open(f"body{n}")
         self._spread.append({})
         self._region(loop.body)
-        following = self._words(loop.following, wide)
+        following = self._words(loop.following, widths)
         if loop.condition in self._differs:
             for k, param in enumerate(loop.params):
-                if wide[k] and loop.following[k] is not param:
-                    whole, held = self._typed(param, True), f"%v{n}h{k}"
+                if param in self._differs and loop.following[k] is not param:
+                    whole, held = typed(param.type, self.lanes), f"%v{n}h{k}"
                     mask = f"<{self.lanes} x i1> {self._mask}"
                     self._write(f"{held} = select {mask}, {whole} {following[k]}, {whole} %v{param.number}")
                     following[k] = held
         self._write(f"br label %head{n}")
         for k, param in enumerate(loop.params):
-            phi = f"phi {self._typed(param, wide[k])} [ {first[k]}, %{before} ], [ {following[k]}, %{self._label} ]"
+            phi = f"phi {typed(param.type, widths[k])} [ {first[k]}, %{before} ], [ {following[k]}, %{self._label} ]"
             self.lines[place + k] = f"%v{param.number} = {phi}"
         self._spread[-2:] = []
         self._mask = around
@@ -195,37 +221,39 @@ class Blocks:
     def _branch(self, branch: Branch) -> None:
         n, when = branch.number, branch.args[0]
         apart = when in self._differs
-        wide = [apart or yes in self._differs or no in self._differs
-                for yes, no in zip(branch.yes, branch.no, strict=True)]  # fmt: skip
+        widths = [
+            self.lanes if apart or yes in self._differs or no in self._differs else 1
+            for yes, no in zip(branch.yes, branch.no, strict=True)
+        ]
         if is_cheap(branch):
             self._region(branch.then)
             self._region(branch.otherwise)
-            self._select(branch, wide)
+            self._select(branch, widths)
         elif apart:
-            mask, around = self._narrow(when), self._mask
+            mask, around = self._own(when), self._mask
             self._write(f"%v{n}n = xor <{self.lanes} x i1> {mask}, {literal(1, 'b1', self.lanes)}")
             then = self._side(branch.then, branch.yes, mask, f"{n}t")
             self._mask = around
             otherwise = self._side(branch.otherwise, branch.no, f"%v{n}n", f"{n}e")
             self._mask = around
-            self._select(branch, wide, then, otherwise)
+            self._select(branch, widths, then, otherwise)
         else:
-            self._write(f"br i1 {self._narrow(when)}, label %then{n}, label %else{n}")
-            then, then_end = self._jumped(branch.then, branch.yes, wide, f"then{n}", f"after{n}")
-            otherwise, else_end = self._jumped(branch.otherwise, branch.no, wide, f"else{n}", f"after{n}")
+            self._write(f"br i1 {self._own(when)}, label %then{n}, label %else{n}")
+            then, then_end = self._jumped(branch.then, branch.yes, widths, f"then{n}", f"after{n}")
+            otherwise, else_end = self._jumped(branch.otherwise, branch.no, widths, f"else{n}", f"after{n}")
             self._open(f"after{n}")
             for k, value in enumerate(branch.yes):
                 phi = f"[ {then[k]}, %{then_end} ], [ {otherwise[k]}, %{else_end} ]"
-                self._write(f"%v{n}r{k} = phi {self._typed(value, wide[k])} {phi}")
+                self._write(f"%v{n}r{k} = phi {typed(value.type, widths[k])} {phi}")
 
     def _jumped(
-        self, region: Region, leaves: Sequence[Value], wide: Sequence[bool], label: str, after: str
+        self, region: Region, leaves: Sequence[Value], widths: Sequence[int], label: str, after: str
     ) -> tuple[list[str], str]:
         """One side of a branch that all runs take alike; its words, and the label that it ends under."""
         self._open(label)
         self._spread.append({})
         self._region(region)
-        words = self._words(leaves, wide)
+        words = self._words(leaves, widths)
         self._spread.pop()
         self._write(f"br label %{after}")
         return words, self._label
@@ -233,31 +261,31 @@ class Blocks:
     def _side(self, region: Region, leaves: Sequence[Value], mask: str, name: str) -> list[str]:
         """One side of a branch that the runs take differently, jumped over if none takes it; its words after that."""
         if not region.values:
-            return [self._wide(value) for value in leaves]
+            return [self._word(value, self.lanes) for value in leaves]
         self._mask = self._both(mask, f"%v{name}m")
         asked, before = self._any(self._mask, f"%v{name}y"), self._label
         self._write(f"br i1 {asked}, label %side{name}, label %after{name}")
-        words, end = self._jumped(region, leaves, [True] * len(leaves), f"side{name}", f"after{name}")
+        words, end = self._jumped(region, leaves, [self.lanes] * len(leaves), f"side{name}", f"after{name}")
         self._open(f"after{name}")
         for k, value in enumerate(leaves):
             # Not poison: lanes that are done with may come to ask it where to go.
             phi = f"[ {words[k]}, %{end} ], [ zeroinitializer, %{before} ]"
-            self._write(f"%v{name}{k} = phi {self._typed(value, True)} {phi}")
+            self._write(f"%v{name}{k} = phi {typed(value.type, self.lanes)} {phi}")
             words[k] = f"%v{name}{k}"
         return words
 
     def _select(
-        self, branch: Branch, wide: Sequence[bool], then: Sequence[str] = (), otherwise: Sequence[str] = ()
+        self, branch: Branch, widths: Sequence[int], then: Sequence[str] = (), otherwise: Sequence[str] = ()
     ) -> None:
         when = branch.args[0]
-        then = then or self._words(branch.yes, wide)
-        otherwise = otherwise or self._words(branch.no, wide)
+        then = then or self._words(branch.yes, widths)
+        otherwise = otherwise or self._words(branch.no, widths)
         for k, value in enumerate(branch.yes):
-            whole = self._typed(value, wide[k])
+            whole = typed(value.type, widths[k])
             # One number chooses between vectors too.
-            mask = self._typed(when, when in self._differs)
+            mask = typed("b1", self._width(when))
             chosen = f"{whole} {then[k]}, {whole} {otherwise[k]}"
-            self._write(f"%v{branch.number}r{k} = select {mask} {self._narrow(when)}, {chosen}")
+            self._write(f"%v{branch.number}r{k} = select {mask} {self._own(when)}, {chosen}")
 
 
 def is_cheap(branch: Branch) -> bool:

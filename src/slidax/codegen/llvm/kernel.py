@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import itertools
 import os
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -37,7 +38,7 @@ class Kernel:
     def __init__(self, program: Program, lanes: int) -> None:
         self.lanes = lanes
         self.inputs, self.outputs = program.inputs, program.outputs
-        self.text = module(prepared(program), lanes)
+        self.text = module(prepared(program, lanes), lanes)
         self._code = Code(host().object_of(self.text))
         signature = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_int64, ctypes.c_int64)
         self._run: Any = signature(self._code.address)
@@ -137,7 +138,7 @@ class Kernel:
 
 def _pieces(groups: int, pieces: int) -> Iterator[slice]:
     ends = np.linspace(0, groups, min(groups, pieces) + 1).astype(int)
-    for first, end in zip(ends[:-1], ends[1:], strict=True):
+    for first, end in itertools.pairwise(ends):
         yield slice(int(first), int(end))
 
 

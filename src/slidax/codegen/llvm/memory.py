@@ -83,6 +83,21 @@ def read(program: Program, value: Value, index: str, lanes: int, wide: bool, mas
     return {f"declare {full}(<{lanes} x ptr>, <{lanes} x i1>, {whole})"}
 
 
+def read_vector(value: Value, lanes: int, write: Write) -> None:
+    """Writes what reads elements of one run's input that follow each other.
+
+    - `value`: the `input`, with the first as its element.
+    - `lanes`: how many.
+    - `write`: as in `addresses`.
+    """
+    (which, element), name, stored = value.data, f"%v{value.number}", STORED[value.type]
+    loaded = f"{name}i" if value.type == "b1" else name
+    write(f"{name}p = getelementptr {stored}, ptr %in{which}, i64 {element}")
+    write(f"{loaded} = load <{lanes} x {stored}>, ptr {name}p, align {BYTES[value.type]}, !invariant.load !0")
+    if value.type == "b1":
+        write(f"{name} = icmp ne <{lanes} x i8> {loaded}, zeroinitializer")
+
+
 def leave(program: Program, which: int, element: int, word: str, lanes: int, write: Write) -> set[str]:
     """Writes what puts one element into an output; returns the declarations of what it calls.
 

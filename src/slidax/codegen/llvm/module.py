@@ -8,8 +8,8 @@ from slidax.codegen.form import Program
 from .blocks import Blocks
 
 ENTRY = "runs"
-"""`void runs(ptr tables, i64 groups, i64 rows)`: `tables` holds the addresses of the inputs and outputs, group by group;
-`rows` is the number of rows of each log."""
+"""`void runs(ptr tables, i64 groups, i64 rows)`: `tables` holds the addresses of the inputs and outputs, group after
+group; `rows` is the number of rows of each log."""
 
 
 def module(program: Program, lanes: int = 1) -> str:

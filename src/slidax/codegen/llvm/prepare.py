@@ -1,4 +1,4 @@
-"""A program as the processor's own operations: products fused into sums, elementary functions written out."""
+"""A program as the processor's own operations, in its order: sums with products fused, functions written out."""
 
 from __future__ import annotations
 
@@ -8,13 +8,16 @@ from slidax.codegen.form import ELEMENTARY, Program, Value
 from slidax.codegen.fuse import fused
 from slidax.codegen.rebuild import rebuild
 
+from .order import put_in_order
+
 ASKED = frozenset(ELEMENTARY)
 
 
-def prepared(program: Program) -> Program:
+def prepared(program: Program, lanes: int = 1) -> Program:
     """The same program, to be printed.
 
     - `program`: stays as it is.
+    - `lanes`: as many runs are computed side by side; for a single one vectors are made of what its joints do alike.
     """
     fuse = fused()
 
@@ -23,4 +26,6 @@ def prepared(program: Program) -> Program:
             return written_out(builder, value.op, args)
         return fuse(builder, value, args)
 
-    return rebuild(program, replace)
+    ready = rebuild(program, replace)
+    put_in_order(ready)
+    return ready

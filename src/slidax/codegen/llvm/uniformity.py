@@ -43,7 +43,7 @@ def _look_at_loop(program: Program, loop: Loop, found: set[Value]) -> None:
 
 def _differs(program: Program, value: Value, found: set[Value]) -> bool:
     if value.op == "input":
-        return program.inputs[value.data[0]].varying
+        return bool(program.inputs[value.data[0]].varying)
     if value.op == "result":
         block = value.args[0]
         if isinstance(block, Loop):

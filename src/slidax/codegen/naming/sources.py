@@ -97,12 +97,7 @@ class Source:
                 return _assigned(target, position, path)
             if isinstance(outer, ast.keyword):
                 call = self._parents[outer]
-                if (
-                    position is None
-                    and outer.arg
-                    and isinstance(call, ast.Call)
-                    and function_called(call)[:1].isupper()
-                ):
+                if position is None and outer.arg and isinstance(call, ast.Call) and _is_class(call):
                     return Named(outer.arg, path)
                 return None
             if isinstance(outer, ast.Dict):
@@ -167,6 +162,10 @@ def operand(node: ast.expr) -> str | None:
     if isinstance(node, ast.Name):
         return node.id
     return node.attr if isinstance(node, ast.Attribute) else None
+
+
+def _is_class(call: ast.Call) -> bool:
+    return function_called(call).lstrip("_")[:1].isupper()
 
 
 def _assigned(target: ast.expr, position: int | None, path: tuple[int, ...]) -> Named | None:

@@ -65,6 +65,12 @@ def _expand(b: Builder, equation: Any, arrays: list[Values]) -> Values:
     return arrays[0].reshape(equation.outvars[0].aval.shape)
 
 
+def _platform(b: Builder, equation: Any, arrays: list[Values]) -> Values:
+    """The number of the branch that JAX itself would take on the processor."""
+    platforms = equation.params["platforms"]
+    return of_numbers(b, np.int32(next(k for k, names in enumerate(platforms) if names is None or "cpu" in names)))
+
+
 def _kind_only(b: Builder, equation: Any, arrays: list[Values]) -> Values:
     return filled(b.constant(0, TYPES[equation.outvars[0].aval.dtype.name]), equation.outvars[0].aval.shape)
 
@@ -84,6 +90,7 @@ RULES: dict[str, Callable[[Builder, Any, list[Values]], Values | list[Values]]] 
     "unstack": _unstack,
     "split": _split,
     "empty": _kind_only,
+    "platform_index": _platform,
     "optimization_barrier": lambda b, eqn, arrays: arrays,
 }
 """The rule of each primitive, by its name."""

@@ -1,0 +1,6 @@
+"""Programs as CUDA kernels: one run of a batch in each thread."""
+
+from .kernel import kernel as kernel
+from .launch import Kernel as Kernel
+from .launch import available as available
+from .launch import compile as compile

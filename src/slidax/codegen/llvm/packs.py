@@ -1,0 +1,266 @@
+"""What the joints have in common: operations that are alike, for each element of a vector, found to be done at once.
+
+From what lies side by side, the elements of an input or of what a loop carries, the search goes forward: where operations
+of one kind take such elements one after the other, and beside them the same numbers, their results lie side by side too.
+Each operation keeps its own rounding, so that nothing changes in the numbers.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Sequence
+from itertools import product
+
+from slidax.codegen.form import Branch, Loop, Program, Region, Value, regions
+
+from .order import waiting
+
+Members = tuple[Value, ...]
+
+ALIKE = frozenset(
+    "add sub mul div neg abs min max fma sqrt floor ceil rint eq ne lt le gt ge select isfinite convert bitcast "
+    "and or xor not shl shr sar".split()
+)
+"""Operations that processors have for vectors."""
+
+COMMUTATIVE = frozenset({"add", "mul", "min", "max", "and", "or", "xor", "eq", "ne"})
+
+WIDEST = 8
+"""Longest vector that is looked for."""
+
+
+class Packs:
+    """Which values lie side by side.
+
+    - `program`: is searched, and stays as it is.
+    """
+
+    def __init__(self, program: Program) -> None:
+        self.program = program
+        self.place: dict[Value, tuple[Members, int]] = {}
+        self.made: dict[Members, None] = {}  # those that are computed as one; of the others the elements are just known
+        self.slots: dict[Members, list[Members]] = {}  # of each that is computed, by argument, what its members take
+        self._table: dict[tuple[object, ...], Value] = {}
+        self._users: defaultdict[tuple[object, ...], list[Value]] = defaultdict(list)
+        self._rows = {row: None for row in _rows_of_outputs(program)}
+        self._row_of = {value: row for row in self._rows for value in row}
+        self._index(program.body)
+        self._inputs()
+        self._search(program.body)
+        self._make_possible(program.body)
+
+    def dissolve(self, members: Members) -> None:
+        """Takes a pack apart.
+
+        - `members`: of the pack.
+        """
+        self.made.pop(members, None)
+        for value in members:
+            if self.place.get(value, (None,))[0] == members:
+                del self.place[value]
+
+    # ---- search -----------------------------------------------------------------------------------------------------
+
+    def _index(self, region: Region) -> None:
+        for value in region.values:
+            self._table[_key(value, [arg.number for arg in value.args])] = value
+            if value.op in ALIKE:
+                for arg in value.args:
+                    self._users[_kind(value, arg)].append(value)
+            for inner in regions(value):
+                self._index(inner)
+
+    def _put(self, members: Members, *, made: bool = True) -> None:
+        for k, value in enumerate(members):
+            self.place[value] = members, k
+        if made:
+            self.made[members] = None
+
+    def _inputs(self) -> None:
+        elements: dict[tuple[int, int], Value] = {
+            value.data: value for value in self.program.body.values if value.op == "input"
+        }
+        for which, entry in enumerate(self.program.inputs):
+            for row in _rows(range(entry.size), entry.shape):
+                found = [elements.get((which, k)) for k in row]
+                members = tuple(value for value in found if value is not None)
+                if len(members) == len(row):
+                    self._put(members)
+
+    def _search(self, region: Region) -> None:
+        for value in region.values:
+            if isinstance(value, Loop):
+                self._search_loop(value)
+            elif isinstance(value, Branch):
+                self._search(value.then)
+                self._search(value.otherwise)
+                self._extend(value, made=False)
+            elif value.op in ALIKE:
+                self._extend(value, made=True)
+            elif value.op == "result" and isinstance(value.args[0], Branch):
+                self._extend(value, made=False)
+
+    def _search_loop(self, loop: Loop) -> None:
+        result = {r.data: r for r in loop.region.values if r.op == "result" and r.args[0] is loop}
+        k = 1  # the first may be counted by, and stays alone
+        while k < len(loop.params):
+            row = self._row_of.get(result[k]) if k in result else None
+            if row is not None and [r.data for r in row] == list(range(k, k + len(row))):
+                members = loop.params[k : k + len(row)]
+                self._put(members)
+                self._put(row, made=False)
+                k += len(row)
+            else:
+                started = self.place.get(loop.args[k])
+                size = len(started[0]) if started is not None else 0
+                if started is not None and loop.args[k : k + size] == started[0]:
+                    self._put(loop.params[k : k + size])
+                    left = [result.get(i) for i in range(k, k + size)]
+                    members = tuple(value for value in left if value is not None)
+                    if len(members) == size:
+                        self._put(members, made=False)
+                k += size or 1
+        self._search(loop.head)
+        self._search(loop.body)
+
+    def _extend(self, value: Value, *, made: bool) -> None:
+        """Looks for those that are to their arguments' neighbours what a value is to its arguments."""
+        if value in self.place:
+            return
+        places = [self.place.get(arg) for arg in value.args]
+        moving = [k for k, place in enumerate(places) if place is not None and place[1] + 1 < len(place[0])]
+        # Rather all arguments move on together; some may stand still.
+        for choice in sorted(product((True, False), repeat=len(moving)), key=lambda c: -sum(c)):
+            steps = [k for k, chosen in zip(moving, choice, strict=True) if chosen]
+            if steps:
+                slots = self._beside(value, steps)
+                members = self._taking(value, slots)
+                if len(members) > 1:
+                    self._put(members, made=made)
+                    self.slots[members] = slots
+                    return
+        if made and moving:
+            self._extend_by_one(value, moving[0])
+
+    def _extend_by_one(self, value: Value, k: int) -> None:
+        """The same where only one argument has neighbours, if there is no doubt who belongs together."""
+        those, first = self.place[value.args[k]]
+        members, slots = [], []
+        for arg in those[first:]:
+            users = [user for user in self._users[_kind(value, arg)] if user not in self.place]
+            alike = [user for user in users if _rest(user, arg) == _rest(value, value.args[k])]
+            if len(alike) != 1 or alike[0] in members:
+                return
+            (user,) = alike
+            at = user.args.index(arg)
+            members.append(user)
+            # Only of sums and products the arguments may have changed places.
+            slots.append((arg, *user.args[:at], *user.args[at + 1 :]))
+        if members[0] is not value or len(members) < 2:
+            return
+        columns = list(zip(*slots, strict=True))
+        if value.op not in COMMUTATIVE:
+            if len({user.args.index(arg) for user, arg in zip(members, those[first:], strict=True)}) > 1:
+                return
+            columns.insert(k, columns.pop(0))
+        self._put(tuple(members))
+        self.slots[tuple(members)] = columns
+        for column in columns:
+            if len(set(column)) == len(column) and not any(arg in self.place for arg in column):
+                self._put(column, made=False)
+
+    def _beside(self, value: Value, steps: Sequence[int]) -> list[Members]:
+        """By argument, what a value takes and what those beside it would."""
+        places = {k: self.place[value.args[k]] for k in steps}
+        size = min(len(those) - first for those, first in places.values())
+        slots = [(arg,) * size for arg in value.args]
+        for k, (those, first) in places.items():
+            slots[k] = those[first : first + size]
+        return slots
+
+    def _taking(self, value: Value, slots: Sequence[Members]) -> Members:
+        """Those that take the members of the slots; none if one is missing."""
+        members = [value]
+        for args in list(zip(*slots, strict=True))[1:]:
+            other = self._table.get(_key(value, [arg.number for arg in args]))
+            if other is None or other in self.place or other in members:
+                return ()
+            members.append(other)
+        return tuple(members)
+
+    # ---- what can be ------------------------------------------------------------------------------------------------
+
+    def _make_possible(self, region: Region) -> None:
+        """Takes packs apart until none waits for itself."""
+        while (stuck := self._stuck(region.values)) is not None:
+            self.dissolve(stuck)
+        for value in region.values:
+            for inner in regions(value):
+                self._make_possible(inner)
+
+    def _stuck(self, values: Sequence[Value]) -> Members | None:
+        users = waiting(values)
+        unit = {value: self.place[value][0] if self.is_made(value) else (value,) for value in values}
+        missing: dict[Members, int] = dict.fromkeys(unit.values(), 0)
+        for those in users.values():
+            for user in those:
+                missing[unit[user]] += 1
+        ready = [those for those, count in missing.items() if not count]
+        done = 0
+        while ready:
+            those = ready.pop()
+            done += 1
+            for value in those:
+                for user in users.get(value, ()):
+                    missing[unit[user]] -= 1
+                    if not missing[unit[user]]:
+                        ready.append(unit[user])
+        if done == len(missing):
+            return None
+        return next(those for those, count in missing.items() if count and len(those) > 1)
+
+    def is_made(self, value: Value) -> bool:
+        """Whether a value is computed together with others."""
+        place = self.place.get(value)
+        return place is not None and place[0] in self.made
+
+
+def _key(value: Value, numbers: Sequence[int]) -> tuple[object, ...]:
+    data: object = value.data
+    if isinstance(value, Branch):
+        data = (len(value.then.values), len(value.otherwise.values), len(value.yes))
+    ordered = sorted(numbers) if value.op in COMMUTATIVE else numbers
+    return (value.op, value.type, data, value.region, *ordered)
+
+
+def _kind(value: Value, arg: Value) -> tuple[object, ...]:
+    return (value.op, value.type, value.data, value.region, arg)
+
+
+def _rest(value: Value, arg: Value) -> list[tuple[str, str]]:
+    """What a value takes beside one of its arguments."""
+    return sorted((other.op, other.type) for other in value.args if other is not arg)
+
+
+def _rows(numbers: Sequence[int], shape: tuple[int, ...]) -> Iterator[Sequence[int]]:
+    """The rows of an array, if they are vectors that are worth it."""
+    if shape and 2 <= shape[-1] <= WIDEST:
+        for first in range(0, len(numbers), shape[-1]):
+            yield numbers[first : first + shape[-1]]
+
+
+def _rows_of_outputs(program: Program) -> Iterable[Members]:
+    """Rows of outputs that loops leave behind, each value once."""
+    seen: set[Value] = set()
+    for output in program.outputs:
+        for row in _rows(range(output.size), output.shape) if output.values is not None else ():
+            members = tuple((output.values or ())[k] for k in row)
+            if (
+                all(value.op == "result" and value.args[0] is members[0].args[0] for value in members)
+                and isinstance(members[0].args[0], Loop)
+                and len({value.type for value in members}) == 1
+                and members[0].type != "b1"
+                and not seen & set(members)
+            ):
+                seen |= set(members)
+                yield members

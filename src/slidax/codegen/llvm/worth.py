@@ -1,0 +1,108 @@
+"""Which vectors pay: what they save against what it costs to put them together and to take them apart."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+
+from slidax.codegen.form import Loop, Program, Value, uses
+
+from .packs import Members, Packs
+
+SAVED = {"div": 4.0, "sqrt": 4.0}
+"""Instructions' worth of an operation; 1 for all others."""
+
+
+def keep_what_pays(packs: Packs) -> None:
+    """Takes apart what costs more than it saves.
+
+    - `packs`: changed in place.
+    """
+    worth = _Worth(packs)
+    while True:
+        losing = [members for members in packs.slots if members in packs.made and worth.lost(members) < 0.0]
+        if not losing:
+            return
+        for members in losing:
+            if worth.lost(members) < 0.0:
+                worth.dissolve(members)
+
+
+class _Worth:
+    def __init__(self, packs: Packs) -> None:
+        self.packs = packs
+        self.alone: defaultdict[Value, int] = defaultdict(int)  # by number, how many take it alone
+        self.takers: defaultdict[Members, set[Members]] = defaultdict(set)  # by vector, the vectors that take it
+        self.slots: dict[Members, list[Members]] = dict(packs.slots)
+        packed_results = set()
+        for value in _everything(packs.program):
+            if isinstance(value, Loop):
+                self._loop(value)
+            elif not packs.is_made(value):
+                for arg in uses(value):
+                    self.alone[arg] += 1
+        for output in packs.program.outputs:
+            for value in output.values or ():
+                self.alone[value] += 1
+        del packed_results
+        for members in packs.made:
+            for slot in self.slots.get(members, ()):
+                self.takers[slot].add(members)
+
+    def _loop(self, loop: Loop) -> None:
+        self.alone[loop.condition] += 1
+        for k, param in enumerate(loop.params):
+            if not self.packs.is_made(param):
+                self.alone[loop.args[k]] += 1
+                self.alone[loop.following[k]] += 1
+                continue
+            members, place = self.packs.place[param]
+            if place == 0:
+                self.slots[members] = [loop.args[k : k + len(members)], loop.following[k : k + len(members)]]
+
+    def lost(self, members: Members) -> float:
+        """What is lost if a vector is taken apart; less than 0 if something is won.
+
+        - `members`: of the vector.
+        """
+        lost = (len(members) - 1) * SAVED.get(members[0].op, 1.0)
+        for value in members:
+            if self._is_picked(value):
+                lost -= _pick(self.packs, value)
+        if self.takers[members]:
+            lost += len(members) - 1
+        for slot in set(self.slots[members]):
+            if slot in self.packs.made:
+                lost += sum(_pick(self.packs, value) for value in slot if not self._is_picked(value))
+            elif len(self.takers[slot]) == 1:
+                lost -= self._gather(slot)
+        return lost
+
+    def dissolve(self, members: Members) -> None:
+        """Takes a vector apart.
+
+        - `members`: of the vector.
+        """
+        self.packs.dissolve(members)
+        for slot in set(self.slots[members]):
+            self.takers[slot].discard(members)
+        for value in members:
+            for arg in value.args:
+                self.alone[arg] += 1
+
+    def _is_picked(self, value: Value) -> bool:
+        return self.alone[value] > 0
+
+    def _gather(self, slot: Members) -> float:
+        """What it costs to put a vector together."""
+        if len(set(slot)) == 1:
+            return 0.0 if slot[0].op == "const" else 1.0
+        pieces = {self.packs.place[value][0] if self.packs.is_made(value) else (value,) for value in slot}
+        return len(pieces) - (0.0 if len(pieces) == 1 else 1.0) + sum(len(p) > 1 for p in pieces) * 0.5
+
+
+def _pick(packs: Packs, value: Value) -> float:
+    return 1.0 if packs.place[value][1] else 0.5
+
+
+def _everything(program: Program) -> list[Value]:
+    return list(program.walk())

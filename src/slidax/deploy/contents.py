@@ -1,0 +1,276 @@
+"""All that the templates of an exported project name."""
+
+from __future__ import annotations
+
+import inspect
+import math
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import slidax
+from slidax.codegen.c import Dialect
+from slidax.codegen.form import Loop
+
+from .comment_text import comment
+from .golden import Golden
+from .guarded_step import GuardedStep
+from .in_floats import fits
+from .members import Member
+from .programs import Step, measurement, references
+from .source import CALLS, Body, Source
+from .status import ANSWERED, CHECKED, CONDITIONS, HELD, Condition
+
+
+@dataclass(frozen=True)
+class Joint:
+    """The units of a joint's position, velocity and torque."""
+
+    q: str
+    dq: str
+    tau: str
+
+
+@dataclass(frozen=True)
+class Project:
+    """All that the templates name.
+
+    - `name`: of the law in C.
+    - `title`, `law`: of the scenario, and of its scheme, in a line each.
+    - `command`: that made it.
+    - `joints`: with their units.
+    - `dialect`: doubles or floats.
+    - `guard`: the step in Python.
+    - `step`, `source`: its programs, and its functions in C.
+    - `motion`, `arm`: the scenario's reference and acceleration.
+    - `scenario_helpers`: the small functions that those call.
+    - `golden`: what the step answers in Python; None if that was not asked for.
+    - `period`, `t1`: of the scenario [s].
+    - `start`: positions and velocities at its start.
+    """
+
+    name: str
+    title: str
+    law: str
+    command: str
+    joints: tuple[Joint, ...]
+    dialect: Dialect
+    guard: GuardedStep
+    step: Step
+    source: Source
+    motion: Body
+    arm: Body
+    scenario_helpers: list[str]
+    golden: Golden | None
+    period: float
+    t1: float
+    start: tuple[list[float], list[float]]
+
+    version = slidax.__version__
+    checked = CHECKED
+    answered = ANSWERED
+    conditions = CONDITIONS
+    held = HELD
+
+    @property
+    def prefix(self) -> str:
+        """Of all types and functions."""
+        return f"slidax_{self.name}"
+
+    @property
+    def macro(self) -> str:
+        """Of all constants."""
+        return self.prefix.upper()
+
+    @property
+    def real(self) -> str:
+        """The type of a number: double or float."""
+        return self.dialect.real
+
+    @property
+    def stack(self) -> int:
+        """Bytes that a step takes at most."""
+        return self.source.bytes
+
+    @property
+    def calls(self) -> int:
+        """The part of them that is for calls."""
+        return CALLS
+
+    @property
+    def read_names(self) -> list[str]:
+        """What the law reads of a sample, in C."""
+        names = {"state.": "measurement.", "now.": "reference.", "next.": "reference."}
+        found = ["measurement.t"]
+        for name in sorted(self.guard.reads, reverse=True):
+            before, _, part = name.partition(".")
+            found.append(f"{names[before + '.']}{part}{'_next' if before == 'next' else ''}")
+        return found
+
+    @property
+    def read_flags(self) -> str:
+        """For each number of q and dq and for t, whether the law reads it."""
+        n = len(self.joints)
+        flags = [name in self.guard.reads for name in ("state.q", "state.dq") for _ in range(n)] + [True]
+        return ", ".join("true" if flag else "false" for flag in flags)
+
+    @property
+    def golden_is_close(self) -> bool:
+        """Whether golden samples are compared in all that they have."""
+        return self.real == "double" or fits(self.step.answered.program)
+
+    @property
+    def shown_parameter(self) -> str:
+        """One that a reader may want to change."""
+        return next(member.element(0) for member in self.parameters if not member.name.startswith("nominal"))
+
+    @property
+    def loops_text(self) -> str:
+        """Why a step always ends."""
+        loops = [value for value in self.step.answered.program.walk() if isinstance(value, Loop)]
+        return "all its loops end after a known number of turns at most" if loops else "it has no loops"
+
+    @property
+    def law_words(self) -> str:
+        """The scheme, and the first words of its docstring."""
+        law = type(self.guard.controller)
+        first = " ".join((inspect.getdoc(law) or "").split("\n\n")[0].split())
+        return f"{self.law}. {law.__name__}: {comment(first)}"
+
+    @property
+    def period_ns(self) -> int:
+        """The period in ns."""
+        return round(1e9 * self.period)
+
+    @property
+    def period_text(self) -> str:
+        """The period in ms."""
+        return f"{1e3 * self.period:g} ms"
+
+    @property
+    def parameters(self) -> list[Member]:
+        """Members of the parameters."""
+        return self.step.parameters
+
+    @property
+    def memory(self) -> list[Member]:
+        """Members of what is kept."""
+        return self.step.memory
+
+    @property
+    def workspace(self) -> list[Member]:
+        """Members of what follows from the parameters alone."""
+        return self.source.workspace
+
+    @property
+    def outputs(self) -> list[Member]:
+        """Members of a command."""
+        units = _together([joint.tau for joint in self.joints])
+        return [Member("tau", "f64", (len(self.joints),), f"torques [{units}]"), *self.step.signals]
+
+    @property
+    def measurement(self) -> list[Member]:
+        """Members of a measurement."""
+        return self._marked(measurement(len(self.joints)), {"q": "state.q", "dq": "state.dq"})
+
+    @property
+    def reference(self) -> list[Member]:
+        """Members of a reference."""
+        names = {part: f"now.{part}" for part in ("q", "dq", "ddq")}
+        names |= {f"{part}_next": f"next.{part}" for part in ("q", "dq", "ddq")}
+        return self._marked(references(len(self.joints)), names)
+
+    def bits(self, conditions: Iterable[Condition]) -> str:
+        """The C expression of a status, from flags that are called as the conditions are.
+
+        - `conditions`: what it can say.
+        """
+        flags = (f"({each.name.lower()} ? {self.macro}_{each.name} : 0u)" for each in conditions)
+        return "\n        | ".join(flags)
+
+    def literal(self, number: float) -> str:
+        """A number in C.
+
+        - `number`: the number.
+        """
+        return self.dialect.number(number, "f64")
+
+    def call(self, name: str) -> str:
+        """A function of `math.h`.
+
+        - `name`: of the one for doubles.
+        """
+        return self.dialect.function(name, "f64")
+
+    def address(self, pointer: str, member: Member) -> str:
+        """Where a member's first number is.
+
+        - `pointer`: what leads to it.
+        - `member`: the member.
+        """
+        return f"{pointer}{member.name}" if member.shape else f"&{pointer}{member.name}"
+
+    @property
+    def huge(self) -> str:
+        """A number near the largest."""
+        return "1e308" if self.real == "double" else "1e38f"
+
+    @property
+    def denormal(self) -> str:
+        """The smallest number."""
+        return "0x1p-1074" if self.real == "double" else "0x1p-149f"
+
+    def initialiser(self, row: int) -> str:
+        """A golden sample as C writes it.
+
+        - `row`: which.
+        """
+        assert self.golden is not None
+        parts = (self.measurement, self.reference, self.memory, self.outputs, self.memory)
+        structs = (
+            ", ".join(self._written(number, member) for number, member in zip(numbers, members, strict=True))
+            for numbers, members in zip(self.golden.rows[row], parts, strict=True)
+        )
+        inside = ", ".join(f"{{{struct}}}" for struct in structs)
+        # Of how far numbers may be off, the order of magnitude is enough.
+        suffix = "" if self.real == "double" else "f"
+        within = ", ".join(
+            "{" + ", ".join(f"{number:.1e}{suffix}" for number in part) + "}" for part in self.golden.within[row]
+        )
+        return f"{{{inside}, {self.golden.statuses[row]}u, {within}}}"
+
+    def _written(self, numbers: Any, member: Member) -> str:
+        """Numbers to the last bit."""
+        if isinstance(numbers, list):
+            return f"{{{', '.join(self._written(number, replace(member, shape=())) for number in numbers)}}}"
+        if member.type != "f64" or not math.isfinite(numbers):
+            return self.dialect.number(numbers, member.type)
+        return hexadecimal(numbers) + ("" if self.real == "double" else "f")
+
+    def _marked(self, members: list[Member], names: dict[str, str]) -> list[Member]:
+        """The members with their units, and a word on those that the law does not read."""
+        units = {"q": "", "dq": "/s", "ddq": "/s^2"}
+        found = []
+        for member in members:
+            meaning = member.meaning
+            if member.shape:
+                unit = units[member.name.removesuffix("_next")]
+                meaning += f" [{_together([joint.q + unit for joint in self.joints])}]"
+            if names.get(member.name, "") not in {*self.guard.reads, ""}:
+                meaning += "; not read by this law, may be anything"
+            found.append(replace(member, meaning=meaning))
+        return found
+
+
+def _together(units: list[str]) -> str:
+    """The units of all joints, once if they are the same."""
+    return units[0] if len(set(units)) == 1 else ", ".join(units)
+
+
+def hexadecimal(number: float) -> str:
+    """A finite number in C's hexadecimal notation, without its idle zeros.
+
+    - `number`: the number.
+    """
+    return re.sub(r"\.?0*p", "p", number.hex()).replace("p+", "p")

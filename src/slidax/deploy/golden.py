@@ -1,0 +1,193 @@
+"""What the step answers in Python, on the samples of a run, on random ones and on bad ones."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from slidax._types import Command, Envelope, Memory, Reference, Scalar, State
+from slidax.controllers import AbstractController
+from slidax.simulation import simulate
+
+from .guarded_step import GuardedStep
+from .held import Held, Status
+from .samples import Sample, answer, broken, random_samples
+
+if TYPE_CHECKING:
+    from slidax.scenarios import Scenario
+
+OF_A_RUN, RANDOM, BAD = 200, 200, 100
+"""How many samples of each kind."""
+
+TOLERANCE = {"double": 1e-12, "float": 1e-6}
+"""Between Python and C, relative to the size of what is compared."""
+
+PERTURBATIONS = 4
+SLACK = 30.0
+"""Where a result hangs on the last digits of the inputs: so many times what those do to it."""
+
+LOOSE, NO_MATTER = 0.1, 1e30
+"""For a law that searches with looser tolerances in floats: its torque, and all else."""
+
+
+@dataclass(frozen=True)
+class Golden:
+    """Samples with their answers.
+
+    - `rows`: for each sample the numbers of the measurement, the reference, the memory before, the command and the
+      memory after, each a list in the order of the members.
+    - `statuses`: of each.
+    - `within`: for each, how far a number of each member of the command, and of the memory, may be off.
+    """
+
+    rows: list[list[list[Any]]]
+    statuses: list[int]
+    within: list[list[list[float]]]
+
+
+class _Recorded(AbstractController):
+    """A guarded step that logs what it got."""
+
+    guard: GuardedStep
+
+    @property
+    def joints(self) -> int:
+        return self.guard.joints
+
+    def init(self, t: Scalar, state: State, reference: Reference) -> Held:
+        return self.guard.init(t, state, reference)
+
+    def __call__(
+        self, t: Scalar, state: State, reference_now: Reference, reference_next: Reference, memory: Held
+    ) -> Command:
+        command = self.guard(t, state, reference_now, reference_next, memory)
+        got = jax.tree.leaves(Sample(memory, t, state, reference_now, reference_next))
+        signals = {f"{k:03}": leaf.astype(float) for k, leaf in enumerate(got)}
+        return Command(tau=command.tau, memory=command.memory, signals=signals)
+
+    def envelope(self, t: Scalar, memory: Memory) -> Envelope | None:
+        return self.guard.envelope(t, memory)
+
+
+def golden(scenario: Scenario, guard: GuardedStep, real: str, *, same: bool) -> Golden:
+    """The answers of a step to the samples of its scenario's closed loop, to random ones and to bad ones.
+
+    - `scenario`: the loop.
+    - `guard`: the step.
+    - `real`: "double", or "float" for a program that computes in floats.
+    - `same`: whether that program has all constants of this one.
+    """
+    drawn = random_samples(guard, scenario.trajectory, scenario.period, scenario.t1, RANDOM + BAD, seed=1)
+    good, bad = (jax.tree.map(lambda x, part=part: x[part], drawn) for part in (slice(RANDOM), slice(RANDOM, None)))
+    run = _of_the_run(scenario, guard)
+    samples: Sample = jax.tree.map(lambda *parts: jnp.concatenate(parts), run, good, broken(bad))
+    last_digit = 2.0**-51
+    if real == "float":
+        guard, samples = _rounded((guard, samples))
+        last_digit = 2.0**-23
+    command, status = answer(guard, samples)
+    off, firm = sensitivity(guard, samples, command, status, last_digit)
+    parts = (
+        (samples.t, samples.state),
+        (samples.now, samples.following),
+        samples.memory,
+        (command.tau, command.signals),
+        command.memory,
+    )
+    rows = [_numbers(part) for part in parts]
+    allowed = np.maximum(TOLERANCE[real] * sizes(command), SLACK * off)
+    if not same:
+        allowed = np.full_like(allowed, NO_MATTER)
+        allowed[:, 0] = LOOSE * sizes(command)[:, 0]
+    # A command's leaves: the torque, the memory, the signals.
+    kept = len(jax.tree.leaves(command.memory))
+    return Golden(
+        rows=[[part[k] for part in rows] for k in firm],
+        statuses=[int(status[k]) for k in firm],
+        within=[[[allowed[k, 0], *allowed[k, 1 + kept :]], [*allowed[k, 1 : 1 + kept]]] for k in firm],
+    )
+
+
+def _of_the_run(scenario: Scenario, guard: GuardedStep) -> Sample:
+    """The first samples of the closed loop, and others from all of it."""
+    run = simulate(
+        scenario.plant,
+        _Recorded(guard),
+        scenario.trajectory,
+        scenario.state0,
+        t1=scenario.t1,
+        period=scenario.period,
+        integrator=scenario.integrator,
+        substeps=scenario.substeps,
+        outside="recover",
+        progress=False,
+    )
+    assert run.log is not None
+    t, state = jnp.zeros(()), scenario.state0
+    reference = scenario.trajectory.reference(t)
+    like = Sample(jax.eval_shape(guard.init, t, state, reference), t, state, reference, reference)
+    leaves = jax.tree.leaves(like)
+    logged = [run.log.signals[f"{k:03}"] for k in range(len(leaves))]
+    first = min(OF_A_RUN // 4, len(logged[0]))
+    which = np.concatenate([np.arange(first), np.linspace(first, len(logged[0]) - 1, OF_A_RUN - first).astype(int)])
+    chosen = [jnp.asarray(values[which]).astype(leaf.dtype) for values, leaf in zip(logged, leaves, strict=True)]
+    found: Sample = jax.tree.unflatten(jax.tree.structure(like), chosen)
+    return found
+
+
+def _rounded(tree: Any) -> Any:
+    """The same numbers as floats have them, still as doubles."""
+    return jax.tree.map(
+        lambda x: x.astype(jnp.float32).astype(x.dtype) if jnp.issubdtype(x.dtype, jnp.inexact) else x, tree
+    )
+
+
+def sensitivity(
+    guard: GuardedStep, samples: Sample, command: Command, status: Status, last_digit: float
+) -> tuple[np.ndarray, list[int]]:
+    """How far each leaf of the command moves with the last digit of the inputs, and where the status does not move.
+
+    - `guard`: the step.
+    - `samples`: with the number of the sample as first axis.
+    - `command`, `status`: the answers to them.
+    - `last_digit`: relative to the number that it is of.
+    """
+    rng = np.random.default_rng(3)
+
+    def nudged(x: Any) -> Any:
+        if not jnp.issubdtype(x.dtype, jnp.inexact):
+            return x
+        return x * (1.0 + last_digit * rng.choice([-1.0, 1.0], x.shape))
+
+    worst = np.zeros((len(status), len(jax.tree.leaves(command))))
+    firm = np.ones(len(status), bool)
+    for _ in range(PERTURBATIONS):
+        moved, other = answer(jax.tree.map(nudged, guard), jax.tree.map(nudged, samples))
+        firm &= np.asarray(other) == np.asarray(status)
+        with np.errstate(invalid="ignore"):
+            change = jax.tree.map(lambda a, b: np.asarray(a, float) - np.asarray(b, float), moved, command)
+        worst = np.fmax(worst, sizes(change))
+    return worst, np.flatnonzero(firm).tolist()
+
+
+def sizes(tree: Any) -> np.ndarray:
+    """For each sample, by rows, the largest finite number in each leaf; 0 if there is none.
+
+    - `tree`: with the number of the sample as first axis.
+    """
+    leaves = [np.abs(np.asarray(leaf, float)).reshape(len(leaf), -1) for leaf in jax.tree.leaves(tree)]
+    return np.stack([np.where(np.isfinite(leaf), leaf, 0.0).max(1) for leaf in leaves], axis=1)
+
+
+def _numbers(tree: Any) -> list[list[Any]]:
+    """One list per sample: its numbers in the order of the tree's leaves, each leaf a list or a number."""
+    leaves = [np.asarray(leaf) for leaf in jax.tree.leaves(tree)]
+
+    def row(k: int) -> list[Any]:
+        return [leaf[k].ravel().tolist() if leaf.ndim > 1 else leaf[k].item() for leaf in leaves]
+
+    return [row(k) for k in range(len(leaves[0]))]

@@ -1,0 +1,60 @@
+"""What a program that was written for doubles needs before it computes in floats."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from slidax.codegen.builder import Builder
+from slidax.codegen.form import Program, Value
+from slidax.codegen.rebuild import rebuild
+
+DOUBLE, FLOAT = float(np.finfo(np.float64).eps), float(np.finfo(np.float32).eps)
+TOLERANCES = (0.1 * DOUBLE, 1e-10)
+"""A constant of this size is a tolerance: no gain of a robot is, and what keeps a division from zero is far smaller."""
+
+ULPS = 16.0
+"""A tolerance of more units in the last place than these is one that a search is to meet with ease."""
+
+NEXT_TO_ONE = 4.0 * FLOAT
+
+
+def in_floats(program: Program) -> Program:
+    """The same program with constants that mean in floats what they mean in doubles.
+
+    Tolerances become as many units in the last place, at most 16, so that a search that is to meet them ends; and a
+    number next to one, which keeps a logarithm finite, stays next to one.
+
+    - `program`: written for doubles.
+    """
+
+    def replaced(builder: Builder, value: Value, args: tuple[Value, ...]) -> Value | None:
+        fitted = tuple(
+            builder.constant(fitting(arg.data), "f64") if arg.op == "const" and arg.type == "f64" else arg
+            for arg in args
+        )
+        if all(new is old for new, old in zip(fitted, args, strict=True)):
+            return None
+        return builder.apply(value.op, *fitted, type=value.type, data=value.data)
+
+    return rebuild(program, replaced)
+
+
+def fits(program: Program) -> bool:
+    """Whether all constants of a program mean the same in floats.
+
+    - `program`: written for doubles.
+    """
+    return all(fitting(value.data) == value.data for value in program.walk() if value.op == "const")
+
+
+def fitting(number: float) -> float:
+    """A constant for floats.
+
+    - `number`: for doubles.
+    """
+    size = abs(number)
+    if TOLERANCES[0] < size < TOLERANCES[1]:
+        return float(np.copysign(min(size / DOUBLE, ULPS) * FLOAT, number))
+    if 0.0 < abs(size - 1.0) < NEXT_TO_ONE:
+        return float(np.copysign(1.0 + np.copysign(NEXT_TO_ONE, size - 1.0), number))
+    return number

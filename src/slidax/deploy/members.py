@@ -1,0 +1,138 @@
+"""Arrays in a tree as the members of a C structure: name, type, length, meaning and default."""
+
+from __future__ import annotations
+
+import inspect
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import jax
+import numpy as np
+
+from slidax._errors import DefinitionError
+from slidax.codegen.form import Type
+from slidax.codegen.naming import identifier
+from slidax.codegen.trace.trace import kind
+
+from .comment_text import comment, shortened
+
+
+@dataclass(frozen=True)
+class Member:
+    """One member of a structure.
+
+    - `name`: in C.
+    - `type`: of its numbers, as in the form.
+    - `shape`: () for one number; anything else becomes a flat array.
+    - `meaning`: a few words with the unit, from the docstring of the class that has it.
+    - `part`: the first words of that docstring, if it says something of its own.
+    - `values`: its default; None if it has none.
+    """
+
+    name: str
+    type: Type
+    shape: tuple[int, ...]
+    meaning: str = ""
+    part: str = ""
+    values: np.ndarray | None = None
+
+    @property
+    def size(self) -> int:
+        """How many numbers."""
+        return int(np.prod(self.shape, dtype=int))
+
+    @property
+    def brackets(self) -> str:
+        """What stands behind the name in its declaration."""
+        return f"[{self.size}]" if self.shape else ""
+
+    def element(self, k: int) -> str:
+        """The name of one number.
+
+        - `k`: which, in C order.
+        """
+        return f"{self.name}[{k}]" if self.shape else self.name
+
+
+def members(tree: Any, *, strip: Sequence[str] = (), values: bool = False) -> list[Member]:
+    """The members for all arrays in a tree, in the order of its leaves.
+
+    - `tree`: a module with arrays, or their shapes.
+    - `strip`: first parts of paths that say nothing in C.
+    - `values`: whether the arrays are defaults.
+
+    Raises DefinitionError if two would have one name.
+    """
+    found = []
+    for path, leaf in jax.tree_util.tree_leaves_with_path(tree):
+        parts = [_part(key) for key in path]
+        while len(parts) > 1 and parts[0] in strip:
+            parts = parts[1:]
+        found.append(
+            Member(
+                name=identifier("_".join(parts)),
+                type=kind(leaf.dtype, ".".join(parts)),
+                shape=tuple(leaf.shape),
+                meaning=_meaning(tree, path),
+                part=_part_of(tree, path),
+                values=np.asarray(leaf) if values else None,
+            )
+        )
+    names = [member.name for member in found]
+    for name in names:
+        if names.count(name) > 1:
+            raise DefinitionError(f"two arrays would be called `{name}` in C; rename the field of one of them")
+    return found
+
+
+def _part(key: Any) -> str:
+    for field in ("name", "key", "idx"):
+        if hasattr(key, field):
+            return str(getattr(key, field))
+    raise DefinitionError(f"no name in C for `{key}`; use modules, tuples, lists and dictionaries")
+
+
+def _meaning(tree: Any, path: Sequence[Any]) -> str:
+    """The bullet of the innermost field on the way to the leaf, without what the declaration says by itself."""
+    meaning = ""
+    for place, key in _way(tree, path):
+        if hasattr(key, "name"):
+            meaning = bullets(type(place)).get(key.name, meaning)
+    for unsaid in (r"; None.*", r"one number or \[n\](, )?", r",? ?\[n\](?=[,;:.]|$)"):
+        meaning = re.sub(unsaid, "", meaning)
+    meaning = meaning.strip(", ")
+    return shortened(comment(meaning), 92)
+
+
+def _part_of(tree: Any, path: Sequence[Any]) -> str:
+    """The first sentence about the innermost object that has the leaf."""
+    owners = [place for place, key in _way(tree, path) if hasattr(key, "name")]
+    if not owners:
+        return ""
+    name = type(owners[-1]).__name__
+    first = (inspect.getdoc(type(owners[-1])) or "").split("\n\n")[0]
+    return f"{name}: {shortened(comment(' '.join(first.split())), 108 - len(name))}"
+
+
+def _way(tree: Any, path: Sequence[Any]) -> Iterator[tuple[Any, Any]]:
+    """The objects on the way to a leaf, each with the key that leads on."""
+    place = tree
+    for key in path:
+        yield place, key
+        name = _part(key)
+        place = getattr(place, name) if hasattr(key, "name") else place[getattr(key, "key", getattr(key, "idx", name))]
+
+
+def bullets(owner: type) -> dict[str, str]:
+    """What a class's docstring says of each of its fields, in one line each.
+
+    - `owner`: the class.
+    """
+    found: dict[str, str] = {}
+    for bullet in re.findall(r"^- ((?:.+\n?(?!- |\n))+.*)", inspect.getdoc(owner) or "", re.MULTILINE):
+        names, colon, text = bullet.partition(":")
+        if colon:
+            found |= {name: " ".join(text.split()) for name in re.findall(r"`(\w+)`", names)}
+    return found

@@ -1,0 +1,227 @@
+"""The functions that are exported, as programs, with what each of their arrays is called in C."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+
+from slidax._types import Reference, Scalar, State, Vector
+from slidax.codegen.form import Program, Value
+from slidax.codegen.trace import trace
+from slidax.simulation import Plant
+from slidax.trajectories import AbstractTrajectory
+
+from .guarded_step import GuardedStep
+from .held import Flag, Held
+from .members import Member, members
+from .status import ANSWERED, CHECKED, Condition
+
+SAMPLE = ("", "t", "", "reference", "next")
+"""What the arguments of a step are called in comments and names: parameters, time, state, reference now and next."""
+
+
+@dataclass(frozen=True)
+class Place:
+    """An array in C.
+
+    - `pointer`: what leads to it, such as `parameters->`.
+    - `member`: itself.
+    """
+
+    pointer: str
+    member: Member
+
+    def element(self, k: int | str) -> str:
+        """How one number is read or written.
+
+        - `k`: which, a number or an expression.
+        """
+        return f"{self.pointer}{self.member.name}[{k}]" if self.member.shape else f"{self.pointer}{self.member.name}"
+
+
+@dataclass(frozen=True)
+class Function:
+    """A program with the places of its inputs and outputs.
+
+    - `program`: itself.
+    - `inputs`, `outputs`: one place for each.
+    """
+
+    program: Program
+    inputs: list[Place]
+    outputs: list[Place]
+
+    def read(self, which: int, element: int | str) -> str:
+        """How an element of an input is read.
+
+        - `which`: the input.
+        - `element`: a number or an expression.
+        """
+        return self.inputs[which].element(element)
+
+    @property
+    def assigned(self) -> list[tuple[str, Value]]:
+        """Each element of an output, with its value."""
+        return [
+            (place.element(k), value)
+            for place, output in zip(self.outputs, self.program.outputs, strict=True)
+            for k, value in enumerate(output.values or ())
+        ]
+
+
+@dataclass(frozen=True)
+class Step:
+    """All of a guarded step.
+
+    - `checked`: from a sample to what is wrong with it.
+    - `answered`: the law on a good sample.
+    - `held`: the command on a bad one.
+    - `begun`: from the first good sample to what is kept.
+    - `parameters`, `memory`, `signals`: members of the structures.
+    """
+
+    checked: Function
+    answered: Function
+    held: Function
+    begun: Function
+    parameters: list[Member]
+    memory: list[Member]
+    signals: list[Member]
+
+
+def step_programs(guard: GuardedStep) -> Step:
+    """The programs of a guarded step.
+
+    - `guard`: the step, with the parameters' defaults.
+
+    Raises DefinitionError if there is no native code for the law.
+    """
+    t, state, reference = _sample(guard.joints)
+    held = jax.eval_shape(guard.init, t, state, reference)
+    parameters = members(guard, strip=("controller",), values=True)
+    memory = members(held)
+
+    def checked(guard: GuardedStep, t: Scalar, state: State, now: Reference, following: Reference) -> list[Flag]:
+        return list(guard.checked(t, state, now, following).values())
+
+    def answered(
+        guard: GuardedStep, memory: Held, t: Scalar, state: State, now: Reference, following: Reference
+    ) -> tuple[Held, dict[str, Any], list[Flag]]:
+        command, flags = guard.answered(t, state, now, following, memory)
+        return command.memory, command.signals, list(flags.values())
+
+    def hold(guard: GuardedStep, memory: Held) -> Vector:
+        return guard.held(memory)
+
+    def begin(guard: GuardedStep, t: Scalar, state: State, now: Reference) -> Held:
+        return guard.begun(t, state, now)
+
+    sample = (t, state, reference, reference)
+    signals = members(jax.eval_shape(answered, guard, held, *sample)[1])
+    given, kept = _places("parameters->", parameters), _places("memory->", memory)
+    seen, wanted = _places("measurement->", measurement(guard.joints)), _places("reference->", references(guard.joints))
+    says = _places("command->", signals)
+    return Step(
+        checked=_function(checked, (guard, *sample), SAMPLE, given + seen + wanted, _flags(CHECKED)),
+        answered=_function(
+            answered,
+            (guard, held, *sample),
+            (SAMPLE[0], "memory", *SAMPLE[1:]),
+            given + kept + seen + wanted,
+            kept + says + _flags(ANSWERED),
+        ),
+        held=_function(hold, (guard, held), ("", "memory"), given + kept, [Place("memory->", _named(memory, "tau"))]),
+        begun=_function(begin, (guard, *sample[:3]), SAMPLE[:4], given + seen + wanted[:3], kept),
+        parameters=parameters,
+        memory=memory,
+        signals=signals,
+    )
+
+
+def motion_program(trajectory: AbstractTrajectory, joints: int) -> Function:
+    """The reference of a scenario, from the time and the period.
+
+    - `trajectory`: the motion; its numbers become constants.
+    - `joints`: how many it moves.
+    """
+
+    def motion(t: Scalar, period: Scalar) -> tuple[Reference, Reference]:
+        return trajectory.reference(t), trajectory.reference(t + period)
+
+    number = jnp.zeros(())
+    inputs = [Place("", Member(name, "f64", ())) for name in ("t", "period")]
+    return _function(motion, (number, number), ("t", "period"), inputs, _places("reference->", references(joints)))
+
+
+def arm_program(plant: Plant) -> Function:
+    """The acceleration of a scenario's arm under its disturbance, from time, state and torque.
+
+    - `plant`: the arm; its numbers become constants.
+    """
+
+    def acceleration(t: Scalar, state: State, tau: Vector) -> Vector:
+        return plant.acceleration(t, state, tau)
+
+    t, state, _ = _sample(plant.robot.joints)
+    shape = state.q.shape
+    inputs = [
+        Place("", Member("t", "f64", ())),
+        *(Place("", Member(name, "f64", shape)) for name in ("q", "dq", "tau")),
+    ]
+    return _function(
+        acceleration, (t, state, state.q), ("t", "", "tau"), inputs, [Place("", Member("ddq", "f64", shape))]
+    )
+
+
+def measurement(joints: int) -> list[Member]:
+    """The members of a measurement.
+
+    - `joints`: how many are measured.
+    """
+    return [
+        Member("t", "f64", (), "time [s]"),
+        Member("q", "f64", (joints,), "positions"),
+        Member("dq", "f64", (joints,), "velocities"),
+    ]
+
+
+def references(joints: int) -> list[Member]:
+    """The members of a reference: now, and one period later.
+
+    - `joints`: how many are moved.
+    """
+    words = {"q": "positions", "dq": "velocities", "ddq": "accelerations"}
+    return [Member(name, "f64", (joints,), f"{word} now") for name, word in words.items()] + [
+        Member(f"{name}_next", "f64", (joints,), f"{word} one period later") for name, word in words.items()
+    ]
+
+
+def _function(
+    function: Callable[..., Any],
+    args: tuple[Any, ...],
+    names: tuple[str, ...],
+    inputs: list[Place],
+    outputs: list[Place],
+) -> Function:
+    return Function(trace(function, *args, names=names), inputs, outputs)
+
+
+def _places(pointer: str, these: list[Member]) -> list[Place]:
+    return [Place(pointer, member) for member in these]
+
+
+def _flags(conditions: tuple[Condition, ...]) -> list[Place]:
+    return [Place("", Member(condition.name.lower(), "b1", ())) for condition in conditions]
+
+
+def _named(these: list[Member], name: str) -> Member:
+    return next(member for member in these if member.name == name)
+
+
+def _sample(joints: int) -> tuple[Scalar, State, Reference]:
+    vector = jnp.zeros(joints)
+    return jnp.zeros(()), State(vector, vector), Reference(vector, vector, vector)

@@ -1,0 +1,123 @@
+"""A scenario's law as a C project: library, header, tests, benchmark, example and instructions."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from slidax._errors import DefinitionError
+from slidax.actuators import TorqueLimits
+from slidax.codegen.c import Dialect, Helpers
+
+from .comment_text import comment
+from .contents import Joint, Project
+from .golden import golden
+from .guarded_step import GuardedStep
+from .in_floats import fits
+from .programs import arm_program, motion_program, step_programs
+from .source import body, source
+from .text import render
+
+if TYPE_CHECKING:
+    from slidax.scenarios import Scenario
+
+LONGEST_NAME = 40
+FILES = {
+    "header.h.j2": "{prefix}.h",
+    "step.c.j2": "{prefix}.c",
+    "wrapper.hpp.j2": "{prefix}.hpp",
+    "scenario.h.j2": "{prefix}_scenario.h",
+    "scenario.c.j2": "{prefix}_scenario.c",
+    "golden.h.j2": "golden.h",
+    "test.c.j2": "test_{name}.c",
+    "latency.c.j2": "latency.c",
+    "example.c.j2": "example.c",
+    "CMakeLists.txt.j2": "CMakeLists.txt",
+    "README.md.j2": "README.md",
+}
+"""Templates, and the files that they become."""
+
+
+def export_c(
+    scenario: Scenario, out: Path, *, name: str | None = None, single: bool = False, command: str = ""
+) -> Project:
+    """Writes a scenario's law as a C project.
+
+    - `scenario`: whose law, limits, motion and arm.
+    - `out`: the folder; made if it is not there, files of the same names are overwritten.
+    - `name`: of the law in C; after the scenario if None.
+    - `single`: floats in the place of doubles.
+    - `command`: that asked for it, for the headers.
+
+    Raises DefinitionError if there is no native code for the law, the name is none in C, or the folder cannot be.
+    """
+    made = project(scenario, name=name, single=single, command=command)
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        for template, file in FILES.items():
+            path = out / file.format(prefix=made.prefix, name=made.name)
+            path.write_text(render(template, {"x": made}), encoding="utf-8")
+    except OSError as error:
+        raise DefinitionError(f"cannot write the project to `{out}`: {error.strerror}") from None
+    return made
+
+
+def project(
+    scenario: Scenario,
+    *,
+    name: str | None = None,
+    single: bool = False,
+    command: str = "",
+    with_golden: bool = True,
+) -> Project:
+    """What `export_c` writes.
+
+    - `scenario`: whose law, limits, motion and arm.
+    - `name`: of the law in C; after the scenario if None.
+    - `single`: floats in the place of doubles.
+    - `command`: that asked for it, for the headers.
+    - `with_golden`: whether golden samples are computed, which takes most of the time.
+
+    Raises DefinitionError if there is no native code for the law, or the name is none in C.
+    """
+    name = _checked_name(scenario.name if name is None else name, given=name is not None)
+    robot, actuator = scenario.plant.robot, scenario.plant.actuator
+    limits = TorqueLimits() if actuator is None else actuator.limits
+    guard = GuardedStep.around(scenario.controller, limits, scenario.period)
+    dialect = Dialect("float" if single else "double")
+    step = step_programs(guard)
+    same = not single or fits(step.answered.program)
+    helpers = Helpers(dialect)
+    motion = body(motion_program(scenario.trajectory, robot.joints), dialect, ("t", "period", "reference"), helpers)
+    arm = body(arm_program(scenario.plant), dialect, ("t", "q", "dq", "tau", "ddq"), helpers)
+    return Project(
+        name=name,
+        title=comment(scenario.description.title),
+        law=f"{scenario.scheme} on {scenario.robot}",
+        command=command,
+        joints=tuple(
+            Joint(unit, f"{unit}/s", torque) for unit, torque in zip(robot.joint_units, robot.torque_units, strict=True)
+        ),
+        dialect=dialect,
+        guard=guard,
+        step=step,
+        source=source(step, dialect),
+        motion=motion,
+        arm=arm,
+        scenario_helpers=helpers.lines,
+        golden=golden(scenario, guard, dialect.real, same=same) if with_golden else None,
+        period=scenario.period,
+        t1=scenario.t1,
+        start=(scenario.state0.q.tolist(), scenario.state0.dq.tolist()),
+    )
+
+
+def _checked_name(name: str, *, given: bool) -> str:
+    cleaned = name if given else re.sub(r"\W+", "_", comment(name)).strip("_").lower()
+    if not re.fullmatch(r"[a-z][a-z0-9_]*", cleaned) or len(cleaned) > LONGEST_NAME:
+        raise DefinitionError(
+            f"the name in C must be small letters, digits and _, a letter first, at most {LONGEST_NAME} of them; "
+            f"got `{cleaned}`: give another with `--name`"
+        )
+    return cleaned

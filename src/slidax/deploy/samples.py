@@ -1,0 +1,130 @@
+"""Samples drawn at random: anywhere inside the envelope, moving anyhow, with a memory that fits; and bad ones."""
+
+from __future__ import annotations
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from slidax._types import Command, Reference, Scalar, State, Vector
+from slidax.trajectories import AbstractTrajectory
+
+from .guarded_step import GuardedStep
+from .held import Held, Status
+
+INSIDE = 0.95
+"""How near to its bounds an error is drawn."""
+
+BAD = (np.nan, np.inf, -np.inf, 1e308, -1e308, 1e200, 5e-324, -1e-310)
+"""What a sensor should not say."""
+
+
+class Sample(eqx.Module):
+    """All that a step reads beside its parameters.
+
+    - `memory`: what is kept from before.
+    - `t`: time [s].
+    - `state`: measured positions and velocities.
+    - `now`, `following`: what the joints should do now and one period later.
+    """
+
+    memory: Held
+    t: Scalar
+    state: State
+    now: Reference
+    following: Reference
+
+
+def random_samples(
+    guard: GuardedStep, trajectory: AbstractTrajectory, period: float, t1: float, count: int, *, seed: int
+) -> Sample:
+    """Samples with the number of the sample as first axis.
+
+    - `guard`: the step.
+    - `trajectory`: what the joints should do.
+    - `period`: time between two samples [s].
+    - `t1`: end of the motion [s].
+    - `count`: how many.
+    - `seed`: another seed draws others.
+    """
+    keys = jax.random.split(jax.random.key(seed), count)
+    first, drawn = _drawn(guard, trajectory, jnp.asarray(period), jnp.asarray(t1), keys)
+    # Most have been in the law for a sample.
+    older = np.random.default_rng(seed).random(count) < 0.8
+    memory = jax.tree.map(
+        lambda a, b: jnp.where(older.reshape(-1, *[1] * (a.ndim - 1)), a, b),
+        answer(guard, first)[0].memory,
+        first.memory,
+    )
+    return Sample(memory, drawn.t, drawn.state, drawn.now, drawn.following)
+
+
+@eqx.filter_jit
+def answer(guard: GuardedStep, samples: Sample) -> tuple[Command, Status]:
+    """The command and the status of every sample, one after the other as in a run.
+
+    - `guard`: the step.
+    - `samples`: with the number of the sample as first axis.
+    """
+
+    def one(sample: Sample) -> tuple[Command, Status]:
+        return guard.step(sample.t, sample.state, sample.now, sample.following, sample.memory)
+
+    answered: tuple[Command, Status] = jax.lax.map(one, samples)
+    return answered
+
+
+@eqx.filter_jit
+def _drawn(
+    guard: GuardedStep, trajectory: AbstractTrajectory, period: Scalar, t1: Scalar, keys: Array
+) -> tuple[Sample, Sample]:
+    """Two samples in a row for each key, both with the memory before the first."""
+
+    def two(key: Array) -> tuple[Sample, Sample]:
+        keys = jax.random.split(key, 5)
+        n = guard.joints
+        t = period * jnp.floor(jax.random.uniform(keys[0], (), minval=1.0, maxval=t1 / period))
+        before, now, following = (trajectory.reference(t + k * period) for k in (-1, 0, 1))
+        error = _inside(guard, t, before, jax.random.uniform(keys[1], (n,), minval=-1.0, maxval=1.0))
+        rate = jax.random.normal(keys[2], (n,)) * 10.0 ** jax.random.uniform(keys[3], (), minval=-3.0, maxval=1.0)
+        last = State(q=before.q + error, dq=before.dq + rate)
+        memory = guard.init(t - period, last, before)
+        moved = error * (1.0 - 0.02 * jax.random.uniform(keys[4], (n,)))
+        state = State(q=now.q + moved, dq=now.dq + rate)
+        return Sample(memory, t - period, last, before, now), Sample(memory, t, state, now, following)
+
+    drawn: tuple[Sample, Sample] = jax.lax.map(two, keys)
+    return drawn
+
+
+def _inside(guard: GuardedStep, t: Scalar, reference: Reference, share: Vector) -> Vector:
+    """An error that is a share of the way to the bounds; half a radian or metre is all the way where there are none."""
+    side = State(q=reference.q + 1e-6 * jnp.sign(share), dq=reference.dq)
+    envelope = guard.envelope(t, guard.init(t, side, reference))
+    if envelope is None:
+        return 0.5 * share
+    return INSIDE * jnp.where(share > 0, share * envelope.upper, -share * envelope.lower)
+
+
+def broken(samples: Sample) -> Sample:
+    """The same samples, each with one number that is bad: not finite, huge or denormal.
+
+    - `samples`: with the number of the sample as first axis.
+    """
+    count = samples.t.shape[0]
+    rng = np.random.default_rng(count)
+    parts = [np.array(x) for x in (samples.t, samples.state.q, samples.state.dq, samples.now.q, samples.following.dq)]
+    for k in range(count):
+        part = parts[rng.choice(len(parts), p=[0.1, 0.4, 0.3, 0.1, 0.1])]
+        row = part[k : k + 1].reshape(-1)
+        row[rng.integers(row.size)] = BAD[k % len(BAD)]
+    t, q, dq, wanted, next_dq = (jnp.asarray(part) for part in parts)
+    return Sample(
+        samples.memory,
+        t,
+        State(q=q, dq=dq),
+        Reference(q=wanted, dq=samples.now.dq, ddq=samples.now.ddq),
+        Reference(q=samples.following.q, dq=next_dq, ddq=samples.following.ddq),
+    )

@@ -1,0 +1,179 @@
+"""The CUDA kernel: its text, that nvcc takes it, and by a C++ compiler on the processor what it computes."""
+
+import ctypes
+import shutil
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from slidax import DefinitionError
+from slidax.codegen import cuda
+from slidax.codegen.builder import Builder
+from slidax.codegen.cuda.arrays import collected, dtype_on_card, laid_out
+
+from .random_programs import RandomProgram, random_arrays
+
+GOLDEN = Path(__file__).parent / "golden" / "pendulum.cu"
+RUNS, STEPS = 5, 40
+
+# What the compiler of the processor needs in the place of CUDA's own words; one thread at a time.
+ON_THE_PROCESSOR = """
+#include <cmath>
+#include <cstring>
+using std::isnan;
+using std::isfinite;
+#define __global__
+#define __device__
+static struct { long long x; } blockIdx, blockDim, threadIdx;
+static inline double __longlong_as_double(long long bits) { double x; std::memcpy(&x, &bits, 8); return x; }
+static inline float __int_as_float(int bits) { float x; std::memcpy(&x, &bits, 4); return x; }
+extern "C" void choose(long long block, long long threads, long long thread)
+{
+    blockIdx.x = block;
+    blockDim.x = threads;
+    threadIdx.x = thread;
+}
+"""
+
+
+def pendulum():
+    """A damped pendulum by Euler's rule: a log of every fourth sample, and the end."""
+    b = Builder()
+    start = b.input("state.start", "f64", (2,), varying=True)
+    damping = b.input("damping", "f64", ())[()]
+    steps, every = (b.input(name, "i64", ())[()] for name in ("steps", "every"))
+    log = b.logged("log", "f64", (2,))
+    zero, one = b.constant(0, "i64"), b.constant(1, "i64")
+    h = b.constant(0.01, "f64")
+
+    def turn(carried):
+        count, row, q, dq = carried
+        due = b.apply("eq", b.apply("rem", count, every), zero)
+        b.store(log, row, due, np.array([q, dq], object))
+        pull = b.apply("add", b.apply("sin", q), b.apply("mul", damping, dq))
+        faster = b.apply("sub", dq, b.apply("mul", h, pull))
+        moved = b.apply("add", q, b.apply("mul", h, faster))
+        return [b.apply("add", count, one), b.apply("add", row, b.apply("convert", due, type="i64")), moved, faster]
+
+    left = b.loop([zero, zero, *start], lambda carried: b.apply("lt", carried[0], steps), turn, turns=steps)
+    b.output("end", "f64", np.array(left[2:], object))
+    return b.finish()
+
+
+def pendulum_arrays():
+    start = np.random.default_rng(0).normal(size=(RUNS, 2))
+    return [start, np.array(0.3), np.array(STEPS), np.array(4)]
+
+
+def pendulum_by_numpy(start, damping, steps, every):
+    state, log = np.array(start), []
+    for k in range(steps):
+        if k % every == 0:
+            log.append(np.array(state))
+        state[:, 1] = state[:, 1] - 0.01 * (np.sin(state[:, 0]) + damping * state[:, 1])
+        state[:, 0] = state[:, 0] + 0.01 * state[:, 1]
+    return np.stack(log, 1), state
+
+
+def batch(program, inputs, runs, rows, folder, real="double"):
+    """What the kernel's text computes, thread by thread, in blocks of 4."""
+    source, library = folder / "kernel.cpp", folder / "kernel.so"
+    source.write_text(ON_THE_PROCESSOR + cuda.kernel(program, real=real))
+    options = ["-std=c++17", "-O1", "-ffp-contract=off", "-Wall", "-Wextra", "-Werror", "-fPIC", "-shared"]
+    subprocess.run(["g++", *options, str(source), "-o", str(library)], check=True)
+    code = ctypes.CDLL(str(library))
+    given = laid_out(program, inputs, runs, real)
+    left = [
+        np.zeros((rows if entry.values is None else 1, entry.size, runs), dtype_on_card(entry.type, real))
+        for entry in program.outputs
+    ]
+    places = [ctypes.c_void_p(array.ctypes.data) for array in (*given, *left)]
+    threads = 4
+    for run in range(-(-runs // threads) * threads):
+        code.choose(*[ctypes.c_longlong(k) for k in (run // threads, threads, run % threads)])
+        code.run_all(*places, ctypes.c_longlong(runs))
+    return collected(program, left)
+
+
+needs_gxx = pytest.mark.skipif(not shutil.which("g++"), reason="g++ is not installed")
+needs_nvcc = pytest.mark.skipif(not shutil.which("nvcc"), reason="nvcc is not installed")
+
+
+def test_the_text_is_the_one_that_was_read_by_people():
+    assert cuda.kernel(pendulum()) == GOLDEN.read_text()
+
+
+@needs_gxx
+def test_each_thread_computes_its_own_run(tmp_path):
+    log, end = batch(pendulum(), pendulum_arrays(), RUNS, STEPS // 4, tmp_path)
+    start, *shared = pendulum_arrays()
+    expected_log, expected_end = pendulum_by_numpy(start, *[x.item() for x in shared])
+    assert log.shape == (RUNS, STEPS // 4, 2)
+    np.testing.assert_allclose(log, expected_log, rtol=1e-13)
+    np.testing.assert_allclose(end, expected_end, rtol=1e-13)
+
+
+@needs_gxx
+def test_floats_come_back_as_the_doubles_that_were_asked_for(tmp_path):
+    log, end = batch(pendulum(), pendulum_arrays(), RUNS, STEPS // 4, tmp_path, real="float")
+    start, *shared = pendulum_arrays()
+    assert log.dtype == end.dtype == np.float64
+    np.testing.assert_allclose(end, pendulum_by_numpy(start, *[x.item() for x in shared])[1], rtol=2e-5)
+
+
+@needs_gxx
+def test_random_programs_give_the_same_bits_as_machine_code(tmp_path):
+    llvm = pytest.importorskip("slidax.codegen.llvm")
+    pytest.importorskip("llvmlite")
+    from slidax.codegen.llvm.prepare import prepared
+
+    arrays = [np.stack(parts) for parts in zip(*[random_arrays(k) for k in range(RUNS)], strict=True)]
+    for seed in (7, 12):
+        program = RandomProgram(seed, varying=True).finish()
+        folder = tmp_path / str(seed)
+        folder.mkdir()
+        ours = batch(prepared(program), arrays, RUNS, 0, folder)
+        for one, other in zip(ours, llvm.compile(program).batch(arrays, RUNS), strict=True):
+            np.testing.assert_array_equal(one, other, err_msg=f"seed {seed}")
+
+
+@needs_nvcc
+@pytest.mark.parametrize("real", ["double", "float"])
+def test_nvcc_takes_it(real, tmp_path):
+    program = RandomProgram(12, varying=True).finish()
+    for name, text in (("pendulum", cuda.kernel(pendulum(), real=real)), ("random", cuda.kernel(program, real=real))):
+        source = tmp_path / f"{name}.cu"
+        source.write_text(text)
+        command = ["nvcc", "-cubin", "-arch=sm_80", "-Werror", "all-warnings", "-o", str(tmp_path / "out"), str(source)]
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        assert done.returncode == 0, done.stderr
+
+
+def test_a_wrong_array_is_told_by_its_name():
+    program = pendulum()
+    start, *shared = pendulum_arrays()
+    with pytest.raises(DefinitionError, match=r"`state.start` must be float64 of shape \[5, 2\]; got float64 of shape"):
+        laid_out(program, [start.T, *shared], RUNS, "double")
+    with pytest.raises(DefinitionError, match="`steps` must be int64"):
+        laid_out(program, [start, shared[0], np.array(3.0), shared[2]], RUNS, "double")
+    with pytest.raises(DefinitionError, match="has 4 inputs; got 1"):
+        laid_out(program, [start], RUNS, "double")
+
+
+def test_without_a_card_the_remedy_is_told():
+    if cuda.available():
+        pytest.skip("there is a card")
+    with pytest.raises(DefinitionError, match=r"slidax\[cuda\]|driver|on the CPU"):
+        cuda.compile(pendulum())
+
+
+def test_on_a_card_all_runs_are_computed():
+    if not cuda.available():
+        pytest.skip("CuPy or a card is missing")
+    start, *shared = pendulum_arrays()
+    log, end = cuda.compile(pendulum()).batch([start, *shared], RUNS, STEPS // 4)
+    expected_log, expected_end = pendulum_by_numpy(start, *[x.item() for x in shared])
+    np.testing.assert_allclose(log, expected_log, rtol=1e-12)
+    np.testing.assert_allclose(end, expected_end, rtol=1e-12)

@@ -1,0 +1,307 @@
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+from slidax._errors import DefinitionError
+from slidax.codegen import llvm
+from slidax.codegen.builder import Builder
+from slidax.codegen.fold import DTYPES
+from slidax.codegen.form import Branch
+from slidax.codegen.llvm import cache, machine
+from slidax.codegen.llvm.prepare import prepared
+from slidax.codegen.llvm.uniformity import varying
+
+from .interpreter import interpreted
+from .random_programs import RandomProgram, random_arrays
+
+RUNS = 11  # no multiple of any number of lanes
+LANES = (1, 4, 8)
+
+
+@pytest.fixture(autouse=True)
+def folder(monkeypatch, tmp_path):
+    """Object code that is kept goes into a folder of the test's own."""
+    monkeypatch.setattr(cache, "folder", lambda: tmp_path / "native")
+    return tmp_path / "native"
+
+
+def bits(arrays):
+    return [array.tobytes() for array in arrays]
+
+
+def values_of(b, type, shape=(), *, name="x", varying=True):
+    return b.input(name, type, shape, varying=varying)
+
+
+def one_of_each_run(make, type, *arrays, lanes):
+    """`make(b, x, y, ...)`, a value of `type`, for each element of the arrays, as a batch."""
+    b = Builder()
+    inputs = [b.input(f"x{k}", _type(array), (), varying=True).item() for k, array in enumerate(arrays)]
+    b.output("y", type, np.array(make(b, *inputs), object))
+    return llvm.compile(b.finish(), lanes).batch(arrays, len(arrays[0]))[0]
+
+
+def _type(array):
+    return next(name for name, dtype in DTYPES.items() if np.dtype(dtype) == array.dtype)
+
+
+# ---- operations -----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_random_programs_give_the_interpreters_bits_whatever_the_lanes(seed):
+    program = RandomProgram(seed, size=16).finish()
+    chance = np.random.default_rng(seed)
+    varies = [bool(chance.integers(2)) for _ in program.inputs]
+    program.inputs[:] = [dataclasses.replace(i, varying=v) for i, v in zip(program.inputs, varies, strict=True)]
+    runs = [random_arrays(100 * seed + k) for k in range(RUNS)]
+    arrays = [np.stack(column) if v else column[0] for column, v in zip(zip(*runs, strict=True), varies, strict=True)]
+    spread = [x if v else np.stack([x] * RUNS) for x, v in zip(arrays, varies, strict=True)]
+    expected = bits(interpreted(prepared(program), *spread))
+    for lanes in LANES:
+        assert bits(llvm.compile(program, lanes).batch(arrays, RUNS)) == expected
+
+
+NAN, INF = float("nan"), float("inf")
+
+
+@pytest.mark.parametrize("type", ["f64", "f32"])
+@pytest.mark.parametrize("lanes", LANES)
+def test_the_smaller_and_the_larger_of_nan_and_a_number_are_nan(lanes, type):
+    x, y = np.array([[1.0, 2.0], [NAN, 2.0], [1.0, NAN], [3.0, 2.0], [-INF, NAN]], DTYPES[type]).T.copy()
+    for op, compute in (("min", np.minimum), ("max", np.maximum)):
+        done = one_of_each_run(lambda b, x, y, op=op: b.apply(op, x, y), type, x, y, lanes=lanes)
+        np.testing.assert_array_equal(done, compute(x, y))
+        with_one = one_of_each_run(lambda b, x, op=op: b.apply(op, x, b.constant(1.5, type)), type, x, lanes=lanes)
+        np.testing.assert_array_equal(with_one, compute(x, np.asarray(1.5, x.dtype)))
+
+
+@pytest.mark.parametrize("lanes", LANES)
+def test_a_float_becomes_the_nearest_integer_that_there_is_towards_zero(lanes):
+    x = np.array([1.9, -1.9, 1e300, -1e300, NAN, INF, -INF, 2.0**31, -0.5])
+    for type in ("i64", "i32", "u32"):
+        ends = np.iinfo(DTYPES[type])
+        exact = [0 if math.isnan(v) else max(ends.min, min(ends.max, math.trunc(v) if math.isfinite(v) else v)) for v in x]
+        exact = [ends.max if v == INF else ends.min if v == -INF else v for v in exact]
+        done = one_of_each_run(lambda b, x, type=type: b.apply("convert", x, type=type), type, x, lanes=lanes)
+        assert done.tolist() == exact
+
+
+@pytest.mark.parametrize("lanes", LANES)
+def test_no_division_of_integers_is_undefined(lanes):
+    least = np.iinfo(np.int64).min
+    x, y = np.array([[7, 2], [-7, 2], [7, 0], [least, -1], [least, 0], [5, -3]], np.int64).T.copy()
+    quotient = one_of_each_run(lambda b, x, y: b.apply("div", x, y), "i64", x, y, lanes=lanes)
+    rest = one_of_each_run(lambda b, x, y: b.apply("rem", x, y), "i64", x, y, lanes=lanes)
+    assert quotient.tolist() == [3, -3, -1, least, -1, -1]
+    assert rest.tolist() == [1, -1, 7, 0, least, 2]
+
+
+@pytest.mark.parametrize("lanes", LANES)
+def test_shifting_out_all_bits_leaves_none_or_the_sign(lanes):
+    x, by = np.array([[5, 1], [-5, 1], [5, 32], [-5, 31], [-5, 40]], np.int32).T.copy()
+    done = [
+        one_of_each_run(lambda b, x, y, op=op: b.apply(op, x, y, type="i32"), "i32", x, by, lanes=lanes).tolist()
+        for op in ("shl", "shr", "sar")
+    ]
+    assert done == [[10, -10, 0, -(2**31), 0], [2, 2**31 - 3, 0, 1, 0], [2, -3, 0, -1, -1]]
+
+
+@pytest.mark.parametrize("type", ["f64", "f32"])
+def test_functions_that_are_not_written_out_are_those_of_the_c_library(type):
+    x = np.linspace(-0.9, 0.9, RUNS).astype(DTYPES[type])
+    for op in ("tan", "tanh", "erf", "asin"):
+        many, one = (one_of_each_run(lambda b, x, op=op: b.apply(op, x), type, x, lanes=lanes) for lanes in (8, 1))
+        assert many.tobytes() == one.tobytes()
+        np.testing.assert_allclose(one, [getattr(math, op)(v) for v in x], rtol=4 * np.finfo(x.dtype).eps)
+
+
+@pytest.mark.parametrize("lanes", LANES)
+def test_truth_values_come_in_and_go_out_as_bytes(lanes):
+    x, y = np.array([[True, True], [True, False], [False, True], [False, False]] * 3).T.copy()
+    done = one_of_each_run(lambda b, x, y: b.apply("and", x, b.apply("not", y)), "b1", x, y, lanes=lanes)
+    assert done.dtype == np.bool_ and done.tolist() == (x & ~y).tolist()
+
+
+# ---- what is the same in all runs -----------------------------------------------------------------------------------
+
+
+def loop_over_time(b, count, body, *start):
+    """`body(k, t, ...)` for k = 0, ..., count - 1, with t = k / 8."""
+    zero, one, last = (b.constant(k, "i64") for k in (0, 1, count))
+
+    def turn(carried):
+        k = carried[0]
+        t = b.apply("mul", b.apply("convert", k, type="f64"), b.constant(0.125, "f64"))
+        return [b.apply("add", k, one), *body(k, t, *carried[1:])]
+
+    return b.loop([zero, *start], lambda carried: b.apply("lt", carried[0], last), turn, last)[1:]
+
+
+def test_what_depends_on_time_alone_is_computed_once_for_all_runs():
+    b = Builder()
+    gain, speed = b.input("gain", "f64", (), varying=True).item(), b.input("speed", "f64", ()).item()
+    wave = []
+
+    def turn(k, t, y, phase):
+        wave.append(b.apply("sqrt", b.apply("mul", t, phase)))
+        return [b.apply("add", y, b.apply("mul", gain, wave[0])), b.apply("add", phase, speed)]
+
+    y, phase = loop_over_time(b, 5, turn, gain, b.constant(0.0, "f64"))
+    b.output("y", "f64", np.array([y, phase], object))
+    program = b.finish()
+    differing = varying(program)
+    assert y in differing and gain in differing
+    assert not differing & {phase, speed, wave[0]}
+    text = llvm.compile(program, 8).text
+    assert "call double @llvm.sqrt.f64" in text and "llvm.sqrt.v8f64" not in text
+
+
+def test_runs_that_leave_a_loop_at_different_times_hold_what_they_had():
+    b = Builder()
+    limit = b.input("limit", "f64", (), varying=True).item()
+    one = b.constant(1.0, "f64")
+    # The second number is doubled alike in all runs, but not equally often.
+    total, power = b.loop(
+        [b.constant(0.0, "f64"), one],
+        lambda carried: b.apply("lt", carried[0], limit),
+        lambda carried: [b.apply("add", carried[0], one), b.apply("add", carried[1], carried[1])],
+    )
+    b.output("y", "f64", np.array([total, power], object))
+    program = b.finish()
+    assert power in varying(program)
+    limits = np.array([3.0, 0.0, -1.0, NAN, 7.0, 1.0, 2.5, 9.0, 4.0, 5.0, 6.0])
+    turns = np.ceil(np.where(limits > 0, limits, 0.0))
+    for lanes in LANES:
+        (y,) = llvm.compile(program, lanes).batch([limits], RUNS)
+        np.testing.assert_array_equal(y, np.stack([turns, 2.0**turns], axis=1))
+
+
+def test_a_side_of_a_branch_that_no_run_takes_is_jumped_over():
+    b = Builder()
+    x = b.input("x", "f64", (), varying=True).item()
+    table = b.input("table", "f64", (4,))
+    at = b.input("at", "i64", (), varying=True).item()
+    inside = b.apply("lt", at, b.constant(4, "i64"))
+    (y,) = b.branch(inside, lambda: [b.apply("load", at, type="f64", data=1)], lambda: [b.apply("sqrt", x)])
+    del table
+    b.output("y", "f64", np.array(y, object))
+    program = b.finish()
+    assert any(isinstance(value, Branch) for value in program.walk())
+    numbers, table = np.arange(RUNS) ** 2.0, np.array([10.0, 11.0, 12.0, 13.0])
+    # The places of runs that do not look are far outside of the table.
+    for places in (np.arange(RUNS) % 4, np.full(RUNS, 2**40), np.where(np.arange(RUNS) % 2, 2, 2**40)):
+        expected = np.where(places < 4, table[places % 4], np.sqrt(numbers))
+        for lanes in LANES:
+            (y,) = llvm.compile(program, lanes).batch([numbers, table, places], RUNS)
+            assert y.tolist() == expected.tolist()
+
+
+# ---- logs -----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("size", [1, 3, 8, 21])
+def test_each_run_has_the_rows_that_it_wanted_where_it_wanted_them(size):
+    b = Builder()
+    x = b.input("x", "f64", (size,), varying=True)
+    every = b.input("every", "i64", (), varying=True).item()
+    log, marks = b.logged("log", "f64", (size,)), b.logged("marks", "b1", (2,))
+    certain = b.constant(True, "b1")
+
+    def turn(k, t):
+        when = b.apply("eq", b.apply("rem", k, every), b.constant(0, "i64"))
+        row = b.apply("div", k, every)
+        b.store(log, row, when, np.array([b.apply("add", element, t) for element in x], object))
+        b.store(marks, k, certain, np.array([when, certain], object))
+        return []
+
+    loop_over_time(b, 6, turn)
+    program = b.finish()
+    numbers, strides = np.random.default_rng(size).normal(size=(RUNS, size)), np.arange(RUNS) % 3 + 1
+    expected, marked = np.zeros((RUNS, 6, size)), np.zeros((RUNS, 6, 2), bool)
+    for run, stride in enumerate(strides):
+        expected[run, : len(range(0, 6, stride))] = numbers[run] + np.arange(0, 6, stride)[:, None] / 8
+        marked[run] = [[k % stride == 0, True] for k in range(6)]
+    for lanes in LANES:
+        rows, seen = llvm.compile(program, lanes).batch([numbers, strides], RUNS, rows=6)
+        np.testing.assert_array_equal(rows, expected)
+        np.testing.assert_array_equal(seen, marked)
+
+
+# ---- calls ----------------------------------------------------------------------------------------------------------
+
+
+def scaled():
+    """`scale x`, of 2 numbers, where only x differs from run to run."""
+    b = Builder()
+    x, scale = b.input("x", "f64", (2,), varying=True), b.input("scale", "f64", ()).item()
+    b.output("y", "f64", np.array([b.apply("mul", element, scale) for element in x], object))
+    return b.finish()
+
+
+@pytest.mark.parametrize("lanes", LANES)
+def test_one_run_is_called_with_arrays_of_its_own_shapes(lanes):
+    (y,) = llvm.compile(scaled(), lanes)([np.array([1.0, 2.0]), np.array(3.0)])
+    assert y.shape == (2,) and y.tolist() == [3.0, 6.0]
+
+
+@pytest.mark.parametrize("lanes", LANES)
+@pytest.mark.parametrize("runs", [1, 7, 8, 200])
+def test_neither_threads_nor_the_last_group_change_a_batch(runs, lanes):
+    x = np.random.default_rng(runs).normal(size=(2, runs)).T  # not contiguous
+    kernel = llvm.compile(scaled(), lanes)
+    for threads in (1, 3, None):
+        (y,) = kernel.batch([x, np.array(3.0)], runs, threads=threads)
+        np.testing.assert_array_equal(y, 3.0 * x)
+
+
+def test_arrays_that_do_not_fit_are_refused_by_name():
+    kernel = llvm.compile(scaled())
+    with pytest.raises(DefinitionError, match=r"`x` must be float64 of shape \[2\]; got float64 of shape \[3\]"):
+        kernel([np.zeros(3), np.array(1.0)])
+    with pytest.raises(DefinitionError, match=r"`scale` must be float64 of shape \[\]; got int64 of shape \[\]"):
+        kernel([np.zeros(2), np.array(1)])
+    with pytest.raises(DefinitionError, match=r"`x` must be float64 of shape \[5, 2\]; got float64 of shape \[4, 2\]"):
+        kernel.batch([np.zeros((4, 2)), np.array(1.0)], 5)
+    with pytest.raises(DefinitionError, match="2 inputs; got 1"):
+        kernel([np.zeros(2)])
+    with pytest.raises(DefinitionError, match="power of two"):
+        llvm.compile(scaled(), 3)
+
+
+# ---- cache ----------------------------------------------------------------------------------------------------------
+
+
+def test_the_same_program_is_compiled_once(monkeypatch, folder):
+    llvm.compile(scaled())
+    (kept,) = folder.iterdir()
+
+    def never(self, text):
+        raise AssertionError("compiled again")
+
+    monkeypatch.setattr(machine.Machine, "compiled", never)
+    (y,) = llvm.compile(scaled())([np.array([1.0, 2.0]), np.array(3.0)])
+    assert y.tolist() == [3.0, 6.0]
+    kept.write_bytes(kept.read_bytes()[:-1])
+    with pytest.raises(AssertionError, match="compiled again"):
+        llvm.compile(scaled())
+
+
+def test_a_damaged_file_is_made_anew(folder):
+    llvm.compile(scaled())
+    (kept,) = folder.iterdir()
+    whole = kept.read_bytes()
+    kept.write_bytes(whole[:100] + bytes([whole[100] ^ 1]) + whole[101:])
+    (y,) = llvm.compile(scaled())([np.array([1.0, 2.0]), np.array(3.0)])
+    assert y.tolist() == [3.0, 6.0]
+    assert kept.read_bytes() == whole
+
+
+def test_a_disk_that_takes_nothing_stops_nobody(folder):
+    folder.write_text("no folder")
+    (y,) = llvm.compile(scaled())([np.array([1.0, 2.0]), np.array(3.0)])
+    assert y.tolist() == [3.0, 6.0]

@@ -1,0 +1,123 @@
+"""Python and C agree, for every scheme on every arm, over random states and random gains."""
+
+from __future__ import annotations
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from slidax.controllers import SampledData
+from slidax.controllers.sampled_data.plan import PRECISION
+from slidax.deploy.samples import answer, broken, random_samples
+from slidax.deploy.status import HELD
+from slidax.scenarios import catalogue, load
+
+from .exported import Exported, needs_a_compiler
+
+pytestmark = needs_a_compiler
+
+SAMPLES, EXAMPLES = 2500, 4
+"""10 000 random states for each pair."""
+
+TOLERANCE = 1e-12
+SAMPLED = ("cftsmppc", "ftsmppc", "ftsmc", "sfsmc", "sfsmppc", "slotine_li", "slotine_li_ppc")
+NO_LIMITS = {"actuator": {}}
+
+PAIRS = [(arm, scheme, {}) for arm in ("example-4.1", "example-4.2") for scheme in catalogue()["schemes"]]
+PAIRS += [
+    (arm, scheme, limits)
+    for arm in ("example-4.1-1khz", "example-4.2-1khz")
+    for scheme in SAMPLED
+    for limits in ({}, NO_LIMITS)
+]
+
+
+def named(pair):
+    arm, scheme, limits = pair
+    return f"{scheme}, {arm}{', no limits' if limits else ''}"
+
+
+def slack(guard, samples):
+    """What a law that searches for a plan may be off by: its plan is found to so many rad/s, over one horizon."""
+    law = guard.controller
+    if not isinstance(law, SampledData):
+        return 0.0
+    stiffness = np.abs(jax.vmap(law.nominal.mass)(samples.state.q)).sum(-1).max(-1)
+    return 2.0 * PRECISION * stiffness / float(law.horizon)
+
+
+@pytest.mark.parametrize("pair", PAIRS, ids=named)
+def test_the_torque_of_c_is_that_of_python(pair, tmp_path):
+    arm, scheme, changes = pair
+    scenario = load(arm, {"scheme.name": scheme, **changes})
+    exported = Exported(scenario, tmp_path)
+    default = exported.project.guard
+    leaves, tree = jax.tree.flatten(default)
+
+    @settings(max_examples=EXAMPLES)
+    @given(st.integers(0, 2**31), st.integers(0, len(leaves) - 1), st.floats(0.95, 1.05))
+    def agree(seed, which, factor):
+        guard = jax.tree.unflatten(tree, [leaf * (factor if k == which else 1.0) for k, leaf in enumerate(leaves)])
+        samples = random_samples(guard, scenario.trajectory, scenario.period, scenario.t1, SAMPLES, seed=seed)
+        command, status = answer(guard, samples)
+        parameters = exported.parameters(guard)
+        found = exported.answers(samples, parameters)
+        np.testing.assert_array_equal(found.status, status)
+        off = np.abs(found.command["tau"] - command.tau).max(1)
+        size = np.abs(np.asarray(command.tau)).max(1)
+        assert np.all(off <= TOLERANCE * size + slack(guard, samples)), (off / size).max()
+        again = exported.answers(samples, parameters)
+        assert all(a.tobytes() == b.tobytes() for a, b in zip(found, again, strict=True))
+
+    agree()
+
+
+@pytest.mark.parametrize("pair", [("example-4.1", "cftsmppc", {}), ("example-4.2-1khz", "cftsmppc", {})], ids=named)
+def test_bad_numbers_get_the_status_that_they_get_in_python_and_a_finite_torque_within_its_limits(pair, tmp_path):
+    arm, scheme, changes = pair
+    scenario = load(arm, {"scheme.name": scheme, "actuator.torque": 50.0, **changes})
+    if scenario.plant.actuator is None:
+        pytest.fail("this scenario is to have limits")
+    exported = Exported(scenario, tmp_path)
+    guard = exported.project.guard
+    samples = broken(random_samples(guard, scenario.trajectory, scenario.period, scenario.t1, 2000, seed=5))
+    _, status = answer(guard, samples)
+    found = exported.answers(samples)
+    np.testing.assert_array_equal(found.status, status)
+    assert np.isfinite(found.command["tau"]).all()
+    assert (np.abs(found.command["tau"]) <= 50.0).all()
+    held = (found.status & HELD) != 0
+    assert 0.3 < held.mean() < 1.0
+    before = np.asarray(samples.memory.tau)[held]
+    np.testing.assert_array_equal(found.command["tau"][held], before)
+    np.testing.assert_array_equal(found.memory["t"][held], np.asarray(samples.memory.t)[held])
+
+
+def test_a_parameter_takes_effect_in_the_step_after_it_was_changed(tmp_path):
+    scenario = load("example-4.1")
+    exported = Exported(scenario, tmp_path)
+    guard = exported.project.guard
+    samples = random_samples(guard, scenario.trajectory, scenario.period, scenario.t1, 50, seed=6)
+    assert exported.project.workspace
+    for power in (0.5, 0.6, 0.5):
+        changed = eqx.tree_at(lambda g: g.controller.surface.p, guard, jnp.asarray(power))
+        parameters = exported.parameters()
+        parameters["surface_p"] = power
+        command, _ = answer(changed, samples)
+        np.testing.assert_allclose(exported.answers(samples, parameters).command["tau"], command.tau, rtol=1e-11)
+
+
+def test_floats_agree_to_the_digits_that_they_have(tmp_path):
+    scenario = load("example-4.2")
+    exported = Exported(scenario, tmp_path, single=True)
+    guard = exported.project.guard
+    samples = random_samples(guard, scenario.trajectory, scenario.period, scenario.t1, 2000, seed=8)
+    command, _ = answer(guard, samples)
+    found = exported.answers(samples)
+    off = np.abs(found.command["tau"] - command.tau).max(1) / np.abs(np.asarray(command.tau)).max(1)
+    assert np.median(off) < 1e-5
+    assert np.quantile(off, 0.99) < 1e-3

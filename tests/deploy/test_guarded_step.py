@@ -1,0 +1,246 @@
+"""The step that a robot runs: it answers as the law does, and always with a torque and a status."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from slidax._types import Reference, State
+from slidax.actuators import TorqueLimits
+from slidax.deploy import GuardedStep
+from slidax.deploy.status import (
+    CONDITIONS,
+    ENVELOPE_LEFT,
+    HELD,
+    MEASUREMENT_NOT_FINITE,
+    MEASUREMENT_OUT_OF_RANGE,
+    MISSED_PERIOD,
+    REFERENCE_NOT_FINITE,
+    TORQUE_LIMITED,
+    TORQUE_NOT_FINITE,
+)
+from slidax.scenarios import load
+from slidax.simulation import simulate
+from tests.paper import MOTION_4_1, MOTION_4_2, START_4_1, law_4_1, plant_4_1
+from tests.rivals import anftsmc_4_2, computed_torque_4_1
+
+PERIOD = 1e-3
+T = jnp.asarray(0.1)
+NOW, NEXT = MOTION_4_1.reference(T), MOTION_4_1.reference(T + PERIOD)
+STATE = State(q=NOW.q + jnp.array([0.3, -0.2]), dq=NOW.dq + jnp.array([0.1, 0.0]))
+
+
+_step = eqx.filter_jit(lambda guard, *sample: guard.step(*sample))
+_init = eqx.filter_jit(lambda guard, *sample: guard.init(*sample))
+
+
+@cache
+def unlimited():
+    return GuardedStep.around(law_4_1(), TorqueLimits(), PERIOD)
+
+
+@cache
+def sampled():
+    scenario = load("example-4.1-1khz")
+    return GuardedStep.around(scenario.controller, scenario.plant.actuator.limits, scenario.period)
+
+
+def guarded(torque=np.inf, rate=np.inf):
+    limits = TorqueLimits(jnp.full(2, torque), jnp.full(2, rate))
+    return eqx.tree_at(lambda g: g.limits, unlimited(), limits)
+
+
+def begun(guard, t=T, state=STATE):
+    return _init(guard, t, state, NOW)
+
+
+def step(guard, memory, t=T, state=STATE, now=NOW, following=NEXT):
+    command, status = _step(guard, t, state, now, following, memory)
+    return command, int(status)
+
+
+def after_one(guard):
+    """The memory after a good sample, and the sample after that."""
+    return step(guard, begun(guard))[0].memory, T + PERIOD
+
+
+def test_the_bits_are_powers_of_two_of_their_own():
+    assert [condition.bit for condition in CONDITIONS] == [2**k for k in range(len(CONDITIONS))]
+
+
+def test_a_good_sample_is_answered_as_the_law_answers_it():
+    guard = guarded()
+    law = guard.controller
+    memory = law.init(T, STATE, NOW)
+    expected = law(T, STATE, NOW, NEXT, memory)
+    command, status = step(guard, begun(guard))
+    assert status == 0
+    np.testing.assert_allclose(command.tau, expected.tau, rtol=1e-14)
+    assert {"s", "eps1", "eps2", "u", "rho"} == set(command.signals)
+    np.testing.assert_allclose(command.signals["s"], expected.signals["s"], rtol=1e-13)
+    np.testing.assert_allclose(command.signals["rho"], law.transformation.performance.radius(T), rtol=1e-15)
+
+
+def test_a_run_of_the_guarded_step_is_the_run_of_the_law():
+    alone, behind_guards = (
+        simulate(plant_4_1(), law, MOTION_4_1, START_4_1, t1=0.2, period=PERIOD, substeps=5, engine="xla")
+        for law in (law_4_1(), guarded())
+    )
+    np.testing.assert_allclose(behind_guards.log.tau, alone.log.tau, rtol=1e-9)
+    assert not behind_guards.log.signals["status"].any()
+
+
+def test_the_first_good_sample_starts_the_law():
+    guard = guarded()
+    forgotten = jax.tree.map(jnp.zeros_like, begun(guard))
+    by_itself, status = step(guard, forgotten)
+    assert status == 0
+    assert bool(by_itself.memory.started)
+    np.testing.assert_array_equal(by_itself.tau, step(guard, begun(guard))[0].tau)
+
+
+def test_a_bad_first_sample_starts_nothing_and_commands_nothing():
+    guard = guarded()
+    forgotten = jax.tree.map(jnp.zeros_like, begun(guard))
+    command, status = step(guard, forgotten, state=eqx.tree_at(lambda s: s.q, STATE, STATE.q * jnp.nan))
+    assert status == MEASUREMENT_NOT_FINITE.bit
+    assert not bool(command.memory.started)
+    assert not command.tau.any()
+
+
+@pytest.mark.parametrize("number", [np.nan, np.inf, -np.inf])
+@pytest.mark.parametrize("place", ["t", "q", "dq"])
+def test_a_measurement_that_is_not_finite_holds_the_last_command_and_is_not_remembered(place, number):
+    guard = guarded()
+    memory, t = after_one(guard)
+    state = STATE
+    if place == "t":
+        t = jnp.asarray(number)
+    else:
+        state = eqx.tree_at(lambda s: getattr(s, place), STATE, getattr(STATE, place).at[1].set(number))
+    command, status = step(guard, memory, t=t, state=state)
+    assert status == MEASUREMENT_NOT_FINITE.bit
+    np.testing.assert_array_equal(command.tau, memory.tau)
+    assert all(np.array_equal(a, b) for a, b in zip(*map(jax.tree.leaves, (command.memory, memory)), strict=True))
+    assert not any(np.any(signal) for signal in command.signals.values())
+
+
+def test_more_than_a_sensor_can_mean_is_held_too():
+    guard = eqx.tree_at(lambda g: g.range.dq, guarded(), jnp.array([10.0, 10.0]))
+    memory, t = after_one(guard)
+    fast = eqx.tree_at(lambda s: s.dq, STATE, jnp.array([0.0, -10.1]))
+    command, status = step(guard, memory, t=t, state=fast)
+    assert status == MEASUREMENT_OUT_OF_RANGE.bit
+    np.testing.assert_array_equal(command.tau, memory.tau)
+
+
+def test_what_the_law_does_not_read_may_be_anything():
+    guard = guarded()
+    unknown = Reference(*[jnp.full(2, jnp.nan)] * 3)
+    assert step(guard, begun(guard), following=unknown)[1] == 0
+    assert step(guard, begun(guard), now=unknown)[1] == REFERENCE_NOT_FINITE.bit
+    assert "next.q" not in guard.reads
+
+
+def test_a_law_that_has_no_answer_outside_its_envelope_says_both():
+    guard = guarded()
+    memory, t = after_one(guard)
+    outside = State(q=NOW.q + jnp.array([0.9, 0.0]), dq=NOW.dq)
+    command, status = step(guard, memory, t=t, state=outside)
+    assert status == ENVELOPE_LEFT.bit | TORQUE_NOT_FINITE.bit
+    np.testing.assert_array_equal(command.tau, memory.tau)
+    assert float(command.memory.t) == float(memory.t)
+
+
+def test_a_law_that_has_one_goes_on_outside():
+    guard = sampled()
+    outside = State(q=NOW.q + jnp.array([0.9, 0.0]), dq=NOW.dq)
+    command, status = step(guard, begun(guard), state=outside)
+    assert status & ENVELOPE_LEFT.bit
+    assert not status & HELD
+    assert float(command.memory.t) == float(T)
+
+
+def test_a_torque_beyond_its_limit_is_limited():
+    free = step(guarded(), begun(guarded()))[0].tau
+    limit = 0.5 * float(jnp.abs(free).max())
+    command, status = step(guarded(torque=limit), begun(guarded(torque=limit)))
+    assert status == TORQUE_LIMITED.bit
+    np.testing.assert_allclose(command.tau, jnp.clip(free, -limit, limit))
+    np.testing.assert_array_equal(command.memory.tau, command.tau)
+
+
+def test_the_rate_is_limited_from_the_second_command_on():
+    guard = guarded(rate=10.0)
+    first, status = step(guard, begun(guard))
+    assert status == 0
+    far = State(q=STATE.q, dq=STATE.dq + 1.0)
+    second, status = step(guard, first.memory, t=T + PERIOD, state=far)
+    assert status == TORQUE_LIMITED.bit
+    np.testing.assert_allclose(jnp.abs(second.tau - first.tau), 10.0 * PERIOD)
+
+
+def test_a_held_command_keeps_a_limit_that_was_lowered_since():
+    guard = guarded()
+    memory, t = after_one(guard)
+    limit = 0.5 * float(jnp.abs(memory.tau).min())
+    lower = guarded(torque=limit)
+    command, status = step(lower, memory, t=t * jnp.nan)
+    assert status == MEASUREMENT_NOT_FINITE.bit
+    np.testing.assert_allclose(jnp.abs(command.tau), limit)
+
+
+def test_absurd_parameters_hold_the_last_command():
+    guard = guarded()
+    memory, t = after_one(guard)
+    for absurd in (
+        eqx.tree_at(lambda g: g.controller.surface.k1, guard, jnp.asarray(jnp.nan)),
+        eqx.tree_at(lambda g: g.limits.torque, guard, jnp.full(2, jnp.nan)),
+        eqx.tree_at(lambda g: g.period, guard, jnp.asarray(jnp.nan)),
+    ):
+        absurd = eqx.tree_at(lambda g: g.limits.rate, absurd, jnp.full(2, 1e3))
+        command, status = step(absurd, memory, t=t)
+        assert status & TORQUE_NOT_FINITE.bit
+        np.testing.assert_array_equal(command.tau, memory.tau)
+
+
+@pytest.mark.parametrize(("periods", "missed"), [(1.0, False), (1.4, False), (1.6, True), (0.0, True), (-3.0, True)])
+def test_time_goes_on_by_a_period(periods, missed):
+    guard = guarded()
+    memory, _ = after_one(guard)
+    _, status = step(guard, memory, t=T + periods * PERIOD)
+    assert status == (MISSED_PERIOD.bit if missed else 0)
+
+
+def test_a_memory_with_a_rate_moves_on_as_in_the_simulation():
+    law = anftsmc_4_2()
+    guard = GuardedStep.around(law, TorqueLimits(), PERIOD)
+    now = MOTION_4_2.reference(T)
+    state = State(q=now.q + 0.1, dq=now.dq + 0.2)
+    command, _ = guard.step(T, state, now, now, guard.init(T, state, now))
+    rate = law(T, state, now, now, law.init(T, state, now)).rate
+    assert rate.any()
+    np.testing.assert_allclose(command.memory.law, law.initial + PERIOD * rate)
+
+
+def test_a_law_without_an_envelope_never_leaves_one():
+    guard = GuardedStep.around(computed_torque_4_1(), TorqueLimits(), PERIOD)
+    far = State(q=NOW.q + 100.0, dq=NOW.dq)
+    assert step(guard, begun(guard), state=far)[1] == 0
+
+
+def test_a_sampled_data_law_shares_its_limits_and_its_period_with_its_guards():
+    guard = sampled()
+    arrays = [
+        jax.tree_util.keystr(path)
+        for path, _ in jax.tree_util.tree_leaves_with_path(guard)
+        if "limits" in jax.tree_util.keystr(path) or "period" in jax.tree_util.keystr(path)
+    ]
+    assert arrays == [".controller.limits.torque", ".controller.limits.rate", ".controller.period"]
+    fast = State(q=STATE.q, dq=STATE.dq + 5.0)
+    assert step(guard, begun(guard), state=fast)[1] == TORQUE_LIMITED.bit
