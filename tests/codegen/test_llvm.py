@@ -12,7 +12,7 @@ from slidax.codegen.builder import Builder
 from slidax.codegen.fold import DTYPES
 from slidax.codegen.form import Branch
 from slidax.codegen.llvm import cache, machine
-from slidax.codegen.llvm.prepare import prepared
+from slidax.codegen.llvm.prepare import written_out_and_fused
 from slidax.codegen.llvm.uniformity import varying
 
 from .interpreter import interpreted
@@ -61,7 +61,7 @@ def test_random_programs_give_the_interpreters_bits_whatever_the_lanes(seed):
     runs = [random_arrays(100 * seed + k) for k in range(RUNS)]
     arrays = [np.stack(column) if v else column[0] for column, v in zip(zip(*runs, strict=True), varies, strict=True)]
     spread = [x if v else np.stack([x] * RUNS) for x, v in zip(arrays, varies, strict=True)]
-    expected = bits(interpreted(prepared(program), *spread))
+    expected = bits(interpreted(written_out_and_fused(program), *spread))
     for lanes in LANES:
         assert bits(llvm.compile(program, lanes).batch(arrays, RUNS)) == expected
 
@@ -85,7 +85,9 @@ def test_a_float_becomes_the_nearest_integer_that_there_is_towards_zero(lanes):
     x = np.array([1.9, -1.9, 1e300, -1e300, NAN, INF, -INF, 2.0**31, -0.5])
     for type in ("i64", "i32", "u32"):
         ends = np.iinfo(DTYPES[type])
-        exact = [0 if math.isnan(v) else max(ends.min, min(ends.max, math.trunc(v) if math.isfinite(v) else v)) for v in x]
+        exact = [
+            0 if math.isnan(v) else max(ends.min, min(ends.max, math.trunc(v) if math.isfinite(v) else v)) for v in x
+        ]
         exact = [ends.max if v == INF else ends.min if v == -INF else v for v in exact]
         done = one_of_each_run(lambda b, x, type=type: b.apply("convert", x, type=type), type, x, lanes=lanes)
         assert done.tolist() == exact

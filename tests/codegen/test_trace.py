@@ -241,3 +241,15 @@ def test_an_unknown_primitive_is_named_with_its_place_and_what_to_write_instead(
 def test_numbers_of_an_unknown_type_are_refused_by_name():
     with pytest.raises(NoNativeCodeError, match="`position`"):
         trace(lambda x: x, X.astype(jnp.float16), names=("position",))
+
+
+def test_a_branch_inside_of_one_that_asked_the_same_is_decided():
+    def function(x):
+        far = x > 1.0
+        return lax.cond(far, lambda: lax.cond(far, lambda: jnp.exp(x), lambda: jnp.log(x)), lambda: x)
+
+    for x in (0.5, 2.0):
+        assert_alike(function, jnp.array(x))
+    program = trace(function, X[0])
+    assert len(blocks(program, Branch)) == 1
+    assert not [value for value in program.walk() if value.op == "log"]

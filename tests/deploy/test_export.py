@@ -49,7 +49,7 @@ def test_all_of_it_builds_without_a_warning_and_answers_the_golden_samples(folde
     for program in ("test_law", "latency", "example"):
         compiled(compiler, folder, "-O2", *WITH_SCENARIO, f"{program}.c", "-o", f"{program}_{compiler}", "-lm")
     said = run(folder, f"./test_law_{compiler}")
-    assert "500 golden samples" in said or "49" in said
+    assert int(re.match(r"(\d+) golden samples", said)[1]) > 200
     assert said.endswith("0 faults\n")
 
 

@@ -175,6 +175,13 @@ def test_a_torque_beyond_its_limit_is_limited():
     np.testing.assert_array_equal(command.memory.tau, command.tau)
 
 
+def test_the_first_torque_is_limited_too_where_the_rate_is():
+    limit = 1.0
+    command, status = step(guarded(limit, 10.0), begun(guarded(limit, 10.0)))
+    assert status == TORQUE_LIMITED.bit
+    np.testing.assert_allclose(jnp.abs(command.tau), limit)
+
+
 def test_the_rate_is_limited_from_the_second_command_on():
     guard = guarded(rate=10.0)
     first, status = step(guard, begun(guard))

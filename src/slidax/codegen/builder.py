@@ -145,8 +145,9 @@ class Builder:
         - `when`: b1.
         - `then`, `otherwise`: make numbers, as many and of the same types.
         """
-        if when.op == "const":
-            return list(then() if when.data else otherwise())
+        known = when.data if when.op == "const" else self._decided(when)
+        if known is not None:
+            return list(then() if known else otherwise())
         block = Branch("branch", "none", (when,), None, self.region, self._next(), self.origin)
         block.then, block.otherwise = Region("branch", self.region), Region("branch", self.region)
         block.then.owner = block.otherwise.owner = block
@@ -168,6 +169,16 @@ class Builder:
         return self.program
 
     # ---- inside -----------------------------------------------------------------------------------------------------
+
+    def _decided(self, when: Value) -> bool | None:
+        """What a condition is here, if a branch around has asked it already."""
+        region: Region | None = self.region
+        while region is not None:
+            block = region.owner
+            if isinstance(block, Branch) and block.args[0] is when:
+                return region is block.then
+            region = region.parent
+        return None
 
     def _next(self) -> int:
         self._count += 1

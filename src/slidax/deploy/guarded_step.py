@@ -176,9 +176,7 @@ class GuardedStep(AbstractController):
 
         - `memory`: what `init` or the last sample returned.
         """
-        largest, tau = self._limits().torque, memory.tau
-        # Not by `clip`: a limit that is NaN changes nothing.
-        return jnp.where(tau > largest, largest, jnp.where(tau < -largest, -largest, tau))
+        return self._within(memory.tau)
 
     def answered(
         self, t: Scalar, state: State, reference_now: Reference, reference_next: Reference, memory: Held
@@ -199,7 +197,8 @@ class GuardedStep(AbstractController):
 
         # What the drive held before the first command is not known, so that its rate is not limited.
         held = self.held(memory)
-        tau = self._limits()(command.tau, jnp.where(memory.commanded, held, command.tau), period)
+        last = jnp.where(memory.commanded, held, self._within(command.tau))
+        tau = self._limits()(command.tau, last, period)
         limited = jnp.any(tau != command.tau)
         if isinstance(self.controller, SampledData):
             # It keeps the limits itself, and says so.
@@ -237,6 +236,11 @@ class GuardedStep(AbstractController):
         - `memory`: what `init` or a sample returned.
         """
         return self.controller.envelope(t, memory.law)
+
+    def _within(self, tau: Vector) -> Vector:
+        largest = self._limits().torque
+        # Not by `clip`: a limit that is NaN changes nothing.
+        return jnp.where(tau > largest, largest, jnp.where(tau < -largest, -largest, tau))
 
     def _period(self) -> Scalar:
         if self.period is None:

@@ -44,7 +44,9 @@ def fits(program: Program) -> bool:
 
     - `program`: written for doubles.
     """
-    return all(fitting(value.data) == value.data for value in program.walk() if value.op == "const")
+    return all(
+        fitting(value.data) == value.data for value in program.walk() if value.op == "const" and value.type == "f64"
+    )
 
 
 def fitting(number: float) -> float:

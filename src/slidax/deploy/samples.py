@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -58,7 +60,8 @@ def random_samples(
         answer(guard, first)[0].memory,
         first.memory,
     )
-    return Sample(memory, drawn.t, drawn.state, drawn.now, drawn.following)
+    samples: Sample = eqx.tree_at(lambda sample: sample.memory, drawn, memory)
+    return samples
 
 
 @eqx.filter_jit
@@ -113,18 +116,16 @@ def broken(samples: Sample) -> Sample:
 
     - `samples`: with the number of the sample as first axis.
     """
-    count = samples.t.shape[0]
+
+    def places(sample: Sample) -> list[Any]:
+        return [sample.t, sample.state.q, sample.state.dq, sample.now.q, sample.following.dq]
+
+    parts = [np.array(x) for x in places(samples)]
+    count = len(parts[0])
     rng = np.random.default_rng(count)
-    parts = [np.array(x) for x in (samples.t, samples.state.q, samples.state.dq, samples.now.q, samples.following.dq)]
     for k in range(count):
         part = parts[rng.choice(len(parts), p=[0.1, 0.4, 0.3, 0.1, 0.1])]
         row = part[k : k + 1].reshape(-1)
         row[rng.integers(row.size)] = BAD[k % len(BAD)]
-    t, q, dq, wanted, next_dq = (jnp.asarray(part) for part in parts)
-    return Sample(
-        samples.memory,
-        t,
-        State(q=q, dq=dq),
-        Reference(q=wanted, dq=samples.now.dq, ddq=samples.now.ddq),
-        Reference(q=samples.following.q, dq=next_dq, ddq=samples.following.ddq),
-    )
+    found: Sample = eqx.tree_at(places, samples, [jnp.asarray(part) for part in parts])
+    return found

@@ -21,7 +21,9 @@ class BlockWriter(Writer):
 
         - `pairs`: where each is written, and what.
         """
-        waiting = [(target, value) for target, value in pairs if self.texts[value].text != target]
+        waiting = [
+            (target, value) for target, value in pairs if target not in (self.texts[value].text, self.places.get(value))
+        ]
         while waiting:
             for pair in waiting:
                 if not any(pair[0] in self.texts[value].reads for target, value in waiting if target != pair[0]):

@@ -56,6 +56,7 @@ class Writer(ABC):
         self.lines: list[Line] = []
         self.texts: dict[Value, Written] = {}
         self.reads: set[int] = set()
+        self.places: dict[Value, str] = {}  # of inputs
         self.bytes = 0
         self.level = 1
         # Where the results of inner blocks go, if not to variables of their own.
@@ -166,6 +167,7 @@ class Writer(ABC):
             which, element = value.data
             text = self.read(which, element)
             self.reads.add(which)
+            self.places[value] = text
             self.texts[value] = Written(text, reads=frozenset((text,)))
             if self.placement.uses[value] > 1 and not text.isidentifier():
                 self.keep(value)

@@ -11,11 +11,11 @@ from collections.abc import Sequence
 
 from slidax.codegen.form import ELEMENTARY, Branch, Loop, Program, Region, Value
 
-from . import memory
+from . import memory, rearranged
 from .operations import operation
 from .packing import Vector
 from .uniformity import varying
-from .words import TYPES, literal, typed
+from .words import literal, typed
 
 DEAR = frozenset({*ELEMENTARY, "load", "store", "loop", "branch", "div", "rem", "sqrt"})
 FEW = 12
@@ -75,14 +75,9 @@ class Blocks:
             if value in known:
                 return known[value]
         name = f"%s{value.number}x{len(self.lines)}"
-        self._write_spread(name, value, width)
+        rearranged.spread(name, value.type, self._own(value), width, self._write)
         self._spread[-1][value] = name
         return name
-
-    def _write_spread(self, name: str, value: Value, width: int) -> None:
-        whole = typed(value.type, width)
-        self._write(f"{name}i = insertelement {whole} poison, {TYPES[value.type]} {self._own(value)}, i32 0")
-        self._write(f"{name} = shufflevector {whole} {name}i, {whole} poison, <{width} x i32> zeroinitializer")
 
     def _words(self, values: Sequence[Value], widths: Sequence[int]) -> list[str]:
         return [self._word(value, width) for value, width in zip(values, widths, strict=True)]
@@ -134,19 +129,13 @@ class Blocks:
             self.declarations |= operation(value, words, width, self._write)
 
     def _rearrange(self, value: Value) -> None:
-        name = f"%v{value.number}"
+        name, words = f"%v{value.number}", [self._own(arg) for arg in value.args]
         if not isinstance(value, Vector):
-            (vector,) = value.args
-            whole = typed(vector.type, self._width(vector))
-            self._write(f"{name} = extractelement {whole} {self._own(vector)}, i32 {value.data}")
+            rearranged.pick(name, value.type, words[0], self._width(value.args[0]), value.data, self._write)
         elif value.op == "spread":
-            self._write_spread(name, value.args[0], value.lanes)
+            rearranged.spread(name, value.type, words[0], value.lanes, self._write)
         else:
-            whole, before = typed(value.type, value.lanes), "poison"
-            for k, number in enumerate(value.args):
-                after = name if k == value.lanes - 1 else f"{name}g{k}"
-                self._write(f"{after} = insertelement {whole} {before}, {TYPES[value.type]} {self._own(number)}, i32 {k}")
-                before = after
+            rearranged.gather(name, value.type, words, self._write)
 
     def _read(self, value: Value) -> None:
         if isinstance(value, Vector):

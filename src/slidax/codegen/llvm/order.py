@@ -37,7 +37,7 @@ Heights = Mapping[Value, int]
 def put_in_order(program: Program) -> None:
     """Orders the values of each region.
 
-    - `program`: changed in place.
+    - `program`: changed in place; only of stores, and of blocks with stores, does the order matter that it has.
     """
     _order(program.body, {})
 
@@ -47,7 +47,7 @@ def _order(region: Region, after: Heights) -> None:
     for value in region.values:
         if isinstance(value, Loop):
             turn = [*value.params, *value.head.values, *value.body.values]
-            heights = _heights(turn, waiting(turn), {})
+            heights = _heights(waiting(turn), {})
             again: dict[Value, int] = {}
             for param, following in zip(value.params, value.following, strict=True):
                 again[following] = max(again.get(following, 0), heights[param])
@@ -61,15 +61,12 @@ def _order(region: Region, after: Heights) -> None:
 def _dealt(values: Sequence[Value], after: Heights) -> list[Value]:
     """The values in their new order.
 
-    - `values`: in an order in which they can be computed.
+    - `values`: of one region.
     - `after`: the cycles that hang on some of them beside.
     """
     users = waiting(values)
-    heights = _heights(values, users, after)
-    missing = dict.fromkeys(values, 0)
-    for those in users.values():
-        for value in those:
-            missing[value] += 1
+    heights = _heights(users, after)
+    missing = _missing(users)
     known_at = dict.fromkeys(values, 0.0)
     place = {value: k for k, value in enumerate(values)}
     coming = [(0.0, place[value], value) for value in values if not missing[value]]
@@ -98,15 +95,32 @@ def _dealt(values: Sequence[Value], after: Heights) -> list[Value]:
     return dealt
 
 
-def _heights(values: Sequence[Value], users: Mapping[Value, Sequence[Value]], after: Heights) -> Heights:
+def _heights(users: Mapping[Value, Sequence[Value]], after: Heights) -> Heights:
+    missing = _missing(users)
+    ready = [value for value, count in missing.items() if not count]
+    # The list grows while it is gone through, and ends as an order in which all can be computed.
+    for value in ready:
+        for user in users[value]:
+            missing[user] -= 1
+            if not missing[user]:
+                ready.append(user)
     heights: dict[Value, int] = {}
-    for value in reversed(values):
+    for value in reversed(ready):
         most = after.get(value, 0)
         for user in users[value]:
             if heights[user] > most:
                 most = heights[user]
         heights[value] = most + CYCLES.get(value.op, 1)
     return heights
+
+
+def _missing(users: Mapping[Value, Sequence[Value]]) -> dict[Value, int]:
+    """By value, for how many of the others it has to wait."""
+    missing = dict.fromkeys(users, 0)
+    for those in users.values():
+        for user in those:
+            missing[user] += 1
+    return missing
 
 
 def waiting(values: Sequence[Value]) -> dict[Value, list[Value]]:

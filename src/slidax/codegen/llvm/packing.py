@@ -8,6 +8,7 @@ from itertools import count
 from slidax.codegen.form import Branch, Loop, Program, Region, Type, Value, regions
 
 from .packs import Members, Packs
+from .worth import keep_what_pays
 
 
 class Vector(Value):
@@ -31,12 +32,20 @@ class Vector(Value):
 def pack(program: Program) -> None:
     """Puts a vector into the place of all numbers of one run that can be computed side by side, where that pays.
 
-    - `program`: changed in place.
+    - `program`: changed in place. Its values are in no order then: `put_in_order` has to follow.
     """
-    _Packing(program, Packs(program)).run()
+    packs = Packs(program)
+    keep_what_pays(packs)
+    _Packing(program, packs).run()
 
 
 class _Packing:
+    """The vectors made so far.
+
+    - `program`: is changed.
+    - `packs`: what lies side by side in it.
+    """
+
     def __init__(self, program: Program, packs: Packs) -> None:
         self.program = program
         self.packs = packs
@@ -59,7 +68,6 @@ class _Packing:
                 output.values = tuple(self._scalar(value) for value in output.values)
         for value in self.added:
             value.region.values.append(value)
-        self._sort(self.program.body)
 
     # ---- values -----------------------------------------------------------------------------------------------------
 
@@ -73,7 +81,10 @@ class _Packing:
         if value not in self.picks:
             members, k = self.packs.place[value]
             vector = self.vectors[members]
-            picked = Value("pick", value.type, (vector,), k, vector.region, next(self.numbers), None)
+            # What lies in memory can be read once more.
+            picked = value
+            if value.op != "input":
+                picked = Value("pick", value.type, (vector,), k, vector.region, next(self.numbers), None)
             self.picks[value] = picked
             self.added.append(picked)
         return self.picks[value]
@@ -88,7 +99,9 @@ class _Packing:
             return first
         scalars = tuple(self._scalar(value) for value in members)
         where = max(scalars, key=lambda value: _depth(value.region))
-        vector = self._vector("spread" if alike else "gather", where, scalars[:1] if alike else scalars, None, len(members))
+        vector = self._vector(
+            "spread" if alike else "gather", where, scalars[:1] if alike else scalars, None, len(members)
+        )
         self.vectors[members] = vector
         self.added.append(vector)
         return vector
@@ -175,32 +188,6 @@ class _Packing:
             found = self.vectors[members] = self._vector("spread", found, (found,), None, len(members))
             self.added.append(found)
         return found
-
-    # ---- order ------------------------------------------------------------------------------------------------------
-
-    def _sort(self, region: Region) -> None:
-        """Puts all after what they need."""
-        from .order import waiting
-
-        users = waiting(region.values)
-        missing = dict.fromkeys(region.values, 0)
-        for those in users.values():
-            for user in those:
-                missing[user] += 1
-        ready = [value for value, needed in missing.items() if not needed]
-        ready.reverse()
-        region.values = []
-        while ready:
-            value = ready.pop()
-            region.values.append(value)
-            for user in users[value]:
-                missing[user] -= 1
-                if not missing[user]:
-                    ready.append(user)
-        assert len(region.values) == len(missing)
-        for value in region.values:
-            for inner in regions(value):
-                self._sort(inner)
 
 
 def _all(region: Region) -> list[Value]:

@@ -1,14 +1,14 @@
 """What the joints have in common: operations that are alike, for each element of a vector, found to be done at once.
 
-From what lies side by side, the elements of an input or of what a loop carries, the search goes forward: where operations
-of one kind take such elements one after the other, and beside them the same numbers, their results lie side by side too.
-Each operation keeps its own rounding, so that nothing changes in the numbers.
+From what lies side by side, the elements of an input or of what a loop carries, the search goes forward: where
+operations of one kind take such elements one after the other, and beside them the same numbers, their results lie side
+by side too. Each operation keeps its own rounding, so that nothing changes in the numbers.
 """
 
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import product
 
 from slidax.codegen.form import Branch, Loop, Program, Region, Value, regions
@@ -18,8 +18,11 @@ from .order import waiting
 Members = tuple[Value, ...]
 
 ALIKE = frozenset(
-    "add sub mul div neg abs min max fma sqrt floor ceil rint eq ne lt le gt ge select isfinite convert bitcast "
-    "and or xor not shl shr sar".split()
+    (
+        *("add", "sub", "mul", "div", "neg", "abs", "min", "max", "fma", "sqrt", "floor", "ceil", "rint"),
+        *("eq", "ne", "lt", "le", "gt", "ge", "isfinite", "select", "convert", "bitcast"),
+        *("and", "or", "xor", "not", "shl", "shr", "sar"),
+    )
 )
 """Operations that processors have for vectors."""
 
@@ -42,8 +45,7 @@ class Packs:
         self.slots: dict[Members, list[Members]] = {}  # of each that is computed, by argument, what its members take
         self._table: dict[tuple[object, ...], Value] = {}
         self._users: defaultdict[tuple[object, ...], list[Value]] = defaultdict(list)
-        self._rows = {row: None for row in _rows_of_outputs(program)}
-        self._row_of = {value: row for row in self._rows for value in row}
+        self._row_of = {value: row for row in _rows_of_outputs(program) for value in row}
         self._index(program.body)
         self._inputs()
         self._search(program.body)
@@ -101,27 +103,28 @@ class Packs:
                 self._extend(value, made=False)
 
     def _search_loop(self, loop: Loop) -> None:
-        result = {r.data: r for r in loop.region.values if r.op == "result" and r.args[0] is loop}
+        left = {value.data: value for value in loop.region.values if value.op == "result" and value.args[0] is loop}
         k = 1  # the first may be counted by, and stays alone
         while k < len(loop.params):
-            row = self._row_of.get(result[k]) if k in result else None
-            if row is not None and [r.data for r in row] == list(range(k, k + len(row))):
-                members = loop.params[k : k + len(row)]
-                self._put(members)
-                self._put(row, made=False)
-                k += len(row)
-            else:
-                started = self.place.get(loop.args[k])
-                size = len(started[0]) if started is not None else 0
-                if started is not None and loop.args[k : k + size] == started[0]:
-                    self._put(loop.params[k : k + size])
-                    left = [result.get(i) for i in range(k, k + size)]
-                    members = tuple(value for value in left if value is not None)
-                    if len(members) == size:
-                        self._put(members, made=False)
-                k += size or 1
+            size = self._carried_with(loop, k, left)
+            if size > 1:
+                self._put(loop.params[k : k + size])
+                members = tuple(left[i] for i in range(k, k + size) if i in left)
+                if len(members) == size:
+                    self._put(members, made=False)
+            k += size
         self._search(loop.head)
         self._search(loop.body)
+
+    def _carried_with(self, loop: Loop, k: int, left: Mapping[int, Value]) -> int:
+        """How many numbers, from the k-th on, a loop carries side by side: a row when it ends, or when it begins."""
+        row = self._row_of.get(left[k]) if k in left else None
+        if row is not None and [value.data for value in row] == list(range(k, k + len(row))):
+            return len(row)
+        first = self.place.get(loop.args[k])
+        if first is not None and loop.args[k : k + len(first[0])] == first[0]:
+            return len(first[0])
+        return 1
 
     def _extend(self, value: Value, *, made: bool) -> None:
         """Looks for those that are to their arguments' neighbours what a value is to its arguments."""
@@ -143,26 +146,28 @@ class Packs:
             self._extend_by_one(value, moving[0])
 
     def _extend_by_one(self, value: Value, k: int) -> None:
-        """The same where only one argument has neighbours, if there is no doubt who belongs together."""
+        """The same where only the k-th argument has neighbours, if there is no doubt who belongs together."""
         those, first = self.place[value.args[k]]
-        members, slots = [], []
+        members: list[Value] = []
+        slots: list[Members] = []
         for arg in those[first:]:
             users = [user for user in self._users[_kind(value, arg)] if user not in self.place]
             alike = [user for user in users if _rest(user, arg) == _rest(value, value.args[k])]
             if len(alike) != 1 or alike[0] in members:
                 return
             (user,) = alike
-            at = user.args.index(arg)
             members.append(user)
-            # Only of sums and products the arguments may have changed places.
-            slots.append((arg, *user.args[:at], *user.args[at + 1 :]))
-        if members[0] is not value or len(members) < 2:
+            at = user.args.index(arg)
+            if at != k:
+                # Only of sums and products may arguments change places.
+                if value.op not in COMMUTATIVE:
+                    return
+                slots.append(user.args[::-1])
+            else:
+                slots.append(user.args)
+        if members[0] is not value:
             return
         columns = list(zip(*slots, strict=True))
-        if value.op not in COMMUTATIVE:
-            if len({user.args.index(arg) for user, arg in zip(members, those[first:], strict=True)}) > 1:
-                return
-            columns.insert(k, columns.pop(0))
         self._put(tuple(members))
         self.slots[tuple(members)] = columns
         for column in columns:
@@ -237,9 +242,9 @@ def _kind(value: Value, arg: Value) -> tuple[object, ...]:
     return (value.op, value.type, value.data, value.region, arg)
 
 
-def _rest(value: Value, arg: Value) -> list[tuple[str, str]]:
-    """What a value takes beside one of its arguments."""
-    return sorted((other.op, other.type) for other in value.args if other is not arg)
+def _rest(value: Value, arg: Value) -> list[str]:
+    """Of what types all is that a value takes beside one of its arguments."""
+    return sorted(other.type for other in value.args if other is not arg)
 
 
 def _rows(numbers: Sequence[int], shape: tuple[int, ...]) -> Iterator[Sequence[int]]:
@@ -253,14 +258,18 @@ def _rows_of_outputs(program: Program) -> Iterable[Members]:
     """Rows of outputs that loops leave behind, each value once."""
     seen: set[Value] = set()
     for output in program.outputs:
-        for row in _rows(range(output.size), output.shape) if output.values is not None else ():
-            members = tuple((output.values or ())[k] for k in row)
-            if (
-                all(value.op == "result" and value.args[0] is members[0].args[0] for value in members)
-                and isinstance(members[0].args[0], Loop)
-                and len({value.type for value in members}) == 1
-                and members[0].type != "b1"
-                and not seen & set(members)
-            ):
+        values = output.values or ()
+        for row in _rows(range(len(values)), output.shape):
+            members = tuple(values[k] for k in row)
+            if _left_by_one_loop(members) and not seen & set(members):
                 seen |= set(members)
                 yield members
+
+
+def _left_by_one_loop(values: Members) -> bool:
+    first = values[0]
+    return (
+        first.type != "b1"
+        and all(value.op == "result" and value.args[0] is first.args[0] for value in values)
+        and isinstance(first.args[0], Loop)
+    )

@@ -9,6 +9,7 @@ from slidax.codegen.fuse import fused
 from slidax.codegen.rebuild import rebuild
 
 from .order import put_in_order
+from .packing import pack
 
 ASKED = frozenset(ELEMENTARY)
 
@@ -19,6 +20,18 @@ def prepared(program: Program, lanes: int = 1) -> Program:
     - `program`: stays as it is.
     - `lanes`: as many runs are computed side by side; for a single one vectors are made of what its joints do alike.
     """
+    ready = written_out_and_fused(program)
+    if lanes == 1:
+        pack(ready)
+    put_in_order(ready)
+    return ready
+
+
+def written_out_and_fused(program: Program) -> Program:
+    """The same program in operations that are all exactly rounded, but for functions that nobody wrote out.
+
+    - `program`: stays as it is.
+    """
     fuse = fused()
 
     def replace(builder: Builder, value: Value, args: tuple[Value, ...]) -> Value | None:
@@ -26,6 +39,4 @@ def prepared(program: Program, lanes: int = 1) -> Program:
             return written_out(builder, value.op, args)
         return fuse(builder, value, args)
 
-    ready = rebuild(program, replace)
-    put_in_order(ready)
-    return ready
+    return rebuild(program, replace)

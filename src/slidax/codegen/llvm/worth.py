@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 
-from slidax.codegen.form import Loop, Program, Value, uses
+from slidax.codegen.form import Loop, Value, uses
 
 from .packs import Members, Packs
 
@@ -28,13 +28,17 @@ def keep_what_pays(packs: Packs) -> None:
 
 
 class _Worth:
+    """Who takes what.
+
+    - `packs`: what is computed side by side at the moment.
+    """
+
     def __init__(self, packs: Packs) -> None:
         self.packs = packs
         self.alone: defaultdict[Value, int] = defaultdict(int)  # by number, how many take it alone
         self.takers: defaultdict[Members, set[Members]] = defaultdict(set)  # by vector, the vectors that take it
         self.slots: dict[Members, list[Members]] = dict(packs.slots)
-        packed_results = set()
-        for value in _everything(packs.program):
+        for value in packs.program.walk():
             if isinstance(value, Loop):
                 self._loop(value)
             elif not packs.is_made(value):
@@ -43,7 +47,6 @@ class _Worth:
         for output in packs.program.outputs:
             for value in output.values or ():
                 self.alone[value] += 1
-        del packed_results
         for members in packs.made:
             for slot in self.slots.get(members, ()):
                 self.takers[slot].add(members)
@@ -93,16 +96,15 @@ class _Worth:
         return self.alone[value] > 0
 
     def _gather(self, slot: Members) -> float:
-        """What it costs to put a vector together."""
+        """What it costs to put a vector together: an instruction for each further piece, half of one to cut it out."""
         if len(set(slot)) == 1:
             return 0.0 if slot[0].op == "const" else 1.0
         pieces = {self.packs.place[value][0] if self.packs.is_made(value) else (value,) for value in slot}
-        return len(pieces) - (0.0 if len(pieces) == 1 else 1.0) + sum(len(p) > 1 for p in pieces) * 0.5
+        return max(len(pieces) - 1.0, 0.0) + sum(0.5 for piece in pieces if len(piece) > 1)
 
 
 def _pick(packs: Packs, value: Value) -> float:
+    """What it costs to take a number out: the first one is in place, and inputs are in memory."""
+    if value.op == "input":
+        return 0.0
     return 1.0 if packs.place[value][1] else 0.5
-
-
-def _everything(program: Program) -> list[Value]:
-    return list(program.walk())

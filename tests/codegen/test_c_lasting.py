@@ -1,0 +1,74 @@
+"""What follows from parameters alone is found, and computed apart from the rest."""
+
+import jax.numpy as jnp
+import numpy as np
+from jax import lax
+
+from slidax.codegen.builder import Builder
+from slidax.codegen.c import lasting, statements
+from slidax.codegen.trace import trace
+
+
+def split(function, *args):
+    """The statements for what lasts of the first argument alone, and those of the rest."""
+    program = trace(function, *args)
+    kept = lasting(program, {0})
+    given = {value: f"workspace->kept{k}" for k, value in enumerate(kept)}
+    read = lambda k, e: f"{'pxyz'[k]}[{e}]"  # noqa: E731
+    outputs = [(f"out[{k}]", value) for k, value in enumerate(v for o in program.outputs for v in o.values)]
+    first = statements(program, [(text, value) for value, text in given.items()], read)
+    return "\n".join(first.lines), "\n".join(statements(program, outputs, read, given=given).lines)
+
+
+def test_what_follows_from_parameters_is_computed_apart():
+    derived, step = split(lambda p, x: jnp.exp(p[0]) * x + p[1] * 2.0, jnp.ones(2), jnp.ones(()))
+    assert "exp(p[0])" in derived
+    assert "exp" not in step
+    assert "workspace->kept0" in step
+    assert "2.0 * p[1]" in step, "a product is not worth a place in memory"
+
+
+def test_what_follows_cheaply_from_what_is_kept_is_not_kept_too():
+    derived, step = split(lambda p, x: (jnp.exp(p[0]) * x, 2.0 * jnp.exp(p[0]) + x), jnp.ones(2), jnp.ones(()))
+    assert derived.count("workspace->") == 1
+    assert "2.0 * workspace->kept0" in step
+
+
+def test_what_follows_from_parameters_is_found_in_branches_and_loops_too():
+    def law(p, x):
+        inside = lambda: lax.fori_loop(0, 3, lambda i, a: a * jnp.exp(p[0]), x)  # noqa: E731
+        return lax.cond(x > 0.0, inside, lambda: x)
+
+    derived, step = split(law, jnp.ones(2), jnp.ones(()))
+    assert "exp(p[0])" in derived
+    assert "exp" not in step
+    assert "x[" not in derived
+
+
+def test_a_loop_over_parameters_alone_lasts():
+    law = lambda p, x: x * lax.fori_loop(0, 30, lambda i, a: 0.5 * (a + p[1] / a), p[0])  # noqa: E731
+    derived, step = split(law, jnp.ones(2), jnp.ones(()))
+    assert "for (" in derived
+    assert "for (" not in step
+
+
+def test_a_loop_that_a_branch_keeps_from_going_on_for_ever_stays_in_it():
+    def law(p, x):
+        halved = lambda: lax.while_loop(lambda a: a > 1.0, lambda a: a * p[1], p[0])  # noqa: E731
+        return lax.cond(x > 0.0, halved, lambda: x)
+
+    derived, step = split(law, jnp.ones(2), jnp.ones(()))
+    assert "while (" not in derived
+    assert "while (" in step
+
+
+def test_an_index_that_a_branch_guards_is_not_read_elsewhere():
+    b = Builder()
+    table = b.input("table", "f64", (3,))
+    index, x = b.input("index", "i64", ())[()], b.input("x", "f64", ())[()]
+    in_range = b.apply("lt", index, b.constant(3, "i64"))
+    read = lambda: [b.apply("exp", b.apply("load", index, type="f64", data=0))]  # noqa: E731
+    result = b.branch(in_range, read, lambda: [x])
+    b.output("y", "f64", np.array(result, object))
+    assert table.size == 3
+    assert lasting(b.program, {0, 1}) == []

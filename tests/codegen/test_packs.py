@@ -1,0 +1,226 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from slidax.codegen import llvm
+from slidax.codegen.builder import Builder
+from slidax.codegen.llvm import cache
+from slidax.codegen.llvm.order import put_in_order
+from slidax.codegen.llvm.packing import Vector, pack
+from slidax.codegen.llvm.packs import Packs
+from slidax.codegen.llvm.prepare import written_out_and_fused
+from slidax.codegen.llvm.worth import keep_what_pays
+
+from .interpreter import interpreted
+
+
+@pytest.fixture(autouse=True)
+def folder(monkeypatch, tmp_path):
+    """Object code that is kept goes into a folder of the test's own."""
+    monkeypatch.setattr(cache, "folder", lambda: tmp_path)
+
+
+class Joints:
+    """A random program of vectors with an element for each joint, mixed, turned round and summed now and then.
+
+    - `seed`: of all that is random in it.
+    """
+
+    def __init__(self, seed):
+        self.random = np.random.default_rng(seed)
+        self.builder = Builder()
+        self.joints = int(self.random.choice([2, 3, 7]))
+        self.vectors = [self.builder.input(name, "f64", (self.joints,)) for name in "xyz"]
+        self.numbers = [self.builder.input("gain", "f64", ()).item(), self.builder.constant(0.75, "f64")]
+
+    def pick(self, known):
+        return known[-1 - min(int(self.random.exponential(3.0)), len(known) - 1)]
+
+    def apply(self, op, *arrays, type=None):
+        """Elementwise, by the elements in turn, as a trace does."""
+        columns = zip(*(np.broadcast_to(array, self.joints) for array in arrays), strict=True)
+        return np.array([self.builder.apply(op, *column, type=type) for column in columns], object)
+
+    def step(self):
+        """One more vector or number."""
+        kind = self.random.choice(["two", "two", "two", "one", "mixed", "chosen", "integer", "turned", "sum", "cases"])
+        x, y = self.pick(self.vectors), self.pick(self.vectors)
+        if kind == "two":
+            x = self.apply(self.random.choice(["add", "sub", "mul", "div", "min", "max"]), x, y)
+        elif kind == "one":
+            x = self.apply(self.random.choice(["neg", "abs", "sqrt", "floor"]), x)
+        elif kind == "mixed":
+            x = self.apply(self.random.choice(["add", "mul", "sub"]), x, self.pick(self.numbers))
+        elif kind == "chosen":
+            x = self.apply("select", self.apply("lt", x, y), x, self.apply("neg", y))
+        elif kind == "integer":
+            bits = self.apply("bitcast", x, type="u64")
+            x = self.apply("convert", self.apply("shr", bits, self.builder.constant(20, "u64")), type="f64")
+        elif kind == "turned":
+            x = np.roll(x, 1)
+        elif kind == "sum":
+            total = x[0]
+            for element in x[1:]:
+                total = self.builder.apply("add", total, element)
+            self.numbers.append(total)
+        else:
+            x = np.array([self.cases(*pair) for pair in zip(x, y, strict=True)], object)
+        self.vectors.append(x)
+
+    def cases(self, x, y):
+        b = self.builder
+        when = b.apply("gt", x, b.constant(0.5, "f64"))
+        return b.branch(when, lambda: [b.apply("sqrt", b.apply("add", x, y))], lambda: [b.apply("sub", y, x)])[0]
+
+    def loop(self):
+        """A few turns that carry two of the vectors and a number."""
+        b, n = self.builder, self.joints
+        zero, one, last = (b.constant(k, "i64") for k in (0, 1, 3))
+        start = [zero, *self.pick(self.vectors), *self.vectors[0], self.pick(self.numbers)]
+
+        def body(carried):
+            known = self.vectors, self.numbers
+            self.vectors = [*self.vectors, np.array(carried[1 : n + 1]), np.array(carried[n + 1 : 2 * n + 1])]
+            self.numbers = [*self.numbers, carried[-1]]
+            for _ in range(12):
+                self.step()
+            left = [*self.pick(self.vectors), *self.pick(self.vectors), self.pick(self.numbers)]
+            self.vectors, self.numbers = known
+            return [b.apply("add", carried[0], one), *left]
+
+        left = b.loop(start, lambda carried: b.apply("lt", carried[0], last), body, last)
+        self.vectors += [np.array(left[1 : n + 1]), np.array(left[n + 1 : 2 * n + 1])]
+        self.numbers.append(left[-1])
+
+    def finish(self):
+        """The program."""
+        for _ in range(2):
+            for _ in range(8):
+                self.step()
+            self.loop()
+        for k, vector in enumerate(self.vectors[-8:]):
+            self.builder.output(f"vector{k}", "f64", vector)
+        self.builder.output("numbers", "f64", np.array(self.numbers, object))
+        return self.builder.finish()
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_joints_computed_side_by_side_keep_every_bit(seed):
+    made = Joints(seed)
+    program = made.finish()
+    numbers = np.random.default_rng(seed).normal(size=(3, made.joints))
+    arrays = [*numbers, np.array(1.5)]
+    expected = interpreted(written_out_and_fused(program), *(array[None] for array in arrays))
+    done = llvm.compile(program)(arrays)
+    assert [array.tobytes() for array in done] == [array[0].tobytes() for array in expected]
+
+
+def vectors_of(program):
+    return [value for value in program.walk() if isinstance(value, Vector)]
+
+
+def arm(joints, law):
+    """The program of `law(b, q, dq, gain)` with vectors of joints, packed."""
+    b = Builder()
+    q, dq = b.input("q", "f64", (joints,)), b.input("dq", "f64", (joints,))
+    b.output("tau", "f64", np.array(law(b, q, dq, b.input("gain", "f64", ()).item()), object))
+    program = b.finish()
+    pack(program)
+    put_in_order(program)
+    return program
+
+
+@pytest.mark.parametrize("joints", [2, 3, 7])
+def test_what_each_joint_does_alike_is_one_operation(joints):
+    def law(b, q, dq, gain):
+        return [b.apply("sqrt", b.apply("add", b.apply("mul", gain, x), v)) for x, v in zip(q, dq, strict=True)]
+
+    program = arm(joints, law)
+    assert [(v.op, v.lanes) for v in vectors_of(program) if v.op in ("mul", "add", "sqrt")] == [
+        ("mul", joints),
+        ("add", joints),
+        ("sqrt", joints),
+    ]
+    assert not [v for v in program.walk() if v.op in ("mul", "add", "sqrt") and not isinstance(v, Vector)]
+
+
+def test_numbers_from_elsewhere_are_brought_together_for_what_follows():
+    def law(b, q, dq, gain):
+        # The accelerations of the two joints have different formulas; what is done with them has one.
+        ddq = [b.apply("mul", b.apply("sub", q[0], q[1]), gain), b.apply("div", gain, q[1])]
+        dq = [b.apply("fma", gain, a, v) for a, v in zip(ddq, dq, strict=True)]
+        return [b.apply("sqrt", b.apply("mul", v, v)) for v in dq]
+
+    made = vectors_of(arm(2, law))
+    assert {"gather", "fma", "mul", "sqrt"} <= {value.op for value in made}
+
+
+def test_a_value_that_needs_its_neighbour_is_not_computed_beside_it():
+    def law(b, q, dq, gain):
+        first = b.apply("mul", q[0], gain)
+        second = b.apply("mul", q[1], gain)
+        # Were both sums made at once, the second would have to be there before the first.
+        low = b.apply("add", first, b.constant(1.0, "f64"))
+        return [low, b.apply("add", b.apply("mul", second, low), b.constant(1.0, "f64"))]
+
+    program = arm(2, law)
+    (tau,) = interpreted(_scalars(law), np.array([[2.0, 3.0]]), np.zeros((1, 2)), np.array([0.5]))
+    assert tau.tolist() == [[2.0, 4.0]]
+    assert not [v for v in vectors_of(program) if v.op == "add"]
+
+
+def _scalars(law):
+    b = Builder()
+    q, dq = b.input("q", "f64", (2,)), b.input("dq", "f64", (2,))
+    b.output("tau", "f64", np.array(law(b, q, dq, b.input("gain", "f64", ()).item()), object))
+    return b.finish()
+
+
+def test_packs_that_wait_for_each_other_are_taken_apart():
+    b = Builder()
+    x, y = b.input("x", "f64", (2,)), b.input("y", "f64", (2,))
+    p0 = b.apply("mul", x[0], y[0])
+    s1 = b.apply("add", x[1], y[1])
+    p1 = b.apply("mul", x[1], b.apply("sub", y[1], s1))
+    s0 = b.apply("add", x[0], b.apply("sub", y[0], p0))
+    b.output("z", "f64", np.array([p0, p1, s0, s1], object))
+    program = b.finish()
+    expected = interpreted(program, np.array([[1.0, 2.0]]), np.array([[3.0, 5.0]]))[0]
+    (done,) = llvm.compile(program)([np.array([1.0, 2.0]), np.array([3.0, 5.0])])
+    np.testing.assert_array_equal(done, expected[0])
+
+
+def test_a_vector_that_is_only_taken_apart_again_is_not_made():
+    b = Builder()
+    x = b.input("x", "f64", (2,))
+    squares = [b.apply("mul", element, element) for element in x]
+    b.output("norm", "f64", np.array(b.apply("add", *squares), object))
+    b.output("first", "f64", np.array(b.apply("sub", *squares), object))
+    packs = Packs(b.finish())
+    assert tuple(squares) in packs.made
+    keep_what_pays(packs)
+    assert tuple(squares) not in packs.made
+
+
+def test_what_a_loop_carries_side_by_side_stays_in_one_vector():
+    b = Builder()
+    q, dq = b.input("q", "f64", (3,)), b.input("dq", "f64", (3,))
+    h = b.input("h", "f64", ()).item()
+    zero, one, last = (b.constant(k, "i64") for k in (0, 1, 10))
+
+    def body(carried):
+        moved = [b.apply("fma", h, v, x) for x, v in zip(carried[1:4], carried[4:], strict=True)]
+        slowed = [b.apply("fma", b.apply("neg", h), x, v) for x, v in zip(moved, carried[4:], strict=True)]
+        return [b.apply("add", carried[0], one), *moved, *slowed]
+
+    left = b.loop([zero, *q, *dq], lambda carried: b.apply("lt", carried[0], last), body, last)
+    b.output("q", "f64", np.array(left[1:4], object))
+    b.output("dq", "f64", np.array(left[4:], object))
+    program = b.finish()
+    arrays = np.array([[1.0, 2.0, 3.0]]), np.array([[0.0, -1.0, 0.5]]), np.array([0.125])
+    expected = interpreted(program, *arrays)
+    kernel = llvm.compile(program)
+    assert kernel.text.count("phi <3 x double>") == 2
+    for done, right in zip(kernel([array[0] for array in arrays]), expected, strict=True):
+        np.testing.assert_array_equal(done, right[0])

@@ -1,0 +1,103 @@
+"""Parameters and memories become members of structures that say what they are."""
+
+from __future__ import annotations
+
+import equinox as eqx
+import jax.numpy as jnp
+import pytest
+from jaxtyping import Array
+
+from slidax._errors import DefinitionError
+from slidax.codegen.c import Dialect
+from slidax.deploy.comment_text import comment, shortened
+from slidax.deploy.in_floats import fitting
+from slidax.deploy.members import bullets, members
+from slidax.deploy.text import assigned, declared
+
+
+class Inner(eqx.Module):
+    """A part, eq. (7). And more.
+
+    - `gain`, `rate`: K and its rate, one number or [n], N m, > 0; in
+      two lines.
+    - `flag`: whether `ė` counts.
+    """
+
+    gain: Array
+    rate: Array
+    flag: Array
+
+
+class Outer(eqx.Module):
+    """A whole.
+
+    - `inner`: the part.
+    - `pair`: two of them.
+    """
+
+    inner: Inner
+    pair: tuple[Array, Array]
+
+
+TREE = Outer(Inner(jnp.array([1.5, 2.0]), jnp.asarray(jnp.inf), jnp.asarray(True)), (jnp.zeros(()), jnp.ones(())))
+
+
+def test_a_member_is_called_by_its_path_and_knows_its_meaning_part_and_default():
+    gain, rate, flag, first, second = members(TREE, values=True)
+    assert [m.name for m in (gain, rate, flag, first, second)] == [
+        "inner_gain", "inner_rate", "inner_flag", "pair_0", "pair_1",
+    ]  # fmt: skip
+    assert gain.meaning == rate.meaning == "K and its rate, N m, > 0; in two lines"
+    assert flag.meaning == "whether de counts"
+    assert gain.part == "Inner: A part, eq. (7)"
+    assert (gain.type, flag.type, gain.brackets, rate.brackets) == ("f64", "b1", "[2]", "")
+    assert first.meaning == "two of them"
+
+
+def test_parts_of_the_path_that_say_nothing_are_left_out():
+    assert members(TREE, strip=("inner",))[0].name == "gain"
+
+
+def test_two_members_of_one_name_are_refused():
+    twice = {"a": {"b": jnp.zeros(())}, "a_b": jnp.zeros(())}
+    with pytest.raises(DefinitionError, match="`a_b`"):
+        members(twice)
+
+
+def test_declarations_stand_under_their_part_with_aligned_comments():
+    lines = declared(members(TREE.inner, values=True), Dialect())
+    assert lines[0] == "/* Inner: A part, eq. (7) */"
+    assert lines[1] == "double gain[2]; /* 1.5, 2.0: K and its rate, N m, > 0; in two lines */"
+    assert lines[2] == "double rate;    /* none: K and its rate, N m, > 0; in two lines */"
+    assert lines[3] == "bool flag;      /* true: whether de counts */"
+
+
+def test_defaults_are_assigned_one_number_at_a_time():
+    lines = assigned(members(TREE.inner, values=True), "p->", Dialect("float"))
+    assert lines == ["p->gain[0] = 1.5f;", "p->gain[1] = 2.0f;", "p->rate = INFINITY;", "p->flag = true;"]
+
+
+def test_bullets_of_a_docstring_are_read_whole():
+    assert bullets(Inner)["rate"] == "K and its rate, one number or [n], N m, > 0; in two lines."
+
+
+def test_a_comment_is_ascii_and_cannot_end_early():
+    assert comment("`τ = M q̈`, ρ∞ */ and /* x²") == "tau = M ddq, rho_inf * / and / * x^2"
+
+
+def test_a_sentence_is_cut_between_its_parts():
+    assert shortened("one of eq. (3), another, and a third. More.", 40) == "one of eq. (3), another, and a third"
+    assert shortened("one of eq. (3), another, and a third", 25) == "one of eq. (3), another"
+
+
+@pytest.mark.parametrize(
+    ("double", "single"),
+    [(1e-12, 16 * 2.0**-23), (4e-16, 4e-16 * 2.0**29), (1.0 - 1e-9, 1.0 - 2.0**-21), (-1e-12, -16 * 2.0**-23)],
+)
+def test_a_tolerance_and_a_number_next_to_one_keep_their_meaning_in_floats(double, single):
+    assert fitting(double) == pytest.approx(single, rel=1e-12)
+
+
+@pytest.mark.parametrize("number", [0.0, 1.0, -1.0, 0.5, 1e-30, 1e-150, 1e-6, 9.8, 1e9])
+def test_all_other_constants_stay_as_they_are_in_floats(number):
+    assert fitting(number) == number
