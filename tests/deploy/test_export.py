@@ -204,7 +204,9 @@ int main() {
     slidax_law_state state;
     slidax_law_command command;
     slidax_law_reset(&state);
-    slidax_law_start(&measured);
+    slidax_law_plant plant;
+    slidax_law_start(&plant);
+    slidax_law_measure(&plant, &measured);
     slidax_law_motion(0.0, controller.parameters.period, &wanted);
     (void)slidax_law_step(&measured, &wanted, &state, &controller.parameters, &command);
 

@@ -166,6 +166,20 @@ def test_a_law_that_has_one_goes_on_outside():
     assert float(command.memory.t) == float(T)
 
 
+def test_a_measurement_that_is_late_is_compared_with_what_was_wanted_then():
+    scenario = load("example-4.2-1khz")
+    assert scenario.controller.delay == 1.0
+    guard = GuardedStep.around(scenario.controller, scenario.plant.actuator.limits, scenario.period)
+    t = jnp.asarray(20.0)
+    past, now, following = (scenario.trajectory.reference(t + k * scenario.period) for k in (-1, 0, 1))
+    late = State(q=past.q, dq=past.dq)
+    radius = guard.controller.transformation.performance.radius(t)
+    overshoot = guard.controller.transformation.overshoot
+    assert jnp.any(jnp.abs(late.q - now.q) > overshoot * radius)
+    _, status = guard.step(t, late, now, following, guard.init(t, late, now))
+    assert not int(status) & ENVELOPE_LEFT.bit
+
+
 def test_a_torque_beyond_its_limit_is_limited():
     free = step(guarded(), begun(guarded()))[0].tau
     limit = 0.5 * float(jnp.abs(free).max())

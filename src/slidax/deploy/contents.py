@@ -47,6 +47,7 @@ class Project:
     - `scenario_helpers`: the small functions that those call.
     - `golden`: what the step answers in Python; None if that was not asked for.
     - `period`, `t1`: of the scenario [s].
+    - `delay`: of its sensor and actuator together, in whole periods.
     - `start`: positions and velocities at its start.
     """
 
@@ -65,6 +66,7 @@ class Project:
     golden: Golden | None
     period: float
     t1: float
+    delay: int
     start: tuple[list[float], list[float]]
 
     version = slidax.__version__

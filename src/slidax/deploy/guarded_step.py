@@ -206,7 +206,7 @@ class GuardedStep(AbstractController):
         sound = _finite((command.tau, tau, law))
 
         envelope = self.controller.envelope(t, memory.law)
-        e = state.q - reference_now.q
+        e = state.q - self._wanted_then(reference_now)
         elapsed = t - memory.t
         flags = {
             TORQUE_NOT_FINITE: ~sound,
@@ -236,6 +236,13 @@ class GuardedStep(AbstractController):
         - `memory`: what `init` or a sample returned.
         """
         return self.controller.envelope(t, memory.law)
+
+    def _wanted_then(self, reference: Reference) -> Vector:
+        """Where the joints should have been when they were measured, as far as the law knows how long ago that was."""
+        law = self.controller
+        if not isinstance(law, SampledData) or law.delay == law.dead_time:
+            return reference.q
+        return reference.q - (law.delay - law.dead_time) * law.period * reference.dq
 
     def _within(self, tau: Vector) -> Vector:
         largest = self._limits().torque

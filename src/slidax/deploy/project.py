@@ -82,7 +82,7 @@ def project(
     Raises DefinitionError if there is no native code for the law, or the name is none in C.
     """
     name = _checked_name(scenario.name if name is None else name, given=name is not None)
-    robot, actuator = scenario.plant.robot, scenario.plant.actuator
+    described, robot, actuator = scenario.description, scenario.plant.robot, scenario.plant.actuator
     limits = TorqueLimits() if actuator is None else actuator.limits
     guard = GuardedStep.around(scenario.controller, limits, scenario.period)
     dialect = Dialect("float" if single else "double")
@@ -93,7 +93,7 @@ def project(
     arm = body(arm_program(scenario.plant), dialect, ("t", "q", "dq", "tau", "ddq"), helpers)
     return Project(
         name=name,
-        title=comment(scenario.description.title),
+        title=comment(described.title),
         law=f"{scenario.scheme} on {scenario.robot}",
         command=command,
         joints=tuple(
@@ -109,6 +109,7 @@ def project(
         golden=golden(scenario, guard, dialect.real, same=same) if with_golden else None,
         period=scenario.period,
         t1=scenario.t1,
+        delay=round(described.sensor.delay + described.actuator.dead_time),
         start=(scenario.state0.q.tolist(), scenario.state0.dq.tolist()),
     )
 

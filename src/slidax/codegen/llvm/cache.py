@@ -8,8 +8,6 @@ import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
-from slidax import __version__
-
 DIGEST = 32
 """Bytes of the sum that a file begins with."""
 
@@ -18,7 +16,7 @@ def folder() -> Path:
     """Where the files are."""
     from platformdirs import user_cache_path
 
-    return user_cache_path("slidax") / f"native-{__version__}"
+    return user_cache_path("slidax") / "native"
 
 
 def remembered(key: str, make: Callable[[], bytes]) -> bytes:

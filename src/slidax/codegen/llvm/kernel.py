@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from slidax._errors import DefinitionError
+from slidax.codegen.digest import digest
 from slidax.codegen.fold import DTYPES
 from slidax.codegen.form import Program
 
@@ -38,10 +39,15 @@ class Kernel:
     def __init__(self, program: Program, lanes: int) -> None:
         self.lanes = lanes
         self.inputs, self.outputs = program.inputs, program.outputs
-        self.text = module(prepared(program, lanes), lanes)
-        self._code = Code(host().object_of(self.text))
+        self.program = program
+        self._code = Code(host().object_of(f"{digest(program)} {lanes}", lambda: self.text))
         signature = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_int64, ctypes.c_int64)
         self._run: Any = signature(self._code.address)
+
+    @property
+    def text(self) -> str:
+        """LLVM's text of it."""
+        return module(prepared(self.program, self.lanes), self.lanes)
 
     def __call__(self, inputs: Sequence[Any], rows: int = 0) -> Arrays:
         """One run; returns its outputs.

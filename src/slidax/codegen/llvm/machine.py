@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import itertools
+from collections.abc import Callable
 from importlib.util import find_spec
 from typing import Any
 
@@ -57,29 +58,21 @@ class Machine:
         self.jit: Any = llvm.create_lljit_compiler(self.target, use_jit_link=False)
         self.numbers = itertools.count()
 
-    def object_of(self, text: str) -> bytes:
-        """An object file, from the disk if the same text was compiled before.
+    def object_of(self, what: str, text: Callable[[], str]) -> bytes:
+        """An object file, from the disk if the same was compiled before.
 
-        - `text`: of the module.
+        - `what`: all that the module depends on; printing it would take as long as compiling it.
+        - `text`: gives the module.
         """
-        key = "\n".join([self.version, self.cpu, self.features, str(OPTIMISED), text])
-        return remembered(key, lambda: self.compiled(text))
+        key = "\n".join([self.version, self.cpu, self.features, str(OPTIMISED), what])
+        return remembered(key, lambda: self.compiled(text()))
 
     def compiled(self, text: str) -> bytes:
-        """An object file made anew.
+        """An object file made anew; what LLVM's passes could do is done beforehand.
 
         - `text`: of the module.
         """
-        module = self.optimised(text)
-        return bytes(self.target.emit_object(module))
-
-    def optimised(self, text: str) -> Any:
-        """The module after LLVM's passes.
-
-        - `text`: of the module.
-        """
-        module = self.llvm.parse_assembly(text)
-        return module
+        return bytes(self.target.emit_object(self.llvm.parse_assembly(text)))
 
 
 @functools.cache

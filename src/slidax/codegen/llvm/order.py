@@ -66,7 +66,7 @@ def _dealt(values: Sequence[Value], after: Heights) -> list[Value]:
     """
     users = waiting(values)
     heights = _heights(users, after)
-    missing = _missing(users)
+    missing = awaited(users)
     known_at = dict.fromkeys(values, 0.0)
     place = {value: k for k, value in enumerate(values)}
     coming = [(0.0, place[value], value) for value in values if not missing[value]]
@@ -92,11 +92,12 @@ def _dealt(values: Sequence[Value], after: Heights) -> list[Value]:
             missing[user] -= 1
             if not missing[user]:
                 heapq.heappush(coming, (known_at[user], place[user], user))
+    assert len(dealt) == len(values), "a value waits for itself"
     return dealt
 
 
 def _heights(users: Mapping[Value, Sequence[Value]], after: Heights) -> Heights:
-    missing = _missing(users)
+    missing = awaited(users)
     ready = [value for value, count in missing.items() if not count]
     # The list grows while it is gone through, and ends as an order in which all can be computed.
     for value in ready:
@@ -114,8 +115,11 @@ def _heights(users: Mapping[Value, Sequence[Value]], after: Heights) -> Heights:
     return heights
 
 
-def _missing(users: Mapping[Value, Sequence[Value]]) -> dict[Value, int]:
-    """By value, for how many of the others it has to wait."""
+def awaited(users: Mapping[Value, Sequence[Value]]) -> dict[Value, int]:
+    """By value, how many of the others it has to wait for.
+
+    - `users`: from `waiting`.
+    """
     missing = dict.fromkeys(users, 0)
     for those in users.values():
         for user in those:

@@ -13,7 +13,7 @@ from itertools import product
 
 from slidax.codegen.form import Branch, Loop, Program, Region, Value, regions
 
-from .order import waiting
+from .order import awaited, waiting
 
 Members = tuple[Value, ...]
 
@@ -196,33 +196,35 @@ class Packs:
     # ---- what can be ------------------------------------------------------------------------------------------------
 
     def _make_possible(self, region: Region) -> None:
-        """Takes packs apart until none waits for itself."""
-        while (stuck := self._stuck(region.values)) is not None:
+        """Computes all in thought, and takes a pack apart where none of the rest can be computed as a whole."""
+        users = waiting(region.values)
+        missing = awaited(users)
+        packs = [members for members in self.made if members[0] in missing]
+        unfit = {members: sum(missing[value] > 0 for value in members) for members in packs}
+        ready = [value for value in missing if not self.is_made(value) and not missing[value]]
+        ready += [value for members in packs if not unfit[members] for value in members]
+        while True:
+            # The list grows while it is gone through.
+            for value in ready:
+                for user in users[value]:
+                    missing[user] -= 1
+                    if missing[user]:
+                        continue
+                    if not self.is_made(user):
+                        ready.append(user)
+                        continue
+                    members = self.place[user][0]
+                    unfit[members] -= 1
+                    if not unfit[members]:
+                        ready += members
+            stuck = next((those for those in packs if 0 < unfit[those] < len(those) and those in self.made), None)
+            if stuck is None:
+                break
             self.dissolve(stuck)
+            ready = [value for value in stuck if not missing[value]]
         for value in region.values:
             for inner in regions(value):
                 self._make_possible(inner)
-
-    def _stuck(self, values: Sequence[Value]) -> Members | None:
-        users = waiting(values)
-        unit = {value: self.place[value][0] if self.is_made(value) else (value,) for value in values}
-        missing: dict[Members, int] = dict.fromkeys(unit.values(), 0)
-        for those in users.values():
-            for user in those:
-                missing[unit[user]] += 1
-        ready = [those for those, count in missing.items() if not count]
-        done = 0
-        while ready:
-            those = ready.pop()
-            done += 1
-            for value in those:
-                for user in users.get(value, ()):
-                    missing[unit[user]] -= 1
-                    if not missing[unit[user]]:
-                        ready.append(unit[user])
-        if done == len(missing):
-            return None
-        return next(those for those, count in missing.items() if count and len(those) > 1)
 
     def is_made(self, value: Value) -> bool:
         """Whether a value is computed together with others."""
