@@ -36,32 +36,17 @@ Changes = Annotated[
 ]
 
 
-class Kind(StrEnum):
-    """What `slidax list` can list."""
+Kind = StrEnum(
+    "Kind",
+    ["schemes", "robots", "trajectories", "disturbances", "estimators", "performance", "scenarios"],
+)
+"""What `slidax list` can list."""
 
-    schemes = "schemes"
-    robots = "robots"
-    trajectories = "trajectories"
-    disturbances = "disturbances"
-    estimators = "estimators"
-    performance = "performance"
-    scenarios = "scenarios"
+Engine = StrEnum("Engine", ["auto", "native", "xla"])
+"""What computes a run."""
 
-
-class Engine(StrEnum):
-    """What computes a run."""
-
-    auto = "auto"
-    native = "native"
-    xla = "xla"
-
-
-class Disturbance(StrEnum):
-    """Which readings of the paper's disturbance `slidax reproduce` computes."""
-
-    stated = "stated"
-    off = "off"
-    both = "both"
+Disturbance = StrEnum("Disturbance", ["stated", "off", "both"])
+"""Which readings of the paper's disturbance `slidax reproduce` computes."""
 
 
 @app.command(epilog="Example:  slidax reproduce --out reproduction")

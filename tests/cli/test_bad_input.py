@@ -39,7 +39,7 @@ CASES = {
     "simulation.substeps=0": ["simulation.substeps", ">= 1", "got 0"],
     "simulation.substeps=2": ["`substeps`", "1 in continuous mode", "got 2"],
     "simulation.mode=hold": ["simulation.mode", "`hold`", "did you mean `held`?"],
-    "simulation.engine=fast": ["simulation.engine", "`fast`", "`auto`, `xla`"],
+    "simulation.engine=fast": ["simulation.engine", "`fast`", "`auto`, `native`, `xla`"],
     "scheme.name=cftsmpc": ["scheme.name", "`cftsmpc`", "did you mean `cftsmppc`?"],
     "scheme.surfce.k1=1": ["scheme", "unknown key `surfce`", "did you mean `surface`?"],
     "simulaton.period=1": ["unknown key `simulaton`", "did you mean `simulation`?"],

@@ -1,79 +1,27 @@
-"""Python and C agree, for every scheme on every arm, over random states and random gains."""
+"""Python and C agree, for every scheme in closed form on every arm."""
 
 from __future__ import annotations
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
-from slidax.controllers import SampledData
-from slidax.controllers.sampled_data.plan import PRECISION
 from slidax.deploy.samples import answer, broken, random_samples
 from slidax.deploy.status import HELD
 from slidax.scenarios import catalogue, load
 
+from .agreement import agree, named
 from .exported import Exported, needs_a_compiler
 
 pytestmark = needs_a_compiler
 
-SAMPLES, EXAMPLES = 2500, 4
-"""10 000 random states for each pair."""
-
-TOLERANCE = 1e-12
-SAMPLED = ("cftsmppc", "ftsmppc", "ftsmc", "sfsmc", "sfsmppc", "slotine_li", "slotine_li_ppc")
-NO_LIMITS = {"actuator": {}}
-
 PAIRS = [(arm, scheme, {}) for arm in ("example-4.1", "example-4.2") for scheme in catalogue()["schemes"]]
-PAIRS += [
-    (arm, scheme, limits)
-    for arm in ("example-4.1-1khz", "example-4.2-1khz")
-    for scheme in SAMPLED
-    for limits in ({}, NO_LIMITS)
-]
-
-
-def named(pair):
-    arm, scheme, limits = pair
-    return f"{scheme}, {arm}{', no limits' if limits else ''}"
-
-
-def slack(guard, samples):
-    """What a law that searches for a plan may be off by: its plan is found to so many rad/s, over one horizon."""
-    law = guard.controller
-    if not isinstance(law, SampledData):
-        return 0.0
-    stiffness = np.abs(jax.vmap(law.nominal.mass)(samples.state.q)).sum(-1).max(-1)
-    return 2.0 * PRECISION * stiffness / float(law.horizon)
 
 
 @pytest.mark.parametrize("pair", PAIRS, ids=named)
 def test_the_torque_of_c_is_that_of_python(pair, tmp_path):
-    arm, scheme, changes = pair
-    scenario = load(arm, {"scheme.name": scheme, **changes})
-    exported = Exported(scenario, tmp_path)
-    default = exported.project.guard
-    leaves, tree = jax.tree.flatten(default)
-
-    @settings(max_examples=EXAMPLES)
-    @given(st.integers(0, 2**31), st.integers(0, len(leaves) - 1), st.floats(0.95, 1.05))
-    def agree(seed, which, factor):
-        guard = jax.tree.unflatten(tree, [leaf * (factor if k == which else 1.0) for k, leaf in enumerate(leaves)])
-        samples = random_samples(guard, scenario.trajectory, scenario.period, scenario.t1, SAMPLES, seed=seed)
-        command, status = answer(guard, samples)
-        parameters = exported.parameters(guard)
-        found = exported.answers(samples, parameters)
-        np.testing.assert_array_equal(found.status, status)
-        off = np.abs(found.command["tau"] - command.tau).max(1)
-        size = np.abs(np.asarray(command.tau)).max(1)
-        assert np.all(off <= TOLERANCE * size + slack(guard, samples)), (off / size).max()
-        again = exported.answers(samples, parameters)
-        assert all(a.tobytes() == b.tobytes() for a, b in zip(found, again, strict=True))
-
-    agree()
+    agree(pair, tmp_path)
 
 
 @pytest.mark.parametrize("pair", [("example-4.1", "cftsmppc", {}), ("example-4.2-1khz", "cftsmppc", {})], ids=named)

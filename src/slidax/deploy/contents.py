@@ -125,7 +125,8 @@ class Project:
     @property
     def shown_parameter(self) -> str:
         """One that a reader may want to change."""
-        return next(member.element(0) for member in self.parameters if not member.name.startswith("nominal"))
+        names = [member.element(0) for member in self.parameters if not member.name.startswith("nominal")]
+        return next((name for name in names if name.startswith(("surface_", "k"))), names[0])
 
     @property
     def loops_text(self) -> str:

@@ -135,7 +135,7 @@ def _of_the_run(scenario: Scenario, guard: GuardedStep) -> Sample:
     like = Sample(jax.eval_shape(guard.init, t, state, reference), t, state, reference, reference)
     leaves = jax.tree.leaves(like)
     logged = [run.log.signals[f"{k:03}"] for k in range(len(leaves))]
-    first = min(OF_A_RUN // 4, len(logged[0]))
+    first = min(OF_A_RUN // 4, len(logged[0]) - 1)
     which = np.concatenate([np.arange(first), np.linspace(first, len(logged[0]) - 1, OF_A_RUN - first).astype(int)])
     chosen = [jnp.asarray(values[which]).astype(leaf.dtype) for values, leaf in zip(logged, leaves, strict=True)]
     found: Sample = jax.tree.unflatten(jax.tree.structure(like), chosen)

@@ -183,7 +183,7 @@ def measurement(joints: int) -> list[Member]:
     - `joints`: how many are measured.
     """
     return [
-        Member("t", "f64", (), "time [s]"),
+        Member("t", "f64", (), "time since the start of the motion [s]"),
         Member("q", "f64", (joints,), "positions"),
         Member("dq", "f64", (joints,), "velocities"),
     ]

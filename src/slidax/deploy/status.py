@@ -33,7 +33,7 @@ MEASUREMENT_NOT_FINITE = Condition(
 MEASUREMENT_OUT_OF_RANGE = Condition(
     "MEASUREMENT_OUT_OF_RANGE",
     2,
-    "|q| or |dq| is above `range_q` or `range_dq`, more than the sensor can mean",
+    "a position or velocity is larger than `range_q` or `range_dq`, more than the sensor can mean",
     True,
     "As above. Set the ranges to what your arm can do.",
 )
