@@ -58,8 +58,8 @@ schema: .venv/.installed ## Renew the JSON schema of scenario files
 
 # The second run of the tests has the oldest Python, and with it the oldest jax, that pyproject.toml allows. The wheel
 # is tried in an environment of its own, away from the sources, where a data file left out of it is missed.
-verify: .venv/.installed .venv-3.11/.installed ## Test on both Pythons, and try the built wheel
-	@.venv/bin/python -m pytest
+verify: .venv/.installed .venv-3.11/.installed ## Test on both Pythons, the long tests too, and try the built wheel
+	@.venv/bin/python -m pytest -m "full or not full"
 	@.venv-3.11/bin/python -m pytest
 	@rm -rf dist .venv-wheel
 	@.venv/bin/python -m build --no-isolation --outdir dist .

@@ -156,6 +156,17 @@ def test_numbers_from_elsewhere_are_brought_together_for_what_follows():
     assert {"gather", "fma", "mul", "sqrt"} <= {value.op for value in made}
 
 
+def test_a_sum_may_name_its_parts_in_any_order():
+    def law(b, q, dq, gain):
+        squares = [b.apply("mul", x, x) for x in q]
+        later = b.apply("floor", b.apply("mul", squares[0], gain))
+        return [b.apply("sqrt", x) for x in (b.apply("add", squares[0], later), b.apply("add", gain, squares[1]))]
+
+    program = arm(2, law)
+    (total,) = [value for value in vectors_of(program) if value.op == "add"]
+    assert [value.op for value in total.args] == ["mul", "gather"]
+
+
 def test_a_value_that_needs_its_neighbour_is_not_computed_beside_it():
     def law(b, q, dq, gain):
         first = b.apply("mul", q[0], gain)

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import jax
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -24,6 +25,17 @@ NO_LIMITS = {"actuator": {}}
 
 Pair = tuple[str, str, dict]
 """A scenario with an arm, a scheme, and what else is changed."""
+
+
+def in_full(pairs: list[Pair], *always: str) -> list:
+    """All pairs for `make verify`, and for every day those with the schemes that are named, in their order, by turns.
+
+    - `pairs`: arms and schemes.
+    - `always`: for each arm in turn, the scheme that is compared every day.
+    """
+    arms = list(dict.fromkeys(arm for arm, *_ in pairs))
+    daily = set(zip(arms, always, strict=True))
+    return [pair if pair[:2] in daily else pytest.param(pair, marks=pytest.mark.full) for pair in pairs]
 
 
 def named(pair: Pair) -> str:

@@ -11,7 +11,7 @@ from slidax.deploy.samples import answer, broken, random_samples
 from slidax.deploy.status import HELD
 from slidax.scenarios import catalogue, load
 
-from .agreement import agree, named
+from .agreement import agree, in_full, named
 from .exported import Exported, needs_a_compiler
 
 pytestmark = needs_a_compiler
@@ -19,7 +19,7 @@ pytestmark = needs_a_compiler
 PAIRS = [(arm, scheme, {}) for arm in ("example-4.1", "example-4.2") for scheme in catalogue()["schemes"]]
 
 
-@pytest.mark.parametrize("pair", PAIRS, ids=named)
+@pytest.mark.parametrize("pair", in_full(PAIRS, "anftsmc", "cftsmppc"), ids=named)
 def test_the_torque_of_c_is_that_of_python(pair, tmp_path):
     agree(pair, tmp_path)
 
