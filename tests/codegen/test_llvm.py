@@ -11,7 +11,7 @@ from slidax.codegen import llvm
 from slidax.codegen.builder import Builder
 from slidax.codegen.fold import DTYPES
 from slidax.codegen.form import Branch
-from slidax.codegen.llvm import cache, machine
+from slidax.codegen.llvm import cache
 from slidax.codegen.llvm.prepare import written_out_and_fused
 from slidax.codegen.llvm.uniformity import varying
 
@@ -25,16 +25,11 @@ LANES = (1, 4, 8)
 @pytest.fixture(autouse=True)
 def folder(monkeypatch, tmp_path):
     """Object code that is kept goes into a folder of the test's own."""
-    monkeypatch.setattr(cache, "folder", lambda: tmp_path / "native")
-    return tmp_path / "native"
+    monkeypatch.setattr(cache, "folder", lambda: tmp_path)
 
 
 def bits(arrays):
     return [array.tobytes() for array in arrays]
-
-
-def values_of(b, type, shape=(), *, name="x", varying=True):
-    return b.input(name, type, shape, varying=varying)
 
 
 def one_of_each_run(make, type, *arrays, lanes):
@@ -273,37 +268,3 @@ def test_arrays_that_do_not_fit_are_refused_by_name():
         kernel([np.zeros(2)])
     with pytest.raises(DefinitionError, match="power of two"):
         llvm.compile(scaled(), 3)
-
-
-# ---- cache ----------------------------------------------------------------------------------------------------------
-
-
-def test_the_same_program_is_compiled_once(monkeypatch, folder):
-    llvm.compile(scaled())
-    (kept,) = folder.iterdir()
-
-    def never(self, text):
-        raise AssertionError("compiled again")
-
-    monkeypatch.setattr(machine.Machine, "compiled", never)
-    (y,) = llvm.compile(scaled())([np.array([1.0, 2.0]), np.array(3.0)])
-    assert y.tolist() == [3.0, 6.0]
-    kept.write_bytes(kept.read_bytes()[:-1])
-    with pytest.raises(AssertionError, match="compiled again"):
-        llvm.compile(scaled())
-
-
-def test_a_damaged_file_is_made_anew(folder):
-    llvm.compile(scaled())
-    (kept,) = folder.iterdir()
-    whole = kept.read_bytes()
-    kept.write_bytes(whole[:100] + bytes([whole[100] ^ 1]) + whole[101:])
-    (y,) = llvm.compile(scaled())([np.array([1.0, 2.0]), np.array(3.0)])
-    assert y.tolist() == [3.0, 6.0]
-    assert kept.read_bytes() == whole
-
-
-def test_a_disk_that_takes_nothing_stops_nobody(folder):
-    folder.write_text("no folder")
-    (y,) = llvm.compile(scaled())([np.array([1.0, 2.0]), np.array(3.0)])
-    assert y.tolist() == [3.0, 6.0]

@@ -78,6 +78,9 @@ EXACT = {
         17,
     ),
     "the table's ends": lambda: (lambda table, i: table[i], jnp.arange(80.0).reshape(40, 2), 99),
+    "searching": lambda: (lambda x, v: jnp.searchsorted(x, v), jnp.arange(9.0), jnp.array(4.0)),
+    "searching from the right": lambda: (lambda x: jnp.searchsorted(x, 4.0, side="right"), jnp.arange(9.0)),
+    "searching a long table": lambda: (lambda x, v: jnp.searchsorted(x, v), jnp.arange(99.0), jnp.array(71.5)),
     "vmap": lambda: (lambda a: jax.vmap(lambda row: row * row[0])(a), A),
     "derivative": lambda: (lambda x: jax.jvp(lambda x: x * x * x, (x,), (jnp.ones_like(x),)), X),
 }

@@ -13,6 +13,7 @@ from slidax.codegen.trace import NoNativeCodeError
 from slidax.controllers import AbstractController
 from slidax.simulation import simulate
 from slidax.simulation.engine import engine_for
+from slidax.trajectories import MinimumJerk
 from tests.paper import MOTION_4_1, START_4_1, law_4_1, plant_4_1
 from tests.simulation.simple import SMOOTH_PLANT, SPRING
 
@@ -77,6 +78,16 @@ def test_example_4_1_is_the_same_to_1e_9_over_its_whole_length_where_it_does_not
     np.testing.assert_allclose(native.log.state.q, xla.log.state.q, rtol=0, atol=1e-9)
     np.testing.assert_allclose(native.log.tau, xla.log.tau, rtol=0, atol=1e-6)
     np.testing.assert_allclose(native.tally.aice, xla.tally.aice, rtol=1e-9)
+
+
+def test_a_motion_through_waypoints_is_the_same():
+    motion = MinimumJerk.through([0.0, 0.3, 0.5], [[0.0, 1.0], [0.2, 0.8], [0.1, 0.9]])
+    native, xla = (
+        simulate(SMOOTH_PLANT, SPRING, motion, START_4_1, t1=0.6, period=0.01, engine=engine)
+        for engine in ("native", "xla")
+    )
+    np.testing.assert_allclose(native.log.reference.q, xla.log.reference.q, rtol=1e-13)
+    np.testing.assert_allclose(native.log.state.q, xla.log.state.q, rtol=1e-11)
 
 
 @pytest.mark.parametrize("engine", ["native", "xla"])

@@ -167,6 +167,19 @@ def _half_angle(b: Builder, equation: Any, x: Value) -> Value:
     return b.apply("div", one, b.apply("add", one, b.apply("exp", b.apply("neg", x))))
 
 
+def _in_total_order(op: str) -> Rule:
+    """A comparison in which NaN is larger than all else; zeros are equal whatever their sign."""
+
+    def rule(b: Builder, equation: Any, arrays: list[Values]) -> Values:
+        def compared(x: Value, y: Value) -> Value:
+            below_nan = b.apply("ne", y, y) if op == "le" else b.apply("and", b.apply("eq", x, x), b.apply("ne", y, y))
+            return b.apply("or", b.apply(op, x, y), below_nan)
+
+        return each(compared, *arrays)
+
+    return rule
+
+
 RULES: dict[str, Rule] = {
     **dict.fromkeys(SAME, same),
     "convert_element_type": _convert,
@@ -181,6 +194,8 @@ RULES: dict[str, Rule] = {
     "sign": lambda b, eqn, arrays: each(lambda x: _sign(b, x), arrays[0]),
     "round": lambda b, eqn, arrays: each(lambda x: _round(b, eqn, x), arrays[0]),
     "select_n": _select,
+    "lt_to": _in_total_order("lt"),
+    "le_to": _in_total_order("le"),
     "clamp": _clamp,
     "copy": lambda b, eqn, arrays: arrays[0],
     "copy_p": lambda b, eqn, arrays: arrays[0],

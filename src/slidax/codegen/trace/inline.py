@@ -13,6 +13,7 @@ from slidax.codegen.builder import Builder, Values
 
 from . import blocks, elementwise, indexing, random, reductions, shapes
 from .arrays import of_numbers
+from .expanded import expanded
 from .origin import Origin, frames_of
 
 
@@ -48,6 +49,7 @@ WITH_INNER: dict[str, Callable[[Builder, Any, list[Values], blocks.Inline], list
     "while": blocks.while_loop,
     "scan": blocks.scan,
     "cond": blocks.cond,
+    "call_hi_primitive": expanded,
     "random_seed": random.by_implementation("seed"),
     "random_fold_in": random.by_implementation("fold_in"),
     "random_bits": random.by_implementation("random_bits"),
