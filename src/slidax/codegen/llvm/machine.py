@@ -55,7 +55,7 @@ class Machine:
         self.target: Any = llvm.Target.from_default_triple().create_target_machine(
             cpu=self.cpu, features=self.features, opt=OPTIMISED, reloc="pic", codemodel="small"
         )
-        self.jit: Any = llvm.create_lljit_compiler(self.target, use_jit_link=False)
+        self.jit: Any = llvm.create_lljit_compiler(self.target, use_jit_link=True)
         self.numbers = itertools.count()
 
     def object_of(self, what: str, text: Callable[[], str]) -> bytes:
