@@ -6,8 +6,8 @@ from typing import Any
 
 import equinox as eqx
 import jax
-import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array
 
 from slidax._errors import DefinitionError, is_traced
 from slidax._types import Envelope, Reference, State
@@ -89,8 +89,8 @@ def define_loop(
         plant=plant,
         controller=controller,
         trajectory=trajectory,
-        period=jnp.asarray(period, float),
-        last=jnp.asarray(steps),
+        period=constant(float(period)),
+        last=constant(steps),
         windows=windows_of(steps, float(period), bands),
         integrator=integrator,
         substeps=substeps,
@@ -108,10 +108,19 @@ def windows_of(steps: int, period: float, bands: tuple[float, ...]) -> Windows:
     - `bands`: error bands for the settling time, rad or m.
     """
     return Windows(
-        steady=jnp.asarray(int(np.ceil(0.75 * steps))),
-        iae=jnp.asarray(int(np.floor(2.0 / period + 1e-6)) + 1),
-        bands=jnp.asarray(bands, float),
+        steady=constant(int(np.ceil(0.75 * steps))),
+        iae=constant(int(np.floor(2.0 / period + 1e-6)) + 1),
+        bands=constant(np.asarray(bands, float)),
     )
+
+
+def constant(number: Any) -> Array:
+    """A known number or array as JAX's, which `jnp.asarray` would compile a program for.
+
+    - `number`: Python's or NumPy's.
+    """
+    array: Array = jax.device_put(np.asarray(number))
+    return array
 
 
 def _steps(t1: float, period: float) -> int:

@@ -6,8 +6,6 @@ import time
 from collections.abc import Callable
 from typing import Any, Literal
 
-import jax.numpy as jnp
-
 from slidax._errors import OutcomeError, is_traced
 from slidax._types import Envelope, Reference, State
 from slidax.codegen.trace import NoNativeCodeError
@@ -16,7 +14,7 @@ from slidax.numerics import runge_kutta_4
 from slidax.trajectories import AbstractTrajectory
 
 from . import native_engine, xla_engine
-from .define import define_loop, require_start_inside
+from .define import constant, define_loop, require_start_inside
 from .engine import Engine, engine_for, say_xla_instead
 from .plant import Plant
 from .rollout import Begun, Integrator, Loop, begin
@@ -97,7 +95,7 @@ def simulate(
         excursion=carry.excursion,
         state=carry.good,
         period=loop.period,
-        t1=jnp.asarray(t1, float),
+        t1=constant(float(t1)),
         joint_units=plant.robot.joint_units,
         has_envelope=envelope is not None,
         timing=timing,

@@ -92,5 +92,6 @@ RULES: dict[str, Callable[[Builder, Any, list[Values]], Values | list[Values]]] 
     "empty": _kind_only,
     "platform_index": _platform,
     "optimization_barrier": lambda b, eqn, arrays: arrays,
+    "device_put": lambda b, eqn, arrays: arrays,
 }
 """The rule of each primitive, by its name."""
