@@ -94,7 +94,8 @@ def _exported(laws: dict[str, Any]) -> list[str]:
     lines = [
         "## The exported C step",
         "",
-        "200 000 steps of the closed loop, each timed by itself, by the latency program of `slidax export c`; gcc -O3.",
+        "200 000 steps of the closed loop, each timed by itself, by the latency program of `slidax export c`; gcc -O3;",
+        "the least of five runs.",
         "",
         "| scenario | median [ns] | p99 [ns] | p99.9 [ns] | longest [ns] | lines of C |",
         "|---|---:|---:|---:|---:|---:|",
