@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import equinox as eqx
+import jax
 from jaxtyping import Array, Float
 
 Scalar = Float[Array, ""]
@@ -70,3 +71,12 @@ class Command(eqx.Module):
     memory: Memory
     signals: dict[str, Float[Array, "..."]]
     rate: Memory = None
+
+    def memory_after(self, period: Scalar) -> Memory:
+        """The memory at the next sample: one with a rate moves on by Euler's rule, `m + h ṁ`.
+
+        - `period`: h [s].
+        """
+        if self.rate is None:
+            return self.memory
+        return jax.tree.map(lambda m, dm: m + period * dm, self.memory, self.rate)

@@ -10,6 +10,7 @@ import numpy as np
 
 from .fold import folded
 from .form import FLOATS, Branch, Input, Loop, Number, Output, Program, Region, Type, Value
+from .prune import prune
 
 Values = np.ndarray
 """An array of `Value`s, with dtype object."""
@@ -163,8 +164,6 @@ class Builder:
 
     def finish(self) -> Program:
         """The program, without what nothing needs."""
-        from .prune import prune
-
         prune(self.program)
         return self.program
 

@@ -190,10 +190,7 @@ class GuardedStep(AbstractController):
         """
         period = self._period()
         command = self.controller(t, state, reference_now, reference_next, memory.law)
-        law = command.memory
-        if command.rate is not None:
-            # As the simulation does in held mode.
-            law = jax.tree.map(lambda m, dm: m + period * dm, law, command.rate)
+        law = command.memory_after(period)
 
         # What the drive held before the first command is not known, so that its rate is not limited.
         held = self.held(memory)

@@ -15,6 +15,7 @@ from slidax.codegen.builder import Builder, Values
 from slidax.codegen.form import Program, Value
 from slidax.codegen.trace import inline
 from slidax.codegen.trace.arrays import filled
+from slidax.codegen.trace.packed import packed, unpacked
 from slidax.codegen.trace.trace import kind, leaves
 
 from .rollout import Carry, Loop, begin, sample
@@ -82,29 +83,29 @@ def _lowered(define: Define, arrays: Any, *, logged: bool, batch: bool) -> Nativ
     carried = len(jax.tree.leaves(start.result[0]))
     begun = _begun(b, start, lambda: inline(b, start.jaxpr, given, constants=of_start), carried, batch)
     fault = _place_of_fault(start.result[0])
-    pack = _Packed(begun[:carried])
+    shapes = [array.shape for array in begun[:carried]]
     zero, one = b.constant(0, "i64"), b.constant(1, "i64")
 
     def unfinished(numbers: Sequence[Value]) -> Value:
         more = b.apply("lt", numbers[0], steps)
         if batch:
             return more
-        found = pack.unpacked(numbers[3:])[fault].item()
+        found = unpacked(numbers[3:], shapes)[fault].item()
         return b.apply("and", more, b.apply("eq", found, b.constant(0, found.type)))
 
     def following(numbers: Sequence[Value]) -> list[Value]:
         count, left, row = numbers[:3]
-        results = inline(b, turn.jaxpr, [*given, *pack.unpacked(numbers[3:])], constants=of_turn)
+        results = inline(b, turn.jaxpr, [*given, *unpacked(numbers[3:], shapes)], constants=of_turn)
         if every is not None:
             due = b.apply("eq", left, zero)
             for output, values in zip(rows, results[carried:], strict=True):
                 b.store(output, row, due, values)
             left = b.apply("sub", b.apply("select", due, every, left), one)
             row = b.apply("add", row, b.apply("convert", due, type="i64"))
-        return [b.apply("add", count, one), left, row, *pack.packed(results[:carried])]
+        return [b.apply("add", count, one), left, row, *packed(results[:carried])]
 
-    ended = b.loop([zero, zero, zero, *pack.start], unfinished, following, steps if batch else None)
-    results = [*pack.unpacked(ended[3:]), *begun[carried:]]
+    ended = b.loop([zero, zero, zero, *packed(begun[:carried])], unfinished, following, steps if batch else None)
+    results = [*unpacked(ended[3:], shapes), *begun[carried:]]
     for (name, leaf), values in zip(leaves((start.result,), ("",)), results, strict=True):
         b.output(name, kind(leaf.dtype, name), values)
     return NativeLoop(b.finish(), tuple(outside.arrays), start.result, turn.result[1] if logged else None)
@@ -118,8 +119,9 @@ def _begun(b: Builder, start: _Traced, afresh: Callable[[], list[Values]], carri
     found = leaves((start.result,), ("",))
     inputs = [b.input(name, kind(leaf.dtype, name), leaf.shape) for name, leaf in found[:carried]]
     nothing = [filled(b.constant(0, kind(leaf.dtype, name)), leaf.shape) for name, leaf in found[carried:]]
-    pack = _Packed([*inputs, *nothing])
-    return pack.unpacked(b.branch(fresh, lambda: pack.packed(afresh()), lambda: pack.start))
+    given = [*inputs, *nothing]
+    values = b.branch(fresh, lambda: packed(afresh()), lambda: packed(given))
+    return unpacked(values, [array.shape for array in given])
 
 
 class _Traced:
@@ -155,27 +157,6 @@ class _Outside:
                 self.arrays.append(np.asarray(const))
             found.append(self._known[id(const)])
         return found
-
-
-class _Packed:
-    """Between arrays and the flat numbers that a loop carries."""
-
-    def __init__(self, arrays: Sequence[Values]) -> None:
-        self.shapes = [array.shape for array in arrays]
-        self.start = self.packed(arrays)
-
-    def packed(self, arrays: Sequence[Values]) -> list[Value]:
-        return [value for array in arrays for value in array.ravel()]
-
-    def unpacked(self, values: Sequence[Value]) -> list[Values]:
-        arrays, place = [], 0
-        for shape in self.shapes:
-            size = int(np.prod(shape, dtype=int))
-            array = np.empty(size, object)
-            array[:] = values[place : place + size]
-            arrays.append(array.reshape(shape))
-            place += size
-        return arrays
 
 
 def _place_of_fault(carry: Carry) -> int:

@@ -220,9 +220,7 @@ def _held_step(loop: Loop, carry: Carry, t: Scalar) -> tuple[State, Passed, tupl
         measurement, sensor = plant.sensor(carry.k, carry.state, period, carry.sensor)
         seen, fresh = measurement.state, measurement.fresh
     now = _evaluate(loop, t, carry.state, seen, carry.memory, t + period)
-    memory = now.command.memory
-    if now.command.rate is not None:
-        memory = jax.tree.map(lambda m, dm: m + period * dm, memory, now.command.rate)
+    memory = now.command.memory_after(period)
     tau = now.command.tau
     if fresh is not None and carry.torque is not None:
         # No measurement, no new command: the last one stands, and the law has seen nothing.

@@ -23,6 +23,19 @@ TYPES: dict[str, Type] = {
 """The form's name of each dtype."""
 
 
+def type_of(dtype: Any) -> Type:
+    """The form's name of a dtype.
+
+    - `dtype`: NumPy's.
+
+    Raises NotImplementedError if it has none.
+    """
+    name = np.dtype(dtype).name
+    if name not in TYPES:
+        raise NotImplementedError(f"arrays of {name}; use float64, int64 or bool")
+    return TYPES[name]
+
+
 def of_list(values: Iterable[Value], shape: tuple[int, ...]) -> Values:
     """An array of values.
 
@@ -42,7 +55,7 @@ def of_numbers(builder: Builder, numbers: Any) -> Values:
     - `numbers`: anything that NumPy takes, of a type in `TYPES`.
     """
     array = np.asarray(numbers)
-    kind = TYPES[array.dtype.name]
+    kind = type_of(array.dtype)
     return of_list((builder.constant(number, kind) for number in array.ravel().tolist()), array.shape)
 
 

@@ -10,7 +10,8 @@ import numpy as np
 from slidax.codegen.builder import Builder, Values
 from slidax.codegen.form import Value
 
-from .arrays import chosen, of_list
+from .arrays import chosen, filled, of_list, type_of
+from .packed import packed, unpacked
 
 Inline = Callable[[Any, Sequence[Values]], list[Values]]
 """From a closed jaxpr and its arguments to its results."""
@@ -24,17 +25,18 @@ def while_loop(b: Builder, equation: Any, arrays: list[Values], inline: Inline) 
     params = equation.params
     of_condition, of_body = params["cond_nconsts"], params["body_nconsts"]
     condition_shares, shares = arrays[:of_condition], arrays[of_condition : of_condition + of_body]
-    pack = _Packed(arrays[of_condition + of_body :])
+    start = arrays[of_condition + of_body :]
+    shapes = [array.shape for array in start]
 
     def condition(carried: Sequence[Value]) -> Value:
-        (answer,) = inline(params["cond_jaxpr"], [*condition_shares, *pack.unpacked(carried)])
+        (answer,) = inline(params["cond_jaxpr"], [*condition_shares, *unpacked(carried, shapes)])
         value: Value = answer.item()
         return value
 
     def body(carried: Sequence[Value]) -> list[Value]:
-        return pack.packed(inline(params["body_jaxpr"], [*shares, *pack.unpacked(carried)]))
+        return packed(inline(params["body_jaxpr"], [*shares, *unpacked(carried, shapes)]))
 
-    return pack.unpacked(b.loop(pack.start, condition, body))
+    return unpacked(b.loop(packed(start), condition, body), shapes)
 
 
 def scan(b: Builder, equation: Any, arrays: list[Values], inline: Inline) -> list[Values]:
@@ -58,16 +60,16 @@ def scan(b: Builder, equation: Any, arrays: list[Values], inline: Inline) -> lis
         return [*results[:kept], *stacks]
 
     # What the stacks hold before they are written is never read.
-    empty = [_unwritten(b, var) for var in equation.outvars[kept:]]
-    pack = _Packed([*carry, *empty])
+    start = [*carry, *(filled(b.constant(0, type_of(aval.dtype)), aval.shape) for aval in avals)]
+    shapes = [array.shape for array in start]
     zero, one, turns = (b.constant(k, "i64") for k in (0, 1, length))
     left = b.loop(
-        [zero, *pack.start],
+        [zero, *packed(start)],
         lambda carried: b.apply("lt", carried[0], turns),
-        lambda carried: [b.apply("add", carried[0], one), *pack.packed(turn(carried[0], pack.unpacked(carried[1:])))],
+        lambda carried: [b.apply("add", carried[0], one), *packed(turn(carried[0], unpacked(carried[1:], shapes)))],
         turns,
     )
-    return pack.unpacked(left[1:])
+    return unpacked(left[1:], shapes)
 
 
 def _consts_and_carry(params: dict[str, Any]) -> tuple[int, int]:
@@ -114,12 +116,6 @@ def _with_row(b: Builder, stack: Values, at: Value, row: Values) -> Values:
     return flat.reshape(stack.shape)
 
 
-def _unwritten(b: Builder, var: Any) -> Values:
-    from .arrays import TYPES, filled
-
-    return filled(b.constant(0, TYPES[var.aval.dtype.name]), var.aval.shape)
-
-
 def cond(b: Builder, equation: Any, arrays: list[Values], inline: Inline) -> list[Values]:
     """`lax.cond` and `lax.switch`."""
     index, operands = arrays[0].item(), arrays[1:]
@@ -133,23 +129,12 @@ def _switch(
     """The branch whose number `index` is, the last for all beyond; `branches` are those from number `first` on."""
     if len(branches) == 1:
         return inline(branches[0], operands)
-    shapes: list[tuple[int, ...]] = [aval.shape for aval in branches[0].out_avals]
-
-    def flat(results: list[Values]) -> list[Value]:
-        return [value for array in results for value in array.ravel()]
-
-    here = _is_up_to(b, index, first)
     values = b.branch(
-        here,
-        lambda: flat(inline(branches[0], operands)),
-        lambda: flat(_switch(b, index, branches[1:], first + 1, operands, inline)),
+        _is_up_to(b, index, first),
+        lambda: packed(inline(branches[0], operands)),
+        lambda: packed(_switch(b, index, branches[1:], first + 1, operands, inline)),
     )
-    results, place = [], 0
-    for shape in shapes:
-        size = int(np.prod(shape, dtype=int))
-        results.append(of_list(values[place : place + size], shape))
-        place += size
-    return results
+    return unpacked(values, [aval.shape for aval in branches[0].out_avals])
 
 
 def _is_up_to(b: Builder, index: Value, number: int) -> Value:
@@ -159,22 +144,3 @@ def _is_up_to(b: Builder, index: Value, number: int) -> Value:
     if index.type == "b1":
         return b.apply("not", index)
     return b.apply("le", index, b.constant(number, index.type))
-
-
-class _Packed:
-    """Between arrays and the flat numbers that a loop carries."""
-
-    def __init__(self, arrays: Sequence[Values]) -> None:
-        self.shapes = [array.shape for array in arrays]
-        self.start = self.packed(arrays)
-
-    def packed(self, arrays: Sequence[Values]) -> list[Value]:
-        return [value for array in arrays for value in array.ravel()]
-
-    def unpacked(self, values: Sequence[Value]) -> list[Values]:
-        arrays, place = [], 0
-        for shape in self.shapes:
-            size = int(np.prod(shape, dtype=int))
-            arrays.append(of_list(values[place : place + size], shape))
-            place += size
-        return arrays

@@ -8,7 +8,7 @@ from typing import Any
 from slidax.codegen.builder import Builder, Values
 from slidax.codegen.form import FLOATS, Type, Value
 
-from .arrays import TYPES, each
+from .arrays import each, type_of
 
 SAME = {
     "add": "add",
@@ -86,7 +86,7 @@ def _of_bools(b: Builder, op: str, args: tuple[Value, ...]) -> Value:
 
 
 def _type(equation: Any) -> Type:
-    return TYPES[equation.outvars[0].aval.dtype.name]
+    return type_of(equation.outvars[0].aval.dtype)
 
 
 def _convert(b: Builder, equation: Any, arrays: list[Values]) -> Values:

@@ -143,10 +143,6 @@ class _Inlining:
                 return results
         except NotImplementedError as error:
             raise NoNativeCodeError(f"no native code for {error}{self._where(equation)}") from None
-        except KeyError as error:
-            if "dtype" not in repr(error) and error.args and str(error.args[0]) in ("int8", "uint8", "float16"):
-                raise NoNativeCodeError(f"no native code for {error.args[0]}{self._where(equation)}") from None
-            raise
         remedy = REMEDIES.get(name, "write it with other operations of `jax.numpy`, or simulate with the engine `xla`")
         raise NoNativeCodeError(f"no native code for the JAX primitive `{name}`{self._where(equation)}: {remedy}")
 

@@ -9,6 +9,7 @@ import jax
 import numpy as np
 
 from slidax.codegen.builder import Builder, Values
+from slidax.codegen.fold import DTYPES
 from slidax.codegen.form import Value
 
 from .arrays import each, of_list, of_numbers
@@ -81,8 +82,6 @@ def by_implementation(name: str) -> Callable[[Builder, Any, list[Values], Inline
 
 
 def _dtype(array: Values) -> Any:
-    from slidax.codegen.fold import DTYPES
-
     return DTYPES[array.flat[0].type]
 
 

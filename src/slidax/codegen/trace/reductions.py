@@ -10,7 +10,7 @@ import numpy as np
 from slidax.codegen.builder import Builder, Values
 from slidax.codegen.form import FLOATS, Number, Type, Value
 
-from .arrays import TYPES, fold, of_list
+from .arrays import fold, of_list, type_of
 
 
 def _reduced(op: str, empty: Number) -> Callable[[Builder, Any, list[Values]], Values]:
@@ -19,7 +19,7 @@ def _reduced(op: str, empty: Number) -> Callable[[Builder, Any, list[Values]], V
         kept = [axis for axis in range(array.ndim) if axis not in axes]
         shape = tuple(array.shape[axis] for axis in kept)
         rows = array.transpose((*kept, *axes)).reshape((_size(shape), _size(array.shape[axis] for axis in axes)))
-        kind = TYPES[equation.outvars[0].aval.dtype.name]
+        kind = type_of(equation.outvars[0].aval.dtype)
         name = _of_kind(op, kind)
         none = b.constant(empty, kind) if np.isfinite(empty) or kind in FLOATS else b.constant(0, kind)
         return of_list((fold(lambda x, y: b.apply(name, x, y), row, none) for row in rows), shape)
@@ -58,7 +58,7 @@ def _place_of(better: str) -> Callable[[Builder, Any, list[Values]], Values]:
     def rule(b: Builder, equation: Any, arrays: list[Values]) -> Values:
         (axis,) = equation.params["axes"]
         moved = np.moveaxis(arrays[0], axis, -1)
-        kind = TYPES[equation.outvars[0].aval.dtype.name]
+        kind = type_of(equation.outvars[0].aval.dtype)
 
         def first(row: list[Value]) -> Value:
             best, place = row[0], b.constant(0, kind)
@@ -93,7 +93,7 @@ def _dot(b: Builder, equation: Any, arrays: list[Values]) -> Values:
         shapes = [tuple(array.shape[axis] for axis in axes) for axes in (shared, free, summed)]
         sides.append((array.transpose((*shared, *free, *summed)).reshape([_size(s) for s in shapes]), shapes))
     (x, (shared_shape, rows, _)), (y, (_, columns, _)) = sides
-    kind = TYPES[equation.outvars[0].aval.dtype.name]
+    kind = type_of(equation.outvars[0].aval.dtype)
 
     def entry(p: Any, q: Any) -> Value:
         products = (b.apply("mul", u, v) for u, v in zip(p, q, strict=True))

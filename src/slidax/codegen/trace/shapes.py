@@ -9,7 +9,7 @@ import numpy as np
 
 from slidax.codegen.builder import Builder, Values
 
-from .arrays import TYPES, filled, of_numbers
+from .arrays import filled, of_numbers, type_of
 
 
 def _broadcast(b: Builder, equation: Any, arrays: list[Values]) -> Values:
@@ -72,7 +72,7 @@ def _platform(b: Builder, equation: Any, arrays: list[Values]) -> Values:
 
 
 def _kind_only(b: Builder, equation: Any, arrays: list[Values]) -> Values:
-    return filled(b.constant(0, TYPES[equation.outvars[0].aval.dtype.name]), equation.outvars[0].aval.shape)
+    return filled(b.constant(0, type_of(equation.outvars[0].aval.dtype)), equation.outvars[0].aval.shape)
 
 
 RULES: dict[str, Callable[[Builder, Any, list[Values]], Values | list[Values]]] = {

@@ -11,7 +11,7 @@ import numpy as np
 from slidax.codegen.builder import Builder
 from slidax.codegen.form import Program
 
-from .arrays import TYPES
+from .arrays import type_of
 from .inline import NoNativeCodeError, inline
 
 
@@ -62,9 +62,10 @@ def kind(dtype: Any, name: str) -> Any:
 
     Raises NoNativeCodeError if it has none.
     """
-    if np.dtype(dtype).name not in TYPES:
-        raise NoNativeCodeError(f"no native code for arrays of {dtype}, as `{name}` is: use float64, int64 or bool")
-    return TYPES[np.dtype(dtype).name]
+    try:
+        return type_of(dtype)
+    except NotImplementedError as error:
+        raise NoNativeCodeError(f"`{name}`: no native code for {error}") from None
 
 
 def _written(path: Sequence[Any]) -> str:
