@@ -38,6 +38,9 @@ class FreeMass(AbstractRobot):
     def bias(self, q, dq):
         return jnp.zeros(1)
 
+    def friction(self, dq):
+        return jnp.zeros_like(dq)
+
     def potential(self, q):
         return jnp.zeros(())
 

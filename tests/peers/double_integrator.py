@@ -48,6 +48,9 @@ class OneJoint(AbstractRobot):
     def bias(self, q, dq):
         return jnp.zeros_like(q)
 
+    def friction(self, dq):
+        return jnp.zeros_like(dq)
+
     def potential(self, q):
         return jnp.zeros(())
 

@@ -14,14 +14,14 @@ from slidax.numerics import matvec, solve_symmetric
 
 
 class AbstractRobot(eqx.Module):
-    """A rigid arm `M(q) q̈ + C(q,q̇) q̇ + G(q) = τ + τ_d`, eq. (10), with its tip's place.
+    """A rigid arm `M(q) q̈ + C(q,q̇) q̇ + G(q) + F(q̇) = τ + τ_d`, eq. (10) with joint friction F, and its tip's place.
 
-    A member gives `mass`, `bias`, `potential` and `tip`; the rest follows from them. Class constants name the joints:
+    A member gives `mass`, `bias`, `friction`, `potential` and `tip`; the rest follows from them.
 
     - `joint_units`: "rad" for a revolute joint, "m" for a prismatic one; one entry per joint.
     """
 
-    joint_units: eqx.AbstractClassVar[tuple[str, ...]]
+    joint_units: eqx.AbstractVar[tuple[str, ...]]
 
     @property
     def joints(self) -> int:
@@ -45,6 +45,15 @@ class AbstractRobot(eqx.Module):
         """`C(q,q̇) q̇ + G(q)`, [n], N m or N.
 
         - `q`, `dq`: positions and velocities [n].
+        """
+
+    @abstractmethod
+    def friction(self, dq: Vector) -> Vector:
+        """The joints' own friction `F(q̇)`, [n], N m or N; 0 for an arm without.
+
+        A law does not count on it: its sign turns with noise. So it is no part of `bias`.
+
+        - `dq`: velocities [n].
         """
 
     @abstractmethod
@@ -86,9 +95,9 @@ class AbstractRobot(eqx.Module):
         return 0.5 * jnp.sum(state.dq * matvec(self.mass(state.q), state.dq)) + self.potential(state.q)
 
     def acceleration(self, state: State, tau: Vector) -> Vector:
-        """`q̈ = M(q)⁻¹ (τ - C q̇ - G)`, [n].
+        """`q̈ = M(q)⁻¹ (τ - C q̇ - G - F)`, [n].
 
         - `state`: positions and velocities.
         - `tau`: all generalised forces together [n], N m or N.
         """
-        return solve_symmetric(self.mass(state.q), tau - self.bias(state.q, state.dq))
+        return solve_symmetric(self.mass(state.q), tau - self.bias(state.q, state.dq) - self.friction(state.dq))

@@ -36,7 +36,7 @@ class Scara(AbstractRobot):
     masses: Float[Array, "3"] = eqx.field(converter=parameter)
     gravity_acceleration: Scalar = eqx.field(converter=parameter, default=9.8)
 
-    joint_units: ClassVar[tuple[str, ...]] = ("rad", "rad", "m")
+    joint_units: ClassVar[tuple[str, ...]] = ("rad", "rad", "m")  # type: ignore[misc]  # every such arm has them
 
     def __check_init__(self) -> None:
         require_shape(self, (2,), "lengths")
@@ -68,6 +68,13 @@ class Scara(AbstractRobot):
         l1, l2 = self.lengths
         h = (m2 + m3) * l1 * l2 * once(jnp.sin(q[1]))
         return jnp.array([-h * dq[1] * (2.0 * dq[0] + dq[1]), h * dq[0] * dq[0], -m3 * self.gravity_acceleration])
+
+    def friction(self, dq: Vector) -> Vector:
+        """None, [3].
+
+        - `dq`: velocities [3].
+        """
+        return jnp.zeros_like(dq)
 
     def potential(self, q: Vector) -> Scalar:
         """Potential energy, J: the last link falls as q3 grows.

@@ -40,7 +40,7 @@ class TwoLink(AbstractRobot):
     inertias: Float[Array, "2"] = eqx.field(converter=parameter)
     gravity_acceleration: Scalar = eqx.field(converter=parameter, default=9.8)
 
-    joint_units: ClassVar[tuple[str, ...]] = ("rad", "rad")
+    joint_units: ClassVar[tuple[str, ...]] = ("rad", "rad")  # type: ignore[misc]  # every such arm has them
 
     def __check_init__(self) -> None:
         require_shape(self, (2,), "lengths", "masses", "inertias")
@@ -78,6 +78,13 @@ class TwoLink(AbstractRobot):
         g2 = m2 * l2 * g * (cos1 * cos2 - sin1 * sin2)
         g1 = (m1 + m2) * l1 * g * cos1 + g2
         return jnp.array([g1 - h * dq[1] * (2.0 * dq[0] + dq[1]), g2 + h * dq[0] * dq[0]])
+
+    def friction(self, dq: Vector) -> Vector:
+        """None, [2].
+
+        - `dq`: velocities [2].
+        """
+        return jnp.zeros_like(dq)
 
     def potential(self, q: Vector) -> Scalar:
         """Potential energy, J.

@@ -100,7 +100,8 @@ class ScenarioDescription(Description):
         Raises DefinitionError, with the path of the field, if a part cannot be.
         """
         with located("robot"):
-            true, nominal = self.robot.build()
+            arms = self.robot.build()
+            true, nominal = arms.true, arms.nominal
         with located("trajectory"):
             trajectory = self.trajectory.build()
             followed = eqx.filter_eval_shape(trajectory.position, jax.ShapeDtypeStruct((), float)).shape
@@ -113,7 +114,8 @@ class ScenarioDescription(Description):
         with located("sensor"):
             sensor = self.sensor.build(simulation.period, true.joints)
         with located("actuator"):
-            actuator = self.actuator.build(true.joints)
+            drive = self.actuator.of_robot(arms.limits)
+            actuator = drive.build(true.joints)
         with located("start"):
             state0 = self.start.build(true.joints)
         with located("scheme"):
@@ -123,7 +125,7 @@ class ScenarioDescription(Description):
                     period=simulation.period,
                     delay=self.sensor.delay + self.actuator.dead_time,
                     dead_time=self.actuator.dead_time,
-                    limits=self.actuator.limits(),
+                    limits=drive.limits(),
                     variance=self.sensor.variance(),
                     has_velocity=self.sensor.velocity == "measured",
                     mass=nominal.mass(state0.q),
@@ -135,7 +137,7 @@ class ScenarioDescription(Description):
             robot=self.robot.kind,
             scheme=self.scheme.name,
             description=self,
-            plant=Plant(true, disturbance, sensor, actuator),
+            plant=Plant(true, disturbance, sensor, actuator, arms.load),
             controller=controller,
             trajectory=trajectory,
             state0=state0,

@@ -12,6 +12,7 @@ from pydantic import Field
 
 from slidax._errors import DefinitionError, known, located, parameter
 from slidax.actuators import Actuator, TorqueLimits
+from slidax.robots import JointLimits
 from slidax.sensors import AbstractSensor, Delayed, DifferencedEncoders, Encoders, Exact, Lossy
 
 from .base import Description, Numbers
@@ -96,17 +97,34 @@ class SensorDescription(Description):
 class ActuatorDescription(Description):
     """What becomes of a commanded torque."""
 
-    torque: Numbers | None = None
-    """Largest torque [N m or N]; no limit if not given."""
-    rate: Numbers | None = None
-    """Fastest change of torque [N m/s or N/s]; no limit if not given."""
+    torque: Numbers | Literal["robot"] | None = None
+    """Largest torque [N m or N]; `robot`: as its data sheet says; no limit if not given."""
+    rate: Numbers | Literal["robot"] | None = None
+    """Fastest change of torque [N m/s or N/s]; `robot`: as its data sheet says; no limit if not given."""
     time_constant: Numbers = 0.0
     """Of a lag of first order [s]."""
     dead_time: Annotated[float, Field(ge=0)] = 0.0
     """Between a command and its torque [periods], whole or not."""
 
+    def of_robot(self, limits: JointLimits | None) -> ActuatorDescription:
+        """The same with the robot's own limits where they are asked for.
+
+        - `limits`: the robot's, if it has any.
+
+        Raises DefinitionError if it has none.
+        """
+        found = {}
+        for field, name in (("torque", "torque"), ("rate", "torque_rate")):
+            if getattr(self, field) != "robot":
+                continue
+            numbers = None if limits is None else known(getattr(limits, name))
+            if numbers is None or not np.isfinite(numbers).all():
+                raise DefinitionError("the robot's description has no such limit; give numbers", where=field)
+            found[field] = numbers.tolist()
+        return self.model_copy(update=found)
+
     def limits(self) -> TorqueLimits:
-        """The limits of torque and torque rate."""
+        """The limits of torque and torque rate, once those of the robot are known."""
         given = {"torque": self.torque, "rate": self.rate}
         return TorqueLimits(**{name: parameter(value) for name, value in given.items() if value is not None})
 

@@ -1,15 +1,14 @@
-"""Robots in a scenario file."""
+"""The arms of the two examples in a scenario file."""
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
-
-from pydantic import Field
+from typing import Any, Literal
 
 from slidax._errors import located
-from slidax.robots import AbstractRobot, Scara, TwoLink
+from slidax.robots import Scara, TwoLink
 
-from .base import Description
+from ..base import Description
+from .arms import Arms
 
 
 class TwoLinkParameters(Description):
@@ -69,13 +68,13 @@ class TwoLinkDescription(Description):
     nominal: TwoLinkChanges = TwoLinkChanges()
     """The arm as the law knows it."""
 
-    def build(self) -> tuple[AbstractRobot, AbstractRobot]:
+    def build(self) -> Arms:
         """The true robot and the nominal one."""
         true, known = _both(self.plant, self.nominal)
         with located("plant"):
             plant = TwoLink(**true)
         with located("nominal"):
-            return plant, TwoLink(**known)
+            return Arms(plant, TwoLink(**known))
 
 
 class ScaraDescription(Description):
@@ -87,17 +86,15 @@ class ScaraDescription(Description):
     nominal: ScaraChanges = ScaraChanges()
     """The arm as the law knows it."""
 
-    def build(self) -> tuple[AbstractRobot, AbstractRobot]:
+    def build(self) -> Arms:
         """The true robot and the nominal one."""
         true, known = _both(self.plant, self.nominal)
         with located("plant"):
             plant = Scara(**true)
         with located("nominal"):
-            return plant, Scara(**known)
+            return Arms(plant, Scara(**known))
 
 
 def _both(plant: Description, changes: Description) -> tuple[dict[str, Any], dict[str, Any]]:
     return plant.parameters(), plant.parameters() | changes.parameters()
 
-
-RobotDescription = Annotated[TwoLinkDescription | ScaraDescription, Field(discriminator="kind")]

@@ -1,0 +1,247 @@
+"""From described joints to an arm: fixed joints go, frames are turned so that each axis is z."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping, Sequence
+from difflib import get_close_matches
+
+import numpy as np
+from jaxtyping import Array
+
+from slidax._errors import DefinitionError, parameter
+
+from .articulated import Articulated
+from .joint import Joint
+from .joint_limits import JointLimits
+from .payload import Payload
+
+SMOOTHING = 0.01
+"""Velocity within which the Coulomb friction of a new arm turns, rad/s or m/s."""
+
+
+@dataclasses.dataclass
+class _Moved:
+    """A joint that stays, with all that is fixed to its link, in the link's frame."""
+
+    joint: Joint
+    mass: float
+    moment: np.ndarray
+    inertia: np.ndarray
+    """About the frame's origin."""
+
+
+@dataclasses.dataclass(frozen=True)
+class _Placed:
+    """Where a link's frame is on the moving link that carries it; None for the base."""
+
+    carrier: str | None
+    rotation: np.ndarray
+    translation: np.ndarray
+
+
+def assemble(
+    joints: Sequence[Joint],
+    *,
+    tip: str,
+    locked: Mapping[str, float] | None = None,
+    gravity: Sequence[float] = (0.0, 0.0, -9.81),
+    name: str = "robot",
+) -> Articulated:
+    """An arm made of joints.
+
+    What is behind a fixed or a locked joint becomes part of the link that carries it; what is fixed to the base is
+    dropped. The joints that are left keep their order, as far as each comes after the one that carries it.
+
+    - `joints`: in any order.
+    - `tip`: name of the link whose frame is the tip, also of one behind fixed joints.
+    - `locked`: joints that do not move, with their positions, rad or m.
+    - `gravity`: its acceleration in the base frame [3], m/s².
+    - `name`: of the arm.
+
+    Raises DefinitionError, naming joint or link, if the joints are no tree, a name is not known, or a link that moves
+    has no mass.
+    """
+    locked = dict(locked or {})
+    ordered = _in_order(joints)
+    _check_locked(locked, ordered)
+    placed: dict[str | None, _Placed] = {None: _Placed(None, np.eye(3), np.zeros(3))}
+    moved: dict[str, _Moved] = {}
+    for joint in ordered:
+        before = placed[joint.parent]
+        rotation = before.rotation @ np.asarray(joint.rotation, float)
+        translation = before.translation + before.rotation @ np.asarray(joint.translation, float)
+        if joint.kind != "fixed" and joint.name not in locked:
+            turn = _onto_z(np.asarray(joint.axis, float))
+            stays = dataclasses.replace(joint, parent=before.carrier, rotation=rotation @ turn, translation=translation)
+            moved[joint.name] = _Moved(stays, 0.0, np.zeros(3), np.zeros((3, 3)))
+            # The link's own frame, in the one whose z is the axis.
+            here = _Placed(joint.name, turn.T, np.zeros(3))
+        else:
+            rotation, translation = _at(joint, locked.get(joint.name, 0.0), rotation, translation)
+            here = _Placed(before.carrier, rotation, translation)
+        placed[joint.name] = here
+        if here.carrier is not None:
+            _add(moved[here.carrier], joint, here)
+    if not moved:
+        raise DefinitionError(f"{name} has no joint that moves")
+    _check_masses(moved, name)
+    return _arm(moved, _tip(tip, ordered, placed, name), gravity, name)
+
+
+def _in_order(joints: Sequence[Joint]) -> list[Joint]:
+    """Each after the one that carries it."""
+    by_name: dict[str, Joint] = {}
+    links: dict[str, str] = {}
+    for joint in joints:
+        if joint.name in by_name:
+            raise DefinitionError(f"there are two joints named `{joint.name}`")
+        if joint.link in links:
+            raise DefinitionError(
+                f"link `{joint.link}` is moved by two joints, `{links[joint.link]}` and `{joint.name}`"
+            )
+        by_name[joint.name] = joint
+        links[joint.link] = joint.name
+    for joint in joints:
+        if joint.parent is not None and joint.parent not in by_name:
+            raise DefinitionError(
+                f"joint `{joint.name}` is carried by joint `{joint.parent}`, which there is not; "
+                f"{nearest_name(joint.parent, by_name)}"
+            )
+    ordered: list[Joint] = []
+    done: set[str | None] = {None}
+    left = list(joints)
+    while left:
+        ready = next((joint for joint in left if joint.parent in done), None)
+        if ready is None:
+            names = ", ".join(f"`{joint.name}`" for joint in left)
+            raise DefinitionError(f"the joints {names} carry each other in a circle; an arm is a tree")
+        left.remove(ready)
+        ordered.append(ready)
+        done.add(ready.name)
+    return ordered
+
+
+def nearest_name(word: str, known: Sequence[str] | Mapping[str, object]) -> str:
+    """A question with the known name that is most like a given one, or the list of them all.
+
+    - `word`: the given one.
+    - `known`: what could have been.
+    """
+    close = get_close_matches(word, list(known), n=1, cutoff=0.6)
+    return f"did you mean `{close[0]}`?" if close else "there are: " + ", ".join(f"`{k}`" for k in known)
+
+
+def _check_locked(locked: Mapping[str, float], joints: Sequence[Joint]) -> None:
+    by_name = {joint.name: joint for joint in joints if joint.kind != "fixed"}
+    for name, position in locked.items():
+        if name not in by_name:
+            raise DefinitionError(f"`locked` names joint `{name}`, which does not move; {nearest_name(name, by_name)}")
+        joint = by_name[name]
+        if not (math.isfinite(position) and joint.lower - 1e-9 <= position <= joint.upper + 1e-9):
+            raise DefinitionError(
+                f"`locked` holds joint `{name}` at {position:g}, which is outside of its limits, "
+                f"{joint.lower:g} to {joint.upper:g}"
+            )
+
+
+def _onto_z(axis: np.ndarray) -> np.ndarray:
+    """Axes of a frame, as columns, whose z is along the given one; the given frame's own where they are."""
+    z = axis / np.linalg.norm(axis)
+    if z[2] == 1.0:
+        return np.eye(3)
+    # The coordinate axis that is most across, so that digits are kept.
+    first = np.eye(3)[int(np.argmin(np.abs(z)))]
+    x = np.cross(first, z)
+    x /= np.linalg.norm(x)
+    return np.stack([x, np.cross(z, x), z], axis=1)
+
+
+def _at(joint: Joint, position: float, rotation: np.ndarray, translation: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """A frame behind a joint that stands at a position."""
+    if joint.kind == "fixed":
+        return rotation, translation
+    axis = np.asarray(joint.axis, float) / np.linalg.norm(joint.axis)
+    if joint.kind == "prismatic":
+        return rotation, translation + rotation @ (position * axis)
+    cross = np.array([[0.0, -axis[2], axis[1]], [axis[2], 0.0, -axis[0]], [-axis[1], axis[0], 0.0]])
+    turn = np.eye(3) + math.sin(position) * cross + (1.0 - math.cos(position)) * (cross @ cross)
+    return rotation @ turn, translation
+
+
+def _add(carrier: _Moved, joint: Joint, here: _Placed) -> None:
+    """A link's mass to what moves with it."""
+    center = here.translation + here.rotation @ np.asarray(joint.center, float)
+    turned = here.rotation @ np.asarray(joint.inertia, float) @ here.rotation.T
+    carrier.mass += joint.mass
+    carrier.moment += joint.mass * center
+    carrier.inertia += turned + joint.mass * (center @ center * np.eye(3) - np.outer(center, center))
+
+
+def _check_masses(moved: Mapping[str, _Moved], name: str) -> None:
+    """A link may be without mass between two joints that meet, but not where nothing heavy follows."""
+    carried = {joint: body.mass for joint, body in moved.items()}
+    for joint in reversed(list(moved)):
+        parent = moved[joint].joint.parent
+        if moved[joint].mass == 0 and not (carried[joint] > 0 or moved[joint].joint.armature > 0):
+            raise DefinitionError(
+                f"link `{moved[joint].joint.link}` of {name}, moved by joint `{joint}`, has no mass, nor has anything "
+                f"that is fixed to it: give it mass and inertia, or lock the joint"
+            )
+        if parent is not None:
+            carried[parent] += carried[joint]
+
+
+def _tip(tip: str, joints: Sequence[Joint], placed: Mapping[str | None, _Placed], name: str) -> _Placed:
+    by_link = {joint.link: joint.name for joint in joints}
+    if tip not in by_link:
+        raise DefinitionError(f"`tip` names link `{tip}`, which {name} does not have; {nearest_name(tip, by_link)}")
+    place = placed[by_link[tip]]
+    if place.carrier is None:
+        raise DefinitionError(f"`tip` names link `{tip}` of {name}, which no joint moves")
+    return place
+
+
+def _arm(moved: Mapping[str, _Moved], tip: _Placed, gravity: Sequence[float], name: str) -> Articulated:
+    names = list(moved)
+    joints = [body.joint for body in moved.values()]
+    centers, inertias = [], []
+    for body in moved.values():
+        center = body.moment / body.mass if body.mass > 0 else np.zeros(3)
+        centers.append(center)
+        about = body.inertia - body.mass * (center @ center * np.eye(3) - np.outer(center, center))
+        inertias.append(0.5 * (about + about.T))
+
+    def each(field: str) -> Array:
+        return parameter([getattr(joint, field) for joint in joints])
+
+    assert tip.carrier is not None
+    return Articulated(
+        rotations=parameter(np.stack([joint.rotation for joint in joints])),
+        translations=parameter(np.stack([joint.translation for joint in joints])),
+        masses=parameter([body.mass for body in moved.values()]),
+        centers=parameter(np.stack(centers)),
+        inertias=parameter(np.stack(inertias)),
+        armature=each("armature"),
+        viscous=each("viscous"),
+        coulomb=each("coulomb"),
+        smoothing=parameter(SMOOTHING),
+        gravity_vector=parameter(gravity),
+        tip_rotation=parameter(tip.rotation),
+        tip_translation=parameter(tip.translation),
+        payload=Payload(),
+        limits=JointLimits(
+            lower=each("lower"),
+            upper=each("upper"),
+            velocity=each("velocity"),
+            torque=each("torque"),
+            torque_rate=each("torque_rate"),
+        ),
+        name=name,
+        joint_names=tuple(names),
+        link_names=tuple(joint.link for joint in joints),
+        parents=tuple(-1 if joint.parent is None else names.index(joint.parent) for joint in joints),
+        tip_joint=names.index(tip.carrier),
+        joint_units=tuple("rad" if joint.kind == "revolute" else "m" for joint in joints),
+    )

@@ -1,0 +1,122 @@
+"""A joint as a file or a data sheet describes it, with the link that it moves."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+
+from slidax._errors import DefinitionError
+
+ROUNDING = 1e-6
+"""By this share a printed inertia may miss what a rigid body can have: it is rounded."""
+
+
+def _zeros() -> np.ndarray:
+    return np.zeros(3)
+
+
+@dataclass(frozen=True, eq=False)
+class Joint:
+    """One joint and its link, in the link's frame, which is the joint's own.
+
+    - `name`: of the joint.
+    - `kind`: "revolute", "prismatic" or "fixed"; one that turns without end is revolute with infinite limits.
+    - `parent`: name of the joint before it; None for the base.
+    - `link`: name of the link that it moves.
+    - `rotation`, `translation`: the link's frame in that of the link before it, at position 0 [3 3], [3], m.
+    - `axis`: in the link's frame [3]; not used by a fixed joint.
+    - `mass`: of the link, kg.
+    - `center`: its centre of mass [3], m.
+    - `inertia`: about the centre of mass, in the link's axes [3 3], kg m².
+    - `lower`, `upper`: positions, rad or m.
+    - `velocity`, `torque`, `torque_rate`: the largest, rad/s or m/s, N m or N, N m/s or N/s.
+    - `armature`: inertia of the rotor, seen from the joint, kg m² or kg.
+    - `viscous`, `coulomb`: friction, N m s/rad or N s/m, N m or N.
+
+    Raises DefinitionError, naming joint or link, if something cannot be. A link without mass is refused by `assemble`,
+    and only if nothing that has mass moves with it.
+    """
+
+    name: str
+    kind: Literal["revolute", "prismatic", "fixed"]
+    parent: str | None
+    link: str
+    rotation: np.ndarray = field(default_factory=lambda: np.eye(3))
+    translation: np.ndarray = field(default_factory=_zeros)
+    axis: np.ndarray = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
+    mass: float = 0.0
+    center: np.ndarray = field(default_factory=_zeros)
+    inertia: np.ndarray = field(default_factory=lambda: np.zeros((3, 3)))
+    lower: float = -math.inf
+    upper: float = math.inf
+    velocity: float = math.inf
+    torque: float = math.inf
+    torque_rate: float = math.inf
+    armature: float = 0.0
+    viscous: float = 0.0
+    coulomb: float = 0.0
+
+    def __post_init__(self) -> None:
+        rotation = np.asarray(self.rotation, float)
+        if rotation.shape != (3, 3) or not np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-6):
+            raise DefinitionError(
+                f"the frame of joint `{self.name}` must have orthonormal axes; got {rotation.tolist()}"
+            )
+        if not np.isfinite(self.translation).all():
+            raise DefinitionError(f"the place of joint `{self.name}` must be finite; got {list(self.translation)}")
+        self._check_link()
+        if self.kind != "fixed":
+            self._check_motion()
+
+    def _check_link(self) -> None:
+        if not (math.isfinite(self.mass) and self.mass >= 0):
+            raise DefinitionError(f"the mass of link `{self.link}` must be >= 0 kg and finite; got {self.mass:g}")
+        if not np.isfinite(self.center).all():
+            raise DefinitionError(f"the centre of mass of link `{self.link}` must be finite; got {list(self.center)}")
+        inertia = np.asarray(self.inertia, float)
+        if inertia.shape != (3, 3) or not np.isfinite(inertia).all():
+            raise DefinitionError(f"the inertia of link `{self.link}` must be 3 x 3 and finite; got {inertia.tolist()}")
+        size = np.abs(inertia).max()
+        if self.mass == 0:
+            if size > 0:
+                raise DefinitionError(f"link `{self.link}` has inertia but no mass; give it a mass > 0 kg")
+            return
+        if not np.allclose(inertia, inertia.T, rtol=0, atol=1e-9 * size):
+            raise DefinitionError(f"the inertia of link `{self.link}` must be symmetric; got {inertia.tolist()}")
+        moments = np.linalg.eigvalsh(inertia)
+        if moments[0] <= 0:
+            raise DefinitionError(
+                f"the inertia of link `{self.link}` must be positive definite; its principal moments are "
+                f"{_listed(moments)} kg m²"
+            )
+        if moments[0] + moments[1] < moments[2] * (1.0 - ROUNDING):
+            raise DefinitionError(
+                f"the inertia of link `{self.link}` is of no rigid body: the largest of its principal moments "
+                f"{_listed(moments)} kg m² is more than the sum of the others"
+            )
+
+    def _check_motion(self) -> None:
+        size = float(np.linalg.norm(self.axis))
+        if not (math.isfinite(size) and size > 1e-9):
+            raise DefinitionError(f"the axis of joint `{self.name}` must have a direction; got {list(self.axis)}")
+        if not self.lower < self.upper:
+            raise DefinitionError(
+                f"the limits of joint `{self.name}` must be lower < upper; got {self.lower:g} and {self.upper:g}"
+            )
+        for what in ("velocity", "torque", "torque_rate"):
+            value = getattr(self, what)
+            if not value > 0:
+                name = what.replace("_", " ")
+                raise DefinitionError(f"the {name} limit of joint `{self.name}` must be > 0; got {value:g}")
+        for what in ("armature", "viscous", "coulomb"):
+            value = getattr(self, what)
+            if not (math.isfinite(value) and value >= 0):
+                name = {"armature": "armature", "viscous": "viscous friction", "coulomb": "Coulomb friction"}[what]
+                raise DefinitionError(f"the {name} of joint `{self.name}` must be >= 0 and finite; got {value:g}")
+
+
+def _listed(numbers: np.ndarray) -> str:
+    return ", ".join(f"{number:.3g}" for number in numbers)

@@ -1,0 +1,49 @@
+"""A payload that is taken up at one time and let go at another."""
+
+from __future__ import annotations
+
+import equinox as eqx
+import jax.numpy as jnp
+
+from slidax._errors import DefinitionError, known, parameter, require
+from slidax._types import Scalar
+
+from .articulated import Articulated
+from .payload import Payload
+from .robot import AbstractRobot
+
+
+class Load(eqx.Module):
+    """The tip carries `payload` for `attached <= t < released`.
+
+    The joints' velocities do not jump: the body has the tip's velocity when it is taken up, as it has when both rest,
+    and keeps it when it is let go.
+
+    - `payload`: what is carried.
+    - `attached`: from when [s].
+    - `released`: until when [s], after `attached`; infinite if not given.
+
+    Raises DefinitionError if it is not let go after it is taken up.
+    """
+
+    payload: Payload
+    attached: Scalar = eqx.field(converter=parameter, default=0.0)
+    released: Scalar = eqx.field(converter=parameter, default=float("inf"))
+
+    def __check_init__(self) -> None:
+        released = known(self.released)
+        require(self, "attached", released > known(self.attached), f"must be before `released` ({released} s)")
+
+    def on(self, robot: AbstractRobot, t: Scalar) -> AbstractRobot:
+        """The arm as it is at a time: with what it carries then beside what it carries always.
+
+        - `robot`: an `Articulated` arm.
+        - `t`: time [s].
+
+        Raises DefinitionError for an arm that cannot carry anything.
+        """
+        if not isinstance(robot, Articulated):
+            raise DefinitionError(f"a {type(robot).__name__} has no tip to carry a load; only an articulated arm has")
+        carried = jnp.where((t >= self.attached) & (t < self.released), 1.0, 0.0)
+        loaded: Articulated = eqx.tree_at(lambda arm: arm.payload, robot, robot.payload.joined(self.payload.times(carried)))
+        return loaded
