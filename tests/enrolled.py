@@ -8,10 +8,15 @@ from typing import Any
 import pytest
 
 
-def every(name: str, members: Sequence[tuple[str, Any]]) -> pytest.MarkDecorator:
+def every(name: str, members: Sequence[tuple[str, Any]], full: Sequence[str] = ()) -> pytest.MarkDecorator:
     """Runs the test once per member.
 
     - `name`: the argument of the test that takes the member.
     - `members`: (name, instance) pairs.
+    - `full`: names of members that are for the long version alone.
     """
-    return pytest.mark.parametrize(name, [pytest.param(instance, id=label) for label, instance in members])
+    parameters = [
+        pytest.param(instance, id=label, marks=[pytest.mark.full] if label in full else [])
+        for label, instance in members
+    ]
+    return pytest.mark.parametrize(name, parameters)

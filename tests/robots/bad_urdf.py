@@ -141,7 +141,11 @@ TREES = [
     case(
         "a cycle beside the arm",
         END,
-        SPARE + '<link name="other"/>' + joint("fixed", "a", "spare", "other") + joint("fixed", "b", "other", "spare") + END,
+        SPARE
+        + '<link name="other"/>'
+        + joint("fixed", "a", "spare", "other")
+        + joint("fixed", "b", "other", "spare")
+        + END,
         named="spare other",
     ),
     case("two links of one name", TOOL, TOOL + FORE + "</link>", named="fore"),
@@ -151,14 +155,27 @@ TREES = [
     case("an empty name", ELBOW, 'name="" type="revolute"', named="joint name fore"),
     case("no link", GOOD[GOOD.index("<link") : GOOD.index("</robot>")], "", named="link"),
     case("no joint", GOOD[GOOD.index("<joint") : GOOD.index("</robot>")], "", named="joint"),
-    case("no joint that moves", GOOD[GOOD.index('<joint name="elbow"') : GOOD.index("</robot>")], "",
-         'name="shoulder" type="revolute"', 'name="shoulder" type="fixed"', named="joint moves"),
+    case(
+        "no joint that moves",
+        GOOD[GOOD.index('<joint name="elbow"') : GOOD.index("</robot>")],
+        "",
+        'name="shoulder" type="revolute"',
+        'name="shoulder" type="fixed"',
+        named="joint moves",
+    ),
     case("two ends and no tip", END, SPARE + joint("fixed", "extra", "upper", "spare") + END, named="tool spare tip"),
 ]
 
 JOINTS = [
     case("a revolute joint without limits", LIMIT, "", named="elbow limit"),
-    case("a prismatic joint without limits", LIMIT, "", ELBOW, ELBOW.replace("revolute", "prismatic"), named="elbow limit"),
+    case(
+        "a prismatic joint without limits",
+        LIMIT,
+        "",
+        ELBOW,
+        ELBOW.replace("revolute", "prismatic"),
+        named="elbow limit",
+    ),
     case("limits misspelled", LIMIT, LIMIT.replace("<limit", "<limits"), named="elbow limits"),
     case("no lower limit", LIMIT, limit(lower=None), named="elbow lower"),
     case("no upper limit", LIMIT, limit(upper=None), named="elbow upper"),
@@ -189,7 +206,9 @@ JOINTS = [
 def mesh(path: str) -> BadFile:
     """The good arm with a mesh on the forearm."""
     visual = f'<visual><geometry><mesh filename="{path}"/></geometry></visual>'
-    return BadFile(f"a mesh that is not there, {path.split('.')[-1]}", changed(GOOD, FORE, FORE + visual), ("fore", path))
+    return BadFile(
+        f"a mesh that is not there, {path.split('.')[-1]}", changed(GOOD, FORE, FORE + visual), ("fore", path)
+    )
 
 
 MESHES = [
@@ -201,7 +220,12 @@ MESHES = [
         FORE + '<collision><geometry><mesh filename="package://no_such_package/fore.stl"/></geometry></collision>',
         named="fore no_such_package packages meshes=False",
     ),
-    case("a mesh without a file", FORE, FORE + "<visual><geometry><mesh/></geometry></visual>", named="fore mesh filename"),
+    case(
+        "a mesh without a file",
+        FORE,
+        FORE + "<visual><geometry><mesh/></geometry></visual>",
+        named="fore mesh filename",
+    ),
 ]
 
 TEXTS = [
@@ -219,16 +243,35 @@ TEXTS = [
     BadFile("a path that is not there", "no/such/robot.urdf", ("no/such/robot.urdf",)),
     BadFile("no XML", "<robot: my arm", ("XML", "line 1")),
     BadFile("the text cut off", GOOD[:900], ("XML", "line")),
+    BadFile("no text, but numbers", b"\x89PNG\r\n\x1a\n\x00\x00\x00", ("XML",)),
+    BadFile("a text in Latin-1 that says UTF-8", GOOD.replace("tool", "Träger").encode("latin-1"), ("XML", "line")),
+    BadFile("an encoding that does not exist", GOOD.replace("utf-8", "utf-88").encode(), ("utf-88",)),
     BadFile("two roots of the text", GOOD + "<robot/>", ("XML", "line")),
     BadFile("an SDF file", '<sdf version="1.9"><model name="a"/></sdf>', ("sdf", "robot")),
     BadFile("an MJCF file", "<mujoco><worldbody/></mujoco>", ("mujoco", "from_mjcf")),
-    BadFile("entities that grow without end", GOOD.replace('<robot name="arm">', BOMB + ']><robot name="arm">&i;'), ("DOCTYPE",)),
-    BadFile("a foreign entity", GOOD.replace('<robot name="arm">', '<!DOCTYPE robot [<!ENTITY x SYSTEM "file:///etc/hostname">]><robot name="&x;">'), ("DOCTYPE",)),
-    BadFile("100 000 nested elements", "<robot>" + "<link name='a'>" * 100_000 + "</link>" * 100_000 + "</robot>", ("nested",)),
+    BadFile(
+        "entities that grow without end",
+        GOOD.replace('<robot name="arm">', BOMB + ']><robot name="arm">&i;'),
+        ("DOCTYPE",),
+    ),
+    BadFile(
+        "a foreign entity",
+        GOOD.replace(
+            '<robot name="arm">', '<!DOCTYPE robot [<!ENTITY x SYSTEM "file:///etc/hostname">]><robot name="&x;">'
+        ),
+        ("DOCTYPE",),
+    ),
+    BadFile(
+        "100 000 nested elements",
+        "<robot>" + "<link name='a'>" * 100_000 + "</link>" * 100_000 + "</robot>",
+        ("nested",),
+    ),
     BadFile(
         "a chain of 20 000 links",
-        '<robot name="chain">' + "".join(f'<link name="l{i}"/>' for i in range(20_001))
-        + "".join(joint("fixed", f"j{i}", f"l{i}", f"l{i + 1}") for i in range(20_000)) + "</robot>",
+        '<robot name="chain">'
+        + "".join(f'<link name="l{i}"/>' for i in range(20_001))
+        + "".join(joint("fixed", f"j{i}", f"l{i}", f"l{i + 1}") for i in range(20_000))
+        + "</robot>",
         ("20001", "links"),
     ),
 ]

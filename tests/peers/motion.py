@@ -1,0 +1,71 @@
+"""How an arm moves in random states, as slidax computes it and to be compared with what others compute."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any, NamedTuple
+
+import jax
+import numpy as np
+
+from slidax._types import State
+from slidax.robots import Articulated
+
+WITHIN = 1e-10
+"""Of the norm, in each state."""
+
+
+class States(NamedTuple):
+    """Where an arm is and what drives it, [k n] each."""
+
+    q: np.ndarray
+    dq: np.ndarray
+    tau: np.ndarray
+
+
+class Motion(NamedTuple):
+    """What is compared: M [k n n], C q̇ + G, G, q̈ [k n], the tip's place [k 3] and axes [k 3 3]."""
+
+    mass: np.ndarray
+    bias: np.ndarray
+    gravity: np.ndarray
+    acceleration: np.ndarray
+    tip: np.ndarray
+    tip_axes: np.ndarray
+
+
+def random_states(robot: Articulated, count: int) -> States:
+    """Inside of the limits, or within half a turn or metre where there are none."""
+    rng, n = np.random.default_rng(11), robot.joints
+    lower, upper = np.maximum(robot.limits.lower, -np.pi), np.minimum(robot.limits.upper, np.pi)
+    return States(
+        rng.uniform(lower, upper, (count, n)), rng.normal(size=(count, n)), rng.normal(size=(count, n)) * 10.0
+    )
+
+
+def _motion(robot: Articulated, q: Any, dq: Any, tau: Any) -> Motion:
+    axes, tip = robot.tip_frame(q)
+    # Friction is not in what is compared: others smooth it in another way.
+    acceleration = robot.acceleration(State(q=q, dq=dq), tau + robot.friction(dq))
+    return Motion(robot.mass(q), robot.bias(q, dq), robot.gravity(q), acceleration, tip, axes)
+
+
+# To optimise it would take three times as long as it takes to run.
+_motions = jax.jit(jax.vmap(_motion, (None, 0, 0, 0)), compiler_options={"xla_backend_optimization_level": 0})
+
+
+def by_slidax(robot: Articulated, states: States) -> Motion:
+    """Names are left out, so that arms with equally many joints are compiled once."""
+    numbers = tuple(str(i) for i in range(robot.joints))
+    nameless = dataclasses.replace(robot, name="arm", joint_names=numbers, link_names=numbers)
+    return Motion(*(np.asarray(part) for part in _motions(nameless, *states)))
+
+
+def assert_same(ours: Motion, theirs: Motion) -> None:
+    """Norm by norm in each state."""
+    for name, one, other in zip(Motion._fields, ours, theirs, strict=True):
+        norm = np.linalg.norm(other.reshape(len(other), -1), axis=1)
+        error = np.linalg.norm((one - other).reshape(len(other), -1), axis=1)
+        # A vertical arm has no gravity at all: then both must have none.
+        share = np.max(error / np.maximum(norm, 1e-3))
+        assert share <= WITHIN, f"{name}: {share:.1e}"
