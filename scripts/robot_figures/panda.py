@@ -1,0 +1,152 @@
+"""The project's claim: one law beside its rivals, on a seven-joint arm at 1 kHz with all that a real one has."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from sampled_data_figures.loops import save, small, steady_error, steady_step, table, write_table
+
+from slidax import scenarios
+from slidax.figures.axes import use_time_axis
+from slidax.figures.overlay import crest
+from slidax.figures.style import BAND, BOUND, LINES, WIDTH, legend_above, styled
+from slidax.simulation import Run
+
+from .tuned import COMPUTED_TORQUE, SLOTINE_LI, tuned
+
+SCENARIO = "panda-payload"
+
+EXACT = {"sensor.resolution": 0.0, "sensor.velocity": "measured"}
+"""Positions and velocities as they are, one period old."""
+
+AS_PRINTED = {"scheme.sampled_data": None, "scheme.reaching.layer": 0.05, "simulation.outside": "raise"}
+
+COLUMNS = 400
+
+
+@dataclass(frozen=True)
+class Line:
+    """A law's run with one kind of measurements.
+
+    - `name`: of the law.
+    - `measured`: of the kind.
+    - `run`: with every sample logged.
+    """
+
+    name: str
+    measured: str
+    run: Run
+
+
+def lines() -> list[Line]:
+    """All laws with encoders alone, and then with exact measurements."""
+    found = []
+    for measured, changes in (("encoders", {}), ("exact", EXACT)):
+        found += _with(measured, changes)
+    return found
+
+
+def _with(measured: str, changes: dict[str, Any]) -> list[Line]:
+    ours = scenarios.load(SCENARIO, changes).simulate()
+    other = scenarios.load(SCENARIO, {**changes, "simulation.plant": "mujoco"}).simulate()
+    printed = scenarios.load(SCENARIO, {**changes, **AS_PRINTED}).simulate()
+    torque, gains = tuned(SCENARIO, COMPUTED_TORQUE, changes)
+    sliding, others = tuned(SCENARIO, SLOTINE_LI, changes)
+    return [
+        Line("sampled-data law", measured, ours),
+        Line("the same, arm simulated by MuJoCo", measured, other),
+        Line("the law as printed", measured, printed),
+        Line(f"computed torque + PD ({_listed(gains)})", measured, torque),
+        Line(f"Slotine-Li ({_listed(others)})", measured, sliding),
+    ]
+
+
+def _listed(gains: dict[str, float]) -> str:
+    return ", ".join(f"{name} {value:g}" for name, value in gains.items())
+
+
+def outside(run: Run, drawn: Run) -> np.ndarray:
+    """Which samples have a joint outside the envelope, whether the law knows of it or not.
+
+    - `run`: of any law.
+    - `drawn`: of the law that has the envelope.
+    """
+    e, count = np.asarray(run.log.e), len(run.log.t)
+    lower, upper = np.asarray(drawn.log.envelope.lower)[:count], np.asarray(drawn.log.envelope.upper)[:count]
+    return np.any((e <= lower) | (e >= upper), axis=1)
+
+
+def _row(line: Line, drawn: Run) -> list[str]:
+    if line.run.outcome.kind in ("left_envelope", "not_finite") and line.run.fault.kind:
+        what = "left its envelope" if line.run.outcome.kind == "left_envelope" else "became infinite"
+        return [line.name, line.measured, f"{what} at {line.run.outcome.t:.3g} s", "", ""]
+    count = int(np.sum(outside(line.run, drawn)))
+    error, step = steady_error(line.run), steady_step(line.run)
+    return [line.name, line.measured, f"{count} of {len(line.run.log.t)}", small(error), f"{step:.2g}"]
+
+
+@styled
+def draw(shown: list[Line]) -> Figure:
+    """The sizes of the errors of four laws, all seven joints in one panel each, in the envelope that one of them keeps.
+
+    - `shown`: the lines with encoders.
+    """
+    figure = Figure(figsize=(WIDTH, 4.1), layout="constrained")
+    panels = figure.subplots(2, 2, sharex=True, sharey=True).ravel()
+    ours = shown[0].run
+    bounds, t = ours.log.envelope, np.asarray(ours.log.t)
+    widest = np.max(np.abs([np.asarray(bounds.lower), np.asarray(bounds.upper)]), axis=(0, 2))
+    narrowest = np.min(np.abs([np.asarray(bounds.lower), np.asarray(bounds.upper)]), axis=(0, 2))
+    by_name = {line.name.split(" (")[0]: line.run for line in shown}
+    titles = ("sampled-data law", "the law as printed", "computed torque + PD", "Slotine-Li")
+    for axes, title in zip(panels, titles, strict=True):
+        run = by_name[title]
+        axes.set_yscale("log")
+        axes.set_ylim(1e-6, 3.0)
+        axes.fill_between(t, 1e-6, narrowest, **BAND)
+        axes.plot(t, narrowest, **BOUND)
+        axes.plot(t, widest, **{**BOUND, "linewidth": 0.6, "linestyle": (0, (4, 2))})
+        errors, times = np.abs(np.asarray(run.log.e)), np.asarray(run.log.t)
+        columns = max(2, round(COLUMNS * float(times[-1]) / float(t[-1])))
+        for joint in range(errors.shape[1]):
+            axes.plot(*crest(times, errors[:, joint], columns), color=LINES[0]["color"], linewidth=0.6, alpha=0.75)
+        over = outside(run, ours)
+        if over.any():
+            first = int(np.argmax(over))
+            axes.plot(times[first], errors[first].max(), "o", color="#C00000", markersize=4, zorder=4)
+        axes.set_title(title if title != "computed torque + PD" else "computed torque + PD, best of its grid")
+        if title == "Slotine-Li":
+            axes.set_title("Slotine-Li, best of its grid")
+        if run.log.t[-1] < t[-1]:
+            axes.axvspan(float(times[-1]), float(t[-1]), facecolor="1", edgecolor="none", alpha=0.72, zorder=3)
+            axes.annotate(
+                f"the run is over at {run.outcome.t:.2g} s", (float(times[-1]), 2e-4), (12, 0),
+                textcoords="offset points", color="#C00000", zorder=5,
+            )  # fmt: skip
+        use_time_axis(axes, 0.0, float(t[-1]))
+    for axes in panels[::2]:
+        axes.set_ylabel(r"$|e|$ of each joint  [rad]")
+    legend_above(
+        figure,
+        [
+            Line2D([], [], color=LINES[0]["color"], linewidth=0.8, label="error, seven joints"),
+            Patch(facecolor=BAND["facecolor"], edgecolor=BOUND["color"], linewidth=0.8, label="envelope"),
+            Line2D([], [], color="#C00000", marker="o", linestyle="none", markersize=4, label="first sample outside"),
+        ],
+    )
+    return figure
+
+
+def make() -> None:
+    """Simulates all of them, and writes the figure and the table of the README."""
+    found = lines()
+    drawn = {line.measured: line.run for line in reversed(found) if line.name == "sampled-data law"}
+    rows = [_row(line, drawn[line.measured]) for line in found]
+    head = ["law", "measurements", "samples outside", "steady error [rad]", "torque step, steady [N m]"]
+    write_table("../README.md", "panda", table(head, rows))
+    save(draw([line for line in found if line.measured == "encoders"]), "panda-payload")

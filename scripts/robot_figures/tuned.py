@@ -1,0 +1,80 @@
+"""Rival laws with the best gains of a grid, found on the very run that they are shown on."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+
+from slidax import metrics, scenarios, simulate_batch
+from slidax.simulation import Run
+
+
+@dataclass(frozen=True)
+class Rival:
+    """A law, and what of it is tried.
+
+    - `scheme`: its name in a scenario file.
+    - `gains`: values by the names of the gains.
+    - `chosen`: the leaves of the controller that these are, in the same order.
+    """
+
+    scheme: str
+    gains: dict[str, list[float]]
+    chosen: Callable[[Any], Any]
+
+
+COMPUTED_TORQUE = Rival(
+    "computed_torque",
+    {"kp": [50.0, 100.0, 200.0, 400.0, 800.0, 1600.0, 3200.0], "kd": [10.0, 20.0, 40.0, 60.0, 80.0, 120.0, 160.0, 240.0, 320.0]},
+    lambda law: (law.kp, law.kd),
+)
+
+SLOTINE_LI = Rival(
+    "slotine_li",
+    {
+        "rate": [10.0, 20.0, 40.0, 80.0],
+        "damping": [2.5, 5.0, 10.0, 20.0, 40.0],
+        "gain": [2.5, 5.0, 10.0, 20.0],
+        "layer": [0.05, 0.1, 0.2, 0.5, 1.0],
+    },
+    lambda law: (law.surface.rate, law.damping, law.gain, law.layer),
+)
+
+
+def tuned(name: str, rival: Rival, changes: dict[str, Any]) -> tuple[Run, dict[str, float]]:
+    """The run with the least steady error of all gains that are tried, with every sample logged, and those gains.
+
+    - `name`: of the scenario.
+    - `rival`: the law.
+    - `changes`: of the scenario, as in `scenarios.load`.
+    """
+    plain = {"scheme.name": rival.scheme, **changes}
+    if rival.scheme == "slotine_li":
+        plain["scheme.sampled_data"] = None
+    scenario = scenarios.load(name, plain)
+    grid = jnp.asarray(list(itertools.product(*rival.gains.values())))
+
+    def define(gains: Any) -> Any:
+        law = eqx.tree_at(rival.chosen, scenario.controller, tuple(gains))
+        return scenario.plant, law, scenario.trajectory, scenario.state0
+
+    runs = simulate_batch(
+        define,
+        grid,
+        t1=scenario.t1,
+        period=scenario.period,
+        integrator=scenario.integrator,
+        substeps=scenario.substeps,
+    )
+    errors = np.max(np.asarray(runs.tally.steady_error), axis=1)
+    errors = np.where((np.asarray(runs.fault.kind) == 0) & np.isfinite(errors), errors, np.inf)
+    best = dict(zip(rival.gains, np.asarray(grid[int(np.argmin(errors))]).tolist(), strict=True))
+    run = scenarios.load(name, {**plain, **{f"scheme.{gain}": value for gain, value in best.items()}}).simulate()
+    assert metrics.steady_error(run) is not None
+    return run, best
