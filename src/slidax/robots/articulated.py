@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
@@ -86,11 +89,11 @@ class Articulated(AbstractRobot):
             self._require(field, np.isfinite(known(getattr(self, field))), "must be finite")
         self._require("smoothing", known(self.smoothing) > 0, "must be > 0")
 
-    def _require(self, field: str, holds: np.ndarray, rule: str) -> None:
+    def _require(self, field: str, holds: Any, rule: str) -> None:
         value = getattr(self, field)
         if is_traced(value):
             return
-        fails = ~(holds & np.isfinite(np.asarray(value)))
+        fails = ~np.asarray(holds & np.isfinite(np.asarray(value)))
         if fails.any():
             at = tuple(np.argwhere(fails)[0].tolist())
             joint = f" for joint `{self.joint_names[at[0]]}`" if at and fails.shape[0] == self.joints else ""
@@ -101,19 +104,16 @@ class Articulated(AbstractRobot):
 
         - `q`: positions [n].
         """
-        at = self._frames(q)
-        bodies = from_the_base(self._bodies(), at)
-        matrix = inertia_matrix(bodies, axes(at, self._revolute), self.parents)
-        return matrix + jnp.where(np.eye(self.joints, dtype=bool), self.armature, 0.0)
+        matrix: Matrix = _mass(self, q)
+        return matrix
 
     def bias(self, q: Vector, dq: Vector) -> Vector:
         """`C(q,q̇) q̇ + G(q)`, [n], N m or N; friction is not in it.
 
         - `q`, `dq`: positions and velocities [n].
         """
-        at = self._frames(q)
-        bodies = from_the_base(self._bodies(), at)
-        return bias_forces(bodies, axes(at, self._revolute), self.parents, dq, self.gravity_vector)
+        forces: Vector = _bias(self, q, dq)
+        return forces
 
     def friction(self, dq: Vector) -> Vector:
         """`F(q̇) = f_c tanh(q̇/v_s) + f_v q̇`, [n], N m or N.
@@ -172,6 +172,20 @@ class Articulated(AbstractRobot):
         carried = _about_the_origin(load.mass[None], center[None], turned[None])
         at_tip = np.arange(self.joints) == self.tip_joint
         return Bodies(*(link + jnp.where(at_tip, extra, 0.0) for link, extra in zip(links, carried, strict=True)))
+
+
+# A law asks for these several times at each sample, and they are long: jit's memory saves tracing them anew.
+@jax.jit
+def _mass(arm: Articulated, q: Vector) -> Matrix:
+    at = arm._frames(q)
+    matrix = inertia_matrix(from_the_base(arm._bodies(), at), axes(at, arm._revolute), arm.parents)
+    return matrix + jnp.where(np.eye(arm.joints, dtype=bool), arm.armature, 0.0)
+
+
+@jax.jit
+def _bias(arm: Articulated, q: Vector, dq: Vector) -> Vector:
+    at = arm._frames(q)
+    return bias_forces(from_the_base(arm._bodies(), at), axes(at, arm._revolute), arm.parents, dq, arm.gravity_vector)
 
 
 def _about_the_origin(

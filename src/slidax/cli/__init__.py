@@ -1,0 +1,51 @@
+"""The command line. Everything heavy is imported inside the commands, so that `--help` answers at once."""
+
+from __future__ import annotations
+
+import atexit
+import gc
+from typing import Annotated
+
+import typer
+
+from .compare import compare
+from .export import export_c
+from .listing import list_, schema
+from .reproduce import reproduce
+from .run import run
+
+app = typer.Typer(
+    name="slidax",
+    help="Sliding-mode control of robot arms, with an envelope drawn in advance.",
+    epilog="Start with:  slidax run example-4.1",
+    no_args_is_help=True,
+    add_completion=False,
+    rich_markup_mode="rich",
+    pretty_exceptions_enable=False,
+)
+export = typer.Typer(help="A scheme as code for a robot.", no_args_is_help=True, rich_markup_mode="rich")
+app.add_typer(export, name="export")
+
+app.command(epilog="Example:  slidax reproduce --out reproduction")(reproduce)
+app.command(epilog="Example:  slidax run example-4.1 --set disturbance.scale=0 --set scheme.surface.k1=0.4")(run)
+app.command(epilog="Example:  slidax compare example-4.1 --schemes cftsmppc,ftsmc,sfsmc --out comparison")(compare)
+app.command("list", epilog="Example:  slidax list scenarios")(list_)
+app.command(epilog="Example:  slidax schema > scenario.schema.json")(schema)
+export.command("c", epilog="Example:  slidax export c example-4.1-1khz --out law")(export_c)
+
+
+@app.callback(invoke_without_command=True)
+def _top(version: Annotated[bool, typer.Option("--version", help="Print the version.")] = False) -> None:
+    if version:
+        import slidax
+
+        typer.echo(f"slidax {slidax.__version__}")
+        raise typer.Exit
+
+
+def main() -> None:
+    """The entry point of the `slidax` command."""
+    # Most of what is made lives to the end; to look through it for garbage takes a quarter of a short command.
+    gc.set_threshold(100_000, 50, 50)
+    atexit.register(gc.freeze)
+    app()

@@ -1,0 +1,97 @@
+"""`slidax run`."""
+
+from __future__ import annotations
+
+import shlex
+import sys
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from .options import AsJson, Changes, Engine, Named
+from .session import OUTCOME, errors_as_lines, parsed, prepare, print_json, say_where
+
+if TYPE_CHECKING:
+    from slidax.scenarios import Scenario
+    from slidax.simulation import Run
+
+STARTED = time.perf_counter()
+
+
+def run(
+    scenario: Named,
+    changes: Changes = None,
+    json: AsJson = False,
+    out: Annotated[Path | None, typer.Option(help="Write a report, a Parquet log and figures there.")] = None,
+    engine: Annotated[Engine | None, typer.Option(help="What computes; the scenario's own if not given.")] = None,
+    view: Annotated[bool, typer.Option("--view", help="Play the run in the browser, in three dimensions.")] = False,
+    recording: Annotated[
+        Path | None, typer.Option("--record", metavar="FILE", help="Write a replay: .html, .mp4 or .gif.")
+    ] = None,
+) -> None:
+    """One closed-loop run: its metrics as a table, as JSON, or as a report.
+
+    `--set scheme.name=NAME` puts another scheme in the place of the scenario's own; `slidax list schemes`
+    shows them. Of the file's scheme `performance`, `overshoot`, `bound` and `sampled_data` are kept, as far as NAME has
+    them; all else takes NAME's own defaults, which are the paper's where it prints any. Other `--set scheme.…` apply
+    after that.
+
+    Exit code 0: the run reached its end inside its envelope; 2: the scenario cannot be; 3: it left its envelope, also
+    if it came back, or became infinite.
+    """
+    with errors_as_lines():
+        prepare()
+        from slidax.scenarios import load
+        from slidax.terminal import print_run, run_as_json
+
+        chosen = {} if engine is None else {"simulation.engine": engine.value}
+        parts = load(scenario, parsed(changes or []) | chosen)
+        if out is not None:
+            from slidax.reports import parquet, write_run_report
+
+            parquet.require_pyarrow()
+        if view or recording is not None:
+            _require_views(view, recording)
+        import_s = time.perf_counter() - STARTED
+        finished = parts.simulate(log_every=0 if out is not None or view or recording is not None else None)
+        summary = run_as_json(parts, finished, import_s)
+        if out is not None:
+            parquet.write_log(finished, out / "log.parquet")
+            write_run_report(parts, finished, out, command=shlex.join(["slidax", *sys.argv[1:]]))
+        if json:
+            print_json(summary)
+        else:
+            print_run(parts, finished, summary)
+            if out is not None:
+                say_where(out)
+        if not finished.outcome.ok:
+            typer.echo(finished.outcome.message, err=True)
+        if recording is not None or view:
+            _look(parts, finished, view, recording)
+        if not finished.outcome.ok:
+            raise typer.Exit(OUTCOME)
+
+
+def _require_views(view: bool, recording: Path | None) -> None:
+    """Before a long run, not after it."""
+    from slidax import views
+
+    if view:
+        views.require_show()
+    if recording is not None:
+        views.require_record(recording)
+
+
+def _look(parts: Scenario, finished: Run, view: bool, recording: Path | None) -> None:
+    from slidax import views
+
+    title = parts.description.title
+    if recording is not None:
+        made = views.record(finished, parts.plant, recording, title=title)
+        typer.echo(f"The replay is in {made.resolve()}", err=True)
+    if view:
+        shown = views.show(finished, parts.plant, title=title)
+        typer.echo(f"The replay is at {shown.url} until Ctrl-C", err=True)
+        shown.wait()

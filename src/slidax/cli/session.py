@@ -1,0 +1,80 @@
+"""What every command does around its own work: settings, errors as lines, exit codes, output."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import typer
+
+DEFINITION, OUTCOME = 2, 3
+"""Exit codes: something was asked for that cannot be; a run came to a bad end."""
+
+
+def prepare() -> None:
+    """Switches 64-bit numbers and a compilation cache on, as the command line may: the process is its own."""
+    import jax
+    from platformdirs import user_cache_path
+
+    jax.config.update("jax_enable_x64", True)
+    if jax.config.jax_compilation_cache_dir is None:
+        # Compiling takes most of the time of a short run; the second run of a scenario then need not.
+        jax.config.update("jax_compilation_cache_dir", str(user_cache_path("slidax") / f"xla-{jax.__version__}"))
+        jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.1)
+
+
+@contextmanager
+def errors_as_lines() -> Iterator[None]:
+    """A DefinitionError becomes one line and exit code 2; a traceback would hide it."""
+    from slidax._errors import DefinitionError
+
+    try:
+        yield
+    except DefinitionError as error:
+        typer.echo(f"slidax: {error}", err=True)
+        raise typer.Exit(DEFINITION) from None
+    except BrokenPipeError:
+        # The reader went away, as `slidax list | head` does: nothing is wrong.
+        sys.stderr.close()
+        raise typer.Exit(0) from None
+
+
+def parsed(changes: list[str]) -> dict[str, Any]:
+    """The values of `--set` by their paths.
+
+    - `changes`: each as PATH=VALUE.
+
+    Raises DefinitionError if one has another form.
+    """
+    from slidax._errors import DefinitionError
+    from slidax.scenarios.load import read_yaml
+
+    parsed: dict[str, Any] = {}
+    for change in changes:
+        path, sign, value = change.partition("=")
+        if not sign or not path.strip():
+            raise DefinitionError(f"`--set {change}` needs the form PATH=VALUE, such as disturbance.scale=0")
+        parsed[path.strip()] = read_yaml(value)
+    return parsed
+
+
+def say_where(out: Path) -> None:
+    """Says where a report is.
+
+    - `out`: its folder.
+    """
+    typer.echo(f"The report is in {out.resolve() / 'report.html'}")
+
+
+def print_json(value: dict[str, Any]) -> None:
+    """Prints one object.
+
+    - `value`: the object.
+    """
+    import json
+
+    # allow_nan=False: a NaN here would be a fault of ours, and is better a traceback than a lie.
+    typer.echo(json.dumps(value, indent=2, allow_nan=False, ensure_ascii=False))
