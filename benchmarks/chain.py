@@ -38,6 +38,10 @@ class Chain(AbstractRobot):
         difference = s[:, None] * c - c[:, None] * s
         return jnp.sum(self.coupling * difference * (dq * dq), axis=1) + self.weight * c
 
+    def friction(self, dq: Any) -> Any:
+        """None."""
+        return jnp.zeros_like(dq)
+
     def potential(self, q: Any) -> Any:
         """Potential energy."""
         return jnp.sum(self.weight * jnp.sin(q))

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import time
+
 import numpy as np
 import pytest
 
 from slidax.robots.files.loader import reading
-from tests.peers.arms import Arm, cases
+from tests.peers.arms import ARMS, Arm, cases
 from tests.peers.motion import Motion, States, assert_same, by_slidax, random_states
 
 mujoco = pytest.importorskip("mujoco")
@@ -52,3 +54,9 @@ def test_an_arm_from_urdf_moves_as_mujoco_says(arm, count):
     robot = arm.read()
     states = random_states(robot, count)
     assert_same(by_slidax(robot, states), by_mujoco(arm, robot.joint_names, states))
+
+
+def test_a_panda_with_its_meshes_is_read_within_a_second():
+    start = time.perf_counter()
+    ARMS[0].read()
+    assert time.perf_counter() - start < 1.0

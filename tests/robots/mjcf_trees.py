@@ -9,7 +9,7 @@ def random_mjcf(seed: int, joints: int) -> str:
     """A tree whose tip is the site `tip`, and whose joint `locked` is to be held.
 
     - `seed`: of the random numbers.
-    - `joints`: so many there are at least, besides the one to be held.
+    - `joints`: with so many, besides the one to be held, no further body is begun.
     """
     return _Writer(np.random.default_rng(seed), joints).text()
 

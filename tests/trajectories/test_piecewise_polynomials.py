@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from slidax._errors import DefinitionError
-from slidax.trajectories import AbstractPiecewisePolynomial, MinimumJerk, Sinusoid, Tabulated, Trapezoidal
+from slidax.trajectories import MinimumJerk, Sinusoid, Tabulated, Trapezoidal
+from slidax.trajectories.piecewise_polynomial import AbstractPiecewisePolynomial
 from tests.enrolled import every
 
 from .differentiated import derivative
@@ -79,12 +80,16 @@ def test_an_extreme_is_where_it_is_said_to_be(motion):
 
 
 def test_powers_that_are_only_rounding_hide_no_extreme():
-    """A leading coefficient of 1e-18 would send the roots of the others to infinity."""
-    parabola = np.zeros((6, 1, 1))
-    parabola[:, 0, 0] = [1e-18, -1e-17, 1e-18, -1.0, 2.0, 0.0]
-    motion = Tabulated(times=[0.0, 4.0], coefficients=parabola)
-    assert motion.extremes(0).largest[0] == pytest.approx(1.0, abs=1e-9)
-    assert motion.extremes(0).when_largest[0] == pytest.approx(1.0, abs=1e-6)
+    """A leading coefficient of 1e-20 sends one root towards infinity, and the others must not go with it."""
+    generator = np.random.default_rng(0)
+    x = np.linspace(0.0, 2.0, 2001)
+    for size in 10.0 ** np.arange(-30, -8):
+        powers = generator.normal(size=(6, 1, 60))
+        powers[0] *= size
+        extremes = Tabulated(times=[0.0, 2.0], coefficients=powers).extremes(0)
+        dense = np.polyval(powers[:, 0], x[:, None])
+        assert np.all(extremes.largest >= dense.max(axis=0) - 1e-12)
+        assert np.all(extremes.least <= dense.min(axis=0) + 1e-12)
 
 
 def test_a_motion_says_when_it_is_over():

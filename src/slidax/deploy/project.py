@@ -82,7 +82,8 @@ def project(
     Raises DefinitionError if there is no native code for the law, or the name is none in C.
     """
     name = _checked_name(scenario.name if name is None else name, given=name is not None)
-    described, robot, actuator = scenario.description, scenario.plant.robot, scenario.plant.actuator
+    plant = scenario.plant.own if isinstance(scenario.plant, MujocoPlant) else scenario.plant
+    described, robot, actuator = scenario.description, plant.robot, plant.actuator
     limits = TorqueLimits() if actuator is None else actuator.limits
     guard = GuardedStep.around(scenario.controller, limits, scenario.period)
     dialect = Dialect("float" if single else "double")
@@ -90,7 +91,7 @@ def project(
     same = not single or fits(step.answered.program)
     helpers = Helpers(dialect)
     motion = body(motion_program(scenario.trajectory, robot.joints), dialect, ("t", "period", "reference"), helpers)
-    arm = body(arm_program(scenario.plant), dialect, ("t", "q", "dq", "tau", "ddq"), helpers)
+    arm = body(arm_program(plant), dialect, ("t", "q", "dq", "tau", "ddq"), helpers)
     return Project(
         name=name,
         title=comment(described.title),

@@ -3,6 +3,8 @@
 from . import ready as ready
 from .articulated import Articulated as Articulated
 from .assemble import assemble as assemble
+from .files import from_mjcf as from_mjcf
+from .files import from_urdf as from_urdf
 from .joint import Joint as Joint
 from .joint_limits import JointLimits as JointLimits
 from .load import Load as Load

@@ -11,7 +11,7 @@ from pydantic import Field
 from slidax._errors import DefinitionError, located, parameter, require_joints
 from slidax._types import State
 from slidax.numerics import runge_kutta_4, semi_implicit_euler
-from slidax.simulation import Plant
+from slidax.simulation import MujocoPlant, Plant, Table
 
 from .base import Description
 from .disturbances import DisturbanceDescription
@@ -64,8 +64,30 @@ class SimulationDescription(Description):
     """One in how many samples is written to the log; metrics count all."""
     outside: Literal["raise", "recover"] = "raise"
     """What a sample outside the envelope does: `raise` ends the run, `recover` counts it and goes on."""
+    plant: Literal["own", "mujoco"] = "own"
+    """Who moves the arm: our own equations, or MuJoCo in the real arm's stead, in held mode."""
     engine: Literal["auto", "native", "xla"] = "auto"
     """What computes: `native` is machine code of our own, `xla` JAX's compiler; `auto` takes the fastest there is."""
+
+
+class TableDescription(Description):
+    """A level and rigid surface without end, which the tip and what it carries meet."""
+
+    height: float
+    """Above the base's origin [m]."""
+    friction: Annotated[float, Field(gt=0)] = 0.5
+    """Coefficient of what touches it."""
+
+
+class SurroundingsDescription(Description):
+    """What stands around the arm, for a plant that MuJoCo moves."""
+
+    table: TableDescription | None = None
+    """A table."""
+
+    def build(self) -> Table | None:
+        """The table, if there is one."""
+        return None if self.table is None else Table(parameter(self.table.height), parameter(self.table.friction))
 
 
 class ScenarioDescription(Description):
@@ -83,6 +105,8 @@ class ScenarioDescription(Description):
     """What pushes the joints from outside."""
     sensor: SensorDescription = SensorDescription()
     """What the law gets to know of the state; all of it, at once, if not given."""
+    surroundings: SurroundingsDescription = SurroundingsDescription()
+    """What stands around the arm; nothing if not given."""
     actuator: ActuatorDescription = ActuatorDescription()
     """What becomes of its torque; the joints get it as it is, at once, if not given."""
     start: StartDescription
@@ -137,7 +161,7 @@ class ScenarioDescription(Description):
             robot=self.robot.kind,
             scheme=self.scheme.name,
             description=self,
-            plant=Plant(true, disturbance, sensor, actuator, arms.load),
+            plant=self._plant(Plant(true, disturbance, sensor, actuator, arms.load)),
             controller=controller,
             trajectory=trajectory,
             state0=state0,
@@ -150,3 +174,14 @@ class ScenarioDescription(Description):
             outside=simulation.outside,
             engine=simulation.engine,
         )
+
+    def _plant(self, own: Plant) -> Plant | MujocoPlant:
+        with located("surroundings"):
+            table = self.surroundings.build()
+        if self.simulation.plant == "own":
+            if table is not None:
+                message = "only a plant that MuJoCo moves meets anything: set `simulation.plant` to `mujoco`"
+                raise DefinitionError(message, where="surroundings")
+            return own
+        with located("simulation.plant"):
+            return MujocoPlant.of(own, surroundings=table)

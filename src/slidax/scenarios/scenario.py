@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from slidax._types import State
 from slidax.controllers import AbstractController
-from slidax.simulation import Engine, Plant, Run, simulate
+from slidax.simulation import Engine, MujocoPlant, Plant, Run, simulate
 from slidax.trajectories import AbstractTrajectory
 
 if TYPE_CHECKING:
@@ -29,7 +29,7 @@ class Scenario:
     robot: str
     scheme: str
     description: ScenarioDescription
-    plant: Plant
+    plant: Plant | MujocoPlant
     controller: AbstractController
     trajectory: AbstractTrajectory
     state0: State

@@ -1,6 +1,9 @@
 """The one place where time passes: a plant under a controller becomes a Run."""
 
 from .engine import Engine as Engine
+from .free_body import FreeBody as FreeBody
+from .mujoco_plant import MujocoPlant as MujocoPlant
+from .mujoco_plant import Table as Table
 from .outcome import Outcome as Outcome
 from .plant import Plant as Plant
 from .run import Log as Log

@@ -14,8 +14,8 @@ from slidax._types import Envelope, Reference, State
 from slidax.controllers import AbstractController, SampledData
 from slidax.trajectories import AbstractTrajectory
 
+from .loop import Integrator, Loop
 from .plant import Plant
-from .rollout import Integrator, Loop
 from .tally import Windows
 
 

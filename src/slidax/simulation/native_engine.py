@@ -15,9 +15,10 @@ import numpy as np
 from slidax._types import State
 from slidax.codegen import llvm
 
+from .kind import Kind
+from .loop import Begun, Inside, Loop
 from .native_loop import Define, NativeLoop, batch_loop, single_loop
 from .progress import Progress
-from .rollout import Begun, Inside, Loop
 from .run import Log, Timing
 
 CHUNK = 1_000_000
@@ -46,7 +47,7 @@ def drive(
     Raises NoNativeCodeError if there is no machine code for something in it.
     """
     arrays, static = eqx.partition((loop, state0), eqx.is_array)
-    native, kernel = _compiled(_Kind.of(arrays, static, every is not None))
+    native, kernel = _compiled(Kind.of(arrays, static, every is not None))
     ready = time.perf_counter()
     stride = every or 1
     chunk = max(1, CHUNK // stride) * stride
@@ -128,29 +129,9 @@ def _compiled_batch(known: _Known) -> tuple[NativeLoop, llvm.Kernel]:
     return native, llvm.compile(native.program, lanes=llvm.LANES)
 
 
-@dataclass(frozen=True)
-class _Kind:
-    """What a compiled loop depends on: all but the numbers."""
-
-    tree: Any
-    shapes: tuple[tuple[tuple[int, ...], str], ...]
-    static_tree: Any
-    static: tuple[Any, ...]
-    logged: bool
-
-    @staticmethod
-    def of(arrays: Any, static: Any, logged: bool) -> _Kind:
-        leaves, tree = jax.tree.flatten(arrays)
-        others, static_tree = jax.tree.flatten(static)
-        return _Kind(tree, tuple((x.shape, x.dtype.name) for x in leaves), static_tree, tuple(others), logged)
-
-
 @functools.lru_cache(maxsize=64)
-def _compiled(kind: _Kind) -> tuple[NativeLoop, llvm.Kernel]:
-    shapes = [jax.ShapeDtypeStruct(shape, np.dtype(name)) for shape, name in kind.shapes]
-    arrays = jax.tree.unflatten(kind.tree, shapes)
-    static = jax.tree.unflatten(kind.static_tree, kind.static)
-    native = single_loop(lambda given: eqx.combine(given, static), arrays, logged=kind.logged)
+def _compiled(kind: Kind) -> tuple[NativeLoop, llvm.Kernel]:
+    native = single_loop(kind.whole, kind.arrays, logged=kind.logged)
     return native, llvm.compile(native.program)
 
 

@@ -14,11 +14,12 @@ from slidax._types import State
 from slidax.codegen.builder import Builder, Values
 from slidax.codegen.form import Program, Value
 from slidax.codegen.trace import inline
-from slidax.codegen.trace.arrays import filled
+from slidax.codegen.trace.arrays import filled, of_numbers
 from slidax.codegen.trace.packed import packed, unpacked
 from slidax.codegen.trace.trace import kind, leaves
 
-from .rollout import Carry, Loop, begin, sample
+from .loop import Carry, Loop
+from .rollout import begin, sample
 
 Define = Callable[[Any], tuple[Loop, State]]
 """From arrays to a loop and the state at t = 0."""
@@ -151,6 +152,10 @@ class _Outside:
     def inputs(self, consts: Sequence[Any]) -> list[Values]:
         found = []
         for const in consts:
+            # A mask or an index that the code itself holds: what it switches off is not to be computed.
+            if not isinstance(const, jax.Array) and np.asarray(const).dtype.kind in "bi":
+                found.append(of_numbers(self.builder, np.asarray(const)))
+                continue
             if id(const) not in self._known:
                 name = f"const{len(self.arrays)}"
                 self._known[id(const)] = self.builder.input(name, kind(const.dtype, name), np.shape(const))

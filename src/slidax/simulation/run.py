@@ -12,6 +12,7 @@ from jaxtyping import Array, Bool, Float, Int
 from slidax._types import Envelope, Reference, Scalar, State
 
 from .excursion import Excursion
+from .free_body import FreeBody
 from .outcome import Fault, Outcome, describe
 from .tally import Tally, Windows
 
@@ -76,6 +77,7 @@ class Run(eqx.Module):
     - `joint_units`: unit of each joint's position.
     - `has_envelope`: whether the scheme promises one.
     - `timing`: seconds spent; None inside a transformation.
+    - `load`: where the load was, once it was let go; None where nothing is, or if the robot is not MuJoCo's.
     """
 
     log: Log | None
@@ -89,6 +91,7 @@ class Run(eqx.Module):
     joint_units: tuple[str, ...] = eqx.field(static=True)
     has_envelope: bool = eqx.field(static=True)
     timing: Timing | None = eqx.field(static=True, default=None)
+    load: FreeBody | None = None
 
     @property
     def joints(self) -> int:

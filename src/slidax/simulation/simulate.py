@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable
 from typing import Any, Literal
 
-from slidax._errors import OutcomeError, is_traced
+from slidax._errors import DefinitionError, OutcomeError, is_traced
 from slidax._types import Envelope, Reference, State
 from slidax.codegen.trace import NoNativeCodeError
 from slidax.controllers import AbstractController
@@ -16,8 +16,11 @@ from slidax.trajectories import AbstractTrajectory
 from . import native_engine, xla_engine
 from .define import constant, define_loop, require_start_inside
 from .engine import Engine, engine_for, say_xla_instead
+from .loop import Begun, Integrator, Loop
+from .mujoco.drive import drive as mujoco_drive
+from .mujoco_plant import MujocoPlant
 from .plant import Plant
-from .rollout import Begun, Integrator, Loop, begin
+from .rollout import begin
 from .run import Log, Run, Timing
 
 BANDS = (1e-2, 1e-3, 1e-4, 1e-5, 1e-8)
@@ -25,7 +28,7 @@ BANDS = (1e-2, 1e-3, 1e-4, 1e-5, 1e-8)
 
 
 def simulate(
-    plant: Plant,
+    plant: Plant | MujocoPlant,
     controller: AbstractController,
     trajectory: AbstractTrajectory,
     state0: State,
@@ -50,14 +53,14 @@ def simulate(
     law. The first violation ends the run, and `run.outcome` names it; with `outside="recover"` the run goes on, for a
     law that is defined there, and the outcome says when it left and when it was back.
 
-    - `plant`: the true robot and the disturbance on it.
+    - `plant`: the true robot and the disturbance on it; a `MujocoPlant` in held mode.
     - `controller`: the scheme.
     - `trajectory`: what the joints should do.
     - `state0`: state at t = 0.
     - `t1`: end [s], a whole number of periods.
     - `period`: time between samples [s], > 0.
     - `mode`: "held" or "continuous".
-    - `integrator`: `slidax.numerics.runge_kutta_4` or `semi_implicit_euler`.
+    - `integrator`: `slidax.numerics.runge_kutta_4` or `semi_implicit_euler`; a `MujocoPlant` has its own.
     - `substeps`: integrator steps per period in held mode.
     - `log_every`: log one in so many samples; None logs none. Metrics count all samples whatever is logged.
     - `bands`: error bands for the settling time, rad or m.
@@ -71,12 +74,20 @@ def simulate(
 
     Raises DefinitionError if the parts do not fit each other or the start is outside the envelope.
     """
+    own = plant.own if isinstance(plant, MujocoPlant) else plant
     loop, samples = define_loop(
-        plant, controller, trajectory, state0, t1, period, mode, integrator, substeps, log_every, bands, outside
+        own, controller, trajectory, state0, t1, period, mode, integrator, substeps, log_every, bands, outside
     )
-    traced = is_traced((loop, state0))
+    traced = is_traced((plant, loop, state0))
     started = time.perf_counter()
-    if traced:
+    inside = require_start_inside if outside == "raise" else _anywhere
+    load = None
+    if isinstance(plant, MujocoPlant):
+        _require_samples(mode, traced)
+        (carry, envelope, _), log, timing, load = mujoco_drive(
+            plant, loop, state0, samples, log_every, progress, started, inside, engine
+        )
+    elif traced:
         carry, envelope, _ = begin(loop, state0)
         points = -(-samples // (log_every or 1))
         carry, log = xla_engine.advance(loop, carry, points, log_every, pack=False)
@@ -85,7 +96,6 @@ def simulate(
         drive: Callable[..., tuple[Begun, Log | None, Timing]] = xla_engine.drive
         if engine_for(engine) == "native":
             drive = native_engine.drive if engine == "native" else _native_if_it_can_be
-        inside = require_start_inside if outside == "raise" else _anywhere
         (carry, envelope, _), log, timing = drive(loop, state0, samples, log_every, progress, started, inside)
     run = Run(
         log=log,
@@ -99,6 +109,7 @@ def simulate(
         joint_units=plant.robot.joint_units,
         has_envelope=envelope is not None,
         timing=timing,
+        load=load,
     )
     if throw and not traced and not run.outcome.ok:
         raise OutcomeError(run.outcome, run)
@@ -111,6 +122,13 @@ def _native_if_it_can_be(loop: Loop, *how: Any) -> tuple[Begun, Log | None, Timi
     except NoNativeCodeError as error:
         say_xla_instead(f"there is {error.message}")
         return xla_engine.drive(loop, *how)
+
+
+def _require_samples(mode: str, traced: bool) -> None:
+    if mode == "continuous":
+        raise DefinitionError("a MujocoPlant needs samples: simulate in held mode, not in continuous mode")
+    if traced:
+        raise DefinitionError("MuJoCo cannot be traced: simulate outside of `jit`, `vmap` and `grad`, or a `Plant`")
 
 
 def _anywhere(state0: State, reference: Reference, envelope: Envelope | None) -> None:

@@ -20,8 +20,9 @@ from slidax.trajectories import AbstractTrajectory
 from . import native_engine
 from .define import define_loop, windows_of
 from .engine import Engine, engine_for, say_xla_instead
+from .loop import Integrator, Loop
+from .mujoco_plant import MujocoPlant
 from .plant import Plant
-from .rollout import Integrator, Loop
 from .run import Run
 from .simulate import BANDS, simulate
 
@@ -100,6 +101,8 @@ class _Task:
         """The loop, the first state, how many samples, and the joints' units."""
         parts = self.define(given)
         plant, *_, state0 = parts
+        if isinstance(plant, MujocoPlant):
+            raise DefinitionError("MuJoCo moves one arm at a time: give a `Plant`, or call `simulate` for each run")
         loop, samples = define_loop(
             *parts,
             self.t1,

@@ -13,8 +13,9 @@ from jax.flatten_util import ravel_pytree
 from slidax._types import State
 from slidax.numerics import once
 
+from .loop import Begun, Carry, Inside, Loop
 from .progress import Progress
-from .rollout import Begun, Carry, Inside, Loop, begin, sample
+from .rollout import begin, sample
 from .run import Log, Timing
 
 CHUNK = 50_000

@@ -24,6 +24,11 @@ class Constant(AbstractTrajectory):
     def __check_init__(self) -> None:
         require(self, "value", True, "must be finite")
 
+    @property
+    def until(self) -> float:
+        """It stands still from the start on."""
+        return 0.0
+
     def position(self, t: Scalar) -> Vector:
         """`c` at any time.
 

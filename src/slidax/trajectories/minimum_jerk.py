@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-import math
-
-import equinox as eqx
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
 
 from slidax._errors import DefinitionError, parameter
-from slidax._types import Scalar, Vector
 
-from .trajectory import AbstractTrajectory
+from .motion_limits import limit
+from .piecewise_polynomial import AbstractPiecewisePolynomial
+from .quintic_spline import quintic_spline
+from .shortest_times import shortest_times
+from .waypoints import distinct_waypoints
 
 
-class MinimumJerk(AbstractTrajectory):
+class MinimumJerk(AbstractPiecewisePolynomial):
     """The curve through all waypoints at their times that has the least `∫ ‖d³q_d/dt³‖² dt`, at rest at both ends.
 
     It is the quintic spline with four continuous derivatives, with zero velocity and acceleration at the first and the
@@ -25,11 +23,9 @@ class MinimumJerk(AbstractTrajectory):
     - `times`: knots [k], s, increasing.
     - `coefficients`: of each piece in powers of `t - times[i]`, highest first, [6 k-1 n].
 
-    Made by `MinimumJerk.through(times, waypoints)`.
+    Made by `MinimumJerk.through(times, waypoints)`; where the times are to be the shortest that limits allow, by
+    `MinimumJerk.within(waypoints, velocity=..., acceleration=...)`.
     """
-
-    times: Float[Array, " k"] = eqx.field(converter=parameter)
-    coefficients: Float[Array, "6 pieces n"] = eqx.field(converter=parameter)
 
     @staticmethod
     def through(times: object, waypoints: object) -> MinimumJerk:
@@ -40,8 +36,6 @@ class MinimumJerk(AbstractTrajectory):
 
         Raises DefinitionError if the times do not increase or do not fit the waypoints.
         """
-        from scipy.interpolate import make_interp_spline
-
         t = np.asarray(times, dtype=float)
         q = np.asarray(waypoints, dtype=float)
         if t.ndim != 1 or len(t) < 2 or not np.all(np.diff(t) > 0) or not np.all(np.isfinite(t)):
@@ -51,25 +45,46 @@ class MinimumJerk(AbstractTrajectory):
                 f"`MinimumJerk.waypoints` must be one finite row of joint positions for each of the {len(t)} times; "
                 f"got shape {list(q.shape)}"
             )
-        rest = np.zeros(q.shape[1])
-        ends = [(1, rest), (2, rest)]
-        # Solved on [0, 1]: with the times themselves the fifth-degree basis is ill-conditioned for long motions.
-        span = t[-1] - t[0]
-        z = (t - t[0]) / span
-        if not np.all(np.diff(z) > 1e-9):
+        if not np.all(np.diff(t) > 1e-9 * (t[-1] - t[0])):
             raise DefinitionError(f"`MinimumJerk.times` lie too close together; got {t.tolist()}")
-        spline = make_interp_spline(z, q, k=5, bc_type=(ends, ends))
-        # The Taylor coefficients at the left end of each piece, where the spline and its derivatives are exact.
-        pieces = np.stack([spline(z[:-1], nu=i) / (math.factorial(i) * span**i) for i in reversed(range(6))])
-        return MinimumJerk(times=parameter(t), coefficients=parameter(pieces))
+        return MinimumJerk(times=parameter(t), coefficients=parameter(quintic_spline(t, q)))
 
-    def position(self, t: Scalar) -> Vector:
-        """The position on the piece that holds `t`.
+    @staticmethod
+    def within(
+        waypoints: object,
+        *,
+        velocity: object,
+        acceleration: object,
+        jerk: object = None,
+        start: float = 0.0,
+    ) -> MinimumJerk:
+        """The motion through the waypoints at the shortest times for which no joint passes a limit anywhere.
 
-        - `t`: time [s].
+        - `waypoints`: positions [k n], rad or m, no two in a row the same.
+        - `velocity`: largest speed, [n] or one number, rad/s or m/s; infinite for none.
+        - `acceleration`: the same in rad/s² or m/s².
+        - `jerk`: the same in rad/s³ or m/s³; no limit if not given.
+        - `start`: time of the first waypoint [s].
+
+        That the limits hold is exact: it is the extremes of the polynomials that are compared, and one joint reaches
+        one of its limits. That the times are the shortest is exact for two waypoints; for more, it is what a local
+        search finds.
+
+        Raises DefinitionError if the waypoints are no path or a limit is not positive.
         """
-        t = jnp.clip(t, self.times[0], self.times[-1])
-        piece = jnp.clip(jnp.searchsorted(self.times, t, side="right") - 1, 0, self.coefficients.shape[1] - 1)
-        c = self.coefficients[:, piece]
-        x = t - self.times[piece]
-        return ((((c[0] * x + c[1]) * x + c[2]) * x + c[3]) * x + c[4]) * x + c[5]
+        name = "MinimumJerk"
+        q = distinct_waypoints(name, waypoints)
+        limits = {
+            order: limit(name, field, value, q.shape[1])
+            for order, field, value in ((1, "velocity", velocity), (2, "acceleration", acceleration), (3, "jerk", jerk))
+            if value is not None
+        }
+        bounded = np.any([np.isfinite(bound) for bound in limits.values()], axis=0)
+        unbounded = ~np.any((np.diff(q, axis=0) != 0) & bounded, axis=1)
+        if unbounded.any():
+            step = int(np.argmax(unbounded)) + 1
+            raise DefinitionError(
+                f"`{name}` needs a finite limit for a joint that moves from waypoint {step} to {step + 1}, "
+                "or it could go there in no time"
+            )
+        return MinimumJerk.through(shortest_times(q, limits) + start, q)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from abc import abstractmethod
 
 import equinox as eqx
@@ -12,6 +13,11 @@ from slidax.numerics import value_rate_curvature
 
 class AbstractTrajectory(eqx.Module):
     """A desired motion `q_d(t)`. A member gives the position; velocity and acceleration follow by differentiation."""
+
+    @property
+    def until(self) -> Scalar | float:
+        """The time from which on it stands still [s]; infinite for a motion without an end."""
+        return math.inf
 
     @abstractmethod
     def position(self, t: Scalar) -> Vector:

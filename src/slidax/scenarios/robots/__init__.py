@@ -6,6 +6,7 @@ from pydantic import Field
 
 from .arms import Arms as Arms
 from .articulated import Gen3Description, Iiwa14Description, PandaDescription, Ur5eDescription, Xarm7Description
+from .files import MjcfDescription, UrdfDescription
 from .paper import ScaraDescription, TwoLinkDescription
 
 RobotDescription = Annotated[
@@ -15,6 +16,8 @@ RobotDescription = Annotated[
     | Ur5eDescription
     | Iiwa14Description
     | Xarm7Description
-    | Gen3Description,
+    | Gen3Description
+    | UrdfDescription
+    | MjcfDescription,
     Field(discriminator="kind"),
 ]

@@ -1,0 +1,198 @@
+"""What a MuJoCo model can have and an arm of rigid links cannot, each thing by its name."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from slidax._errors import DefinitionError
+
+from ..assemble import nearest_name
+from .loader import mujoco
+
+MOST_BODIES = 1000
+
+
+def name_all(spec: Any) -> None:
+    """Gives a name to each body and joint that has none, so that every message has one.
+
+    - `spec`: as it was read.
+    """
+    taken = {element.name for kind in (spec.bodies, spec.joints, spec.sites) for element in kind}
+    for kind, found in (("body", spec.bodies), ("joint", spec.joints)):
+        for number, element in enumerate(found):
+            name = element.name or f"{kind} {number}"
+            while not element.name and name in taken:
+                name += "'"
+            element.name = name
+            taken.add(name)
+
+
+def check_spec(spec: Any) -> None:
+    """Refuses what MuJoCo would leave out when it compiles, and what it cannot name.
+
+    - `spec`: as it was read, with all names.
+
+    Raises DefinitionError naming joint or body.
+    """
+    library = mujoco()
+    if len(spec.bodies) == 1:
+        raise DefinitionError("the file has no body, and so no joint that moves one")
+    if len(spec.bodies) > MOST_BODIES:
+        raise DefinitionError(f"the file has {len(spec.bodies)} bodies; at most {MOST_BODIES} are read")
+    for joint in spec.joints:
+        if joint.type in (library.mjtJoint.mjJNT_FREE, library.mjtJoint.mjJNT_BALL):
+            kind = "free" if joint.type == library.mjtJoint.mjJNT_FREE else "a ball joint"
+            raise DefinitionError(
+                f"joint `{joint.name}` of body `{joint.parent.name}` is {kind}; an arm stands on a fixed base and has "
+                f"only hinge and slide joints"
+            )
+        lower, upper = (float(end) for end in joint.range)
+        if joint.limited != library.mjtLimited.mjLIMITED_FALSE and (lower, upper) != (0.0, 0.0) and not lower < upper:
+            raise DefinitionError(f"range of joint `{joint.name}` must be lower < upper; got {lower:g} and {upper:g}")
+
+
+def check_compiled(model: Any, locked: Mapping[str, float]) -> None:
+    """Refuses numbers that are not finite, springs, couplings and what else acts on the joints by itself.
+
+    - `model`: compiled.
+    - `locked`: positions of the joints that do not move, by name.
+
+    Raises DefinitionError naming what it is about.
+    """
+    free = {j for j in range(model.njnt) if model.joint(j).name not in locked}
+    names = [model.joint(j).name for j in range(model.njnt)]
+    for name in locked:
+        if name not in names:
+            raise DefinitionError(f"`locked` names joint `{name}`, which there is not; {nearest_name(name, names)}")
+    _check_finite(model)
+    _check_options(model)
+    _check_joints(model, free)
+    _check_equalities(model, free)
+    _check_tendons(model, free)
+    for body in range(1, model.nbody):
+        if model.body_gravcomp[body] and _carrier(model, body, free):
+            raise DefinitionError(
+                f"body `{model.body(body).name}` has gravcomp, which takes off its weight; remove it, and compensate "
+                f"gravity in the law"
+            )
+
+
+def _check_finite(model: Any) -> None:
+    for kind, count in (("body", model.nbody), ("joint", model.njnt), ("site", model.nsite)):
+        prefix = "jnt" if kind == "joint" else kind
+        for field in ("pos", "quat", "ipos", "iquat", "mass", "inertia", "axis", "range", "actfrcrange"):
+            values = getattr(model, f"{prefix}_{field}", None)
+            if values is None or count == 0:
+                continue
+            finite = np.isfinite(np.reshape(values, (count, -1))).all(axis=1)
+            if not finite.all():
+                name = getattr(model, kind)(int(np.argmin(finite))).name
+                raise DefinitionError(f"{field} of {kind} `{name}` must be finite")
+    for field in ("gear", "forcerange", "ctrlrange", "gainprm", "armature", "damping"):
+        values = getattr(model, f"actuator_{field}")
+        # Gears are squared.
+        with np.errstate(over="ignore"):
+            squares = np.square(np.reshape(values, (model.nu, values.size // max(model.nu, 1))))
+        finite = np.isfinite(squares).all(axis=1)
+        if not finite.all():
+            wrong = model.actuator(int(np.argmin(finite)))
+            name = wrong.name or f"number {wrong.id + 1}"
+            raise DefinitionError(f"{field} of actuator `{name}` must be finite, as its square")
+    for field in ("armature", "damping", "frictionloss"):
+        values = getattr(model, f"dof_{field}")
+        wrong = ~np.isfinite(values) | (values < 0)
+        if wrong.any():
+            dof = int(np.argmax(wrong))
+            name = model.joint(int(model.dof_jntid[dof])).name
+            raise DefinitionError(f"{field} of joint `{name}` must be >= 0 and finite; got {values[dof]:g}")
+
+
+def _check_options(model: Any) -> None:
+    bits = mujoco().mjtDisableBit
+    if model.opt.density or model.opt.viscosity:
+        raise DefinitionError(
+            f"the option density {model.opt.density:g} or viscosity {model.opt.viscosity:g} is drag of the air, which "
+            f"an arm here does not have; remove it"
+        )
+    for flag, values in (("damper", model.dof_damping), ("frictionloss", model.dof_frictionloss)):
+        off = int(bits.mjDSBL_DAMPER if flag == "damper" else bits.mjDSBL_FRICTIONLOSS | bits.mjDSBL_CONSTRAINT)
+        if model.opt.disableflags & off and np.any(values):
+            joint = model.joint(int(model.dof_jntid[int(np.argmax(values != 0))])).name
+            raise DefinitionError(f"the flag {flag} is off, but joint `{joint}` has such a force; remove one of them")
+
+
+def _check_joints(model: Any, free: set[int]) -> None:
+    for joint in sorted(free):
+        name = model.joint(joint).name
+        if model.jnt_stiffness[joint] or np.any(model.jnt_stiffnesspoly[joint]):
+            raise DefinitionError(f"joint `{name}` has stiffness, a spring, which an arm here does not have; remove it")
+        if np.any(model.dof_dampingpoly[model.jnt_dofadr[joint]]):
+            raise DefinitionError(f"the damping of joint `{name}` is no straight line; give one number")
+
+
+def _check_equalities(model: Any, free: set[int]) -> None:
+    bits, kinds = mujoco().mjtDisableBit, mujoco().mjtEq
+    if model.opt.disableflags & int(bits.mjDSBL_EQUALITY | bits.mjDSBL_CONSTRAINT):
+        return
+    for i in range(model.neq):
+        kind, ends = model.eq_type[i], [int(model.eq_obj1id[i]), int(model.eq_obj2id[i])]
+        name = model.eq(i).name or f"number {i + 1}"
+        if not model.eq_active0[i]:
+            continue
+        if kind == int(kinds.mjEQ_JOINT):
+            held = not free & set(ends)
+            between = [model.joint(end).name for end in ends if end >= 0]
+        elif kind in (int(kinds.mjEQ_CONNECT), int(kinds.mjEQ_WELD)):
+            sites = model.eq_objtype[i] == int(mujoco().mjtObj.mjOBJ_SITE)
+            bodies = [int(model.site_bodyid[end]) if sites else end for end in ends]
+            held = _carrier(model, bodies[0], free) == _carrier(model, bodies[1], free)
+            between = [model.body(body).name for body in bodies]
+        elif kind == int(kinds.mjEQ_TENDON):
+            held = not any(_moved_by(model, end, free) for end in ends if end >= 0)
+            between = [model.tendon(end).name for end in ends if end >= 0]
+        else:
+            held, between = False, []
+        if not held:
+            raise DefinitionError(
+                f"the equality `{name}` ties {' and '.join(f'`{one}`' for one in between) or 'bodies'}; an arm here "
+                f"has no closed loops and no coupled joints: lock the joints, or remove it"
+            )
+
+
+def _check_tendons(model: Any, free: set[int]) -> None:
+    for i in range(model.ntendon):
+        forces = {
+            "stiffness": [model.tendon_stiffness[i], *np.ravel(model.tendon_stiffnesspoly[i])],
+            "damping": [model.tendon_damping[i], *np.ravel(model.tendon_dampingpoly[i])],
+            "frictionloss": [model.tendon_frictionloss[i]],
+            "armature": [model.tendon_armature[i]],
+            "a limited range": [model.tendon_limited[i]],
+        }
+        for what, values in forces.items():
+            if np.any(values) and _moved_by(model, i, free):
+                name = model.tendon(i).name or i + 1
+                raise DefinitionError(
+                    f"tendon `{name}` has {what}; an arm here has no tendons: lock its joints, or remove it"
+                )
+
+
+def _moved_by(model: Any, tendon: int, free: set[int]) -> bool:
+    """Whether a joint that moves changes a tendon's length; of one in space that is assumed."""
+    first = int(model.tendon_adr[tendon])
+    for k in range(first, first + int(model.tendon_num[tendon])):
+        if model.wrap_type[k] != int(mujoco().mjtWrap.mjWRAP_JOINT) or int(model.wrap_objid[k]) in free:
+            return True
+    return False
+
+
+def _carrier(model: Any, body: int, free: set[int]) -> int:
+    """Number of the body with a joint that moves which carries a body, or is it; 0 if it stands still."""
+    while body:
+        first = int(model.body_jntadr[body])
+        if free & set(range(first, first + int(model.body_jntnum[body]))):
+            return body
+        body = int(model.body_parentid[body])
+    return 0

@@ -1,0 +1,60 @@
+"""The shapes of an MJCF file: most have no part in the motion, and need not be read."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from .loader import mujoco
+from .meshes import WITHOUT, require_mesh
+
+WEIGHS = "the body's inertia comes from it, so give the body an <inertial>"
+
+
+def drop_what_has_no_weight(spec: Any, folder: Path, meshes: bool, attached: bool) -> None:
+    """Leaves out shapes from files, but those that a body's inertia comes from.
+
+    In their place is a small ball, so that whatever names them finds something.
+
+    - `spec`: as it was read.
+    - `folder`: of the robot file.
+    - `meshes`: whether those that are left out must be there as well.
+    - `attached`: whether parts are of other files. MuJoCo alone knows then in which folders meshes are.
+
+    Raises DefinitionError, naming the body, if a mesh is not there.
+    """
+    files = {mesh.name: mesh for mesh in spec.meshes}
+    needed: set[str] = set()
+    for body in spec.bodies:
+        by_shape = body is not spec.worldbody and _by_shape(body)
+        for geom in body.geoms:
+            mesh = files.get(geom.meshname)
+            if mesh is not None and mesh.file and (by_shape or meshes) and not attached:
+                file = Path(mesh.file).name if spec.strippath else mesh.file
+                at = folder / mesh.compiler.meshdir
+                require_mesh(f"body `{body.name}`", file, at, instead=WEIGHS if by_shape else WITHOUT)
+            if by_shape:
+                needed.add(geom.meshname)
+            elif geom.meshname or geom.hfieldname:
+                _make_ball(geom)
+            geom.material = ""
+        for site in body.sites:
+            site.material = ""
+    for tendon in spec.tendons:
+        tendon.material = ""
+    unused = [mesh for mesh in spec.meshes if mesh.name not in needed]
+    for element in (*unused, *spec.skins, *spec.materials, *spec.textures, *spec.hfields):
+        spec.delete(element)
+
+
+def _by_shape(body: Any) -> bool:
+    kinds = mujoco().mjtInertiaFromGeom
+    way = body.compiler.inertiafromgeom
+    if way == kinds.mjINERTIAFROMGEOM_AUTO:
+        return not body.explicitinertial
+    return bool(way == kinds.mjINERTIAFROMGEOM_TRUE)
+
+
+def _make_ball(geom: Any) -> None:
+    geom.type, geom.size = mujoco().mjtGeom.mjGEOM_SPHERE, [1e-3, 1e-3, 1e-3]
+    geom.meshname, geom.hfieldname = "", ""

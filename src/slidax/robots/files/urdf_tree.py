@@ -1,0 +1,155 @@
+"""The links and joints of a URDF file as one tree."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from slidax._errors import DefinitionError
+
+from ..assemble import nearest_name
+from .urdf_values import check
+
+KINDS = ("revolute", "continuous", "prismatic", "fixed")
+MOST_LINKS = 1000
+
+
+@dataclass(frozen=True)
+class Tree:
+    """What is in the file, checked.
+
+    - `links`, `joints`: elements by name.
+    - `parents`, `children`: names of each joint's links.
+    - `carriers`: name of the joint that moves each link; the root is not among them.
+    - `root`: name of the link that no joint moves.
+    - `order`: names of the joints, each after the one that carries it.
+    """
+
+    links: Mapping[str, ET.Element]
+    joints: Mapping[str, ET.Element]
+    parents: Mapping[str, str]
+    children: Mapping[str, str]
+    carriers: Mapping[str, str]
+    root: str
+    order: tuple[str, ...]
+
+    @property
+    def leaves(self) -> list[str]:
+        """The links that carry no other."""
+        carrying = set(self.parents.values())
+        return [link for link in self.links if link not in carrying]
+
+    @property
+    def standing(self) -> set[str]:
+        """The links that do not move: the root, and what is fixed to it."""
+        links = {self.root}
+        for joint in self.order:
+            if self.joints[joint].get("type") == "fixed" and self.parents[joint] in links:
+                links.add(self.children[joint])
+        return links
+
+
+def tree_of(robot: ET.Element) -> Tree:
+    """The links and joints of a file.
+
+    - `robot`: its outermost element.
+
+    Raises DefinitionError naming link or joint unless all that moves it is complete, and they are one tree.
+    """
+    check("the robot", robot)
+    links, joints = _named(robot, "link"), _named(robot, "joint")
+    if not links:
+        raise DefinitionError("the robot has no <link>")
+    if len(links) > MOST_LINKS:
+        raise DefinitionError(f"the robot has {len(links)} links; at most {MOST_LINKS} are read")
+    for name, link in links.items():
+        check(f"link `{name}`", link)
+    parents: dict[str, str] = {}
+    children: dict[str, str] = {}
+    carriers: dict[str, str] = {}
+    for name, joint in joints.items():
+        check(f"joint `{name}`", joint)
+        _check_kind(name, joint)
+        parents[name] = _link(name, joint, "parent", links)
+        child = children[name] = _link(name, joint, "child", links)
+        if child in carriers:
+            raise DefinitionError(f"link `{child}` is the child of two joints, `{carriers[child]}` and `{name}`")
+        carriers[child] = name
+    root = _root(links, carriers)
+    return Tree(links, joints, parents, children, carriers, root, _order(root, links, parents, children))
+
+
+def _named(robot: ET.Element, tag: str) -> dict[str, ET.Element]:
+    found: dict[str, ET.Element] = {}
+    for element in robot.findall(tag):
+        name = element.get("name", "").strip()
+        if not name:
+            child = element.find("child")
+            after = f" (it comes after `{list(found)[-1]}`)" if found else ""
+            which = f" to link `{child.get('link')}`" if child is not None else after
+            raise DefinitionError(f"a <{tag}>{which} has no name")
+        if name in found:
+            raise DefinitionError(f"there are two <{tag}> named `{name}`; give one another name")
+        found[name] = element
+    return found
+
+
+def _check_kind(name: str, joint: ET.Element) -> None:
+    kind = joint.get("type")
+    if kind is None:
+        raise DefinitionError(f"joint `{name}` has no type; there are {', '.join(KINDS)}")
+    if kind in ("floating", "planar", "spherical"):
+        raise DefinitionError(
+            f"joint `{name}` is {kind}; an arm stands on a fixed base and has only {', '.join(KINDS)} joints"
+        )
+    if kind not in KINDS:
+        raise DefinitionError(f"joint `{name}` has the type `{kind}`; {nearest_name(kind.lower(), KINDS)}")
+
+
+def _link(name: str, joint: ET.Element, end: str, links: Mapping[str, ET.Element]) -> str:
+    element = joint.find(end)
+    link = element.get("link", "").strip() if element is not None else ""
+    if not link:
+        raise DefinitionError(f'joint `{name}` has no <{end} link="...">')
+    if link not in links:
+        raise DefinitionError(
+            f"the {end} of joint `{name}` is link `{link}`, which there is not; {nearest_name(link, links)}"
+        )
+    return link
+
+
+def _root(links: Mapping[str, ET.Element], carriers: Mapping[str, str]) -> str:
+    roots = [link for link in links if link not in carriers]
+    if not roots:
+        raise DefinitionError(f"no link is the base: {_listed(list(links))} carry each other in a circle")
+    if len(roots) > 1:
+        raise DefinitionError(
+            f"the links {_listed(roots)} are all without a joint that carries them; one of them is the base, the "
+            f"others need a joint"
+        )
+    return roots[0]
+
+
+def _order(
+    root: str, links: Mapping[str, ET.Element], parents: Mapping[str, str], children: Mapping[str, str]
+) -> tuple[str, ...]:
+    """The joints as they are reached from the root, each branch to its end."""
+    carried: dict[str, list[str]] = {link: [] for link in links}
+    for joint, parent in parents.items():
+        carried[parent].append(joint)
+    order: list[str] = []
+    left = carried[root][::-1]
+    while left:
+        joint = left.pop()
+        order.append(joint)
+        left.extend(reversed(carried[children[joint]]))
+    if len(order) < len(parents):
+        circle = [children[joint] for joint in parents if joint not in order]
+        raise DefinitionError(f"the links {_listed(circle)} carry each other in a circle; none of them is on the base")
+    return tuple(order)
+
+
+def _listed(names: list[str]) -> str:
+    shown = ", ".join(f"`{name}`" for name in names[:6])
+    return shown if len(names) <= 6 else f"{shown} and {len(names) - 6} more"

@@ -1,0 +1,183 @@
+"""MuJoCo's model of an arm, with what it carries and what stands around it."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from slidax._errors import DefinitionError
+from slidax.robots import Articulated, Payload
+
+from ..mujoco_plant import MujocoPlant, Table
+from .box import Box, box_like, principal
+from .needed import mujoco
+
+INTEGRATORS = {
+    "implicitfast": "mjINT_IMPLICITFAST",
+    "implicit": "mjINT_IMPLICIT",
+    "euler": "mjINT_EULER",
+    "rk4": "mjINT_RK4",
+}
+
+STIFF = (0.99, 0.99, 1e-3, 0.5, 2.0)
+"""MuJoCo's impedance of what is to be rigid: 1 % of what it withstands shows as motion (its default: 10 %). A joint
+that sticks creeps at a hundredth of the velocity that the torque on it would give it in one step."""
+
+CONTACT = 2e-3
+"""MuJoCo's time constant of a contact, s: a tenth of its default. A tip that is pressed on sinks in by less than .1 mm;
+twice the step of 1 ms is the least that MuJoCo takes."""
+
+LEAST = 1e-12
+"""Mass and moments of a link that has none, kg and kg m²: MuJoCo takes no moving body without."""
+
+
+class Built(NamedTuple):
+    """A compiled model, and where our numbers are in it.
+
+    - `model`: MuJoCo's.
+    - `places`, `dofs`: of our joints among its positions and velocities [n].
+    - `tip`: number of the site at the tip.
+    - `body`: where position and velocity of the free body begin; None if there is none.
+    """
+
+    model: Any
+    places: np.ndarray
+    dofs: np.ndarray
+    tip: int
+    body: tuple[int, int] | None
+
+
+def build(plant: MujocoPlant, robot: Articulated, load: Payload | None, *, free: bool, timestep: float) -> Built:
+    """The compiled model.
+
+    - `plant`: options and surroundings.
+    - `robot`: the arm, with all that it carries as its payload.
+    - `load`: what has a shape, and so meets the table; None for nothing.
+    - `free`: whether that is let go. If so, it is no part of the robot's payload.
+    - `timestep`: of MuJoCo [s].
+
+    Raises DefinitionError if MuJoCo does not take it.
+    """
+    mj = mujoco()
+    spec = mj.MjSpec()
+    spec.modelname = robot.name
+    spec.compiler.degree = False
+    spec.compiler.boundmass = spec.compiler.boundinertia = LEAST
+    option = spec.option
+    option.timestep = timestep
+    option.gravity = np.asarray(robot.gravity_vector)
+    option.integrator = getattr(mj.mjtIntegrator, INTEGRATORS[plant.integrator])
+    option.cone = mj.mjtCone.mjCONE_ELLIPTIC
+    # What becomes infinite is to stay so: it ends the run.
+    option.disableflags |= mj.mjtDisableBit.mjDSBL_AUTORESET
+    links, joints = _links(spec, robot, stops=plant.stops, timestep=timestep)
+    carrier = links[robot.tip_joint]
+    tip = {"pos": np.asarray(robot.tip_translation), "quat": _quaternion(robot.tip_rotation)}
+    site = carrier.add_site(name="tip", **tip)
+    if plant.surroundings is not None:
+        _add_table(spec.worldbody, plant.surroundings, np.asarray(robot.gravity_vector))
+    _add_shape(carrier, mj.mjtGeom.mjGEOM_SPHERE, pos=tip["pos"], size=[float(plant.tip_radius), 0.0, 0.0])
+    carried, shaped, body = robot.payload, None, None
+    if float(carried.mass) > 0:
+        # A body of its own without a joint: MuJoCo adds it to the link, and not we.
+        shaped = carrier.add_body(**tip)
+        _with_inertia(shaped, carried.mass, carried.center, carried.inertia)
+    if load is not None and free:
+        shaped = spec.worldbody.add_body(name="released load")
+        _with_inertia(shaped, load.mass, load.center, load.inertia)
+        shaped.inertia = _box(load).moments
+        # Its frame stays where we put it, and is not moved to the centre of mass.
+        body = shaped.add_freejoint(align=mj.mjtAlignFree.mjALIGNFREE_FALSE)
+    if load is not None:
+        _add_box(shaped, load)
+    try:
+        model = spec.compile()
+    except ValueError as error:
+        raise DefinitionError(f"MuJoCo does not take {robot.name}: {error}") from error
+    return Built(
+        model=model,
+        places=np.array([model.jnt_qposadr[joint.id] for joint in joints]),
+        dofs=np.array([model.jnt_dofadr[joint.id] for joint in joints]),
+        tip=site.id,
+        body=None if body is None else (int(model.jnt_qposadr[body.id]), int(model.jnt_dofadr[body.id])),
+    )
+
+
+def _links(spec: Any, robot: Articulated, *, stops: bool, timestep: float) -> tuple[list[Any], list[Any]]:
+    """The links and their joints, in our order; MuJoCo orders them otherwise where the arm branches."""
+    mj = mujoco()
+    links: list[Any] = []
+    joints: list[Any] = []
+    for i, parent in enumerate(robot.parents):
+        link = (links[parent] if parent >= 0 else spec.worldbody).add_body(
+            name=robot.link_names[i],
+            pos=np.asarray(robot.translations[i]),
+            quat=_quaternion(robot.rotations[i]),
+        )
+        _with_inertia(link, robot.masses[i], robot.centers[i], robot.inertias[i])
+        hinge = robot.joint_units[i] == "rad"
+        joint = link.add_joint(
+            name=robot.joint_names[i],
+            type=mj.mjtJoint.mjJNT_HINGE if hinge else mj.mjtJoint.mjJNT_SLIDE,
+            axis=[0.0, 0.0, 1.0],
+            armature=float(robot.armature[i]),
+            frictionloss=float(robot.coulomb[i]),
+            # As stiff as the steps allow.
+            solref_friction=[2.0 * timestep, 1.0],
+            solimp_friction=STIFF,
+        )
+        joint.damping[0] = float(robot.viscous[i])
+        lower, upper = float(robot.limits.lower[i]), float(robot.limits.upper[i])
+        if stops and (np.isfinite(lower) or np.isfinite(upper)):
+            joint.limited = mj.mjtLimited.mjLIMITED_TRUE
+            joint.range = np.clip([lower, upper], -1e6, 1e6)
+            joint.solref_limit = [CONTACT, 1.0]
+            joint.solimp_limit = STIFF
+        links.append(link)
+        joints.append(joint)
+    return links, joints
+
+
+def _with_inertia(body: Any, mass: Any, center: Any, inertia: Any) -> None:
+    moments, axes = principal(np.asarray(inertia))
+    body.explicitinertial = True
+    body.mass = float(mass)
+    body.ipos = np.asarray(center)
+    body.iquat = _quaternion(axes)
+    body.inertia = moments
+
+
+def _add_table(world: Any, table: Table, gravity: np.ndarray) -> None:
+    size = float(np.linalg.norm(gravity))
+    up = -gravity / size if size > 0 else np.array([0.0, 0.0, 1.0])
+    geom = world.add_geom(name="table", type=mujoco().mjtGeom.mjGEOM_PLANE, size=[1.0, 1.0, 0.1])
+    geom.pos = float(table.height) * up
+    geom.alt.zaxis = up
+    geom.contype, geom.conaffinity = 1, 0
+    # Its numbers hold for whatever touches it.
+    geom.priority = 1
+    geom.friction = [float(table.friction), 0.005, 1e-4]
+    geom.solref = [CONTACT, 1.0]
+    geom.solimp = STIFF
+
+
+def _add_box(body: Any, load: Payload) -> None:
+    quaternion = _quaternion(principal(np.asarray(load.inertia)).axes)
+    kind = mujoco().mjtGeom.mjGEOM_BOX
+    _add_shape(body, kind, pos=np.asarray(load.center), size=_box(load).sides, quat=quaternion)
+
+
+def _box(load: Payload) -> Box:
+    return box_like(float(load.mass), principal(np.asarray(load.inertia)).moments)
+
+
+def _add_shape(body: Any, kind: Any, **where: Any) -> None:
+    """A shape that meets the table and nothing else: the parts of an arm overlap where they are joined."""
+    body.add_geom(type=kind, contype=0, conaffinity=1, mass=0.0, **where)
+
+
+def _quaternion(rotation: Any) -> np.ndarray:
+    quaternion = np.empty(4)
+    mujoco().mju_mat2Quat(quaternion, np.asarray(rotation, float).reshape(9))
+    return quaternion

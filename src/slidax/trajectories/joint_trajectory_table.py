@@ -1,0 +1,114 @@
+"""A table from a ROS message."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slidax._errors import DefinitionError
+
+from .source_text import source_text
+from .table import Table
+
+NANOSECONDS = {"sec": "nanosec", "secs": "nsecs"}
+"""Seconds and their billionths as ROS 2 and ROS 1 call them."""
+
+WRAPPERS = ("trajectory", "joint_trajectory")
+"""Fields of larger messages that hold a joint trajectory."""
+
+
+def joint_trajectory_table(source: str | Path | Mapping[str, Any]) -> Table:
+    """The table in a trajectory_msgs/JointTrajectory.
+
+    - `source`: path of a JSON file; or the text itself, which begins with a brace; or the mapping.
+
+    Raises DefinitionError, with the point and the joint, if it is none.
+    """
+    if isinstance(source, Mapping):
+        name, message = "the message", source
+    else:
+        name, text = source_text(source, is_text=lambda text: text.lstrip("\ufeff \t\r\n").startswith(("{", "[")))
+        try:
+            message = json.loads(text)
+        except json.JSONDecodeError as error:
+            raise DefinitionError(f"{name} is not valid JSON: line {error.lineno}: {error.msg}") from None
+        if not isinstance(message, dict):
+            raise DefinitionError(f"{name} must be a JSON object with `joint_names` and `points`")
+    joints, points = _parts(message, name)
+    rows = [f"points[{index}]" for index in range(len(points))]
+    for row, point in zip(rows, points, strict=True):
+        if not isinstance(point, Mapping):
+            raise DefinitionError(f"{name}, {row}: must be a mapping with `positions` and `time_from_start`")
+    times = [_seconds(point.get("time_from_start"), f"{name}, {row}") for row, point in zip(rows, points, strict=True)]
+    return Table(
+        name,
+        joints,
+        rows,
+        np.array(times, dtype=float),
+        _numbers(points, "positions", joints, name),
+        _numbers(points, "velocities", joints, name) if _has(points, "velocities", name) else None,
+        _numbers(points, "accelerations", joints, name) if _has(points, "accelerations", name) else None,
+    )
+
+
+def _parts(message: Mapping[str, Any], name: str) -> tuple[tuple[str, ...], list[Any]]:
+    for field in ("joint_names", "points"):
+        if field not in message:
+            inside = next((wrapper for wrapper in WRAPPERS if wrapper in message), None)
+            hint = f"; it has `{inside}`: give that" if inside else ""
+            raise DefinitionError(f"{name} has no `{field}`: it must be a trajectory_msgs/JointTrajectory{hint}")
+    joints, points = message["joint_names"], message["points"]
+    if not isinstance(joints, (list, tuple)) or not joints or not all(isinstance(joint, str) for joint in joints):
+        raise DefinitionError(f"{name}: `joint_names` must be a list of names")
+    if not isinstance(points, (list, tuple)):
+        raise DefinitionError(f"{name}: `points` must be a list")
+    return tuple(joints), list(points)
+
+
+def _has(points: list[Any], field: str, name: str) -> bool:
+    """Whether the points have it: all of them, or none; an empty list is none, as ROS has it."""
+    given = [bool(point.get(field)) for point in points]
+    if any(given) and not all(given):
+        with_it, without = given.index(True), given.index(False)
+        raise DefinitionError(
+            f"{name}: points[{with_it}] has `{field}`, but points[{without}] has not: give them for all, or for none"
+        )
+    return any(given)
+
+
+def _numbers(points: list[Any], field: str, joints: tuple[str, ...], name: str) -> NDArray[np.float64]:
+    values = np.empty((len(points), len(joints)))
+    for row, point in enumerate(points):
+        given = point.get(field)
+        where = f"{name}, points[{row}]"
+        if not isinstance(given, (list, tuple)) or len(given) != len(joints):
+            what = f"{len(given)} of them" if isinstance(given, (list, tuple)) else "none"
+            raise DefinitionError(
+                f"{where}: `{field}` must have one number for each of {len(joints)} joints; got {what}"
+            )
+        for joint, number in enumerate(given):
+            if isinstance(number, bool) or not isinstance(number, (int, float)):
+                raise DefinitionError(f"{where}: `{field}` of `{joints[joint]}` must be a number; got {number!r}")
+            values[row, joint] = number
+    return values
+
+
+def _seconds(given: Any, where: str) -> float:
+    """A ROS duration in seconds."""
+    if isinstance(given, (int, float)) and not isinstance(given, bool):
+        return float(given)
+    if isinstance(given, Mapping):
+        for seconds, billionths in NANOSECONDS.items():
+            parts = (given.get(seconds), given.get(billionths, 0))
+            if set(given) <= {seconds, billionths} and all(
+                isinstance(part, (int, float)) and not isinstance(part, bool) for part in parts
+            ):
+                return float(parts[0] + parts[1] * 1e-9)
+    raise DefinitionError(
+        f"{where}: `time_from_start` must be {{sec, nanosec}}, {{secs, nsecs}} or a number of seconds; got {given!r}"
+    )

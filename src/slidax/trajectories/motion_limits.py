@@ -1,0 +1,119 @@
+"""What a motion must keep to, and the check that it does."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slidax._errors import DefinitionError
+
+from .piecewise_polynomial import AbstractPiecewisePolynomial
+
+ROUNDING = 1e-9
+"""A limit that is reached exactly is passed by rounding, and may be by this part."""
+
+
+def limit(owner: str, name: str, value: object, joints: int, names: Sequence[str] = ()) -> NDArray[np.float64]:
+    """A limit as one number per joint, [n]; infinite for none.
+
+    - `owner`: whose it is, for the message.
+    - `name`: what it is called there.
+    - `value`: one number or one per joint, > 0.
+    - `joints`: n.
+    - `names`: of the joints, if they have any.
+
+    Raises DefinitionError if it is not positive or does not fit the joints.
+    """
+    numbers = one_per_joint(owner, name, value, joints)
+    if not np.all(numbers > 0):
+        joint = int(np.argmin(numbers > 0))
+        raise DefinitionError(f"`{owner}.{name}` must be > 0; got {numbers[joint]:g} for {called(joint, names)}")
+    return numbers
+
+
+def one_per_joint(owner: str, name: str, value: object, joints: int) -> NDArray[np.float64]:
+    """One number per joint, [n].
+
+    - `owner`: whose it is, for the message.
+    - `name`: what it is called there.
+    - `value`: one number or one per joint.
+    - `joints`: n.
+
+    Raises DefinitionError if it is neither.
+    """
+    try:
+        numbers = np.asarray(value, dtype=float)
+    except (TypeError, ValueError):
+        raise DefinitionError(f"`{owner}.{name}` must be a number or a list of numbers; got {value!r}") from None
+    if numbers.shape not in ((), (joints,)):
+        raise DefinitionError(
+            f"`{owner}.{name}` must be one number or one for each of the {joints} joints; "
+            f"got shape {list(numbers.shape)}"
+        )
+    if np.any(np.isnan(numbers)):
+        raise DefinitionError(f"`{owner}.{name}` must be numbers; one of them is none")
+    return np.broadcast_to(numbers, (joints,))
+
+
+def called(joint: int, names: Sequence[str]) -> str:
+    """A joint by its name, or by its number from 1.
+
+    - `joint`: its number from 0.
+    - `names`: of all joints, or none.
+    """
+    return f"joint `{names[joint]}`" if names else f"joint {joint + 1}"
+
+
+@dataclass(frozen=True)
+class MotionLimits:
+    """The limits of a motion, each one number or one per joint; infinite where there is none.
+
+    - `lower`, `upper`: positions, rad or m.
+    - `velocity`: largest speed, rad/s or m/s.
+    - `acceleration`: largest acceleration, rad/s² or m/s².
+    """
+
+    lower: object = -np.inf
+    upper: object = np.inf
+    velocity: object = np.inf
+    acceleration: object = np.inf
+
+    def require(
+        self, motion: AbstractPiecewisePolynomial, source: str, names: Sequence[str], place: str, rate: str
+    ) -> None:
+        """Raises a DefinitionError if the motion leaves a limit anywhere, with the joint, the value and the time.
+
+        - `motion`: the motion.
+        - `source`: what it was read from, for the message.
+        - `names`: of the joints, if they have any.
+        - `place`, `rate`: what may be the matter where a position, or a velocity or acceleration, is beyond its limit.
+        """
+        owner, joints = type(motion).__name__, motion.coefficients.shape[2]
+        position = motion.extremes(0)
+        lower = one_per_joint(owner, "lower", self.lower, joints)
+        upper = one_per_joint(owner, "upper", self.upper, joints)
+        room = ROUNDING * np.maximum(1.0, position.size)
+        for beyond, side, bound, value, when in (
+            (position.least < lower - room, "below", lower, position.least, position.when_least),
+            (position.largest > upper + room, "above", upper, position.largest, position.when_largest),
+        ):
+            if beyond.any():
+                joint = int(np.argmax(beyond))
+                raise DefinitionError(
+                    f"{source}: {called(joint, names)} would go to {value[joint]:.4g} at t = {when[joint]:.6g} s, "
+                    f"{side} its limit of {bound[joint]:g}{place}"
+                )
+        for order, name, units in ((1, "velocity", "rad/s (or m/s)"), (2, "acceleration", "rad/s² (or m/s²)")):
+            bound = limit(owner, name, getattr(self, name), joints, names)
+            found = motion.extremes(order)
+            if np.any(found.size > bound * (1 + ROUNDING)):
+                joint = int(np.argmax(found.size / bound))
+                forward = found.largest[joint] >= -found.least[joint]
+                when = (found.when_largest if forward else found.when_least)[joint]
+                raise DefinitionError(
+                    f"{source}: {called(joint, names)} would need {found.size[joint]:.4g} {units} at t = {when:.6g} s, "
+                    f"over its limit of {bound[joint]:g} for {name}{rate}"
+                )

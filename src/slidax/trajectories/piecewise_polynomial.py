@@ -1,0 +1,73 @@
+"""What every motion of polynomials in time is."""
+
+from __future__ import annotations
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from slidax._errors import DefinitionError, known, parameter
+from slidax._types import Scalar, Vector
+
+from .extremes import Extremes, extremes
+from .trajectory import AbstractTrajectory
+
+
+class AbstractPiecewisePolynomial(AbstractTrajectory):
+    """One polynomial in time per joint between two knots; before the first knot and after the last it stands still.
+
+    - `times`: knots [k], s, increasing.
+    - `coefficients`: of each piece in powers of `t - times[i]`, highest first, [powers k-1 n].
+
+    A knot belongs to the piece that begins there, and the last one to the rest after it: where the acceleration jumps,
+    the reference has the value from the knot on. Members see to it that position and velocity do not jump.
+
+    Raises DefinitionError if knots and coefficients do not fit or are not finite.
+    """
+
+    times: Float[Array, " k"] = eqx.field(converter=parameter)
+    coefficients: Float[Array, "powers pieces n"] = eqx.field(converter=parameter)
+
+    def __check_init__(self) -> None:
+        name = type(self).__name__
+        knots, shape = np.shape(self.times), np.shape(self.coefficients)
+        if len(knots) != 1 or len(shape) != 3 or knots[0] != shape[1] + 1:
+            raise DefinitionError(
+                f"`{name}.coefficients` must be [powers pieces joints] with one piece between any two knots; "
+                f"got shape {list(shape)} for {list(knots)} knots"
+            )
+        times, coefficients = known(self.times), known(self.coefficients)
+        if isinstance(times, np.ndarray) and not (np.all(np.isfinite(times)) and np.all(np.diff(times) > 0)):
+            raise DefinitionError(f"`{name}.times` must be finite and increase")
+        if isinstance(coefficients, np.ndarray) and not np.all(np.isfinite(coefficients)):
+            raise DefinitionError(f"`{name}.coefficients` must be finite")
+
+    @property
+    def until(self) -> Scalar:
+        """The last knot [s]."""
+        return self.times[-1]
+
+    def position(self, t: Scalar) -> Vector:
+        """The position on the piece that holds `t`.
+
+        - `t`: time [s].
+        """
+        first, last = self.times[0], self.times[-1]
+        # Not `clip`: at a tie its derivative is one half, and so neither that of the motion nor that of the rest.
+        t = jnp.where(t < first, first, jnp.where(t < last, t, last))
+        pieces = self.coefficients.shape[1]
+        piece = jnp.clip(jnp.searchsorted(self.times, t, side="right") - 1, 0, pieces - 1)
+        coefficients = self.coefficients[:, piece]
+        x = t - self.times[piece]
+        value = coefficients[0]
+        for coefficient in coefficients[1:]:
+            value = value * x + coefficient
+        return value
+
+    def extremes(self, order: int) -> Extremes:
+        """The least and the largest value that a derivative of the position takes, exactly: where its slope is zero.
+
+        - `order`: 0 for the position, 1 for the velocity, 2 for the acceleration, 3 for the jerk.
+        """
+        return extremes(np.asarray(self.times), np.asarray(self.coefficients), order)

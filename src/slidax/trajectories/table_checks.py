@@ -1,0 +1,96 @@
+"""What makes a table's motion impossible: jumps of its velocity, and limits that it passes."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from slidax._errors import DefinitionError
+
+from .motion_limits import MotionLimits, called
+from .piecewise_polynomial import AbstractPiecewisePolynomial
+from .table import Table
+from .velocity_jumps import LEAST, velocity_jump
+
+NO_ARM = 200.0
+"""More than any arm does, rad/s² or m/s²: a table that asks for more has a jump in it."""
+
+RESTING = 1e-6
+"""Velocities at the ends of a table that are no larger, in rad/s or m/s, are the rounding of a file."""
+
+TWO_TURNS = 4 * np.pi
+"""Positions beyond two turns [rad] are rare for an arm and common for degrees."""
+
+
+def at_rest_outside(table: Table) -> Table:
+    """The table, with velocities that are exactly zero at its ends if it has any.
+
+    - `table`: the table.
+
+    Raises DefinitionError if they are not zero there, with the joint, the time, the size and the remedy.
+    """
+    if table.velocities is None:
+        return table
+    for row, end, side in ((0, "start", "before"), (len(table.times) - 1, "end", "after")):
+        moving = np.abs(table.velocities[row])
+        if np.any(moving > RESTING):
+            joint = int(np.argmax(moving))
+            raise DefinitionError(
+                f"{table.at(row)}: {called(joint, table.joints)} has a velocity of {table.velocities[row, joint]:g} "
+                f"rad/s (or m/s) at its {end}, t = {table.times[row]:g} s, but it stands still {side} that, so that "
+                "the velocity would jump: make it 0 there, or add rows in which the joint comes to rest"
+            )
+    velocities = table.velocities.copy()
+    velocities[[0, -1]] = 0.0
+    return replace(table, velocities=velocities)
+
+
+def require_no_jump(motion: AbstractPiecewisePolynomial, table: Table) -> None:
+    """Raises a DefinitionError if the velocity jumps, with the joint, the time, the size and the remedy.
+
+    - `motion`: the motion through the table.
+    - `table`: the table; one with velocities says itself how they change.
+    """
+    jump = None if table.velocities is not None else velocity_jump(table.times, table.positions)
+    if jump is None:
+        return
+    row = jump.row if jump.end < 1 else jump.row + 1
+    where = {-1: "at its start, ", 0: "", 1: "at its end, "}[jump.end]
+    needed = motion.extremes(2).size[jump.joint]
+    raise DefinitionError(
+        f"{table.at(row)}: the velocity of {called(jump.joint, table.joints)} jumps {where}t = {table.times[row]:g} s, "
+        f"from {jump.before:.3g} to {jump.after:.3g} rad/s (or m/s) within one row: add rows in which it changes, give "
+        "velocities too, or leave the times to `MinimumJerk.within`; or, if the arm can do "
+        f"{np.ceil(needed):.4g} rad/s² (or m/s²), say so with `acceleration`"
+    )
+
+
+def require_within(motion: AbstractPiecewisePolynomial, table: Table, limits: MotionLimits) -> None:
+    """Raises a DefinitionError if the motion passes a limit, with what may be the matter.
+
+    - `motion`: the motion through the table.
+    - `table`: the table.
+    - `limits`: the limits.
+    """
+    largest = float(np.abs(table.positions).max())
+    degrees = f"; positions go to {largest:.4g}: are they degrees? They must be rad or m" if largest > TWO_TURNS else ""
+    limits.require(motion, table.source, table.joints, degrees, degrees or _about_rates(table))
+
+
+def _about_rates(table: Table) -> str:
+    """What may be wrong with velocities or times."""
+    rates = np.abs(np.diff(table.positions, axis=0) / np.diff(table.times)[:, None])
+    if table.velocities is not None:
+        given = float(np.abs((table.velocities[1:] + table.velocities[:-1]) / 2).mean())
+        implied = float(rates.mean())
+        if min(given, implied) > LEAST and not 0.1 * implied <= given <= 10 * implied:
+            return (
+                f"; the velocities are {given / implied:.3g} times what positions and times say: are they in rad/s "
+                "or m/s?"
+            )
+    row = int(np.argmax(rates.max(axis=1)))
+    return (
+        f"; the fastest rows are {table.rows[row]} and {table.rows[row + 1]}, "
+        f"{table.times[row + 1] - table.times[row]:.3g} s apart: is there a step in the table, or a time too short?"
+    )

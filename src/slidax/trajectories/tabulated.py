@@ -1,0 +1,146 @@
+"""A motion from a table: of a file, a ROS message, or arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from slidax._errors import DefinitionError, parameter
+
+from .csv_table import csv_table
+from .hermite import cubic_hermite, quintic_hermite
+from .joint_trajectory_table import joint_trajectory_table
+from .motion_limits import MotionLimits
+from .piecewise_polynomial import AbstractPiecewisePolynomial
+from .quintic_spline import quintic_spline
+from .table import Table
+from .table_checks import NO_ARM, at_rest_outside, require_no_jump, require_within
+
+
+class Tabulated(AbstractPiecewisePolynomial):
+    """Through the rows of a table, each at its time; before the first row and after the last it stands still.
+
+    - `times`: knots [k], s, increasing.
+    - `coefficients`: of each piece in powers of `t - times[i]`, highest first, [powers k-1 n].
+
+    Between two rows it is
+
+    - a cubic, where the table has velocities: continuous velocity, as ROS's joint trajectory controller does it;
+    - a quintic, where it has accelerations too: continuous acceleration, as that controller does it;
+    - a piece of the quintic spline at rest at both ends (`MinimumJerk`), where it has positions only: continuous
+      acceleration. ROS takes straight lines there, whose velocity jumps at every row.
+
+    Since it stands still outside of the table, velocities must be zero in the first and the last row. A table whose
+    positions jump in velocity is refused: one that shows steady motion on both sides of a row, or rest before the first
+    or after the last, and nothing of the change from one to the other. Where `acceleration` is given, that limit
+    decides instead. Without it no table may ask for more than 200 rad/s² (or m/s²), which no arm does.
+
+    Made by `Tabulated.from_csv`, `Tabulated.from_joint_trajectory` or `Tabulated.through`.
+    """
+
+    @staticmethod
+    def from_csv(
+        source: str | Path,
+        *,
+        joints: Sequence[str] | None = None,
+        start: float | None = None,
+        lower: object = -np.inf,
+        upper: object = np.inf,
+        velocity: object = np.inf,
+        acceleration: object = None,
+    ) -> Tabulated:
+        """The motion in a CSV file.
+
+        - `source`: its path; or the text itself, which has a line break in it.
+        - `joints`: names of the robot's joints in its order; the order of the columns if not given.
+        - `start`: time of the first row [s]; as the file has it if not given.
+        - `lower`, `upper`: position limits, [n] or one number, rad or m.
+        - `velocity`, `acceleration`: limits, [n] or one number, rad/s and rad/s², or m/s and m/s².
+
+        The first line names the columns: `time`, then a column per joint, and perhaps one `NAME.velocity` per joint,
+        and with these perhaps one `NAME.acceleration`. Units are SI, and may be added in brackets: `elbow [rad]`.
+
+        Raises DefinitionError, with line and column, if the table makes no sense, jumps or passes a limit.
+        """
+        return _interpolated(csv_table(source), joints, start, MotionLimits(lower, upper, velocity, acceleration))
+
+    @staticmethod
+    def from_joint_trajectory(
+        source: str | Path | Mapping[str, Any],
+        *,
+        joints: Sequence[str] | None = None,
+        start: float | None = None,
+        lower: object = -np.inf,
+        upper: object = np.inf,
+        velocity: object = np.inf,
+        acceleration: object = None,
+    ) -> Tabulated:
+        """The motion in a ROS message, trajectory_msgs/JointTrajectory, as JSON.
+
+        - `source`: path of a JSON file; or the text itself, which begins with a brace; or the mapping that it stands
+          for.
+        - `joints`: names of the robot's joints in its order; the order of the message if not given.
+        - `start`: time of the first point [s]; as the message has it if not given.
+        - `lower`, `upper`: position limits, [n] or one number, rad or m.
+        - `velocity`, `acceleration`: limits, [n] or one number, rad/s and rad/s², or m/s and m/s².
+
+        `time_from_start` may be `{sec, nanosec}` (ROS 2), `{secs, nsecs}` (ROS 1) or a number of seconds. `effort` and
+        `header` are not used.
+
+        Raises DefinitionError, with the point and the joint, if the message makes no sense, jumps or passes a limit.
+        """
+        limits = MotionLimits(lower, upper, velocity, acceleration)
+        return _interpolated(joint_trajectory_table(source), joints, start, limits)
+
+    @staticmethod
+    def through(
+        times: object,
+        positions: object,
+        velocities: object = None,
+        accelerations: object = None,
+        *,
+        lower: object = -np.inf,
+        upper: object = np.inf,
+        velocity: object = np.inf,
+        acceleration: object = None,
+    ) -> Tabulated:
+        """The motion through arrays, such as a log's.
+
+        - `times`: [k], s, increasing.
+        - `positions`: [k n], rad or m.
+        - `velocities`, `accelerations`: [k n], or None.
+        - `lower`, `upper`: position limits, [n] or one number, rad or m.
+        - `velocity`, `acceleration`: limits, [n] or one number, rad/s and rad/s², or m/s and m/s².
+
+        Raises DefinitionError, with row and joint, if the table makes no sense, jumps or passes a limit.
+        """
+        t, q = np.asarray(times, dtype=float), np.asarray(positions, dtype=float)
+        given = {"velocities": velocities, "accelerations": accelerations}
+        more = {name: np.asarray(value, dtype=float) for name, value in given.items() if value is not None}
+        if t.ndim != 1 or q.ndim != 2 or any(rows.shape != (len(t), q.shape[1]) for rows in (q, *more.values())):
+            shapes = [list(q.shape), *(list(rows.shape) for rows in more.values())]
+            raise DefinitionError(
+                f"`Tabulated` needs one row per time and one column per joint; got shapes {shapes} for {len(t)} times"
+            )
+        table = Table("the table", (), [f"row {row + 1}" for row in range(len(t))], t, q, **more)
+        return _interpolated(table, None, None, MotionLimits(lower, upper, velocity, acceleration))
+
+
+def _interpolated(table: Table, joints: Sequence[str] | None, start: float | None, limits: MotionLimits) -> Tabulated:
+    table = at_rest_outside(table.of(joints).starting(start))
+    if table.velocities is None:
+        coefficients = quintic_spline(table.times, table.positions)
+    elif table.accelerations is None:
+        coefficients = cubic_hermite(table.times, table.positions, table.velocities)
+    else:
+        coefficients = quintic_hermite(table.times, table.positions, table.velocities, table.accelerations)
+    motion = Tabulated(times=parameter(table.times), coefficients=parameter(coefficients))
+    if limits.acceleration is None:
+        require_no_jump(motion, table)
+        limits = replace(limits, acceleration=NO_ARM)
+    require_within(motion, table, limits)
+    return motion

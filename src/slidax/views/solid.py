@@ -1,0 +1,72 @@
+"""What is drawn: triangles of one colour that a body carries."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+Colour = tuple[int, int, int]
+"""Red, green and blue, 0 to 255."""
+
+LINK: Colour = (228, 232, 237)
+JOINT: Colour = (88, 102, 118)
+STAND: Colour = (150, 159, 169)
+ACTUAL: Colour = (0, 114, 178)
+DESIRED: Colour = (213, 94, 0)
+AXES: tuple[Colour, Colour, Colour] = ((200, 60, 50), (70, 150, 70), (50, 90, 190))
+"""Of the links, the joints, the stand, the true arm's path, the reference, and the axes of the tip. The true arm and
+the reference have the colours that they have in the figures."""
+
+GHOST = 0.35
+"""Opacity of the reference arm."""
+
+THINNER = 1e-3
+"""How much thinner it is than the true arm, over the reach: where they are at one place, the true one is seen."""
+
+
+@dataclass(frozen=True)
+class Solid:
+    """Triangles of one colour.
+
+    - `body`: the number of the body that carries them, 0 for the base.
+    - `vertices`: [v 3], m, in the body's frame.
+    - `faces`: three vertices each [f 3].
+    - `colour`: theirs.
+    """
+
+    body: int
+    vertices: np.ndarray
+    faces: np.ndarray
+    colour: Colour
+
+    def shrunk(self, depth: float) -> np.ndarray:
+        """The vertices, moved into the solid [v 3], m.
+
+        - `depth`: by how much, m.
+        """
+        corners = self.vertices[self.faces]
+        areas = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        normals = np.zeros_like(self.vertices)
+        np.add.at(normals, self.faces, areas[:, None, :])
+        sizes = np.linalg.norm(normals, axis=1, keepdims=True)
+        moved: np.ndarray = self.vertices - depth * normals / np.where(sizes > 0, sizes, 1.0)
+        return moved
+
+
+def merged(solids: list[Solid]) -> list[Solid]:
+    """The same triangles in one solid for each body and colour, so that a browser has few of them to move.
+
+    - `solids`: in any order.
+    """
+    groups: dict[tuple[int, Colour], list[Solid]] = {}
+    for solid in solids:
+        groups.setdefault((solid.body, solid.colour), []).append(solid)
+    return [_joined(group) for group in groups.values()]
+
+
+def _joined(group: list[Solid]) -> Solid:
+    starts = np.cumsum([0, *(len(solid.vertices) for solid in group[:-1])])
+    faces = [solid.faces + start for solid, start in zip(group, starts, strict=True)]
+    vertices = np.concatenate([solid.vertices for solid in group])
+    return Solid(group[0].body, vertices, np.concatenate(faces), group[0].colour)

@@ -1,0 +1,185 @@
+"""Arms from URDF files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from slidax._errors import DefinitionError
+from slidax.robots.files import from_urdf
+from tests.paper import SCARA, TWO_LINK
+from tests.robots.bad_file import changed
+from tests.robots.bad_urdf import AXIS, ELBOW, FORE, GOOD, INERTIA, LIMIT, ORIGIN, TOOL
+
+pytest.importorskip("mujoco")
+EXAMPLES = Path(__file__).parents[2] / "examples" / "robots"
+STATES = np.random.default_rng(3).uniform(-3.0, 3.0, (2, 50, 3))
+PAPER = [
+    pytest.param("two_link.urdf", {"gravity": (0.0, -9.8, 0.0), "armature": [5.0, 5.0]}, TWO_LINK, id="two-link"),
+    pytest.param("scara.urdf", {"gravity": (0.0, 0.0, -9.8)}, SCARA, id="SCARA"),
+]
+MIMIC = '<mimic joint="shoulder" multiplier="2" offset="0.5"/>'
+
+
+@pytest.mark.parametrize(("file", "arguments", "printed"), PAPER)
+def test_the_arms_of_the_paper_are_the_same_as_urdf(file, arguments, printed):
+    arm = from_urdf(EXAMPLES / file, **arguments)
+    assert arm.joint_units == printed.joint_units
+    q, dq = STATES[:, :, : printed.joints]
+
+    def motion(robot, q, dq):
+        return robot.mass(q), robot.bias(q, dq), robot.tip(q), robot.potential(q) - robot.potential(jnp.zeros_like(q))
+
+    motions = jax.jit(jax.vmap(motion, (None, 0, 0)))
+    for one, other in zip(motions(arm, q, dq), motions(printed, q, dq), strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-12, atol=1e-12)
+
+
+def test_what_the_file_says_is_in_the_arm():
+    arm = from_urdf(GOOD)
+    assert arm.name == "arm"
+    assert arm.joint_names == ("shoulder", "elbow")
+    assert arm.link_names == ("upper", "fore")
+    np.testing.assert_array_equal(arm.limits.lower, [-2.0, -1.0])
+    np.testing.assert_array_equal(arm.limits.upper, [2.5, 1.5])
+    np.testing.assert_array_equal(arm.limits.torque, [50.0, 20.0])
+    np.testing.assert_array_equal(arm.limits.velocity, [3.0, 4.0])
+    np.testing.assert_array_equal(arm.viscous, [0.5, 0.0])
+    np.testing.assert_array_equal(arm.coulomb, [0.25, 0.0])
+    np.testing.assert_array_equal(arm.masses, [2.0, 1.25])
+    np.testing.assert_array_equal(arm.armature, [0.0, 0.0])
+    np.testing.assert_allclose(arm.gravity_vector, [0.0, 0.0, -9.81])
+    # The inertia of the upper arm is about axes that are turned by .3 rad about x.
+    turn = np.array([[1.0, 0.0, 0.0], [0.0, np.cos(0.3), -np.sin(0.3)], [0.0, np.sin(0.3), np.cos(0.3)]])
+    inertia = np.array([[0.02, 0.001, 0.0], [0.001, 0.03, 0.0], [0.0, 0.0, 0.04]])
+    np.testing.assert_allclose(arm.inertias[0], turn @ inertia @ turn.T, rtol=1e-13, atol=1e-16)
+    # The shoulder's own rotation of (0.1, 0.2, 0.3) about fixed axes, of a point 0.6 m along x.
+    cosine, sine = np.cos([0.1, 0.2, 0.3]), np.sin([0.1, 0.2, 0.3])
+    along_x = [cosine[1] * cosine[2], cosine[1] * sine[2], -sine[1]]
+    np.testing.assert_allclose(arm.tip(jnp.zeros(2)), 0.6 * np.array(along_x) + [0.0, 0.0, 0.3], rtol=1e-14)
+
+
+def test_a_path_a_text_and_a_file_in_another_encoding_are_the_same_arm(tmp_path):
+    (tmp_path / "arm.urdf").write_text(GOOD)
+    (tmp_path / "wide.urdf").write_bytes(GOOD.replace("utf-8", "utf-16").encode("utf-16"))
+    for source in (tmp_path / "arm.urdf", str(tmp_path / "arm.urdf"), tmp_path / "wide.urdf", "\ufeff" + GOOD):
+        np.testing.assert_array_equal(from_urdf(source).inertias, from_urdf(GOOD).inertias)
+
+
+def test_the_length_of_an_axis_does_not_matter():
+    longer, unit = from_urdf(changed(GOOD, AXIS, '<axis xyz="0 2.5 0"/>')), from_urdf(GOOD)
+    np.testing.assert_allclose(longer.rotations, unit.rotations, rtol=1e-14, atol=1e-14)
+    np.testing.assert_allclose(longer.inertias, unit.inertias, rtol=1e-14, atol=1e-14)
+
+
+def test_without_an_axis_a_joint_turns_about_x():
+    given = from_urdf(changed(GOOD, AXIS, '<axis xyz="1 0 0"/>'))
+    np.testing.assert_array_equal(from_urdf(changed(GOOD, AXIS, "")).rotations, given.rotations)
+
+
+def test_a_continuous_joint_needs_no_limits_and_has_no_ends():
+    arm = from_urdf(changed(GOOD, ELBOW, ELBOW.replace("revolute", "continuous"), LIMIT, ""))
+    assert np.isneginf(arm.limits.lower[1]) and np.isposinf(arm.limits.upper[1]) and np.isposinf(arm.limits.torque[1])
+    arm = from_urdf(changed(GOOD, ELBOW, ELBOW.replace("revolute", "continuous")))
+    assert np.isposinf(arm.limits.upper[1]) and arm.limits.torque[1] == 20.0
+
+
+def test_limits_need_not_be_read():
+    arm = from_urdf(changed(GOOD, LIMIT, ""), limits=False)
+    assert np.isposinf(arm.limits.torque).all() and np.isneginf(arm.limits.lower).all()
+
+
+def test_a_mimic_joint_may_be_held_where_the_error_says():
+    text = changed(GOOD, LIMIT, LIMIT + MIMIC)
+    with pytest.raises(DefinitionError, match=r"locked=\{'shoulder': 0.25, 'elbow': 1.0\}"):
+        from_urdf(text, locked={"shoulder": 0.25})
+    assert from_urdf(text, locked={"elbow": 0.5}).joint_names == ("shoulder",)
+
+
+def test_armature_is_one_number_or_one_for_each_joint_or_by_name():
+    np.testing.assert_array_equal(from_urdf(GOOD, armature=0.5).armature, [0.5, 0.5])
+    np.testing.assert_array_equal(from_urdf(GOOD, armature=np.array([1.0, 2.0])).armature, [1.0, 2.0])
+    np.testing.assert_array_equal(from_urdf(GOOD, armature={"elbow": 3.0}).armature, [0.0, 3.0])
+    np.testing.assert_array_equal(from_urdf(GOOD, armature=[3.0], locked={"shoulder": 0.0}).armature, [3.0])
+
+
+@pytest.mark.parametrize(
+    ("armature", "named"),
+    [([1.0], "shoulder, elbow"), ({"elbov": 1.0}, "did you mean `elbow`"), (-1.0, "armature of joint `shoulder`")],
+)
+def test_an_armature_that_cannot_be_is_refused(armature, named):
+    with pytest.raises(DefinitionError, match=named):
+        from_urdf(GOOD, armature=armature)
+
+
+def test_what_stands_on_the_base_may_have_any_mass():
+    mount = GOOD.replace('<parent link="base"/>', '<parent link="mount"/>').replace(
+        '<link name="base"/>',
+        '<link name="base"/><joint name="bolts" type="fixed"><parent link="base"/><child link="mount"/></joint>'
+        '<link name="mount"><inertial><mass value="-1"/>' + INERTIA + "</inertial></link>",
+    )
+    np.testing.assert_array_equal(from_urdf(mount).masses, [2.0, 1.25])
+
+
+def test_a_link_named_world_is_a_link_as_any_other():
+    named = GOOD.replace('"upper"', '"world"')
+    np.testing.assert_array_equal(from_urdf(named).inertias, from_urdf(GOOD).inertias)
+
+
+def test_elements_of_other_programs_are_passed_over():
+    more = changed(
+        GOOD,
+        "</robot>",
+        '<gazebo reference="fore"><mu1>nan</mu1></gazebo><mujoco><compiler inertiafromgeom="true"/></mujoco></robot>',
+        ORIGIN,
+        ORIGIN + "<hardware_interface/>",
+    )
+    np.testing.assert_array_equal(from_urdf(more).inertias, from_urdf(GOOD).inertias)
+
+
+def with_mesh(name: str) -> str:
+    return changed(GOOD, FORE, f'{FORE}<visual><geometry><mesh filename="{name}"/></geometry></visual>')
+
+
+def test_a_mesh_is_found_beside_the_file_and_in_packages_and_is_not_read(tmp_path):
+    meshes = tmp_path / "arm_description" / "meshes"
+    meshes.mkdir(parents=True)
+    (meshes / "fore.dae").write_text("no mesh at all")
+    path = tmp_path / "arm_description" / "arm.urdf"
+    path.write_text(with_mesh("meshes/fore.dae"))
+    assert from_urdf(path).joints == 2
+    path.write_text(with_mesh("package://arm_description/meshes/fore.dae"))
+    assert from_urdf(path).joints == 2
+    text = path.read_text()
+    for packages in ({"arm_description": meshes.parent}, [tmp_path / "empty", tmp_path]):
+        assert from_urdf(text, packages=packages).joints == 2
+    with pytest.raises(DefinitionError, match=r"empty/meshes/fore\.dae; packages=\{'arm_description': FOLDER\}"):
+        from_urdf(text, packages={"arm_description": tmp_path / "empty"})
+    assert from_urdf(text, meshes=False).joints == 2
+    path.write_text(with_mesh(f"file://{meshes}/fore.dae"))
+    assert from_urdf(path).joints == 2
+
+
+def test_the_tip_is_the_only_link_that_moves_and_carries_none():
+    beside = '<joint name="to the plate" type="fixed"><parent link="base"/><child link="plate"/></joint>'
+    arm = from_urdf(changed(GOOD, "</robot>", f'{beside}<link name="plate"/></robot>'))
+    np.testing.assert_array_equal(arm.tip_translation, from_urdf(GOOD, tip="tool").tip_translation)
+
+
+def test_the_tip_may_be_any_link_that_moves():
+    arm = from_urdf(GOOD, tip="fore")
+    np.testing.assert_allclose(np.linalg.norm(arm.tip(jnp.zeros(2)) - jnp.array([0.0, 0.0, 0.3])), 0.4, rtol=1e-14)
+    with pytest.raises(DefinitionError, match="`base`, which is the base"):
+        from_urdf(GOOD, tip="base")
+
+
+def test_joints_are_in_the_order_of_the_tree_not_of_the_file():
+    start, end = GOOD.index('<joint name="elbow"'), GOOD.index(TOOL)
+    moved = GOOD[:start] + GOOD[end:]
+    reordered = moved.replace('<link name="base"/>', '<link name="base"/>' + GOOD[start:end])
+    assert from_urdf(reordered).joint_names == ("shoulder", "elbow")
+    np.testing.assert_array_equal(from_urdf(reordered).masses, [2.0, 1.25])

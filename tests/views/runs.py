@@ -1,0 +1,66 @@
+"""Short runs of the arms that are looked at."""
+
+from __future__ import annotations
+
+import jax.numpy as jnp
+import numpy as np
+
+from slidax._types import State
+from slidax.actuators import Actuator, TorqueLimits
+from slidax.controllers import ComputedTorque
+from slidax.disturbances import Constant
+from slidax.robots import Articulated, Joint, assemble
+from slidax.scenarios import Scenario, load
+from slidax.simulation import Plant, Run, simulate
+from slidax.trajectories import Sinusoid
+
+
+def two_link() -> Scenario:
+    return load("example-4.1", {"simulation.t1": 0.5, "simulation.log_every": 10})
+
+
+def scara() -> Scenario:
+    return load("example-4.2", {"simulation.t1": 0.5, "simulation.log_every": 10})
+
+
+def crane(*, height: float = 0.3) -> Articulated:
+    """A boom that leans, with a slide along it.
+
+    - `height`: of its joint above the ground, m.
+    """
+    body = {"mass": 1.0, "inertia": 0.1 * np.eye(3), "torque": 20.0}
+    lean = np.array([[np.cos(0.4), 0, np.sin(0.4)], [0, 1, 0], [-np.sin(0.4), 0, np.cos(0.4)]])
+    turn = Joint(
+        name="turn",
+        kind="revolute",
+        parent=None,
+        link="boom",
+        rotation=lean,
+        translation=np.array([0, 0, height]),
+        axis=np.array([0.0, 1.0, 0.0]),
+        **body,
+    )
+    slide = Joint(
+        name="slide",
+        kind="prismatic",
+        parent="turn",
+        link="hand",
+        rotation=np.eye(3),
+        translation=np.array([0.5, 0, 0]),
+        axis=np.array([1.0, 0.0, 0.0]),
+        **{**body, "torque": 40.0},
+    )
+    return assemble([turn, slide], tip="hand")
+
+
+def crane_run(*, torque: float) -> tuple[Plant, Run]:
+    """A sway of the crane.
+
+    - `torque`: what its drives can do, N m and N.
+    """
+    robot = crane()
+    plant = Plant(robot, Constant(np.zeros(2)), actuator=Actuator(TorqueLimits(torque=torque)))
+    sway = Sinusoid(offset=np.full(2, 0.3), amplitude=np.full(2, 0.2), frequency=np.full(2, 2.0))
+    law = ComputedTorque(robot, kp=20.0, kd=8.0)
+    start = State(q=jnp.full(2, 0.4), dq=jnp.zeros(2))
+    return plant, simulate(plant, law, sway, start, t1=0.3, period=2e-3, progress=False)

@@ -1,0 +1,109 @@
+"""An arm as its maker drew it."""
+
+from __future__ import annotations
+
+import re
+from importlib.metadata import PackageNotFoundError, distribution
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("yourdfpy")
+pytest.importorskip("collada")
+
+from slidax import robots
+from slidax._errors import DefinitionError
+from slidax.robots import Articulated
+from slidax.views.meshes import find_urdf, mesh_solids
+from slidax.views.skeleton import skeleton_of
+from slidax.views.solid import Solid
+
+from .runs import crane
+
+URDF = """<robot name="arm">
+  <material name="red"><color rgba="1 0 0 1"/></material>
+  <link name="base"><visual><geometry><box size="0.2 0.2 0.1"/></geometry></visual></link>
+  <joint name="turn" type="revolute">
+    <parent link="base"/><child link="boom"/><origin xyz="0 0 0.3" rpy="0 0.4 0"/><axis xyz="0 1 0"/>
+    <limit lower="-2" upper="2" effort="9" velocity="9"/>
+  </joint>
+  <link name="boom">
+    <visual><origin xyz="0.25 0 0"/><geometry><box size="0.5 0.04 0.06"/></geometry><material name="red"/></visual>
+  </link>
+  <joint name="slide" type="prismatic">
+    <parent link="boom"/><child link="hand"/><origin xyz="0.5 0 0"/><axis xyz="1 0 0"/>
+    <limit lower="0" upper="1" effort="9" velocity="9"/>
+  </joint>
+  <link name="hand"/>
+  <joint name="bolt" type="fixed"><parent link="hand"/><child link="tool"/><origin xyz="0 0 -0.1"/></joint>
+  <link name="tool"><visual><geometry><sphere radius="0.03"/></geometry></visual></link>
+</robot>
+"""
+
+
+@pytest.fixture
+def urdf(tmp_path: Path) -> Path:
+    path = tmp_path / "arm.urdf"
+    path.write_text(URDF)
+    return path
+
+
+def seen(robot: Articulated, solid: Solid, q: list[float]) -> np.ndarray:
+    """The solid's vertices in the base frame."""
+    poses = skeleton_of(robot).poses(np.array([q]))
+    return solid.vertices @ poses.rotations[0, solid.body].T + poses.places[0, solid.body]
+
+
+def test_meshes_go_with_the_bodies_that_carry_them(urdf: Path) -> None:
+    robot = crane()
+    solids = {solid.body: solid for solid in mesh_solids(skeleton_of(robot), urdf, tools=True)}
+    assert sorted(solids) == [0, 1, 2]
+    assert solids[1].colour == (255, 0, 0)
+    np.testing.assert_allclose(np.ptp(seen(robot, solids[0], [0, 0]), axis=0), [0.2, 0.2, 0.1], atol=1e-9)
+    # A quarter turn back from the tilt about y: the boom, along x at 0, stands upright.
+    upright = seen(robot, solids[1], [-0.4 - np.pi / 2, 0.0])
+    np.testing.assert_allclose(np.ptp(upright, axis=0), [0.06, 0.04, 0.5], atol=1e-9)
+    np.testing.assert_allclose(upright.mean(axis=0), [0, 0, 0.55], atol=1e-6)
+    ball = seen(robot, solids[2], [-0.4, 0.2])
+    np.testing.assert_allclose((ball.min(axis=0) + ball.max(axis=0)) / 2, [0.7, 0, 0.2], atol=1e-6)
+
+
+def test_what_is_bolted_on_can_be_left_out(urdf: Path) -> None:
+    solids = mesh_solids(skeleton_of(crane()), urdf, tools=False)
+    assert sorted(solid.body for solid in solids) == [0, 1]
+
+
+def test_the_urdf_of_another_robot_is_refused(urdf: Path) -> None:
+    with pytest.raises(DefinitionError, match=r"arm\.urdf has no joint `panda_joint1`"):
+        mesh_solids(skeleton_of(robots.panda()), urdf, tools=True)
+    with pytest.raises(DefinitionError, match="joint `turn` moves unlike"):
+        mesh_solids(skeleton_of(crane(height=0.31)), urdf, tools=True)
+
+
+def test_a_urdf_without_meshes_or_none_at_all_is_refused(urdf: Path, tmp_path: Path) -> None:
+    bare = tmp_path / "bare.urdf"
+    bare.write_text(re.sub("<visual>.*</visual>", "", urdf.read_text()))
+    with pytest.raises(DefinitionError, match="no meshes"):
+        mesh_solids(skeleton_of(crane()), bare, tools=True)
+    with pytest.raises(DefinitionError, match="can't be read"):
+        mesh_solids(skeleton_of(crane()), tmp_path / "absent.urdf", tools=True)
+
+
+def have_example_robots() -> bool:
+    try:
+        distribution("example-robot-data")
+    except PackageNotFoundError:
+        return False
+    return True
+
+
+@pytest.mark.skipif(not have_example_robots(), reason="example-robot-data is not installed")
+def test_the_meshes_of_a_ready_robot_are_found_by_its_joints() -> None:
+    skeleton = skeleton_of(robots.xarm7())
+    found = find_urdf(skeleton)
+    assert found is not None
+    assert found.name == "xarm7.urdf"
+    assert sorted({solid.body for solid in mesh_solids(skeleton, found, tools=False)}) == list(range(8))
+    # Joints of these names are there, on an arm with other lengths.
+    assert find_urdf(skeleton_of(robots.ur5e())) is None
