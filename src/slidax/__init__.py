@@ -36,12 +36,14 @@ if TYPE_CHECKING:
     from . import surfaces as surfaces
     from . import trajectories as trajectories
     from . import transformations as transformations
+    from . import views as views
     from ._errors import DefinitionError as DefinitionError
     from ._errors import OutcomeError as OutcomeError
     from ._types import Command as Command
     from ._types import Envelope as Envelope
     from ._types import Reference as Reference
     from ._types import State as State
+    from .simulation import MujocoPlant as MujocoPlant
     from .simulation import Plant as Plant
     from .simulation import Run as Run
     from .simulation import simulate as simulate
@@ -52,7 +54,7 @@ __version__ = "0.1.0"
 _ROOMS = [
     *("trajectories", "robots", "disturbances", "sensors", "actuators", "numerics"),
     *("performance", "transformations", "surfaces", "reaching", "estimators", "controllers"),
-    *("codegen", "simulation", "scenarios", "metrics", "figures", "papers", "reports", "deploy"),
+    *("codegen", "simulation", "scenarios", "metrics", "figures", "papers", "reports", "views", "deploy"),
 ]
 _NAMES = {
     "DefinitionError": "_errors",
@@ -61,6 +63,7 @@ _NAMES = {
     "Envelope": "_types",
     "Reference": "_types",
     "State": "_types",
+    "MujocoPlant": "simulation",
     "Plant": "simulation",
     "Run": "simulation",
     "simulate": "simulation",

@@ -82,6 +82,9 @@ class Pendulum(AbstractRobot):
     def bias(self, q, dq):
         return 3.0 * jnp.sin(q)
 
+    def friction(self, dq):
+        return jnp.zeros_like(dq)
+
     def potential(self, q):
         return -3.0 * jnp.cos(q[0])
 

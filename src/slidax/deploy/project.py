@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from slidax._errors import DefinitionError
 from slidax.actuators import TorqueLimits
 from slidax.codegen.c import Dialect, Helpers
+from slidax.simulation import MujocoPlant
 
 from .comment_text import comment
 from .contents import Joint, Project

@@ -13,9 +13,10 @@ from jaxtyping import Array
 from slidax._errors import DefinitionError, parameter
 
 from .articulated import Articulated
-from .joint import Joint
+from .joint import Joint, require_rigid
 from .joint_limits import JointLimits
 from .payload import Payload
+from .regular import require_regular
 
 SMOOTHING = 0.01
 """Velocity within which the Coulomb friction of a new arm turns, rad/s or m/s."""
@@ -87,7 +88,9 @@ def assemble(
     if not moved:
         raise DefinitionError(f"{name} has no joint that moves")
     _check_masses(moved, name)
-    return _arm(moved, _tip(tip, ordered, placed, name), gravity, name)
+    arm = _arm(moved, _tip(tip, ordered, placed, name), gravity, name)
+    require_regular(arm)
+    return arm
 
 
 def _in_order(joints: Sequence[Joint]) -> list[Joint]:
@@ -209,9 +212,13 @@ def _arm(moved: Mapping[str, _Moved], tip: _Placed, gravity: Sequence[float], na
     centers, inertias = [], []
     for body in moved.values():
         center = body.moment / body.mass if body.mass > 0 else np.zeros(3)
-        centers.append(center)
         about = body.inertia - body.mass * (center @ center * np.eye(3) - np.outer(center, center))
-        inertias.append(0.5 * (about + about.T))
+        about = 0.5 * (about + about.T)
+        if body.mass > 0:
+            what = f"the inertia of link `{body.joint.link}`, with all that is fixed to it,"
+            require_rigid(about, what, definite=True)
+        centers.append(center)
+        inertias.append(about)
 
     def each(field: str) -> Array:
         return parameter([getattr(joint, field) for joint in joints])

@@ -66,7 +66,9 @@ class Joint:
                 f"the frame of joint `{self.name}` must have orthonormal axes; got {rotation.tolist()}"
             )
         if not np.isfinite(self.translation).all():
-            raise DefinitionError(f"the place of joint `{self.name}` must be finite; got {list(self.translation)}")
+            raise DefinitionError(
+                f"the place of joint `{self.name}` must be finite; got {np.asarray(self.translation).tolist()}"
+            )
         self._check_link()
         if self.kind != "fixed":
             self._check_motion()
@@ -75,7 +77,8 @@ class Joint:
         if not (math.isfinite(self.mass) and self.mass >= 0):
             raise DefinitionError(f"the mass of link `{self.link}` must be >= 0 kg and finite; got {self.mass:g}")
         if not np.isfinite(self.center).all():
-            raise DefinitionError(f"the centre of mass of link `{self.link}` must be finite; got {list(self.center)}")
+            center = np.asarray(self.center).tolist()
+            raise DefinitionError(f"the centre of mass of link `{self.link}` must be finite; got {center}")
         inertia = np.asarray(self.inertia, float)
         if inertia.shape != (3, 3) or not np.isfinite(inertia).all():
             raise DefinitionError(f"the inertia of link `{self.link}` must be 3 x 3 and finite; got {inertia.tolist()}")
@@ -86,22 +89,15 @@ class Joint:
             return
         if not np.allclose(inertia, inertia.T, rtol=0, atol=1e-9 * size):
             raise DefinitionError(f"the inertia of link `{self.link}` must be symmetric; got {inertia.tolist()}")
-        moments = np.linalg.eigvalsh(inertia)
-        if moments[0] <= 0:
-            raise DefinitionError(
-                f"the inertia of link `{self.link}` must be positive definite; its principal moments are "
-                f"{_listed(moments)} kg m²"
-            )
-        if moments[0] + moments[1] < moments[2] * (1.0 - ROUNDING):
-            raise DefinitionError(
-                f"the inertia of link `{self.link}` is of no rigid body: the largest of its principal moments "
-                f"{_listed(moments)} kg m² is more than the sum of the others"
-            )
+        # A point or a thin rod may be fixed to a link that is neither; `assemble` looks at all that moves together.
+        require_rigid(inertia, f"the inertia of link `{self.link}`", definite=self.kind != "fixed")
 
     def _check_motion(self) -> None:
         size = float(np.linalg.norm(self.axis))
         if not (math.isfinite(size) and size > 1e-9):
-            raise DefinitionError(f"the axis of joint `{self.name}` must have a direction; got {list(self.axis)}")
+            raise DefinitionError(
+                f"the axis of joint `{self.name}` must have a direction; got {np.asarray(self.axis).tolist()}"
+            )
         if not self.lower < self.upper:
             raise DefinitionError(
                 f"the limits of joint `{self.name}` must be lower < upper; got {self.lower:g} and {self.upper:g}"
@@ -118,5 +114,20 @@ class Joint:
                 raise DefinitionError(f"the {name} of joint `{self.name}` must be >= 0 and finite; got {value:g}")
 
 
-def _listed(numbers: np.ndarray) -> str:
-    return ", ".join(f"{number:.3g}" for number in numbers)
+def require_rigid(inertia: np.ndarray, what: str, *, definite: bool) -> None:
+    """Raises DefinitionError unless a rigid body can have this inertia.
+
+    - `inertia`: about the centre of mass, symmetric [3 3], kg m².
+    - `what`: whose, for the message.
+    - `definite`: whether each moment must be > 0, or may be 0 as for a point or a thin rod.
+    """
+    moments = np.linalg.eigvalsh(inertia)
+    listed = ", ".join(f"{moment:.3g}" for moment in moments)
+    if moments[0] <= 0 if definite else moments[0] < -1e-9 * abs(moments[2]):
+        rule = "positive definite" if definite else "positive semi-definite"
+        raise DefinitionError(f"{what} must be {rule}; its principal moments are {listed} kg m²")
+    if moments[0] + moments[1] < moments[2] * (1.0 - ROUNDING):
+        raise DefinitionError(
+            f"{what} is of no rigid body: the largest of its principal moments {listed} kg m² is more than the sum of "
+            "the others"
+        )

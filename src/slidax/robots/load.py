@@ -45,5 +45,7 @@ class Load(eqx.Module):
         if not isinstance(robot, Articulated):
             raise DefinitionError(f"a {type(robot).__name__} has no tip to carry a load; only an articulated arm has")
         carried = jnp.where((t >= self.attached) & (t < self.released), 1.0, 0.0)
-        loaded: Articulated = eqx.tree_at(lambda arm: arm.payload, robot, robot.payload.joined(self.payload.times(carried)))
+        loaded: Articulated = eqx.tree_at(
+            lambda arm: arm.payload, robot, robot.payload.joined(self.payload.times(carried))
+        )
         return loaded

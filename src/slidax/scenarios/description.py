@@ -66,6 +66,8 @@ class SimulationDescription(Description):
     """What a sample outside the envelope does: `raise` ends the run, `recover` counts it and goes on."""
     plant: Literal["own", "mujoco"] = "own"
     """Who moves the arm: our own equations, or MuJoCo in the real arm's stead, in held mode."""
+    friction: Literal["smooth", "dry"] = "smooth"
+    """With MuJoCo's plant: `smooth` as in ours, or `dry`, by which a joint really sticks."""
     engine: Literal["auto", "native", "xla"] = "auto"
     """What computes: `native` is machine code of our own, `xla` JAX's compiler; `auto` takes the fastest there is."""
 
@@ -127,7 +129,7 @@ class ScenarioDescription(Description):
             arms = self.robot.build()
             true, nominal = arms.true, arms.nominal
         with located("trajectory"):
-            trajectory = self.trajectory.build()
+            trajectory = self.trajectory.build(arms.limits)
             followed = eqx.filter_eval_shape(trajectory.position, jax.ShapeDtypeStruct((), float)).shape
             if followed != (true.joints,):
                 raise DefinitionError(f"moves {followed[0]} joints, but the robot has {true.joints}")
@@ -184,4 +186,4 @@ class ScenarioDescription(Description):
                 raise DefinitionError(message, where="surroundings")
             return own
         with located("simulation.plant"):
-            return MujocoPlant.of(own, surroundings=table)
+            return MujocoPlant.of(own, surroundings=table, dry=self.simulation.friction == "dry")

@@ -9,7 +9,7 @@ import equinox as eqx
 from slidax._errors import DefinitionError, is_traced, known, parameter, require, require_shape
 from slidax._types import Scalar
 from slidax.actuators import Actuator
-from slidax.disturbances import AbstractDisturbance
+from slidax.disturbances import AbstractDisturbance, Friction
 from slidax.robots import AbstractRobot, Articulated, Load
 from slidax.sensors import AbstractSensor
 
@@ -40,8 +40,8 @@ class Table(eqx.Module):
 class MujocoPlant(eqx.Module):
     """A plant whose robot is moved by MuJoCo, for `simulate` in held mode; the controller sees its sensors alone.
 
-    Masses, rotors and viscous friction are those of `Plant`. Coulomb friction is MuJoCo's: a joint really sticks, where
-    that of `Plant` is smoothed. A load is a part of the last link while it is carried; let go, it is a body of its own,
+    Masses, rotors and friction are those of `Plant`. With `dry` the Coulomb friction is MuJoCo's own: a joint really
+    sticks, and its friction jumps as it turns round, where that of `Plant` is smoothed. A load is a part of the last link while it is carried; let go, it is a body of its own,
     the box of even density with the same mass and moments, which falls and meets the table. MuJoCo takes `substeps`
     steps a period; torque and disturbance are held over each of them.
 
@@ -49,6 +49,7 @@ class MujocoPlant(eqx.Module):
     - `disturbance`, `sensor`, `actuator`, `load`: as in `Plant`.
     - `surroundings`: what stands around the arm; None for nothing.
     - `integrator`: MuJoCo's, in place of that of `simulate`: "implicitfast", "implicit", "euler" or "rk4".
+    - `dry`: whether Coulomb friction is not smoothed.
     - `stops`: whether the joints have hard stops at the limits of their positions.
     - `tip_radius`: of the ball about the tip that meets the table, m.
 
@@ -62,6 +63,7 @@ class MujocoPlant(eqx.Module):
     load: Load | None = None
     surroundings: Table | None = None
     integrator: str = eqx.field(static=True, default="implicitfast")
+    dry: bool = eqx.field(static=True, default=False)
     stops: bool = eqx.field(static=True, default=False)
     tip_radius: Scalar = eqx.field(converter=parameter, default=0.01)
 
@@ -87,19 +89,29 @@ class MujocoPlant(eqx.Module):
         *,
         surroundings: Table | None = None,
         integrator: str = "implicitfast",
+        dry: bool = False,
         stops: bool = False,
     ) -> MujocoPlant:
         """MuJoCo in place of a plant of ours.
 
         - `plant`: with an `Articulated` arm.
-        - `surroundings`, `integrator`, `stops`: as above.
+        - `surroundings`, `integrator`, `dry`, `stops`: as above.
 
         Raises DefinitionError if its robot is of another kind.
         """
         parts = (plant.robot, plant.disturbance, plant.sensor, plant.actuator, plant.load)
-        return cls(*parts, surroundings=surroundings, integrator=integrator, stops=stops)
+        return cls(*parts, surroundings=surroundings, integrator=integrator, dry=dry, stops=stops)
 
     @property
     def own(self) -> Plant:
         """The same with a robot that we move ourselves, and nothing around it."""
         return Plant(self.robot, self.disturbance, self.sensor, self.actuator, self.load)
+
+    @property
+    def pushed(self) -> Plant:
+        """`own` with all that pushes its joints and is not MuJoCo's among the disturbances."""
+        own = self.own
+        if self.dry or not isinstance(self.robot, Articulated):
+            return own
+        friction = Friction(self.robot.coulomb, parameter(0.0), self.robot.smoothing)
+        return Plant(own.robot, own.disturbance + friction, own.sensor, own.actuator, own.load)

@@ -74,7 +74,7 @@ def simulate(
 
     Raises DefinitionError if the parts do not fit each other or the start is outside the envelope.
     """
-    own = plant.own if isinstance(plant, MujocoPlant) else plant
+    own = plant.pushed if isinstance(plant, MujocoPlant) else plant
     loop, samples = define_loop(
         own, controller, trajectory, state0, t1, period, mode, integrator, substeps, log_every, bands, outside
     )

@@ -71,7 +71,7 @@ def build(plant: MujocoPlant, robot: Articulated, load: Payload | None, *, free:
     option.cone = mj.mjtCone.mjCONE_ELLIPTIC
     # What becomes infinite is to stay so: it ends the run.
     option.disableflags |= mj.mjtDisableBit.mjDSBL_AUTORESET
-    links, joints = _links(spec, robot, stops=plant.stops, timestep=timestep)
+    links, joints = _links(spec, robot, plant, timestep=timestep)
     carrier = links[robot.tip_joint]
     tip = {"pos": np.asarray(robot.tip_translation), "quat": _quaternion(robot.tip_rotation)}
     site = carrier.add_site(name="tip", **tip)
@@ -104,7 +104,7 @@ def build(plant: MujocoPlant, robot: Articulated, load: Payload | None, *, free:
     )
 
 
-def _links(spec: Any, robot: Articulated, *, stops: bool, timestep: float) -> tuple[list[Any], list[Any]]:
+def _links(spec: Any, robot: Articulated, plant: MujocoPlant, *, timestep: float) -> tuple[list[Any], list[Any]]:
     """The links and their joints, in our order; MuJoCo orders them otherwise where the arm branches."""
     mj = mujoco()
     links: list[Any] = []
@@ -122,14 +122,14 @@ def _links(spec: Any, robot: Articulated, *, stops: bool, timestep: float) -> tu
             type=mj.mjtJoint.mjJNT_HINGE if hinge else mj.mjtJoint.mjJNT_SLIDE,
             axis=[0.0, 0.0, 1.0],
             armature=float(robot.armature[i]),
-            frictionloss=float(robot.coulomb[i]),
+            frictionloss=float(robot.coulomb[i]) if plant.dry else 0.0,
             # As stiff as the steps allow.
             solref_friction=[2.0 * timestep, 1.0],
             solimp_friction=STIFF,
         )
         joint.damping[0] = float(robot.viscous[i])
         lower, upper = float(robot.limits.lower[i]), float(robot.limits.upper[i])
-        if stops and (np.isfinite(lower) or np.isfinite(upper)):
+        if plant.stops and (np.isfinite(lower) or np.isfinite(upper)):
             joint.limited = mj.mjtLimited.mjLIMITED_TRUE
             joint.range = np.clip([lower, upper], -1e6, 1e6)
             joint.solref_limit = [CONTACT, 1.0]
