@@ -15,6 +15,7 @@ from slidax import scenarios
 from slidax.figures.axes import use_time_axis
 from slidax.figures.overlay import crest
 from slidax.figures.style import BAND, BOUND, LINES, WIDTH, legend_above, styled
+from slidax.figures.thinning import every_nth
 from slidax.simulation import Run
 
 from .tuned import COMPUTED_TORQUE, SLOTINE_LI, tuned
@@ -26,7 +27,7 @@ EXACT = {"sensor.resolution": 0.0, "sensor.velocity": "measured"}
 
 AS_PRINTED = {"scheme.sampled_data": None, "scheme.reaching.layer": 0.05, "simulation.outside": "raise"}
 
-COLUMNS = 400
+COLUMNS = 240
 
 
 @dataclass(frozen=True)
@@ -108,9 +109,10 @@ def draw(shown: list[Line]) -> Figure:
         run = by_name[title]
         axes.set_yscale("log")
         axes.set_ylim(1e-6, 3.0)
-        axes.fill_between(t, 1e-6, narrowest, **BAND)
-        axes.plot(t, narrowest, **BOUND)
-        axes.plot(t, widest, **{**BOUND, "linewidth": 0.6, "linestyle": (0, (4, 2))})
+        time = every_nth(t, 40)
+        axes.fill_between(time, 1e-6, every_nth(narrowest, 40), **BAND)
+        axes.plot(time, every_nth(narrowest, 40), **BOUND)
+        axes.plot(time, every_nth(widest, 40), **{**BOUND, "linewidth": 0.6, "linestyle": (0, (4, 2))})
         errors, times = np.abs(np.asarray(run.log.e)), np.asarray(run.log.t)
         columns = max(2, round(COLUMNS * float(times[-1]) / float(t[-1])))
         for joint in range(errors.shape[1]):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 import equinox as eqx
@@ -21,6 +22,12 @@ INSIDE = 0.95
 
 BAD = (np.nan, np.inf, -np.inf, 1e308, -1e308, 1e200, 5e-324, -1e-310)
 """What a sensor should not say."""
+
+AT_ONCE = 100
+"""Samples that are answered by one call."""
+
+QUICKLY = {"xla_backend_optimization_level": 0}
+"""A few hundred samples need no fast code, and making it takes four times as long."""
 
 
 class Sample(eqx.Module):
@@ -64,14 +71,25 @@ def random_samples(
     return samples
 
 
-@eqx.filter_jit
 def answer(guard: GuardedStep, samples: Sample) -> tuple[Command, Status]:
     """The command and the status of every sample, one after the other as in a run.
 
     - `guard`: the step.
     - `samples`: with the number of the sample as first axis.
     """
+    count = len(samples.t)
+    # Pieces of one size, and numbers of one kind: so the step, which is long, is compiled once.
+    guard = jax.tree.map(lambda x: jnp.asarray(x, x.dtype), guard)
+    pieces = []
+    for first in range(0, count, AT_ONCE):
+        which = np.minimum(np.arange(first, first + AT_ONCE), count - 1)
+        pieces.append(_answered(guard, jax.tree.map(lambda x, which=which: jnp.asarray(x[which], x.dtype), samples)))
+    answered: tuple[Command, Status] = jax.tree.map(lambda *parts: jnp.concatenate(parts)[:count], *pieces)
+    return answered
 
+
+@partial(eqx.filter_jit, compiler_options=QUICKLY)
+def _answered(guard: GuardedStep, samples: Sample) -> tuple[Command, Status]:
     def one(sample: Sample) -> tuple[Command, Status]:
         return guard.step(sample.t, sample.state, sample.now, sample.following, sample.memory)
 
@@ -79,7 +97,7 @@ def answer(guard: GuardedStep, samples: Sample) -> tuple[Command, Status]:
     return answered
 
 
-@eqx.filter_jit
+@partial(eqx.filter_jit, compiler_options=QUICKLY)
 def _drawn(
     guard: GuardedStep, trajectory: AbstractTrajectory, period: Scalar, t1: Scalar, keys: Array
 ) -> tuple[Sample, Sample]:

@@ -57,4 +57,4 @@ def _in_a_loop(
     stages = jnp.stack([zero, half, half, h]), jnp.asarray([1.0, 2.0, 2.0, 1.0])
     (_, total), watches = jax.lax.scan(stage, (still, still), stages)
     end = jax.tree.map(lambda y, sum: y + h * (sum / 6.0), state, total)
-    return end, tuple(jax.tree.map(lambda watch: watch[i], watches) for i in range(4))
+    return end, tuple(jax.tree.map(lambda watch, i=i: watch[i], watches) for i in range(4))

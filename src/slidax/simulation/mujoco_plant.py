@@ -41,9 +41,9 @@ class MujocoPlant(eqx.Module):
     """A plant whose robot is moved by MuJoCo, for `simulate` in held mode; the controller sees its sensors alone.
 
     Masses, rotors and friction are those of `Plant`. With `dry` the Coulomb friction is MuJoCo's own: a joint really
-    sticks, and its friction jumps as it turns round, where that of `Plant` is smoothed. A load is a part of the last link while it is carried; let go, it is a body of its own,
-    the box of even density with the same mass and moments, which falls and meets the table. MuJoCo takes `substeps`
-    steps a period; torque and disturbance are held over each of them.
+    sticks, and its friction jumps as it turns round, where that of `Plant` is smoothed. A load is a part of the last
+    link while it is carried; let go, it is a body of its own, the box of even density with the same mass and moments,
+    which falls and meets the table. MuJoCo takes `substeps` steps a period; torque and disturbance are held over each.
 
     - `robot`: an `Articulated` arm.
     - `disturbance`, `sensor`, `actuator`, `load`: as in `Plant`.

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any, Literal
 
+from pydantic import Field
+
 from slidax.robots import Articulated, from_mjcf, from_urdf
 
 from .articulated import AbstractArticulated
@@ -16,7 +18,7 @@ class AbstractFile(AbstractArticulated):
     """Its path; not from the scenario file's folder, but from the one that the command is run in."""
     tip: str | None = None
     """The link, body or site whose frame is the tip; may be left out where there is only one end."""
-    locked: dict[str, float] = {}
+    locked: dict[str, float] = Field(default={})
     """Joints that do not move, with their positions [rad or m]."""
     meshes: bool = True
     """Whether every mesh that it names must be there."""
@@ -29,7 +31,7 @@ class UrdfDescription(AbstractFile):
     """An arm from a URDF file."""
 
     kind: Literal["urdf"]
-    packages: list[str] = []
+    packages: list[str] = Field(default=[])
     """Folders in which the packages are that it names."""
 
     def described(self) -> Articulated:

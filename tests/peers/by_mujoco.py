@@ -1,0 +1,45 @@
+"""How an arm moves in random states, as MuJoCo's own dynamics have it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.peers.motion import Motion, States
+
+mujoco = pytest.importorskip("mujoco")
+
+
+def by_mujoco(
+    model: Any, tip: str, joint_names: tuple[str, ...], states: States, locked: dict[str, float] | None = None
+) -> Motion:
+    """Without friction and without stops.
+
+    - `model`: MuJoCo's; its joints may be in another order.
+    - `tip`: name of the tip's body.
+    - `joint_names`: in the order of the states.
+    - `states`: positions, velocities and torques.
+    - `locked`: positions of the joints that do not move.
+    """
+    model.dof_damping[:], model.dof_frictionloss[:] = 0.0, 0.0
+    model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
+    data = mujoco.MjData(model)
+    at = [int(model.joint(name).dofadr[0]) for name in joint_names]
+    full, found = np.zeros((model.nv, model.nv)), []
+    for name, position in (locked or {}).items():
+        data.joint(name).qpos = position
+    body = model.body(tip).id
+    for q, dq, tau in zip(*states, strict=True):
+        data.qpos[at], data.qvel[at], data.qfrc_applied[at] = q, 0.0, tau
+        mujoco.mj_forward(model, data)
+        gravity = data.qfrc_bias[at].copy()
+        data.qvel[at] = dq
+        mujoco.mj_forward(model, data)
+        mujoco.mj_fullM(model, data, full)
+        mass, bias = full[np.ix_(at, at)], data.qfrc_bias[at].copy()
+        # What is locked needs forces of its own, which MuJoCo does not have: so its rows are left out.
+        acceleration = np.linalg.solve(mass, tau - bias) if locked else data.qacc[at].copy()
+        found.append((mass, bias, gravity, acceleration, data.xpos[body].copy(), data.xmat[body].reshape(3, 3).copy()))
+    return Motion(*(np.stack(part) for part in zip(*found, strict=True)))

@@ -1,0 +1,99 @@
+"""The ready robots by slidax, by Pinocchio, by MuJoCo, and by what others have written of the same arms."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ElementTree
+from functools import cache
+
+import numpy as np
+import pytest
+
+from slidax.robots import Articulated, from_urdf, ready
+from tests.peers.arms import ARMS
+from tests.peers.by_mujoco import by_mujoco
+from tests.peers.by_pinocchio import by_pinocchio
+from tests.peers.motion import Motion, States, assert_same, by_slidax, random_states
+from tests.peers.ready_arms import DESCRIPTIONS, for_mujoco, for_pinocchio
+
+DAILY = ("panda", "ur5e")
+
+cases = pytest.mark.parametrize(
+    ("name", "count"),
+    [
+        *(pytest.param(name, 100, id=name) for name in DAILY),
+        *(pytest.param(name, 1000, id=f"{name}-full", marks=pytest.mark.full) for name in ready.NAMES),
+    ],
+)
+
+
+@cache
+def arm(name: str) -> Articulated:
+    return ready.read(name).robot
+
+
+@cache
+def moved(name: str, count: int) -> tuple[States, Motion]:
+    states = random_states(arm(name), count)
+    return states, by_slidax(arm(name), states)
+
+
+def tip_of(name: str) -> str:
+    return DESCRIPTIONS[name]["tip"]["name"]
+
+
+@cases
+def test_a_ready_robot_moves_as_pinocchio_says(name, count):
+    states, ours = moved(name, count)
+    assert_same(ours, by_pinocchio(for_pinocchio(name), tip_of(name), arm(name).joint_names, states))
+
+
+@cases
+def test_a_ready_robot_moves_as_mujoco_says(name, count):
+    states, ours = moved(name, count)
+    assert_same(ours, by_mujoco(for_mujoco(name), tip_of(name), arm(name).joint_names, states))
+
+
+def without_the_hand(text: str, tip: str) -> str:
+    """Up to the flange; with right angles as they are meant, which the file prints as 1.5708."""
+    tree = ElementTree.fromstring(text.replace("1.5708 ", f"{np.pi / 2!r} "))
+    joints = {joint.find("child").get("link"): joint for joint in tree.iter("joint") if joint.find("child") is not None}
+    carried, link = {tip}, tip
+    while link in joints:
+        link = joints[link].find("parent").get("link")
+        carried.add(link)
+    for child, joint in joints.items():
+        if child not in carried:
+            tree.remove(joint)
+    for body in tree.findall("link"):
+        if body.get("name") not in carried:
+            tree.remove(body)
+    return ElementTree.tostring(tree, encoding="unicode")
+
+
+@pytest.mark.parametrize(("name", "file"), [("panda", "panda.urdf"), ("xarm7", "xarm7.urdf")])
+def test_a_ready_robot_is_the_arm_in_the_file_of_example_robot_data(name, file):
+    path = next(other.path for other in ARMS if other.name == file)
+    with open(path, encoding="utf-8") as opened:
+        text = without_the_hand(opened.read(), tip_of(name))
+    other = from_urdf(text, tip=tip_of(name), meshes=False)
+    assert other.joint_names == arm(name).joint_names
+    states, ours = moved(name, 100)
+    assert_same(ours, by_slidax(other, states))
+
+
+def test_inertia_gravity_and_coriolis_forces_of_the_gen3_are_the_published_closed_forms():
+    """Of pyKinovaGen3, whose formulas were derived by computer algebra; its tip is printed to fewer digits."""
+    pytest.importorskip("kinova_gen3")
+    from kinova_gen3.dynamics.coriolis import coriolis
+    from kinova_gen3.dynamics.gravity import gravity
+    from kinova_gen3.dynamics.mass_matrix import mass_matrix
+    from kinova_gen3.kinematics.forward_kinematics import forward_kinematics
+
+    states, ours = moved("gen3", 100)
+    share = 9.81 / 9.80665
+    for q, dq, *found in zip(states.q, states.dq, ours.mass, ours.bias, ours.gravity, ours.tip, strict=True):
+        mass, bias, held, tip = found
+        np.testing.assert_allclose(mass, mass_matrix(q), rtol=0, atol=1e-12)
+        np.testing.assert_allclose(held, gravity(q) * share, rtol=0, atol=1e-10)
+        np.testing.assert_allclose(bias, coriolis(q, dq) + gravity(q) * share, rtol=0, atol=1e-10)
+        np.testing.assert_allclose(tip, forward_kinematics(q)[0], rtol=0, atol=1e-4)
