@@ -34,7 +34,7 @@ WHAT = {
 def main() -> None:
     """Runs each part in a process of its own, one after the other, and writes the page."""
     parts = {}
-    for name in ("closed_loop", "sampled_data", "exported_c", "peer", "batch", "command_line"):
+    for name in ("closed_loop", "sampled_data", "exported_c", "robots", "peer", "batch", "command_line"):
         print(f"measuring {name} ...", file=sys.stderr)
         command = [sys.executable, "-m", f"benchmarks.{name}"]
         # Nothing compiled before: the time to compile is a figure, too.
@@ -78,6 +78,7 @@ def _page(parts: dict[str, Any]) -> str:
         f"{times[XLA]['min'] / times[REFERENCE['held']]['min']:.2f}.",
         "",
         *_exported(parts["exported_c"]),
+        *_robots(parts["robots"]),
         *_beside_the_printed_law(parts["sampled_data"]),
         *_beside_opensmc(parts["peer"]),
         *_batch(parts["batch"]),
@@ -107,6 +108,38 @@ def _exported(laws: dict[str, Any]) -> list[str]:
         "Goals: a sampled-data step in less than 8,000 ns, median, and 20,000 ns, p99.9; example-4.1 in less than 1,000"
     )
     return [*lines, "", f"{goal} lines.", ""]
+
+
+def _robots(robots: dict[str, Any]) -> list[str]:
+    ours = robots["ns"]["slidax, native"]["min"]
+    lines = [
+        "## Seven joints: the Panda",
+        "",
+        "Forward dynamics, from state and torque to accelerations, with all parameters as data; small steps between the",
+        "evaluations, and all end at the same place (benchmarks/robots.py).",
+        "",
+        "| program | ns per evaluation | ratio |",
+        "|---|---:|---:|",
+    ]
+    for name, time in sorted(robots["ns"].items(), key=lambda item: item[1]["min"]):
+        lines.append(f"| {name} | {time['min']:,.0f} ({time['median']:,.0f}) | {time['min'] / ours:,.1f} |")
+    lines += [
+        "",
+        "The closed loop `panda-payload`: the sampled-data law at 1 kHz with sensor, drive, estimator and metrics, ten",
+        "steps of the plant a period, on one core.",
+        "",
+        "| loop | times real time |",
+        "|---|---:|",
+    ]
+    lines += [f"| {name} | {factor:,.0f} |" for name, factor in robots["real_time"].items()]
+    lines += [
+        "",
+        "Goals: one run 50 times, a batch 200 times.",
+        "",
+        "| process that imports and loads | wall time [s] |",
+    ]
+    lines += ["|---|---:|", *(f"| {name} | {spent:.2f} |" for name, spent in robots["load_s"].items())]
+    return [*lines, "", "Goal: 2 s.", ""]
 
 
 def _batch(batch: dict[str, Any]) -> list[str]:

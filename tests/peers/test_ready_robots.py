@@ -15,12 +15,10 @@ from tests.peers.by_pinocchio import by_pinocchio
 from tests.peers.motion import Motion, States, assert_same, by_slidax, random_states
 from tests.peers.ready_arms import DESCRIPTIONS, for_mujoco, for_pinocchio
 
-DAILY = ("panda", "ur5e")
-
 cases = pytest.mark.parametrize(
     ("name", "count"),
     [
-        *(pytest.param(name, 100, id=name) for name in DAILY),
+        *(pytest.param(name, 100, id=name) for name in ready.NAMES),
         *(pytest.param(name, 1000, id=f"{name}-full", marks=pytest.mark.full) for name in ready.NAMES),
     ],
 )

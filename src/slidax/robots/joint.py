@@ -60,15 +60,18 @@ class Joint:
     coulomb: float = 0.0
 
     def __post_init__(self) -> None:
+        if self.kind not in ("revolute", "prismatic", "fixed"):
+            raise DefinitionError(
+                f"joint `{self.name}` must be `revolute`, `prismatic` or `fixed`; got `{self.kind}`; one that turns "
+                "without end is revolute with infinite limits"
+            )
         rotation = np.asarray(self.rotation, float)
-        if rotation.shape != (3, 3) or not np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-6):
+        square = rotation.shape == (3, 3) and np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-6)
+        if not (square and np.linalg.det(rotation) > 0):
             raise DefinitionError(
-                f"the frame of joint `{self.name}` must have orthonormal axes; got {rotation.tolist()}"
+                f"the frame of joint `{self.name}` must have orthonormal axes, right-handed; got {rotation.tolist()}"
             )
-        if not np.isfinite(self.translation).all():
-            raise DefinitionError(
-                f"the place of joint `{self.name}` must be finite; got {np.asarray(self.translation).tolist()}"
-            )
+        _require_place(self.translation, f"the place of joint `{self.name}`")
         self._check_link()
         if self.kind != "fixed":
             self._check_motion()
@@ -76,9 +79,7 @@ class Joint:
     def _check_link(self) -> None:
         if not (math.isfinite(self.mass) and self.mass >= 0):
             raise DefinitionError(f"the mass of link `{self.link}` must be >= 0 kg and finite; got {self.mass:g}")
-        if not np.isfinite(self.center).all():
-            center = np.asarray(self.center).tolist()
-            raise DefinitionError(f"the centre of mass of link `{self.link}` must be finite; got {center}")
+        _require_place(self.center, f"the centre of mass of link `{self.link}`")
         inertia = np.asarray(self.inertia, float)
         if inertia.shape != (3, 3) or not np.isfinite(inertia).all():
             raise DefinitionError(f"the inertia of link `{self.link}` must be 3 x 3 and finite; got {inertia.tolist()}")
@@ -94,7 +95,7 @@ class Joint:
 
     def _check_motion(self) -> None:
         size = float(np.linalg.norm(self.axis))
-        if not (math.isfinite(size) and size > 1e-9):
+        if np.shape(self.axis) != (3,) or not (math.isfinite(size) and size > 1e-9):
             raise DefinitionError(
                 f"the axis of joint `{self.name}` must have a direction; got {np.asarray(self.axis).tolist()}"
             )
@@ -112,6 +113,11 @@ class Joint:
             if not (math.isfinite(value) and value >= 0):
                 name = {"armature": "armature", "viscous": "viscous friction", "coulomb": "Coulomb friction"}[what]
                 raise DefinitionError(f"the {name} of joint `{self.name}` must be >= 0 and finite; got {value:g}")
+
+
+def _require_place(place: np.ndarray, what: str) -> None:
+    if np.shape(place) != (3,) or not np.isfinite(place).all():
+        raise DefinitionError(f"{what} must be three finite numbers; got {np.asarray(place).tolist()}")
 
 
 def require_rigid(inertia: np.ndarray, what: str, *, definite: bool) -> None:
