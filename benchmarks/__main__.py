@@ -115,8 +115,8 @@ def _robots(robots: dict[str, Any]) -> list[str]:
     lines = [
         "## Seven joints: the Panda",
         "",
-        "Forward dynamics, from state and torque to accelerations, with all parameters as data; small steps between the",
-        "evaluations, and all end at the same place (benchmarks/robots.py).",
+        "Forward dynamics, from state and torque to accelerations, with all parameters as data; small steps between",
+        "the evaluations, and all end at the same place (benchmarks/robots.py).",
         "",
         "| program | ns per evaluation | ratio |",
         "|---|---:|---:|",
