@@ -60,15 +60,13 @@ def run_as_json(parts: Scenario, finished: Run, import_s: float) -> dict[str, An
 def print_run(parts: Scenario, finished: Run, answer: dict[str, Any]) -> None:
     """The metrics of one run, joint by joint, and what came of it.
 
+    Where the terminal is too narrow for all joints, some of them follow in a table of their own.
+
     - `parts`: what was simulated.
     - `finished`: the run.
     - `answer`: what `slidax run --json` prints of it.
     """
     metrics = answer["metrics"]
-    table = Table(title=parts.description.title, title_justify="left", title_style="bold", box=None, pad_edge=False)
-    table.add_column("")
-    for joint in range(finished.joints):
-        table.add_column(f"joint {joint + 1}", justify="right")
     length, torque = _joined(finished.joint_units), _joined(parts.plant.robot.torque_units)
     end = (int(finished.tally.samples) - 1) * parts.period
     rows: list[tuple[str, list[float | None] | None]] = [
@@ -87,11 +85,22 @@ def print_run(parts: Scenario, finished: Run, answer: dict[str, Any]) -> None:
         ("AICE (82)", metrics["aice"]),
         ("envelope margin [of its width]", metrics["envelope_margin"]),
     ]
-    for name, values in rows:
-        if values is not None:
-            table.add_row(name, *("-" if value is None else f"{value:.4g}" for value in values))
     console = Console(markup=False, highlight=False)
-    console.print(table)
+    console.print(parts.description.title, style="bold", soft_wrap=True)
+    names = [f"joint {joint + 1}" for joint in range(finished.joints)]
+    widest = max(len(name) for name, _ in rows)
+    for number, shown in enumerate(_fitting(names, console.width - widest)):
+        table = Table(box=None, pad_edge=False)
+        table.add_column("", no_wrap=True, min_width=widest)
+        for name in shown:
+            table.add_column(name, justify="right", no_wrap=True, min_width=9)
+        for name, values in rows:
+            if values is not None:
+                cells = [values[names.index(joint)] for joint in shown]
+                table.add_row(name, *("-" if value is None else f"{value:.4g}" for value in cells))
+        if number:
+            console.print()
+        console.print(table)
     violations = metrics["envelope_violations"]
     kept = "no envelope promised" if violations is None else f"samples outside the envelope: {violations}"
     timing = answer["timing"]

@@ -172,7 +172,9 @@ def test_what_is_behind_fixed_and_locked_joints_is_part_of_the_link_that_carries
 def test_a_joint_is_locked_where_it_is_turned_to():
     """By a quarter turn: what was along x is along y."""
     elbow = a_joint(parent="shoulder", center=np.array([0.3, 0.0, 0.0]), translation=np.array([0.4, 0.0, 0.0]))
-    arm = assemble([replace(SHOULDER, mass=0.0, inertia=np.zeros((3, 3))), elbow, FLANGE], **TIP, locked={"elbow": np.pi / 2})
+    arm = assemble(
+        [replace(SHOULDER, mass=0.0, inertia=np.zeros((3, 3))), elbow, FLANGE], **TIP, locked={"elbow": np.pi / 2}
+    )
     np.testing.assert_allclose(arm.centers, [[0.4, 0.3, 0.0]], atol=1e-15)
     np.testing.assert_allclose(arm.inertias, [np.diag([0.04, 0.03, 0.05])], atol=1e-16)
     np.testing.assert_allclose(arm.tip_rotation, [[0, -1, 0], [1, 0, 0], [0, 0, 1]], atol=1e-15)

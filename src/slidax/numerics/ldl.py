@@ -7,6 +7,8 @@ import numpy as np
 
 from slidax._types import Matrix, Vector
 
+from .once import once
+
 
 def matvec(a: Matrix, x: Vector) -> Vector:
     """`A x` as broadcast and sum.
@@ -20,33 +22,31 @@ def matvec(a: Matrix, x: Vector) -> Vector:
 def solve_symmetric(a: Matrix, b: Vector) -> Vector:
     """The solution x of `A x = b` by `A = L D Lᵀ` without pivoting, unrolled over the fixed size.
 
+    Column by column: what is left of A and b after each is one operation on arrays, so that there are few to trace and
+    to compile, and nothing waits for more than the column before.
+
     - `a`: symmetric positive definite matrix [n n]; only the lower triangle is read.
     - `b`: right-hand side [n].
     """
     n = b.shape[0]
-    lower: list[list[jnp.ndarray]] = [[] for _ in range(n)]
-    diagonal: list[jnp.ndarray] = []
-    # The inverses do not wait for b, which in a control loop comes last.
-    inverse: list[jnp.ndarray] = []
-    for i in range(n):
-        for j in range(i):
-            known = [lower[i][k] * diagonal[k] * lower[j][k] for k in range(j)]
-            lower[i].append(_less(a[i, j], known) * inverse[j])
-        diagonal.append(_less(a[i, i], [lower[i][k] * diagonal[k] * lower[i][k] for k in range(i)]))
-        inverse.append(1.0 / diagonal[i])
-    y: list[jnp.ndarray] = []
-    for i in range(n):
-        y.append(_less(b[i], [lower[i][k] * y[k] for k in range(i)]))
-    x: list[jnp.ndarray] = [jnp.zeros_like(b[0])] * n
+    columns: list[jnp.ndarray] = []
+    halves: list[jnp.ndarray] = []  # of D⁻¹ L⁻¹ b
+    for _ in range(n):
+        pivot = a[0, 0]
+        # The inverses do not wait for b, which in a control loop comes last.
+        inverse = 1.0 / pivot
+        column = a[1:, 0] * inverse
+        columns.append(column)
+        halves.append(b[0] * inverse)
+        a, b = once((a[1:, 1:] - (column * pivot)[:, None] * column[None, :], b[1:] - column * b[0]))
+    x: list[jnp.ndarray] = []
+    y = jnp.stack(halves)
     for i in reversed(range(n)):
-        x[i] = _less(y[i] * inverse[i], [lower[k][i] * x[k] for k in range(i + 1, n)])
-    return jnp.stack(x)
-
-
-def _less(start: jnp.ndarray, terms: list[jnp.ndarray]) -> jnp.ndarray:
-    for term in terms:
-        start = start - term
-    return start
+        x.append(y[i])
+        row = [columns[k][i - 1 - k] for k in range(i)]
+        if i:
+            y = once(y[:i] - jnp.stack(row) * y[i])
+    return jnp.stack(x[::-1])
 
 
 def is_positive_definite(a: np.ndarray) -> bool:

@@ -44,10 +44,10 @@ class Payload(eqx.Module):
             return
         inertia = known(self.inertia)
         scale = np.abs(inertia).max()
-        valid = np.isfinite(inertia).all() and np.allclose(inertia, inertia.T, rtol=0, atol=1e-12 * scale)
-        require(
-            self, "inertia", valid and np.linalg.eigvalsh(inertia).min() >= -1e-12 * scale, "must have moments >= 0"
-        )
+        require(self, "inertia", np.isfinite(inertia).all(), "must be finite")
+        require(self, "inertia", np.allclose(inertia, inertia.T, rtol=0, atol=1e-12 * scale), "must be symmetric")
+        require(self, "inertia", np.linalg.eigvalsh(inertia).min() >= -1e-12 * scale, "must have moments >= 0")
+        require(self, "mass", scale == 0 or known(self.mass) > 0, "must be > 0 kg where there is inertia")
 
     def times(self, share: Scalar) -> Payload:
         """The same body with another density: mass and inertia times a factor.
