@@ -9,9 +9,9 @@ from slidax._types import State
 from slidax.actuators import Actuator, TorqueLimits
 from slidax.controllers import ComputedTorque
 from slidax.disturbances import Constant
-from slidax.robots import Articulated, Joint, assemble
+from slidax.robots import Articulated, Joint, Load, assemble
 from slidax.scenarios import Scenario, load
-from slidax.simulation import Plant, Run, simulate
+from slidax.simulation import MujocoPlant, Plant, Run, Table, simulate
 from slidax.trajectories import Sinusoid
 
 
@@ -53,13 +53,20 @@ def crane(*, height: float = 0.3) -> Articulated:
     return assemble([turn, slide], tip="hand")
 
 
-def crane_run(*, torque: float) -> tuple[Plant, Run]:
+def crane_run(
+    *, torque: float, load: Load | None = None, table: Table | None = None, mujoco: bool = False
+) -> tuple[Plant | MujocoPlant, Run]:
     """A sway of the crane.
 
     - `torque`: what its drives can do, N m and N.
+    - `load`, `table`: what it carries, and what is below it; None for nothing.
+    - `mujoco`: whether that moves it.
     """
     robot = crane()
-    plant = Plant(robot, Constant(np.zeros(2)), actuator=Actuator(TorqueLimits(torque=torque)))
+    drive = Actuator(TorqueLimits(torque=torque))
+    plant: Plant | MujocoPlant = Plant(robot, Constant(np.zeros(2)), actuator=drive, load=load)
+    if mujoco:
+        plant = MujocoPlant.of(plant, surroundings=table)
     sway = Sinusoid(offset=np.full(2, 0.3), amplitude=np.full(2, 0.2), frequency=np.full(2, 2.0))
     law = ComputedTorque(robot, kp=20.0, kd=8.0)
     start = State(q=jnp.full(2, 0.4), dq=jnp.zeros(2))

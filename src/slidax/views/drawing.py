@@ -10,8 +10,9 @@ import numpy as np
 
 from slidax._errors import DefinitionError
 from slidax.robots import AbstractRobot, Articulated
-from slidax.simulation import Run
+from slidax.simulation import Run, Table
 
+from .load import MovedLoad, load_of
 from .motion import Motion, motion
 from .needed import require_packages
 from .skeleton import Skeleton, skeleton_of
@@ -26,6 +27,8 @@ class Drawing:
     - `run`: it.
     - `skeleton`, `motion`, `stage`: the joints, where they are at each time, and the room.
     - `solids`: of the arm; the stand is body 0's.
+    - `load`: what the tip carries; None for nothing.
+    - `table`: in the room; None if there is none.
     - `torque_limits`: largest torque of each joint [n], N m or N; infinite for none.
     - `title`: what to call it.
     """
@@ -35,6 +38,8 @@ class Drawing:
     motion: Motion
     stage: Stage
     solids: list[Solid]
+    load: MovedLoad | None
+    table: Solid | None
     torque_limits: np.ndarray
     title: str
 
@@ -57,18 +62,20 @@ def drawing(
     Raises DefinitionError if the run has no log, the robot is unknown, or a package is missing.
     """
     require_packages("a picture of an arm", "trimesh")
-    from .shapes import plain_shapes, stand, tip_axes
+    from .shapes import plain_shapes, slab, stand, tip_axes
 
     robot = getattr(plant, "robot", plant)
     if not isinstance(robot, AbstractRobot):
         raise DefinitionError(f"a plant or a robot is needed; got a `{type(plant).__name__}`")
     bones = skeleton_of(robot)
     film = motion(run, bones, rate, most)
-    room = stage(bones, film)
+    load = load_of(run, plant, bones, film)
+    table = getattr(plant, "surroundings", None)
+    room = stage(bones, film, load, float(table.height) if isinstance(table, Table) else None)
     meshes = _meshes(robot, bones, urdf, plain)
     arm = plain_shapes(bones, film.travel, room.size) if meshes is None else meshes
     solids = [*arm, *tip_axes(bones), *stand(bones, room, foot=meshes is None)]
-    return Drawing(run, bones, film, room, merged(solids), _torque_limits(plant, robot), title)
+    return Drawing(run, bones, film, room, merged(solids), load, slab(room), _torque_limits(plant, robot), title)
 
 
 def _meshes(robot: AbstractRobot, skeleton: Skeleton, urdf: str | Path | None, plain: bool) -> list[Solid] | None:

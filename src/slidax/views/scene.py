@@ -11,8 +11,9 @@ from scipy.spatial.transform import Rotation
 from slidax.figures.thinning import every_nth
 
 from .drawing import Drawing
+from .load import MovedLoad
 from .skeleton import Poses
-from .solid import ACTUAL, DESIRED, GHOST, THINNER
+from .solid import ACTUAL, DESIRED, GHOST, SEE_THROUGH, THINNER, Solid
 from .stage import FIELD_OF_VIEW, Stage
 
 
@@ -58,8 +59,33 @@ class Arm:
             node.wxyz = self._turns[number, body]
 
 
+class Carried:
+    """The box that the true arm carries, and perhaps lets go.
+
+    - `server`: where it is shown.
+    - `name`: of its node in the scene, below that of the arm's base.
+    - `load`: the box, and where it is in each frame.
+    """
+
+    def __init__(self, server: viser.ViserServer, name: str, load: MovedLoad) -> None:
+        self._places = load.places.astype(np.float32)
+        self._turns = _quaternions(load.rotations)
+        self._visible = load.visible
+        self.node = server.scene.add_frame(name, show_axes=False, visible=bool(load.visible[0]))
+        _add_solid(server, f"{name}/box", load.solid)
+        self.frame(0)
+
+    def frame(self, number: int) -> None:
+        """Puts it where it is in a frame, or takes it out of sight.
+
+        - `number`: of the frame.
+        """
+        self.node.visible = bool(self._visible[number])
+        self.node.position, self.node.wxyz = self._places[number], self._turns[number]
+
+
 class Scene:
-    """The room with both arms.
+    """The room with both arms, and what is about them.
 
     - `server`: where it is shown.
     - `drawing`: what to show.
@@ -72,6 +98,9 @@ class Scene:
         stage, motion = drawing.stage, drawing.motion
         self.actual = Arm(server, "/arm", drawing, motion.actual, ghost=False)
         self.desired = Arm(server, "/reference", drawing, motion.desired, ghost=True)
+        self.load = None if drawing.load is None else Carried(server, "/arm/load", drawing.load)
+        if drawing.table is not None:
+            _add_solid(server, "/table", drawing.table, opacity=SEE_THROUGH)
         _add_ground(server, stage)
         dots = every_nth(stage.points(motion.desired_tip), 240)
         dashes = np.stack([dots[:-1:2], dots[1::2]], axis=1) if len(dots) > 2 else dots[None]
@@ -85,12 +114,14 @@ class Scene:
         self.put_beside(beside)
 
     def frame(self, number: int) -> None:
-        """Puts both arms where they are in a frame.
+        """Puts both arms, and what is carried, where they are in a frame.
 
         - `number`: of the frame.
         """
         self.actual.frame(number)
         self.desired.frame(number)
+        if self.load is not None:
+            self.load.frame(number)
 
     def put_beside(self, beside: bool) -> None:
         """Puts the reference beside the true arm, or over it.
@@ -110,6 +141,10 @@ class Scene:
             camera.look_at = target
 
 
+def _add_solid(server: viser.ViserServer, name: str, solid: Solid, opacity: float | None = None) -> None:
+    server.scene.add_mesh_simple(name, solid.vertices, solid.faces, color=solid.colour, opacity=opacity)
+
+
 def _add_ground(server: viser.ViserServer, stage: Stage) -> None:
     cell = stage.tile
     side = float(np.ceil(2 * stage.size / cell) * 2 * cell)
@@ -124,7 +159,7 @@ def _add_ground(server: viser.ViserServer, stage: Stage) -> None:
         plane_color=(246, 247, 249),
         plane_opacity=1.0,
         shadow_opacity=0.2,
-        position=(float(np.floor(stage.target[0] / cell) * cell), float(np.floor(stage.target[1] / cell) * cell), 0.0),
+        position=np.append(np.floor(stage.target[:2] / cell) * cell, stage.ground),
     )
 
 

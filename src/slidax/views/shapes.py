@@ -6,7 +6,7 @@ import numpy as np
 import trimesh
 
 from .skeleton import Skeleton
-from .solid import ACTUAL, AXES, JOINT, LINK, STAND, Colour, Solid, merged
+from .solid import ACTUAL, AXES, JOINT, LINK, STAND, TABLE, Colour, Solid, merged
 from .stage import Stage, turn_up
 
 SECTIONS = 32
@@ -89,6 +89,27 @@ def tube(points: np.ndarray, radius: float, colour: Colour, *, dashed: bool = Fa
     pieces = [trimesh.creation.cylinder(radius, segment=pair, sections=6) for pair in long]
     pieces = pieces or [_moved(trimesh.creation.icosphere(1, radius), _frame(np.eye(3), points[0]))]
     return merged([Solid(0, np.asarray(piece.vertices), np.asarray(piece.faces), colour) for piece in pieces])[0]
+
+
+def box(sides: np.ndarray, colour: Colour, rotation: np.ndarray, center: np.ndarray) -> Solid:
+    """A box.
+
+    - `sides`: their lengths [3], m.
+    - `colour`: of the box.
+    - `rotation`, `center`: its axes as columns [3 3], and its middle [3], m.
+    """
+    return _solid(0, trimesh.creation.box(extents=sides), colour, _frame(rotation, center))
+
+
+def slab(stage: Stage) -> Solid | None:
+    """The table in the room; None if there is none.
+
+    - `stage`: the room.
+    """
+    if stage.table is None:
+        return None
+    low, high = stage.table
+    return box(high - low, TABLE, np.eye(3), (low + high) / 2)
 
 
 def _radii(skeleton: Skeleton, size: float) -> np.ndarray:

@@ -51,7 +51,8 @@ def show(
     """Plays a run in the browser: the true arm, the reference as a ghost, both tips' paths, errors and torques.
 
     - `run`: a finished run with a log.
-    - `plant`: its plant of any kind, or only the robot; a plant's actuator says the limits of the torque.
+    - `plant`: its plant of any kind, or only the robot; a plant says the limits of the torque, what the tip
+      carries, and where the table is.
     - `title`: what to call it.
     - `urdf`: a URDF of this robot; its meshes are drawn. Without it they are those of the package
       `example-robot-data`, if it is installed and has this robot, and plain shapes otherwise.

@@ -14,12 +14,17 @@ JOINT: Colour = (88, 102, 118)
 STAND: Colour = (150, 159, 169)
 ACTUAL: Colour = (0, 114, 178)
 DESIRED: Colour = (213, 94, 0)
+LOAD: Colour = (158, 138, 118)
+TABLE: Colour = (238, 224, 200)
 AXES: tuple[Colour, Colour, Colour] = ((200, 60, 50), (70, 150, 70), (50, 90, 190))
-"""Of the links, the joints, the stand, the true arm's path, the reference, and the axes of the tip. The true arm and
-the reference have the colours that they have in the figures."""
+"""Of the links, the joints, the stand, the true arm's path, the reference, what is carried, the table, and the axes of
+the tip. The true arm and the reference have the colours that they have in the figures."""
 
 GHOST = 0.35
 """Opacity of the reference arm."""
+
+SEE_THROUGH = 0.55
+"""Opacity of the table: a tip that sinks into it is still to be seen."""
 
 THINNER = 1e-3
 """How much thinner it is than the true arm, over the reach: where they are at one place, the true one is seen."""

@@ -14,8 +14,9 @@ from slidax._errors import DefinitionError
 from slidax.figures.thinning import every_nth
 
 from .drawing import Drawing
+from .load import MovedLoad
 from .shapes import tube
-from .solid import ACTUAL, DESIRED, GHOST, THINNER, Colour
+from .solid import ACTUAL, DESIRED, GHOST, SEE_THROUGH, THINNER, Colour
 from .stage import FIELD_OF_VIEW, Stage
 
 NO_GRAPHICS = (
@@ -23,6 +24,10 @@ NO_GRAPHICS = (
     "(libosmesa6) and set MUJOCO_GL to egl or osmesa before Python starts; or record to a file ending in .html, which "
     "needs no graphics here"
 )
+
+
+LOAD_GROUP = 1
+"""MuJoCo's group of what is carried, of which it can draw all or nothing."""
 
 
 class Studio:
@@ -46,6 +51,13 @@ class Studio:
         self._turns: list[np.ndarray] = []
         for ghost in (False, True):
             self._add_arm(mujoco, spec, drawing, ghost=ghost, beside=beside)
+        self._shown = None if drawing.load is None else drawing.load.visible
+        if drawing.load is not None:
+            self._add_load(mujoco, spec, stage, drawing.load)
+        if drawing.table is not None:
+            table = drawing.table
+            colour = _rgba(table.colour, SEE_THROUGH)
+            _add_mesh(mujoco, spec, spec.worldbody, table.vertices, table.faces, colour)
         thick = 0.0018 * stage.size
         dashes = tube(every_nth(stage.points(motion.desired_tip), 161), 1.2 * thick, DESIRED, dashed=True)
         for solid in (dashes, tube(every_nth(stage.points(motion.actual_tip), 240), thick, ACTUAL)):
@@ -73,6 +85,8 @@ class Studio:
         model, data, mujoco = self._model, self._data, self._mujoco
         for body, (places, turns) in enumerate(zip(self._places, self._turns, strict=True)):
             data.mocap_pos[body], data.mocap_quat[body] = places[number], turns[number]
+        if self._shown is not None:
+            self._view.geomgroup[LOAD_GROUP] = self._shown[number]
         mujoco.mj_forward(model, data)
         everything = mujoco.mjtCatBit.mjCAT_ALL.value
         mujoco.mjv_updateScene(model, data, self._view, None, self._camera, everything, self._scene)
@@ -109,6 +123,12 @@ class Studio:
             vertices = solid.shrunk(thinner) if ghost else solid.vertices
             colour = _rgba(DESIRED, GHOST) if ghost else _rgba(solid.colour)
             _add_mesh(mujoco, spec, bodies[solid.body], vertices, solid.faces, colour)
+
+    def _add_load(self, mujoco: Any, spec: Any, stage: Stage, load: MovedLoad) -> None:
+        self._places.append(stage.points(load.places))
+        self._turns.append(Rotation.from_matrix(stage.rotation @ load.rotations).as_quat(scalar_first=True))
+        body, solid = spec.worldbody.add_body(mocap=True), load.solid
+        _add_mesh(mujoco, spec, body, solid.vertices, solid.faces, _rgba(solid.colour), group=LOAD_GROUP)
 
 
 def _graphics(mujoco: Any, width: int, height: int) -> Any:
@@ -153,7 +173,7 @@ def _room(mujoco: Any, stage: Stage, width: int, height: int) -> Any:
     spec.worldbody.add_geom(
         type=mujoco.mjtGeom.mjGEOM_PLANE,
         size=[half, half, 0.1],
-        pos=[stage.target[0], stage.target[1], 0.0],
+        pos=[stage.target[0], stage.target[1], stage.ground],
         material="floor",
         contype=0,
         conaffinity=0,
@@ -170,13 +190,15 @@ def _room(mujoco: Any, stage: Stage, width: int, height: int) -> Any:
     return spec
 
 
-def _add_mesh(mujoco: Any, spec: Any, body: Any, vertices: np.ndarray, faces: np.ndarray, colour: np.ndarray) -> None:
+def _add_mesh(
+    mujoco: Any, spec: Any, body: Any, vertices: np.ndarray, faces: np.ndarray, colour: np.ndarray, group: int = 0
+) -> None:
     mesh = spec.add_mesh(name=f"mesh {len(spec.meshes)}")
     mesh.uservert, mesh.userface = vertices.ravel(), faces.ravel()
     # The inertia of a closed body could not be had of every mesh; nothing here asks for it.
     mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
     kind = mujoco.mjtGeom.mjGEOM_MESH
-    body.add_geom(type=kind, meshname=mesh.name, rgba=colour, contype=0, conaffinity=0)
+    body.add_geom(type=kind, meshname=mesh.name, rgba=colour, group=group, contype=0, conaffinity=0)
 
 
 def _camera(mujoco: Any, stage: Stage, *, wide: bool) -> Any:
