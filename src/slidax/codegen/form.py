@@ -58,6 +58,9 @@ ELEMENTARY = [
 ]
 """Functions that no processor has; printed as calls, or written out beforehand."""
 
+BLOCKS = frozenset({"loop", "branch"})
+"""Operations that hold regions."""
+
 Number = float | int | bool
 
 
@@ -209,8 +212,9 @@ def walk(region: Region) -> Iterator[Value]:
     """All values of a region and of the regions inside it, blocks before what is in them."""
     for value in region.values:
         yield value
-        for inner in regions(value):
-            yield from walk(inner)
+        if value.op in BLOCKS:
+            for inner in regions(value):
+                yield from walk(inner)
 
 
 def regions(value: Value) -> tuple[Region, ...]:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from functools import partial
-from typing import Any
+from collections.abc import Callable
+from typing import Any, ParamSpec, TypeVar
 
 import equinox as eqx
 import jax
@@ -26,8 +26,17 @@ BAD = (np.nan, np.inf, -np.inf, 1e308, -1e308, 1e200, 5e-324, -1e-310)
 AT_ONCE = 100
 """Samples that are answered by one call."""
 
+Arguments = ParamSpec("Arguments")
+Result = TypeVar("Result")
+
 QUICKLY = {"xla_backend_optimization_level": 0}
 """A few hundred samples need no fast code, and making it takes four times as long."""
+
+
+def _compiled_quickly(function: Callable[Arguments, Result]) -> Callable[Arguments, Result]:
+    jit: Any = eqx.filter_jit
+    compiled: Callable[Arguments, Result] = jit(function, compiler_options=QUICKLY)
+    return compiled
 
 
 class Sample(eqx.Module):
@@ -78,17 +87,19 @@ def answer(guard: GuardedStep, samples: Sample) -> tuple[Command, Status]:
     - `samples`: with the number of the sample as first axis.
     """
     count = len(samples.t)
+    given = jax.tree.map(np.asarray, samples)
     # Pieces of one size, and numbers of one kind: so the step, which is long, is compiled once.
     guard = jax.tree.map(lambda x: jnp.asarray(x, x.dtype), guard)
     pieces = []
     for first in range(0, count, AT_ONCE):
         which = np.minimum(np.arange(first, first + AT_ONCE), count - 1)
-        pieces.append(_answered(guard, jax.tree.map(lambda x, which=which: jnp.asarray(x[which], x.dtype), samples)))
-    answered: tuple[Command, Status] = jax.tree.map(lambda *parts: jnp.concatenate(parts)[:count], *pieces)
+        piece = jax.tree.map(lambda x, which=which: jnp.asarray(x[which]), given)
+        pieces.append(jax.tree.map(np.asarray, _answered(guard, piece)))
+    answered: tuple[Command, Status] = jax.tree.map(lambda *parts: jnp.asarray(np.concatenate(parts)[:count]), *pieces)
     return answered
 
 
-@partial(eqx.filter_jit, compiler_options=QUICKLY)
+@_compiled_quickly
 def _answered(guard: GuardedStep, samples: Sample) -> tuple[Command, Status]:
     def one(sample: Sample) -> tuple[Command, Status]:
         return guard.step(sample.t, sample.state, sample.now, sample.following, sample.memory)
@@ -97,7 +108,7 @@ def _answered(guard: GuardedStep, samples: Sample) -> tuple[Command, Status]:
     return answered
 
 
-@partial(eqx.filter_jit, compiler_options=QUICKLY)
+@_compiled_quickly
 def _drawn(
     guard: GuardedStep, trajectory: AbstractTrajectory, period: Scalar, t1: Scalar, keys: Array
 ) -> tuple[Sample, Sample]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 
@@ -29,24 +30,25 @@ def solve_symmetric(a: Matrix, b: Vector) -> Vector:
     - `b`: right-hand side [n].
     """
     n = b.shape[0]
-    columns: list[jnp.ndarray] = []
-    halves: list[jnp.ndarray] = []  # of D⁻¹ L⁻¹ b
-    for _ in range(n):
-        pivot = a[0, 0]
+    rows: list[jnp.ndarray] = []  # of Lᵀ
+    y: list[jnp.ndarray] = []
+    for size in range(n, 0, -1):
+        first, top = jax.lax.slice_in_dim(a, 0, 1, axis=1), jax.lax.slice_in_dim(b, 0, 1)
+        pivot, below = jax.lax.slice_in_dim(first, 0, 1), jax.lax.slice_in_dim(first, 1, size)
         # The inverses do not wait for b, which in a control loop comes last.
         inverse = 1.0 / pivot
-        column = a[1:, 0] * inverse
-        columns.append(column)
-        halves.append(b[0] * inverse)
-        a, b = once((a[1:, 1:] - (column * pivot)[:, None] * column[None, :], b[1:] - column * b[0]))
+        column = below * inverse
+        row = column.T
+        rows.append(jax.lax.pad(row, jnp.zeros((), row.dtype), ((0, 0, 0), (n - size + 1, 0, 0))))
+        y.append(top * inverse[0])
+        a = jax.lax.slice(a, (1, 1), (size, size)) - (column * pivot) * row
+        a, b = once((a, jax.lax.slice_in_dim(b, 1, size) - row[0] * top))
+    upper, left = once((jnp.concatenate(rows), jnp.concatenate(y)))
     x: list[jnp.ndarray] = []
-    y = jnp.stack(halves)
     for i in reversed(range(n)):
-        x.append(y[i])
-        row = [columns[k][i - 1 - k] for k in range(i)]
-        if i:
-            y = once(y[:i] - jnp.stack(row) * y[i])
-    return jnp.stack(x[::-1])
+        x.append(jax.lax.slice_in_dim(left, i, i + 1))
+        left = once(jax.lax.slice_in_dim(left, 0, i) - jax.lax.slice(upper, (0, i), (i, i + 1))[:, 0] * x[-1])
+    return jnp.concatenate(x[::-1])
 
 
 def is_positive_definite(a: np.ndarray) -> bool:

@@ -28,9 +28,9 @@ class _Moved:
 
     joint: Joint
     mass: float
-    moment: np.ndarray
+    center: np.ndarray
     inertia: np.ndarray
-    """About the frame's origin."""
+    """About the centre of mass."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -177,9 +177,13 @@ def _add(carrier: _Moved, joint: Joint, here: _Placed) -> None:
     """A link's mass to what moves with it."""
     center = here.translation + here.rotation @ np.asarray(joint.center, float)
     turned = here.rotation @ np.asarray(joint.inertia, float) @ here.rotation.T
-    carrier.mass += joint.mass
-    carrier.moment += joint.mass * center
-    carrier.inertia += turned + joint.mass * (center @ center * np.eye(3) - np.outer(center, center))
+    # What comes first, mostly the only one, keeps its numbers as they are printed.
+    total = carrier.mass + joint.mass
+    share = joint.mass / total if total > 0 else 0.0
+    between = center - carrier.center
+    carrier.inertia += turned + carrier.mass * share * (between @ between * np.eye(3) - np.outer(between, between))
+    carrier.center = carrier.center + share * between
+    carrier.mass = total
 
 
 def _check_masses(moved: Mapping[str, _Moved], name: str) -> None:
@@ -209,16 +213,13 @@ def _tip(tip: str, joints: Sequence[Joint], placed: Mapping[str | None, _Placed]
 def _arm(moved: Mapping[str, _Moved], tip: _Placed, gravity: Sequence[float], name: str) -> Articulated:
     names = list(moved)
     joints = [body.joint for body in moved.values()]
-    centers, inertias = [], []
+    inertias = []
     for body in moved.values():
-        center = body.moment / body.mass if body.mass > 0 else np.zeros(3)
-        about = body.inertia - body.mass * (center @ center * np.eye(3) - np.outer(center, center))
-        about = 0.5 * (about + about.T)
+        inertia = 0.5 * (body.inertia + body.inertia.T)
         if body.mass > 0:
             what = f"the inertia of link `{body.joint.link}`, with all that is fixed to it,"
-            require_rigid(about, what, definite=True)
-        centers.append(center)
-        inertias.append(about)
+            require_rigid(inertia, what, definite=True)
+        inertias.append(inertia)
 
     def each(field: str) -> Array:
         return parameter([getattr(joint, field) for joint in joints])
@@ -228,7 +229,7 @@ def _arm(moved: Mapping[str, _Moved], tip: _Placed, gravity: Sequence[float], na
         rotations=parameter(np.stack([joint.rotation for joint in joints])),
         translations=parameter(np.stack([joint.translation for joint in joints])),
         masses=parameter([body.mass for body in moved.values()]),
-        centers=parameter(np.stack(centers)),
+        centers=parameter(np.stack([body.center for body in moved.values()])),
         inertias=parameter(np.stack(inertias)),
         armature=each("armature"),
         viscous=each("viscous"),

@@ -45,6 +45,14 @@ class Kernel:
         self._run: Any = signature(self._code.address)
 
     @property
+    def function(self) -> Any:
+        """The code itself, called with the address of a table, the number of its lines, and how many rows are logged.
+
+        A line of the table holds the addresses of all inputs and then of all outputs. Nothing is checked.
+        """
+        return self._run
+
+    @property
     def text(self) -> str:
         """LLVM's text of it."""
         return module(prepared(self.program, self.lanes), self.lanes)

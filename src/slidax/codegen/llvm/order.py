@@ -9,9 +9,9 @@ scheduling). What a loop carries hangs on what the next turn does with it, so th
 from __future__ import annotations
 
 import heapq
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
-from slidax.codegen.form import Branch, Loop, Program, Region, Value, regions, uses, walk
+from slidax.codegen.form import BLOCKS, Branch, Loop, Program, Region, Value, regions, uses, walk
 
 CYCLES = {
     **dict.fromkeys(("const", "input", "param", "result"), 0),
@@ -135,24 +135,25 @@ def waiting(values: Sequence[Value]) -> dict[Value, list[Value]]:
     users: dict[Value, list[Value]] = {value: [] for value in values}
     last_store: Value | None = None
     for value in values:
-        needed = set(_needed(value))
-        if _stores(value):
-            if last_store is not None:
-                needed.add(last_store)
+        args, stores = value.args, value.op == "store"
+        if value.op in BLOCKS:
+            args, stores = _used_inside(value)
+        for other in set(args) if len(args) > 1 else args:
+            those = users.get(other)
+            if those is not None:
+                those.append(value)
+        if stores:
+            if last_store is not None and last_store not in args:
+                users[last_store].append(value)
             last_store = value
-        for other in needed:
-            if other in users:
-                users[other].append(value)
     return users
 
 
-def _needed(value: Value) -> Iterator[Value]:
-    """All that a value uses, in its blocks too; what is inside of them among it."""
-    yield from uses(value)
-    for region in regions(value):
+def _used_inside(block: Value) -> tuple[tuple[Value, ...], bool]:
+    """All that a block uses, in the blocks inside it too, what is inside of them among it; and whether it stores."""
+    used, stores = set(uses(block)), False
+    for region in regions(block):
         for inner in walk(region):
-            yield from uses(inner)
-
-
-def _stores(value: Value) -> bool:
-    return value.op == "store" or any(inner.op == "store" for region in regions(value) for inner in walk(region))
+            used.update(uses(inner) if inner.op in BLOCKS else inner.args)
+            stores |= inner.op == "store"
+    return tuple(used), stores

@@ -11,7 +11,7 @@ from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import product
 
-from slidax.codegen.form import Branch, Loop, Program, Region, Value, regions
+from slidax.codegen.form import BLOCKS, Branch, Loop, Program, Region, Value, regions
 
 from .order import awaited, waiting
 
@@ -44,7 +44,7 @@ class Packs:
         self.made: dict[Members, None] = {}  # those that are computed as one; of the others the elements are just known
         self.slots: dict[Members, list[Members]] = {}  # of each that is computed, by argument, what its members take
         self._table: dict[tuple[object, ...], Value] = {}
-        self._users: defaultdict[tuple[object, ...], list[Value]] = defaultdict(list)
+        self._users: defaultdict[Value, list[Value]] = defaultdict(list)
         self._row_of = {value: row for row in _rows_of_outputs(program) for value in row}
         self._index(program.body)
         self._inputs()
@@ -68,9 +68,10 @@ class Packs:
             self._table[_key(value, [arg.number for arg in value.args])] = value
             if value.op in ALIKE:
                 for arg in value.args:
-                    self._users[_kind(value, arg)].append(value)
-            for inner in regions(value):
-                self._index(inner)
+                    self._users[arg].append(value)
+            elif value.op in BLOCKS:
+                for inner in regions(value):
+                    self._index(inner)
 
     def _put(self, members: Members, *, made: bool = True) -> None:
         for k, value in enumerate(members):
@@ -151,7 +152,7 @@ class Packs:
         members: list[Value] = []
         slots: list[Members] = []
         for arg in those[first:]:
-            users = [user for user in self._users[_kind(value, arg)] if user not in self.place]
+            users = [user for user in self._users[arg] if user not in self.place and _is_like(user, value)]
             alike = [user for user in users if _rest(user, arg) == _rest(value, value.args[k])]
             if len(alike) != 1 or alike[0] in members:
                 return
@@ -223,8 +224,9 @@ class Packs:
             self.dissolve(stuck)
             ready = [value for value in stuck if not missing[value]]
         for value in region.values:
-            for inner in regions(value):
-                self._make_possible(inner)
+            if value.op in BLOCKS:
+                for inner in regions(value):
+                    self._make_possible(inner)
 
     def is_made(self, value: Value) -> bool:
         """Whether a value is computed together with others."""
@@ -240,8 +242,13 @@ def _key(value: Value, numbers: Sequence[int]) -> tuple[object, ...]:
     return (value.op, value.type, data, value.region, *ordered)
 
 
-def _kind(value: Value, arg: Value) -> tuple[object, ...]:
-    return (value.op, value.type, value.data, value.region, arg)
+def _is_like(value: Value, other: Value) -> bool:
+    return (
+        value.op == other.op
+        and value.region is other.region
+        and value.type == other.type
+        and bool(value.data == other.data)
+    )
 
 
 def _rest(value: Value, arg: Value) -> list[str]:

@@ -29,7 +29,7 @@ class Bound:
         self._inputs = len(inputs)
         self._table = np.array([array.ctypes.data for array in self._arrays], np.uintp)
         self._address = self._table.ctypes.data
-        self._run = kernel._run
+        self._run = kernel.function
 
     def __call__(self) -> None:
         """Computes the outputs."""
