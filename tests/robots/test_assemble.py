@@ -83,6 +83,14 @@ def test_what_the_joints_say_is_in_the_arm():
     assert float(arm.payload.mass) == 0.0
 
 
+def test_a_link_with_nothing_fixed_to_it_keeps_its_numbers_to_the_last_digit():
+    skew = np.array([[0.7, 0.1, -0.2], [0.1, 0.7, 0.3], [-0.2, 0.3, 0.7]])
+    elbow = a_joint(mass=0.646926, center=np.array([-0.003141, -0.02872, 0.003495]), inertia=skew)
+    arm = assemble([elbow, FLANGE], **TIP)
+    np.testing.assert_array_equal(arm.centers, [elbow.center])
+    np.testing.assert_array_equal(arm.inertias, [skew])
+
+
 def test_joints_keep_their_order_but_for_those_that_come_before_what_carries_them():
     names = ["wrist", "waist", "finger", "left", "lift", "camera", "right", "mount"]
     by_name = {joint.name: joint for joint in tree_joints()}

@@ -169,7 +169,7 @@ def test_a_joint_with_coulomb_friction_sticks_and_then_slides():
     rest = Spring(jnp.zeros(1), jnp.zeros(1), 1), Still([0.0]), State(q=jnp.zeros(1), dq=jnp.zeros(1))
 
     def end(push):
-        plant = MujocoPlant(arm, Constant(jnp.array([push])))
+        plant = MujocoPlant(arm, Constant(jnp.array([push])), dry=True)
         return float(simulate(plant, *rest, t1=1.0, period=1e-3, substeps=10, log_every=None).state.q[0])
 
     assert abs(end(3.9)) < 1e-5

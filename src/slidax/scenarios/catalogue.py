@@ -6,7 +6,7 @@ from typing import Any, get_args
 
 from .base import Description
 from .disturbances import Term
-from .load import load, names
+from .load import described, names
 from .robots import RobotDescription
 from .schemes import EstimatorDescription, PerformanceDescription, SchemeDescription
 from .trajectories import TrajectoryDescription
@@ -21,7 +21,7 @@ def catalogue() -> dict[str, dict[str, str]]:
         "disturbances": _members(Term, "kind"),
         "estimators": _members(EstimatorDescription, "kind"),
         "performance": _members(PerformanceDescription, "kind"),
-        "scenarios": {name: load(name).description.title for name in names()},
+        "scenarios": {name: described(name).title for name in names()},
     }
 
 

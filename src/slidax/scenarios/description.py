@@ -181,9 +181,12 @@ class ScenarioDescription(Description):
         with located("surroundings"):
             table = self.surroundings.build()
         if self.simulation.plant == "own":
+            remedy = "set `simulation.plant` to `mujoco`"
             if table is not None:
-                message = "only a plant that MuJoCo moves meets anything: set `simulation.plant` to `mujoco`"
-                raise DefinitionError(message, where="surroundings")
+                raise DefinitionError(f"only a plant that MuJoCo moves meets anything: {remedy}", where="surroundings")
+            if self.simulation.friction == "dry":
+                message = f"only a plant that MuJoCo moves really sticks: {remedy}"
+                raise DefinitionError(message, where="simulation.friction")
             return own
         with located("simulation.plant"):
             return MujocoPlant.of(own, surroundings=table, dry=self.simulation.friction == "dry")

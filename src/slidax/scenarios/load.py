@@ -42,6 +42,16 @@ def load(scenario: str | Path, changes: dict[str, Any] | None = None) -> Scenari
     return parse(text, changes).build(name)
 
 
+def described(scenario: str | Path) -> ScenarioDescription:
+    """What a scenario file says, validated but not built, which takes longer.
+
+    - `scenario`: name of a built-in scenario, or path of a YAML file.
+
+    Raises DefinitionError if there is no such scenario, or something in it cannot be.
+    """
+    return parse(_read(scenario)[1])
+
+
 def parse(text: str, changes: dict[str, Any] | None = None) -> ScenarioDescription:
     """The validated description in a YAML text.
 
@@ -143,6 +153,9 @@ def _translated(error: ValidationError, data: Any) -> DefinitionError:
     elif first["type"] in LIMITS:
         sign, limit = LIMITS[first["type"]]
         message = f"must be {sign} {context[limit]:g}; got {given!r}"
+    elif first["type"] in ("too_short", "too_long"):
+        sign, limit = (">=", "min_length") if first["type"] == "too_short" else ("<=", "max_length")
+        message = f"must have {sign} {context[limit]} entries; got {context['actual_length']}"
     elif first["type"] == "unknown_key":
         message = first["msg"]
     else:

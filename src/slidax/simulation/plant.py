@@ -53,5 +53,11 @@ class Plant(eqx.Module):
         - `state`: positions and velocities.
         - `tau`: torque on the joints [n], N m or N.
         """
-        robot = self.robot if self.load is None else self.load.on(self.robot, t)
-        return robot.acceleration(state, tau + self.disturbance(t, state))
+        return self.at(t).acceleration(state, tau + self.disturbance(t, state))
+
+    def at(self, t: Scalar) -> AbstractRobot:
+        """The robot with what it carries at a time.
+
+        - `t`: time [s].
+        """
+        return self.robot if self.load is None else self.load.on(self.robot, t)

@@ -35,8 +35,8 @@ def begin(loop: Loop, state: State) -> Begun:
     reference = loop.trajectory.reference(t)
     plant, period = loop.plant, loop.period
     sensor, torque = None, None
-    # The arm is held still, or in even motion, until the run begins.
-    held = plant.robot.bias(state.q, state.dq)
+    # The arm is held still, or in even motion, until the run begins, with what it carries then.
+    held = plant.at(t).bias(state.q, state.dq)
     measured = state
     if plant.sensor is not None:
         sensor = plant.sensor.init(state)

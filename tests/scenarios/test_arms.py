@@ -1,0 +1,223 @@
+"""Scenario files with arms of rigid links: what they become, and how they are refused."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import equinox as eqx
+import jax
+import numpy as np
+import pytest
+
+from slidax import robots, scenarios
+from slidax._errors import DefinitionError
+from slidax.actuators import TorqueLimits
+from slidax.robots import Articulated, Load, Payload
+from slidax.scenarios import Scenario
+from slidax.scenarios.robots import Arms
+from slidax.simulation import MujocoPlant, Plant, Table
+from tests.robots import bad_mjcf, bad_urdf
+
+PAYLOAD = "panda-payload"
+BUILT_IN = Path(scenarios.__file__).parent / "built_in"
+URDF = {"kind": "urdf", "file": bad_urdf.GOOD}
+
+
+@cache
+def text() -> str:
+    return (BUILT_IN / f"{PAYLOAD}.yaml").read_text(encoding="utf-8")
+
+
+def arms(robot: dict[str, Any]) -> Arms:
+    """The two arms alone: the law is not built, for which M would be compiled."""
+    return scenarios.parse(text(), {"robot": robot}).robot.build()
+
+
+def scenario(**changes: Any) -> Scenario:
+    return scenarios.load(PAYLOAD, {name.replace("__", "."): value for name, value in changes.items()})
+
+
+def nominal(robot: dict[str, Any]) -> Articulated:
+    arm = arms(robot).nominal
+    assert isinstance(arm, Articulated)
+    return arm
+
+
+@pytest.mark.parametrize("kind", robots.ready.NAMES)
+def test_a_ready_robot_needs_its_name_alone(kind: str) -> None:
+    true, known, load = arms({"kind": kind})
+    assert eqx.tree_equal(known, robots.ready.read(kind).robot)
+    assert eqx.tree_equal(true, known)
+    assert load is None
+
+
+def test_an_arm_from_a_file_is_the_one_that_is_read_from_it(tmp_path: Path) -> None:
+    urdf, mjcf = tmp_path / "arm.urdf", tmp_path / "arm.xml"
+    urdf.write_text(bad_urdf.GOOD, encoding="utf-8")
+    mjcf.write_text(bad_mjcf.GOOD, encoding="utf-8")
+    how = {"tip": "tool", "locked": {"elbow": 0.5}}
+    found = nominal({"kind": "urdf", "file": str(urdf), **how})
+    assert eqx.tree_equal(found, robots.from_urdf(urdf, **how))
+    assert found.joint_names == ("shoulder",)
+    found = nominal({"kind": "mjcf", "file": str(mjcf), **how})
+    assert eqx.tree_equal(found, robots.from_mjcf(mjcf, **how))
+    assert found.joint_names == ("shoulder",)
+
+
+def test_the_true_arm_differs_by_what_plant_says_and_both_by_what_nominal_says() -> None:
+    load = {"mass": 1.5, "center": [0.0, 0.1, 0.2], "inertia": [0.01, 0.02, 0.025], "attached": 0.5, "released": 2.0}
+    gripper = {"mass": 0.7, "center": [0.0, 0.0, 0.05], "inertia": 0.001}
+    true, known, carried = arms(
+        {
+            "kind": "panda",
+            "nominal": {"armature": 0.1, "load": gripper, "gravity": [0.0, 3.0, -9.0]},
+            "plant": {"mass": 0.85, "inertia": 0.8, "viscous": 0.2, "coulomb": [0.1] * 7, "load": load},
+        }
+    )
+    panda = robots.panda()
+    expected = eqx.tree_at(
+        lambda arm: (arm.armature, arm.payload, arm.gravity_vector),
+        panda,
+        (np.full(7, 0.1), Payload(0.7, (0.0, 0.0, 0.05), 0.001), np.array([0.0, 3.0, -9.0])),
+    )
+    assert same_numbers(known, expected)
+    mismatch = robots.Mismatch(mass=0.85, inertia=0.8, viscous=0.2, coulomb=[0.1] * 7)
+    assert same_numbers(true, mismatch.applied(known))
+    assert not same_numbers(true, known)
+    assert eqx.tree_equal(carried, Load(Payload(1.5, (0.0, 0.1, 0.2), np.diag([0.01, 0.02, 0.025])), 0.5, 2.0))
+
+
+def same_numbers(one: Articulated, other: Articulated) -> bool:
+    return bool(eqx.tree_equal(*(jax.tree.map(np.asarray, arm) for arm in (one, other))))
+
+
+def test_a_rotor_that_only_the_true_arm_has_is_not_known() -> None:
+    true, known, _ = arms({"kind": "ur5e", "plant": {"armature": [0.1, 0.2, 0.3, 0.4, 0.5, 0.6]}})
+    np.testing.assert_array_equal(true.armature, [0.1, 0.2, 0.3, 0.4, 0.5, 0.6])
+    np.testing.assert_array_equal(known.armature, np.zeros(6))
+
+
+def test_a_load_that_is_never_let_go_is_carried_from_the_start_for_ever() -> None:
+    load = arms({"kind": "panda", "plant": {"load": {"mass": 2.0}}}).load
+    assert load is not None
+    assert (float(load.attached), float(load.released)) == (0.0, np.inf)
+
+
+REFUSED = [
+    ({"kind": "pandda"}, r"robot.kind: unknown `pandda`; did you mean `panda`\?"),
+    ({"kind": "panda", "plnt": {}}, r"robot: unknown key `plnt`; did you mean `plant`\?"),
+    ({"kind": "panda", "file": "arm.urdf"}, "robot: unknown key `file`; there are: `plant`, `nominal`, `kind`"),
+    ({"kind": "panda", "plant": {"masses": 1.0}}, r"robot.plant: unknown key `masses`; did you mean `mass`\?"),
+    ({"kind": "panda", "nominal": {"mass": 0.9}}, "robot.nominal: unknown key `mass`; there are: `armature`, `load`"),
+    ({"kind": "panda", "plant": {"load": {}}}, "robot.plant.load.mass: is missing"),
+    ({"kind": "panda", "plant": {"load": {"mass": -1}}}, "robot.plant.load.mass: must be >= 0; got -1"),
+    ({"kind": "panda", "plant": {"load": {"mass": 1, "center": [0, 1]}}}, r"robot.plant.load.center: .*3.* \[0, 1\]"),
+    ({"kind": "panda", "plant": {"mass": 0}}, "robot.plant: `Mismatch.mass` must be > 0; got 0"),
+    (
+        {"kind": "panda", "plant": {"viscous": [0.1, 0.2]}},
+        "robot.plant: `Mismatch.viscous` must be one number or one for each of the 7 joints of panda; got 2",
+    ),
+    (
+        {"kind": "ur5e", "nominal": {"armature": [0.1] * 7}},
+        "robot.nominal.armature: must be one number or one for each of the 6 joints; got 7",
+    ),
+    ({"kind": "panda", "nominal": {"armature": -0.1}}, "robot.nominal.armature: must be >= 0; got -0.1"),
+    ({"kind": "panda", "nominal": {"gravity": [0, -9.81]}}, "robot.nominal.gravity: .*3"),
+    (
+        {"kind": "panda", "nominal": {"load": {"mass": 1, "attached": 1.0}}},
+        "robot.nominal.load: a load that comes and goes cannot be known; write it under `plant`",
+    ),
+    (
+        {"kind": "panda", "nominal": {"load": {"mass": 1, "released": 1.0}}},
+        "robot.nominal.load: a load that comes and goes cannot be known; write it under `plant`",
+    ),
+    (
+        {"kind": "panda", "plant": {"load": {"mass": 1, "attached": 2.0, "released": 1.0}}},
+        "robot.plant.load: `Load.attached` must be before `released`",
+    ),
+    (
+        {"kind": "panda", "plant": {"load": {"mass": 1, "inertia": [0.1, 0.1, -0.1]}}},
+        "robot.plant.load: `Payload.inertia` must have moments >= 0",
+    ),
+    ({"kind": "urdf"}, "robot.file: is missing"),
+    ({"kind": "urdf", "file": "no/such.urdf"}, "robot: the robot file `no/such.urdf` cannot be read"),
+    ({**URDF, "tip": "tol"}, r"robot: `tip` names link `tol`.* did you mean `tool`\?"),
+    ({**URDF, "tip": "tool", "locked": {"elbo": 0.0}}, r"robot: `locked` names joint `elbo`.* did you mean `elbow`\?"),
+    ({**URDF, "tip": "tool", "lokced": {}}, r"robot: unknown key `lokced`; did you mean `locked`\?"),
+]
+
+
+@pytest.mark.parametrize(("robot", "said"), REFUSED)
+def test_a_robot_that_cannot_be_is_refused_with_the_path_of_its_field(robot: dict[str, Any], said: str) -> None:
+    with pytest.raises(DefinitionError, match=said):
+        scenarios.parse(text(), {"robot": robot}).build("refused")
+
+
+def test_the_robots_own_limits_are_those_of_its_data_sheet() -> None:
+    built = scenario()
+    panda = robots.panda()
+    expected = TorqueLimits(panda.limits.torque, panda.limits.torque_rate)
+    assert built.plant.actuator is not None
+    assert eqx.tree_equal(built.plant.actuator.limits, expected)
+    # And the law is told of them.
+    assert eqx.tree_equal(built.controller.limits, expected)
+    np.testing.assert_array_equal(panda.limits.torque, [87, 87, 87, 87, 12, 12, 12])
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"robot": {"kind": "gen3"}}, "actuator.rate: the robot's description has no such limit; give numbers"),
+        (
+            {"robot": {"kind": "gen3"}, "actuator": {"torque": "robott"}},
+            "actuator.torque: must be a number .* got 'robott'",
+        ),
+        ({"actuator": {"torque": [87.0, 87.0]}}, "actuator.torque: must be one number or one for each of the 7 joints"),
+    ],
+)
+def test_limits_that_the_robot_does_not_have_are_refused(changes: dict[str, Any], said: str) -> None:
+    with pytest.raises(DefinitionError, match=said):
+        scenario(**changes)
+
+
+def test_an_arm_of_a_printed_formula_has_no_limits_of_its_own() -> None:
+    with pytest.raises(DefinitionError, match=r"actuator.torque: the robot's description has no such limit"):
+        scenarios.load("example-4.1-1khz", {"actuator": {"torque": "robot"}})
+
+
+def test_the_same_arm_can_be_moved_by_mujoco_beside_a_table() -> None:
+    own = scenario().plant
+    assert isinstance(own, Plant)
+    moved = scenario(simulation__plant="mujoco").plant
+    assert eqx.tree_equal(moved, MujocoPlant.of(own))
+    table = {"table": {"height": -0.2, "friction": 0.7}}
+    on_a_table = scenario(simulation__plant="mujoco", simulation__friction="dry", surroundings=table).plant
+    assert eqx.tree_equal(on_a_table, MujocoPlant.of(own, surroundings=Table(-0.2, 0.7), dry=True))
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        (
+            {"surroundings": {"table": {"height": 0.0}}},
+            "surroundings: only a plant that MuJoCo moves meets anything: set `simulation.plant` to `mujoco`",
+        ),
+        ({"simulation__plant": "mujuco"}, r"simulation.plant: unknown `mujuco`; did you mean `mujoco`\?"),
+        ({"surroundings": {"table": {"height": 0.0, "friction": 0.0}}}, "surroundings.table.friction: must be > 0"),
+        ({"surroundings": {"wall": {}}}, "surroundings: unknown key `wall`; there are: `table`"),
+        (
+            {"simulation__plant": "mujoco", "robot__plant__load__inertia": [0.01, 0.02, 0.04]},
+            "simulation.plant: `Payload.inertia` is of no rigid body",
+        ),
+    ],
+)
+def test_what_only_mujoco_can_do_or_cannot_do_is_refused(changes: dict[str, Any], said: str) -> None:
+    with pytest.raises(DefinitionError, match=said):
+        scenario(**changes)
+
+
+def test_mujoco_does_not_move_an_arm_of_a_printed_formula() -> None:
+    with pytest.raises(DefinitionError, match=r"simulation.plant: MuJoCo takes an articulated arm.*got a TwoLink"):
+        scenarios.load("example-4.1-1khz", {"simulation.plant": "mujoco"})
