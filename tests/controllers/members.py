@@ -87,3 +87,6 @@ CONTROLLERS: list[tuple[str, Case]] = [
     ("computed_torque", two_link(computed_torque_4_1())),
     ("gravity_pd", two_link(gravity_pd_4_1())),
 ]
+
+LIKE_OTHERS = ("sampled_cftsmppc_4_1", "sampled_ftsmc_4_1", "sampled_sfsmc_4_2", "sampled_slotine_li")
+"""The sampled-data law with other parts, which are members of their own rooms: these run in the long version."""

@@ -218,7 +218,7 @@ def test_every_finite_measurement_has_a_finite_torque_within_the_limits(value):
         assert all(np.all(np.isfinite(leaf)) for leaf in jax.tree.leaves(command.memory))
 
 
-@pytest.mark.parametrize("name", ["example-4.1-1khz", "example-4.2-1khz"])
+@pytest.mark.parametrize("name", ["example-4.1-1khz", pytest.param("example-4.2-1khz", marks=pytest.mark.full)])
 def test_from_two_hundred_starts_outside_the_envelope_all_are_back_inside_in_time(name):
     """Within the torque and rate limits, with a period of delay, a fifth of model error and the disturbance."""
     scenario = load(name)

@@ -15,6 +15,9 @@ from tests.controllers.random_cases import ARMS, PERIODS, controller, draw, run
 CASES = 170
 KINDS = [(arm, period) for arm in ARMS for period in PERIODS]
 assert CASES * len(KINDS) >= 2000
+DAILY = (1e-3, 4e-3)
+EVERY_KIND = [pytest.param(arm, period, marks=[] if period in DAILY else [pytest.mark.full]) for arm, period in KINDS]
+"""All periods in the long version, two of them every day."""
 
 
 def judged(arm, period, x):
@@ -84,7 +87,7 @@ def results(name, period):
     return {key: np.asarray(value) for key, value in found.items()}
 
 
-@pytest.mark.parametrize(("name", "period"), KINDS)
+@pytest.mark.parametrize(("name", "period"), EVERY_KIND)
 def test_every_step_is_finite_and_solves_its_two_equations(name, period):
     found = results(name, period)
     assert np.all(found["finite"])
@@ -92,14 +95,14 @@ def test_every_step_is_finite_and_solves_its_two_equations(name, period):
     assert found["barrier"].max() < 1e-10
 
 
-@pytest.mark.parametrize(("name", "period"), KINDS)
+@pytest.mark.parametrize(("name", "period"), EVERY_KIND)
 def test_the_planned_sliding_variable_is_exactly_zero_where_the_push_is_within_u_and_only_there(name, period):
     found = results(name, period)
     assert np.all(found["zero"])
     assert np.mean(found["held"][found["layer"] == 0] > 0) > 0.9
 
 
-@pytest.mark.parametrize(("name", "period"), KINDS)
+@pytest.mark.parametrize(("name", "period"), EVERY_KIND)
 def test_no_sample_is_outside_where_u_covers_the_disturbance_and_the_loop_rate_rule_holds(name, period):
     found = results(name, period)
     assert np.sum(found["promised"]) >= CASES / 2

@@ -8,7 +8,7 @@ import numpy as np
 from slidax._types import Reference, State
 from slidax.controllers import GravityCompensatedPD
 from slidax.estimators import Kalman
-from tests.controllers.members import CONTROLLERS
+from tests.controllers.members import CONTROLLERS, LIKE_OTHERS
 from tests.enrolled import every
 
 
@@ -33,7 +33,7 @@ def on_reference(case, t):
     return State(q=reference.q, dq=reference.dq)
 
 
-@every("case", CONTROLLERS)
+@every("case", CONTROLLERS, full=LIKE_OTHERS)
 def test_compiled_and_eager_agree(case):
     state, t = near(case, 1.0), jnp.asarray(1.0)
     eager = answer(case, case.controller, t, state)
@@ -42,7 +42,7 @@ def test_compiled_and_eager_agree(case):
         np.testing.assert_allclose(a, b, rtol=1e-9, atol=1e-12)
 
 
-@every("case", CONTROLLERS)
+@every("case", CONTROLLERS, full=LIKE_OTHERS)
 def test_a_batch_over_any_gain_is_the_loop_over_it(case):
     state, t = near(case, 1.0), jnp.asarray(1.0)
     arrays, rest = eqx.partition(case.controller, eqx.is_array)
@@ -54,7 +54,7 @@ def test_a_batch_over_any_gain_is_the_loop_over_it(case):
     assert np.all(np.ptp(looped, axis=0) > 0)
 
 
-@every("case", CONTROLLERS)
+@every("case", CONTROLLERS, full=LIKE_OTHERS)
 def test_one_trace_serves_many_gains_states_and_times(case):
     traces = []
 
@@ -70,14 +70,14 @@ def test_one_trace_serves_many_gains_states_and_times(case):
     assert len(traces) == 1
 
 
-@every("case", CONTROLLERS)
+@every("case", CONTROLLERS, full=LIKE_OTHERS)
 def test_every_gain_is_a_floating_array_leaf(case):
     leaves = jax.tree.leaves(case.controller)
     assert leaves
     assert all(isinstance(leaf, jax.Array) and leaf.dtype == float for leaf in leaves)
 
 
-@every("case", CONTROLLERS)
+@every("case", CONTROLLERS, full=LIKE_OTHERS)
 def test_gradients_by_all_gains_and_by_the_state_are_finite_also_without_any_error(case):
     @eqx.filter_jit
     def gradients(controller, state, t):
@@ -92,7 +92,7 @@ def test_gradients_by_all_gains_and_by_the_state_are_finite_also_without_any_err
             assert all(np.all(np.isfinite(leaf)) for leaf in found)
 
 
-@every("case", CONTROLLERS)
+@every("case", CONTROLLERS, full=LIKE_OTHERS)
 def test_the_torque_is_not_indifferent_to_its_gains(case):
     """Wherever a gain stands idle at one state, it acts at another: here every leaf but a few at the start."""
     reference = case.trajectory.reference(jnp.zeros(()))
@@ -108,7 +108,7 @@ def test_the_torque_is_not_indifferent_to_its_gains(case):
     assert moved.count(False) <= case.idle
 
 
-@every("case", CONTROLLERS)
+@every("case", CONTROLLERS, full=LIKE_OTHERS)
 def test_the_gradient_by_each_gain_matches_differences(case):
     state, t = near(case, 1.0), jnp.asarray(1.0)
     arrays, rest = eqx.partition(case.controller, eqx.is_array)
@@ -128,7 +128,7 @@ def test_the_gradient_by_each_gain_matches_differences(case):
         np.testing.assert_allclose(jnp.sum(slope), difference, rtol=2e-4, atol=1e-4)
 
 
-@every("case", CONTROLLERS)
+@every("case", CONTROLLERS, full=LIKE_OTHERS)
 def test_the_memory_and_its_rate_keep_its_tree_shapes_and_types(case):
     before = case.controller.init(jnp.zeros(()), case.start, case.trajectory.reference(jnp.zeros(())))
     command = answer(case, case.controller, jnp.asarray(0.5), near(case, 0.5))
@@ -138,7 +138,7 @@ def test_the_memory_and_its_rate_keep_its_tree_shapes_and_types(case):
             assert (a.shape, a.dtype, a.weak_type) == (b.shape, b.dtype, b.weak_type)
 
 
-@every("case", CONTROLLERS)
+@every("case", CONTROLLERS, full=LIKE_OTHERS)
 def test_the_scheme_commands_one_torque_per_joint_of_its_arm(case):
     assert case.controller.joints == case.robot.joints
     tau = answer(case, case.controller, jnp.asarray(0.5), near(case, 0.5)).tau
@@ -146,7 +146,7 @@ def test_the_scheme_commands_one_torque_per_joint_of_its_arm(case):
     assert np.all(np.isfinite(tau))
 
 
-@every("case", CONTROLLERS)
+@every("case", CONTROLLERS, full=LIKE_OTHERS)
 def test_the_start_lies_inside_the_envelope_that_the_scheme_promises(case):
     reference = case.trajectory.reference(jnp.zeros(()))
     memory = case.controller.init(jnp.zeros(()), case.start, reference)
@@ -157,7 +157,7 @@ def test_the_start_lies_inside_the_envelope_that_the_scheme_promises(case):
         assert np.all(e < np.asarray(envelope.upper))
 
 
-@every("case", CONTROLLERS)
+@every("case", CONTROLLERS, full=LIKE_OTHERS)
 def test_the_same_measurements_give_the_same_bits_twice(case):
     first, second = (answer(case, case.controller, jnp.asarray(0.7), near(case, 0.7)).tau for _ in range(2))
     np.testing.assert_array_equal(first, second)

@@ -109,7 +109,7 @@ def test_the_counts_are_those_of_the_verdicts(made) -> None:
         assert sum(kinds.values()) == len(items)
 
 
-@pytest.mark.parametrize("disturbance", ["stated", "off"])
+@pytest.mark.parametrize("disturbance", ["stated", pytest.param("off", marks=pytest.mark.full)])
 def test_one_reading_of_the_disturbance_makes_a_page_too(made, tmp_path: Path, disturbance: str) -> None:
     results = cftsmppc.reproduce(tmp_path, disturbance, changes={"simulation.t1": 1.0})
     assert list(results["readings"]) == [disturbance]

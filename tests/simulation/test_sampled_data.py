@@ -56,6 +56,7 @@ def final_error(law):
     return jnp.sum(jnp.abs(done.state.q - MOTION_4_1.position(jnp.asarray(0.1))))
 
 
+@pytest.mark.full
 def test_the_gradient_by_every_number_of_the_law_is_finite_and_most_of_them_count():
     gradient = jax.jit(jax.grad(final_error))(SCENARIO.controller)
     leaves = [np.asarray(leaf) for leaf in jax.tree.leaves(gradient)]
