@@ -97,4 +97,3 @@ class ScaraDescription(Description):
 
 def _both(plant: Description, changes: Description) -> tuple[dict[str, Any], dict[str, Any]]:
     return plant.parameters(), plant.parameters() | changes.parameters()
-
