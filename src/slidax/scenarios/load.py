@@ -155,7 +155,7 @@ def _translated(error: ValidationError, data: Any) -> DefinitionError:
         message = f"must be {sign} {context[limit]:g}; got {given!r}"
     elif first["type"] in ("too_short", "too_long"):
         sign, limit = (">=", "min_length") if first["type"] == "too_short" else ("<=", "max_length")
-        message = f"must have {sign} {context[limit]} entries; got {context['actual_length']}"
+        message = f"must have {sign} {context[limit]} entries; got {given!r}"
     elif first["type"] == "unknown_key":
         message = first["msg"]
     else:
