@@ -26,6 +26,13 @@ class LibraryPlant(eqx.Module):
     sensor: None = None
     actuator: None = None
 
+    def at(self, t: Any) -> AbstractRobot:
+        """The robot, which carries nothing.
+
+        - `t`: time [s].
+        """
+        return self.robot
+
     def acceleration(self, t: Any, state: Any, tau: Any) -> Any:
         """`M⁻¹ (τ + τ_d - C q̇ - G)` by `jnp.linalg.solve`.
 
