@@ -67,8 +67,12 @@ def test_joints_that_stick_do_not_lead_outside(measured: str) -> None:
     pytest.importorskip("mujoco")
     run = simulated("panda-payload", **MEASURED[measured], **DRY)[1]
     assert run.outcome.ok, run.outcome.message
-    assert np.max(metrics.steady_error(run)) <= 5e-4
-    assert np.max(metrics.steady_torque_step(run)) <= 0.6
+    if measured == "exact":
+        # Where nothing blurs it, the torque follows friction that jumps as fast as its drive lets it.
+        assert np.max(metrics.steady_error(run)) <= 1e-4
+    else:
+        assert np.max(metrics.steady_error(run)) <= 5e-4
+        assert np.max(metrics.steady_torque_step(run)) <= 0.6
 
 
 @pytest.mark.full
