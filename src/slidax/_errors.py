@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from difflib import get_close_matches
 from typing import Any
 
 import jax
@@ -45,6 +46,20 @@ def located(where: str) -> Iterator[None]:
     except DefinitionError as error:
         path = f"{where}.{error.where}" if error.where else where
         raise DefinitionError(error.message, where=path) from error
+
+
+def nearest(word: str, known: Iterable[str]) -> str:
+    """A remedy for a name that is not known: a question with the known one most like it, or the list of them all.
+
+    - `word`: the name that was given, in any case.
+    - `known`: what could have been.
+    """
+    names = list(known)
+    by_small_letters = {name.lower(): name for name in names}
+    close = get_close_matches(word.lower(), by_small_letters, n=1, cutoff=0.6)
+    if close:
+        return f"did you mean `{by_small_letters[close[0]]}`?"
+    return "there are: " + ", ".join(f"`{name}`" for name in names)
 
 
 def is_traced(tree: Any) -> bool:

@@ -5,12 +5,11 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Mapping, Sequence
-from difflib import get_close_matches
 
 import numpy as np
 from jaxtyping import Array
 
-from slidax._errors import DefinitionError, parameter
+from slidax._errors import DefinitionError, nearest, parameter
 
 from .articulated import Articulated
 from .joint import Joint, require_rigid
@@ -110,7 +109,7 @@ def _in_order(joints: Sequence[Joint]) -> list[Joint]:
         if joint.parent is not None and joint.parent not in by_name:
             raise DefinitionError(
                 f"joint `{joint.name}` is carried by joint `{joint.parent}`, which there is not; "
-                f"{nearest_name(joint.parent, by_name)}"
+                f"{nearest(joint.parent, by_name)}"
             )
     ordered: list[Joint] = []
     done: set[str | None] = {None}
@@ -126,21 +125,11 @@ def _in_order(joints: Sequence[Joint]) -> list[Joint]:
     return ordered
 
 
-def nearest_name(word: str, known: Sequence[str] | Mapping[str, object]) -> str:
-    """A question with the known name that is most like a given one, or the list of them all.
-
-    - `word`: the given one.
-    - `known`: what could have been.
-    """
-    close = get_close_matches(word, list(known), n=1, cutoff=0.6)
-    return f"did you mean `{close[0]}`?" if close else "there are: " + ", ".join(f"`{k}`" for k in known)
-
-
 def _check_locked(locked: Mapping[str, float], joints: Sequence[Joint]) -> None:
     by_name = {joint.name: joint for joint in joints if joint.kind != "fixed"}
     for name, position in locked.items():
         if name not in by_name:
-            raise DefinitionError(f"`locked` names joint `{name}`, which does not move; {nearest_name(name, by_name)}")
+            raise DefinitionError(f"`locked` names joint `{name}`, which does not move; {nearest(name, by_name)}")
         joint = by_name[name]
         if not (math.isfinite(position) and joint.lower - 1e-9 <= position <= joint.upper + 1e-9):
             raise DefinitionError(
@@ -203,7 +192,7 @@ def _check_masses(moved: Mapping[str, _Moved], name: str) -> None:
 def _tip(tip: str, joints: Sequence[Joint], placed: Mapping[str | None, _Placed], name: str) -> _Placed:
     by_link = {joint.link: joint.name for joint in joints}
     if tip not in by_link:
-        raise DefinitionError(f"`tip` names link `{tip}`, which {name} does not have; {nearest_name(tip, by_link)}")
+        raise DefinitionError(f"`tip` names link `{tip}`, which {name} does not have; {nearest(tip, by_link)}")
     place = placed[by_link[tip]]
     if place.carrier is None:
         raise DefinitionError(f"`tip` names link `{tip}` of {name}, which no joint moves")

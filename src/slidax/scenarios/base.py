@@ -2,26 +2,15 @@
 
 from __future__ import annotations
 
-from difflib import get_close_matches
 from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 from pydantic_core import PydanticCustomError
 
-from slidax._errors import DefinitionError
+from slidax._errors import DefinitionError, nearest
 
 Numbers = Annotated[float | list[float], Field(union_mode="left_to_right")]
 """One number for all joints, or one per joint."""
-
-
-def nearest(word: str, known: list[str]) -> str:
-    """A question with the known word that is most like the given one, or the list of them all.
-
-    - `word`: what was written.
-    - `known`: what could have been.
-    """
-    close = get_close_matches(word.lower(), known, n=1, cutoff=0.6)
-    return f"did you mean `{close[0]}`?" if close else "there are: " + ", ".join(f"`{k}`" for k in known)
 
 
 class Description(BaseModel):

@@ -10,9 +10,8 @@ from pydantic import ValidationError
 from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 
-from slidax._errors import DefinitionError
+from slidax._errors import DefinitionError, nearest
 
-from .base import nearest
 from .description import ScenarioDescription
 from .scenario import Scenario
 from .switch import switched

@@ -98,44 +98,42 @@ class MinimumJerkTrajectory(TrajectoryPart):
         return MinimumJerk.through(self.times, self.waypoints)
 
 
-class QuinticTrajectory(TrajectoryPart):
+class LimitedTrajectory(TrajectoryPart):
+    """A motion through waypoints, as fast as limits allow."""
+
+    waypoints: list[list[float]]
+    """Rows of joint positions [rad or m], no two in a row the same."""
+    velocity: Limit
+    """Largest speed, or `robot` [rad/s or m/s]."""
+    acceleration: Numbers
+    """Largest acceleration [rad/s² or m/s²]."""
+    jerk: Numbers | None = None
+    """Largest jerk [rad/s³ or m/s³]; no limit if not given."""
+    start: float = 0.0
+    """When it begins [s]."""
+
+    def _arguments(self, limits: JointLimits | None) -> dict[str, Any]:
+        return self.parameters() | _said(self, limits, "velocity")
+
+
+class QuinticTrajectory(LimitedTrajectory):
     """The smoothest motion through waypoints, without stopping, as fast as limits allow."""
 
     kind: Literal["quintic"]
-    waypoints: list[list[float]]
-    """Rows of joint positions [rad or m], no two in a row the same."""
-    velocity: Limit
-    """Largest speed, or `robot` [rad/s or m/s]."""
-    acceleration: Numbers
-    """Largest acceleration [rad/s² or m/s²]."""
-    jerk: Numbers | None = None
-    """Largest jerk [rad/s³ or m/s³]; no limit if not given."""
-    start: float = 0.0
-    """When it begins [s]."""
 
     def build(self, limits: JointLimits | None = None) -> AbstractTrajectory:
         """The trajectory, with `limits` for the word `robot`."""
-        return MinimumJerk.within(**self.parameters() | _said(self, limits, "velocity"))
+        return MinimumJerk.within(**self._arguments(limits))
 
 
-class TrapezoidalTrajectory(TrajectoryPart):
+class TrapezoidalTrajectory(LimitedTrajectory):
     """As fast as limits allow from waypoint to waypoint, at rest at each; an S-curve with a limit of jerk."""
 
     kind: Literal["trapezoidal"]
-    waypoints: list[list[float]]
-    """Rows of joint positions [rad or m], no two in a row the same."""
-    velocity: Limit
-    """Largest speed, or `robot` [rad/s or m/s]."""
-    acceleration: Numbers
-    """Largest acceleration [rad/s² or m/s²]."""
-    jerk: Numbers | None = None
-    """Largest jerk [rad/s³ or m/s³]; no limit if not given."""
-    start: float = 0.0
-    """When it begins [s]."""
 
     def build(self, limits: JointLimits | None = None) -> AbstractTrajectory:
         """The trajectory, with `limits` for the word `robot`."""
-        return Trapezoidal.through(**self.parameters() | _said(self, limits, "velocity"))
+        return Trapezoidal.through(**self._arguments(limits))
 
 
 class TableTrajectory(TrajectoryPart):

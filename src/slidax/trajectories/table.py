@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from difflib import get_close_matches
 
 import numpy as np
 from numpy.typing import NDArray
 
-from slidax._errors import DefinitionError
+from slidax._errors import DefinitionError, nearest
 
 from .motion_limits import called
 
@@ -82,11 +81,11 @@ class Table:
         for name in self.joints:
             if name not in wanted:
                 raise DefinitionError(
-                    f"{self.source} has the joint `{name}`, which the robot does not have; {_nearest(name, wanted)}"
+                    f"{self.source} has the joint `{name}`, which the robot does not have; {nearest(name, wanted)}"
                 )
         for name in wanted:
             if name not in self.joints:
-                raise DefinitionError(f"{self.source} lacks the joint `{name}`; {_nearest(name, self.joints)}")
+                raise DefinitionError(f"{self.source} lacks the joint `{name}`; {nearest(name, self.joints)}")
         order = [self.joints.index(name) for name in wanted]
         return replace(
             self,
@@ -126,8 +125,3 @@ def _require_distinct(names: Sequence[str], owner: str) -> None:
     for name in names:
         if list(names).count(name) > 1:
             raise DefinitionError(f"{owner} the joint `{name}` more than once")
-
-
-def _nearest(name: str, known: Sequence[str]) -> str:
-    close = get_close_matches(name, known, n=1, cutoff=0.6)
-    return f"did you mean `{close[0]}`?" if close else "there are: " + ", ".join(f"`{k}`" for k in known)

@@ -9,10 +9,10 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from slidax._errors import DefinitionError, located
+from slidax._errors import DefinitionError, located, nearest
 
 from ..articulated import Articulated
-from ..assemble import assemble, nearest_name
+from ..assemble import assemble
 from ..joint import Joint
 from .loader import mujoco, reading
 from .mjcf_checks import check_compiled, check_spec, name_all
@@ -113,7 +113,7 @@ def _only_leaf(model: Any) -> str:
 def _check_tip(model: Any, joints: Sequence[Joint], tip: str) -> None:
     if tip not in {joint.link for joint in joints}:
         known = [model.body(i).name for i in range(1, model.nbody)] + [model.site(i).name for i in range(model.nsite)]
-        raise DefinitionError(f"`tip` names `{tip}`, which is no body and no site; {nearest_name(tip, known)}")
+        raise DefinitionError(f"`tip` names `{tip}`, which is no body and no site; {nearest(tip, known)}")
 
 
 def _gravity(model: Any) -> list[float]:

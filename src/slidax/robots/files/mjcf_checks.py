@@ -7,9 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from slidax._errors import DefinitionError
+from slidax._errors import DefinitionError, nearest
 
-from ..assemble import nearest_name
 from .loader import mujoco
 
 MOST_BODIES = 1000
@@ -66,7 +65,7 @@ def check_compiled(model: Any, locked: Mapping[str, float]) -> None:
     names = [model.joint(j).name for j in range(model.njnt)]
     for name in locked:
         if name not in names:
-            raise DefinitionError(f"`locked` names joint `{name}`, which there is not; {nearest_name(name, names)}")
+            raise DefinitionError(f"`locked` names joint `{name}`, which there is not; {nearest(name, names)}")
     _check_finite(model)
     _check_options(model)
     _check_joints(model, free)

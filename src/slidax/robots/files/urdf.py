@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from slidax._errors import DefinitionError, known, located, parameter
+from slidax._errors import DefinitionError, known, located, nearest, parameter
 
 from ..articulated import Articulated
-from ..assemble import assemble, nearest_name
+from ..assemble import assemble
 from ..joint import Joint
 from .loader import mujoco, reading
 from .meshes import Packages, require_mesh
@@ -87,7 +87,7 @@ def _refuse_mimics(tree: Tree, locked: Mapping[str, float]) -> None:
         other = mimic.get("joint", "")
         if other not in tree.joints:
             raise DefinitionError(
-                f"joint `{name}` mimics joint `{other}`, which there is not; {nearest_name(other, tree.joints)}"
+                f"joint `{name}` mimics joint `{other}`, which there is not; {nearest(other, tree.joints)}"
             )
         multiplier, offset = number(mimic, "multiplier"), number(mimic, "offset")
         position = (1.0 if multiplier is None else multiplier) * locked.get(other, 0.0) + (offset or 0.0)
@@ -102,9 +102,7 @@ def _armatures(tree: Tree, locked: Mapping[str, float], given: Armature) -> dict
     if isinstance(given, Mapping):
         for name in given:
             if name not in moving:
-                raise DefinitionError(
-                    f"`armature` names joint `{name}`, which does not move; {nearest_name(name, moving)}"
-                )
+                raise DefinitionError(f"`armature` names joint `{name}`, which does not move; {nearest(name, moving)}")
         return {name: float(value) for name, value in given.items()}
     values = known(parameter(given))
     if values.shape not in ((), (len(moving),)):

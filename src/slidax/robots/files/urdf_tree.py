@@ -6,9 +6,8 @@ import xml.etree.ElementTree as ET
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from slidax._errors import DefinitionError
+from slidax._errors import DefinitionError, nearest
 
-from ..assemble import nearest_name
 from .urdf_values import check
 
 KINDS = ("revolute", "continuous", "prismatic", "fixed")
@@ -104,7 +103,7 @@ def _check_kind(name: str, joint: ET.Element) -> None:
             f"joint `{name}` is {kind}; an arm stands on a fixed base and has only {', '.join(KINDS)} joints"
         )
     if kind not in KINDS:
-        raise DefinitionError(f"joint `{name}` has the type `{kind}`; {nearest_name(kind.lower(), KINDS)}")
+        raise DefinitionError(f"joint `{name}` has the type `{kind}`; {nearest(kind.lower(), KINDS)}")
 
 
 def _link(name: str, joint: ET.Element, end: str, links: Mapping[str, ET.Element]) -> str:
@@ -114,7 +113,7 @@ def _link(name: str, joint: ET.Element, end: str, links: Mapping[str, ET.Element
         raise DefinitionError(f'joint `{name}` has no <{end} link="...">')
     if link not in links:
         raise DefinitionError(
-            f"the {end} of joint `{name}` is link `{link}`, which there is not; {nearest_name(link, links)}"
+            f"the {end} of joint `{name}` is link `{link}`, which there is not; {nearest(link, links)}"
         )
     return link
 

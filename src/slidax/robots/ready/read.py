@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 from ruamel.yaml import YAML
 
-from slidax._errors import DefinitionError
+from slidax._errors import DefinitionError, nearest
 
 from ..articulated import Articulated
-from ..assemble import assemble, nearest_name
+from ..assemble import assemble
 from ..joint import Joint
 
 FILES = resources.files("slidax.robots") / "ready"
@@ -48,7 +48,7 @@ def read(name: str) -> Ready:
     Raises DefinitionError if there is none of that name.
     """
     if name not in NAMES:
-        raise DefinitionError(f"there is no ready robot `{name}`; {nearest_name(name, NAMES)}")
+        raise DefinitionError(f"there is no ready robot `{name}`; {nearest(name, NAMES)}")
     data = YAML(typ="safe", pure=True).load((FILES / f"{name}.yaml").read_text(encoding="utf-8"))
     tip = data["tip"]
     joints = [_joint(entry) for entry in data["joints"]]
