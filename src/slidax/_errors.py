@@ -67,7 +67,7 @@ def is_traced(tree: Any) -> bool:
     return any(isinstance(leaf, jax.core.Tracer) for leaf in jax.tree.leaves(tree))
 
 
-def parameter(value: Any) -> Array:
+def as_array(value: Any) -> Array:
     """A field converter: numbers, lists and arrays become float arrays, so that each is a differentiable leaf."""
     if isinstance(value, jax.Array):
         return value
@@ -89,12 +89,13 @@ def known(value: Any) -> Any:
     return value if is_traced(value) else np.asarray(value)
 
 
-def require(owner: object, field: str, holds: Any, rule: str) -> None:
+def require(owner: object, field: str, holds: Any, rule: str, *, finite: bool = True) -> None:
     """Raises a DefinitionError unless `holds` is true in every entry of the field and the field is finite.
 
     - `owner`: the object whose field it is; its class names it in the message.
     - `holds`: bool or array of bools, of the field's shape.
     - `rule`: what must hold, with its equation: "must be > 2 (eq. 20)".
+    - `finite`: whether what is infinite is refused, too; what is no number always is.
 
     Traced values pass: inside a transformation nothing is known about them.
     """
@@ -102,7 +103,7 @@ def require(owner: object, field: str, holds: Any, rule: str) -> None:
     if is_traced((value, holds)):
         return
     number = np.asarray(value)
-    wrong = ~(np.asarray(holds) & np.isfinite(number))
+    wrong = ~(np.asarray(holds) & (np.isfinite(number) if finite else ~np.isnan(number)))
     if not wrong.any():
         return
     name = f"`{type(owner).__name__}.{field}`"

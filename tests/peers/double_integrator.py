@@ -17,7 +17,7 @@ from opensmc.reaching import SuperTwisting as SuperTwistingReaching
 from opensmc.simulator import Simulator
 
 from slidax import simulate
-from slidax._errors import parameter
+from slidax._errors import as_array
 from slidax._types import Scalar, State
 from slidax.controllers import AbstractController, SlidingMode, SlotineLi, SuperTwisting
 from slidax.disturbances import Constant as ConstantForce
@@ -40,7 +40,7 @@ class OneJoint(AbstractRobot):
     """
 
     joint_units: ClassVar[tuple[str, ...]] = ("m",)
-    inertia: Scalar = eqx.field(converter=parameter, default=1.0)
+    inertia: Scalar = eqx.field(converter=as_array, default=1.0)
 
     def mass(self, q):
         return self.inertia * jnp.eye(1)

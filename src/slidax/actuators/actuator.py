@@ -8,7 +8,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from slidax._errors import known, parameter, require, require_consistent
+from slidax._errors import as_array, known, require, require_consistent
 from slidax._types import PerJoint, Scalar, Vector
 
 from .torque_limits import TorqueLimits
@@ -39,7 +39,7 @@ class Actuator(eqx.Module):
     """
 
     limits: TorqueLimits = eqx.field(default_factory=TorqueLimits)
-    time_constant: PerJoint = eqx.field(converter=parameter, default=0.0)
+    time_constant: PerJoint = eqx.field(converter=as_array, default=0.0)
     dead_time: float = eqx.field(static=True, converter=float, default=0.0)
 
     def __check_init__(self) -> None:

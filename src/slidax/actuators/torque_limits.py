@@ -8,7 +8,7 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
-from slidax._errors import DefinitionError, is_traced, parameter, require_consistent
+from slidax._errors import DefinitionError, as_array, is_traced, require_consistent
 from slidax._types import PerJoint, Scalar, Vector
 
 
@@ -23,8 +23,8 @@ class TorqueLimits(eqx.Module):
     Raises DefinitionError if one of them is out of its range.
     """
 
-    torque: PerJoint = eqx.field(converter=parameter, default=math.inf)
-    rate: PerJoint = eqx.field(converter=parameter, default=math.inf)
+    torque: PerJoint = eqx.field(converter=as_array, default=math.inf)
+    rate: PerJoint = eqx.field(converter=as_array, default=math.inf)
 
     def __check_init__(self) -> None:
         require_consistent(self, "torque", "rate")

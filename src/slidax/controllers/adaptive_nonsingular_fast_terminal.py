@@ -6,7 +6,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from slidax._errors import known, parameter, require, require_consistent, require_per_joint, require_shape
+from slidax._errors import as_array, known, require, require_consistent, require_per_joint, require_shape
 from slidax._types import Command, PerJoint, Reference, Scalar, State
 from slidax.numerics import matvec, power, saturation, sig, sig_and_slope, vector_norm
 from slidax.robots import AbstractRobot
@@ -46,15 +46,15 @@ class AdaptiveNonsingularFastTerminal(AbstractController):
     """
 
     nominal: AbstractRobot
-    k1: PerJoint = eqx.field(converter=parameter, default=1.0)
-    k2: PerJoint = eqx.field(converter=parameter, default=1.0)
-    alpha: PerJoint = eqx.field(converter=parameter, default=2.0)
-    beta: PerJoint = eqx.field(converter=parameter, default=5.0 / 3.0)
-    gain: PerJoint = eqx.field(converter=parameter, default=250.0)
-    margin: Scalar = eqx.field(converter=parameter, default=0.5)
-    adaptation: Adapted = eqx.field(converter=parameter, default=(0.01, 0.01, 0.01))
-    initial: Adapted = eqx.field(converter=parameter, default=(0.0, 0.0, 0.0))
-    layer: PerJoint = eqx.field(converter=parameter, default=0.0)
+    k1: PerJoint = eqx.field(converter=as_array, default=1.0)
+    k2: PerJoint = eqx.field(converter=as_array, default=1.0)
+    alpha: PerJoint = eqx.field(converter=as_array, default=2.0)
+    beta: PerJoint = eqx.field(converter=as_array, default=5.0 / 3.0)
+    gain: PerJoint = eqx.field(converter=as_array, default=250.0)
+    margin: Scalar = eqx.field(converter=as_array, default=0.5)
+    adaptation: Adapted = eqx.field(converter=as_array, default=(0.01, 0.01, 0.01))
+    initial: Adapted = eqx.field(converter=as_array, default=(0.0, 0.0, 0.0))
+    layer: PerJoint = eqx.field(converter=as_array, default=0.0)
 
     def __check_init__(self) -> None:
         per_joint = ("k1", "k2", "alpha", "beta", "gain", "layer")

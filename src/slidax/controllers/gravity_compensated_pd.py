@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import equinox as eqx
 
-from slidax._errors import known, parameter, require, require_consistent, require_per_joint
+from slidax._errors import as_array, known, require, require_consistent, require_per_joint
 from slidax._types import Command, Memory, PerJoint, Reference, Scalar, State
 from slidax.robots import AbstractRobot
 
@@ -26,8 +26,8 @@ class GravityCompensatedPD(AbstractController):
     """
 
     nominal: AbstractRobot
-    kp: PerJoint = eqx.field(converter=parameter, default=400.0)
-    kd: PerJoint = eqx.field(converter=parameter, default=100.0)
+    kp: PerJoint = eqx.field(converter=as_array, default=400.0)
+    kd: PerJoint = eqx.field(converter=as_array, default=100.0)
 
     def __check_init__(self) -> None:
         require_consistent(self, "kp", "kd")

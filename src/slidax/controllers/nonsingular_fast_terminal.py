@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import equinox as eqx
 
-from slidax._errors import known, parameter, require, require_consistent, require_per_joint, require_shape
+from slidax._errors import as_array, known, require, require_consistent, require_per_joint, require_shape
 from slidax._types import Command, Memory, PerJoint, Reference, Scalar, State
 from slidax.numerics import inverse_norm, matvec, sig, sig_and_slope, unit_vector
 from slidax.reaching import StateBound
@@ -39,11 +39,11 @@ class NonsingularFastTerminal(AbstractController):
 
     nominal: AbstractRobot
     bound: StateBound
-    gamma1: PerJoint = eqx.field(converter=parameter, default=2.0)
-    gamma2: PerJoint = eqx.field(converter=parameter, default=5.0 / 3.0)
-    reach: Scalar = eqx.field(converter=parameter, default=2.0)
-    gain: PerJoint = eqx.field(converter=parameter, default=2.0)
-    layer: Scalar = eqx.field(converter=parameter, default=0.0)
+    gamma1: PerJoint = eqx.field(converter=as_array, default=2.0)
+    gamma2: PerJoint = eqx.field(converter=as_array, default=5.0 / 3.0)
+    reach: Scalar = eqx.field(converter=as_array, default=2.0)
+    gain: PerJoint = eqx.field(converter=as_array, default=2.0)
+    layer: Scalar = eqx.field(converter=as_array, default=0.0)
 
     def __check_init__(self) -> None:
         require_consistent(self, "gamma1", "gamma2", "gain")

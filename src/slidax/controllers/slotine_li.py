@@ -5,7 +5,7 @@ from __future__ import annotations
 import equinox as eqx
 import jax
 
-from slidax._errors import known, parameter, require, require_consistent, require_joints, require_per_joint
+from slidax._errors import as_array, known, require, require_consistent, require_joints, require_per_joint
 from slidax._types import Command, Envelope, Memory, PerJoint, Reference, Scalar, State, Vector
 from slidax.numerics import matvec, once, saturation
 from slidax.robots import AbstractRobot
@@ -39,9 +39,9 @@ class SlotineLi(AbstractController):
     nominal: AbstractRobot
     transformation: AbstractTransformation
     surface: AbstractSurface
-    damping: PerJoint = eqx.field(converter=parameter)
-    gain: PerJoint = eqx.field(converter=parameter)
-    layer: PerJoint = eqx.field(converter=parameter)
+    damping: PerJoint = eqx.field(converter=as_array)
+    gain: PerJoint = eqx.field(converter=as_array)
+    layer: PerJoint = eqx.field(converter=as_array)
 
     def __check_init__(self) -> None:
         for part in (self.transformation, self.surface):

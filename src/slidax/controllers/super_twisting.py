@@ -6,7 +6,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from slidax._errors import known, parameter, require, require_consistent, require_joints, require_per_joint
+from slidax._errors import as_array, known, require, require_consistent, require_joints, require_per_joint
 from slidax._types import Command, Envelope, Memory, PerJoint, Reference, Scalar, State, Vector
 from slidax.numerics import matvec, once, sig
 from slidax.robots import AbstractRobot
@@ -51,8 +51,8 @@ class SuperTwisting(AbstractController):
     nominal: AbstractRobot
     transformation: AbstractTransformation
     surface: AbstractSurface
-    k1: PerJoint = eqx.field(converter=parameter)
-    k2: PerJoint = eqx.field(converter=parameter)
+    k1: PerJoint = eqx.field(converter=as_array)
+    k2: PerJoint = eqx.field(converter=as_array)
 
     def __check_init__(self) -> None:
         for part in (self.transformation, self.surface):

@@ -9,7 +9,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from slidax._errors import parameter
+from slidax._errors import as_array
 from slidax._types import Command, Envelope, Memory, Reference, Scalar, State, Vector
 from slidax.actuators import TorqueLimits
 from slidax.controllers import AbstractController, SampledData
@@ -67,7 +67,7 @@ class GuardedStep(AbstractController):
         reads = read_by(controller)
         if isinstance(controller, SampledData):
             return GuardedStep(eqx.tree_at(lambda law: law.limits, controller, wide), reach, None, None, reads)
-        return GuardedStep(controller, reach, parameter(period), wide, reads)
+        return GuardedStep(controller, reach, as_array(period), wide, reads)
 
     @property
     def joints(self) -> int:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import equinox as eqx
 from jaxtyping import Array, Bool, UInt32
 
-from slidax._errors import parameter
+from slidax._errors import as_array
 from slidax._types import Memory, PerJoint, Scalar, Vector
 
 Status = UInt32[Array, "..."]
@@ -21,8 +21,8 @@ class SensorRange(eqx.Module):
       is taken for a fault of the sensor.
     """
 
-    q: PerJoint = eqx.field(converter=parameter, default=1e6)
-    dq: PerJoint = eqx.field(converter=parameter, default=1e6)
+    q: PerJoint = eqx.field(converter=as_array, default=1e6)
+    dq: PerJoint = eqx.field(converter=as_array, default=1e6)
 
 
 class Held(eqx.Module):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import equinox as eqx
 
-from slidax._errors import parameter, require
+from slidax._errors import as_array, require
 from slidax._types import Scalar, State, Vector
 
 from .disturbance import AbstractDisturbance
@@ -18,7 +18,7 @@ class Constant(AbstractDisturbance):
     Raises DefinitionError if it is not finite.
     """
 
-    value: Vector = eqx.field(converter=parameter)
+    value: Vector = eqx.field(converter=as_array)
 
     def __check_init__(self) -> None:
         require(self, "value", True, "must be finite")

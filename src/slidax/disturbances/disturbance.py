@@ -7,7 +7,7 @@ from typing import Any
 
 import equinox as eqx
 
-from slidax._errors import known, parameter, require
+from slidax._errors import as_array, known, require
 from slidax._types import Scalar, State, Vector
 
 
@@ -58,7 +58,7 @@ class Scaled(AbstractDisturbance):
     """
 
     disturbance: AbstractDisturbance
-    factor: Scalar = eqx.field(converter=parameter)
+    factor: Scalar = eqx.field(converter=as_array)
 
     def __check_init__(self) -> None:
         require(self, "factor", known(self.factor).ndim == 0, "must be one finite number")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import equinox as eqx
 import jax.numpy as jnp
 
-from slidax._errors import known, parameter, require, require_consistent
+from slidax._errors import as_array, known, require, require_consistent
 from slidax._types import PerJoint, Scalar, State, Vector
 
 from .disturbance import AbstractDisturbance
@@ -21,9 +21,9 @@ class Friction(AbstractDisturbance):
     Raises DefinitionError if one of them is out of its range.
     """
 
-    coulomb: PerJoint = eqx.field(converter=parameter)
-    viscous: PerJoint = eqx.field(converter=parameter, default=0.0)
-    smoothing: PerJoint = eqx.field(converter=parameter, default=0.01)
+    coulomb: PerJoint = eqx.field(converter=as_array)
+    viscous: PerJoint = eqx.field(converter=as_array, default=0.0)
+    smoothing: PerJoint = eqx.field(converter=as_array, default=0.01)
 
     def __check_init__(self) -> None:
         require_consistent(self, "coulomb", "viscous", "smoothing")

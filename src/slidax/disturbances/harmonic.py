@@ -5,7 +5,7 @@ from __future__ import annotations
 import equinox as eqx
 import jax.numpy as jnp
 
-from slidax._errors import parameter, require, require_consistent
+from slidax._errors import as_array, require, require_consistent
 from slidax._types import PerJoint, Scalar, State, Vector
 
 from .disturbance import AbstractDisturbance
@@ -21,9 +21,9 @@ class Harmonic(AbstractDisturbance):
     Raises DefinitionError if one of them is not finite.
     """
 
-    amplitude: Vector = eqx.field(converter=parameter)
-    frequency: PerJoint = eqx.field(converter=parameter)
-    phase: PerJoint = eqx.field(converter=parameter, default=0.0)
+    amplitude: Vector = eqx.field(converter=as_array)
+    frequency: PerJoint = eqx.field(converter=as_array)
+    phase: PerJoint = eqx.field(converter=as_array, default=0.0)
 
     def __check_init__(self) -> None:
         require_consistent(self, "amplitude", "frequency", "phase")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import equinox as eqx
 import jax.numpy as jnp
 
-from slidax._errors import known, parameter, require
+from slidax._errors import as_array, known, require
 from slidax._types import Scalar, State, Vector
 
 from .disturbance import AbstractDisturbance
@@ -21,9 +21,9 @@ class Step(AbstractDisturbance):
     Raises DefinitionError if the value is not finite or the end is not after the start.
     """
 
-    value: Vector = eqx.field(converter=parameter)
-    start: Scalar = eqx.field(converter=parameter)
-    end: Scalar = eqx.field(converter=parameter, default=float("inf"))
+    value: Vector = eqx.field(converter=as_array)
+    start: Scalar = eqx.field(converter=as_array)
+    end: Scalar = eqx.field(converter=as_array, default=float("inf"))
 
     def __check_init__(self) -> None:
         require(self, "value", True, "must be finite")

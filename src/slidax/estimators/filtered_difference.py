@@ -6,7 +6,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool
 
-from slidax._errors import known, parameter, require, require_consistent
+from slidax._errors import as_array, known, require, require_consistent
 from slidax._types import PerJoint, Scalar, State
 
 from .estimator import AbstractEstimator, Estimate
@@ -28,8 +28,8 @@ class FilteredDifference(AbstractEstimator):
     Raises DefinitionError if one of them is out of its range.
     """
 
-    cutoff: PerJoint = eqx.field(converter=parameter)
-    gain: PerJoint = eqx.field(converter=parameter, default=0.5)
+    cutoff: PerJoint = eqx.field(converter=as_array)
+    gain: PerJoint = eqx.field(converter=as_array, default=0.5)
 
     def __check_init__(self) -> None:
         require_consistent(self, "cutoff", "gain")

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from slidax._errors import DefinitionError, is_traced, known, parameter, require
+from slidax._errors import DefinitionError, as_array, is_traced, known, require
 from slidax._types import Scalar, State
 
 from .estimator import AbstractEstimator, Estimate, reseated
@@ -29,7 +29,7 @@ class Kalman(AbstractEstimator):
     Raises DefinitionError if they are of another shape or out of their range.
     """
 
-    gains: Float[Array, "..."] = eqx.field(converter=parameter)
+    gains: Float[Array, "..."] = eqx.field(converter=as_array)
 
     def __check_init__(self) -> None:
         shape = self.gains.shape
@@ -62,7 +62,7 @@ class Kalman(AbstractEstimator):
 
         Raises DefinitionError if one of them is out of its range.
         """
-        inertia, torque_density = jnp.diagonal(parameter(mass)), parameter(torque_density)
+        inertia, torque_density = jnp.diagonal(as_array(mass)), as_array(torque_density)
         if not is_traced(torque_density) and not np.all((np.asarray(torque_density) > 0) & np.isfinite(torque_density)):
             raise DefinitionError(
                 f"`torque_density` of a Kalman filter must be > 0 (N m/s)² s and finite; got {torque_density}"

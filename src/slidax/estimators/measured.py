@@ -8,7 +8,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool
 
-from slidax._errors import known, parameter, require, require_consistent, require_shape
+from slidax._errors import as_array, known, require, require_consistent, require_shape
 from slidax._types import PerJoint, Scalar, State, Vector
 
 from .estimator import AbstractEstimator, Estimate
@@ -30,9 +30,9 @@ class Measured(AbstractEstimator):
     Raises DefinitionError if one of them is out of its range.
     """
 
-    gain: PerJoint = eqx.field(converter=parameter, default=0.5)
-    trend: PerJoint = eqx.field(converter=parameter, default=0.0)
-    ahead: Scalar = eqx.field(converter=parameter, default=0.0)
+    gain: PerJoint = eqx.field(converter=as_array, default=0.5)
+    trend: PerJoint = eqx.field(converter=as_array, default=0.0)
+    ahead: Scalar = eqx.field(converter=as_array, default=0.0)
 
     def __check_init__(self) -> None:
         require_consistent(self, "gain", "trend")
@@ -56,7 +56,7 @@ class Measured(AbstractEstimator):
 
         Raises DefinitionError if one of them is out of its range.
         """
-        gain = parameter(gain)
+        gain = as_array(gain)
         return cls(gain, 2.0 - gain - 2.0 * jnp.sqrt(jnp.maximum(1.0 - gain, 0.0)), ahead)
 
     def init(self, measured: State) -> Vector:

@@ -6,7 +6,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool
 
-from slidax._errors import known, parameter, require, require_consistent
+from slidax._errors import as_array, known, require, require_consistent
 from slidax._types import PerJoint, Scalar, State, Vector
 
 from .estimator import AbstractEstimator, Estimate
@@ -38,7 +38,7 @@ class RobustDifferentiator(AbstractEstimator):
     Raises DefinitionError if it is out of its range.
     """
 
-    lipschitz: PerJoint = eqx.field(converter=parameter)
+    lipschitz: PerJoint = eqx.field(converter=as_array)
 
     def __check_init__(self) -> None:
         require_consistent(self, "lipschitz")

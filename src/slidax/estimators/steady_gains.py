@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from slidax._errors import DefinitionError, is_traced, parameter
+from slidax._errors import DefinitionError, as_array, is_traced
 from slidax._types import Scalar
 
 # Enough for a filter that takes 1e8 periods to settle.
@@ -29,7 +29,7 @@ def steady_gains(density: Any, variance: Any, period: Any) -> Float[Array, "..."
 
     Raises DefinitionError if one of them is out of its range.
     """
-    given = [parameter(value) for value in (density, variance, period)]
+    given = [as_array(value) for value in (density, variance, period)]
     for name, value, unit in zip(("density", "variance", "period"), given, ("rad²/s⁵", "rad²", "s"), strict=True):
         if not is_traced(value) and not np.all((np.asarray(value) > 0) & np.isfinite(value)):
             raise DefinitionError(f"`{name}` of a Kalman filter must be > 0 {unit} and finite; got {value}")

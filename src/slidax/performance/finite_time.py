@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import equinox as eqx
 import jax.numpy as jnp
 
-from slidax._errors import known, parameter, require, require_consistent
-from slidax._types import PerJoint, Scalar
 from slidax.numerics import power
+from slidax.parts import PerJoint, Scalar, parameter
 
-from .performance import AbstractPerformance, require_narrowing
+from .performance import AbstractPerformance
 
 
 class FiniteTime(AbstractPerformance):
@@ -17,30 +15,12 @@ class FiniteTime(AbstractPerformance):
 
     It settles at `T = (ρ0 - ρ∞)^(1-κ) / ((1-κ) c)`, which grows with ρ0; that is what the paper holds against the
     finite-time functions it cites as [43]. Reconstructed: the paper does not print that function; this one is usual.
-
-    - `initial`: ρ0, one number or [n], rad or m; greater than |e(0)|.
-    - `final`: ρ∞, one number or [n], rad or m; 0 < ρ∞ < ρ0.
-    - `rate`: c, one number or [n], rad^(1-κ)/s, > 0.
-    - `exponent`: κ, one number or [n], in (1/2, 1), so that the second derivative is continuous at T.
-
-    Raises DefinitionError if one of them is out of its range.
     """
 
-    initial: PerJoint = eqx.field(converter=parameter)
-    final: PerJoint = eqx.field(converter=parameter)
-    rate: PerJoint = eqx.field(converter=parameter)
-    exponent: PerJoint = eqx.field(converter=parameter)
-
-    def __check_init__(self) -> None:
-        require_consistent(self, "initial", "final", "rate", "exponent")
-        require_narrowing(self)
-        require(self, "rate", known(self.rate) > 0, "must be > 0, so that the envelope narrows (Definition 4)")
-        require(
-            self,
-            "exponent",
-            (known(self.exponent) > 0.5) & (known(self.exponent) < 1),
-            "must be in (1/2, 1), so that the second derivative is continuous where the function settles",
-        )
+    rate: PerJoint = parameter("c", "rad^(1-κ)/s", "> 0", "so that the envelope narrows (Definition 4)")
+    exponent: PerJoint = parameter(
+        "κ", "", "(1/2, 1)", "so that the second derivative is continuous where the function settles"
+    )
 
     @property
     def deadline(self) -> PerJoint:

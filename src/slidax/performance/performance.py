@@ -4,18 +4,20 @@ from __future__ import annotations
 
 from abc import abstractmethod
 
-import equinox as eqx
-
-from slidax._errors import known, require
-from slidax._types import PerJoint, Scalar
 from slidax.numerics import value_rate_curvature
+from slidax.parts import AbstractPart, PerJoint, Scalar, parameter
 
 
-class AbstractPerformance(eqx.Module):
+class AbstractPerformance(AbstractPart):
     """A positive, decreasing, twice differentiable `ρ(t)` with a positive limit: Definition 4, from [28]."""
 
-    initial: eqx.AbstractVar[PerJoint]
-    final: eqx.AbstractVar[PerJoint]
+    initial: PerJoint = parameter(
+        "ρ0, radius at the start, more than the initial error",
+        "rad or m",
+        "> final",
+        "so that the envelope narrows (eq. 20)",
+    )
+    final: PerJoint = parameter("ρ∞, radius that it narrows to", "rad or m", "> 0", "(Definition 4, eq. 20)")
 
     @abstractmethod
     def radius(self, t: Scalar) -> PerJoint:
@@ -30,14 +32,3 @@ class AbstractPerformance(eqx.Module):
         - `t`: time [s], >= 0.
         """
         return value_rate_curvature(self.radius, t)
-
-
-def require_narrowing(performance: AbstractPerformance) -> None:
-    """Raises a DefinitionError unless `0 < ρ∞ < ρ0`.
-
-    - `performance`: the function to check.
-    """
-    initial, final = known(performance.initial), known(performance.final)
-    require(performance, "final", final > 0, "must be > 0 (Definition 4, eq. 20)")
-    rule = f"must be > `final` = {performance.final}, so that the envelope narrows (eq. 20)"
-    require(performance, "initial", initial > final, rule)

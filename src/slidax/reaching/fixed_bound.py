@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import equinox as eqx
 
-from slidax._errors import known, parameter, require, require_shape
+from slidax._errors import as_array, known, require, require_shape
 from slidax._types import Scalar, State, Vector
 
 
@@ -16,7 +16,7 @@ class FixedBound(eqx.Module):
     Raises DefinitionError if it is negative.
     """
 
-    size: Scalar = eqx.field(converter=parameter)
+    size: Scalar = eqx.field(converter=as_array)
 
     def __check_init__(self) -> None:
         require_shape(self, (), "size")

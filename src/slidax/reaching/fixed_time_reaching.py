@@ -5,7 +5,7 @@ from __future__ import annotations
 import equinox as eqx
 import numpy as np
 
-from slidax._errors import DefinitionError, is_traced, known, parameter, require, require_shape
+from slidax._errors import DefinitionError, as_array, is_traced, known, require, require_shape
 from slidax._types import Matrix, PerJoint, Scalar, Vector
 from slidax.numerics import is_positive_definite, matvec, sig, sig_and_slope, unit_vector
 
@@ -23,9 +23,9 @@ class FixedTimeReaching(AbstractReaching):
     Raises DefinitionError if one of them is out of its range.
     """
 
-    gain: PerJoint = eqx.field(converter=parameter)
-    exponent: Scalar = eqx.field(converter=parameter)
-    layer: Scalar = eqx.field(converter=parameter, default=0.0)
+    gain: PerJoint = eqx.field(converter=as_array)
+    exponent: Scalar = eqx.field(converter=as_array)
+    layer: Scalar = eqx.field(converter=as_array, default=0.0)
 
     def __check_init__(self) -> None:
         require_shape(self, (), "exponent", "layer")

@@ -9,7 +9,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Int
 
-from slidax._errors import known, parameter, require, require_consistent
+from slidax._errors import as_array, known, require, require_consistent
 from slidax._types import Matrix, PerJoint, Scalar, Vector
 from slidax.numerics import matvec, saturation, solve_symmetric, tangent_mask
 
@@ -34,9 +34,9 @@ class SaturatedReaching(AbstractReaching):
     Raises DefinitionError if one of them is out of its range.
     """
 
-    damping: PerJoint = eqx.field(converter=parameter)
-    weights: PerJoint = eqx.field(converter=parameter)
-    layer: PerJoint = eqx.field(converter=parameter)
+    damping: PerJoint = eqx.field(converter=as_array)
+    weights: PerJoint = eqx.field(converter=as_array)
+    layer: PerJoint = eqx.field(converter=as_array)
 
     def __check_init__(self) -> None:
         require_consistent(self, "damping", "weights", "layer")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import equinox as eqx
 import jax.numpy as jnp
 
-from slidax._errors import known, parameter, require, require_shape
+from slidax._errors import as_array, known, require, require_shape
 from slidax._types import Scalar, State
 from slidax.numerics import vector_norm
 
@@ -18,9 +18,9 @@ class StateBound(eqx.Module):
     Raises DefinitionError if one of them is negative.
     """
 
-    constant: Scalar = eqx.field(converter=parameter)
-    position: Scalar = eqx.field(converter=parameter)
-    velocity: Scalar = eqx.field(converter=parameter)
+    constant: Scalar = eqx.field(converter=as_array)
+    position: Scalar = eqx.field(converter=as_array)
+    velocity: Scalar = eqx.field(converter=as_array)
 
     def __check_init__(self) -> None:
         require_shape(self, (), "constant", "position", "velocity")

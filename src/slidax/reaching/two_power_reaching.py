@@ -5,7 +5,7 @@ from __future__ import annotations
 import equinox as eqx
 import jax.numpy as jnp
 
-from slidax._errors import known, parameter, require, require_consistent, require_shape
+from slidax._errors import as_array, known, require, require_consistent, require_shape
 from slidax._types import Matrix, PerJoint, Scalar, Vector
 from slidax.numerics import power, sig, sig_and_slope, unit_vector
 
@@ -27,11 +27,11 @@ class TwoPowerReaching(AbstractReaching):
     Raises DefinitionError if one of them is out of its range.
     """
 
-    k1: PerJoint = eqx.field(converter=parameter)
-    k2: PerJoint = eqx.field(converter=parameter)
-    v1: Scalar = eqx.field(converter=parameter)
-    v2: Scalar = eqx.field(converter=parameter)
-    layer: Scalar = eqx.field(converter=parameter, default=0.0)
+    k1: PerJoint = eqx.field(converter=as_array)
+    k2: PerJoint = eqx.field(converter=as_array)
+    v1: Scalar = eqx.field(converter=as_array)
+    v2: Scalar = eqx.field(converter=as_array)
+    layer: Scalar = eqx.field(converter=as_array, default=0.0)
 
     def __check_init__(self) -> None:
         require_consistent(self, "k1", "k2")

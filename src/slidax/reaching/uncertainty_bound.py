@@ -5,7 +5,7 @@ from __future__ import annotations
 import equinox as eqx
 import jax.numpy as jnp
 
-from slidax._errors import known, parameter, require, require_shape
+from slidax._errors import as_array, known, require, require_shape
 from slidax._types import Scalar, State, Vector
 from slidax.numerics import vector_norm
 
@@ -22,12 +22,12 @@ class UncertaintyBound(eqx.Module):
     Raises DefinitionError if one of them is out of its range.
     """
 
-    inertia_min: Scalar = eqx.field(converter=parameter)
-    inertia_max: Scalar = eqx.field(converter=parameter)
-    constant: Scalar = eqx.field(converter=parameter)
-    position: Scalar = eqx.field(converter=parameter)
-    velocity: Scalar = eqx.field(converter=parameter)
-    margin: Scalar = eqx.field(converter=parameter)
+    inertia_min: Scalar = eqx.field(converter=as_array)
+    inertia_max: Scalar = eqx.field(converter=as_array)
+    constant: Scalar = eqx.field(converter=as_array)
+    position: Scalar = eqx.field(converter=as_array)
+    velocity: Scalar = eqx.field(converter=as_array)
+    margin: Scalar = eqx.field(converter=as_array)
 
     def __check_init__(self) -> None:
         require_shape(self, (), "inertia_min", "inertia_max", "constant", "position", "velocity", "margin")

@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from slidax._errors import DefinitionError, is_traced, known, parameter
+from slidax._errors import DefinitionError, as_array, is_traced, known
 from slidax._types import Matrix, Scalar, Vector
 
 from .joint_limits import JointLimits
@@ -49,18 +49,18 @@ class Articulated(AbstractRobot):
     Raises DefinitionError if shapes do not fit, or a number is out of its range.
     """
 
-    rotations: Float[Array, "n 3 3"] = eqx.field(converter=parameter)
-    translations: Float[Array, "n 3"] = eqx.field(converter=parameter)
-    masses: Float[Array, " n"] = eqx.field(converter=parameter)
-    centers: Float[Array, "n 3"] = eqx.field(converter=parameter)
-    inertias: Float[Array, "n 3 3"] = eqx.field(converter=parameter)
-    armature: Vector = eqx.field(converter=parameter)
-    viscous: Vector = eqx.field(converter=parameter)
-    coulomb: Vector = eqx.field(converter=parameter)
-    smoothing: Scalar = eqx.field(converter=parameter)
-    gravity_vector: Float[Array, "3"] = eqx.field(converter=parameter)
-    tip_rotation: Float[Array, "3 3"] = eqx.field(converter=parameter)
-    tip_translation: Float[Array, "3"] = eqx.field(converter=parameter)
+    rotations: Float[Array, "n 3 3"] = eqx.field(converter=as_array)
+    translations: Float[Array, "n 3"] = eqx.field(converter=as_array)
+    masses: Float[Array, " n"] = eqx.field(converter=as_array)
+    centers: Float[Array, "n 3"] = eqx.field(converter=as_array)
+    inertias: Float[Array, "n 3 3"] = eqx.field(converter=as_array)
+    armature: Vector = eqx.field(converter=as_array)
+    viscous: Vector = eqx.field(converter=as_array)
+    coulomb: Vector = eqx.field(converter=as_array)
+    smoothing: Scalar = eqx.field(converter=as_array)
+    gravity_vector: Float[Array, "3"] = eqx.field(converter=as_array)
+    tip_rotation: Float[Array, "3 3"] = eqx.field(converter=as_array)
+    tip_translation: Float[Array, "3"] = eqx.field(converter=as_array)
     payload: Payload
     limits: JointLimits
     name: str = eqx.field(static=True)

@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from jaxtyping import Array
 
-from slidax._errors import DefinitionError, nearest, parameter
+from slidax._errors import DefinitionError, as_array, nearest
 
 from .articulated import Articulated
 from .joint import Joint, require_rigid
@@ -211,22 +211,22 @@ def _arm(moved: Mapping[str, _Moved], tip: _Placed, gravity: Sequence[float], na
         inertias.append(inertia)
 
     def each(field: str) -> Array:
-        return parameter([getattr(joint, field) for joint in joints])
+        return as_array([getattr(joint, field) for joint in joints])
 
     assert tip.carrier is not None
     return Articulated(
-        rotations=parameter(np.stack([joint.rotation for joint in joints])),
-        translations=parameter(np.stack([joint.translation for joint in joints])),
-        masses=parameter([body.mass for body in moved.values()]),
-        centers=parameter(np.stack([body.center for body in moved.values()])),
-        inertias=parameter(np.stack(inertias)),
+        rotations=as_array(np.stack([joint.rotation for joint in joints])),
+        translations=as_array(np.stack([joint.translation for joint in joints])),
+        masses=as_array([body.mass for body in moved.values()]),
+        centers=as_array(np.stack([body.center for body in moved.values()])),
+        inertias=as_array(np.stack(inertias)),
         armature=each("armature"),
         viscous=each("viscous"),
         coulomb=each("coulomb"),
-        smoothing=parameter(SMOOTHING),
-        gravity_vector=parameter(gravity),
-        tip_rotation=parameter(tip.rotation),
-        tip_translation=parameter(tip.translation),
+        smoothing=as_array(SMOOTHING),
+        gravity_vector=as_array(gravity),
+        tip_rotation=as_array(tip.rotation),
+        tip_translation=as_array(tip.translation),
         payload=Payload(),
         limits=JointLimits(
             lower=each("lower"),

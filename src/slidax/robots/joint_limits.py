@@ -5,7 +5,7 @@ from __future__ import annotations
 import equinox as eqx
 import numpy as np
 
-from slidax._errors import DefinitionError, is_traced, known, parameter
+from slidax._errors import DefinitionError, as_array, is_traced, known
 from slidax._types import Vector
 
 
@@ -20,11 +20,11 @@ class JointLimits(eqx.Module):
     Raises DefinitionError if one of them is out of its range or they are not equally long.
     """
 
-    lower: Vector = eqx.field(converter=parameter)
-    upper: Vector = eqx.field(converter=parameter)
-    velocity: Vector = eqx.field(converter=parameter)
-    torque: Vector = eqx.field(converter=parameter)
-    torque_rate: Vector = eqx.field(converter=parameter)
+    lower: Vector = eqx.field(converter=as_array)
+    upper: Vector = eqx.field(converter=as_array)
+    velocity: Vector = eqx.field(converter=as_array)
+    torque: Vector = eqx.field(converter=as_array)
+    torque_rate: Vector = eqx.field(converter=as_array)
 
     def __check_init__(self) -> None:
         shape = np.shape(self.lower)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import equinox as eqx
 import jax.numpy as jnp
 
-from slidax._errors import DefinitionError, known, parameter, require
+from slidax._errors import DefinitionError, as_array, known, require
 from slidax._types import Scalar
 
 from .articulated import Articulated
@@ -27,8 +27,8 @@ class Load(eqx.Module):
     """
 
     payload: Payload
-    attached: Scalar = eqx.field(converter=parameter, default=0.0)
-    released: Scalar = eqx.field(converter=parameter, default=float("inf"))
+    attached: Scalar = eqx.field(converter=as_array, default=0.0)
+    released: Scalar = eqx.field(converter=as_array, default=float("inf"))
 
     def __check_init__(self) -> None:
         released = known(self.released)

@@ -7,7 +7,7 @@ from typing import Any
 import equinox as eqx
 import jax.numpy as jnp
 
-from slidax._errors import DefinitionError, known, parameter, require
+from slidax._errors import DefinitionError, as_array, known, require
 from slidax._types import PerJoint, Vector
 
 from .articulated import Articulated
@@ -15,7 +15,7 @@ from .load import Load
 
 
 def _maybe(value: Any) -> Any:
-    return None if value is None else parameter(value)
+    return None if value is None else as_array(value)
 
 
 class Mismatch(eqx.Module):
@@ -30,7 +30,7 @@ class Mismatch(eqx.Module):
     Raises DefinitionError if one of them is out of its range.
     """
 
-    mass: PerJoint = eqx.field(converter=parameter, default=1.0)
+    mass: PerJoint = eqx.field(converter=as_array, default=1.0)
     inertia: PerJoint | None = eqx.field(converter=_maybe, default=None)
     viscous: PerJoint | None = eqx.field(converter=_maybe, default=None)
     coulomb: PerJoint | None = eqx.field(converter=_maybe, default=None)

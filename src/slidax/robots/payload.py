@@ -9,13 +9,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from slidax._errors import DefinitionError, is_traced, known, parameter, require, require_shape
+from slidax._errors import DefinitionError, as_array, is_traced, known, require, require_shape
 from slidax._types import Scalar
 
 
 def _moments(value: Any) -> Array:
     """A converter: one number stands for the same moment about every axis, as of a ball."""
-    given = parameter(value)
+    given = as_array(value)
     return given * jnp.eye(3) if given.shape == () else given
 
 
@@ -29,8 +29,8 @@ class Payload(eqx.Module):
     Raises DefinitionError if one of them is out of its range.
     """
 
-    mass: Scalar = eqx.field(converter=parameter, default=0.0)
-    center: Float[Array, "3"] = eqx.field(converter=parameter, default=(0.0, 0.0, 0.0))
+    mass: Scalar = eqx.field(converter=as_array, default=0.0)
+    center: Float[Array, "3"] = eqx.field(converter=as_array, default=(0.0, 0.0, 0.0))
     inertia: Float[Array, "3 3"] = eqx.field(converter=_moments, default=0.0)
 
     def __check_init__(self) -> None:

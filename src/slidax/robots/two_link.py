@@ -8,7 +8,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from slidax._errors import known, parameter, require, require_shape
+from slidax._errors import as_array, known, require, require_shape
 from slidax._types import Matrix, Scalar, Vector
 from slidax.numerics import once
 
@@ -35,10 +35,10 @@ class TwoLink(AbstractRobot):
     Raises DefinitionError unless lengths and masses are positive and inertias are not negative.
     """
 
-    lengths: Float[Array, "2"] = eqx.field(converter=parameter)
-    masses: Float[Array, "2"] = eqx.field(converter=parameter)
-    inertias: Float[Array, "2"] = eqx.field(converter=parameter)
-    gravity_acceleration: Scalar = eqx.field(converter=parameter, default=9.8)
+    lengths: Float[Array, "2"] = eqx.field(converter=as_array)
+    masses: Float[Array, "2"] = eqx.field(converter=as_array)
+    inertias: Float[Array, "2"] = eqx.field(converter=as_array)
+    gravity_acceleration: Scalar = eqx.field(converter=as_array, default=9.8)
 
     joint_units: ClassVar[tuple[str, ...]] = ("rad", "rad")  # type: ignore[misc]  # every such arm has them
 

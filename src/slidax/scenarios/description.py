@@ -8,7 +8,7 @@ import equinox as eqx
 import jax
 from pydantic import Field
 
-from slidax._errors import DefinitionError, located, parameter, require_joints
+from slidax._errors import DefinitionError, as_array, located, require_joints
 from slidax._types import State
 from slidax.numerics import runge_kutta_4, semi_implicit_euler
 from slidax.simulation import MujocoPlant, Plant, Table
@@ -44,7 +44,7 @@ class StartDescription(Description):
             if len(values) != joints:
                 message = f"must have one entry for each of the {joints} joints; got {len(values)}"
                 raise DefinitionError(message, where=field)
-        return State(q=parameter(self.q), dq=parameter(dq))
+        return State(q=as_array(self.q), dq=as_array(dq))
 
 
 class SimulationDescription(Description):
@@ -89,7 +89,7 @@ class SurroundingsDescription(Description):
 
     def build(self) -> Table | None:
         """The table, if there is one."""
-        return None if self.table is None else Table(parameter(self.table.height), parameter(self.table.friction))
+        return None if self.table is None else Table(as_array(self.table.height), as_array(self.table.friction))
 
 
 class ScenarioDescription(Description):

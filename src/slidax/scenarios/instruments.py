@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Array
 from pydantic import Field
 
-from slidax._errors import DefinitionError, known, located, parameter
+from slidax._errors import DefinitionError, as_array, known, located
 from slidax.actuators import Actuator, TorqueLimits
 from slidax.robots import JointLimits
 from slidax.sensors import AbstractSensor, Delayed, DifferencedEncoders, Encoders, Exact, Lossy
@@ -67,15 +67,15 @@ class SensorDescription(Description):
         Raises DefinitionError if a list has another length, or a number is out of its range.
         """
         self.require_joints(joints)
-        resolution, position_noise = parameter(self.resolution), parameter(self.position_noise)
-        velocity_noise = parameter(self.velocity_noise)
+        resolution, position_noise = as_array(self.resolution), as_array(self.position_noise)
+        velocity_noise = as_array(self.velocity_noise)
         seed = jax.device_put(np.asarray(self.seed))
         sensor: AbstractSensor = Exact()
         if self.velocity == "differenced":
             if known(velocity_noise).any():
                 message = "is that of a velocity sensor, which `velocity: differenced` has not; leave it out"
                 raise DefinitionError(f"{message}; got {self.velocity_noise}", where="velocity_noise")
-            sensor = DifferencedEncoders(resolution, position_noise, parameter(self.cutoff), seed)
+            sensor = DifferencedEncoders(resolution, position_noise, as_array(self.cutoff), seed)
         elif any(known(x).any() for x in (resolution, position_noise, velocity_noise)):
             sensor = Encoders(resolution, position_noise, velocity_noise, seed)
         if self.delay or self.jitter:
@@ -84,12 +84,12 @@ class SensorDescription(Description):
             with located("loss"):
                 starts = jnp.asarray([round(outage.start / period) for outage in self.loss.outages], int)
                 counts = jnp.asarray([outage.samples for outage in self.loss.outages], int)
-                sensor = Lossy(sensor, parameter(self.loss.probability), starts, counts, seed)
+                sensor = Lossy(sensor, as_array(self.loss.probability), starts, counts, seed)
         return None if isinstance(sensor, Exact) else sensor
 
     def variance(self) -> Array:
         """The variance of a measured position, one number or [n], rad² or m²."""
-        rounding, noise = parameter(self.resolution), parameter(self.position_noise)
+        rounding, noise = as_array(self.resolution), as_array(self.position_noise)
         # A filter needs some noise to weigh the model against.
         return jnp.maximum(rounding * rounding / 12.0 + noise * noise, 1e-18)
 
@@ -126,7 +126,7 @@ class ActuatorDescription(Description):
     def limits(self) -> TorqueLimits:
         """The limits of torque and torque rate, once those of the robot are known."""
         given = {"torque": self.torque, "rate": self.rate}
-        return TorqueLimits(**{name: parameter(value) for name, value in given.items() if value is not None})
+        return TorqueLimits(**{name: as_array(value) for name, value in given.items() if value is not None})
 
     def build(self, joints: int) -> Actuator | None:
         """The actuator; None if it is perfect.
@@ -137,6 +137,6 @@ class ActuatorDescription(Description):
         """
         self.require_joints(joints)
         perfect = self.torque is None and self.rate is None and not self.dead_time
-        if perfect and not parameter(self.time_constant).any():
+        if perfect and not as_array(self.time_constant).any():
             return None
-        return Actuator(self.limits(), parameter(self.time_constant), self.dead_time)
+        return Actuator(self.limits(), as_array(self.time_constant), self.dead_time)

@@ -6,7 +6,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Int
 
-from slidax._errors import known, parameter, require, require_consistent, require_shape
+from slidax._errors import as_array, known, require, require_consistent, require_shape
 from slidax._types import PerJoint, Scalar, State
 
 from .chance import ENCODERS, normal, whole
@@ -28,9 +28,9 @@ class Encoders(AbstractSensor):
     Raises DefinitionError if one of them is out of its range.
     """
 
-    resolution: PerJoint = eqx.field(converter=parameter)
-    position_noise: PerJoint = eqx.field(converter=parameter, default=0.0)
-    velocity_noise: PerJoint = eqx.field(converter=parameter, default=0.0)
+    resolution: PerJoint = eqx.field(converter=as_array)
+    position_noise: PerJoint = eqx.field(converter=as_array, default=0.0)
+    velocity_noise: PerJoint = eqx.field(converter=as_array, default=0.0)
     seed: Int[Array, ""] = eqx.field(converter=whole, default=0)
 
     def __check_init__(self) -> None:

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Int
 
-from slidax._errors import DefinitionError, is_traced, known, parameter, require, require_shape
+from slidax._errors import DefinitionError, as_array, is_traced, known, require, require_shape
 from slidax._types import Memory, Scalar, State
 
 from .chance import LOSSY, uniform, whole
@@ -42,7 +42,7 @@ class Lossy(AbstractSensor):
     """
 
     sensor: AbstractSensor
-    probability: Scalar = eqx.field(converter=parameter, default=0.0)
+    probability: Scalar = eqx.field(converter=as_array, default=0.0)
     starts: Int[Array, " m"] = eqx.field(converter=whole, default=())
     counts: Int[Array, " m"] = eqx.field(converter=whole, default=())
     seed: Int[Array, ""] = eqx.field(converter=whole, default=0)

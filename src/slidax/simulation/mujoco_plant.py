@@ -6,7 +6,7 @@ from typing import Literal, get_args
 
 import equinox as eqx
 
-from slidax._errors import DefinitionError, is_traced, known, parameter, require, require_shape
+from slidax._errors import DefinitionError, as_array, is_traced, known, require, require_shape
 from slidax._types import Scalar
 from slidax.actuators import Actuator
 from slidax.disturbances import AbstractDisturbance, Friction
@@ -28,8 +28,8 @@ class Table(eqx.Module):
     Raises DefinitionError if one of them is out of its range.
     """
 
-    height: Scalar = eqx.field(converter=parameter)
-    friction: Scalar = eqx.field(converter=parameter, default=0.5)
+    height: Scalar = eqx.field(converter=as_array)
+    friction: Scalar = eqx.field(converter=as_array, default=0.5)
 
     def __check_init__(self) -> None:
         require_shape(self, (), "height", "friction")
@@ -65,7 +65,7 @@ class MujocoPlant(eqx.Module):
     integrator: str = eqx.field(static=True, default="implicitfast")
     dry: bool = eqx.field(static=True, default=False)
     stops: bool = eqx.field(static=True, default=False)
-    tip_radius: Scalar = eqx.field(converter=parameter, default=0.01)
+    tip_radius: Scalar = eqx.field(converter=as_array, default=0.01)
 
     def __check_init__(self) -> None:
         if not isinstance(self.robot, Articulated):
@@ -113,5 +113,5 @@ class MujocoPlant(eqx.Module):
         own = self.own
         if self.dry or not isinstance(self.robot, Articulated):
             return own
-        friction = Friction(self.robot.coulomb, parameter(0.0), self.robot.smoothing)
+        friction = Friction(self.robot.coulomb, as_array(0.0), self.robot.smoothing)
         return Plant(own.robot, own.disturbance + friction, own.sensor, own.actuator, own.load)

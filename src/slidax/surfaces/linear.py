@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import equinox as eqx
 import jax.numpy as jnp
 
-from slidax._errors import known, parameter, require, require_consistent
-from slidax._types import PerJoint, Vector
+from slidax.parts import PerJoint, Vector, parameter
 
 from .surface import AbstractSurface
 
@@ -15,17 +13,14 @@ class Linear(AbstractSurface):
     """`Λ e`: on `s = ė + Λ e = 0` the error decays as `exp(-Λ t)`.
 
     Source: Slotine and Li, Applied Nonlinear Control, 1991, chapter 7.
-
-    - `rate`: diagonal of Λ, one number or [n], 1/s, > 0.
-
-    Raises DefinitionError if it is not.
     """
 
-    rate: PerJoint = eqx.field(converter=parameter)
-
-    def __check_init__(self) -> None:
-        require_consistent(self, "rate")
-        require(self, "rate", known(self.rate) > 0, "must be > 0 1/s, so that the error decays (Slotine and Li, 1991)")
+    rate: PerJoint = parameter(
+        "diagonal of Λ, how fast the error decays on the surface",
+        "1/s",
+        "> 0",
+        "so that the error decays (Slotine and Li, 1991)",
+    )
 
     def pull_and_slope(self, eps: Vector) -> tuple[Vector, Vector]:
         """`Λ e`, and `Λ`, both [n].

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import equinox as eqx
-
-from slidax._errors import known, parameter, require, require_consistent
-from slidax._types import PerJoint, Vector
 from slidax.numerics import linear_core_power_and_slope, power, sig_and_slope
+from slidax.parts import PerJoint, Vector, parameter
 
 from .surface import AbstractSurface
 
@@ -16,28 +13,13 @@ class LinearCoreFixedTime(AbstractSurface):
 
     The surface of the schemes that the paper cites as [23] and [33], as it describes them at (78), (79): continuous,
     with a slope that jumps at δ, and so a torque that does.
-
-    - `k1`, `k2`: diagonals of K1 and K2, one number or [n], rad/s or m/s, > 0.
-    - `p`: exponent near zero, in (0, 1).
-    - `q`: exponent far from zero, > 1.
-    - `delta`: δ, half-width of the straight core of Ŝ^p, in (0, 1].
-
-    Raises DefinitionError if one of them is out of its range.
     """
 
-    k1: PerJoint = eqx.field(converter=parameter)
-    k2: PerJoint = eqx.field(converter=parameter)
-    p: PerJoint = eqx.field(converter=parameter)
-    q: PerJoint = eqx.field(converter=parameter)
-    delta: PerJoint = eqx.field(converter=parameter)
-
-    def __check_init__(self) -> None:
-        require_consistent(self, "k1", "k2", "p", "q", "delta")
-        require(self, "k1", known(self.k1) > 0, "must be > 0, so that K1 is diagonal positive definite (eq. 40)")
-        require(self, "k2", known(self.k2) > 0, "must be > 0, so that K2 is diagonal positive definite (eq. 40)")
-        require(self, "p", (known(self.p) > 0) & (known(self.p) < 1), "must be in (0, 1) (eq. 78)")
-        require(self, "q", known(self.q) > 1, "must be > 1 (eq. 34)")
-        require(self, "delta", (known(self.delta) > 0) & (known(self.delta) <= 1), "must be in (0, 1] (eq. 78)")
+    k1: PerJoint = parameter("diagonal of K1", "rad/s or m/s", "> 0", "so that K1 is positive definite (eq. 40)")
+    k2: PerJoint = parameter("diagonal of K2", "rad/s or m/s", "> 0", "so that K2 is positive definite (eq. 40)")
+    p: PerJoint = parameter("exponent near zero", "", "(0, 1)", "(eq. 78)")
+    q: PerJoint = parameter("exponent far from zero", "", "> 1", "(eq. 34)")
+    delta: PerJoint = parameter("δ, half-width of the straight core", "", "(0, 1]", "(eq. 78)")
 
     def pull_and_slope(self, eps: Vector) -> tuple[Vector, Vector]:
         """`K1 Ŝ^p(ε1) + K2 Sig^q(ε1)`, and `K1 F̂^p(ε1) + K2 H^q(ε1)`, both [n]; at |ε1| = δ the outer slope.

@@ -4,12 +4,10 @@ from __future__ import annotations
 
 from abc import abstractmethod
 
-import equinox as eqx
-
-from slidax._types import Vector
+from slidax.parts import AbstractPart, Vector
 
 
-class AbstractSurface(eqx.Module):
+class AbstractSurface(AbstractPart):
     """The part of a surface that acts on the transformed error: `s = B⁻¹ ε2 + pull(ε1)`, eq. (40)."""
 
     @abstractmethod

@@ -5,7 +5,7 @@ from __future__ import annotations
 import equinox as eqx
 import jax.numpy as jnp
 
-from slidax._errors import parameter, require
+from slidax._errors import as_array, require
 from slidax._types import Scalar, Vector
 
 from .trajectory import AbstractTrajectory
@@ -19,7 +19,7 @@ class Constant(AbstractTrajectory):
     Raises DefinitionError if it is not finite.
     """
 
-    value: Vector = eqx.field(converter=parameter)
+    value: Vector = eqx.field(converter=as_array)
 
     def __check_init__(self) -> None:
         require(self, "value", True, "must be finite")

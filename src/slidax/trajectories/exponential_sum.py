@@ -6,7 +6,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from slidax._errors import known, parameter, require
+from slidax._errors import as_array, known, require
 from slidax._types import Scalar, Vector
 
 from .trajectory import AbstractTrajectory
@@ -22,9 +22,9 @@ class ExponentialSum(AbstractTrajectory):
     Raises DefinitionError if a rate is not positive or there are not as many rates as rows.
     """
 
-    offset: Vector = eqx.field(converter=parameter)
-    amplitudes: Float[Array, "k n"] = eqx.field(converter=parameter)
-    rates: Float[Array, " k"] = eqx.field(converter=parameter)
+    offset: Vector = eqx.field(converter=as_array)
+    amplitudes: Float[Array, "k n"] = eqx.field(converter=as_array)
+    rates: Float[Array, " k"] = eqx.field(converter=as_array)
 
     def __check_init__(self) -> None:
         require(self, "offset", True, "must be finite")

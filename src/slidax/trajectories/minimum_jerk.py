@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from slidax._errors import DefinitionError, parameter
+from slidax._errors import DefinitionError, as_array
 
 from .motion_limits import limit
 from .piecewise_polynomial import AbstractPiecewisePolynomial
@@ -47,7 +47,7 @@ class MinimumJerk(AbstractPiecewisePolynomial):
             )
         if not np.all(np.diff(t) > 1e-9 * (t[-1] - t[0])):
             raise DefinitionError(f"`MinimumJerk.times` lie too close together; got {t.tolist()}")
-        return MinimumJerk(times=parameter(t), coefficients=parameter(quintic_spline(t, q)))
+        return MinimumJerk(times=as_array(t), coefficients=as_array(quintic_spline(t, q)))
 
     @staticmethod
     def within(

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from slidax._errors import DefinitionError, known, parameter
+from slidax._errors import DefinitionError, as_array, known
 from slidax._types import Scalar, Vector
 
 from .extremes import Extremes, extremes
@@ -26,8 +26,8 @@ class AbstractPiecewisePolynomial(AbstractTrajectory):
     Raises DefinitionError if knots and coefficients do not fit or are not finite.
     """
 
-    times: Float[Array, " k"] = eqx.field(converter=parameter)
-    coefficients: Float[Array, "powers pieces n"] = eqx.field(converter=parameter)
+    times: Float[Array, " k"] = eqx.field(converter=as_array)
+    coefficients: Float[Array, "powers pieces n"] = eqx.field(converter=as_array)
 
     def __check_init__(self) -> None:
         name = type(self).__name__

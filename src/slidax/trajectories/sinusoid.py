@@ -5,7 +5,7 @@ from __future__ import annotations
 import equinox as eqx
 import jax.numpy as jnp
 
-from slidax._errors import parameter, require, require_consistent
+from slidax._errors import as_array, require, require_consistent
 from slidax._types import PerJoint, Scalar, Vector
 
 from .trajectory import AbstractTrajectory
@@ -22,10 +22,10 @@ class Sinusoid(AbstractTrajectory):
     Raises DefinitionError if one of them is not finite or does not fit the offset.
     """
 
-    offset: Vector = eqx.field(converter=parameter)
-    amplitude: PerJoint = eqx.field(converter=parameter)
-    frequency: PerJoint = eqx.field(converter=parameter)
-    phase: PerJoint = eqx.field(converter=parameter, default=0.0)
+    offset: Vector = eqx.field(converter=as_array)
+    amplitude: PerJoint = eqx.field(converter=as_array)
+    frequency: PerJoint = eqx.field(converter=as_array)
+    phase: PerJoint = eqx.field(converter=as_array, default=0.0)
 
     def __check_init__(self) -> None:
         require_consistent(self, "offset", "amplitude", "frequency", "phase")

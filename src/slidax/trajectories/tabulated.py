@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from slidax._errors import DefinitionError, parameter
+from slidax._errors import DefinitionError, as_array
 
 from .csv_table import csv_table
 from .hermite import cubic_hermite, quintic_hermite
@@ -138,7 +138,7 @@ def _interpolated(table: Table, joints: Sequence[str] | None, start: float | Non
         coefficients = cubic_hermite(table.times, table.positions, table.velocities)
     else:
         coefficients = quintic_hermite(table.times, table.positions, table.velocities, table.accelerations)
-    motion = Tabulated(times=parameter(table.times), coefficients=parameter(coefficients))
+    motion = Tabulated(times=as_array(table.times), coefficients=as_array(coefficients))
     if limits.acceleration is None:
         require_no_jump(motion, table)
         limits = replace(limits, acceleration=NO_ARM)

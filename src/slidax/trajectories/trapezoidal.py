@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from slidax._errors import DefinitionError, parameter
+from slidax._errors import DefinitionError, as_array
 
 from .motion_limits import limit
 from .piecewise_polynomial import AbstractPiecewisePolynomial
@@ -66,7 +66,7 @@ class Trapezoidal(AbstractPiecewisePolynomial):
             knots, coefficients = _segment(here, there, bounds)
             times.extend(times[-1] + knots[1:])
             pieces.append(coefficients)
-        return Trapezoidal(times=parameter(times), coefficients=parameter(np.concatenate(pieces, axis=1)))
+        return Trapezoidal(times=as_array(times), coefficients=as_array(np.concatenate(pieces, axis=1)))
 
 
 def _segment(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import equinox as eqx
 import jax.numpy as jnp
 
-from slidax._errors import known, parameter, require
+from slidax._errors import as_array, known, require
 from slidax._types import Envelope, PerJoint, Scalar, Vector
 from slidax.performance import AbstractPerformance
 
@@ -29,7 +29,7 @@ class PrescribedPerformance(AbstractTransformation):
     """
 
     performance: AbstractPerformance
-    overshoot: PerJoint = eqx.field(converter=parameter)
+    overshoot: PerJoint = eqx.field(converter=as_array)
 
     def __check_init__(self) -> None:
         require(

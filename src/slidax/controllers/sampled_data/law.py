@@ -9,7 +9,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool
 
-from slidax._errors import DefinitionError, known, parameter, require, require_joints, require_shape
+from slidax._errors import DefinitionError, as_array, known, require, require_joints, require_shape
 from slidax._types import Command, Envelope, Matrix, Memory, Reference, Scalar, State, Vector
 from slidax.actuators import TorqueLimits
 from slidax.estimators import AbstractEstimator, Estimate
@@ -72,8 +72,8 @@ class SampledData(AbstractController):
     estimator: AbstractEstimator
     limits: TorqueLimits
     recovery: Recovery | None
-    period: Scalar = eqx.field(converter=parameter)
-    horizon: Scalar = eqx.field(converter=parameter)
+    period: Scalar = eqx.field(converter=as_array)
+    horizon: Scalar = eqx.field(converter=as_array)
     delay: float = eqx.field(static=True, default=0.0)
     dead_time: float = eqx.field(static=True, default=0.0)
     slopes: bool = eqx.field(static=True, default=True)

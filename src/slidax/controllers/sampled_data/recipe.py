@@ -6,7 +6,7 @@ from typing import Any
 
 import jax.numpy as jnp
 
-from slidax._errors import DefinitionError, parameter
+from slidax._errors import DefinitionError, as_array
 from slidax.actuators import TorqueLimits
 from slidax.estimators import AbstractEstimator, Measured
 from slidax.numerics import vector_norm
@@ -50,8 +50,8 @@ def sampled_data(
 
     Raises DefinitionError if the law has no such surface, or something does not fit.
     """
-    period = parameter(period)
-    horizon = jnp.maximum(parameter(HORIZON), 2.0 * period) if horizon is None else parameter(horizon)
+    period = as_array(period)
+    horizon = jnp.maximum(as_array(HORIZON), 2.0 * period) if horizon is None else as_array(horizon)
     if estimator is None:
         estimator = Measured.critical(jnp.minimum(0.5, 2.0 * period / horizon), delay + 1.0)
     common = {

@@ -6,7 +6,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool
 
-from slidax._errors import known, parameter, require, require_shape
+from slidax._errors import as_array, known, require, require_shape
 from slidax._types import Envelope, Scalar, Vector
 from slidax.transformations import Frame, Sides
 
@@ -55,9 +55,9 @@ class Recovery(eqx.Module):
     Raises DefinitionError if one of them is out of its range.
     """
 
-    deadline: Scalar = eqx.field(converter=parameter, default=0.3)
-    room: Scalar = eqx.field(converter=parameter, default=1.6)
-    share: Scalar = eqx.field(converter=parameter, default=0.25)
+    deadline: Scalar = eqx.field(converter=as_array, default=0.3)
+    room: Scalar = eqx.field(converter=as_array, default=1.6)
+    share: Scalar = eqx.field(converter=as_array, default=0.25)
 
     def __check_init__(self) -> None:
         require_shape(self, (), "deadline", "room", "share")

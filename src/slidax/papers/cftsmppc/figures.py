@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from slidax import figures
-from slidax._errors import parameter
+from slidax._errors import as_array
 from slidax.performance import AbstractPerformance, Exponential, FiniteTime, FixedTime
 from slidax.reports import Picture, picture
 
@@ -17,7 +17,7 @@ from .printed import TABLE_3
 from .runs import READINGS, Case, Runs
 from .schemes import PROPOSED
 
-FINAL = parameter(0.01)
+FINAL = as_array(0.01)
 """Final radius of the functions of Fig. 1."""
 
 IN_ENVELOPES = "in their envelopes, and their sizes. Dashed: the envelope's narrower side"
@@ -64,12 +64,12 @@ def draw(runs: Runs, folder: Path) -> dict[str, Picture]:
 
 
 def _fixed_time(initial: float, deadline: float) -> FixedTime:
-    return FixedTime(parameter(initial), FINAL, parameter(deadline), parameter(2.01))
+    return FixedTime(as_array(initial), FINAL, as_array(deadline), as_array(2.01))
 
 
 def _finite_time(initial: float) -> FiniteTime:
     """From 0.5 it settles after 5 s too."""
-    return FiniteTime(parameter(initial), FINAL, parameter(0.49**0.2), parameter(0.8))
+    return FiniteTime(as_array(initial), FINAL, as_array(0.49**0.2), as_array(0.8))
 
 
 def _narrowing() -> Figure:
@@ -87,7 +87,7 @@ def _families() -> Figure:
         r"fixed-time, $\rho_0 = 100$": _fixed_time(100.0, 5.0),
         r"finite-time, $\rho_0 = 0.5$": _finite_time(0.5),
         r"finite-time, $\rho_0 = 100$": _finite_time(100.0),
-        r"exponential, $\rho_0 = 100$": Exponential(parameter(100.0), FINAL, parameter(1.0)),
+        r"exponential, $\rho_0 = 100$": Exponential(as_array(100.0), FINAL, as_array(1.0)),
     }
     return figures.performance(functions, np.linspace(0.0, 16.0, 801))
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from slidax._errors import DefinitionError, known, located, nearest, parameter
+from slidax._errors import DefinitionError, as_array, known, located, nearest
 
 from ..articulated import Articulated
 from ..assemble import assemble
@@ -104,7 +104,7 @@ def _armatures(tree: Tree, locked: Mapping[str, float], given: Armature) -> dict
             if name not in moving:
                 raise DefinitionError(f"`armature` names joint `{name}`, which does not move; {nearest(name, moving)}")
         return {name: float(value) for name, value in given.items()}
-    values = known(parameter(given))
+    values = known(as_array(given))
     if values.shape not in ((), (len(moving),)):
         raise DefinitionError(
             f"`armature` must be one number, or one for each of the {len(moving)} joints that move, "

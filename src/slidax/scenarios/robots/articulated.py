@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Array
 from pydantic import Field
 
-from slidax._errors import DefinitionError, known, located, parameter
+from slidax._errors import DefinitionError, as_array, known, located
 from slidax.robots import Articulated, Load, Mismatch, Payload, ready
 
 from ..base import Description, Numbers
@@ -34,11 +34,11 @@ class LoadDescription(Description):
 
     def build(self) -> Load:
         """The load."""
-        inertia = parameter(np.diag(self.inertia) if isinstance(self.inertia, list) else self.inertia)
-        payload = Payload(mass=parameter(self.mass), center=parameter(self.center), inertia=inertia)
+        inertia = as_array(np.diag(self.inertia) if isinstance(self.inertia, list) else self.inertia)
+        payload = Payload(mass=as_array(self.mass), center=as_array(self.center), inertia=inertia)
         if self.released is None:
-            return Load(payload, parameter(self.attached))
-        return Load(payload, parameter(self.attached), parameter(self.released))
+            return Load(payload, as_array(self.attached))
+        return Load(payload, as_array(self.attached), as_array(self.released))
 
 
 class TrueArm(Description):
@@ -62,7 +62,7 @@ class TrueArm(Description):
         with located("load"):
             load = None if self.load is None else self.load.build()
         given = self.model_dump(exclude={"load"}, exclude_none=True)
-        return Mismatch(**{name: parameter(value) for name, value in given.items()}, load=load)
+        return Mismatch(**{name: as_array(value) for name, value in given.items()}, load=load)
 
 
 class NominalArm(Description):
@@ -85,7 +85,7 @@ class NominalArm(Description):
         if self.armature is not None:
             robot = eqx.tree_at(lambda arm: arm.armature, robot, self._armature(robot.joints))
         if self.gravity is not None:
-            robot = eqx.tree_at(lambda arm: arm.gravity_vector, robot, parameter(self.gravity))
+            robot = eqx.tree_at(lambda arm: arm.gravity_vector, robot, as_array(self.gravity))
         if self.load is not None:
             with located("load"):
                 load = self.load.build()
@@ -95,7 +95,7 @@ class NominalArm(Description):
         return robot
 
     def _armature(self, joints: int) -> Array:
-        armature = parameter(self.armature)
+        armature = as_array(self.armature)
         if armature.shape not in ((), (joints,)):
             message = f"must be one number or one for each of the {joints} joints; got {armature.shape[0]}"
             raise DefinitionError(message, where="armature")

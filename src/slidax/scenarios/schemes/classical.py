@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Literal
 
-from slidax._errors import parameter
+from slidax._errors import as_array
 from slidax.controllers import (
     AbstractController,
     ComputedTorque,
@@ -112,7 +112,7 @@ class SuperTwistingScheme(AbstractScheme):
 
         - `nominal`: the robot as the law knows it.
         """
-        gains = {key: parameter(value) for key, value in self.parameters().items()}
+        gains = {key: as_array(value) for key, value in self.parameters().items()}
         return SuperTwisting(nominal, Unconstrained(), Linear(gains.pop("rate")), **gains)
 
 
@@ -122,8 +122,8 @@ def _slotine_li(
     return SlotineLi(
         nominal,
         transformation,
-        Linear(parameter(scheme.rate)),
-        parameter(scheme.damping),
-        parameter(scheme.gain),
-        parameter(scheme.layer),
+        Linear(as_array(scheme.rate)),
+        as_array(scheme.damping),
+        as_array(scheme.gain),
+        as_array(scheme.layer),
     )

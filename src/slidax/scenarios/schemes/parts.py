@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 
-from slidax._errors import located, parameter
+from slidax._errors import as_array, located
 from slidax.controllers import AbstractController
 from slidax.reaching import StateBound, UncertaintyBound
 from slidax.robots import AbstractRobot
@@ -52,7 +52,7 @@ class VelocityBoundDescription(Description):
 
     def build(self) -> UncertaintyBound:
         """The bound."""
-        return UncertaintyBound(**self.parameters(), position=parameter(0.0))
+        return UncertaintyBound(**self.parameters(), position=as_array(0.0))
 
 
 class StateBoundDescription(Description):
@@ -100,4 +100,4 @@ class AbstractEnveloped(AbstractSliding):
         """The transformation."""
         with located("performance"):
             performance = self.performance.build()
-        return PrescribedPerformance(performance, parameter(self.overshoot))
+        return PrescribedPerformance(performance, as_array(self.overshoot))

@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 from jaxtyping import Array
 from pydantic import Field
 
-from slidax._errors import located, parameter
+from slidax._errors import as_array, located
 from slidax.actuators import TorqueLimits
 from slidax.controllers import AbstractController, Recovery, SampledData, sampled_data
 from slidax.estimators import AbstractEstimator, FilteredDifference, Kalman, Measured, RobustDifferentiator
@@ -55,7 +55,7 @@ class MeasuredDescription(Description):
         """
         if self.trend is None:
             return Measured.critical(self.gain, sampling.delay + 1.0)
-        return Measured(parameter(self.gain), parameter(self.trend), parameter(sampling.delay + 1.0))
+        return Measured(as_array(self.gain), as_array(self.trend), as_array(sampling.delay + 1.0))
 
 
 class KalmanDescription(Description):
@@ -72,7 +72,7 @@ class KalmanDescription(Description):
 
         - `sampling`: how the arm is sampled.
         """
-        variance = sampling.variance if self.variance is None else parameter(self.variance)
+        variance = sampling.variance if self.variance is None else as_array(self.variance)
         return Kalman.of_arm(
             sampling.mass, variance=variance, period=sampling.period, torque_density=self.torque_density
         )
@@ -92,7 +92,7 @@ class FilteredDifferenceDescription(Description):
 
         - `sampling`: not used.
         """
-        return FilteredDifference(parameter(self.cutoff), parameter(self.gain))
+        return FilteredDifference(as_array(self.cutoff), as_array(self.gain))
 
 
 class RobustDifferentiatorDescription(Description):
@@ -107,7 +107,7 @@ class RobustDifferentiatorDescription(Description):
 
         - `sampling`: not used.
         """
-        return RobustDifferentiator(parameter(self.lipschitz))
+        return RobustDifferentiator(as_array(self.lipschitz))
 
 
 class RecoveryDescription(Description):

@@ -1,0 +1,37 @@
+"""What parts are called in files: by the names of their classes."""
+
+from __future__ import annotations
+
+import inspect
+import re
+from types import ModuleType
+from typing import Any
+
+
+def kind_of(part: type) -> str:
+    """The name of a part in files: that of its class in small letters, without the word of its room.
+
+    `FixedTimeReaching` in `slidax.reaching` is `fixed_time`, `PrescribedPerformance` is `prescribed_performance`.
+
+    - `part`: its class.
+    """
+    families = [base.__name__.removeprefix("Abstract") for base in part.__mro__[1:] if base.__module__ != "equinox"]
+    name = part.__name__
+    for family in families:
+        if name.endswith(family) and name != family:
+            name = name.removesuffix(family)
+            break
+    return re.sub(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", "_", name).lower()
+
+
+def members_of(room: ModuleType, family: type) -> dict[str, Any]:
+    """The parts of a family that a room exports, by their kinds.
+
+    - `room`: the package, such as `slidax.surfaces`.
+    - `family`: their abstract class.
+    """
+    return {
+        kind_of(thing): thing
+        for thing in vars(room).values()
+        if inspect.isclass(thing) and issubclass(thing, family) and not inspect.isabstract(thing)
+    }

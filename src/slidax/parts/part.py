@@ -1,0 +1,74 @@
+"""What every part of a closed loop is."""
+
+from __future__ import annotations
+
+import dataclasses
+import inspect
+from typing import Any
+
+import equinox as eqx
+import numpy as np
+
+from slidax._errors import DefinitionError, is_traced, require, require_consistent, require_shape
+
+from .parameter import Parameter, declared, parameters_of
+
+
+class AbstractPart(eqx.Module):
+    """A frozen piece of a closed loop, whose fields are declared by `parameter` and `piece`.
+
+    Shapes and ranges are checked when it is made, as far as values are known; `__check_init__` of a class is for rules
+    that no range can say. The docstring of a class tells the formula and its source: what each parameter is, is added
+    to it from the declarations.
+    """
+
+    def __init_subclass__(cls, **options: Any) -> None:
+        super().__init_subclass__(**options)
+        bullets = [said.bullet() for said in _said_of(cls)]
+        if bullets:
+            own = inspect.cleandoc(cls.__doc__ or "")
+            listed = "\n".join(bullets)
+            cls.__doc__ = f"{own}\n\n{listed}\n\nRaises DefinitionError if one of them is out of its range."
+
+    def __check_init__(self) -> None:
+        said = [one for one in parameters_of(type(self)) if not one.piece and getattr(self, one.name) is not None]
+        require_consistent(self, *(one.name for one in said if one.shape == "one number or [n]"))
+        for one in said:
+            value = getattr(self, one.name)
+            if one.shape in SIZES:
+                require_shape(self, SIZES[one.shape], one.name)
+            elif one.shape == "[n]" and np.ndim(value) != 1:
+                given = list(np.shape(value))
+                raise DefinitionError(
+                    f"`{type(self).__name__}.{one.name}` must have one entry per joint; got shape {given}"
+                )
+            if is_traced(value) or not one.shape:
+                continue
+            _require_range(self, one)
+
+
+SIZES: dict[str, tuple[int, ...]] = {"one number": (), "[2]": (2,), "[3]": (3,), "[3 3]": (3, 3)}
+
+
+def _require_range(part: AbstractPart, said: Parameter) -> None:
+    lower, upper = said.range.ends
+    # An end that is another parameter may be traced where this one is not.
+    if any(end.number is None for end in (lower, upper)) and is_traced(part):
+        return
+    value = np.asarray(getattr(part, said.name))
+    holds = said.range.holds(part, value)
+    endless = any(end.number is not None and np.isinf(end.number) and not end.open for end in (lower, upper))
+    require(part, said.name, holds, said.rule(part), finite=not endless)
+
+
+def _said_of(cls: type) -> list[Parameter]:
+    """The declarations of a class that is not a dataclass yet, with those that it inherits."""
+    found: dict[str, Parameter] = {}
+    for owner in reversed(cls.__mro__[1:]):
+        if dataclasses.is_dataclass(owner):
+            found |= {one.name: one for one in parameters_of(owner)}
+    annotations = inspect.get_annotations(cls)
+    for name, value in vars(cls).items():
+        if isinstance(value, dataclasses.Field) and "slidax" in value.metadata:
+            found[name] = dataclasses.replace(declared(value, str(annotations.get(name, ""))), name=name)
+    return list(found.values())

@@ -1,0 +1,131 @@
+"""The range of a parameter, as it is written."""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass
+from fractions import Fraction
+from types import CodeType
+from typing import Any
+
+import numpy as np
+
+INTERVAL = re.compile(r"([\[(])(.+),(.+)([\])])")
+COMPARISON = re.compile(r"(>=|>|<=|<)(.+)")
+
+
+@dataclass(frozen=True)
+class End:
+    """One end of a range: a number, or an expression over other parameters of the same part, such as `4 - 2 * gain`.
+
+    - `text`: as it is written.
+    - `open`: whether the end itself is outside.
+    """
+
+    text: str
+    open: bool
+
+    @property
+    def number(self) -> float | None:
+        """The end, if it is known without the part."""
+        try:
+            return float(Fraction(self.text)) if "/" in self.text else float(self.text)
+        except ValueError:
+            return None
+
+    def value(self, part: object) -> Any:
+        """The end for one part, a number or [n].
+
+        - `part`: whose parameters the expression names.
+        """
+        number = self.number
+        return number if number is not None else eval(self._code, {}, _Fields(part))
+
+    def shown(self, part: object) -> str:
+        """The end for a message: with the value it has, where it is another parameter's.
+
+        - `part`: whose.
+        """
+        return self.text if self.number is not None else f"`{self.text}` = {np.asarray(self.value(part)).tolist()}"
+
+    @property
+    def _code(self) -> CodeType:
+        return compile(self.text, "<range>", "eval")
+
+
+class _Fields(dict[str, Any]):
+    def __init__(self, part: object) -> None:
+        self._part = part
+
+    def __missing__(self, name: str) -> Any:
+        return np.asarray(getattr(self._part, name))
+
+
+@dataclass(frozen=True)
+class Range:
+    """What values a parameter may have: `> 0`, `>= 0`, `(0, 1)`, `[0, 1]`, `(0, 1]`, `> final`; empty for any number.
+
+    What is infinite is outside, unless the end is written as `inf]` or `[-inf`.
+
+    - `text`: as it is written.
+    """
+
+    text: str = ""
+
+    def __post_init__(self) -> None:
+        assert not self.text or INTERVAL.fullmatch(self.text) or COMPARISON.fullmatch(self.text), self.text
+
+    @property
+    def ends(self) -> tuple[End, End]:
+        """The lower and the upper end."""
+        if interval := INTERVAL.fullmatch(self.text):
+            opening, lower, upper, closing = (group.strip() for group in interval.groups())
+            return End(lower, opening == "("), End(upper, closing == ")")
+        if comparison := COMPARISON.fullmatch(self.text):
+            sign, end = comparison.group(1), End(comparison.group(2).strip(), "=" not in comparison.group(1))
+            return (end, End("inf", True)) if sign.startswith(">") else (End("-inf", True), end)
+        return End("-inf", True), End("inf", True)
+
+    def holds(self, part: object, values: np.ndarray) -> np.ndarray:
+        """Where the values are inside, broadcast against ends that are other parameters.
+
+        - `part`: whose parameter it is.
+        - `values`: known numbers.
+        """
+        lower, upper = self.ends
+        low, high = lower.value(part), upper.value(part)
+        above = values > low if lower.open else values >= low
+        inside: np.ndarray = np.asarray(above & (values < high if upper.open else values <= high))
+        return inside
+
+    def rule(self, part: object) -> str:
+        """The range as a rule: "must be > 0", "must be in (0, 1)".
+
+        - `part`: whose parameter it is, for the values of others that are named.
+        """
+        if not self.text:
+            return "must be finite"
+        lower, upper = self.ends
+        if INTERVAL.fullmatch(self.text):
+            opening, closing = "(" if lower.open else "[", ")" if upper.open else "]"
+            if lower.number == 0.0 and upper.number == math.inf:
+                return "must be > 0 (infinite for no limit)"
+            return f"must be in {opening}{lower.shown(part)}, {upper.shown(part)}{closing}"
+        sign = COMPARISON.fullmatch(self.text)
+        assert sign is not None
+        end = lower if sign.group(1).startswith(">") else upper
+        return f"must be {sign.group(1)} {end.shown(part)}"
+
+    def schema(self) -> dict[str, float]:
+        """The ends as JSON schema has them, as far as they are numbers."""
+        lower, upper = self.ends
+        said: dict[str, float] = {}
+        for end, opened, closed in (
+            (lower, "exclusiveMinimum", "minimum"),
+            (upper, "exclusiveMaximum", "maximum"),
+        ):
+            number = end.number
+            if number is not None and math.isfinite(number):
+                said[opened if end.open else closed] = number
+        return said
