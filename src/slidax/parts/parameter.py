@@ -77,7 +77,7 @@ class Parameter:
         - `part`: whose parameter it is.
         """
         separator = "" if not self.why else " " if self.why.startswith("(") else ", "
-        return f"{self.range.rule(part)}{separator}{self.why}"
+        return f"{self.range.rule(part, '' if ' or ' in self.unit else self.unit)}{separator}{self.why}"
 
     def bullet(self) -> str:
         """One line of a docstring: meaning, shape, unit, range, default."""

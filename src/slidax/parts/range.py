@@ -99,10 +99,11 @@ class Range:
         inside: np.ndarray = np.asarray(above & (values < high if upper.open else values <= high))
         return inside
 
-    def rule(self, part: object) -> str:
+    def rule(self, part: object, unit: str = "") -> str:
         """The range as a rule: "must be > 0", "must be in (0, 1)".
 
         - `part`: whose parameter it is, for the values of others that are named.
+        - `unit`: of the numbers, if they have just one.
         """
         if not self.text:
             return "must be finite"
@@ -115,7 +116,7 @@ class Range:
         sign = COMPARISON.fullmatch(self.text)
         assert sign is not None
         end = lower if sign.group(1).startswith(">") else upper
-        return f"must be {sign.group(1)} {end.shown(part)}"
+        return f"must be {sign.group(1)} {end.shown(part)}{f' {unit}' if unit and end.number is not None else ''}"
 
     def schema(self) -> dict[str, float]:
         """The ends as JSON schema has them, as far as they are numbers."""

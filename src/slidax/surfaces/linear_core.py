@@ -15,8 +15,12 @@ class LinearCoreFixedTime(AbstractSurface):
     with a slope that jumps at δ, and so a torque that does.
     """
 
-    k1: PerJoint = parameter("diagonal of K1", "rad/s or m/s", "> 0", "so that K1 is positive definite (eq. 40)")
-    k2: PerJoint = parameter("diagonal of K2", "rad/s or m/s", "> 0", "so that K2 is positive definite (eq. 40)")
+    k1: PerJoint = parameter(
+        "diagonal of K1", "rad/s or m/s", "> 0", "so that K1 is diagonal positive definite (eq. 40)"
+    )
+    k2: PerJoint = parameter(
+        "diagonal of K2", "rad/s or m/s", "> 0", "so that K2 is diagonal positive definite (eq. 40)"
+    )
     p: PerJoint = parameter("exponent near zero", "", "(0, 1)", "(eq. 78)")
     q: PerJoint = parameter("exponent far from zero", "", "> 1", "(eq. 34)")
     delta: PerJoint = parameter("δ, half-width of the straight core", "", "(0, 1]", "(eq. 78)")

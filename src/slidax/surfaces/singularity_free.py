@@ -16,8 +16,8 @@ class SingularityFree(AbstractSurface):
     medium.
     """
 
-    c1: PerJoint = parameter("diagonal of C1", "rad/s or m/s", "> 0", "so that C1 is positive definite ([24])")
-    c2: PerJoint = parameter("diagonal of C2", "rad/s or m/s", "> 0", "so that C2 is positive definite ([24])")
+    c1: PerJoint = parameter("diagonal of C1", "rad/s or m/s", "> 0", "so that C1 is diagonal positive definite ([24])")
+    c2: PerJoint = parameter("diagonal of C2", "rad/s or m/s", "> 0", "so that C2 is diagonal positive definite ([24])")
     alpha: PerJoint = parameter("α, exponent near zero", "", "(0, 1)", "([24])")
     beta: PerJoint = parameter("β, exponent far from zero", "", "> 1", "([24])")
     r: PerJoint = parameter("exponent in the core", "", "> 1", "so that the slope is finite at zero ([24])")

@@ -11,8 +11,12 @@ from .surface import AbstractSurface
 class SmoothFixedTime(AbstractSurface):
     """`K1 S^p(ε1) + K2 S^q(ε1)`, eqs. (29)-(40)."""
 
-    k1: PerJoint = parameter("diagonal of K1", "rad/s or m/s", "> 0", "so that K1 is positive definite (eq. 40)")
-    k2: PerJoint = parameter("diagonal of K2", "rad/s or m/s", "> 0", "so that K2 is positive definite (eq. 40)")
+    k1: PerJoint = parameter(
+        "diagonal of K1", "rad/s or m/s", "> 0", "so that K1 is diagonal positive definite (eq. 40)"
+    )
+    k2: PerJoint = parameter(
+        "diagonal of K2", "rad/s or m/s", "> 0", "so that K2 is diagonal positive definite (eq. 40)"
+    )
     p: PerJoint = parameter("exponent near zero", "", "(0, 1)", "(eq. 29)")
     q: PerJoint = parameter("exponent far from zero", "", "> 1", "(eq. 34)")
     delta: PerJoint = parameter("δ, half-width of the smooth core", "", "(0, 1]", "(eq. 29)")
