@@ -18,12 +18,14 @@ class Chain(AbstractRobot):
     """
 
     joint_units: tuple[str, ...]  # type: ignore[misc]
+    joint_names: tuple[str, ...]  # type: ignore[misc]
     coupling: Any
     weight: Any
 
     def __init__(self, joints: int) -> None:
         later = np.maximum.outer(np.arange(joints), np.arange(joints))
         self.joint_units = ("rad",) * joints
+        self.joint_names = tuple(f"joint {i + 1}" for i in range(joints))
         self.coupling = jnp.asarray(0.1 * (joints - later).astype(float))
         self.weight = jnp.asarray(0.1 * 9.8 * (joints - np.arange(joints)).astype(float))
 

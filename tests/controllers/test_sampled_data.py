@@ -31,6 +31,7 @@ class FreeMass(AbstractRobot):
     """A unit mass on a line without weight: nothing about it is unknown to a step that holds its force."""
 
     joint_units: ClassVar[tuple[str, ...]] = ("m",)
+    joint_names: ClassVar[tuple[str, ...]] = ("joint 1",)
 
     def mass(self, q):
         return jnp.ones((1, 1))

@@ -40,6 +40,7 @@ class OneJoint(AbstractRobot):
     """
 
     joint_units: ClassVar[tuple[str, ...]] = ("m",)
+    joint_names: ClassVar[tuple[str, ...]] = ("joint 1",)
     inertia: Scalar = eqx.field(converter=as_array, default=1.0)
 
     def mass(self, q):

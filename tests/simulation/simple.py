@@ -75,6 +75,7 @@ class Pendulum(AbstractRobot):
     """`2 q̈ + 3 sin q = τ`, one joint."""
 
     joint_units: ClassVar[tuple[str, ...]] = ("rad",)
+    joint_names: ClassVar[tuple[str, ...]] = ("joint 1",)
 
     def mass(self, q):
         return 2.0 * jnp.eye(1)

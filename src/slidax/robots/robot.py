@@ -19,9 +19,11 @@ class AbstractRobot(eqx.Module):
     A member gives `mass`, `bias`, `friction`, `potential` and `tip`; the rest follows from them.
 
     - `joint_units`: "rad" for a revolute joint, "m" for a prismatic one; one entry per joint.
+    - `joint_names`: what the joints are called in tables, figures and messages.
     """
 
     joint_units: eqx.AbstractVar[tuple[str, ...]]
+    joint_names: eqx.AbstractVar[tuple[str, ...]]
 
     @property
     def joints(self) -> int:

@@ -37,6 +37,7 @@ class Scara(AbstractRobot):
     gravity_acceleration: Scalar = eqx.field(converter=as_array, default=9.8)
 
     joint_units: ClassVar[tuple[str, ...]] = ("rad", "rad", "m")  # type: ignore[misc]  # every such arm has them
+    joint_names: ClassVar[tuple[str, ...]] = ("joint 1", "joint 2", "joint 3")  # type: ignore[misc]
 
     def __check_init__(self) -> None:
         require_shape(self, (2,), "lengths")

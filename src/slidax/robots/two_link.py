@@ -41,6 +41,7 @@ class TwoLink(AbstractRobot):
     gravity_acceleration: Scalar = eqx.field(converter=as_array, default=9.8)
 
     joint_units: ClassVar[tuple[str, ...]] = ("rad", "rad")  # type: ignore[misc]  # every such arm has them
+    joint_names: ClassVar[tuple[str, ...]] = ("joint 1", "joint 2")  # type: ignore[misc]
 
     def __check_init__(self) -> None:
         require_shape(self, (2,), "lengths", "masses", "inertias")

@@ -75,6 +75,7 @@ class Run(eqx.Module):
     - `period`: time between samples [s].
     - `t1`: end that was asked for [s].
     - `joint_units`: unit of each joint's position.
+    - `joint_names`: what the joints are called.
     - `has_envelope`: whether the scheme promises one.
     - `timing`: seconds spent; None inside a transformation.
     - `load`: where the load was, once it was let go; None where nothing is, or if the robot is not MuJoCo's.
@@ -89,6 +90,7 @@ class Run(eqx.Module):
     period: Scalar
     t1: Scalar
     joint_units: tuple[str, ...] = eqx.field(static=True)
+    joint_names: tuple[str, ...] = eqx.field(static=True)
     has_envelope: bool = eqx.field(static=True)
     timing: Timing | None = eqx.field(static=True, default=None)
     load: FreeBody | None = None

@@ -107,6 +107,7 @@ def simulate(
         period=loop.period,
         t1=constant(float(t1)),
         joint_units=plant.robot.joint_units,
+        joint_names=plant.robot.joint_names,
         has_envelope=envelope is not None,
         timing=timing,
         load=load,

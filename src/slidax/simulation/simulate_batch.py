@@ -97,8 +97,8 @@ class _Task:
         how = {field.name: getattr(self, field.name) for field in fields(self) if field.name != "define"}
         return simulate(*self.define(given), **how)
 
-    def loop(self, given: Any) -> tuple[Loop, State, int, tuple[str, ...]]:
-        """The loop, the first state, how many samples, and the joints' units."""
+    def loop(self, given: Any) -> tuple[Loop, State, int, tuple[tuple[str, ...], tuple[str, ...]]]:
+        """The loop, the first state, how many samples, and the units and names of the joints."""
         parts = self.define(given)
         plant, *_, state0 = parts
         if isinstance(plant, MujocoPlant):
@@ -114,12 +114,12 @@ class _Task:
             self.bands,
             self.outside,
         )
-        return loop, state0, samples, plant.robot.joint_units
+        return loop, state0, samples, (plant.robot.joint_units, plant.robot.joint_names)
 
 
 def _natively(task: _Task, varied: Any, threads: int | None) -> Run:
     one = jax.tree.map(lambda x: jax.ShapeDtypeStruct(x.shape[1:], x.dtype), varied)
-    *_, samples, units = eqx.filter_eval_shape(task.loop, one)
+    *_, samples, (units, names) = eqx.filter_eval_shape(task.loop, one)
     (carry, envelope, _), log = native_engine.drive_batch(
         task, lambda given: task.loop(given)[:2], one, varied, samples, task.log_every, threads
     )
@@ -139,6 +139,7 @@ def _natively(task: _Task, varied: Any, threads: int | None) -> Run:
         period=period,
         t1=t1,
         joint_units=units,
+        joint_names=names,
         has_envelope=envelope is not None,
     )
     log, tally, fault, excursion, state, (windows, period, t1) = arrays
