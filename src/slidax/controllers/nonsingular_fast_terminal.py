@@ -90,7 +90,7 @@ class NonsingularFastTerminal(AbstractController):
         far, slope = sig_and_slope(e, self.gamma1)
         s = e + far + sig(de, self.gamma2)
         m0 = self.nominal.mass(q)
-        u = inverse_norm(m0) * self.bound(state) + self.reach
+        u = inverse_norm(m0) * self.bound(state, state.q) + self.reach
         wanted = (
             reference_now.ddq
             - (1.0 + slope) * sig(de, 2.0 - self.gamma2) / self.gamma2

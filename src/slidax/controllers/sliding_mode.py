@@ -5,7 +5,7 @@ from __future__ import annotations
 from slidax._errors import require_joints
 from slidax._types import Command, Envelope, Memory, Reference, Scalar, State
 from slidax.numerics import matvec, once
-from slidax.reaching import AbstractReaching, UncertaintyBound
+from slidax.reaching import AbstractBound, AbstractReaching
 from slidax.robots import AbstractRobot
 from slidax.surfaces import AbstractSurface
 from slidax.transformations import AbstractTransformation
@@ -35,7 +35,7 @@ class SlidingMode(AbstractController):
     transformation: AbstractTransformation
     surface: AbstractSurface
     reaching: AbstractReaching
-    bound: UncertaintyBound
+    bound: AbstractBound
 
     def __check_init__(self) -> None:
         for part in (self.transformation, self.surface, self.reaching, self.bound):

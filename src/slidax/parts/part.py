@@ -11,7 +11,7 @@ import numpy as np
 
 from slidax._errors import DefinitionError, is_traced, require, require_consistent, require_shape
 
-from .parameter import Parameter, declared, parameters_of
+from .parameter import Parameter, declared, is_declared
 
 
 class AbstractPart(eqx.Module):
@@ -31,7 +31,8 @@ class AbstractPart(eqx.Module):
             cls.__doc__ = f"{own}\n\n{listed}\n\nRaises DefinitionError if one of them is out of its range."
 
     def __check_init__(self) -> None:
-        said = [one for one in parameters_of(type(self)) if not one.piece and getattr(self, one.name) is not None]
+        fields = [declared(field) for field in dataclasses.fields(self) if is_declared(field)]
+        said = [one for one in fields if not one.piece and getattr(self, one.name) is not None]
         require_consistent(self, *(one.name for one in said if one.shape == "one number or [n]"))
         for one in said:
             value = getattr(self, one.name)
@@ -66,9 +67,9 @@ def _said_of(cls: type) -> list[Parameter]:
     found: dict[str, Parameter] = {}
     for owner in reversed(cls.__mro__[1:]):
         if dataclasses.is_dataclass(owner):
-            found |= {one.name: one for one in parameters_of(owner)}
+            found |= {field.name: declared(field) for field in dataclasses.fields(owner) if is_declared(field)}
     annotations = inspect.get_annotations(cls)
     for name, value in vars(cls).items():
-        if isinstance(value, dataclasses.Field) and "slidax" in value.metadata:
+        if isinstance(value, dataclasses.Field) and is_declared(value):
             found[name] = dataclasses.replace(declared(value, str(annotations.get(name, ""))), name=name)
     return list(found.values())

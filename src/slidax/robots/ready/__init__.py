@@ -4,6 +4,7 @@ from ..articulated import Articulated
 from .read import NAMES as NAMES
 from .read import Ready as Ready
 from .read import read as read
+from .read import title as title
 
 
 def panda() -> Articulated:

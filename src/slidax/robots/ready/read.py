@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import dataclass
 from importlib import resources
 from typing import Any
@@ -38,6 +39,15 @@ class Ready:
     rate: float
     home: tuple[float, ...]
     sources: dict[str, str]
+
+
+def title(name: str) -> str:
+    """What an arm is called, without reading all of its file.
+
+    - `name`: one of `NAMES`.
+    """
+    found = re.search(r"^title: (.+)$", (FILES / f"{name}.yaml").read_text(encoding="utf-8"), re.MULTILINE)
+    return found.group(1) if found else name
 
 
 def read(name: str) -> Ready:
