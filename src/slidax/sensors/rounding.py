@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import jax.numpy as jnp
 
-from slidax._types import PerJoint, Vector
+from slidax.parts import PerJoint, Vector
 
 
 def rounded(q: Vector, resolution: PerJoint) -> Vector:
