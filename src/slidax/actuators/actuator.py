@@ -48,10 +48,11 @@ class Actuator(AbstractPart):
         return self.dead_time - math.floor(self.dead_time)
 
     def init(self, tau: Vector) -> Delivery:
-        """The memory of a drive that has held a torque for long.
+        """The memory of a drive that has held a torque for long; as much of it as the limits allow.
 
         - `tau`: that torque [n], N m or N.
         """
+        tau = jnp.clip(tau, -self.limits.torque, self.limits.torque)
         return Delivery(commands=jnp.broadcast_to(tau, (math.ceil(self.dead_time) + 1, *tau.shape)), lagged=tau)
 
     def set(self, tau: Vector, period: Scalar, memory: Delivery) -> tuple[Vector, Delivery]:

@@ -64,7 +64,7 @@ def _require_range(part: AbstractPart, said: Parameter) -> None:
     holds = said.range.holds(part, value)
     endless = any(end.number is not None and np.isinf(end.number) and not end.open for end in (lower, upper))
     # What has an entry per row or per term must not blame a joint.
-    each = "joint" if said.shape.endswith("n]") or value.shape in SIZES.values() else "entry"
+    each = "joint" if said.shape.endswith("n]") else "entry"
     require(part, said.name, holds, said.rule(part), finite=not endless, each=each)
 
 

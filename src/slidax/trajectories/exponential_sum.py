@@ -5,7 +5,7 @@ from __future__ import annotations
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from slidax.parts import Scalar, Vector, parameter, require
+from slidax.parts import DefinitionError, Scalar, Vector, parameter
 
 from .trajectory import AbstractTrajectory
 
@@ -19,7 +19,11 @@ class ExponentialSum(AbstractTrajectory):
 
     def __check_init__(self) -> None:
         fits = self.amplitudes.ndim == 2 and self.amplitudes.shape == (*self.rates.shape, *self.offset.shape)
-        require(self, "amplitudes", fits, "must have one row per rate and one column per joint")
+        if not fits:
+            raise DefinitionError(
+                "`ExponentialSum.amplitudes` must have one row per rate and one column per joint; "
+                f"got shape {list(self.amplitudes.shape)}"
+            )
 
     def position(self, t: Scalar) -> Vector:
         """`c + Σ_k a_k exp(-λ_k t)`.
