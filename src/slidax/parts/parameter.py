@@ -190,4 +190,4 @@ def _maybe(converter: Any) -> Any:
 
 
 def _shown(default: Any) -> str:
-    return f"{default:g}" if isinstance(default, float) else str(default)
+    return f"{default:g}" if isinstance(default, float) else "none" if default == () else str(default)
