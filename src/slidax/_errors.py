@@ -111,11 +111,18 @@ def require(owner: object, field: str, holds: Any, rule: str, *, finite: bool = 
         raise DefinitionError(f"{name} {rule}; got {number.item():g}")
     if number.ndim == wrong.ndim == 1:
         joint = int(np.argmax(wrong))
-        raise DefinitionError(f"{name} {rule}; got {number[joint].item():g} for joint {joint + 1}")
+        raise DefinitionError(f"{name} {rule}; got {number[joint].item():g} for {_joint(owner, joint)}")
     if number.ndim == 0:
         joint = int(np.argmax(wrong))
-        raise DefinitionError(f"{name} {rule}; got {number.item():g}, which fails for joint {joint + 1}")
+        raise DefinitionError(f"{name} {rule}; got {number.item():g}, which fails for {_joint(owner, joint)}")
     raise DefinitionError(f"{name} {rule}; got {number.tolist()}")
+
+
+def _joint(owner: object, number: int) -> str:
+    """A joint by its name, where the owner's joints have names of their own."""
+    names = getattr(owner, "joint_names", ())
+    name = names[number] if number < len(names) else f"joint {number + 1}"
+    return name if name == f"joint {number + 1}" else f"joint `{name}`"
 
 
 def require_shape(owner: object, shape: tuple[int, ...], *fields: str) -> None:
@@ -128,7 +135,7 @@ def require_shape(owner: object, shape: tuple[int, ...], *fields: str) -> None:
     for field in fields:
         given = np.shape(getattr(owner, field))
         if given != shape:
-            wanted = f"{shape[0]} numbers" if shape else "one number"
+            wanted = f"{' x '.join(map(str, shape))} numbers" if shape else "one number"
             raise DefinitionError(f"`{type(owner).__name__}.{field}` must be {wanted}; got shape {list(given)}")
 
 

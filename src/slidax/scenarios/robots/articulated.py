@@ -61,8 +61,8 @@ class TrueArm(Description):
         """The difference."""
         with located("load"):
             load = None if self.load is None else self.load.build()
-        given = self.model_dump(exclude={"load"}, exclude_none=True)
-        return Mismatch(**{name: as_array(value) for name, value in given.items()}, load=load)
+        given = self.model_dump(exclude={"load", "mass", "inertia"}, exclude_none=True)
+        return Mismatch(mass_factor=self.mass, inertia_factor=self.inertia, **given, load=load)
 
 
 class NominalArm(Description):
