@@ -18,8 +18,6 @@ from slidax.parts import Parameter, kind_of, members_of, parameters_of
 
 from .base import Description, Numbers, described
 
-LENGTHS = {"[2]": 2, "[3]": 3}
-
 
 class PartDescription(Description):
     """A part by the parameters of its class."""
@@ -160,15 +158,10 @@ def type_of(one: Parameter, hint: Any, family: type) -> Any:
         return Numbers
     if one.shape.endswith("a matrix [n n]"):
         return float | list[float] | list[list[float]]
-    if one.shape in LENGTHS:
-        n = LENGTHS[one.shape]
-        return Annotated[list[float], Field(min_length=n, max_length=n)]
-    if one.shape == "[n]":
+    if one.shape in ("[n]", "[2]", "[3]", "[k]", "[m]"):
         return list[float]
     if one.shape in ("[k n]", "[m n]"):
         return list[list[float]]
-    if one.shape in ("[k]", "[m]"):
-        return list[float]
     if hint in (bool, str) or typing.get_origin(hint) is Literal:
         return hint
     if inspect.isclass(hint) and issubclass(hint, eqx.Module) and inspect.isabstract(hint):

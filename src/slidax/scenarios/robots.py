@@ -9,7 +9,7 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
-from pydantic import Field, create_model
+from pydantic import Field, create_model, model_validator
 
 from slidax import robots
 from slidax._errors import DefinitionError, as_array, known, located
@@ -18,6 +18,9 @@ from slidax.robots import AbstractRobot, Articulated, JointLimits, Load, Mismatc
 
 from .base import Description, FileName, Numbers, same
 from .derived import PartDescription, plain_of, title_of
+
+RENAMED = {"mass": "mass_factor", "inertia": "inertia_factor"}
+"""Earlier names of what a true arm differs by, which files may still have."""
 
 
 class Arms(NamedTuple):
@@ -84,6 +87,11 @@ class TrueArm(plain_of(Mismatch, "Mismatch")):  # type: ignore[misc]  # made of 
 
     load: LoadDescription | None = None
     """What the tip carries, and when."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _by_present_names(cls, data: Any) -> Any:
+        return {RENAMED.get(key, key): value for key, value in data.items()} if isinstance(data, dict) else data
 
     def build(self, **more: Any) -> Mismatch:
         """The difference.
@@ -229,7 +237,7 @@ MADE_OF_NUMBERS = {kind: part for kind, part in members_of(robots, AbstractRobot
 RobotDescription = Annotated[
     Union[  # noqa: UP007
         tuple(_of_numbers(kind, part) for kind, part in MADE_OF_NUMBERS.items())
-        + tuple(_ready(name) for name in ready.NAMES)
+        + tuple(_ready(name) for name in ready.names())
         + (UrdfDescription, MjcfDescription)
     ],
     Field(discriminator="kind"),
