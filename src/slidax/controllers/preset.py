@@ -77,7 +77,8 @@ class Preset:
                     made[name] = _made(preset.part, {**preset.values, **value})
             else:
                 made[name] = placed.get(name, preset)
-        return _made(self.law, {"nominal": nominal, **made})
+        law: AbstractController = _made(self.law, {"nominal": nominal, **made})
+        return law
 
     def placed(self, given: Mapping[str, Any]) -> dict[str, Any]:
         """What is given, with numbers of parts under the names of these parts.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import inspect
+import math
 import sys
 import typing
 from collections.abc import Mapping
@@ -31,7 +32,9 @@ class PartDescription(Description):
 
         Raises DefinitionError, with the path of the field, if it cannot be.
         """
-        values = {name: built(name, value) for name, value in self if name not in ("kind", "name")}
+        values = {
+            name: built(name, value) for name, value in self if name not in ("kind", "name") and value is not None
+        }
         return self.part(**values, **more)
 
 
@@ -128,8 +131,9 @@ def _model(
         if annotation is None:
             continue
         has = {"default": values[one.name], "source": source} if one.name in values else {}
-        if has.get("default", one.default) is None:
-            annotation = annotation | None
+        if has.get("default", one.default) in (None, math.inf):
+            # JSON has no infinity: what is left out takes it.
+            annotation, has = annotation | None, {**has, "default": None}
         fields[one.name] = (annotation, described(one, **has))
     model: type[PartDescription] = create_model(name, __base__=PartDescription, __doc__=doc or title_of(part), **fields)
     model.part = part

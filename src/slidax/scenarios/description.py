@@ -81,7 +81,7 @@ class SurroundingsDescription(Description):
 
     def build(self) -> Table | None:
         """The table, if there is one."""
-        return None if self.table is None else Table(self.table.height, self.table.friction)
+        return None if self.table is None else Table(as_array(self.table.height), as_array(self.table.friction))
 
 
 class ScenarioDescription(Description):

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from slidax._errors import located
 from slidax.disturbances import AbstractDisturbance, Sum
 
 from .base import Description, said
-from .derived import union_of
+from .derived import PartDescription, union_of
 
-Term = union_of(AbstractDisturbance)
+if TYPE_CHECKING:
+    Term = PartDescription
+else:
+    Term = union_of(AbstractDisturbance)
 
 
 class DisturbanceDescription(Description):

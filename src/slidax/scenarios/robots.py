@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Union
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, NamedTuple, Union
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -42,6 +42,8 @@ class Arms(NamedTuple):
 
 class AbstractRobotDescription(Description):
     """What every description of a robot is."""
+
+    kind: Any
 
     @abstractmethod
     def build(self) -> Arms:
@@ -167,8 +169,6 @@ class AbstractArticulated(AbstractRobotDescription):
 class ReadyDescription(AbstractArticulated):
     """An arm that needs no file."""
 
-    kind: Any
-
     def described(self) -> Articulated:
         """The arm by its maker's numbers."""
         return ready.read(self.kind).robot
@@ -215,11 +215,12 @@ class MjcfDescription(AbstractFile):
 def _of_numbers(kind: str, part: type[AbstractRobot]) -> type[NumbersDescription]:
     true = plain_of(part, f"{part.__name__}.plant", doc="The arm that moves.")
     nominal = plain_of(part, f"{part.__name__}.nominal", optional=True, doc="What the law believes of it.")
+    called: Any = Literal[kind]
     model = create_model(
         part.__name__,
         __base__=NumbersDescription,
         __doc__=title_of(part),
-        kind=(Literal[kind], ...),
+        kind=(called, Field()),
         plant=(true, Field(description="The arm that moves.")),
         nominal=(nominal, Field(default=nominal(), description="The arm as the law knows it; else as the plant.")),
     )
@@ -228,17 +229,18 @@ def _of_numbers(kind: str, part: type[AbstractRobot]) -> type[NumbersDescription
 
 
 def _ready(name: str) -> type[ReadyDescription]:
-    return create_model(
-        f"robot.{name}", __base__=ReadyDescription, __doc__=ready.title(name), kind=(Literal[name], ...)
-    )
+    return create_model(f"robot.{name}", __base__=ReadyDescription, __doc__=ready.title(name), kind=(called, Field()))
 
 
 MADE_OF_NUMBERS = {kind: part for kind, part in members_of(robots, AbstractRobot).items() if part is not Articulated}
-RobotDescription = Annotated[
-    Union[  # noqa: UP007
-        tuple(_of_numbers(kind, part) for kind, part in MADE_OF_NUMBERS.items())
-        + tuple(_ready(name) for name in ready.names())
-        + (UrdfDescription, MjcfDescription)
-    ],
-    Field(discriminator="kind"),
-]
+if TYPE_CHECKING:
+    RobotDescription = AbstractRobotDescription
+else:
+    RobotDescription = Annotated[
+        Union[  # noqa: UP007
+            tuple(_of_numbers(kind, part) for kind, part in MADE_OF_NUMBERS.items())
+            + tuple(_ready(name) for name in ready.names())
+            + (UrdfDescription, MjcfDescription)
+        ],
+        Field(discriminator="kind"),
+    ]

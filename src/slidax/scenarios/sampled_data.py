@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from jaxtyping import Array
 
@@ -14,7 +14,7 @@ from slidax.estimators import AbstractEstimator, Kalman, Measured
 from slidax.estimators.kalman import TORQUE_DENSITY
 
 from .base import Description, Numbers, said, same
-from .derived import plain_of, union_of
+from .derived import PartDescription, plain_of, union_of
 
 
 @dataclass(frozen=True)
@@ -81,9 +81,12 @@ class KalmanDescription(Description):
         )
 
 
-RecoveryDescription = plain_of(Recovery, "RecoveryDescription")
-
-EstimatorDescription = union_of(AbstractEstimator, MeasuredDescription, KalmanDescription)
+if TYPE_CHECKING:
+    EstimatorDescription = PartDescription
+    RecoveryDescription = PartDescription
+else:
+    RecoveryDescription = plain_of(Recovery, "RecoveryDescription")
+    EstimatorDescription = union_of(AbstractEstimator, MeasuredDescription, KalmanDescription)
 
 
 class SampledDataDescription(Description):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, ClassVar, Literal, Union
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Union
 
 import equinox as eqx
 from pydantic import ConfigDict, Field, create_model, model_validator
@@ -50,6 +50,7 @@ class SchemeDescription(PartDescription):
 
     preset: ClassVar[Preset]
 
+    name: Any
     sampled_data: SampledDataDescription | None = None
     """The scheme as steps for the arm's own rate; the law as it is printed if not given."""
 
@@ -72,7 +73,8 @@ class SchemeDescription(PartDescription):
 
         Raises DefinitionError, with the path of the field, if it cannot be.
         """
-        values = {name: built(name, value) for name, value in self if name not in ("name", "sampled_data")}
+        skipped = ("name", "sampled_data")
+        values = {name: built(name, value) for name, value in self if name not in skipped and value is not None}
         law: AbstractController = self.part(**values, **more)
         return law
 
@@ -189,4 +191,7 @@ def _described(name: str, preset: Preset) -> type[SchemeDescription]:
 SCHEMES = {name: _described(name, preset) for name, preset in PRESETS.items()}
 """The descriptions of the schemes by their names."""
 
-AnyScheme = Annotated[Union[tuple(SCHEMES.values())], Field(discriminator="name")]  # noqa: UP007
+if TYPE_CHECKING:
+    AnyScheme = SchemeDescription
+else:
+    AnyScheme = Annotated[Union[tuple(SCHEMES.values())], Field(discriminator="name")]  # noqa: UP007
