@@ -35,7 +35,7 @@ def two_power(**changes):
 
 
 def state_bound(**changes):
-    return StateBound(**({"constant": 12.0, "position": 2.2, "velocity": 2.8} | changes))
+    return StateBound(**({"b0": 12.0, "b1": 2.2, "b2": 2.8} | changes))
 
 
 WRONG = [

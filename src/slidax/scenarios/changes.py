@@ -7,7 +7,7 @@ from typing import Any
 
 from slidax._errors import DefinitionError
 
-from .schemes import PRESETS, owner_of, placed, renamed, switched
+from .schemes import PRESETS, owner_of, placed, renamed, switched, with_kinds
 
 
 def changed(data: dict[str, Any], changes: dict[str, Any]) -> dict[str, Any]:
@@ -23,7 +23,7 @@ def changed(data: dict[str, Any], changes: dict[str, Any]) -> dict[str, Any]:
     if "scheme.name" in changes:
         data["scheme"] = switched(data.get("scheme"), changes.pop("scheme.name"))
     if isinstance(data.get("scheme"), dict):
-        data["scheme"] = placed(data["scheme"])
+        data["scheme"] = with_kinds(placed(data["scheme"]))
     for path, value in sorted(changes.items(), key=lambda change: not change[0].endswith(".kind")):
         _set(data, _path(data, path), _found_from_here(path, value))
     if isinstance(data.get("scheme"), dict):

@@ -229,7 +229,9 @@ def _of_numbers(kind: str, part: type[AbstractRobot]) -> type[NumbersDescription
 
 
 def _ready(name: str) -> type[ReadyDescription]:
-    return create_model(f"robot.{name}", __base__=ReadyDescription, __doc__=ready.title(name), kind=(called, Field()))
+    called: Any = Literal[name]
+    title = f"{ready.title(name)}."
+    return create_model(f"robot.{name}", __base__=ReadyDescription, __doc__=title, kind=(called, Field()))
 
 
 MADE_OF_NUMBERS = {kind: part for kind, part in members_of(robots, AbstractRobot).items() if part is not Articulated}

@@ -113,6 +113,17 @@ def placed(scheme: dict[str, Any]) -> dict[str, Any]:
     return found
 
 
+def with_kinds(scheme: dict[str, Any]) -> dict[str, Any]:
+    """A scheme whose parts say their kinds, also where it is the preset's.
+
+    - `scheme`: as `placed` returns it.
+    """
+    preset = PRESETS.get(scheme.get("name", "")) if isinstance(scheme.get("name"), str) else None
+    given = {name: one for name, one in (preset.given if preset else {}).items() if isinstance(one, Given)}
+    kinds = {name: {"kind": kind_of(one.part)} for name, one in given.items() if isinstance(scheme.get(name), dict)}
+    return {**scheme, **{name: {**kind, **scheme[name]} for name, kind in kinds.items()}}
+
+
 def renamed(path: list[str]) -> list[str]:
     """A path with the present names of a bound's numbers.
 
