@@ -74,8 +74,8 @@ def test_the_envelope_goes_along_to_every_scheme_that_has_one(name: str) -> None
 def test_a_scheme_without_an_envelope_drops_the_files_and_what_its_bound_has_not(name: str) -> None:
     controller = scenarios.load("example-4.1", {"scheme.name": name}).controller
     assert isinstance(controller, SlidingMode)
-    assert float(controller.bound.position) == 0.0
-    assert float(controller.bound.constant) == 12.0
+    assert float(controller.bound.b1) == 0.0
+    assert float(controller.bound.b0) == 12.0
     assert jax.tree.leaves(controller.transformation) == []
 
 

@@ -69,8 +69,8 @@ def inverse_inertia(scenario: Scenario) -> dict[str, Any]:
     frobenius = np.linalg.norm(inverse, axis=(1, 2))
     mismatch = np.linalg.norm(inverse @ nominal - np.eye(n), ord=2, axis=(1, 2))
     return {
-        "m1": float(law.bound.inertia_min),
-        "m2": float(law.bound.inertia_max),
+        "m1": float(law.bound.inverse_inertia_min),
+        "m2": float(law.bound.inverse_inertia_max),
         "gamma": float(law.bound.gamma),
         "eigenvalues": [float(values.min()), float(values.max())],
         "spectral": [float(values[:, -1].min()), float(values[:, -1].max())],
@@ -103,7 +103,7 @@ def settling_bound(scenario: Scenario) -> dict[str, Any] | None:
         r, gain = float(np.max(np.asarray(reaching.v1))), np.asarray(reaching.k1)
     else:
         return None
-    n, both = law.joints, float(law.bound.inertia_min + law.bound.inertia_max)
+    n, both = law.joints, float(law.bound.inverse_inertia_min + law.bound.inverse_inertia_max)
     slowest = float(np.linalg.eigvalsh(gain * np.eye(n)).min())
     first = 2 / (float(law.bound.margin) * np.sqrt(both))
     second = 2 / (n ** ((1 - r) / 2) * slowest * both ** ((r + 1) / 2) * (r - 1))

@@ -33,7 +33,7 @@ class BoundDescription(Description):
 
     def build(self) -> UncertaintyBound:
         """The bound."""
-        return UncertaintyBound(**self.parameters())
+        return UncertaintyBound(**_renamed(self.parameters()))
 
 
 class VelocityBoundDescription(Description):
@@ -52,7 +52,7 @@ class VelocityBoundDescription(Description):
 
     def build(self) -> UncertaintyBound:
         """The bound."""
-        return UncertaintyBound(**self.parameters(), position=as_array(0.0))
+        return UncertaintyBound(**_renamed(self.parameters()), b1=as_array(0.0))
 
 
 class StateBoundDescription(Description):
@@ -67,7 +67,18 @@ class StateBoundDescription(Description):
 
     def build(self) -> StateBound:
         """The bound."""
-        return StateBound(**self.parameters())
+        return StateBound(**_renamed(self.parameters()))
+
+
+def _renamed(given: dict[str, float]) -> dict[str, float]:
+    names = {
+        "inertia_min": "inverse_inertia_min",
+        "inertia_max": "inverse_inertia_max",
+        "constant": "b0",
+        "position": "b1",
+        "velocity": "b2",
+    }
+    return {names.get(key, key): value for key, value in given.items()}
 
 
 class AbstractScheme(Description):
