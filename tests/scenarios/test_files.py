@@ -105,7 +105,7 @@ def test_the_documented_sensor_actuator_and_sampled_data_fit_the_documented_scen
     own = rate.pop("scheme")["sampled_data"]
     built = scenarios.parse(scenario, rate | {"scheme.sampled_data": own}).build("documented")
     # What the page says of leaving the recovery out.
-    assert eqx.tree_equal(built.controller.recovery, Recovery())
+    assert eqx.tree_equal(built.controller.step.recovery, Recovery())
     run = built.simulate(log_every=None)
     assert run.outcome.ok, run.outcome.message
     assert int(run.tally.violations) == 0

@@ -1,4 +1,4 @@
-"""What every bound of the uncertainty is."""
+"""What every bound of the robust torque is."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from slidax.parts import AbstractPart, Scalar, State, Vector
 
 
 class AbstractBound(AbstractPart):
-    """How large the robust torque must be, or the uncertainty can be: u of (45), from the state and `τ0 + τ1`."""
+    """`u`, the size of the robust torque, eqs. (44), (45): no less than what it has to overcome."""
 
     @abstractmethod
     def __call__(self, state: State, tau: Vector) -> Scalar:
-        """The bound, N m.
+        """`u`, N m.
 
         - `state`: positions and velocities.
-        - `tau`: `τ0 + τ1` [n], N m or N.
+        - `tau`: the torque without its robust part, `τ0 + τ1`, [n], N m or N.
         """

@@ -10,7 +10,7 @@ from .bound import AbstractBound
 class FixedBound(AbstractBound):
     """`u = const`: for laws that choose the size of their robust torque by hand."""
 
-    size: Scalar = parameter("u", "N m", ">= 0", "(u, eq. 45)")
+    size: Scalar = parameter("u, size of the robust torque", "N m", ">= 0")
 
     def __call__(self, state: State, tau: Vector) -> Scalar:
         """u, N m.

@@ -13,9 +13,9 @@ from .bound import AbstractBound
 class StateBound(AbstractBound):
     """`b0 + b1‖q‖ + b2‖q̇‖²`: what (19) bounds the lumped uncertainty by, without the share of the torque."""
 
-    b0: Scalar = parameter("what the uncertainty is at most at rest", "N m", ">= 0", "(b0, eq. 19)")
-    b1: Scalar = parameter("how it grows with ‖q‖", "N m/rad", ">= 0", "(b1, eq. 19)")
-    b2: Scalar = parameter("how it grows with ‖q̇‖²", "N m s²/rad²", ">= 0", "(b2, eq. 19)")
+    b0: Scalar = parameter("b0, of all states alike", "N m", ">= 0", "(eq. 19)")
+    b1: Scalar = parameter("b1, times ‖q‖", "N m/rad", ">= 0", "(eq. 19)")
+    b2: Scalar = parameter("b2, times ‖q̇‖²", "N m s²/rad²", ">= 0", "(eq. 19)")
 
     def __call__(self, state: State, tau: Vector) -> Scalar:
         """The bound, N m.

@@ -16,7 +16,9 @@ from .base import described
 from .derived import PartDescription, built, description_of, hints_of, preset_of, type_of, union_of
 from .sampled_data import SampledDataDescription
 
-PRESETS: dict[str, Preset] = {name: thing for name, thing in vars(controllers).items() if isinstance(thing, Preset)}
+PRESETS: dict[str, Preset] = {
+    name: thing for name, thing in sorted(vars(controllers).items()) if isinstance(thing, Preset)
+}
 """The schemes that a file can name: all that the controllers' room exports."""
 
 ENVELOPE = {one.name for one in parameters_of(PrescribedPerformance)}
