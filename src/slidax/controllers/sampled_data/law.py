@@ -218,7 +218,7 @@ class SampledData(AbstractController):
         if following is None:
             following = moved_on(now, moved, (1.0 - self.delay % 1.0) * h)
         kept = Kept(
-            t=t.astype(memory.t.dtype),
+            t=jnp.asarray(t, memory.t.dtype),
             sides=memory.sides,
             prior=Estimate(state=following, push=push),
             estimator=estimator,
