@@ -126,6 +126,7 @@ def _of_the_run(scenario: Scenario, guard: GuardedStep) -> Sample:
         stepping=scenario.stepping,
         mode="held",
         outside="recover",
+        engine="auto",
         progress=False,
     )
     assert run.log is not None

@@ -119,7 +119,5 @@ class _PartsOfOne:
     def __call__(self, given: Any) -> Parts:
         made = self.define(self.scenario, given)
         if (made.t1, made.stepping) != (self.scenario.t1, self.scenario.stepping):
-            raise DefinitionError(
-                "all runs of a batch have one `t1` and one stepping: replace them in the scenario first"
-            )
+            raise DefinitionError("all runs of a batch have one `t1` and one stepping: replace them before")
         return made.parts

@@ -1,5 +1,6 @@
 """The one place where time passes: a plant under a controller becomes a Run."""
 
+from .columns import columns_of as columns_of
 from .define import require_fitting as require_fitting
 from .engine import Engine as Engine
 from .free_body import FreeBody as FreeBody

@@ -69,9 +69,9 @@ def require_fitting(
     state0: State,
     stepping: Stepping,
 ) -> None:
-    """Raises DefinitionError if the parts of a closed loop do not fit each other; the arguments are those of `simulate`.
+    """Raises DefinitionError if the parts of a closed loop do not fit each other.
 
-    - `plant`, `controller`, `trajectory`, `state0`: its parts.
+    - `plant`, `controller`, `trajectory`, `state0`: its parts, as in `simulate`.
     - `stepping`: how time passes.
     """
     n = plant.robot.joints

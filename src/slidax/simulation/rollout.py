@@ -73,7 +73,7 @@ def sample(loop: Loop, carry: Carry) -> tuple[Carry, Log]:
 
 
 def decide(loop: Loop, carry: Carry) -> tuple[Carry, Log, HeldTorque]:
-    """The same, but the plant is not moved: another simulator does that by the torque held. `carry.state` stays as it is.
+    """The same, but the plant is not moved: another simulator does that. The carry's state stays as it is.
 
     - `loop`: what stays the same; in held mode.
     - `carry`: what changes.

@@ -91,11 +91,12 @@ class _Task:
 
     def loop(self, given: Any) -> tuple[Loop, State, int, tuple[tuple[str, ...], tuple[str, ...]]]:
         """The loop, the first state, how many samples, and the units and names of the joints."""
-        parts = self.define(given)
-        plant, *_, state0 = parts
+        plant, controller, trajectory, state0 = self.define(given)
         if isinstance(plant, MujocoPlant):
             raise DefinitionError("MuJoCo moves one arm at a time: give a `Plant`, or call `simulate` for each run")
-        loop, samples = define_loop(*parts, self.t1, self.stepping, self.log_every, self.bands)
+        loop, samples = define_loop(
+            plant, controller, trajectory, state0, self.t1, self.stepping, self.log_every, self.bands
+        )
         return loop, state0, samples, (plant.robot.joint_units, plant.robot.joint_names)
 
 
@@ -106,11 +107,8 @@ def _natively(task: _Task, varied: Any, threads: int | None) -> Run:
         task, lambda given: task.loop(given)[:2], one, varied, samples, task.log_every, threads
     )
     runs = jax.tree.leaves(varied)[0].shape[0]
-    shared = (
-        windows_of(samples - 1, task.stepping.period, task.bands),
-        jnp.asarray(task.stepping.period, float),
-        jnp.asarray(task.t1),
-    )
+    step = task.stepping.period
+    shared = windows_of(samples - 1, step, task.bands), jnp.asarray(step, float), jnp.asarray(task.t1)
     each = jax.tree.map(lambda x: jnp.broadcast_to(x, (runs, *x.shape)), shared)
     arrays = (log, carry.tally, carry.fault, carry.excursion, carry.good, each)
     # Made of the first run's numbers, which have the shapes that a run says, and then filled with those of all.
