@@ -18,7 +18,7 @@ PER = {"q": "", "dq": "/s", "q_d": "", "dq_d": "/s", "ddq_d": "/s²", "e": "", "
 
 
 def columns_of(run: Run, labels: Sequence[str]) -> dict[str, tuple[np.ndarray, str]]:
-    """Each column with its unit by its name: `k`, `t`, positions, velocities, references, error, torque, bounds, signals.
+    """By name, each column with its unit: sample, time, state, reference, error, torque, bounds, signals.
 
     - `run`: a single run with a log.
     - `labels`: what follows the name of a quantity for each joint.
