@@ -109,7 +109,10 @@ class Run(eqx.Module):
 
     @property
     def outcome(self) -> Outcome:
-        """How the run ended. Raises DefinitionError for many runs, which have `outcomes`, and inside a transformation."""
+        """How the run ended.
+
+        Raises DefinitionError for many runs, which have `outcomes`, and inside a transformation.
+        """
         if self.period.ndim:
             raise DefinitionError(f"these are {len(self)} runs: see `outcomes`, or the `outcome` of each, as `runs[0]`")
         if is_traced(self.fault):
@@ -123,7 +126,10 @@ class Run(eqx.Module):
             return [self.outcome]
         ends = jax.tree.map(np.asarray, (self.fault, self.excursion, self.tally.violations, self.period))
         each = (jax.tree.map(lambda x, k=k: x[k], ends) for k in range(len(self)))
-        return [describe(*end[:2], int(end[2]), float(end[3]), self.joint_units) for end in each]
+        return [
+            describe(fault, excursion, int(outside), float(period), self.joint_units)
+            for fault, excursion, outside, period in each
+        ]
 
     def __len__(self) -> int:
         """The number of runs; only many have one."""
