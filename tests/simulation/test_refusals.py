@@ -35,15 +35,15 @@ def attempt(plant=None, law=None, trajectory=MOTION_4_1, start=START_4_1, **time
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"period": -1e-3}, r"`period` must be > 0 s; got -0.001"),
-        ({"period": 0.0}, r"`period` must be > 0 s; got 0"),
-        ({"period": float("nan")}, r"`period` must be > 0 s; got nan"),
+        ({"period": -1e-3}, r"`Stepping.period` must be > 0 s; got -0.001"),
+        ({"period": 0.0}, r"`Stepping.period` must be > 0 s; got 0"),
+        ({"period": float("nan")}, r"`Stepping.period` must be > 0 s; got nan"),
         ({"t1": 0.0}, r"`t1` must be > 0 s; got 0"),
         ({"t1": float("inf")}, r"`t1` must be > 0 s; got inf"),
         ({"t1": 0.0105}, r"`t1` must be a whole number of periods of 0.001 s; got 0.0105 s"),
         ({"t1": 1e-4}, r"`t1` must be a whole number of periods"),
-        ({"substeps": 0}, r"`substeps` must be >= 1; got 0"),
-        ({"substeps": 2, "mode": "continuous"}, r"`substeps` must be 1 in continuous mode.*got 2"),
+        ({"substeps": 0}, r"`Stepping.substeps` must be >= 1; got 0"),
+        ({"substeps": 2, "mode": "continuous"}, r"`Stepping.substeps` must be 1 in continuous mode.*got 2"),
         ({"log_every": 0}, r"`log_every` must be >= 1, or None for no log; got 0"),
     ],
 )
@@ -134,7 +134,7 @@ def test_a_disturbance_on_another_number_of_joints_is_refused():
         ({"plant": Plant(*plant_parts(), Exact())}, "a sensor needs samples: simulate in held mode"),
         ({"plant": Plant(*plant_parts(), None, Actuator())}, "an actuator needs samples: simulate in held mode"),
         ({"law": sampled_data(law_4_1(), period=1e-3)}, "a sampled-data law needs samples: simulate in held mode"),
-        ({"outside": "recover"}, "`outside` must be `raise` in continuous mode: recovering needs samples"),
+        ({"outside": "recover"}, "`Stepping.outside` must be `raise` in continuous mode: recovering needs samples"),
     ],
 )
 def test_what_needs_samples_is_refused_in_continuous_mode(change, message):

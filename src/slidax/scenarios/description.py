@@ -10,7 +10,7 @@ import jax
 from slidax._errors import DefinitionError, as_array, located, require_joints
 from slidax._types import State
 from slidax.numerics import runge_kutta_4, semi_implicit_euler
-from slidax.simulation import MujocoPlant, Plant, Table
+from slidax.simulation import MujocoPlant, Plant, Stepping, Table
 
 from .base import Description, said, same
 from .disturbances import DisturbanceDescription
@@ -58,6 +58,8 @@ class SimulationDescription(Description):
     log_every: int = said("one in how many samples is written to the log; metrics count all", "", ">= 1", default=10)
     outside: Literal["raise", "recover"] = "raise"
     """What a sample outside the envelope does: `raise` ends the run, `recover` counts it and goes on."""
+    limits: Literal["check", "ignore"] = "check"
+    """What a start or a motion beyond the limits of the robot's joints does: `check` refuses it, `ignore` runs it."""
     plant: Literal["own", "mujoco"] = "own"
     """Who moves the arm: our own equations, or MuJoCo, in held mode."""
     friction: Literal["smooth", "dry"] = "smooth"
@@ -160,13 +162,16 @@ class ScenarioDescription(Description):
             trajectory=trajectory,
             state0=state0,
             t1=simulation.t1,
-            period=simulation.period,
-            mode=simulation.mode,
-            integrator=INTEGRATORS[simulation.integrator],
-            substeps=simulation.substeps,
+            stepping=Stepping(
+                period=simulation.period,
+                mode=simulation.mode,
+                substeps=simulation.substeps,
+                integrator=INTEGRATORS[simulation.integrator],
+                outside=simulation.outside,
+                limits=simulation.limits,
+                engine=simulation.engine,
+            ),
             log_every=simulation.log_every,
-            outside=simulation.outside,
-            engine=simulation.engine,
         )
 
     def _plant(self, own: Plant) -> Plant | MujocoPlant:

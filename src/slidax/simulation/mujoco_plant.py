@@ -1,4 +1,4 @@
-"""MuJoCo in the real robot's stead."""
+"""A plant whose robot MuJoCo simulates."""
 
 from __future__ import annotations
 
