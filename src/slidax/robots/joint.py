@@ -12,6 +12,7 @@ from slidax._errors import DefinitionError
 
 from .inertia import require_rigid
 
+
 def _zeros() -> np.ndarray:
     return np.zeros(3)
 
