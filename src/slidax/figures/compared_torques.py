@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -11,22 +11,21 @@ from matplotlib.figure import Figure
 from slidax.simulation import Run
 
 from .axes import use_time_axis
-from .logged import torque_unit
+from .limits import draw_limit, limit_handle
+from .logged import joint_label
 from .overlay import (
     SPAN,
-    Curves,
+    Trace,
     clipped,
-    column_starts,
     columns_for,
-    curves_of,
-    lean,
     legend_rows,
     linear_range,
     name_runs,
+    traces_of,
     zero_line,
 )
 from .style import ROW, WIDTH, styled
-from .thinning import thinned
+from .thinning import column_starts, thinned
 
 TURNS, SHARE = 3, 0.15
 """A torque that turns around so often within one column, and at such a share of its samples, chatters there."""
@@ -39,19 +38,23 @@ NEIGHBOURS = 30
 
 
 @styled
-def compared_torques(runs: Mapping[str, Run], *, beginning: float = 2.0) -> Figure:
+def compared_torques(
+    runs: Mapping[str, Run], *, limits: Sequence[float] | np.ndarray | None = None, beginning: float = 2.0
+) -> Figure:
     """Per joint: the torques of all runs over the whole run, and to the right over the beginning.
 
     Where a torque chatters, its range is drawn as a tinted band between its lowest and highest values. Over the whole
     run, peaks far above all else leave the axis; the beginning shows them in full.
 
     - `runs`: finished runs of the same arm with logs, by the name that the legend gives them.
+    - `limits`: largest torque of each joint's drive [N m or N], to draw beside them.
     - `beginning`: how long the beginning is [s].
 
     Raises DefinitionError if there are no runs, too many, one without a log, or arms with different joints.
     """
-    curves = curves_of(runs, "tau")
-    units = next(iter(runs.values())).joint_units
+    curves = traces_of(runs, "tau")
+    first = next(iter(runs.values()))
+    units = first.torque_units
     figure = Figure(
         figsize=(WIDTH, ROW * 1.1 * len(units) + 0.25 + 0.2 * legend_rows(len(runs), WIDTH)), layout="constrained"
     )
@@ -62,25 +65,27 @@ def compared_torques(runs: Mapping[str, Run], *, beginning: float = 2.0) -> Figu
     for axes_column, (until, span) in zip(panels.T, spans, strict=True):
         for i, axes in enumerate(axes_column):
             seen = [c.t <= max(until, float(c.t[1])) for c in curves]
-            limits = linear_range([c.y[s, i] for c, s in zip(curves, seen, strict=True)], span)
+            shown = linear_range([c.y[s, i] for c, s in zip(curves, seen, strict=True)], span)
             zero_line(axes)
             for c, s in zip(curves, seen, strict=True):
-                _draw(axes, Curves(c.t[s], clipped(c.y[s, i], limits), c.look), columns, limits)
-            axes.set_ylim(limits)
+                _draw(axes, Trace(c.t[s], clipped(c.y[s, i], shown), c.look), columns, shown)
+            axes.set_ylim(shown)
         use_time_axis(axes_column[-1], 0.0, until)
     for i, unit in enumerate(units):
-        panels[i, 0].set_ylabel(rf"$\tau_{{{i + 1}}}$  [{torque_unit(unit)}]")
+        panels[i, 0].set_ylabel(joint_label(first, i, r"\tau_{%d}", unit))
+        if limits is not None:
+            draw_limit(panels[i], float(limits[i]), unit)
     figure.align_ylabels()
-    name_runs(figure, runs)
+    name_runs(figure, runs, [] if limits is None else [limit_handle()])
     return figure
 
 
-def _draw(axes: Axes, curve: Curves, columns: int, limits: tuple[float, float]) -> None:
+def _draw(axes: Axes, curve: Trace, columns: int, limits: tuple[float, float]) -> None:
     t, y = curve.t, curve.y
     wide, columns = columns, max(1, min(columns, len(t) // SAMPLES))
     chatters = _chatters(t, y, columns)
     if not chatters.any():
-        axes.plot(*lean(*thinned(t, y, wide), limits), **{**curve.look, "linewidth": 0.9})
+        axes.plot(*thinned(t, y, wide, limits), **{**curve.look, "linewidth": 0.9})
         return
     starts = column_starts(t, columns)
     ends = np.append(starts[1:], len(t))
@@ -97,7 +102,7 @@ def _draw(axes: Axes, curve: Curves, columns: int, limits: tuple[float, float]) 
     for part in np.split(np.arange(len(t)), np.flatnonzero(np.diff(calm.astype(int))) + 1):
         if len(part) > 1 and calm[part[0]]:
             share = max(2, round(wide * len(part) / len(t)))
-            axes.plot(*lean(*thinned(t[part], y[part], share), limits), **{**curve.look, "linewidth": 0.9})
+            axes.plot(*thinned(t[part], y[part], share, limits), **{**curve.look, "linewidth": 0.9})
 
 
 def _widest(pick: np.ufunc, y: np.ndarray, starts: np.ndarray, chatters: np.ndarray, reach: int) -> np.ndarray:
