@@ -8,7 +8,7 @@ from typing import Any, Literal
 
 from slidax._errors import DefinitionError, OutcomeError, is_traced
 from slidax._types import Envelope, Reference, State
-from slidax.codegen.trace import NoNativeCodeError
+from slidax.codegen import NoNativeCodeError
 from slidax.controllers import AbstractController
 from slidax.numerics import runge_kutta_4
 from slidax.trajectories import AbstractTrajectory

@@ -15,6 +15,7 @@ from slidax._errors import DefinitionError
 from slidax.codegen.digest import digest
 from slidax.codegen.fold import DTYPES
 from slidax.codegen.form import Program
+from slidax.codegen.no_native_code import in_one_line
 
 from .machine import Code, host
 from .module import module
@@ -40,7 +41,8 @@ class Kernel:
         self.lanes = lanes
         self.inputs, self.outputs = program.inputs, program.outputs
         self.program = program
-        self._code = Code(host().object_of(f"{digest(program)} {lanes}", lambda: self.text))
+        with in_one_line(lambda: "the program"):
+            self._code = Code(host().object_of(f"{digest(program)} {lanes}", lambda: self.text))
         signature = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_int64, ctypes.c_int64)
         self._run: Any = signature(self._code.address)
 
