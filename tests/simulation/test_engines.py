@@ -238,7 +238,7 @@ def test_whatever_fails_on_the_way_to_native_code_is_named_and_xla_runs(monkeypa
     elif where == "builder":
         monkeypatch.setattr(Builder, "loop", fails)
     else:
-        monkeypatch.setattr(machine.Machine, "object_of", fails)
+        monkeypatch.setattr(machine.Machine, "code_of", fails)
     # Nothing is known beforehand.
     monkeypatch.setattr(native_engine, "_compiled", native_engine._compiled.__wrapped__)
     monkeypatch.setattr(native_engine, "_compiled_batch", native_engine._compiled_batch.__wrapped__)
