@@ -12,7 +12,7 @@ import jax.numpy as jnp
 
 from slidax._errors import DefinitionError, is_traced
 from slidax._types import State
-from slidax.codegen.trace import NoNativeCodeError
+from slidax.codegen import NoNativeCodeError
 from slidax.controllers import AbstractController
 from slidax.trajectories import AbstractTrajectory
 
