@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from slidax.controllers.steps.plan import PRECISION
 
 from slidax.controllers import SampledData
+from slidax.controllers.steps.plan import PRECISION
 from slidax.deploy.samples import answer, random_samples
 from slidax.scenarios import load
 
@@ -47,7 +47,7 @@ def named(pair: Pair) -> str:
 def slack(guard, samples):
     """What a law that searches for a plan may be off by: its plan is found to so many rad/s, over one horizon."""
     law = guard.controller
-    if not isinstance(law, SampledData):
+    if not isinstance(law, SampledData) or law.horizon is None:
         return 0.0
     stiffness = np.abs(jax.vmap(law.nominal.mass)(samples.state.q)).sum(-1).max(-1)
     return 2.0 * PRECISION * stiffness / float(law.horizon)

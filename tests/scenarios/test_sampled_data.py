@@ -96,13 +96,13 @@ def test_another_scheme_by_name_keeps_its_sampled_data_form(name: str) -> None:
     plain = scenarios.load(NAME, {"scheme.name": name, "scheme.sampled_data": None}).controller
     assert isinstance(built, SampledData)
     assert float(built.horizon) == 0.015
-    assert eqx.tree_equal(built.surface, plain.surface)
-    assert eqx.tree_equal(built.transformation, plain.transformation)
+    assert eqx.tree_equal(built.step.surface, plain.surface)
+    assert eqx.tree_equal(built.step.transformation, plain.transformation)
     if name.startswith("slotine_li"):
-        assert isinstance(built.reaching, SaturatedReaching)
-        assert eqx.tree_equal(built.reaching.damping, plain.damping)
+        assert isinstance(built.step.reaching, SaturatedReaching)
+        assert eqx.tree_equal(built.step.reaching.damping, plain.damping)
     else:
-        assert eqx.tree_equal((built.reaching, built.bound), (plain.reaching, plain.bound))
+        assert eqx.tree_equal((built.step.reaching, built.step.bound), (plain.reaching, plain.bound))
 
 
 def test_a_scheme_that_has_no_such_form_drops_the_block() -> None:

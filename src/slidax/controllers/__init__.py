@@ -10,7 +10,6 @@ from .gravity_compensated_pd import GravityCompensatedPD as GravityCompensatedPD
 from .model_based import AbstractModelBased as AbstractModelBased
 from .model_based import AbstractSurfaceBased as AbstractSurfaceBased
 from .nonsingular_fast_terminal import NonsingularFastTerminal as NonsingularFastTerminal
-from .sampled_data import ExplicitStep as ExplicitStep
 from .sampled_data import SampledData as SampledData
 from .sampled_data import sampled_data as sampled_data
 from .sfsmc import sfsmc as sfsmc
@@ -20,7 +19,5 @@ from .steps import AbstractStep as AbstractStep
 from .steps import Decision as Decision
 from .steps import Moment as Moment
 from .steps import Recovery as Recovery
-from .steps import SlidingStep as SlidingStep
-from .steps import TwistingStep as TwistingStep
 from .super_twisting import Integral as Integral
 from .super_twisting import SuperTwisting as SuperTwisting

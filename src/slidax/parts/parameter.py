@@ -167,7 +167,7 @@ def _shape(annotation: str) -> str:
     plain = annotation.removesuffix(" | None")
     if plain in SHAPES:
         return SHAPES[plain]
-    array = re.fullmatch(r"(?:Float|Int|Bool)\[Array, \"(.*)\"\]", plain)
+    array = re.fullmatch(r"(?:Float|Int|Bool)\[Array, [\"'](.*)[\"']\]", plain)
     if array is None:
         return "one number" if plain in ("float", "int") else ""
     dims = array.group(1).strip()

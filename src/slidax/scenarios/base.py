@@ -41,4 +41,4 @@ class Description(BaseModel):
 
     def parameters(self) -> dict[str, Any]:
         """What the described part is made from: the fields that are given, but for the one that names its kind."""
-        return self.model_dump(exclude={"kind", "name"}, exclude_none=True)
+        return self.model_dump(exclude={"kind", "name", "sampled_data"}, exclude_none=True)

@@ -18,7 +18,7 @@ from .disturbances import DisturbanceDescription
 from .instruments import ActuatorDescription, SensorDescription
 from .robots import RobotDescription
 from .scenario import Scenario
-from .schemes import AbstractSliding, Sampling, SchemeDescription
+from .schemes import Sampling, SchemeDescription
 from .trajectories import TrajectoryDescription
 
 INTEGRATORS = {"rk4": runge_kutta_4, "semi_implicit_euler": semi_implicit_euler}
@@ -146,7 +146,7 @@ class ScenarioDescription(Description):
             state0 = self.start.build(true.joints)
         with located("scheme"):
             controller = self.scheme.build(nominal)
-            if isinstance(self.scheme, AbstractSliding) and self.scheme.sampled_data is not None:
+            if self.scheme.sampled_data is not None:
                 sampling = Sampling(
                     period=simulation.period,
                     delay=self.sensor.delay + self.actuator.dead_time,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
+from typing import Any
 
 from slidax._errors import as_array, located
 from slidax.controllers import AbstractController
@@ -70,7 +71,7 @@ class StateBoundDescription(Description):
         return StateBound(**_renamed(self.parameters()))
 
 
-def _renamed(given: dict[str, float]) -> dict[str, float]:
+def _renamed(given: dict[str, Any]) -> dict[str, Any]:
     names = {
         "inertia_min": "inverse_inertia_min",
         "inertia_max": "inverse_inertia_max",
@@ -84,6 +85,9 @@ def _renamed(given: dict[str, float]) -> dict[str, float]:
 class AbstractScheme(Description):
     """What every description of a scheme is: it builds a controller."""
 
+    sampled_data: SampledDataDescription | None = None
+    """The scheme at the arm's own rate; the law as it is printed if not given."""
+
     @abstractmethod
     def build(self, nominal: AbstractRobot) -> AbstractController:
         """The controller.
@@ -93,10 +97,7 @@ class AbstractScheme(Description):
 
 
 class AbstractSliding(AbstractScheme):
-    """What every description of a scheme with a surface `s = de + phi(t, e)` has."""
-
-    sampled_data: SampledDataDescription | None = None
-    """The scheme as implicit steps, for the arm's own rate; the law as it is printed if not given."""
+    """What every description of a scheme with a surface `s = de + phi(t, e)` is."""
 
 
 class AbstractEnveloped(AbstractSliding):
