@@ -35,7 +35,7 @@ def judged(arm, period, x):
         after
         - push
         + jax.vmap(law.step.reaching.continuous_term)(s_next)
-        + u[:, None] * jax.vmap(law.step.reaching.switching_direction)(s_next)
+        + u[:, None] * jax.vmap(reaching.switching_direction)(s_next)
     )
     held = (x["layer"] == 0) & (size <= u)
     proximal = jnp.where(held, 0.0, jnp.linalg.norm(left, axis=1) / (1.0 + size))
