@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Array
 
 from slidax._errors import DefinitionError, is_traced
-from slidax._types import Envelope, Reference, State, Vector
+from slidax._types import Envelope, Reference, State
 from slidax.controllers import AbstractController, SampledData
 from slidax.trajectories import AbstractTrajectory
 
@@ -134,9 +134,7 @@ def _steps(t1: float, period: float) -> int:
     return steps
 
 
-def require_start(
-    loop: Loop, state0: State, envelope: Envelope | None, reference: Reference, held: Vector | None
-) -> None:
+def require_start(loop: Loop, state0: State, envelope: Envelope | None, reference: Reference, held: Any) -> None:
     """Raises DefinitionError if the first error is at or outside its bounds, or the arm cannot be held where it starts.
 
     - `loop`: what begins.
