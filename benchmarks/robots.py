@@ -247,9 +247,8 @@ def _closed_loops() -> dict[str, float]:
             define,
             jnp.linspace(0.0, 3.0, BATCH),
             t1=scenario.t1,
-            period=scenario.period,
+            stepping=scenario.stepping,
             integrator=integrator,
-            substeps=scenario.substeps,
             engine="native",
             threads=1,
         )
@@ -260,7 +259,7 @@ def _closed_loops() -> dict[str, float]:
         one = scenarios.load("panda-payload", {**changes, "simulation.engine": "native"})
         runs = [one.simulate(log_every=None).timing for _ in range(ROUNDS)]
         found[f"one run, {name}"] = one.t1 / min(timing.run_s for timing in runs if timing is not None)
-    found_batch = [batch(scenario.integrator) for _ in range(4)]
+    found_batch = [batch(scenario.stepping.integrator) for _ in range(4)]
     found[f"a batch of {BATCH}, semi-implicit Euler"] = BATCH * scenario.t1 / min(found_batch)
     other = scenarios.load("panda-payload", {"simulation.plant": "mujoco"})
     timings = [other.simulate(log_every=None).timing for _ in range(4)]

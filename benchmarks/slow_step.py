@@ -61,7 +61,7 @@ def contestant(changes: dict[str, Any], compile_s: dict[str, float]) -> Callable
             scenario.state0,
             t1=scenario.t1 / 10,
             period=scenario.period,
-            integrator=scenario.integrator,
+            integrator=scenario.stepping.integrator,
             log_every=None,
             engine="xla",
         )

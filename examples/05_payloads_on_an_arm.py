@@ -22,7 +22,7 @@ print(f"{nominal.name}: {', '.join(nominal.joint_names)}")
 def define(mass):
     """The plant with another payload; everything else is the scenario's."""
     load = Load(Payload(mass=mass, center=jnp.asarray([0.0, 0.0, 0.1]), inertia=2e-3 * mass))
-    mismatch = Mismatch(mass=0.85, coulomb=0.3, viscous=0.2, load=load)
+    mismatch = Mismatch(mass_factor=0.85, coulomb=0.3, viscous=0.2, load=load)
     plant = eqx.tree_at(
         lambda plant: (plant.robot, plant.load), scenario.plant, (mismatch.applied(nominal), mismatch.load)
     )

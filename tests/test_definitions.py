@@ -119,8 +119,8 @@ WRONG = [
     ),
     (lambda **c: Constant(**c), "value", [1.0, NAN], "must be finite", "got nan for joint 2"),
     (lambda **c: Posture(**c), "value", [NAN, 1.0], "must be finite", "got nan for joint 1"),
-    (lambda **c: Step(**({"value": [1.0], "end": 1.0} | c)), "start", 2.0, "must be before its end", "got 2"),
-    (lambda **c: Scaled(Constant([1.0]), **c), "factor", NAN, "must be one finite number", "got nan"),
+    (lambda **c: Step(**({"value": [1.0], "start": 2.0} | c)), "end", 1.0, "must be > `start` = 2.0 s", "got 1"),
+    (lambda **c: Scaled(Constant([1.0]), **c), "factor", NAN, "must be finite", "got nan"),
     (
         lambda **c: Sinusoid(**({"offset": [0.0, 0.0], "amplitude": 1.0, "frequency": 1.0} | c)),
         "amplitude",

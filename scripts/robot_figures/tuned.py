@@ -71,9 +71,7 @@ def tuned(name: str, rival: Rival, changes: dict[str, Any]) -> tuple[Run, dict[s
         define,
         grid,
         t1=scenario.t1,
-        period=scenario.period,
-        integrator=scenario.integrator,
-        substeps=scenario.substeps,
+        stepping=scenario.stepping,
     )
     errors = np.max(np.asarray(runs.tally.steady_error), axis=1)
     errors = np.where((np.asarray(runs.fault.kind) == 0) & np.isfinite(errors), errors, np.inf)

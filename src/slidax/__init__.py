@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from . import transformations as transformations
     from . import views as views
     from ._errors import DefinitionError as DefinitionError
+    from ._errors import DefinitionWarning as DefinitionWarning
     from ._errors import OutcomeError as OutcomeError
     from ._types import Command as Command
     from ._types import Envelope as Envelope
@@ -58,6 +59,7 @@ _ROOMS = [
 ]
 _NAMES = {
     "DefinitionError": "_errors",
+    "DefinitionWarning": "_errors",
     "OutcomeError": "_errors",
     "Command": "_types",
     "Envelope": "_types",

@@ -25,6 +25,10 @@ class DefinitionError(ValueError):
         self.where = where
 
 
+class DefinitionWarning(UserWarning):
+    """A definition does not say something, or says what cannot be; it was read in the sense that the message names."""
+
+
 class OutcomeError(RuntimeError):
     """A run ended before its time, raised by `simulate(..., throw=True)`.
 
@@ -89,13 +93,14 @@ def known(value: Any) -> Any:
     return value if is_traced(value) else np.asarray(value)
 
 
-def require(owner: object, field: str, holds: Any, rule: str, *, finite: bool = True) -> None:
+def require(owner: object, field: str, holds: Any, rule: str, *, finite: bool = True, each: str = "joint") -> None:
     """Raises a DefinitionError unless `holds` is true in every entry of the field and the field is finite.
 
     - `owner`: the object whose field it is; its class names it in the message.
     - `holds`: bool or array of bools, of the field's shape.
     - `rule`: what must hold, with its equation: "must be > 2 (eq. 20)".
     - `finite`: whether what is infinite is refused, too; what is no number always is.
+    - `each`: what the entries of a vector belong to.
 
     Traced values pass: inside a transformation nothing is known about them.
     """
@@ -110,12 +115,23 @@ def require(owner: object, field: str, holds: Any, rule: str, *, finite: bool = 
     if number.ndim == 0 and wrong.ndim == 0:
         raise DefinitionError(f"{name} {rule}; got {number.item():g}")
     if number.ndim == wrong.ndim == 1:
-        joint = int(np.argmax(wrong))
-        raise DefinitionError(f"{name} {rule}; got {number[joint].item():g} for joint {joint + 1}")
+        first = int(np.argmax(wrong))
+        place = _joint(owner, first) if each == "joint" else f"{each} {first + 1}"
+        raise DefinitionError(f"{name} {rule}; got {number[first].item():g} for {place}")
     if number.ndim == 0:
         joint = int(np.argmax(wrong))
-        raise DefinitionError(f"{name} {rule}; got {number.item():g}, which fails for joint {joint + 1}")
+        raise DefinitionError(f"{name} {rule}; got {number.item():g}, which fails for {_joint(owner, joint)}")
+    if np.ndim(holds) == number.ndim:
+        entry = tuple(int(index[0]) for index in np.nonzero(wrong))
+        raise DefinitionError(f"{name} {rule}; got {number[entry].item():g} in entry {[i + 1 for i in entry]}")
     raise DefinitionError(f"{name} {rule}; got {number.tolist()}")
+
+
+def _joint(owner: object, number: int) -> str:
+    """A joint by its name, where the owner's joints have names of their own."""
+    names = getattr(owner, "joint_names", ())
+    name = names[number] if number < len(names) else f"joint {number + 1}"
+    return name if name == f"joint {number + 1}" else f"joint `{name}`"
 
 
 def require_shape(owner: object, shape: tuple[int, ...], *fields: str) -> None:
@@ -128,7 +144,7 @@ def require_shape(owner: object, shape: tuple[int, ...], *fields: str) -> None:
     for field in fields:
         given = np.shape(getattr(owner, field))
         if given != shape:
-            wanted = f"{shape[0]} numbers" if shape else "one number"
+            wanted = f"{' x '.join(map(str, shape))} numbers" if shape else "one number"
             raise DefinitionError(f"`{type(owner).__name__}.{field}` must be {wanted}; got shape {list(given)}")
 
 

@@ -6,7 +6,11 @@ from typing import Any
 
 import equinox as eqx
 import jax
+import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
+
+from ._errors import as_array
 
 Scalar = Float[Array, ""]
 """A single number."""
@@ -24,26 +28,53 @@ Memory = Any
 """What a controller keeps between two samples: any pytree of arrays, also an empty one."""
 
 
+def _numbers(value: Any, like: Any = None) -> Any:
+    """Lists and whole numbers as an array of floats, nothing as zeros; what stands for an array stays as it is.
+
+    - `value`: what was given.
+    - `like`: of what shape the zeros are.
+    """
+    if value is None and like is not None:
+        return np.zeros(np.shape(like)) if isinstance(like, np.ndarray) else jnp.zeros_like(like)
+    if isinstance(value, jax.Array):
+        return value if jnp.issubdtype(value.dtype, jnp.inexact) else value.astype(float)
+    return as_array(value) if isinstance(value, (list, tuple, float, int, np.ndarray)) else value
+
+
 class State(eqx.Module):
     """Joint positions and velocities. Also used for their rates: `State(q=dq, dq=ddq)`.
 
     - `q`: positions [n], rad for a revolute joint, m for a prismatic one.
-    - `dq`: velocities [n], rad/s or m/s.
+    - `dq`: velocities [n], rad/s or m/s; at rest if not given.
+
+    Raises DefinitionError if they are no numbers.
     """
 
     q: Vector
     dq: Vector
+
+    def __init__(self, q: Any, dq: Any = None) -> None:
+        self.q = _numbers(q)
+        self.dq = _numbers(dq, self.q)
 
 
 class Reference(eqx.Module):
     """What the joints should do at one time.
 
-    - `q`, `dq`, `ddq`: desired position, velocity and acceleration [n] in rad, rad/s, rad/s² (m for a prismatic joint).
+    - `q`, `dq`, `ddq`: desired position, velocity and acceleration [n] in rad, rad/s, rad/s² (m for a prismatic joint);
+      standing still if only the position is given.
+
+    Raises DefinitionError if they are no numbers.
     """
 
     q: Vector
     dq: Vector
     ddq: Vector
+
+    def __init__(self, q: Any, dq: Any = None, ddq: Any = None) -> None:
+        self.q = _numbers(q)
+        self.dq = _numbers(dq, self.q)
+        self.ddq = _numbers(ddq, self.q)
 
 
 class Envelope(eqx.Module):

@@ -15,6 +15,7 @@ from slidax._errors import DefinitionError
 from slidax._types import Command, Reference, State
 from slidax.actuators import Actuator, TorqueLimits
 from slidax.controllers import AbstractController, ComputedTorque, Recovery, SampledData, cftsmppc, sampled_data
+from slidax.deploy.guarded_step import GuardedStep
 from slidax.disturbances import Constant
 from slidax.estimators import Measured
 from slidax.performance import FixedTime
@@ -202,6 +203,21 @@ def test_after_lost_samples_the_plan_is_made_anew_and_nothing_is_learnt_from_the
     assert float(jnp.abs(near.memory.prior.push - memory.prior.push)[0]) > 1.0
     np.testing.assert_array_equal(far.memory.prior.push, memory.prior.push)
     np.testing.assert_array_equal(far.signals["residual"], 0.0)
+
+
+def test_the_torque_limit_holds_from_the_first_sample_on_though_the_arm_was_held_by_more():
+    """Its guards in exported code then have nothing left to limit."""
+    limits = TorqueLimits(5.0, 4000.0)
+    law = sampled_data(law_4_1(), period=1e-3, limits=limits)
+    guard = GuardedStep.around(law, limits, 1e-3)
+    motion = load("example-4.1").trajectory
+    now, ahead = motion.reference(jnp.asarray(0.0)), motion.reference(jnp.asarray(1e-3))
+    memory = law.init(jnp.asarray(0.0), START_4_1, now)
+    assert np.any(np.abs(memory.torques[-1]) > 9.0)
+    tau = law(jnp.asarray(0.0), START_4_1, now, ahead, memory).tau
+    assert np.all(np.abs(tau) <= 5.0)
+    kept = guard.init(jnp.asarray(0.0), START_4_1, now)
+    np.testing.assert_array_equal(guard(jnp.asarray(0.0), START_4_1, now, ahead, kept).tau, tau)
 
 
 @pytest.mark.parametrize("value", [0.0, 1e-300, 1.0, -30.0, 1e6, -1e12])

@@ -45,7 +45,7 @@ def test_every_scheme_is_run_in_every_way_once() -> None:
 
 def test_a_case_sets_what_it_says() -> None:
     scenario = scenario_of(Case("4.2", "off", "held", 2e-4, "nftsmc", 3e-4), {})
-    assert (scenario.scheme, scenario.mode, scenario.period) == ("nftsmc", "held", 2e-4)
+    assert (scenario.scheme, scenario.stepping.mode, scenario.period) == ("nftsmc", "held", 2e-4)
     assert float(scenario.controller.layer) == 3e-4
     assert scenario.description.disturbance.scale == 0.0
 

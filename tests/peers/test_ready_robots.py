@@ -18,8 +18,8 @@ from tests.peers.ready_arms import DESCRIPTIONS, for_mujoco, for_pinocchio
 cases = pytest.mark.parametrize(
     ("name", "count"),
     [
-        *(pytest.param(name, 100, id=name) for name in ready.NAMES),
-        *(pytest.param(name, 1000, id=f"{name}-full", marks=pytest.mark.full) for name in ready.NAMES),
+        *(pytest.param(name, 100, id=name) for name in ready.names()),
+        *(pytest.param(name, 1000, id=f"{name}-full", marks=pytest.mark.full) for name in ready.names()),
     ],
 )
 

@@ -163,7 +163,7 @@ BAD_ARMS = {
     "gravity of two numbers": (
         [SHOULDER, ELBOW, FLANGE],
         TIP | {"gravity": (0.0, -9.81)},
-        r"`gravity_vector` of arm must have shape \[3\]; got \[2\]",
+        r"`Articulated.gravity_vector` must be 3 numbers; got shape \[2\]",
     ),
     "nothing heavy at the end": (
         [SHOULDER, still(parent="shoulder"), FLANGE],

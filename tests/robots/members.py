@@ -1,6 +1,6 @@
-"""Every robot: one line here enrols a new one in `tests/laws/test_robots.py`."""
+"""Every robot: one line here enrols a new one in `tests/laws/test_robots.py`; ready ones are found by themselves."""
 
-from slidax.robots import AbstractRobot, gen3, iiwa14, panda, ur5e, xarm7
+from slidax.robots import AbstractRobot, ready
 from tests.paper import SCARA, TWO_LINK, TWO_LINK_NOMINAL
 from tests.robots.trees import tree
 
@@ -9,12 +9,8 @@ ROBOTS: list[tuple[str, AbstractRobot]] = [
     ("two_link_nominal", TWO_LINK_NOMINAL),
     ("scara", SCARA),
     ("tree", tree()),
-    ("panda", panda()),
-    ("ur5e", ur5e()),
-    ("iiwa14", iiwa14()),
-    ("xarm7", xarm7()),
-    ("gen3", gen3()),
+    *((name, ready.read(name).robot) for name in ready.names()),
 ]
 
-LIKE_PANDA = ("ur5e", "iiwa14", "xarm7", "gen3")
+LIKE_PANDA = tuple(name for name in ready.names() if name != "panda")
 """The same class with other numbers: these run in the long version."""

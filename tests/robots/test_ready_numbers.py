@@ -3,16 +3,19 @@
 The kinematics are worked out here in plain NumPy: what is tested are the numbers, not what reads them.
 """
 
+import sys
 import xml.etree.ElementTree as ElementTree
 from importlib import metadata
 from itertools import pairwise
 from pathlib import Path
 
+import equinox as eqx
 import numpy as np
 import pytest
 from ruamel.yaml import YAML
 
 from slidax import robots
+from slidax._errors import DefinitionError
 
 FOLDER = Path(robots.__file__).parent / "ready"
 FILES = {path.stem: YAML(typ="safe", pure=True).load(path) for path in sorted(FOLDER.glob("*.yaml"))}
@@ -76,8 +79,37 @@ def postures(description):
     return np.random.default_rng(11).uniform(*limits(description), (100, len(description["joints"])))
 
 
-def test_there_are_five_arms():
-    assert set(FILES) == {"panda", "ur5e", "iiwa14", "xarm7", "gen3"}
+ARMS = {"panda", "ur5e", "iiwa14", "xarm7", "gen3"}
+"""One word here enrols a new file."""
+
+
+def test_every_file_is_an_arm_that_python_knows_by_its_name():
+    assert set(FILES) == ARMS == set(robots.ready.names())
+    for name in ARMS:
+        make = getattr(robots, name)
+        assert name in dir(robots)
+        assert make.__name__ == name
+        assert FILES[name]["title"] in make.__doc__
+        assert eqx.tree_equal(make(), robots.ready.read(name).robot)
+        assert make().joints == len(FILES[name]["joints"])
+
+
+def test_a_further_file_is_a_further_arm(tmp_path, monkeypatch):
+    text = (FOLDER / "ur5e.yaml").read_text(encoding="utf-8")
+    (tmp_path / "scratch.yaml").write_text(text.replace("title: Universal Robots UR5e", "title: Scratch arm"))
+    monkeypatch.setattr(sys.modules["slidax.robots.ready.read"], "FILES", tmp_path)
+    assert robots.ready.names() == ("scratch",)
+    assert robots.ready.title("scratch") == "Scratch arm, 6 joints"
+    arm = robots.scratch()
+    np.testing.assert_array_equal(arm.masses, [joint["link"]["mass"] for joint in FILES["ur5e"]["joints"]])
+    assert arm.name == "scratch"
+
+
+def test_an_arm_that_there_is_not_is_named_with_its_nearest():
+    with pytest.raises(DefinitionError, match="no ready robot `pandas`; did you mean `panda`"):
+        robots.ready.read("pandas")
+    with pytest.raises(AttributeError, match=r"`slidax\.robots` has no `pandas`"):
+        _ = robots.pandas
 
 
 @every_arm

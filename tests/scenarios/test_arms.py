@@ -45,7 +45,7 @@ def nominal(robot: dict[str, Any]) -> Articulated:
     return arm
 
 
-@pytest.mark.parametrize("kind", robots.ready.NAMES)
+@pytest.mark.parametrize("kind", robots.ready.names())
 def test_a_ready_robot_needs_its_name_alone(kind: str) -> None:
     true, known, load = arms({"kind": kind})
     assert eqx.tree_equal(known, robots.ready.read(kind).robot)
@@ -83,7 +83,7 @@ def test_the_true_arm_differs_by_what_plant_says_and_both_by_what_nominal_says()
         (np.full(7, 0.1), Payload(0.7, (0.0, 0.0, 0.05), 0.001), np.array([0.0, 3.0, -9.0])),
     )
     assert same_numbers(known, expected)
-    mismatch = robots.Mismatch(mass=0.85, inertia=0.8, viscous=0.2, coulomb=[0.1] * 7)
+    mismatch = robots.Mismatch(mass_factor=0.85, inertia_factor=0.8, viscous=0.2, coulomb=[0.1] * 7)
     assert same_numbers(true, mismatch.applied(known))
     assert not same_numbers(true, known)
     assert eqx.tree_equal(carried, Load(Payload(1.5, (0.0, 0.1, 0.2), np.diag([0.01, 0.02, 0.025])), 0.5, 2.0))
@@ -114,10 +114,10 @@ REFUSED = [
     ({"kind": "panda", "plant": {"load": {}}}, "robot.plant.load.mass: is missing"),
     ({"kind": "panda", "plant": {"load": {"mass": -1}}}, "robot.plant.load.mass: must be >= 0; got -1"),
     ({"kind": "panda", "plant": {"load": {"mass": 1, "center": [0, 1]}}}, r"robot.plant.load.center: .*3.* \[0, 1\]"),
-    ({"kind": "panda", "plant": {"mass": 0}}, "robot.plant: `Mismatch.mass` must be > 0; got 0"),
+    ({"kind": "panda", "plant": {"mass": 0}}, "robot.plant: `Mismatch.mass_factor` must be > 0; got 0"),
     (
         {"kind": "panda", "plant": {"viscous": [0.1, 0.2]}},
-        "robot.plant: `Mismatch.viscous` must be one number or one for each of the 7 joints of panda; got 2",
+        "robot.plant: `Mismatch.viscous` must be one number or one for each of the 7 joints of panda, panda_joint1, ",
     ),
     (
         {"kind": "ur5e", "nominal": {"armature": [0.1] * 7}},
@@ -135,7 +135,7 @@ REFUSED = [
     ),
     (
         {"kind": "panda", "plant": {"load": {"mass": 1, "attached": 2.0, "released": 1.0}}},
-        "robot.plant.load: `Load.attached` must be before `released`",
+        "robot.plant.load: `Load.released` must be ",
     ),
     (
         {"kind": "panda", "plant": {"load": {"mass": 1, "inertia": [0.1, 0.1, -0.1]}}},

@@ -13,14 +13,13 @@ from slidax.actuators import TorqueLimits
 from slidax.controllers import Recovery, SampledData, sampled_data
 from slidax.estimators import AbstractEstimator, FilteredDifference, Kalman, Measured, RobustDifferentiator
 from slidax.reaching import SaturatedReaching
-from slidax.scenarios.schemes import AbstractSliding
-from slidax.scenarios.switch import SCHEMES, switched
+from slidax.scenarios.schemes import SCHEMES, switched
 from tests.paper import START_4_1, TWO_LINK_NOMINAL, law_4_1
 
 NAME = "example-4.1-1khz"
 PRINTED = law_4_1(layer=0.0)
 MASS = TWO_LINK_NOMINAL.mass(START_4_1.q)
-SLIDING = [name for name, model in SCHEMES.items() if issubclass(model, AbstractSliding)]
+SLIDING = ["cftsmppc", "ftsmc", "ftsmppc", "sfsmc", "sfsmppc", "slotine_li", "slotine_li_ppc"]
 
 
 def law(block: dict[str, Any], **changes: Any) -> SampledData:
@@ -105,13 +104,7 @@ def test_another_scheme_by_name_keeps_its_sampled_data_form(name: str) -> None:
         assert eqx.tree_equal((built.step.reaching, built.step.bound), (plain.reaching, plain.bound))
 
 
-def test_a_scheme_that_has_no_such_form_drops_the_block() -> None:
+def test_every_scheme_keeps_the_block() -> None:
     scheme = {"name": "cftsmppc", "sampled_data": {"horizon": 0.02}}
-    assert switched(scheme, "ftsmc") == {"name": "ftsmc", "sampled_data": {"horizon": 0.02}}
-    for name in sorted(set(SCHEMES) - set(SLIDING)):
-        assert switched(scheme, name) == {"name": name}
-
-
-def test_the_schemes_on_a_surface_are_those_that_the_recipe_takes() -> None:
-    named = ["cftsmppc", "ftsmppc", "ftsmc", "sfsmc", "sfsmppc", "slotine_li", "slotine_li_ppc"]
-    assert named == SLIDING
+    for name in set(SCHEMES) - {"cftsmppc"}:
+        assert switched(scheme, name) == {"name": name, "sampled_data": {"horizon": 0.02}}

@@ -51,7 +51,7 @@ RADIUS_OF_TIP = 0.01
 def run(load=None, surroundings=None, t1=1.0):
     """The arm is 15 % lighter than its law believes, and its joints have friction."""
     load = Load(Payload()) if load is None else load
-    mismatch = Mismatch(mass=0.85, coulomb=0.3, viscous=0.2, load=load)
+    mismatch = Mismatch(mass_factor=0.85, coulomb=0.3, viscous=0.2, load=load)
     plant = Plant.of_nominal(NOMINAL, mismatch, Constant(jnp.zeros(7)), actuator=Actuator(LIMITS))
     stand_in = MujocoPlant.of(plant, surroundings=surroundings)
     start = State(q=jnp.asarray(HOME), dq=jnp.zeros(7))

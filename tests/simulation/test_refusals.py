@@ -5,7 +5,7 @@ import pytest
 
 from slidax._errors import DefinitionError
 from slidax._types import State
-from slidax.actuators import Actuator
+from slidax.actuators import Actuator, TorqueLimits
 from slidax.controllers import sampled_data
 from slidax.disturbances import Constant
 from slidax.sensors import Exact
@@ -15,6 +15,7 @@ from tests.paper import (
     MOTION_4_2,
     SCARA,
     START_4_1,
+    TWO_LINK,
     law_4_1,
     law_4_2,
     plant_4_1,
@@ -34,21 +35,35 @@ def attempt(plant=None, law=None, trajectory=MOTION_4_1, start=START_4_1, **time
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"period": -1e-3}, r"`period` must be > 0 s; got -0.001"),
-        ({"period": 0.0}, r"`period` must be > 0 s; got 0"),
-        ({"period": float("nan")}, r"`period` must be > 0 s; got nan"),
+        ({"period": -1e-3}, r"`Stepping.period` must be > 0 s; got -0.001"),
+        ({"period": 0.0}, r"`Stepping.period` must be > 0 s; got 0"),
+        ({"period": float("nan")}, r"`Stepping.period` must be > 0 s; got nan"),
         ({"t1": 0.0}, r"`t1` must be > 0 s; got 0"),
         ({"t1": float("inf")}, r"`t1` must be > 0 s; got inf"),
         ({"t1": 0.0105}, r"`t1` must be a whole number of periods of 0.001 s; got 0.0105 s"),
         ({"t1": 1e-4}, r"`t1` must be a whole number of periods"),
-        ({"substeps": 0}, r"`substeps` must be >= 1; got 0"),
-        ({"substeps": 2, "mode": "continuous"}, r"`substeps` must be 1 in continuous mode.*got 2"),
+        ({"substeps": 0}, r"`Stepping.substeps` must be >= 1; got 0"),
+        ({"substeps": 2, "mode": "continuous"}, r"`Stepping.substeps` must be 1 in continuous mode.*got 2"),
         ({"log_every": 0}, r"`log_every` must be >= 1, or None for no log; got 0"),
     ],
 )
 def test_times_that_do_not_fit_are_refused(change, message):
     with pytest.raises(DefinitionError, match=message):
         attempt(**change)
+
+
+@pytest.mark.parametrize("engine", ["native", "xla"])
+@pytest.mark.parametrize("outside", ["raise", "recover"])
+def test_a_start_that_the_actuator_cannot_hold_is_refused(engine, outside):
+    """With the joint, what holds it, the limit and what to do; the second joint is the weak one."""
+    held = TWO_LINK.bias(START_4_1.q, START_4_1.dq)
+    assert held[1] > 5.0
+    weak = Plant(*plant_parts(), actuator=Actuator(TorqueLimits([60.0, 5.0])))
+    message = rf"joint 2 needs {held[1]:.4g} N m there, but its limit is 5 N m; raise it, or start in a posture"
+    with pytest.raises(DefinitionError, match=r"`TorqueLimits.torque` must hold the arm where it starts: " + message):
+        attempt(weak, engine=engine, outside=outside)
+    enough = Plant(*plant_parts(), actuator=Actuator(TorqueLimits([60.0, float(held[1])])))
+    attempt(enough, engine=engine, outside=outside)
 
 
 @pytest.mark.parametrize(("t1", "period", "samples"), [(0.3, 0.1, 4), (1.0, 1 / 3, 4), (0.7, 0.07, 11)])
@@ -119,7 +134,7 @@ def test_a_disturbance_on_another_number_of_joints_is_refused():
         ({"plant": Plant(*plant_parts(), Exact())}, "a sensor needs samples: simulate in held mode"),
         ({"plant": Plant(*plant_parts(), None, Actuator())}, "an actuator needs samples: simulate in held mode"),
         ({"law": sampled_data(law_4_1(), period=1e-3)}, "a sampled-data law needs samples: simulate in held mode"),
-        ({"outside": "recover"}, "`outside` must be `raise` in continuous mode: recovering needs samples"),
+        ({"outside": "recover"}, "`Stepping.outside` must be `raise` in continuous mode: recovering needs samples"),
     ],
 )
 def test_what_needs_samples_is_refused_in_continuous_mode(change, message):

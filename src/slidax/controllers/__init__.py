@@ -10,9 +10,12 @@ from .gravity_compensated_pd import GravityCompensatedPD as GravityCompensatedPD
 from .model_based import AbstractModelBased as AbstractModelBased
 from .model_based import AbstractSurfaceBased as AbstractSurfaceBased
 from .nonsingular_fast_terminal import NonsingularFastTerminal as NonsingularFastTerminal
+from .preset import Given as Given
+from .preset import Preset as Preset
 from .sampled_data import SampledData as SampledData
 from .sampled_data import sampled_data as sampled_data
 from .sfsmc import sfsmc as sfsmc
+from .sfsmc import sfsmppc as sfsmppc
 from .sliding_mode import SlidingMode as SlidingMode
 from .slotine_li import SlotineLi as SlotineLi
 from .steps import AbstractStep as AbstractStep
@@ -21,3 +24,11 @@ from .steps import Moment as Moment
 from .steps import Recovery as Recovery
 from .super_twisting import Integral as Integral
 from .super_twisting import SuperTwisting as SuperTwisting
+from .table_2 import anftsmc as anftsmc
+from .table_2 import nftsmc as nftsmc
+from .textbook import computed_torque as computed_torque
+from .textbook import gravity_pd as gravity_pd
+from .textbook import sliding_mode as sliding_mode
+from .textbook import slotine_li as slotine_li
+from .textbook import slotine_li_ppc as slotine_li_ppc
+from .textbook import super_twisting as super_twisting

@@ -123,10 +123,10 @@ def _of_the_run(scenario: Scenario, guard: GuardedStep) -> Sample:
         scenario.trajectory,
         scenario.state0,
         t1=scenario.t1,
-        period=scenario.period,
-        integrator=scenario.integrator,
-        substeps=scenario.substeps,
+        stepping=scenario.stepping,
+        mode="held",
         outside="recover",
+        engine="auto",
         progress=False,
     )
     assert run.log is not None

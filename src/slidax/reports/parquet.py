@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
-import jax
 import numpy as np
 
 from slidax._errors import DefinitionError
-from slidax.simulation import Run
+from slidax.simulation import Run, columns_of
 
 
 def require_pyarrow() -> None:
@@ -29,29 +27,8 @@ def columns(run: Run) -> dict[str, np.ndarray]:
 
     Raises DefinitionError if the run has no log.
     """
-    log = run.log
-    if log is None:
-        raise DefinitionError("this run has no log: simulate with `log_every=1`")
-    groups: dict[str, Any] = {
-        "q": log.state.q,
-        "dq": log.state.dq,
-        "q_d": log.reference.q,
-        "dq_d": log.reference.dq,
-        "ddq_d": log.reference.ddq,
-        "e": log.e,
-        "tau": log.tau,
-    }
-    if log.envelope is not None:
-        groups |= {"lower": log.envelope.lower, "upper": log.envelope.upper}
-    groups |= log.signals
-    table = {"k": np.asarray(log.k), "t": np.asarray(log.t)}
-    for name, values in jax.tree.map(np.asarray, groups).items():
-        if values.ndim == 1:
-            table[name] = values
-        else:
-            flat = values.reshape(len(values), -1)
-            table |= {f"{name}_{joint + 1}": flat[:, joint] for joint in range(flat.shape[1])}
-    return table
+    numbered = [f"_{joint + 1}" for joint in range(run.joints)]
+    return {name: values for name, (values, _) in columns_of(run, numbered).items()}
 
 
 def write_log(run: Run, path: Path) -> None:

@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Any
-
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from slidax._errors import DefinitionError, as_array, is_traced, known
-from slidax._types import Matrix, Scalar, Vector
+from slidax._errors import DefinitionError, require_shape
+from slidax.parts import Matrix, Scalar, Vector, parameter, parameters_of, piece
 
 from .joint_limits import JointLimits
 from .payload import Payload
-from .rigid_body import PAIRS, Bodies, Frames, axes, bias_forces, frames, from_the_base, inertia_matrix
+from .rigid_body import PAIRS, Bodies, JointFrames, axes, bias_forces, frames, from_the_base, inertia_matrix
 from .robot import AbstractRobot
 
 
@@ -29,75 +26,43 @@ class Articulated(AbstractRobot):
 
     Made by `slidax.robots.panda()` and its like, `from_urdf`, `from_mjcf`, or `assemble` of joints. Every number is a
     leaf, so that a batch can vary it; `Mismatch` makes the true arm of a nominal one.
-
-    - `rotations`, `translations`: each joint's frame in its parent's [n 3 3], [n 3], m.
-    - `masses`: of the links [n], kg.
-    - `centers`: of mass, in the joint's frame [n 3], m.
-    - `inertias`: about the centres of mass, in the joint's axes [n 3 3], kg m².
-    - `armature`: inertia of the rotors, seen from the joints [n], kg m² or kg.
-    - `viscous`, `coulomb`: friction [n], N m s/rad or N s/m, N m or N.
-    - `smoothing`: v_s, the velocity within which Coulomb friction turns, rad/s or m/s.
-    - `gravity_vector`: its acceleration [3], m/s².
-    - `tip_rotation`, `tip_translation`: the tip's frame in that of the joint that carries it [3 3], [3], m.
-    - `payload`: what the tip carries.
-    - `limits`: of the joints, by their data sheet; nothing here keeps them.
-    - `name`, `joint_names`, `link_names`: for messages and pictures.
-    - `parents`: number of the joint before each, -1 for the base; always less than its own.
-    - `tip_joint`: number of the joint that carries the tip.
-    - `joint_units`: "rad" or "m" for each joint.
-
-    Raises DefinitionError if shapes do not fit, or a number is out of its range.
     """
 
-    rotations: Float[Array, "n 3 3"] = eqx.field(converter=as_array)
-    translations: Float[Array, "n 3"] = eqx.field(converter=as_array)
-    masses: Float[Array, " n"] = eqx.field(converter=as_array)
-    centers: Float[Array, "n 3"] = eqx.field(converter=as_array)
-    inertias: Float[Array, "n 3 3"] = eqx.field(converter=as_array)
-    armature: Vector = eqx.field(converter=as_array)
-    viscous: Vector = eqx.field(converter=as_array)
-    coulomb: Vector = eqx.field(converter=as_array)
-    smoothing: Scalar = eqx.field(converter=as_array)
-    gravity_vector: Float[Array, "3"] = eqx.field(converter=as_array)
-    tip_rotation: Float[Array, "3 3"] = eqx.field(converter=as_array)
-    tip_translation: Float[Array, "3"] = eqx.field(converter=as_array)
-    payload: Payload
-    limits: JointLimits
-    name: str = eqx.field(static=True)
-    joint_names: tuple[str, ...] = eqx.field(static=True)
-    link_names: tuple[str, ...] = eqx.field(static=True)
-    parents: tuple[int, ...] = eqx.field(static=True)
-    tip_joint: int = eqx.field(static=True)
-    joint_units: tuple[str, ...] = eqx.field(static=True)
+    rotations: Float[Array, "n 3 3"] = parameter("each joint's axes in its parent's frame, as columns")
+    translations: Float[Array, "n 3"] = parameter("each joint's place in its parent's frame", "m")
+    masses: Vector = parameter("masses of the links", "kg", ">= 0")
+    centers: Float[Array, "n 3"] = parameter("centres of mass, in the joint's frame", "m")
+    inertias: Float[Array, "n 3 3"] = parameter("inertias about the centres of mass, in the joint's axes", "kg m²")
+    armature: Vector = parameter("inertia of the rotors, seen from the joints", "kg m² or kg", ">= 0")
+    viscous: Vector = parameter("viscous friction f_v", "N m s/rad or N s/m", ">= 0")
+    coulomb: Vector = parameter("Coulomb friction f_c", "N m or N", ">= 0")
+    smoothing: Scalar = parameter("v_s, the velocity within which Coulomb friction turns", "rad/s or m/s", "> 0")
+    gravity_vector: Float[Array, "3"] = parameter("acceleration of gravity in the base frame", "m/s²")
+    tip_rotation: Float[Array, "3 3"] = parameter("the tip's axes in the frame of the joint that carries it")
+    tip_translation: Float[Array, "3"] = parameter("the tip's place there", "m")
+    payload: Payload = piece("what the tip carries")
+    limits: JointLimits = piece("what the joints can do, by their data sheet; nothing here keeps them")
+    name: str = piece("of the arm, for messages and pictures", static=True)
+    joint_names: tuple[str, ...] = piece("of the joints", static=True)
+    link_names: tuple[str, ...] = piece("of the links that they move", static=True)
+    parents: tuple[int, ...] = piece(
+        "number of the joint before each, -1 for the base; always less than its own", static=True
+    )
+    tip_joint: int = piece("number of the joint that carries the tip", static=True)
+    joint_units: tuple[str, ...] = piece('"rad" or "m" for each joint', static=True)
 
     def __check_init__(self) -> None:
-        n = len(self.joint_units)
-        shapes = {
-            **{"rotations": (n, 3, 3), "translations": (n, 3), "masses": (n,), "centers": (n, 3)},
-            **{"inertias": (n, 3, 3), "armature": (n,), "viscous": (n,), "coulomb": (n,), "smoothing": ()},
-            **{"gravity_vector": (3,), "tip_rotation": (3, 3), "tip_translation": (3,)},
-        }
-        for field, shape in shapes.items():
-            if np.shape(getattr(self, field)) != shape:
-                given = list(np.shape(getattr(self, field)))
-                raise DefinitionError(f"`{field}` of {self.name} must have shape {list(shape)}; got {given}")
-        if any(not -1 <= parent < i for i, parent in enumerate(self.parents)) or len(self.parents) != n:
+        n = self.joints
+        for one in parameters_of(type(self)):
+            if not one.piece and one.shape != "one number":
+                size = tuple(n if entry == "n" else int(entry) for entry in one.shape.strip("[]").split())
+                require_shape(self, size, one.name)
+        for field in ("joint_names", "link_names", "parents"):
+            given = getattr(self, field)
+            if len(given) != n:
+                raise DefinitionError(f"`{field}` of {self.name} must be {n}, as many as `joint_units`; got {given}")
+        if any(not -1 <= parent < i for i, parent in enumerate(self.parents)):
             raise DefinitionError(f"`parents` of {self.name} must each be before their joint; got {self.parents}")
-        for field in ("masses", "armature", "viscous", "coulomb"):
-            self._require(field, known(getattr(self, field)) >= 0, "must be >= 0")
-        for field in ("rotations", "translations", "centers", "inertias", "gravity_vector"):
-            self._require(field, np.isfinite(known(getattr(self, field))), "must be finite")
-        self._require("smoothing", known(self.smoothing) > 0, "must be > 0")
-
-    def _require(self, field: str, holds: Any, rule: str) -> None:
-        value = getattr(self, field)
-        if is_traced(value):
-            return
-        fails = ~np.asarray(holds & np.isfinite(np.asarray(value)))
-        if fails.any():
-            at = tuple(np.argwhere(fails)[0].tolist())
-            joint = f" for joint `{self.joint_names[at[0]]}`" if at and fails.shape[0] == self.joints else ""
-            raise DefinitionError(f"`{field}` of {self.name} {rule}; got {np.asarray(value)[at]:g}{joint}")
 
     def mass(self, q: Vector) -> Matrix:
         """The inertia matrix `M(q)`, [n n], kg m², kg m, kg.
@@ -159,7 +124,7 @@ class Articulated(AbstractRobot):
     def _revolute(self) -> tuple[bool, ...]:
         return tuple(unit == "rad" for unit in self.joint_units)
 
-    def _frames(self, q: Vector) -> Frames:
+    def _frames(self, q: Vector) -> JointFrames:
         return frames(self.rotations, self.translations, self.parents, self._revolute, q)
 
     def _bodies(self) -> Bodies:

@@ -5,34 +5,24 @@ from __future__ import annotations
 import equinox as eqx
 import jax.numpy as jnp
 
-from slidax._errors import DefinitionError, as_array, known, require
-from slidax._types import Scalar
+from slidax._errors import DefinitionError
+from slidax.parts import AbstractPart, Scalar, parameter, piece
 
 from .articulated import Articulated
 from .payload import Payload
 from .robot import AbstractRobot
 
 
-class Load(eqx.Module):
+class Load(AbstractPart):
     """The tip carries `payload` for `attached <= t < released`.
 
     The joints' velocities do not jump: the body has the tip's velocity when it is taken up, as it has when both rest,
     and keeps it when it is let go.
-
-    - `payload`: what is carried.
-    - `attached`: from when [s].
-    - `released`: until when [s], after `attached`; infinite if not given.
-
-    Raises DefinitionError if it is not let go after it is taken up.
     """
 
-    payload: Payload
-    attached: Scalar = eqx.field(converter=as_array, default=0.0)
-    released: Scalar = eqx.field(converter=as_array, default=float("inf"))
-
-    def __check_init__(self) -> None:
-        released = known(self.released)
-        require(self, "attached", released > known(self.attached), f"must be before `released` ({released} s)")
+    payload: Payload = piece("what is carried")
+    attached: Scalar = parameter("from when it is carried", "s", default=0.0)
+    released: Scalar = parameter("until when it is carried", "s", "(attached, inf]", default=float("inf"))
 
     def on(self, robot: AbstractRobot, t: Scalar) -> AbstractRobot:
         """The arm as it is at a time: with what it carries then beside what it carries always.

@@ -2,47 +2,33 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import equinox as eqx
 import jax.numpy as jnp
 
-from slidax._errors import DefinitionError, as_array, known, require
-from slidax._types import PerJoint, Vector
+from slidax._errors import DefinitionError
+from slidax.parts import AbstractPart, PerJoint, Vector, parameter, piece
 
 from .articulated import Articulated
 from .load import Load
 
 
-def _maybe(value: Any) -> Any:
-    return None if value is None else as_array(value)
-
-
-class Mismatch(eqx.Module):
+class Mismatch(AbstractPart):
     """The true arm: the nominal one with other masses, other friction, and something at its tip.
 
-    - `mass`: factor on the links' masses, one number or [n], > 0: .85 is an arm 15 % lighter than its law believes.
-    - `inertia`: factor on their inertias about the centres of mass; as `mass` if not given.
-    - `viscous`, `coulomb`: friction in place of the nominal arm's, one number or [n]; as there if not given.
-    - `armature`: inertia of the rotors in place of the nominal arm's; as there if not given.
-    - `load`: what the tip carries, and when; None for nothing.
-
-    Raises DefinitionError if one of them is out of its range.
+    A `mass_factor` of .85 is an arm 15 % lighter than its law believes. Friction and rotors take the place of the
+    nominal arm's; what is not given stays as it is there.
     """
 
-    mass: PerJoint = eqx.field(converter=as_array, default=1.0)
-    inertia: PerJoint | None = eqx.field(converter=_maybe, default=None)
-    viscous: PerJoint | None = eqx.field(converter=_maybe, default=None)
-    coulomb: PerJoint | None = eqx.field(converter=_maybe, default=None)
-    armature: PerJoint | None = eqx.field(converter=_maybe, default=None)
-    load: Load | None = None
-
-    def __check_init__(self) -> None:
-        for field, least in (("mass", None), ("inertia", None), ("viscous", 0), ("coulomb", 0), ("armature", 0)):
-            value = getattr(self, field)
-            if value is not None:
-                holds = known(value) > 0 if least is None else known(value) >= 0
-                require(self, field, holds, "must be > 0" if least is None else "must be >= 0")
+    mass_factor: PerJoint = parameter("factor on the links' masses", "", "> 0", default=1.0)
+    inertia_factor: PerJoint | None = parameter(
+        "factor on their inertias about the centres of mass, `mass_factor` if not given", "", "> 0", default=None
+    )
+    viscous: PerJoint | None = parameter("viscous friction", "N m s/rad or N s/m", ">= 0", default=None)
+    coulomb: PerJoint | None = parameter("Coulomb friction", "N m or N", ">= 0", default=None)
+    armature: PerJoint | None = parameter(
+        "inertia of the rotors, seen from the joints", "kg m² or kg", ">= 0", default=None
+    )
+    load: Load | None = piece("what the tip carries, and when; None for nothing", default=None)
 
     def applied(self, nominal: Articulated) -> Articulated:
         """The true arm, without the load.
@@ -51,25 +37,27 @@ class Mismatch(eqx.Module):
 
         Raises DefinitionError if a list has another length than the arm has joints.
         """
-        inertia = self.mass if self.inertia is None else self.inertia
+        factor = self._each("mass_factor", nominal, jnp.ones(()))
         true: Articulated = eqx.tree_at(
             lambda arm: (arm.masses, arm.inertias, arm.viscous, arm.coulomb, arm.armature),
             nominal,
             (
-                nominal.masses * self._each("mass", self.mass, nominal),
-                nominal.inertias * self._each("inertia", inertia, nominal)[:, None, None],
-                nominal.viscous if self.viscous is None else self._each("viscous", self.viscous, nominal),
-                nominal.coulomb if self.coulomb is None else self._each("coulomb", self.coulomb, nominal),
-                nominal.armature if self.armature is None else self._each("armature", self.armature, nominal),
+                nominal.masses * factor,
+                nominal.inertias * self._each("inertia_factor", nominal, factor)[:, None, None],
+                *(self._each(name, nominal, getattr(nominal, name)) for name in ("viscous", "coulomb", "armature")),
             ),
         )
         return true
 
-    def _each(self, field: str, value: PerJoint, nominal: Articulated) -> Vector:
+    def _each(self, field: str, nominal: Articulated, otherwise: PerJoint) -> Vector:
+        """One number for each joint: the field's, or what is there if it is not given."""
+        value = getattr(self, field)
+        if value is None:
+            return otherwise
         if value.shape not in ((), (nominal.joints,)):
             raise DefinitionError(
                 f"`Mismatch.{field}` must be one number or one for each of the {nominal.joints} joints of "
-                f"{nominal.name}; got {value.shape[0]}"
+                f"{nominal.name}, {', '.join(nominal.joint_names)}; got {value.shape[0]}"
             )
         each: Vector = jnp.broadcast_to(value, (nominal.joints,))
         return each

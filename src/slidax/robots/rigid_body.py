@@ -38,7 +38,7 @@ class Bodies(NamedTuple):
     inertia: Float[Array, "6 n"]
 
 
-class Frames(NamedTuple):
+class JointFrames(NamedTuple):
     """Where the joints are.
 
     - `rotation`: axes of each joint's frame as columns [3 3 n].
@@ -66,7 +66,7 @@ def frames(
     parents: Sequence[int],
     revolute: Sequence[bool],
     q: Vector,
-) -> Frames:
+) -> JointFrames:
     """Where the joints are in a posture: each turns about, or slides along, the z axis of its own frame.
 
     - `rotations`, `translations`: of each frame in its parent's, at position 0.
@@ -90,13 +90,13 @@ def frames(
             place = place + slide[i] * rotation[:, 2]
         # Without this XLA would compute each frame anew in every one behind it.
         seen.append(once((rotation, place)))
-    return Frames(
+    return JointFrames(
         rotation=jnp.stack([rotation for rotation, _ in seen], axis=-1),
         place=jnp.stack([place for _, place in seen], axis=-1),
     )
 
 
-def axes(at: Frames, revolute: Sequence[bool]) -> Axes:
+def axes(at: JointFrames, revolute: Sequence[bool]) -> Axes:
     """How each joint moves its link.
 
     - `at`: where the joints are.
@@ -106,7 +106,7 @@ def axes(at: Frames, revolute: Sequence[bool]) -> Axes:
     return Axes(angular=jnp.where(turns, z, 0.0), linear=jnp.where(turns, cross(at.place, z), z))
 
 
-def from_the_base(bodies: Bodies, at: Frames) -> Bodies:
+def from_the_base(bodies: Bodies, at: JointFrames) -> Bodies:
     """The links' inertia about the base's origin and along its axes.
 
     - `bodies`: about each joint's origin and along its frame's axes.

@@ -9,11 +9,11 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from slidax._types import Matrix, Scalar, State, Vector
 from slidax.numerics import matvec, solve_symmetric
+from slidax.parts import AbstractPart, Matrix, Scalar, State, Vector
 
 
-class AbstractRobot(eqx.Module):
+class AbstractRobot(AbstractPart):
     """A rigid arm `M(q) q̈ + C(q,q̇) q̇ + G(q) + F(q̇) = τ + τ_d`, eq. (10) with joint friction F, and its tip's place.
 
     A member gives `mass`, `bias`, `friction`, `potential` and `tip`; the rest follows from them.

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from slidax._errors import as_array, known, require, require_shape
-from slidax._types import Matrix, Scalar, Vector
 from slidax.numerics import once
+from slidax.parts import Matrix, Scalar, Vector, parameter
 
 from .robot import AbstractRobot
 
@@ -24,28 +22,14 @@ class Scara(AbstractRobot):
 
     Identified, not sourced: the paper cites its model as [46] and does not print it. This arm fits the printed results
     best among some 35 variants tried.
-
-    - `lengths`: l1, l2, [2], m.
-    - `masses`: m1, m2, m3, [3], kg.
-    - `gravity_acceleration`: g, m/s².
-
-    Raises DefinitionError unless lengths and masses are positive.
     """
 
-    lengths: Float[Array, "2"] = eqx.field(converter=as_array)
-    masses: Float[Array, "3"] = eqx.field(converter=as_array)
-    gravity_acceleration: Scalar = eqx.field(converter=as_array, default=9.8)
+    lengths: Float[Array, "2"] = parameter("link lengths l1, l2", "m", "> 0")
+    masses: Float[Array, "3"] = parameter("masses m1, m2, m3", "kg", "> 0")
+    gravity_acceleration: Scalar = parameter("g", "m/s²", default=9.8, source="as in Example 4.1")
 
     joint_units: ClassVar[tuple[str, ...]] = ("rad", "rad", "m")  # type: ignore[misc]  # every such arm has them
     joint_names: ClassVar[tuple[str, ...]] = ("joint 1", "joint 2", "joint 3")  # type: ignore[misc]
-
-    def __check_init__(self) -> None:
-        require_shape(self, (2,), "lengths")
-        require_shape(self, (3,), "masses")
-        require_shape(self, (), "gravity_acceleration")
-        require(self, "lengths", known(self.lengths) > 0, "must be > 0 m")
-        require(self, "masses", known(self.masses) > 0, "must be > 0 kg")
-        require(self, "gravity_acceleration", True, "must be finite")
 
     def mass(self, q: Vector) -> Matrix:
         """`M(q)`, [3 3], kg m² and, for the last joint, kg.

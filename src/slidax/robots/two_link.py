@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from slidax._errors import as_array, known, require, require_shape
-from slidax._types import Matrix, Scalar, Vector
 from slidax.numerics import once
+from slidax.parts import Matrix, Scalar, Vector, parameter
 
 from .robot import AbstractRobot
 
@@ -26,30 +24,15 @@ class TwoLink(AbstractRobot):
     Source: the benchmark arm that the paper cites as [45] and does not print; this is its standard form. The
     eigenvalues of `M⁻¹`, .089 to .197 for the paper's numbers, are where its bounds .09 and .2 come from. `I1` and `I2`
     stand on the diagonal alone, so they act as inertias that turn with their own joint.
-
-    - `lengths`: l1, l2, [2], m.
-    - `masses`: m1, m2, [2], kg.
-    - `inertias`: I1, I2, [2], kg m².
-    - `gravity_acceleration`: g, m/s².
-
-    Raises DefinitionError unless lengths and masses are positive and inertias are not negative.
     """
 
-    lengths: Float[Array, "2"] = eqx.field(converter=as_array)
-    masses: Float[Array, "2"] = eqx.field(converter=as_array)
-    inertias: Float[Array, "2"] = eqx.field(converter=as_array)
-    gravity_acceleration: Scalar = eqx.field(converter=as_array, default=9.8)
+    lengths: Float[Array, "2"] = parameter("link lengths l1, l2", "m", "> 0")
+    masses: Float[Array, "2"] = parameter("link masses m1, m2", "kg", "> 0")
+    inertias: Float[Array, "2"] = parameter("link inertias I1, I2", "kg m²", ">= 0")
+    gravity_acceleration: Scalar = parameter("g", "m/s²", default=9.8, source="the paper's [45]")
 
     joint_units: ClassVar[tuple[str, ...]] = ("rad", "rad")  # type: ignore[misc]  # every such arm has them
     joint_names: ClassVar[tuple[str, ...]] = ("joint 1", "joint 2")  # type: ignore[misc]
-
-    def __check_init__(self) -> None:
-        require_shape(self, (2,), "lengths", "masses", "inertias")
-        require_shape(self, (), "gravity_acceleration")
-        require(self, "lengths", known(self.lengths) > 0, "must be > 0 m")
-        require(self, "masses", known(self.masses) > 0, "must be > 0 kg")
-        require(self, "inertias", known(self.inertias) >= 0, "must be >= 0 kg m²")
-        require(self, "gravity_acceleration", True, "must be finite")
 
     def mass(self, q: Vector) -> Matrix:
         """`M(q)`, [2 2], kg m².

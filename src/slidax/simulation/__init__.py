@@ -1,5 +1,7 @@
 """The one place where time passes: a plant under a controller becomes a Run."""
 
+from .columns import columns_of as columns_of
+from .define import require_fitting as require_fitting
 from .engine import Engine as Engine
 from .free_body import FreeBody as FreeBody
 from .mujoco_plant import MujocoPlant as MujocoPlant
@@ -11,5 +13,7 @@ from .run import Run as Run
 from .run import Timing as Timing
 from .simulate import BANDS as BANDS
 from .simulate import simulate as simulate
+from .simulate_batch import Parts as Parts
 from .simulate_batch import simulate_batch as simulate_batch
+from .stepping import Stepping as Stepping
 from .tally import Tally as Tally

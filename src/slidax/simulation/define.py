@@ -14,8 +14,11 @@ from slidax._types import Envelope, Reference, State
 from slidax.controllers import AbstractController, SampledData
 from slidax.trajectories import AbstractTrajectory
 
-from .loop import Integrator, Loop
+from .loop import Loop
+from .motion_limits import require_within_limits
+from .mujoco_plant import MujocoPlant
 from .plant import Plant
+from .stepping import Stepping
 from .tally import Windows
 
 
@@ -25,13 +28,9 @@ def define_loop(
     trajectory: AbstractTrajectory,
     state0: State,
     t1: float,
-    period: Any,
-    mode: str,
-    integrator: Integrator,
-    substeps: int,
+    stepping: Stepping,
     log_every: int | None,
     bands: tuple[float, ...],
-    outside: str,
 ) -> tuple[Loop, int]:
     """The closed loop, and the number of its samples, once its parts are known to fit each other.
 
@@ -43,6 +42,38 @@ def define_loop(
         raise DefinitionError(
             'slidax needs 64-bit numbers: call jax.config.update("jax_enable_x64", True) before anything else'
         )
+    if log_every is not None and log_every < 1:
+        raise DefinitionError(f"`log_every` must be >= 1, or None for no log; got {log_every}")
+    require_fitting(plant, controller, trajectory, state0, stepping)
+    steps = _steps(float(t1), stepping.period)
+    require_within_limits(plant.robot, trajectory, state0, steps, stepping)
+    loop = Loop(
+        plant=plant,
+        controller=controller,
+        trajectory=trajectory,
+        period=constant(stepping.period),
+        last=constant(steps),
+        windows=windows_of(steps, stepping.period, bands),
+        integrator=stepping.integrator,
+        substeps=stepping.substeps,
+        continuous=stepping.mode == "continuous",
+        recover=stepping.outside == "recover",
+    )
+    return loop, steps + 1
+
+
+def require_fitting(
+    plant: Plant | MujocoPlant,
+    controller: AbstractController,
+    trajectory: AbstractTrajectory,
+    state0: State,
+    stepping: Stepping,
+) -> None:
+    """Raises DefinitionError if the parts of a closed loop do not fit each other.
+
+    - `plant`, `controller`, `trajectory`, `state0`: its parts, as in `simulate`.
+    - `stepping`: how time passes.
+    """
     n = plant.robot.joints
     if controller.joints != n:
         raise DefinitionError(f"the controller commands {controller.joints} joints, but the plant has {n}")
@@ -61,43 +92,19 @@ def define_loop(
         raise DefinitionError(f"the disturbance does not fit the {n} joints of the plant: {error}") from error
     if pushed != (n,):
         raise DefinitionError(f"the disturbance gives {list(pushed)} forces, but the plant has {n} joints")
-    if substeps < 1:
-        raise DefinitionError(f"`substeps` must be >= 1; got {substeps}")
-    if mode == "continuous" and substeps != 1:
-        raise DefinitionError(f"`substeps` must be 1 in continuous mode, where `period` is the step; got {substeps}")
-    if mode == "continuous":
+    if stepping.mode == "continuous":
         if isinstance(controller, SampledData):
             raise DefinitionError("a sampled-data law needs samples: simulate in held mode, not in continuous mode")
         for name, part in (("a sensor", plant.sensor), ("an actuator", plant.actuator)):
             if part is not None:
                 raise DefinitionError(f"{name} needs samples: simulate in held mode, not in continuous mode")
-        if outside == "recover":
-            raise DefinitionError("`outside` must be `raise` in continuous mode: recovering needs samples")
-    if log_every is not None and log_every < 1:
-        raise DefinitionError(f"`log_every` must be >= 1, or None for no log; got {log_every}")
-    if is_traced(period):
-        raise DefinitionError("`period` sets the number of samples, so it must be a known number")
-    steps = _steps(float(t1), float(period))
     if isinstance(controller, SampledData) and not is_traced(controller.period):
         made_for = float(controller.period)
-        if abs(made_for - float(period)) > 1e-9 * made_for:
+        if abs(made_for - stepping.period) > 1e-9 * made_for:
             raise DefinitionError(
                 f"the sampled-data law is made for a period of {made_for:g} s; it cannot be sampled every "
-                f"{float(period):g} s"
+                f"{stepping.period:g} s"
             )
-    loop = Loop(
-        plant=plant,
-        controller=controller,
-        trajectory=trajectory,
-        period=constant(float(period)),
-        last=constant(steps),
-        windows=windows_of(steps, float(period), bands),
-        integrator=integrator,
-        substeps=substeps,
-        continuous=mode == "continuous",
-        recover=outside == "recover",
-    )
-    return loop, steps + 1
 
 
 def windows_of(steps: int, period: float, bands: tuple[float, ...]) -> Windows:
@@ -109,7 +116,7 @@ def windows_of(steps: int, period: float, bands: tuple[float, ...]) -> Windows:
     """
     return Windows(
         steady=constant(int(np.ceil(0.75 * steps))),
-        iae=constant(int(np.floor(2.0 / period + 1e-6)) + 1),
+        late=constant(int(np.floor(2.0 / period + 1e-6)) + 1),
         bands=constant(np.asarray(bands, float)),
     )
 
@@ -124,8 +131,6 @@ def constant(number: Any) -> Array:
 
 
 def _steps(t1: float, period: float) -> int:
-    if not (np.isfinite(period) and period > 0):
-        raise DefinitionError(f"`period` must be > 0 s; got {period:g}")
     if not (np.isfinite(t1) and t1 > 0):
         raise DefinitionError(f"`t1` must be > 0 s; got {t1:g}")
     steps = round(t1 / period)
@@ -134,13 +139,27 @@ def _steps(t1: float, period: float) -> int:
     return steps
 
 
-def require_start_inside(state0: State, reference: Reference, envelope: Envelope | None) -> None:
-    """Raises DefinitionError if the first error is at or outside its bounds.
+def require_start(loop: Loop, state0: State, envelope: Envelope | None, reference: Reference, held: Any) -> None:
+    """Raises DefinitionError if the first error is at or outside its bounds, or the arm cannot be held where it starts.
 
+    - `loop`: what begins.
     - `state0`: the first state.
-    - `reference`, `envelope`: at that time.
+    - `envelope`, `reference`: at that time.
+    - `held`: the torque that holds the arm there [n], N m or N; None without an actuator.
     """
-    if envelope is None:
+    if loop.plant.actuator is not None and held is not None:
+        robot = loop.plant.robot
+        needed, limit = np.asarray(held), np.broadcast_to(loop.plant.actuator.limits.torque, held.shape)
+        weak = np.abs(needed) > limit
+        if weak.any():
+            joint = int(np.argmax(weak))
+            unit = robot.torque_units[joint]
+            raise DefinitionError(
+                f"`TorqueLimits.torque` must hold the arm where it starts: {robot.joint_names[joint]} needs "
+                f"{needed[joint]:.4g} {unit} there, but its limit is {limit[joint]:g} {unit}; raise it, or start "
+                "in a posture that needs less"
+            )
+    if envelope is None or loop.recover:
         return
     e = np.asarray(state0.q - reference.q)
     lower, upper = np.asarray(envelope.lower), np.asarray(envelope.upper)

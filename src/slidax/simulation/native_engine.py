@@ -15,11 +15,11 @@ import numpy as np
 from slidax._types import State
 from slidax.codegen import llvm
 
-from .kind import Kind
 from .loop import Begun, Inside, Loop
 from .native_loop import Define, NativeLoop, batch_loop, single_loop
 from .progress import Progress
 from .run import Log, Timing
+from .signature import LoopSignature
 
 CHUNK = 1_000_000
 """About how many samples pass between two looks at the run, for its bar."""
@@ -47,7 +47,7 @@ def drive(
     Raises NoNativeCodeError if there is no machine code for something in it.
     """
     arrays, static = eqx.partition((loop, state0), eqx.is_array)
-    native, kernel = _compiled(Kind.of(arrays, static, every is not None))
+    native, kernel = _compiled(LoopSignature.of(arrays, static, every is not None))
     ready = time.perf_counter()
     stride = every or 1
     chunk = max(1, CHUNK // stride) * stride
@@ -63,8 +63,7 @@ def drive(
             logged, left = _split(native, results)
             logs.append(logged)
             if first == 0:
-                _, envelope, reference = _unflattened(native.begun, left)
-                inside(state0, reference, envelope)
+                inside(state0, *_unflattened(native.begun, left)[1:])
             begun = left if not begun else [*left[: len(carry)], *begun[len(carry) :]]
             carry = left[: len(carry)]
             bar.advance()
@@ -130,8 +129,8 @@ def _compiled_batch(known: _Known) -> tuple[NativeLoop, llvm.Kernel]:
 
 
 @functools.lru_cache(maxsize=64)
-def _compiled(kind: Kind) -> tuple[NativeLoop, llvm.Kernel]:
-    native = single_loop(kind.whole, kind.arrays, logged=kind.logged)
+def _compiled(signature: LoopSignature) -> tuple[NativeLoop, llvm.Kernel]:
+    native = single_loop(signature.whole, signature.arrays, logged=signature.logged)
     return native, llvm.compile(native.program)
 
 

@@ -13,6 +13,7 @@ import numpy as np
 from slidax._types import State
 from slidax.codegen.builder import Builder, Values
 from slidax.codegen.form import Program, Value
+from slidax.codegen.no_native_code import in_one_line
 from slidax.codegen.trace import inline
 from slidax.codegen.trace.arrays import filled, of_numbers
 from slidax.codegen.trace.packed import packed, unpacked
@@ -68,6 +69,12 @@ def batch_loop(define: Define, arrays: Any, *, logged: bool) -> NativeLoop:
 def _lowered(define: Define, arrays: Any, *, logged: bool, batch: bool) -> NativeLoop:
     start = _Traced(lambda given: begin(*define(given)), arrays)
     turn = _Traced(lambda given, carry: sample(define(given)[0], carry), arrays, start.result[0])
+    # What fails above fails by XLA too, and says so itself.
+    with in_one_line(lambda: "the loop"):
+        return _program(start, turn, arrays, logged, batch)
+
+
+def _program(start: _Traced, turn: _Traced, arrays: Any, logged: bool, batch: bool) -> NativeLoop:
     b = Builder()
     outside = _Outside(b)
     of_start, of_turn = outside.inputs(start.jaxpr.consts), outside.inputs(turn.jaxpr.consts)

@@ -8,14 +8,16 @@ from typing import Literal
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Bool, Int
 
 from slidax._types import Envelope, Scalar, Vector
 
 from .excursion import Excursion
 
-Kind = Literal["ok", "left_envelope", "not_finite", "recovered"]
-KINDS: tuple[Kind, ...] = ("ok", "left_envelope", "not_finite")
+OutcomeKind = Literal["ok", "left_envelope", "not_finite", "recovered"]
+FAULTS: tuple[OutcomeKind, ...] = ("ok", "left_envelope", "not_finite")
+"""What the number in `Fault.kind` means."""
 REMEDY = "Start inside it, enlarge its final radius, or shorten the period."
 
 
@@ -32,7 +34,7 @@ class Outcome:
     - `beyond`: by how much it was outside at the worst, rad or m; None unless it went on outside.
     """
 
-    kind: Kind
+    kind: OutcomeKind
     message: str
     t: float | None = None
     joint: int | None = None
@@ -53,7 +55,7 @@ class Outcome:
 
 
 class Fault(eqx.Module):
-    """The first thing that went wrong, as arrays: `kind` indexes `KINDS`, `joint` counts from 0."""
+    """The first thing that went wrong, as arrays: `kind` indexes `FAULTS`, `joint` counts from 0."""
 
     kind: Int[Array, ""]
     t: Scalar
@@ -115,7 +117,7 @@ def describe(
     - `period`: time between samples [s].
     - `units`: the unit of each joint's position.
     """
-    kind = KINDS[int(fault.kind)]
+    kind = FAULTS[int(fault.kind)]
     if kind == "ok":
         if excursion is not None and int(excursion.first) >= 0:
             return _described_excursion(excursion, violations, period, units)
@@ -145,7 +147,7 @@ def _met(joint: int, how: str, error: float, bound: float, units: tuple[str, ...
 def _described_excursion(excursion: Excursion, violations: int, period: float, units: tuple[str, ...]) -> Outcome:
     joint, error, bound = int(excursion.joint), float(excursion.error), float(excursion.bound)
     t, back = int(excursion.first) * period, (int(excursion.last) + 1) * period
-    worst = int(jnp.argmax(excursion.beyond))
+    worst = int(np.argmax(excursion.beyond))
     beyond = float(excursion.beyond[worst])
     how = "was outside its envelope from the start" if int(excursion.first) == 0 else _left(t)
     first = _met(joint, how, error, bound, units)

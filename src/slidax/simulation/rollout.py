@@ -10,9 +10,9 @@ from slidax._types import Memory, Scalar, State, Vector
 
 from .evaluation import Evaluation, evaluate, where
 from .excursion import Excursion
-from .held import Held, decided, moved
 from .loop import Begun, Carry, Loop, Passed
 from .outcome import earlier, no_fault
+from .period import HeldTorque, decided, moved
 from .run import Log
 from .tally import Tally
 
@@ -26,7 +26,7 @@ class Moving(eqx.Module):
 
 
 def begin(loop: Loop, state: State) -> Begun:
-    """The carry before the first sample, with the envelope and the reference there.
+    """The carry before the first sample, with the envelope and the reference there, and the torque that holds the arm.
 
     - `loop`: what stays the same.
     - `state`: the state at t = 0.
@@ -56,7 +56,7 @@ def begin(loop: Loop, state: State) -> Begun:
         actuator=None if plant.actuator is None else plant.actuator.init(held),
         torque=torque,
     )
-    return carry, loop.controller.envelope(t, memory), reference
+    return carry, loop.controller.envelope(t, memory), reference, None if plant.actuator is None else held
 
 
 def sample(loop: Loop, carry: Carry) -> tuple[Carry, Log]:
@@ -72,8 +72,8 @@ def sample(loop: Loop, carry: Carry) -> tuple[Carry, Log]:
     return _counted(loop, carry, t, moved(loop, carry.state, t, held), passed, (now,))
 
 
-def decide(loop: Loop, carry: Carry) -> tuple[Carry, Log, Held]:
-    """The same for another's robot, which is to be moved by what is held; the carry's state stays as it is.
+def decide(loop: Loop, carry: Carry) -> tuple[Carry, Log, HeldTorque]:
+    """The same, but the plant is not moved: another simulator does that. The carry's state stays as it is.
 
     - `loop`: what stays the same; in held mode.
     - `carry`: what changes.

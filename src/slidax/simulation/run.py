@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import NamedTuple, TypeAlias
+from collections.abc import Iterator, Mapping
+from typing import Any, NamedTuple, TypeAlias
 
 import equinox as eqx
+import jax
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
+from slidax._errors import DefinitionError, is_traced
 from slidax._types import Envelope, Reference, Scalar, State
 
+from .columns import columns_of
 from .excursion import Excursion
 from .free_body import FreeBody
 from .outcome import Fault, Outcome, describe
+from .overview import as_html, as_text
+from .sketch import sketch
 from .tally import Tally, Windows
 
 Anyhow: TypeAlias = Array | np.ndarray
@@ -64,7 +69,9 @@ class Timing(NamedTuple):
 
 
 class Run(eqx.Module):
-    """A finished simulation.
+    """A finished simulation, or many from `simulate_batch`, whose arrays have the run as their first axis.
+
+    Of many runs, `len(runs)` says how many, `runs[i]` is one of them, and `for run in runs` goes through them.
 
     - `log`: the logged samples, or None if none were asked for.
     - `tally`: statistics of all samples, which the metrics read.
@@ -101,6 +108,93 @@ class Run(eqx.Module):
         return len(self.joint_units)
 
     @property
+    def torque_units(self) -> tuple[str, ...]:
+        """Unit of each joint's torque: "N m" for a revolute joint, "N" for a prismatic one."""
+        return tuple("N m" if unit == "rad" else "N" for unit in self.joint_units)
+
+    @property
     def outcome(self) -> Outcome:
-        """How the run ended; needs known values, so not inside `vmap`: look at `fault` there."""
+        """How the run ended.
+
+        Raises DefinitionError for many runs, which have `outcomes`, and inside a transformation.
+        """
+        if self.period.ndim:
+            raise DefinitionError(f"these are {len(self)} runs: see `outcomes`, or the `outcome` of each, as `runs[0]`")
+        if is_traced(self.fault):
+            raise DefinitionError("inside `jit`, `vmap` and `grad` there is no outcome yet: look at `fault`")
         return describe(self.fault, self.excursion, int(self.tally.violations), float(self.period), self.joint_units)
+
+    @property
+    def outcomes(self) -> list[Outcome]:
+        """How each run ended; one entry for a single run."""
+        if not self.period.ndim:
+            return [self.outcome]
+        ends = jax.tree.map(np.asarray, (self.fault, self.excursion, self.tally.violations, self.period))
+        each = (jax.tree.map(lambda x, k=k: x[k], ends) for k in range(len(self)))
+        return [
+            describe(fault, excursion, int(outside), float(period), self.joint_units)
+            for fault, excursion, outside, period in each
+        ]
+
+    def __len__(self) -> int:
+        """The number of runs; only many have one."""
+        if not self.period.ndim:
+            raise TypeError("a single run has no length; `simulate_batch` returns many")
+        return int(self.period.shape[0])
+
+    def __bool__(self) -> bool:
+        """True, whatever came of it."""
+        return True
+
+    def __getitem__(self, which: int | slice) -> Run:
+        """One run of many, with the log of its own samples alone; or several.
+
+        - `which`: its number, or a slice.
+        """
+        if isinstance(which, slice):
+            return _picked(self, which)
+        count = len(self)
+        if not -count <= which < count:
+            raise IndexError(f"there are {count} runs; got {which}")
+        one = _picked(self, which)
+        if one.log is None or one.period.ndim or is_traced(one.log):
+            return one
+        valid = np.asarray(one.log.valid)
+        log = jax.tree.map(lambda x: np.asarray(x)[valid], one.log)
+        single: Run = eqx.tree_at(lambda run: run.log, one, log)
+        return single
+
+    def __iter__(self) -> Iterator[Run]:
+        return (self[k] for k in range(len(self)))
+
+    def __repr__(self) -> str:
+        return as_text(self) if self._is_known else eqx.tree_pformat(self)
+
+    def _repr_html_(self) -> str | None:
+        """What a notebook shows."""
+        return as_html(self, "" if self.period.ndim else sketch(self)) if self._is_known else None
+
+    @property
+    def _is_known(self) -> bool:
+        kind = self.fault.kind
+        return isinstance(kind, jax.Array | np.ndarray | np.generic) and not is_traced(self) and self.period.ndim < 2
+
+    def frame(self) -> Any:
+        """The log as a pandas data frame: a row per sample, columns such as `q[panda_joint1]`, units in its `attrs`.
+
+        Raises DefinitionError if there is no log, these are many runs, or pandas is not installed.
+        """
+        try:
+            from pandas import DataFrame
+        except ImportError:
+            raise DefinitionError("a data frame needs pandas, which is not installed: pip install pandas") from None
+        found = columns_of(self, [f"[{name}]" for name in self.joint_names])
+        made = DataFrame({name: values for name, (values, _) in found.items()})
+        made.attrs["units"] = {name: unit for name, (_, unit) in found.items()}
+        return made
+
+
+def _picked(run: Run, which: int | slice) -> Run:
+    # By NumPy: JAX would compile a slice for each shape.
+    chosen: Run = jax.tree.map(lambda x: x[which] if is_traced(x) else np.asarray(x)[which, ...], run)
+    return chosen

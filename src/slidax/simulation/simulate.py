@@ -2,26 +2,27 @@
 
 from __future__ import annotations
 
+import functools
 import time
 from collections.abc import Callable
-from typing import Any, Literal
+from typing import Any
 
 from slidax._errors import DefinitionError, OutcomeError, is_traced
-from slidax._types import Envelope, Reference, State
-from slidax.codegen.trace import NoNativeCodeError
+from slidax._types import State
+from slidax.codegen import NoNativeCodeError
 from slidax.controllers import AbstractController
-from slidax.numerics import runge_kutta_4
 from slidax.trajectories import AbstractTrajectory
 
 from . import native_engine, xla_engine
-from .define import constant, define_loop, require_start_inside
-from .engine import Engine, engine_for, say_xla_instead
-from .loop import Begun, Integrator, Loop
+from .define import constant, define_loop, require_start
+from .engine import engine_for, say_xla_instead
+from .loop import Begun, Loop
 from .mujoco.drive import drive as mujoco_drive
 from .mujoco_plant import MujocoPlant
 from .plant import Plant
 from .rollout import begin
 from .run import Log, Run, Timing
+from .stepping import Stepping
 
 BANDS = (1e-2, 1e-3, 1e-4, 1e-5, 1e-8)
 """The settling bands that are tallied unless others are asked for, rad or m."""
@@ -34,69 +35,64 @@ def simulate(
     state0: State,
     *,
     t1: float,
-    period: Any,
-    mode: Literal["held", "continuous"] = "held",
-    integrator: Integrator = runge_kutta_4,
-    substeps: int = 1,
+    stepping: Stepping | None = None,
     log_every: int | None = 1,
     bands: tuple[float, ...] = BANDS,
-    outside: Literal["raise", "recover"] = "raise",
     throw: bool = False,
     progress: bool | None = None,
-    engine: Engine = "auto",
+    **changes: Any,
 ) -> Run:
     """The closed loop from 0 to `t1`, sampled at `k period`, k = 0 .. N: N + 1 samples for N periods.
 
-    In mode "held" the law is evaluated once a period, its torque is held, and the plant takes `substeps` steps of the
-    integrator. In mode "continuous" the law is evaluated at every stage of the integrator, whose step is the period;
-    τ(k) is then the torque at the start of step k. The envelope and finiteness are watched at every evaluation of the
-    law. The first violation ends the run, and `run.outcome` names it; with `outside="recover"` the run goes on, for a
-    law that is defined there, and the outcome says when it left and when it was back.
+        simulate(plant, controller, trajectory, State([0.2, 0.8]), t1=10.0, period=1e-3)
+
+    How time passes is said by the fields of `Stepping`, as keywords or as a whole: the period, held torque or the law
+    at every stage of the integrator, what ends a run, the engine. In continuous mode τ(k) is the torque at the start of
+    step k. The envelope and finiteness are watched at every evaluation of the law. The first violation ends the run,
+    and `run.outcome` names it; with `outside="recover"` the run goes on, for a law that is defined there, and the
+    outcome says when it left and when it was back.
 
     - `plant`: the true robot and the disturbance on it; a `MujocoPlant` in held mode.
     - `controller`: the scheme.
     - `trajectory`: what the joints should do.
     - `state0`: state at t = 0.
     - `t1`: end [s], a whole number of periods.
-    - `period`: time between samples [s], > 0.
-    - `mode`: "held" or "continuous".
-    - `integrator`: `slidax.numerics.runge_kutta_4` or `semi_implicit_euler`; a `MujocoPlant` has its own.
-    - `substeps`: integrator steps per period in held mode.
+    - `stepping`: how time passes.
     - `log_every`: log one in so many samples; None logs none. Metrics count all samples whatever is logged.
     - `bands`: error bands for the settling time, rad or m.
-    - `outside`: what a sample outside the envelope does: "raise" ends the run; "recover", in held mode, counts it.
     - `throw`: raise OutcomeError on a bad outcome, instead of returning the run.
     - `progress`: a bar on the terminal; None shows it if the run is long and a person looks on.
-    - `engine`: "native" is machine code of our own, "xla" the reference; "auto" takes the first where it can.
+    - `changes`: fields of `Stepping` by keyword: `period`, `mode`, `substeps`, `integrator`, `outside`, `limits`,
+      `engine`; each replaces that of `stepping`. `period` must be given in one or the other.
 
     Works inside `jit`, `vmap` and `grad`, by XLA; then nothing is checked or shown, and `run.log.valid` marks what is
     good. Many runs at once go faster by `simulate_batch`.
 
-    Raises DefinitionError if the parts do not fit each other or the start is outside the envelope.
+    Raises DefinitionError if the parts do not fit each other, the start is outside the envelope, the actuator has no
+    torque to hold the arm there, or start or motion are beyond the limits of the robot's joints.
     """
+    stepping = Stepping.of(stepping, changes)
     own = plant.pushed if isinstance(plant, MujocoPlant) else plant
-    loop, samples = define_loop(
-        own, controller, trajectory, state0, t1, period, mode, integrator, substeps, log_every, bands, outside
-    )
+    loop, samples = define_loop(own, controller, trajectory, state0, t1, stepping, log_every, bands)
     traced = is_traced((plant, loop, state0))
     started = time.perf_counter()
-    inside = require_start_inside if outside == "raise" else _anywhere
+    inside = functools.partial(require_start, loop)
     load = None
     if isinstance(plant, MujocoPlant):
-        _require_samples(mode, traced)
-        (carry, envelope, _), log, timing, load = mujoco_drive(
-            plant, loop, state0, samples, log_every, progress, started, inside, engine
+        _require_samples(stepping.mode, traced)
+        (carry, envelope, *_), log, timing, load = mujoco_drive(
+            plant, loop, state0, samples, log_every, progress, started, inside, stepping.engine
         )
     elif traced:
-        carry, envelope, _ = begin(loop, state0)
+        carry, envelope, *_ = begin(loop, state0)
         points = -(-samples // (log_every or 1))
         carry, log = xla_engine.advance(loop, carry, points, log_every, pack=False)
         timing = None
     else:
         drive: Callable[..., tuple[Begun, Log | None, Timing]] = xla_engine.drive
-        if engine_for(engine) == "native":
-            drive = native_engine.drive if engine == "native" else _native_if_it_can_be
-        (carry, envelope, _), log, timing = drive(loop, state0, samples, log_every, progress, started, inside)
+        if engine_for(stepping.engine) == "native":
+            drive = native_engine.drive if stepping.engine == "native" else _native_if_it_can_be
+        (carry, envelope, *_), log, timing = drive(loop, state0, samples, log_every, progress, started, inside)
     run = Run(
         log=log,
         tally=carry.tally,
@@ -130,7 +126,3 @@ def _require_samples(mode: str, traced: bool) -> None:
         raise DefinitionError("a MujocoPlant needs samples: simulate in held mode, not in continuous mode")
     if traced:
         raise DefinitionError("MuJoCo cannot be traced: simulate outside of `jit`, `vmap` and `grad`, or a `Plant`")
-
-
-def _anywhere(state0: State, reference: Reference, envelope: Envelope | None) -> None:
-    """A start that may be outside."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, fields
-from typing import Any, Literal
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -12,21 +12,21 @@ import jax.numpy as jnp
 
 from slidax._errors import DefinitionError, is_traced
 from slidax._types import State
-from slidax.codegen.trace import NoNativeCodeError
+from slidax.codegen import NoNativeCodeError
 from slidax.controllers import AbstractController
-from slidax.numerics import runge_kutta_4
 from slidax.trajectories import AbstractTrajectory
 
 from . import native_engine
 from .define import define_loop, windows_of
-from .engine import Engine, engine_for, say_xla_instead
-from .loop import Integrator, Loop
+from .engine import engine_for, say_xla_instead
+from .loop import Loop
 from .mujoco_plant import MujocoPlant
 from .plant import Plant
 from .run import Run
 from .simulate import BANDS, simulate
+from .stepping import Stepping
 
-Parts = tuple[Plant, AbstractController, AbstractTrajectory, State]
+Parts = tuple[Plant | MujocoPlant, AbstractController, AbstractTrajectory, State]
 """What a closed loop is made of: plant, controller, trajectory, state at t = 0."""
 
 
@@ -35,37 +35,33 @@ def simulate_batch(
     varied: Any,
     *,
     t1: float,
-    period: float,
-    mode: Literal["held", "continuous"] = "held",
-    integrator: Integrator = runge_kutta_4,
-    substeps: int = 1,
+    stepping: Stepping | None = None,
     log_every: int | None = None,
     bands: tuple[float, ...] = BANDS,
-    outside: Literal["raise", "recover"] = "raise",
-    engine: Engine = "auto",
     threads: int | None = None,
+    **changes: Any,
 ) -> Run:
     """The closed loops of `define(varied[0])`, `define(varied[1])`, ... as one `Run`.
 
-    Its arrays have the run as their first axis, as those of `jax.vmap` of `simulate`.
+    Its arrays have the run as their first axis, as those of `jax.vmap` of `simulate`; `runs[i]` is one of them.
 
     The runs go several at a time through the vector units of each core. What they share is computed once for several,
     and all of it if only gains vary: reference, envelope and disturbance. The bits of a run depend neither on the
     others nor on the number of threads.
 
     - `define`: from what varies, for one run, to `(plant, controller, trajectory, state0)`; pure, and traced by JAX,
-      so that its numbers are not checked: `run.fault` says what went wrong.
+      so that its numbers are not checked: `run.outcomes` says what went wrong.
     - `varied`: a pytree of arrays with the run as their first axis.
-    - `t1`, `period`, `mode`, `integrator`, `substeps`, `bands`, `outside`: as in `simulate`, the same for all.
+    - `t1`, `stepping`, `bands`, `changes`: as in `simulate`, the same for all; the engine "xla" is `jax.vmap`.
     - `log_every`: log one in so many samples; None logs none. `run.log.valid` marks what is good.
-    - `engine`: "native" for machine code of our own, "xla" for `jax.vmap`; "auto" takes the first where it can.
     - `threads`: of the native engine; None: as many as there are cores.
 
     Raises DefinitionError if the parts do not fit each other, or the arrays have not one first axis.
     """
     varied = jax.tree.map(jnp.asarray, varied)
     _require_one_length(varied)
-    task = _Task(define, float(t1), period, mode, integrator, substeps, log_every, tuple(bands), outside)
+    task = _Task(define, float(t1), Stepping.of(stepping, changes), log_every, tuple(bands))
+    engine = task.stepping.engine
     if not is_traced(varied) and engine_for(engine) == "native":
         try:
             return _natively(task, varied, threads)
@@ -84,13 +80,9 @@ class _Task:
 
     define: Callable[[Any], Parts]
     t1: float
-    period: float
-    mode: Literal["held", "continuous"]
-    integrator: Integrator
-    substeps: int
+    stepping: Stepping
     log_every: int | None
     bands: tuple[float, ...]
-    outside: Literal["raise", "recover"]
 
     def simulated(self, given: Any) -> Run:
         """The run, by XLA."""
@@ -99,20 +91,11 @@ class _Task:
 
     def loop(self, given: Any) -> tuple[Loop, State, int, tuple[tuple[str, ...], tuple[str, ...]]]:
         """The loop, the first state, how many samples, and the units and names of the joints."""
-        parts = self.define(given)
-        plant, *_, state0 = parts
+        plant, controller, trajectory, state0 = self.define(given)
         if isinstance(plant, MujocoPlant):
             raise DefinitionError("MuJoCo moves one arm at a time: give a `Plant`, or call `simulate` for each run")
         loop, samples = define_loop(
-            *parts,
-            self.t1,
-            self.period,
-            self.mode,
-            self.integrator,
-            self.substeps,
-            self.log_every,
-            self.bands,
-            self.outside,
+            plant, controller, trajectory, state0, self.t1, self.stepping, self.log_every, self.bands
         )
         return loop, state0, samples, (plant.robot.joint_units, plant.robot.joint_names)
 
@@ -120,11 +103,12 @@ class _Task:
 def _natively(task: _Task, varied: Any, threads: int | None) -> Run:
     one = jax.tree.map(lambda x: jax.ShapeDtypeStruct(x.shape[1:], x.dtype), varied)
     *_, samples, (units, names) = eqx.filter_eval_shape(task.loop, one)
-    (carry, envelope, _), log = native_engine.drive_batch(
+    (carry, envelope, *_), log = native_engine.drive_batch(
         task, lambda given: task.loop(given)[:2], one, varied, samples, task.log_every, threads
     )
     runs = jax.tree.leaves(varied)[0].shape[0]
-    shared = windows_of(samples - 1, task.period, task.bands), jnp.asarray(task.period, float), jnp.asarray(task.t1)
+    step = task.stepping.period
+    shared = windows_of(samples - 1, step, task.bands), jnp.asarray(step, float), jnp.asarray(task.t1)
     each = jax.tree.map(lambda x: jnp.broadcast_to(x, (runs, *x.shape)), shared)
     arrays = (log, carry.tally, carry.fault, carry.excursion, carry.good, each)
     # Made of the first run's numbers, which have the shapes that a run says, and then filled with those of all.

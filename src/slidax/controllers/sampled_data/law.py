@@ -167,7 +167,7 @@ class SampledData(AbstractController):
         if decision.limited is not None:
             step = jax.tree.map(lambda usual, limited: jnp.where(free, usual, limited), step, decision.limited)
         kept = Kept(
-            t=t.astype(memory.t.dtype),
+            t=jnp.asarray(t, memory.t.dtype),
             prior=Estimate(state=following, push=push),
             estimator=estimator,
             torques=jnp.concatenate([under_way[1:], tau[None]]),

@@ -1,31 +1,10 @@
-"""Arms that need no file: the numbers of their makers and of published identifications, each with its source."""
+"""Arms that need no file: the numbers of their makers and of published identifications, each with its source.
 
-from ..articulated import Articulated
-from .read import NAMES as NAMES
+Each is a file in this folder: a further one, `NAME.yaml`, is a further arm, `slidax.robots.NAME()`.
+"""
+
 from .read import Ready as Ready
+from .read import maker as maker
+from .read import names as names
 from .read import read as read
-
-
-def panda() -> Articulated:
-    """Franka Emika Panda, seven joints, to the flange."""
-    return read("panda").robot
-
-
-def ur5e() -> Articulated:
-    """Universal Robots UR5e, six joints, to the flange."""
-    return read("ur5e").robot
-
-
-def iiwa14() -> Articulated:
-    """KUKA LBR iiwa 14 R820, seven joints, to the flange."""
-    return read("iiwa14").robot
-
-
-def xarm7() -> Articulated:
-    """UFactory xArm7, seven joints, to the flange."""
-    return read("xarm7").robot
-
-
-def gen3() -> Articulated:
-    """Kinova Gen3 with seven joints, to the flange."""
-    return read("gen3").robot
+from .read import title as title

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import math
+import re
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 from importlib import resources
 from typing import Any
 
@@ -17,9 +20,6 @@ from ..assemble import assemble
 from ..joint import Joint
 
 FILES = resources.files("slidax.robots") / "ready"
-
-NAMES = ("panda", "ur5e", "iiwa14", "xarm7", "gen3")
-"""The arms there are."""
 
 
 @dataclass(frozen=True)
@@ -40,16 +40,45 @@ class Ready:
     sources: dict[str, str]
 
 
+def names() -> tuple[str, ...]:
+    """The arms there are: the names of the files."""
+    return tuple(sorted(file.name.removesuffix(".yaml") for file in FILES.iterdir() if file.name.endswith(".yaml")))
+
+
+def title(name: str) -> str:
+    """What an arm is, in a few words: "Franka Emika Panda, 7 joints".
+
+    - `name`: one of `names()`.
+    """
+    # Not by reading all of it, which takes a hundred times as long.
+    text = (FILES / f"{name}.yaml").read_text(encoding="utf-8")
+    (called,) = re.findall(r"^title: (.+)$", text, re.MULTILINE)
+    return f"{called}, {len(re.findall(r'^  - name: ', text, re.MULTILINE))} joints"
+
+
+def maker(name: str) -> Callable[[], Articulated]:
+    """The function that makes an arm, such as `slidax.robots.panda`.
+
+    - `name`: one of `names()`.
+    """
+
+    def make() -> Articulated:
+        return read(name).robot
+
+    make.__name__ = make.__qualname__ = name
+    make.__module__ = "slidax.robots"
+    make.__doc__ = f"{title(name)}, to the flange."
+    return make
+
+
 def read(name: str) -> Ready:
     """An arm by its name.
 
-    - `name`: one of `NAMES`.
+    - `name`: one of `names()`.
 
     Raises DefinitionError if there is none of that name.
     """
-    if name not in NAMES:
-        raise DefinitionError(f"there is no ready robot `{name}`; {nearest(name, NAMES)}")
-    data = YAML(typ="safe", pure=True).load((FILES / f"{name}.yaml").read_text(encoding="utf-8"))
+    data = _data(name)
     tip = data["tip"]
     joints = [_joint(entry) for entry in data["joints"]]
     flange = Joint(
@@ -67,6 +96,14 @@ def read(name: str) -> Ready:
         home=tuple(float(x) for x in data["home"]),
         sources={key: str(value) for key, value in data["sources"].items()},
     )
+
+
+@cache
+def _data(name: str) -> dict[str, Any]:
+    if name not in names():
+        raise DefinitionError(f"there is no ready robot `{name}`; {nearest(name, names())}")
+    data: dict[str, Any] = YAML(typ="safe", pure=True).load((FILES / f"{name}.yaml").read_text(encoding="utf-8"))
+    return data
 
 
 def _joint(entry: dict[str, Any]) -> Joint:

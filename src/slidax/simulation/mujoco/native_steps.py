@@ -15,11 +15,11 @@ from slidax._types import State
 from slidax.codegen import llvm
 from slidax.codegen.trace import trace
 
-from ..held import force
-from ..kind import Kind
 from ..loop import Begun, Loop
+from ..period import force
 from ..rollout import begin, decide
 from ..run import Log
+from ..signature import LoopSignature
 from .bound import Bound
 from .world import World
 
@@ -37,7 +37,7 @@ class NativeSteps:
 
     def __init__(self, loop: Loop, state: State, world: World, rows: int) -> None:
         arrays, static = eqx.partition((loop, state), eqx.is_array)
-        code = _compiled(Kind.of(arrays, static, True))
+        code = _compiled(LoopSignature.of(arrays, static, True))
         of_loop = [np.asarray(leaf) for leaf in jax.tree.leaves(arrays[0])]
         self._code = code
         started = code.begin([*of_loop, *(np.asarray(leaf) for leaf in jax.tree.leaves(arrays[1]))])
@@ -119,9 +119,9 @@ class _Code:
 
 
 @functools.lru_cache(maxsize=16)
-def _compiled(kind: Kind) -> _Code:
-    whole = kind.whole
-    arrays = kind.arrays
+def _compiled(signature: LoopSignature) -> _Code:
+    whole = signature.whole
+    arrays = signature.arrays
 
     def of_loop(given: Any) -> Loop:
         loop: Loop = whole((given, arrays[1]))[0]

@@ -15,11 +15,11 @@ from jaxtyping import Array
 
 from slidax._types import State, Vector
 
-from ..held import force
-from ..kind import Kind
 from ..loop import Begun, Carry, Loop
+from ..period import force
 from ..rollout import begin, decide
 from ..run import Log
+from ..signature import LoopSignature
 from .packing import Packed, Packing
 from .world import World
 
@@ -34,7 +34,7 @@ class XlaSteps:
 
     def __init__(self, loop: Loop, state: State, world: World) -> None:
         arrays, static = eqx.partition((loop, state), eqx.is_array)
-        self._code = _compiled(Kind.of(arrays, static, True))
+        self._code = _compiled(LoopSignature.of(arrays, static, True))
         self._known = self._code.of_loop.pack(arrays[0])
         carry, *self._rest = self._code.begin(self._known, state)
         # By NumPy, which knows no weak types: they are gone after one sample, and all would be compiled again.
@@ -101,8 +101,8 @@ class _Code:
 
 
 @functools.lru_cache(maxsize=16)
-def _compiled(kind: Kind) -> _Code:
-    whole, arrays = kind.whole, kind.arrays
+def _compiled(signature: LoopSignature) -> _Code:
+    whole, arrays = signature.whole, signature.arrays
     of_loop = Packing(arrays[0])
 
     def loop_of(known: Packed) -> Loop:

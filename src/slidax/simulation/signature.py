@@ -1,4 +1,4 @@
-"""What compiled code for a closed loop depends on."""
+"""What compiled code for a closed loop depends on: everything but the numbers."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ import numpy as np
 
 
 @dataclass(frozen=True)
-class Kind:
-    """All of a loop and what else is given but the numbers; equal for what can run the same code.
+class LoopSignature:
+    """The tree, the shapes and the static parts of a loop, without its numbers: loops with equal signatures share code.
 
-    Made by `Kind.of`.
+    Made by `LoopSignature.of`.
     """
 
     tree: Any
@@ -25,7 +25,7 @@ class Kind:
     logged: bool
 
     @staticmethod
-    def of(arrays: Any, static: Any, logged: bool) -> Kind:
+    def of(arrays: Any, static: Any, logged: bool) -> LoopSignature:
         """That of a loop.
 
         - `arrays`, `static`: its two parts, by `equinox.partition`.
@@ -33,7 +33,7 @@ class Kind:
         """
         leaves, tree = jax.tree.flatten(arrays)
         others, static_tree = jax.tree.flatten(static)
-        return Kind(tree, tuple((x.shape, x.dtype.name) for x in leaves), static_tree, tuple(others), logged)
+        return LoopSignature(tree, tuple((x.shape, x.dtype.name) for x in leaves), static_tree, tuple(others), logged)
 
     @property
     def arrays(self) -> Any:
@@ -43,6 +43,6 @@ class Kind:
 
     @property
     def whole(self) -> Callable[[Any], Any]:
-        """From arrays back to what they were taken from."""
+        """A function that joins arrays and static parts again."""
         static = jax.tree.unflatten(self.static_tree, self.static)
         return lambda given: eqx.combine(given, static)

@@ -14,7 +14,7 @@ from .evaluation import Evaluation, evaluate, judged, where
 from .loop import Carry, Loop, Passed
 
 
-class Held(eqx.Module):
+class HeldTorque(eqx.Module):
     """What a sample leaves to act on the joints until the next one.
 
     - `tau`: torque that is set [n], N m or N.
@@ -25,7 +25,7 @@ class Held(eqx.Module):
     delivery: Memory
 
 
-def decided(loop: Loop, carry: Carry, t: Scalar) -> tuple[Evaluation, Passed, Held]:
+def decided(loop: Loop, carry: Carry, t: Scalar) -> tuple[Evaluation, Passed, HeldTorque]:
     """The law once, on what is measured; a memory with a rate moves on by Euler's rule.
 
     - `loop`: what stays the same.
@@ -50,10 +50,10 @@ def decided(loop: Loop, carry: Carry, t: Scalar) -> tuple[Evaluation, Passed, He
         command = eqx.tree_at(lambda c: c.tau, now.command, once(tau))
         now = judged(loop, t, carry.state, carry.memory, now.reference, command)
     passed = Passed(memory=memory, sensor=sensor, actuator=delivery, torque=torque)
-    return now, passed, Held(tau=now.command.tau, delivery=delivery)
+    return now, passed, HeldTorque(tau=now.command.tau, delivery=delivery)
 
 
-def delivered(loop: Loop, held: Held, t: Scalar, time: Scalar) -> Vector:
+def delivered(loop: Loop, held: HeldTorque, t: Scalar, time: Scalar) -> Vector:
     """The torque on the joints, [n], N m or N.
 
     - `loop`: what stays the same.
@@ -66,7 +66,7 @@ def delivered(loop: Loop, held: Held, t: Scalar, time: Scalar) -> Vector:
     return loop.plant.actuator.delivered(held.delivery, time - t, loop.period)
 
 
-def moved(loop: Loop, state: State, t: Scalar, held: Held) -> State:
+def moved(loop: Loop, state: State, t: Scalar, held: HeldTorque) -> State:
     """The plant's own state one period later.
 
     - `loop`: what stays the same.
@@ -89,10 +89,10 @@ def moved(loop: Loop, state: State, t: Scalar, held: Held) -> State:
     return jax.lax.scan(substep, state, jnp.arange(loop.substeps))[0]
 
 
-def force(loop: Loop, held: Held, k: Int[Array, ""], i: Int[Array, ""], state: State) -> Vector:
+def force(loop: Loop, held: HeldTorque, k: Int[Array, ""], i: Int[Array, ""], state: State) -> Vector:
     """What pushes the joints at the start of a substep: the torque delivered and the disturbance, [n], N m or N.
 
-    For who moves the robot in our plant's stead, at the very times at which that would look.
+    For another simulator of the robot, at the very times at which our own plant would ask.
 
     - `loop`: what stays the same.
     - `held`: what sample k left.

@@ -1,0 +1,60 @@
+"""A run's log as flat columns with names and units."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import jax
+import numpy as np
+
+from slidax._errors import DefinitionError
+
+if TYPE_CHECKING:
+    from .run import Run
+
+PER = {"q": "", "dq": "/s", "q_d": "", "dq_d": "/s", "ddq_d": "/s²", "e": "", "lower": "", "upper": ""}
+"""What comes after the unit of a joint's position."""
+
+
+def columns_of(run: Run, labels: Sequence[str]) -> dict[str, tuple[np.ndarray, str]]:
+    """By name, each column with its unit: sample, time, state, reference, error, torque, bounds, signals.
+
+    - `run`: a single run with a log.
+    - `labels`: what follows the name of a quantity for each joint.
+
+    Raises DefinitionError if it has no log or is many.
+    """
+    log = run.log
+    if log is None:
+        raise DefinitionError("this run has no log: simulate with `log_every=1`")
+    if run.period.ndim:
+        raise DefinitionError(f"these are {len(run)} runs: take the log of each, as `runs[0]`")
+    groups: dict[str, Any] = {
+        "q": log.state.q,
+        "dq": log.state.dq,
+        "q_d": log.reference.q,
+        "dq_d": log.reference.dq,
+        "ddq_d": log.reference.ddq,
+        "e": log.e,
+        "tau": log.tau,
+    }
+    if log.envelope is not None:
+        groups |= {"lower": log.envelope.lower, "upper": log.envelope.upper}
+    groups |= log.signals
+    found = {"k": (np.asarray(log.k), ""), "t": (np.asarray(log.t), "s")}
+    for name, values in jax.tree.map(np.asarray, groups).items():
+        if values.ndim == 1:
+            found[name] = values, ""
+            continue
+        flat = values.reshape(len(values), -1)
+        wide = labels if flat.shape[1] == len(labels) else [f"_{k + 1}" for k in range(flat.shape[1])]
+        for k, label in enumerate(wide):
+            found[f"{name}{label}"] = flat[:, k], _unit(name, run.joint_units, k)
+    return found
+
+
+def _unit(name: str, units: tuple[str, ...], joint: int) -> str:
+    if name == "tau":
+        return "N m" if units[joint] == "rad" else "N"
+    return units[joint] + PER[name] if name in PER else ""

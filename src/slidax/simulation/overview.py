@@ -1,0 +1,106 @@
+"""A run as a person wants to see it: how it ended, and each joint's main numbers."""
+
+from __future__ import annotations
+
+from collections import Counter
+from html import escape
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from .run import Run
+
+SETTLED = 1e-3
+"""The error to which a joint has to settle, rad or m, if that is one of the run's bands."""
+
+Rows = list[list[str]]
+"""A table, its first row the heads, its first column the joints."""
+
+
+def heading(run: Run) -> str:
+    """One line: what it was, and how it ended.
+
+    - `run`: one or many.
+    """
+    many = run.period.ndim > 0
+    period, t1 = float(np.ravel(run.period)[0]), float(np.ravel(run.t1)[0])
+    kinds = Counter(outcome.kind for outcome in run.outcomes)
+    ends = ", ".join(f"{count} {kind}" for kind, count in kinds.items()) if many else next(iter(kinds))
+    what = f"{len(run)} runs" if many else "Run"
+    return f"{what} of {run.joints} joints to {t1:g} s, sampled every {period:g} s: {ends}"
+
+
+def remarks(run: Run) -> list[str]:
+    """What else is to be said, a sentence each.
+
+    - `run`: one or many.
+    """
+    said = [outcome.message for outcome in run.outcomes if not outcome.ok][:3]
+    if run.has_envelope:
+        outside, samples = int(np.sum(run.tally.violations)), int(np.sum(run.tally.samples))
+        said.append(f"Samples outside the envelope: {outside} of {samples}.")
+    if run.timing is not None:
+        said.append(f"Simulated in {run.timing.run_s:.3g} s, after {run.timing.compile_s:.3g} s to compile.")
+    return said
+
+
+def table(run: Run) -> Rows:
+    """Each joint's main numbers with their units; of many runs, the worst.
+
+    - `run`: one or many.
+    """
+    tally, windows = run.tally, run.windows
+    many = tuple(range(np.ndim(run.period)))
+    samples = np.expand_dims(np.asarray(tally.samples), -1)
+    steady = np.expand_dims(np.asarray(windows.steady), -1)
+    period = np.expand_dims(np.asarray(run.period), -1)
+    columns = [
+        ("steady error", np.where(samples > steady, tally.steady_error, np.nan), ""),
+        ("peak torque", np.where(samples > 0, tally.peak_torque, np.nan), "torque"),
+        ("torque step, steady", np.where(samples > steady + 1, tally.steady_step, np.nan), "torque"),
+    ]
+    band = np.flatnonzero(np.isclose(np.reshape(windows.bands, (-1, np.shape(windows.bands)[-1]))[0], SETTLED))
+    if band.size:
+        last = np.asarray(tally.last_above)[..., band[0], :]
+        settled = np.where(last < samples - 1, np.maximum(last, 0) * period, np.nan)
+        columns.insert(0, (f"settled to {SETTLED:g}", settled, "s"))
+    worst = [(name, np.max(values, axis=many), unit) for name, values, unit in columns]
+    if run.has_envelope:
+        worst.append(("envelope margin", np.min(np.asarray(tally.margin), axis=many), "of its width"))
+    rows = [["", *(name for name, *_ in worst)]]
+    for joint, (name, unit) in enumerate(zip(run.joint_names, run.joint_units, strict=True)):
+        units = {"": unit, "torque": "N m" if unit == "rad" else "N"}
+        rows.append([name, *(_cell(values[joint], units.get(of, of)) for _, values, of in worst)])
+    return rows
+
+
+def _cell(value: float, unit: str) -> str:
+    return f"{value:.4g} {unit}" if np.isfinite(value) else "-"
+
+
+def as_text(run: Run) -> str:
+    """For a terminal.
+
+    - `run`: one or many.
+    """
+    rows = table(run)
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    lines = []
+    for first, *cells in rows:
+        numbers = [cell.rjust(width) for cell, width in zip(cells, widths[1:], strict=True)]
+        lines.append("  ".join([first.ljust(widths[0]), *numbers]))
+    return "\n".join([heading(run), *lines, *remarks(run)])
+
+
+def as_html(run: Run, picture: str) -> str:
+    """For a notebook.
+
+    - `run`: one or many.
+    - `picture`: SVG below the table; empty for none.
+    """
+    head, *body = [[escape(cell) for cell in row] for row in table(run)]
+    rows = ["<tr>" + "".join(f"<th>{cell}</th>" for cell in head) + "</tr>"]
+    rows += [f"<tr><th>{row[0]}</th>" + "".join(f"<td>{cell}</td>" for cell in row[1:]) + "</tr>" for row in body]
+    said = "<br>".join(escape(line) for line in remarks(run))
+    return f"<p><b>{escape(heading(run))}</b></p><table>{''.join(rows)}</table><p>{said}</p>{picture}"

@@ -1,0 +1,94 @@
+"""How time passes in a closed loop: period, mode, integrator, and what ends a run."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import fields, replace
+from operator import index
+from typing import Any, Literal, get_args, get_type_hints
+
+from slidax._errors import nearest
+from slidax.numerics import runge_kutta_4
+from slidax.parts import AbstractPart, DefinitionError, is_traced, parameter, piece
+
+from .engine import Engine
+from .loop import Integrator
+
+
+def _known_period(period: Any) -> float:
+    if is_traced(period):
+        raise DefinitionError("`period` sets the number of samples, so it must be a known number")
+    return float(period)
+
+
+class Stepping(AbstractPart):
+    """How time passes in a closed loop.
+
+    In mode "held" the law is evaluated once a period, its torque is held, and the plant takes `substeps` steps of the
+    integrator. In mode "continuous" the law is evaluated at every stage of the integrator, whose step is the period.
+    `simulate` and its kin take it whole, or its fields as keywords, or both: a keyword replaces a field.
+    """
+
+    period: float = parameter("time between samples", "s", "> 0", static=True, converter=_known_period)
+    mode: Literal["held", "continuous"] = piece('"held" or "continuous"', default="held", static=True)
+    substeps: int = parameter(
+        "integrator steps per period in held mode", "", ">= 1", default=1, static=True, converter=index
+    )
+    integrator: Integrator = piece(
+        "`slidax.numerics.runge_kutta_4` or `semi_implicit_euler`; a `MujocoPlant` has its own",
+        default=runge_kutta_4,
+        static=True,
+    )
+    outside: Literal["raise", "recover"] = piece(
+        'what a sample outside the envelope does: "raise" ends the run; "recover", in held mode, counts it and goes on',
+        default="raise",
+        static=True,
+    )
+    limits: Literal["check", "ignore"] = piece(
+        "what a start or a motion beyond the limits of the robot's joints does: "
+        '"check" refuses it; "ignore" runs it all the same',
+        default="check",
+        static=True,
+    )
+    engine: Engine = piece(
+        'what computes: "native" is machine code of our own, "xla" the reference; "auto" takes the first where it can',
+        default="auto",
+        static=True,
+    )
+
+    def __check_init__(self) -> None:
+        for name, kind in get_type_hints(type(self)).items():
+            choices, value = get_args(kind), getattr(self, name)
+            if name in CHOICES and value not in choices:
+                listed = ", ".join(f"`{choice}`" for choice in choices)
+                raise DefinitionError(f"`Stepping.{name}` must be one of {listed}; got {value!r}")
+        if self.mode == "continuous" and self.substeps != 1:
+            raise DefinitionError(
+                f"`Stepping.substeps` must be 1 in continuous mode, where `period` is the step; got {self.substeps}"
+            )
+        if self.mode == "continuous" and self.outside == "recover":
+            raise DefinitionError("`Stepping.outside` must be `raise` in continuous mode: recovering needs samples")
+
+    @staticmethod
+    def of(stepping: Stepping | None, changes: Mapping[str, Any]) -> Stepping:
+        """What a caller asks for.
+
+        - `stepping`: the whole, if it was given.
+        - `changes`: single fields, by name.
+
+        Raises DefinitionError if a field is unknown or out of its range, or there is no period.
+        """
+        names = [field.name for field in fields(Stepping)]
+        unknown = set(changes) - set(names)
+        if unknown:
+            name = min(unknown)
+            raise DefinitionError(f"there is no argument `{name}`; {nearest(name, names)}")
+        if stepping is not None:
+            return replace(stepping, **changes) if changes else stepping
+        if "period" not in changes:
+            raise DefinitionError("`period`, the time between samples [s], must be given")
+        return Stepping(**changes)
+
+
+CHOICES = ("mode", "outside", "limits", "engine")
+"""The fields that are one of a few words."""
