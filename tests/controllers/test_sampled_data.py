@@ -268,7 +268,7 @@ def test_a_law_that_does_not_plan_has_no_horizon():
     with pytest.raises(DefinitionError, match="`ComputedTorque` does not plan over a horizon; leave `horizon` out"):
         sampled_data(ComputedTorque(SCARA, 100.0, 20.0), period=1e-3, horizon=0.01)
     step = sampled_data(law_4_1(), period=1e-3).step
-    with pytest.raises(DefinitionError, match="`SampledData.horizon` must be given for a law that plans"):
+    with pytest.raises(DefinitionError, match=r"`SampledData.horizon` must be given for a law that plans"):
         SampledData(step, Measured(), TorqueLimits(), 1e-3)
 
 

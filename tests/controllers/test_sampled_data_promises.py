@@ -31,10 +31,11 @@ def judged(arm, period, x):
 
     # The proximal equation, and where its set-valued part lets s⁺ be exactly zero.
     after = jnp.einsum("kij,kj->ki", m0, s_next) / horizon
+    reaching = law.step.reaching
     left = (
         after
         - push
-        + jax.vmap(law.step.reaching.continuous_term)(s_next)
+        + jax.vmap(reaching.continuous_term)(s_next)
         + u[:, None] * jax.vmap(reaching.switching_direction)(s_next)
     )
     held = (x["layer"] == 0) & (size <= u)
