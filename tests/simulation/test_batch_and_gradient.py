@@ -58,7 +58,7 @@ def test_a_batch_tells_which_runs_went_wrong_where_and_when():
     assert np.sum(done.log.valid, axis=1).tolist() == [3, 11, 4]
     assert done.tally.samples.tolist() == [3, 11, 4]
     assert done.tally.violations.tolist() == [1, 0, 1]
-    leaves = jax.tree.leaves((done.log, done.state, done.tally.eci, done.tally.iae))
+    leaves = jax.tree.leaves((done.log, done.state, done.tally.torque_square, done.tally.late_error))
     assert all(np.all(np.isfinite(leaf)) for leaf in leaves)
 
 
@@ -115,7 +115,7 @@ def test_the_gradient_of_the_final_error_by_a_gain_matches_differences(mode):
 def test_gradients_by_every_gain_at_once_are_finite():
     def effort(law):
         done = simulate(plant_4_1(), law, MOTION_4_1, START_4_1, t1=0.05, period=1e-3, log_every=None)
-        return jnp.sum(done.tally.eci) + jnp.sum(done.tally.iae) + jnp.sum(done.tally.aice)
+        return jnp.sum(done.tally.torque_square) + jnp.sum(done.tally.late_error) + jnp.sum(done.tally.torque_travel)
 
     gradient = jax.jit(jax.grad(effort))(law_4_1())
     assert all(np.all(np.isfinite(leaf)) for leaf in jax.tree.leaves(gradient))
@@ -146,7 +146,7 @@ def test_a_sweep_over_gains_is_compiled_once():
     @jax.jit
     def many(k2):
         traces.append(1)
-        return jax.vmap(lambda k: at_1_khz(k, t1=0.1).tally.eci)(k2)
+        return jax.vmap(lambda k: at_1_khz(k, t1=0.1).tally.torque_square)(k2)
 
     for factor in (1.0, 1.1, 1.2):
         many(GAINS * factor)

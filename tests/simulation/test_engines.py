@@ -65,7 +65,7 @@ def test_both_engines_give_the_same_run(name):
     np.testing.assert_allclose(native.log.state.q, xla.log.state.q, rtol=1e-9, atol=1e-9)
     np.testing.assert_allclose(native.log.reference.q, xla.log.reference.q, rtol=1e-13, atol=1e-15)
     np.testing.assert_allclose(native.tally.peak_torque, xla.tally.peak_torque, rtol=1e-9)
-    np.testing.assert_allclose(native.tally.aice, xla.tally.aice, rtol=1e-5)
+    np.testing.assert_allclose(native.tally.torque_travel, xla.tally.torque_travel, rtol=1e-5)
     assert set(native.log.signals) == set(xla.log.signals)
     same = [jax.tree.structure(run) for run in (native.tally, xla.tally)]
     assert same[0] == same[1]
@@ -83,7 +83,7 @@ def test_example_4_1_is_the_same_to_1e_9_over_its_whole_length_where_it_does_not
     assert native.tally.samples == xla.tally.samples
     np.testing.assert_allclose(native.log.state.q, xla.log.state.q, rtol=0, atol=1e-9)
     np.testing.assert_allclose(native.log.tau, xla.log.tau, rtol=0, atol=1e-6)
-    np.testing.assert_allclose(native.tally.aice, xla.tally.aice, rtol=1e-9)
+    np.testing.assert_allclose(native.tally.torque_travel, xla.tally.torque_travel, rtol=1e-9)
 
 
 def test_a_motion_through_waypoints_is_the_same():
@@ -125,7 +125,7 @@ def test_a_bad_end_is_the_same_end(mode):
     assert [run.outcome.kind for run in runs] == [runs[0].outcome.kind] * 2
     for run in runs:
         assert len(run.log.t) == int(run.tally.samples)
-        assert all(np.isfinite(leaf).all() for leaf in jax.tree.leaves((run.log, run.tally.aice)))
+        assert all(np.isfinite(leaf).all() for leaf in jax.tree.leaves((run.log, run.tally.torque_travel)))
     with pytest.raises(OutcomeError):
         simulate(
             plant_4_1(), law_4_1(), MOTION_4_1, START_4_1, t1=9.0, period=4e-3, mode=mode, engine="native", throw=True
@@ -219,7 +219,7 @@ def test_a_law_without_native_code_runs_by_xla_with_one_word_about_it(name):
     auto, said = spoken(lambda: simulate(*loop, **how))
     assert f"the JAX primitive `{primitive}` (line " in said
     xla = simulate(*loop, **how, engine="xla")
-    np.testing.assert_array_equal(auto.tally.eci, xla.tally.eci)
+    np.testing.assert_array_equal(auto.tally.torque_square, xla.tally.torque_square)
     with pytest.raises(NoNativeCodeError, match=f"`{primitive}`"):
         simulate(*loop, **how, engine="native")
 
@@ -247,7 +247,7 @@ def test_whatever_fails_on_the_way_to_native_code_is_named_and_xla_runs(monkeypa
     assert said.endswith(": AssertionError: never thought of")
     many, said = spoken(lambda: simulate_batch(starts, jnp.array([0.0, 0.1]), **how))
     assert said.endswith(": AssertionError: never thought of")
-    np.testing.assert_allclose(many.tally.eci[0], one.tally.eci, rtol=1e-12)
+    np.testing.assert_allclose(many.tally.torque_square[0], one.tally.torque_square, rtol=1e-12)
     for run in (
         lambda: simulate(*starts(0.0), **how, engine="native"),
         lambda: simulate_batch(starts, jnp.array([0.0]), **how, engine="native"),
@@ -271,5 +271,5 @@ def test_without_llvmlite_a_run_goes_by_xla_and_says_so_if_it_was_to_be_native(m
         asked = simulate(*loop, t1=0.1, period=0.01, engine="native")
     auto = simulate(*loop, t1=0.1, period=0.01)
     xla = simulate(*loop, t1=0.1, period=0.01, engine="xla")
-    np.testing.assert_array_equal(asked.tally.eci, xla.tally.eci)
-    np.testing.assert_array_equal(auto.tally.eci, xla.tally.eci)
+    np.testing.assert_array_equal(asked.tally.torque_square, xla.tally.torque_square)
+    np.testing.assert_array_equal(auto.tally.torque_square, xla.tally.torque_square)

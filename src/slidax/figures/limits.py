@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -14,7 +14,7 @@ NEAR = 0.4
 """From this share of its limit on, a torque is shown with the limit in the picture."""
 
 
-def draw_limit(panels: Sequence[Axes], limit: float, unit: str) -> None:
+def draw_limit(panels: Iterable[Axes], limit: float, unit: str) -> None:
     """A line at each end of what a drive can do, and its value above the first panel.
 
     Where the torque stays far below its limit the lines lie outside of the picture, so that the torque can be seen.
@@ -25,6 +25,7 @@ def draw_limit(panels: Sequence[Axes], limit: float, unit: str) -> None:
     """
     if not np.isfinite(limit):
         return
+    panels = list(panels)
     for axes in panels:
         low, high = axes.get_ylim()
         gap = 0.07 * limit

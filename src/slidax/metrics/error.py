@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -93,12 +94,12 @@ def iae(run: Run) -> np.ndarray:
     return integral(run, total, tally.first_error, tally.last_error)
 
 
-def reached_last_quarter(run: Run) -> np.ndarray:
+def reached_last_quarter(run: Run) -> Any:
     """Whether the run has samples in its last quarter, from which steady values are taken, [] or [runs].
 
     - `run`: a finished run, or a batch.
     """
-    return np.asarray(np.asarray(run.tally.samples) > np.asarray(run.windows.steady))
+    return np.asarray(run.tally.samples) > np.asarray(run.windows.steady)
 
 
 def _bands(run: Run) -> np.ndarray:

@@ -88,12 +88,13 @@ def metric(title: str, unit: str, *, key: str = "", **how: Any) -> Callable[[Cal
     return lambda function: Metric(key or function.__name__, title, unit, function, **how)
 
 
-def where(known: np.ndarray, values: np.ndarray) -> np.ndarray | None:
+def where(known: Any, values: np.ndarray) -> np.ndarray | None:
     """The values of a run, or None if they are not known; those of a batch, masked where they are not.
 
     - `known`: [] or [runs].
     - `values`: [n] or [runs n].
     """
+    known = np.asarray(known)
     if known.ndim == 0:
         return values if known else None
     masked: np.ndarray = np.ma.masked_array(values, np.broadcast_to(~known[..., None], values.shape))
