@@ -13,3 +13,4 @@ from .simulate import BANDS as BANDS
 from .simulate import simulate as simulate
 from .simulate_batch import simulate_batch as simulate_batch
 from .tally import Tally as Tally
+from .value_and_gradient import value_and_gradient as value_and_gradient
