@@ -12,7 +12,7 @@ import jax.numpy as jnp
 
 import slidax as sx
 
-scenario = sx.scenarios.load("example-4.2")
+scenario = sx.scenarios.load("example-4.2").replace(t1=1.0, period=2e-4, mode="held")
 
 
 @eqx.filter_jit
@@ -20,8 +20,7 @@ scenario = sx.scenarios.load("example-4.2")
 def mean_square_error(surface):
     """The mean square error over the first second, as a function of the surface's parameters."""
     controller = eqx.tree_at(lambda c: c.surface, scenario.controller, surface)
-    parts = (scenario.plant, controller, scenario.trajectory, scenario.state0)
-    run = sx.simulate(*parts, t1=1.0, period=2e-4, log_every=1)
+    run = scenario.replace(controller=controller).simulate(log_every=1)
     return jnp.mean(run.log.e**2)
 
 

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from matplotlib import rc_context
 from matplotlib.artist import Artist
 from matplotlib.figure import Figure
+
+from .notebook import drawn_by
 
 STYLE: Any = {
     "font.family": "STIXGeneral",
@@ -78,8 +79,8 @@ BAND: dict[str, Any] = {"facecolor": "#E9EEF4", "edgecolor": "none"}
 BOUND: dict[str, Any] = {"color": "#6B7785", "linewidth": 0.8}
 """The edge of an envelope."""
 
-styled = rc_context(STYLE)
-"""Decorates a function that draws: the settings of STYLE hold inside, and what held before holds after."""
+styled = drawn_by(STYLE)
+"""Decorates a function that draws: the settings of STYLE hold inside, and its figure shows itself in a notebook."""
 
 
 def legend_above(figure: Figure, handles: Sequence[Artist], columns: int | None = None) -> None:
