@@ -2,7 +2,6 @@
 
 import pickle
 
-import jax.numpy as jnp
 import matplotlib as mpl
 import numpy as np
 
@@ -12,7 +11,7 @@ from slidax.performance import FixedTime
 
 def picture():
     t = np.linspace(0.0, 3.0, 50)
-    return figures.performance({"fixed": FixedTime(1.0, 0.1, 2.0, 2.01)}, jnp.asarray(t))
+    return figures.performance({"fixed": FixedTime(1.0, 0.1, 2.0, 2.01)}, t)
 
 
 def test_a_figure_is_shown_as_svg_in_its_own_style_and_changes_no_settings():
