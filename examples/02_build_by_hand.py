@@ -7,8 +7,6 @@ import jax
 
 jax.config.update("jax_enable_x64", True)
 
-import jax.numpy as jnp
-
 import slidax as sx
 from slidax.controllers import cftsmppc
 from slidax.disturbances import Friction, Step
@@ -30,12 +28,9 @@ run = sx.simulate(
     sx.Plant(true, Friction(coulomb=[2.0, 1.0], viscous=0.5) + Step([0.0, 5.0], start=3.0, end=4.0)),
     controller,
     MinimumJerk.through(times=[0.0, 2.0, 5.0], waypoints=[[0.0, 1.0], [0.8, 0.2], [0.3, 1.2]]),
-    sx.State(q=jnp.array([0.2, 0.8]), dq=jnp.zeros(2)),
+    sx.State(q=[0.2, 0.8]),
     t1=6.0,
     period=1e-4,
     log_every=10,
 )
-print(run.outcome.message)
-print("samples outside the envelope:", sx.metrics.envelope_violations(run))
-print("error in the last quarter [rad]:", sx.metrics.steady_error(run))
-print("peak torque [N m]:", sx.metrics.peak_torque(run))
+print(run)

@@ -12,21 +12,18 @@ import jax.numpy as jnp
 
 import slidax as sx
 
-scenario = sx.scenarios.load("example-4.1")
+scenario = sx.scenarios.load("example-4.1").replace(t1=2.0)
 
 
-@eqx.filter_jit
-@eqx.filter_vmap
-def steady_error_and_peak(k1):
-    """The worst steady error and the highest torque for one gain of the surface."""
-    controller = eqx.tree_at(lambda c: c.surface.k1, scenario.controller, k1)
-    parts = (scenario.plant, controller, scenario.trajectory, scenario.state0)
-    run = sx.simulate(*parts, t1=2.0, period=scenario.period, log_every=None)
-    return run.tally.steady_error.max(), run.tally.peak_torque.max(), run.fault.absent
+def define(scenario, k1):
+    """The scenario with one gain of the surface."""
+    return scenario.replace(controller=eqx.tree_at(lambda c: c.surface.k1, scenario.controller, k1))
 
 
 gains = jnp.linspace(0.05, 0.5, 64)
-errors, peaks, kept = steady_error_and_peak(gains)
-print("   k1   error [rad]   peak torque [N m]   inside")
-for k1, error, peak, inside in list(zip(gains, errors, peaks, kept, strict=True))[::9]:
-    print(f"{k1:5.3f}   {error:11.2e}   {peak:17.1f}   {'yes' if inside else 'no'}")
+runs = scenario.simulate_batch(define, gains)
+print(runs)
+print("   k1   error [rad]   peak torque [N m]   outcome")
+for k1, run in list(zip(gains, runs, strict=True))[::9]:
+    error, peak = sx.metrics.steady_error(run).max(), sx.metrics.peak_torque(run).max()
+    print(f"{k1:5.3f}   {error:11.2e}   {peak:17.1f}   {run.outcome.kind}")

@@ -12,7 +12,7 @@ import jax.numpy as jnp
 
 import slidax as sx
 
-scenario = sx.scenarios.load("example-4.2")
+scenario = sx.scenarios.load("example-4.2").replace(t1=1.0, period=2e-4, mode="held")
 
 
 def loop(surface):
@@ -27,7 +27,7 @@ def mean_square_error(run):
 
 
 value, gradient = sx.simulation.value_and_gradient(
-    mean_square_error, loop, scenario.controller.surface, t1=1.0, period=2e-4, log_every=1
+    mean_square_error, loop, scenario.controller.surface, t1=scenario.t1, stepping=scenario.stepping, log_every=1
 )
 print(f"mean square error: {value:.6f}")
 for name in ("k1", "k2", "p", "q", "delta"):

@@ -15,6 +15,7 @@ The rooms are `trajectories`, `robots`, `disturbances`, `sensors`, `actuators` (
 from __future__ import annotations
 
 from importlib import import_module
+from pkgutil import iter_modules
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
     from . import metrics as metrics
     from . import numerics as numerics
     from . import papers as papers
+    from . import parts as parts
     from . import performance as performance
     from . import reaching as reaching
     from . import reports as reports
@@ -47,39 +49,28 @@ if TYPE_CHECKING:
     from .simulation import MujocoPlant as MujocoPlant
     from .simulation import Plant as Plant
     from .simulation import Run as Run
+    from .simulation import Stepping as Stepping
     from .simulation import simulate as simulate
     from .simulation import simulate_batch as simulate_batch
 
 __version__ = "0.1.0"
 
-_ROOMS = [
-    *("trajectories", "robots", "disturbances", "sensors", "actuators", "numerics"),
-    *("performance", "transformations", "surfaces", "reaching", "estimators", "controllers"),
-    *("codegen", "simulation", "scenarios", "metrics", "figures", "papers", "reports", "views", "deploy"),
-]
-_NAMES = {
-    "DefinitionError": "_errors",
-    "DefinitionWarning": "_errors",
-    "OutcomeError": "_errors",
-    "Command": "_types",
-    "Envelope": "_types",
-    "Reference": "_types",
-    "State": "_types",
-    "MujocoPlant": "simulation",
-    "Plant": "simulation",
-    "Run": "simulation",
-    "simulate": "simulation",
-    "simulate_batch": "simulation",
+_EXPORTED = {
+    "_errors": ("DefinitionError", "DefinitionWarning", "OutcomeError"),
+    "_types": ("Command", "Envelope", "Reference", "State"),
+    "simulation": ("MujocoPlant", "Plant", "Run", "Stepping", "simulate", "simulate_batch"),
 }
+_ROOM_OF = {name: room for room, names in _EXPORTED.items() for name in names}
+_ROOMS = [room.name for room in iter_modules(__path__) if not room.name.startswith("_")]
 
 
 def __getattr__(name: str) -> Any:
+    if name in _ROOM_OF:
+        return getattr(import_module(f".{_ROOM_OF[name]}", __name__), name)
     if name in _ROOMS:
         return import_module(f".{name}", __name__)
-    if name in _NAMES:
-        return getattr(import_module(f".{_NAMES[name]}", __name__), name)
     raise AttributeError(f"module `slidax` has no `{name}`")
 
 
 def __dir__() -> list[str]:
-    return sorted([*_ROOMS, *_NAMES, "__version__"])
+    return sorted([*_ROOMS, *_ROOM_OF, "__version__"])

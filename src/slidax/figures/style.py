@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from matplotlib import rc_context
 from matplotlib.artist import Artist
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
+
+from .notebook import drawn_by
 
 STYLE: Any = {
     "font.family": "STIXGeneral",
@@ -85,8 +86,8 @@ NARROW: dict[str, Any] = {**BOUND, "linewidth": 0.6, "linestyle": (0, (4, 2))}
 LIMIT: dict[str, Any] = {"color": "#A33B20", "linewidth": 0.7, "linestyle": (0, (6, 2, 1, 2))}
 """A limit of the drives."""
 
-styled = rc_context(STYLE)
-"""Decorates a function that draws: the settings of STYLE hold inside, and what held before holds after."""
+styled = drawn_by(STYLE)
+"""Decorates a function that draws: the settings of STYLE hold inside, and its figure shows itself in a notebook."""
 
 
 def envelope_patch(label: str = "envelope") -> Patch:

@@ -12,6 +12,7 @@ import numpy as np
 from slidax._errors import DefinitionError, is_traced, require, require_consistent, require_shape
 
 from .parameter import Parameter, declared, is_declared
+from .tree import as_tree
 
 
 class AbstractPart(eqx.Module):
@@ -31,6 +32,9 @@ class AbstractPart(eqx.Module):
             cls.__doc__ = f"{own}\n\n{listed}"
             if not all(said.piece for said in _said_of(cls)):
                 cls.__doc__ += "\n\nRaises DefinitionError if one of them is out of its range."
+
+    def __repr__(self) -> str:
+        return as_tree(self)
 
     def __check_init__(self) -> None:
         fields = [declared(field) for field in dataclasses.fields(self) if is_declared(field)]

@@ -38,7 +38,7 @@ class Scenario:
     state0: State
     t1: float
     stepping: Stepping
-    log_every: int = 1
+    log_every: int | None = 1
     changed: tuple[str, ...] = ()
 
     @property

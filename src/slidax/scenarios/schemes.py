@@ -155,8 +155,9 @@ def switched(scheme: Any, name: Any) -> Any:
     """The scheme of a scenario file with another name.
 
     What describes the task, the arm and its sampling is kept, as far as the new scheme has it: the envelope, the bound
-    but for what the new scheme has a number of its own for, and of `sampled_data` the estimator, with the rest if the new
-    scheme plans over a horizon. All else is dropped, so that it takes the new scheme's numbers. Where the name is the file's own, nothing changes.
+    but for what the new scheme has a number of its own for, and of `sampled_data` the estimator, with the rest if the
+    new scheme plans over a horizon. All else is dropped, so that it takes the new scheme's numbers. Where the name is
+    the file's own, nothing changes.
 
     - `scheme`: the mapping in the file.
     - `name`: the name to be set; one that is not known is left for the validation to refuse.

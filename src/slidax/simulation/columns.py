@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-import jax
 import numpy as np
 
 from slidax._errors import DefinitionError
@@ -43,7 +42,8 @@ def columns_of(run: Run, labels: Sequence[str]) -> dict[str, tuple[np.ndarray, s
         groups |= {"lower": log.envelope.lower, "upper": log.envelope.upper}
     groups |= log.signals
     found = {"k": (np.asarray(log.k), ""), "t": (np.asarray(log.t), "s")}
-    for name, values in jax.tree.map(np.asarray, groups).items():
+    for name, array in groups.items():
+        values = np.asarray(array)
         if values.ndim == 1:
             found[name] = values, ""
             continue

@@ -68,7 +68,7 @@ def table(run: Run) -> Rows:
     worst = [(name, np.max(values, axis=many), unit) for name, values, unit in columns]
     if run.has_envelope:
         worst.append(("envelope margin", np.min(np.asarray(tally.margin), axis=many), "of its width"))
-    rows = [["", *(name for name, *_ in worst)]]
+    rows = [["worst" if many else "", *(name for name, *_ in worst)]]
     for joint, (name, unit) in enumerate(zip(run.joint_names, run.joint_units, strict=True)):
         units = {"": unit, "torque": "N m" if unit == "rad" else "N"}
         rows.append([name, *(_cell(values[joint], units.get(of, of)) for _, values, of in worst)])

@@ -68,13 +68,12 @@ def value_and_gradient(
                 raise
             say_xla_instead(f"there is {error.message}")
 
-    @jax.jit
     def by_xla(at: Any, directions: Any) -> tuple[Scalar, Any]:
         many = jax.vmap(lambda v: jax.jvp(lambda x: metric(task.simulated(x)), (at,), (v,)), out_axes=(None, 0))
         pair: tuple[Scalar, Any] = many(directions)
         return pair
 
-    value, slopes = by_xla(at, directions)
+    value, slopes = jax.jit(by_xla)(at, directions)
     return value, rebuilt(slopes)
 
 

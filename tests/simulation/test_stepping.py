@@ -1,0 +1,75 @@
+"""How time passes is said once: as a whole, by keywords, or both."""
+
+import jax
+import numpy as np
+import pytest
+
+from slidax._errors import DefinitionError
+from slidax.numerics import semi_implicit_euler
+from slidax.simulation import Stepping, simulate, simulate_batch
+from tests.architecture.test_house import in_a_fresh_interpreter
+from tests.paper import MOTION_4_1, START_4_1
+from tests.simulation.simple import SMOOTH_PLANT, SPRING
+
+LOOP = (SMOOTH_PLANT, SPRING, MOTION_4_1, START_4_1)
+FINE = Stepping(period=0.02, substeps=4, integrator=semi_implicit_euler)
+
+
+def same(one, other):
+    for a, b in zip(jax.tree.leaves(one), jax.tree.leaves(other), strict=True):
+        np.testing.assert_array_equal(a, b)
+
+
+def test_a_stepping_and_its_fields_as_keywords_are_the_same_run():
+    whole = simulate(*LOOP, t1=0.2, stepping=FINE)
+    same(whole, simulate(*LOOP, t1=0.2, period=0.02, substeps=4, integrator=semi_implicit_euler))
+    coarse = simulate(*LOOP, t1=0.2, period=0.02)
+    assert np.any(whole.state.q != coarse.state.q)
+    same(coarse, simulate(*LOOP, t1=0.2, stepping=Stepping(period=0.02)))
+
+
+def test_a_keyword_replaces_a_field():
+    changed = simulate(*LOOP, t1=0.2, stepping=Stepping(period=0.1, substeps=4), period=0.02, substeps=1)
+    same(changed, simulate(*LOOP, t1=0.2, period=0.02))
+
+
+def test_a_batch_takes_it_too():
+    def define(q):
+        return SMOOTH_PLANT, SPRING, MOTION_4_1, type(START_4_1)(q, START_4_1.dq)
+
+    runs = simulate_batch(define, START_4_1.q[None], t1=0.2, stepping=FINE, log_every=1)
+    same(runs[0].tally, simulate(*LOOP, t1=0.2, stepping=FINE).tally)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({}, "`period`, the time between samples .* must be given"),
+        ({"perod": 0.1}, "there is no argument `perod`; did you mean `period`?"),
+        ({"period": 0.1, "substeps": 2, "mode": "continuous"}, "must be 1 in continuous mode"),
+    ],
+)
+def test_what_cannot_be_is_refused(change, message):
+    with pytest.raises(DefinitionError, match=message):
+        simulate(*LOOP, t1=0.2, **change)
+
+
+def test_a_traced_period_is_refused():
+    with pytest.raises(DefinitionError, match="`period` sets the number of samples"):
+        jax.jit(lambda period: simulate(*LOOP, t1=0.2, period=period).state.q)(0.02)
+
+
+def test_a_misspelled_word_is_refused_and_not_taken_for_the_default():
+    code = """
+import jax
+jax.config.update("jax_enable_x64", True)
+import slidax as sx
+for change in ({"mode": "contineous"}, {"outside": "go on"}, {"limits": "none"}, {"engine": "fast"}):
+    try:
+        sx.Stepping(period=1e-3, **change)
+    except sx.DefinitionError as error:
+        print(error)
+"""
+    said = in_a_fresh_interpreter(code).splitlines()
+    assert len(said) == 4
+    assert said[0] == "`Stepping.mode` must be one of `held`, `continuous`; got 'contineous'"
