@@ -24,7 +24,7 @@ controller = cftsmppc(
     nominal,
     performance=FixedTime(initial=0.4, final=0.005, deadline=2.0, exponent=2.01),
     overshoot=0.3,
-    bound=UncertaintyBound(0.09, 0.2, constant=12.0, position=2.2, velocity=2.8, margin=1.0),
+    bound=UncertaintyBound(0.09, 0.2, b0=12.0, b1=2.2, b2=2.8, margin=1.0),
 )
 run = sx.simulate(
     sx.Plant(true, Friction(coulomb=[2.0, 1.0], viscous=0.5) + Step([0.0, 5.0], start=3.0, end=4.0)),

@@ -35,14 +35,14 @@ ENVELOPE_4_2 = FixedTime(1.2, 0.002, [5.0, 6.0, 7.0], 2.01)
 
 def law_4_1(nominal: TwoLink = TWO_LINK_NOMINAL, **changes: Any) -> SlidingMode:
     """The law of Example 4.1, Table 1; `changes` go to `cftsmppc`."""
-    bound = UncertaintyBound(inertia_min=0.09, inertia_max=0.2, constant=12.0, position=2.2, velocity=2.8, margin=1.0)
+    bound = UncertaintyBound(inverse_inertia_min=0.09, inverse_inertia_max=0.2, b0=12.0, b1=2.2, b2=2.8, margin=1.0)
     parts: dict[str, Any] = {"performance": ENVELOPE_4_1, "overshoot": 0.2, "bound": bound}
     return cftsmppc(nominal, **(parts | changes))
 
 
 def law_4_2(**changes: Any) -> SlidingMode:
     """The law of Example 4.2, Table 2; `changes` go to `cftsmppc`."""
-    bound = UncertaintyBound(inertia_min=0.9, inertia_max=1.1, constant=12.0, position=2.2, velocity=2.8, margin=1.0)
+    bound = UncertaintyBound(inverse_inertia_min=0.9, inverse_inertia_max=1.1, b0=12.0, b1=2.2, b2=2.8, margin=1.0)
     parts: dict[str, Any] = {"performance": ENVELOPE_4_2, "overshoot": 0.2, "bound": bound}
     return cftsmppc(SCARA, **(parts | changes))
 

@@ -21,11 +21,9 @@ from slidax.surfaces import AbstractSurface, Linear
 from slidax.transformations import AbstractTransformation, PrescribedPerformance, Unconstrained
 from tests.paper import ENVELOPE_4_1, ENVELOPE_4_2, SCARA, TWO_LINK_NOMINAL
 
-BOUND_4_1 = UncertaintyBound(inertia_min=0.09, inertia_max=0.2, constant=12.0, position=2.2, velocity=2.8, margin=1.0)
-WITHOUT_B1 = UncertaintyBound(inertia_min=0.09, inertia_max=0.2, constant=12.0, position=0.0, velocity=2.8, margin=1.0)
-TABLE_2_SFSMC = UncertaintyBound(
-    inertia_min=0.9, inertia_max=1.1, constant=12.0, position=0.0, velocity=2.2, margin=1.0
-)
+BOUND_4_1 = UncertaintyBound(inverse_inertia_min=0.09, inverse_inertia_max=0.2, b0=12.0, b1=2.2, b2=2.8, margin=1.0)
+WITHOUT_B1 = UncertaintyBound(inverse_inertia_min=0.09, inverse_inertia_max=0.2, b0=12.0, b1=0.0, b2=2.8, margin=1.0)
+TABLE_2_SFSMC = UncertaintyBound(inverse_inertia_min=0.9, inverse_inertia_max=1.1, b0=12.0, b1=0.0, b2=2.2, margin=1.0)
 AROUND_4_1 = PrescribedPerformance(ENVELOPE_4_1, 0.2)
 AROUND_4_2 = PrescribedPerformance(ENVELOPE_4_2, 0.2)
 

@@ -28,7 +28,7 @@ def surface(**changes):
 
 
 def bound(**changes):
-    right = {"inertia_min": 0.09, "inertia_max": 0.2, "constant": 12.0, "position": 2.2, "velocity": 2.8, "margin": 1.0}
+    right = {"inverse_inertia_min": 0.09, "inverse_inertia_max": 0.2, "b0": 12.0, "b1": 2.2, "b2": 2.8, "margin": 1.0}
     return UncertaintyBound(**(right | changes))
 
 
@@ -97,10 +97,10 @@ WRONG = [
     (reaching, "gain", [[1.0, 0.5], [0.0, 1.0]], "symmetric positive definite", "[[1.0, 0.5], [0.0, 1.0]]"),
     (reaching, "gain", [[1.0, NAN], [NAN, 1.0]], "symmetric positive definite", "nan"),
     (reaching, "layer", -0.05, "must be >= 0 (s0, eq. 51", "got -0.05"),
-    (bound, "inertia_min", 0.0, "must be > 0 (m1, eq. 47)", "got 0"),
-    (bound, "inertia_max", 0.05, "(m2, eq. 47)", "got 0.05"),
+    (bound, "inverse_inertia_min", 0.0, "must be > 0 1/(kg m²) (m1, eq. 47)", "got 0"),
+    (bound, "inverse_inertia_max", 0.05, "(m2, eq. 47)", "got 0.05"),
     (bound, "margin", 0.0, "must be > 0 (k, eq. 45)", "got 0"),
-    (bound, "constant", -1.0, "must be >= 0 (b0, eq. 19)", "got -1"),
+    (bound, "b0", -1.0, "must be >= 0 N m (eq. 19)", "got -1"),
     (bound, "position", -1.0, "must be >= 0 (b1, eq. 19)", "got -1"),
     (bound, "velocity", NAN, "must be >= 0 (b2, eq. 19)", "got nan"),
     (two_link, "masses", [0.5, 0.0], "must be > 0 kg", "got 0 for"),
@@ -119,8 +119,8 @@ WRONG = [
     ),
     (lambda **c: Constant(**c), "value", [1.0, NAN], "must be finite", "got nan for joint 2"),
     (lambda **c: Posture(**c), "value", [NAN, 1.0], "must be finite", "got nan for joint 1"),
-    (lambda **c: Step(**({"value": [1.0], "end": 1.0} | c)), "start", 2.0, "must be before its end", "got 2"),
-    (lambda **c: Scaled(Constant([1.0]), **c), "factor", NAN, "must be one finite number", "got nan"),
+    (lambda **c: Step(**({"value": [1.0], "start": 2.0} | c)), "end", 1.0, "must be > `start` = 2.0 s", "got 1"),
+    (lambda **c: Scaled(Constant([1.0]), **c), "factor", NAN, "must be finite", "got nan"),
     (
         lambda **c: Sinusoid(**({"offset": [0.0, 0.0], "amplitude": 1.0, "frequency": 1.0} | c)),
         "amplitude",
@@ -157,8 +157,8 @@ def test_right_parameters_pass(make):
 
 @pytest.mark.parametrize(
     ("make", "value"),
-    [(surface, {"delta": 1.0}), (reaching, {"layer": 0.0}), (bound, {"inertia_max": 0.09, "velocity": 0.0})],
-    ids=["delta", "layer", "inertia_max"],
+    [(surface, {"delta": 1.0}), (reaching, {"layer": 0.0}), (bound, {"inverse_inertia_max": 0.09, "b2": 0.0})],
+    ids=["delta", "layer", "inverse_inertia_max"],
 )
 def test_the_closed_ends_of_the_ranges_pass(make, value):
     make(**value)

@@ -42,9 +42,9 @@ def radius_needed(law: SampledData, push: float) -> float:
     h, horizon, delay = float(law.period), float(law.horizon), law.delay
     square = (horizon + delay * h) ** 2
     target = (2.0 if delay else 1.0) * square / horizon * push
-    side = float(law.transformation.overshoot)
+    side = float(law.step.transformation.overshoot)
     sides = Sides(jnp.asarray(-1.0), jnp.asarray(side))
-    pull = law.surface.pull_and_slope
+    pull = law.step.surface.pull_and_slope
     eps = brentq(lambda x: float(np.max(pull(jnp.full(law.joints, x))[0])) - target, 0.0, 1e3)
     return square * push / (side - float(psi(jnp.asarray(eps), sides)))
 

@@ -93,13 +93,14 @@ def known(value: Any) -> Any:
     return value if is_traced(value) else np.asarray(value)
 
 
-def require(owner: object, field: str, holds: Any, rule: str, *, finite: bool = True) -> None:
+def require(owner: object, field: str, holds: Any, rule: str, *, finite: bool = True, each: str = "joint") -> None:
     """Raises a DefinitionError unless `holds` is true in every entry of the field and the field is finite.
 
     - `owner`: the object whose field it is; its class names it in the message.
     - `holds`: bool or array of bools, of the field's shape.
     - `rule`: what must hold, with its equation: "must be > 2 (eq. 20)".
     - `finite`: whether what is infinite is refused, too; what is no number always is.
+    - `each`: what the entries of a vector belong to.
 
     Traced values pass: inside a transformation nothing is known about them.
     """
@@ -114,11 +115,15 @@ def require(owner: object, field: str, holds: Any, rule: str, *, finite: bool = 
     if number.ndim == 0 and wrong.ndim == 0:
         raise DefinitionError(f"{name} {rule}; got {number.item():g}")
     if number.ndim == wrong.ndim == 1:
-        joint = int(np.argmax(wrong))
-        raise DefinitionError(f"{name} {rule}; got {number[joint].item():g} for {_joint(owner, joint)}")
+        first = int(np.argmax(wrong))
+        place = _joint(owner, first) if each == "joint" else f"{each} {first + 1}"
+        raise DefinitionError(f"{name} {rule}; got {number[first].item():g} for {place}")
     if number.ndim == 0:
         joint = int(np.argmax(wrong))
         raise DefinitionError(f"{name} {rule}; got {number.item():g}, which fails for {_joint(owner, joint)}")
+    if np.ndim(holds) == number.ndim:
+        entry = tuple(int(index[0]) for index in np.nonzero(wrong))
+        raise DefinitionError(f"{name} {rule}; got {number[entry].item():g} in entry {[i + 1 for i in entry]}")
     raise DefinitionError(f"{name} {rule}; got {number.tolist()}")
 
 

@@ -25,7 +25,7 @@ CASES = {
     "scheme.reaching.layer=-0.1": ["FixedTimeReaching.layer", ">= 0", "eq. 51", "got -0.1"],
     "scheme.bound.inertia_max=0.05": ["inertia_max", "eq. 47", "got 0.05"],
     "scheme.bound.margin=0": ["UncertaintyBound.margin", "> 0", "eq. 45", "got 0"],
-    "scheme.bound.constant=-1": ["UncertaintyBound.constant", ">= 0", "eq. 19", "got -1"],
+    "scheme.bound.constant=-1": ["UncertaintyBound.b0", ">= 0", "eq. 19", "got -1"],
     "scheme.performance.initial=[1,1,1]": ["FixedTime.final", "2 entries", "`initial` has 3"],
     "scheme.surface.k1=[0.2,0.2,0.2]": ["SmoothFixedTime", "k1", "shape [3]", "2 joints"],
     "disturbance.terms.0.amplitude=[1,1,1]": ["terms.0", "Harmonic.frequency", "2 entries", "`amplitude` has 3"],

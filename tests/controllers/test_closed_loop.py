@@ -67,7 +67,7 @@ def test_the_surface_shrinks_where_the_model_is_exact(case):
     """V = sᵀMs/2 falls; here by its sign at random states, Ṁ aside: `sᵀ(M ṡ) < 0` follows from (54)."""
     s = np.random.default_rng(3).normal(size=(100, case.robot.joints))
     reaching = case.controller.reaching
-    push = jax.vmap(lambda s: -reaching.power(s) - reaching.direction(s))(jnp.asarray(s))
+    push = jax.vmap(lambda s: -reaching.continuous_term(s) - reaching.switching_direction(s))(jnp.asarray(s))
     assert np.all(np.sum(s * np.asarray(push), axis=1) < 0)
 
 

@@ -35,7 +35,7 @@ def two_power(**changes):
 
 
 def state_bound(**changes):
-    return StateBound(**({"constant": 12.0, "position": 2.2, "velocity": 2.8} | changes))
+    return StateBound(**({"b0": 12.0, "b1": 2.2, "b2": 2.8} | changes))
 
 
 WRONG = [
@@ -56,19 +56,19 @@ WRONG = [
     (two_power, "v1", 1.0, "must be > 1 ([24])", "got 1"),
     (two_power, "v2", 1.0, "must be in (0, 1) ([24])", "got 1"),
     (two_power, "layer", -0.1, "must be >= 0 (s0, eq. 51", "got -0.1"),
-    (state_bound, "constant", -1.0, "must be >= 0 (b0, eq. 19)", "got -1"),
-    (state_bound, "position", NAN, "must be >= 0 (b1, eq. 19)", "got nan"),
-    (state_bound, "velocity", -1.0, "must be >= 0 (b2, eq. 19)", "got -1"),
+    (state_bound, "b0", -1.0, "must be >= 0 N m (eq. 19)", "got -1"),
+    (state_bound, "b1", NAN, "must be >= 0 N m/rad (eq. 19)", "got nan"),
+    (state_bound, "b2", -1.0, "must be >= 0 N m s²/rad² (eq. 19)", "got -1"),
     (nftsmc_4_2, "gamma2", 2.0, "must be in (1, 2)", "got 2"),
     (nftsmc_4_2, "gamma1", [2.0, 1.5, 2.0], "must be > `gamma2` ([7])", "got 1.5 for joint 2"),
     (nftsmc_4_2, "reach", 0.0, "must be > 0 (M1, [7])", "got 0"),
-    (nftsmc_4_2, "gain", -2.0, "must be > 0 (M2, [7])", "got -2"),
+    (nftsmc_4_2, "gain", -2.0, "must be > 0 1/s² (M2, [7])", "got -2"),
     (nftsmc_4_2, "layer", -1.0, "must be >= 0 (s0", "got -1"),
     (anftsmc_4_2, "alpha", 0.2, "the .2 of Table 2 is singular at e = 0", "got 0.2"),
     (anftsmc_4_2, "beta", 1.0, "must be in (1, 2)", "got 1"),
     (anftsmc_4_2, "k1", 0.0, "must be > 0 ([10])", "got 0"),
     (anftsmc_4_2, "k2", 0.0, "must be > 0 ([10])", "got 0"),
-    (anftsmc_4_2, "gain", [250.0, 250.0, 0.0], "must be > 0 (k, [10])", "got 0 for joint 3"),
+    (anftsmc_4_2, "gain", [250.0, 250.0, 0.0], "must be > 0 1/s² (k, [10])", "got 0 for joint 3"),
     (anftsmc_4_2, "margin", 0.0, "must be > 0 (η, [10])", "got 0"),
     (anftsmc_4_2, "adaptation", [0.01, -0.01, 0.01], "must be >= 0 (λ0, λ1, λ2, [10])", "got -0.01"),
     (anftsmc_4_2, "initial", [-1.0, 0.0, 0.0], "must be >= 0 (b̂0, b̂1, b̂2", "got -1"),

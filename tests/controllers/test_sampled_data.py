@@ -74,10 +74,10 @@ def test_without_a_disturbance_the_led_error_moves_to_a_convex_mean_and_so_does_
     log = run.log
     lead, r = (horizons - 0.5) * period, 1.0 / horizons
     y = log.e + lead * log.de
-    sides = law.transformation.init(jnp.zeros(()), jnp.asarray(log.e[0]))
+    sides = law.step.transformation.init(jnp.zeros(()), jnp.asarray(log.e[0]))
 
     def end(t, eps):
-        frame = law.transformation.frame(t, jnp.asarray(lead), law.horizon, sides)
+        frame = law.step.transformation.frame(t, jnp.asarray(lead), law.horizon, sides)
         return frame.ahead * frame.place_and_slope(eps)[0]
 
     target = np.asarray(jax.vmap(end)(jnp.asarray(log.t), jnp.asarray(log.signals["eps1"])))
@@ -94,7 +94,7 @@ def test_without_a_disturbance_no_period_is_too_long_for_the_envelope(period, ho
     """As long as the led envelope `ρ + c ρ̇` is one, and the led error starts inside it."""
     law, run = mass_run(period, horizons * period, *start, k1=3.0, k2=5.0, final=0.02)
     lead = law.horizon - 0.5 * period
-    led = jax.vmap(lambda t: law.transformation.frame(t, lead, law.horizon, run_sides(law, run)).now)(run.log.t)
+    led = jax.vmap(lambda t: law.step.transformation.frame(t, lead, law.horizon, run_sides(law, run)).now)(run.log.t)
     assert np.all(start[0] + lead * start[1] < led[0]) and np.all(np.asarray(led) > 0.01)
     assert run.outcome.ok, run.outcome.message
 
@@ -106,14 +106,14 @@ def test_a_constant_push_settles_where_the_theory_says(horizons):
     law, run = mass_run(period, horizons * period, push=push, final=0.05, t1=4.0)
     horizon = float(law.horizon)
     eps = run.log.signals["eps1"][-1]
-    np.testing.assert_allclose(law.surface.pull_and_slope(jnp.asarray(eps))[0], horizon * push, rtol=1e-6)
-    frame = law.transformation.frame(jnp.asarray(4.0), jnp.zeros(()), law.horizon, run_sides(law, run))
+    np.testing.assert_allclose(law.step.surface.pull_and_slope(jnp.asarray(eps))[0], horizon * push, rtol=1e-6)
+    frame = law.step.transformation.frame(jnp.asarray(4.0), jnp.zeros(()), law.horizon, run_sides(law, run))
     expected = horizon**2 * push + frame.now * frame.place_and_slope(jnp.asarray(eps))[0]
     np.testing.assert_allclose(run.log.e[-1], expected, rtol=1e-6)
 
 
 def run_sides(law, run):
-    return law.transformation.init(jnp.zeros(()), jnp.asarray(run.log.e[0]))
+    return law.step.transformation.init(jnp.zeros(()), jnp.asarray(run.log.e[0]))
 
 
 def test_the_disturbance_estimate_takes_a_constant_push_away():
@@ -226,7 +226,7 @@ def test_from_two_hundred_starts_outside_the_envelope_all_are_back_inside_in_tim
     law, motion = scenario.controller, scenario.trajectory
     rng, n, cases = np.random.default_rng(0), law.joints, 200
     reference = motion.reference(jnp.zeros(()))
-    radius = np.broadcast_to(law.transformation.performance.initial, (n,))
+    radius = np.broadcast_to(law.step.transformation.performance.initial, (n,))
     e = rng.uniform(-1.5, 1.5, (cases, n)) * radius
     joint = rng.integers(n, size=cases)
     e[np.arange(cases), joint] = rng.choice([-1, 1], cases) * rng.uniform(1.05, 2.0, cases) * radius[joint]

@@ -31,18 +31,23 @@ def judged(arm, period, x):
 
     # The proximal equation, and where its set-valued part lets s⁺ be exactly zero.
     after = jnp.einsum("kij,kj->ki", m0, s_next) / horizon
-    left = after - push + jax.vmap(law.reaching.power)(s_next) + u[:, None] * jax.vmap(law.reaching.direction)(s_next)
+    left = (
+        after
+        - push
+        + jax.vmap(law.step.reaching.continuous_term)(s_next)
+        + u[:, None] * jax.vmap(law.step.reaching.switching_direction)(s_next)
+    )
     held = (x["layer"] == 0) & (size <= u)
     proximal = jnp.where(held, 0.0, jnp.linalg.norm(left, axis=1) / (1.0 + size))
     zero_where_it_should = jnp.all(jnp.all(s_next == 0, axis=1) == held) | (x["layer"] > 0)
 
     # The barrier's equation, in the velocity error.
     lead = horizon - 0.5 * period
-    sides = law.transformation.init(jnp.zeros(()), log.e[0])
+    sides = law.step.transformation.init(jnp.zeros(()), log.e[0])
 
     def barrier(t, e, de, eps, s_next):
-        frame = law.transformation.frame(t, lead, horizon, sides)
-        value = frame.now * frame.place_and_slope(eps)[0] + horizon * law.surface.pull_and_slope(eps)[0]
+        frame = law.step.transformation.frame(t, lead, horizon, sides)
+        value = frame.now * frame.place_and_slope(eps)[0] + horizon * law.step.surface.pull_and_slope(eps)[0]
         return jnp.max(jnp.abs(value - e - lead * de - horizon * s_next)) / horizon
 
     barriers = jax.vmap(barrier)(log.t, log.e, log.de, log.signals["eps1"], s_next)
@@ -52,10 +57,10 @@ def judged(arm, period, x):
     bound = jnp.max(jnp.abs(missed), axis=0)
     d = jnp.linalg.norm(jnp.einsum("kij,kj->ki", m0, missed), axis=1)
     enough = jnp.all(u >= 1.5 * d)
-    far = reached(law.surface, horizon * bound)
+    far = reached(law.step.surface, horizon * bound)
     one = jnp.ones_like(far)
     room = x["overshoot"] - psi(far, Sides(-one, x["overshoot"] * one))
-    ruled = jnp.all(horizon * horizon * bound < room * law.transformation.performance.final)
+    ruled = jnp.all(horizon * horizon * bound < room * law.step.transformation.performance.final)
     return {
         "finite": jnp.all(jnp.isfinite(log.tau)) & jnp.all(jnp.isfinite(log.state.q)) & (finished.fault.kind == 0),
         "violations": finished.tally.violations,

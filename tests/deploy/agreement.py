@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from slidax.controllers import SampledData
-from slidax.controllers.sampled_data.plan import PRECISION
+from slidax.controllers.steps.plan import PRECISION
 from slidax.deploy.samples import answer, random_samples
 from slidax.scenarios import load
 

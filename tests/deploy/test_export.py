@@ -137,7 +137,7 @@ def test_the_header_names_units_meanings_and_defaults(exported):
         " *     1  rad       rad/s     N m",
         "double q[2];  /* positions [rad] */",
         "double surface_p;     /* 0.5: exponent near zero, in (0, 1) */",
-        "double bound_inertia_min; /* 0.09: m1, m2 with m1 <= |M^-1(q)| <= m2, eq. (47)",
+        "double bound_inverse_inertia_min; /* 0.09: m1 <= |M^-1(q)|, 1/(kg m2), > 0 */",
         "q_next[2];   /* positions one period later [rad]; not read by this law, may be anything */",
         "limits_torque[2]; /* none: largest torque, N m or N, > 0; infinite for none */",
         "#define SLIDAX_LAW_ENVELOPE_LEFT 16u",

@@ -16,7 +16,7 @@ S = jnp.asarray(np.random.default_rng(0).normal(size=(200, 2)) * np.logspace(-6,
 
 @every("reaching", REACHING)
 def test_power_and_direction_push_along_s(reaching):
-    for part in (reaching.power, reaching.direction):
+    for part in (reaching.continuous_term, reaching.switching_direction):
         pushed = np.asarray(jax.jit(jax.vmap(part))(S))
         assert np.all(np.sum(np.asarray(S) * pushed, axis=1) > 0)
         np.testing.assert_allclose(jax.vmap(part)(-S), -pushed, rtol=1e-13)
@@ -30,13 +30,13 @@ IMPLICIT = [(name, member) for name, member in REACHING if getattr(member, "gain
 
 @every("reaching", REACHING)
 def test_the_direction_is_no_longer_than_one(reaching):
-    direction = np.asarray(jax.vmap(reaching.direction)(S))
+    direction = np.asarray(jax.vmap(reaching.switching_direction)(S))
     assert np.all(np.linalg.norm(direction, axis=1) <= 1 + 1e-15)
 
 
 @every("reaching", PARALLEL)
 def test_the_direction_is_parallel_to_s(reaching):
-    direction = np.asarray(jax.vmap(reaching.direction)(S))
+    direction = np.asarray(jax.vmap(reaching.switching_direction)(S))
     cross = direction[:, 0] * np.asarray(S)[:, 1] - direction[:, 1] * np.asarray(S)[:, 0]
     np.testing.assert_allclose(cross, 0.0, atol=1e-14 * np.linalg.norm(S, axis=1).max())
 
@@ -44,7 +44,7 @@ def test_the_direction_is_parallel_to_s(reaching):
 @every("reaching", REACHING)
 def test_at_zero_both_are_zero_with_finite_gradients(reaching):
     assert all(isinstance(leaf, jax.Array) and leaf.dtype == float for leaf in jax.tree.leaves(reaching))
-    for name in ("power", "direction"):
+    for name in ("continuous_term", "switching_direction"):
 
         def total(reaching, s, name=name):
             return jnp.sum(getattr(reaching, name)(s))
@@ -73,17 +73,17 @@ def test_the_implicit_step_solves_its_equation_in_every_case(reaching):
     """`A (s⁺ - s) + P(s⁺) ∈ -u N(s⁺)`: to 1e-12 where N is single-valued, within its set where it is not."""
     after = implicit(reaching)
     push = np.asarray(jax.vmap(matvec)(METRICS, STARTS))
-    rest = push - np.asarray(jax.vmap(matvec)(METRICS, after) + jax.vmap(reaching.power)(after))
+    rest = push - np.asarray(jax.vmap(matvec)(METRICS, after) + jax.vmap(reaching.continuous_term)(after))
     allowed = 1e-12 * (1 + np.linalg.norm(push, axis=1))
     if isinstance(reaching, SaturatedReaching):
         limit = np.asarray(SIZES)[:, None] * np.broadcast_to(reaching.weights, (2,))
         free = (after != 0) | (np.asarray(reaching.layer) > 0)
-        wanted = np.asarray(SIZES)[:, None] * np.asarray(jax.vmap(reaching.direction)(after))
+        wanted = np.asarray(SIZES)[:, None] * np.asarray(jax.vmap(reaching.switching_direction)(after))
         assert np.all(np.where(free, np.abs(rest - wanted), 0.0) <= allowed[:, None])
         assert np.all(np.where(free, 0.0, np.abs(rest) - limit) <= allowed[:, None])
         return
     stuck = np.all(after == 0, axis=1)
-    wanted = np.asarray(SIZES)[:, None] * np.asarray(jax.vmap(reaching.direction)(after))
+    wanted = np.asarray(SIZES)[:, None] * np.asarray(jax.vmap(reaching.switching_direction)(after))
     left = np.linalg.norm(rest - wanted, axis=1)
     assert np.all(left[~stuck] <= allowed[~stuck])
     assert np.all(np.linalg.norm(rest[stuck], axis=1) <= np.asarray(SIZES)[stuck])

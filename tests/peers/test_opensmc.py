@@ -103,12 +103,12 @@ def test_sliding_variables_are_the_same(ours, peer, least, reach):
             lambda s: -5.0 * sig(s, jnp.asarray(0.6)), peer_reaching.PowerRate(k=5.0, alpha=0.6), id="power below 1"
         ),
         pytest.param(
-            lambda s: -FixedTimeReaching(5.0, 1.2).power(s),
+            lambda s: -FixedTimeReaching(5.0, 1.2).continuous_term(s),
             peer_reaching.PowerRate(k=5.0, alpha=1.2),
             id="power above 1",
         ),
         pytest.param(
-            lambda s: -TwoPowerReaching(NONE, 5.0, 1.2, 0.6).power(s),
+            lambda s: -TwoPowerReaching(NONE, 5.0, 1.2, 0.6).continuous_term(s),
             peer_reaching.PowerRate(k=5.0, alpha=0.6),
             id="one of two powers",
         ),
@@ -260,7 +260,7 @@ def test_the_time_that_opensmc_states_for_fixed_time_bounds_the_reaching_of_the_
     far, near = 1e6, 1e-6
     s = np.geomspace(near, far, 20_001)
     # ds/dt = -power(s): the time from far to near is the integral of ds/power(s), in log s by the trapezoid rule.
-    ours = s / np.asarray(reaching.power(jnp.asarray(s)))
+    ours = s / np.asarray(reaching.continuous_term(jnp.asarray(s)))
     time = float(np.sum(0.5 * (ours[1:] + ours[:-1]) * np.diff(np.log(s))))
     assert 0.5 * bound < time < bound
     assert float(np.exp(-4.0 * bound)) > near  # on the surface, the error decays as exp(-c t): not settled by then

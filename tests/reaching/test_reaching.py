@@ -23,24 +23,24 @@ BOUND = UncertaintyBound(0.09, 0.2, 12.0, 2.2, 2.8, 1.0)
     ids=["number", "diagonal", "matrix"],
 )
 def test_the_power_is_the_gain_times_sig_r(gain, matrix):
-    np.testing.assert_allclose(FixedTimeReaching(gain, 1.2).power(jnp.asarray(S)), matrix @ SIG, rtol=1e-14)
+    np.testing.assert_allclose(FixedTimeReaching(gain, 1.2).continuous_term(jnp.asarray(S)), matrix @ SIG, rtol=1e-14)
 
 
 def test_without_a_layer_the_direction_is_the_unit_vector():
-    np.testing.assert_allclose(FixedTimeReaching(0.1, 1.2).direction(jnp.asarray(S)), [0.6, -0.8], rtol=1e-15)
+    np.testing.assert_allclose(FixedTimeReaching(0.1, 1.2).switching_direction(jnp.asarray(S)), [0.6, -0.8], rtol=1e-15)
 
 
 def test_with_a_layer_the_direction_is_shorter_by_it():
-    direction = FixedTimeReaching(0.1, 1.2, 0.05).direction(jnp.asarray(S))
+    direction = FixedTimeReaching(0.1, 1.2, 0.05).switching_direction(jnp.asarray(S))
     np.testing.assert_allclose(direction, S / 0.55, rtol=1e-15)
 
 
 @pytest.mark.parametrize("layer", [0.0, 0.05])
 def test_at_zero_the_direction_is_zero_with_finite_gradients(layer):
     reaching = FixedTimeReaching(0.1, 1.2, layer)
-    np.testing.assert_array_equal(reaching.direction(jnp.zeros(2)), 0.0)
-    np.testing.assert_array_equal(reaching.power(jnp.zeros(2)), 0.0)
-    for part in ("direction", "power"):
+    np.testing.assert_array_equal(reaching.switching_direction(jnp.zeros(2)), 0.0)
+    np.testing.assert_array_equal(reaching.continuous_term(jnp.zeros(2)), 0.0)
+    for part in ("switching_direction", "continuous_term"):
         by_gains, by_s = jax.grad(lambda r, s: jnp.sum(getattr(r, part)(s)), argnums=(0, 1))(reaching, jnp.zeros(2))  # noqa: B023
         assert all(np.all(np.isfinite(leaf)) for leaf in jax.tree.leaves((by_gains, by_s)))
 

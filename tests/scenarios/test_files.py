@@ -15,7 +15,7 @@ from slidax._errors import DefinitionError
 from slidax.controllers import Recovery
 from slidax.scenarios.instruments import ActuatorDescription, LossDescription, OutageDescription, SensorDescription
 from slidax.scenarios.load import read_yaml
-from slidax.scenarios.schemes.sampled_data import SampledDataDescription
+from slidax.scenarios.sampled_data import SampledDataDescription
 
 BUILT_IN = Path(scenarios.__file__).parent / "built_in"
 DOCUMENTED = Path(__file__).parents[2] / "docs" / "scenarios.md"
@@ -105,7 +105,7 @@ def test_the_documented_sensor_actuator_and_sampled_data_fit_the_documented_scen
     own = rate.pop("scheme")["sampled_data"]
     built = scenarios.parse(scenario, rate | {"scheme.sampled_data": own}).build("documented")
     # What the page says of leaving the recovery out.
-    assert eqx.tree_equal(built.controller.recovery, Recovery())
+    assert eqx.tree_equal(built.controller.step.recovery, Recovery())
     run = built.simulate(log_every=None)
     assert run.outcome.ok, run.outcome.message
     assert int(run.tally.violations) == 0

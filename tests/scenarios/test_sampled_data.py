@@ -13,8 +13,7 @@ from slidax.actuators import TorqueLimits
 from slidax.controllers import Recovery, SampledData, sampled_data
 from slidax.estimators import AbstractEstimator, FilteredDifference, Kalman, Measured, RobustDifferentiator
 from slidax.reaching import SaturatedReaching
-from slidax.scenarios.schemes import AbstractSliding
-from slidax.scenarios.switch import SCHEMES, switched
+from slidax.scenarios.schemes import SCHEMES, switched
 from tests.paper import START_4_1, TWO_LINK_NOMINAL, law_4_1
 
 NAME = "example-4.1-1khz"

@@ -13,9 +13,11 @@ import pytest
 
 from slidax import controllers, scenarios
 from slidax._errors import DefinitionError
-from slidax.controllers import SlidingMode
+from slidax.controllers import Preset, SlidingMode, SuperTwisting
 from slidax.scenarios.load import read_yaml
-from slidax.scenarios.switch import SCHEMES, switched
+from slidax.scenarios.schemes import SCHEMES, switched
+from slidax.surfaces import Linear, SingularityFree
+from slidax.transformations import PrescribedPerformance
 from tests.rivals import (
     AROUND_4_1,
     anftsmc_4_2,
@@ -29,12 +31,13 @@ from tests.rivals import (
 )
 
 DOCUMENTED = Path(__file__).parents[2] / "docs" / "scenarios.md"
-OTHERS = [name for name in SCHEMES if name != "cftsmppc"]
+OTHERS = [name for name in SCHEMES if name not in ("cftsmppc", "sliding_mode")]
+"""But for the one that a file has, and the one whose parts must all be named."""
 
 BY_HAND = [
     ("example-4.1", "ftsmc", {}, ftsmc_4_1()),
     ("example-4.1", "ftsmppc", {}, ftsmppc_4_1()),
-    ("example-4.2", "sfsmc", {"scheme.bound.velocity": 2.2}, sfsmc_4_2()),
+    ("example-4.2", "sfsmc", {"scheme.bound.b2": 2.2}, sfsmc_4_2()),
     ("example-4.2", "nftsmc", {}, nftsmc_4_2()),
     ("example-4.2", "anftsmc", {}, anftsmc_4_2()),
     ("example-4.1", "computed_torque", {}, computed_torque_4_1()),
@@ -74,8 +77,8 @@ def test_the_envelope_goes_along_to_every_scheme_that_has_one(name: str) -> None
 def test_a_scheme_without_an_envelope_drops_the_files_and_what_its_bound_has_not(name: str) -> None:
     controller = scenarios.load("example-4.1", {"scheme.name": name}).controller
     assert isinstance(controller, SlidingMode)
-    assert float(controller.bound.position) == 0.0
-    assert float(controller.bound.constant) == 12.0
+    assert float(controller.bound.b1) == 0.0
+    assert float(controller.bound.b0) == 12.0
     assert jax.tree.leaves(controller.transformation) == []
 
 
@@ -96,12 +99,116 @@ def test_naming_the_files_own_scheme_changes_nothing() -> None:
 
 
 def test_the_switch_does_not_touch_the_mapping_it_is_given() -> None:
-    scheme = {"name": "cftsmppc", "overshoot": 0.2, "surface": {"k1": 1.0}, "bound": {"position": 2.2, "margin": 1.0}}
+    scheme = {"name": "cftsmppc", "overshoot": 0.2, "surface": {"k1": 1.0}, "bound": {"b1": 2.2, "margin": 1.0}}
     assert switched(scheme, "ftsmc") == {"name": "ftsmc", "bound": {"margin": 1.0}}
-    assert switched(scheme, "ftsmppc") == {"name": "ftsmppc", "overshoot": 0.2, "bound": scheme["bound"]}
+    kept = {"transformation": {"overshoot": 0.2}, "bound": scheme["bound"]}
+    assert switched(scheme, "ftsmppc") == {"name": "ftsmppc", **kept}
     assert switched(scheme, "computed_torque") == {"name": "computed_torque"}
     assert scheme["surface"] == {"k1": 1.0}
-    assert scheme["bound"] == {"position": 2.2, "margin": 1.0}
+    assert scheme["bound"] == {"b1": 2.2, "margin": 1.0}
+
+
+COMPOSED = {
+    "another surface in the envelope": (
+        {"scheme.surface.kind": "linear", "scheme.surface.rate": 0.6},
+        lambda law: isinstance(law, SlidingMode) and isinstance(law.surface, Linear),
+    ),
+    "another reaching law": (
+        {"scheme.reaching": {"kind": "two_power", "k1": 5.0, "k2": 5.0, "v1": 2.5, "v2": 0.5, "layer": 0.05}},
+        lambda law: float(law.reaching.v1) == 2.5,
+    ),
+    "another bound": (
+        {"scheme.bound": {"kind": "fixed", "size": 30.0}},
+        lambda law: float(law.bound.size) == 30.0,
+    ),
+    "another envelope": (
+        {"scheme.performance": {"kind": "exponential", "initial": 0.9, "final": 0.01, "rate": 1.0}},
+        lambda law: float(law.transformation.performance.rate) == 1.0,
+    ),
+    "super-twisting in an envelope": (
+        {
+            "scheme": {
+                "name": "super_twisting",
+                "performance": {"kind": "exponential", "initial": 0.9, "final": 0.01, "rate": 1.0},
+                "overshoot": 0.2,
+                "rate": 0.6,
+            }
+        },
+        lambda law: isinstance(law, SuperTwisting) and isinstance(law.transformation, PrescribedPerformance),
+    ),
+    "the same with every part where it belongs": (
+        {
+            "scheme": {
+                "name": "super_twisting",
+                "transformation": {
+                    "kind": "prescribed_performance",
+                    "performance": {"kind": "exponential", "initial": 0.9, "final": 0.01, "rate": 1.0},
+                    "overshoot": 0.2,
+                },
+                "surface": {"kind": "singularity_free", "c1": 0.2, "c2": 0.6, "alpha": 0.7, "beta": 1.2, "r": 1.7}
+                | {"delta": 0.3},
+            }
+        },
+        lambda law: isinstance(law.surface, SingularityFree) and law.envelope is not None,
+    ),
+    "all parts by name": (
+        {
+            "scheme": {
+                "name": "sliding_mode",
+                "transformation": {"kind": "unconstrained"},
+                "surface": {"kind": "linear", "rate": 5.0},
+                "reaching": {"kind": "fixed_time", "gain": 0.1, "exponent": 1.2, "layer": 0.05},
+                "bound": {"kind": "fixed", "size": 30.0},
+            }
+        },
+        lambda law: isinstance(law, SlidingMode) and isinstance(law.surface, Linear),
+    ),
+}
+
+
+@pytest.mark.parametrize(("changes", "holds"), COMPOSED.values(), ids=COMPOSED)
+def test_a_file_composes_whatever_python_can(changes: dict[str, Any], holds: Any) -> None:
+    short = {"simulation.t1": 0.02, "simulation.mode": "held"}
+    scenario = scenarios.load("example-4.1", {**changes, **short})
+    assert holds(scenario.controller)
+    assert scenario.simulate(log_every=None).outcome.ok
+
+
+def test_files_with_earlier_names_mean_the_same() -> None:
+    now = {"inverse_inertia_min": 0.1, "inverse_inertia_max": 0.3, "b0": 1.0, "b1": 2.0, "b2": 3.0, "margin": 4.0}
+    earlier = {"inertia_min": 0.1, "inertia_max": 0.3, "constant": 1.0, "position": 2.0, "velocity": 3.0, "margin": 4.0}
+    loaded = [scenarios.load("example-4.1", {"scheme.bound": bound}).controller for bound in (now, earlier)]
+    assert eqx.tree_equal(*loaded)
+    short, whole = (
+        scenarios.load("example-4.1", {f"scheme.{path}": 0.01}).controller
+        for path in ("performance.final", "transformation.performance.final")
+    )
+    assert eqx.tree_equal(short, whole)
+    factors = [scenarios.load("panda-payload", {f"robot.plant.{name}": 0.7}).plant for name in ("mass", "mass_factor")]
+    assert eqx.tree_equal(*factors)
+
+
+def test_a_preset_is_the_same_in_python_and_in_a_file() -> None:
+    file = scenarios.load("example-4.1", {"scheme.k1": 0.3, "scheme.layer": 0.01}).controller
+    given = {"performance": AROUND_4_1.performance, "overshoot": 0.2, "bound": file.bound}
+    assert eqx.tree_equal(controllers.cftsmppc(file.nominal, k1=0.3, layer=0.01, **given), file)
+    mapped = controllers.cftsmppc(file.nominal, surface={"k1": 0.3}, reaching={"layer": 0.01}, **given)
+    assert eqx.tree_equal(mapped, file)
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"k3": 1.0}, r"`k3` is unknown; did you mean `k1`"),
+        ({}, r"transformation: `PrescribedPerformance` needs `performance` and `overshoot`"),
+        ({"k1": -1.0, "transformation": AROUND_4_1}, r"surface: `SmoothFixedTime.k1` must be > 0.*got -1"),
+        ({"surface": Linear(1.0), "k1": 1.0}, r"`k1` is of `surface`, which is given as a whole"),
+    ],
+)
+def test_what_a_preset_cannot_be_is_refused(given: dict[str, Any], message: str) -> None:
+    nominal = scenarios.load("example-4.1").controller.nominal
+    with pytest.raises(DefinitionError, match=message):
+        controllers.cftsmppc(nominal, **given)
 
 
 @pytest.mark.parametrize(
@@ -110,10 +217,12 @@ def test_the_switch_does_not_touch_the_mapping_it_is_given() -> None:
         ({"scheme.name": "ftsm"}, r"scheme.name: unknown `ftsm`; did you mean `ftsmc`\?"),
         ({"scheme.name": ["ftsmc"]}, r"scheme"),
         ({"scheme.name": "ftsmc", "scheme.surfce.k1": 1.0}, r"^scheme: unknown key `surfce`; did you mean `surface`\?"),
-        ({"scheme.name": "ftsmc", "scheme.bound.position": 1.0}, r"^scheme.bound: unknown key `position`"),
-        ({"scheme.name": "ftsmc", "scheme.overshoot": 0.2}, r"^scheme: unknown key `overshoot`"),
+        ({"scheme.name": "ftsmc", "scheme.bound.potition": 1.0}, r"^scheme.bound: unknown key `potition`"),
+        ({"scheme.name": "ftsmc", "scheme.overshoot": 0.2}, r"^scheme.transformation.performance: is missing"),
+        ({"scheme.surface.kind": "linar"}, r"^scheme.surface.kind: unknown `linar`; did you mean `linear`\?"),
+        ({"scheme.surface.kind": "linear"}, r"^scheme.surface.rate: is missing"),
         ({"scheme.name": "anftsmc", "scheme.alpha": 0.2}, r"the .2 of Table 2 is singular"),
-        ({"scheme.name": "ftsmc", "scheme.bound": {}}, r"scheme.bound.inertia_min: is missing"),
+        ({"scheme.name": "ftsmc", "scheme.bound": {}}, r"scheme.bound.inverse_inertia_min: is missing"),
         ({"scheme": 3, "scheme.name": "ftsmc"}, r"^scheme: .*got 3"),
     ],
 )
@@ -131,17 +240,18 @@ def test_the_documented_rows_of_table_2_are_the_rivals_of_example_4_2() -> None:
         assert eqx.tree_equal(built, by_hand[row["name"]], typematch=False)
 
 
-def test_every_recipe_and_every_scheme_class_has_a_name_in_scenarios() -> None:
-    families = {"SlidingMode", "AbstractController", "Integral"}
-    public = {name for name, thing in vars(controllers).items() if callable(thing) and not inspect.ismodule(thing)}
-    built = {type(scenarios.load("example-4.1", {"scheme.name": name}).controller).__name__ for name in SCHEMES}
-    # A form of other schemes, and not a scheme of its own: the block `sampled_data` in theirs.
-    forms = {"sampled_data", "SampledData", "Recovery"}
-    recipes = {name for name in public - forms if name.islower()}
-    assert recipes <= set(SCHEMES)
-    assert {name for name in public - families - forms if not name.islower()} <= built
-    sampled = scenarios.load("example-4.1-1khz").controller
-    assert {type(sampled).__name__, type(sampled.recovery).__name__} <= forms
+def test_every_scheme_class_is_the_law_of_a_preset() -> None:
+    laws = {
+        thing
+        for thing in vars(controllers).values()
+        if inspect.isclass(thing)
+        and issubclass(thing, controllers.AbstractController)
+        and not inspect.isabstract(thing)
+    }
+    presets = {name: thing for name, thing in vars(controllers).items() if isinstance(thing, Preset)}
+    assert sorted(presets) == list(SCHEMES)
+    # A form of the others, and not a scheme of its own: the block `sampled_data` in theirs.
+    assert {preset.law for preset in presets.values()} == laws - {controllers.SampledData}
 
 
 def test_the_catalogue_has_a_line_for_every_scheme() -> None:

@@ -153,5 +153,5 @@ def test_what_cannot_be_is_refused(make, field, value, rule):
 
 
 def test_an_outage_of_less_than_no_sample_is_refused():
-    with pytest.raises(DefinitionError, match=r"`Lossy\.counts` must be >= 0 samples; got -1"):
+    with pytest.raises(DefinitionError, match=r"`Lossy\.counts` must be >= 0 samples; got -1 for entry 1"):
         Lossy(Exact(), starts=[1], counts=[-1])

@@ -65,12 +65,12 @@ def test_the_gradient_by_every_number_of_the_law_is_finite_and_most_of_them_coun
 
 
 GAINS = {
-    "k2": lambda law: law.surface.k2,
-    "gain": lambda law: law.reaching.gain,
-    "constant": lambda law: law.bound.constant,
+    "k2": lambda law: law.step.surface.k2,
+    "gain": lambda law: law.step.reaching.gain,
+    "b0": lambda law: law.step.bound.b0,
     "horizon": lambda law: law.horizon,
-    "masses": lambda law: law.nominal.masses,
-    "deadline": lambda law: law.transformation.performance.deadline,
+    "masses": lambda law: law.step.nominal.masses,
+    "deadline": lambda law: law.step.transformation.performance.deadline,
 }
 
 

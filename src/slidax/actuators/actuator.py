@@ -8,8 +8,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from slidax._errors import as_array, known, require, require_consistent
-from slidax._types import PerJoint, Scalar, Vector
+from slidax.parts import AbstractPart, PerJoint, Scalar, Vector, parameter, piece
 
 from .torque_limits import TorqueLimits
 
@@ -25,27 +24,23 @@ class Delivery(eqx.Module):
     lagged: Vector
 
 
-class Actuator(eqx.Module):
+class Actuator(AbstractPart):
     """A command is limited, held until the next, delayed by `dead_time` periods, and then `T τ̇ + τ = command`.
 
     The dead time need not be whole: the command that applies then changes within the period. Between changes the lag is
     integrated exactly, by an exponential.
-
-    - `limits`: of the command.
-    - `time_constant`: T, one number or [n], s, >= 0; 0 for no lag.
-    - `dead_time`: in sampling periods, whole or not, >= 0. Known when compiled: it sets how many commands are kept.
-
-    Raises DefinitionError if one of them is out of its range.
     """
 
-    limits: TorqueLimits = eqx.field(default_factory=TorqueLimits)
-    time_constant: PerJoint = eqx.field(converter=as_array, default=0.0)
-    dead_time: float = eqx.field(static=True, converter=float, default=0.0)
-
-    def __check_init__(self) -> None:
-        require_consistent(self, "time_constant")
-        require(self, "time_constant", known(self.time_constant) >= 0, "must be >= 0 s (0 for no lag)")
-        require(self, "dead_time", known(self.dead_time) >= 0, "must be >= 0 sampling periods")
+    limits: TorqueLimits = piece("of the command", default_factory=TorqueLimits)
+    time_constant: PerJoint = parameter("T", "s", ">= 0", "(0 for no lag)", default=0.0)
+    dead_time: float = parameter(
+        "whole or not; known when compiled, since it sets how many commands are kept",
+        "sampling periods",
+        ">= 0",
+        default=0.0,
+        static=True,
+        converter=float,
+    )
 
     @property
     def change(self) -> float:
@@ -53,10 +48,11 @@ class Actuator(eqx.Module):
         return self.dead_time - math.floor(self.dead_time)
 
     def init(self, tau: Vector) -> Delivery:
-        """The memory of a drive that has held a torque for long.
+        """The memory of a drive that has held a torque for long; as much of it as the limits allow.
 
         - `tau`: that torque [n], N m or N.
         """
+        tau = jnp.clip(tau, -self.limits.torque, self.limits.torque)
         return Delivery(commands=jnp.broadcast_to(tau, (math.ceil(self.dead_time) + 1, *tau.shape)), lagged=tau)
 
     def set(self, tau: Vector, period: Scalar, memory: Delivery) -> tuple[Vector, Delivery]:

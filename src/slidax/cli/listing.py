@@ -2,41 +2,44 @@
 
 from __future__ import annotations
 
-from enum import StrEnum
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 from .options import AsJson
 from .session import errors_as_lines, prepare, print_json
 
-Kind = StrEnum(
-    "Kind",
-    ["schemes", "robots", "trajectories", "disturbances", "estimators", "performance", "scenarios"],
-)
-"""What can be listed."""
-
 
 def list_(
-    kind: Annotated[Kind | None, typer.Argument(help="What to list; everything if not given.")] = None,
+    name: Annotated[
+        str | None,
+        typer.Argument(help="A kind, such as schemes, or a part, such as cftsmppc; all kinds if not given."),
+    ] = None,
     json: AsJson = False,
 ) -> None:
-    """What there is, one line each."""
+    """What there is, one line each; of a part its parameters with unit, range, default and source.
+
+    A name that several kinds have is written with its kind: performance.fixed_time.
+    """
     with errors_as_lines():
         prepare()
-        from slidax.scenarios import catalogue
+        from slidax.scenarios import catalogue, explained
 
         found = catalogue()
-        shown = {kind.value: found[kind.value]} if kind else found
+        if name is not None and name not in found:
+            part = explained(name)
+            print_json({key: part[key] for key in ("name", "parameters")}) if json else _print_part(part)
+            return
+        shown = {name: found[name]} if name else found
         if json:
             print_json(shown)
             return
-        width = max(len(name) for members in shown.values() for name in members)
+        width = max(len(label) for members in shown.values() for label in members)
         for title, members in shown.items():
-            if not kind:
+            if not name:
                 typer.echo(typer.style(title, bold=True))
-            for name, line in members.items():
-                typer.echo(f"{'' if kind else '  '}{name:<{width}}  {line}")
+            for label, line in members.items():
+                typer.echo(f"{'' if name else '  '}{label:<{width}}  {line}")
 
 
 def schema() -> None:
@@ -46,3 +49,22 @@ def schema() -> None:
         from slidax import scenarios
 
         print_json(scenarios.schema())
+
+
+def _print_part(part: dict[str, Any]) -> None:
+    typer.echo(typer.style(part["title"], bold=True))
+    for row in part["parameters"]:
+        default = row["default"]
+        given = (
+            "must be given" if row["required"] else "not given" if default in (None, {}, [], ()) else _shown(default)
+        )
+        source = f" ({row['source']})" if row["source"] else ""
+        unit = f" [{row['unit']}]" if row["unit"] else ""
+        typer.echo(f"{typer.style(row['path'], bold=True)}{unit}: {given}{source}")
+        said = "; ".join(text for text in (row["meaning"], row["range"]) if text)
+        if said:
+            typer.echo(f"    {said}")
+
+
+def _shown(default: Any) -> str:
+    return f"{default:g}" if isinstance(default, float) else str(default)

@@ -2,22 +2,20 @@
 
 from __future__ import annotations
 
-import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from slidax._errors import as_array, known, require, require_consistent, require_per_joint, require_shape
-from slidax._types import Command, PerJoint, Reference, Scalar, State
+from slidax._types import Command, Reference
 from slidax.numerics import matvec, power, saturation, sig, sig_and_slope, vector_norm
-from slidax.robots import AbstractRobot
+from slidax.parts import PerJoint, Scalar, State, parameter
 
-from .controller import AbstractController
+from .model_based import AbstractModelBased
 
 Adapted = Float[Array, "3"]
 """b̂0, b̂1, b̂2: the bound of the uncertainty, as learnt; rad/s², 1/s², 1/rad."""
 
 
-class AdaptiveNonsingularFastTerminal(AbstractController):
+class AdaptiveNonsingularFastTerminal(AbstractModelBased):
     """Adaptive nonsingular fast terminal sliding mode control (ANFTSMC), [10].
 
     `s = e + k1 sig^α(e) + k2 sig^β(ė)`;
@@ -30,62 +28,40 @@ class AdaptiveNonsingularFastTerminal(AbstractController):
     converge, so it is refused here; 2 is the value of the follow-up, and with it the settling times come out within
     .05 s of the printed ones. Table 2 lists no boundary layer, hence the sign.
 
-    - `nominal`: the robot as the law knows it.
-    - `k1`, `k2`: diagonals of the surface's gains, one number or [n], > 0.
-    - `alpha`: α, one number or [n], > β.
-    - `beta`: β, one number or [n], in (1, 2).
-    - `gain`: diagonal of k, one number or [n], 1/s², > 0.
-    - `margin`: η, one number, rad/s² or m/s², > 0.
-    - `adaptation`: λ0, λ1, λ2, [3], >= 0.
-    - `initial`: b̂0, b̂1, b̂2 at the start, [3], >= 0.
-    - `layer`: φ, half-width of the boundary layer per joint, one number or [n], rad or m, >= 0; 0 gives the sign.
-
     Signals: `s` [n], `u`, the size of the robust acceleration, `b` [3], the adapted gains.
-
-    Raises DefinitionError if one of them is out of its range or does not fit the joints.
     """
 
-    nominal: AbstractRobot
-    k1: PerJoint = eqx.field(converter=as_array, default=1.0)
-    k2: PerJoint = eqx.field(converter=as_array, default=1.0)
-    alpha: PerJoint = eqx.field(converter=as_array, default=2.0)
-    beta: PerJoint = eqx.field(converter=as_array, default=5.0 / 3.0)
-    gain: PerJoint = eqx.field(converter=as_array, default=250.0)
-    margin: Scalar = eqx.field(converter=as_array, default=0.5)
-    adaptation: Adapted = eqx.field(converter=as_array, default=(0.01, 0.01, 0.01))
-    initial: Adapted = eqx.field(converter=as_array, default=(0.0, 0.0, 0.0))
-    layer: PerJoint = eqx.field(converter=as_array, default=0.0)
-
-    def __check_init__(self) -> None:
-        per_joint = ("k1", "k2", "alpha", "beta", "gain", "layer")
-        require_consistent(self, *per_joint)
-        require_per_joint(self, self.joints, type(self.nominal).__name__, *per_joint)
-        require_shape(self, (), "margin")
-        require_shape(self, (3,), "adaptation", "initial")
-        require(self, "k1", known(self.k1) > 0, "must be > 0 ([10])")
-        require(self, "k2", known(self.k2) > 0, "must be > 0 ([10])")
-        require(
-            self,
-            "beta",
-            (known(self.beta) > 1) & (known(self.beta) < 2),
-            "must be in (1, 2), so that τ is finite ([10])",
-        )
-        require(
-            self,
-            "alpha",
-            known(self.alpha) > known(self.beta),
-            "must be > `beta` ([10]; the .2 of Table 2 is singular at e = 0)",
-        )
-        require(self, "gain", known(self.gain) > 0, "must be > 0 (k, [10])")
-        require(self, "margin", known(self.margin) > 0, "must be > 0 (η, [10])")
-        require(self, "adaptation", known(self.adaptation) >= 0, "must be >= 0 (λ0, λ1, λ2, [10])")
-        require(self, "initial", known(self.initial) >= 0, "must be >= 0 (b̂0, b̂1, b̂2 at the start, [10])")
-        require(self, "layer", known(self.layer) >= 0, "must be >= 0 (the boundary layer φ; 0 gives the sign)")
-
-    @property
-    def joints(self) -> int:
-        """The number of joints of the nominal robot."""
-        return self.nominal.joints
+    k1: PerJoint = parameter("diagonal of the gain of e's power", "", "> 0", "([10])", default=1.0, source="Table 2")
+    k2: PerJoint = parameter("diagonal of the gain of ė's power", "", "> 0", "([10])", default=1.0, source="Table 2")
+    alpha: PerJoint = parameter(
+        "α", "", "> beta", "([10]; the .2 of Table 2 is singular at e = 0)", default=2.0, source="a follow-up of [10]"
+    )
+    beta: PerJoint = parameter("β", "", "(1, 2)", "so that τ is finite ([10])", default=5.0 / 3.0, source="Table 2")
+    gain: PerJoint = parameter("diagonal of k", "1/s²", "> 0", "(k, [10])", default=250.0, source="Table 2")
+    margin: Scalar = parameter("η", "rad/s² or m/s²", "> 0", "(η, [10])", default=0.5, source="Table 2")
+    adaptation: Float[Array, "3"] = parameter(
+        "λ0, λ1, λ2: how fast b̂0, b̂1, b̂2 are learnt",
+        "",
+        ">= 0",
+        "(λ0, λ1, λ2, [10])",
+        default=(0.01, 0.01, 0.01),
+        source="Table 2",
+    )
+    initial: Float[Array, "3"] = parameter(
+        "b̂0, b̂1, b̂2 at the start",
+        "",
+        ">= 0",
+        "(b̂0, b̂1, b̂2 at the start, [10])",
+        default=(0.0, 0.0, 0.0),
+        source="Table 2",
+    )
+    layer: PerJoint = parameter(
+        "φ, half-width of the boundary layer per joint",
+        "rad or m",
+        ">= 0",
+        "(the boundary layer φ; 0 gives the sign)",
+        default=0.0,
+    )
 
     def init(self, t: Scalar, state: State, reference: Reference) -> Adapted:
         """The adapted gains at the start.
@@ -126,11 +102,3 @@ class AdaptiveNonsingularFastTerminal(AbstractController):
             signals={"s": s, "u": u, "b": memory},
             rate=self.adaptation * drive * sizes,
         )
-
-    def envelope(self, t: Scalar, memory: Adapted) -> None:
-        """None: no bounds are promised.
-
-        - `t`: time [s].
-        - `memory`: the adapted gains.
-        """
-        return None

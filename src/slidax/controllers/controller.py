@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from abc import abstractmethod
 
-import equinox as eqx
+from slidax._types import Command, Envelope, Reference
+from slidax.parts import AbstractPart, Memory, Scalar, State
 
-from slidax._types import Command, Envelope, Memory, Reference, Scalar, State
+from .steps import AbstractStep, Recovery
 
 
-class AbstractController(eqx.Module):
+class AbstractController(AbstractPart):
     """A pure function from what is measured to a torque, with explicit memory. It never sees the plant."""
 
     @property
@@ -45,3 +46,11 @@ class AbstractController(eqx.Module):
         - `t`: time [s].
         - `memory`: the memory.
         """
+
+    def implicit_step(self, recovery: Recovery | None, slopes: bool) -> AbstractStep | None:
+        """The law as an implicit step over a horizon, for `sampled_data`; None for a law that has no such form.
+
+        - `recovery`: what to do outside the envelope.
+        - `slopes`: whether the size of a robust torque counts the slope part of τ1, as (45) prints it.
+        """
+        return None

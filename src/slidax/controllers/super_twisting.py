@@ -6,14 +6,13 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from slidax._errors import as_array, known, require, require_consistent, require_joints, require_per_joint
-from slidax._types import Command, Envelope, Memory, PerJoint, Reference, Scalar, State, Vector
-from slidax.numerics import matvec, once, sig
-from slidax.robots import AbstractRobot
-from slidax.surfaces import AbstractSurface
-from slidax.transformations import AbstractTransformation
+from slidax._types import Command, Envelope, Reference
+from slidax.numerics import matvec, sig
+from slidax.parts import Memory, PerJoint, Scalar, State, Vector, parameter
+from slidax.surfaces import sliding_variable
 
-from .controller import AbstractController
+from .model_based import AbstractSurfaceBased
+from .steps import AbstractStep, Recovery, TwistingStep
 
 
 class Integral(eqx.Module):
@@ -27,7 +26,7 @@ class Integral(eqx.Module):
     v: Vector
 
 
-class SuperTwisting(AbstractController):
+class SuperTwisting(AbstractSurfaceBased):
     """`τ = M0 (q̈_d - Ȧe - Aė - slope(ε1) ε2 - k1 sig^½(s) + v) + C0 q̇ + G0`, `v̇ = -k2 sgn(s)`, `v(0) = 0`.
 
     With the surface `s = ė + A e + pull(ε1)` of (40); on the linear one and without an envelope `s = ė + Λ e`. With the
@@ -37,35 +36,15 @@ class SuperTwisting(AbstractController):
     Source: Levant, Sliding order and sliding accuracy in sliding mode control, 1993, with the gains of his 1998 paper
     on differentiation; stability by the quadratic function of Moreno and Osorio, 2012.
 
-    - `nominal`: the robot as the law knows it.
-    - `transformation`: e to ε1; `Unconstrained` or `PrescribedPerformance`.
-    - `surface`: the pull on ε1.
-    - `k1`: one number or [n], rad^½/s^(3/2) or m^½/s^(3/2), > 0.
-    - `k2`: one number or [n], rad/s³ or m/s³, > 0.
-
     Signals: `s` [n], `eps1` [n], `eps2` [n], `v` [n].
-
-    Raises DefinitionError if one of them is out of its range or does not fit the joints.
     """
 
-    nominal: AbstractRobot
-    transformation: AbstractTransformation
-    surface: AbstractSurface
-    k1: PerJoint = eqx.field(converter=as_array)
-    k2: PerJoint = eqx.field(converter=as_array)
-
-    def __check_init__(self) -> None:
-        for part in (self.transformation, self.surface):
-            require_joints(part, self.joints, type(self.nominal).__name__)
-        require_consistent(self, "k1", "k2")
-        require_per_joint(self, self.joints, type(self.nominal).__name__, "k1", "k2")
-        require(self, "k1", known(self.k1) > 0, "must be > 0 (Moreno and Osorio, 2012)")
-        require(self, "k2", known(self.k2) > 0, "must be > 0 (Moreno and Osorio, 2012)")
-
-    @property
-    def joints(self) -> int:
-        """The number of joints of the nominal robot."""
-        return self.nominal.joints
+    k1: PerJoint = parameter(
+        "gain of the square root of s; `1.5 √L`", "rad^½/s^(3/2) or m^½/s^(3/2)", "> 0", "(Moreno and Osorio, 2012)"
+    )
+    k2: PerJoint = parameter(
+        "gain of the integral of its sign; `1.1 L`", "rad/s³ or m/s³", "> 0", "(Moreno and Osorio, 2012)"
+    )
 
     def init(self, t: Scalar, state: State, reference: Reference) -> Integral:
         """What the transformation keeps from the initial error, and `v = 0`.
@@ -88,19 +67,14 @@ class SuperTwisting(AbstractController):
         - `reference_next`: not used.
         - `memory`: with the v of now.
         """
-        q, dq = state.q, state.dq
-        e, de = q - reference_now.q, dq - reference_now.dq
-        error = once(self.transformation(t, e, de, memory.start))
-        pull, slope = self.surface.pull_and_slope(error.eps1)
-        s = de + error.alpha * e + pull
-        equivalent = reference_now.ddq - error.alpha_rate * e - error.alpha * de - slope * error.eps2
-        wanted = equivalent - self.k1 * sig(s, jnp.asarray(0.5)) + memory.v
+        now = sliding_variable(self.transformation, self.surface, t, state, reference_now, memory.start)
+        wanted = now.equivalent - self.k1 * sig(now.s, jnp.asarray(0.5)) + memory.v
         still = jax.tree.map(jnp.zeros_like, memory.start)
         return Command(
-            tau=matvec(self.nominal.mass(q), wanted) + self.nominal.bias(q, dq),
+            tau=matvec(self.nominal.mass(state.q), wanted) + self.nominal.bias(state.q, state.dq),
             memory=memory,
-            signals={"s": s, "eps1": error.eps1, "eps2": error.eps2, "v": memory.v},
-            rate=Integral(start=still, v=-self.k2 * jnp.sign(s)),
+            signals={**now.signals, "v": memory.v},
+            rate=Integral(start=still, v=-self.k2 * jnp.sign(now.s)),
         )
 
     def envelope(self, t: Scalar, memory: Integral) -> Envelope | None:
@@ -110,3 +84,11 @@ class SuperTwisting(AbstractController):
         - `memory`: what `init` returned.
         """
         return self.transformation.envelope(t, memory.start)
+
+    def implicit_step(self, recovery: Recovery | None, slopes: bool) -> AbstractStep:
+        """The same law as an implicit step.
+
+        - `recovery`: what to do outside the envelope.
+        - `slopes`: not used: there is no u.
+        """
+        return TwistingStep(self.nominal, self.transformation, self.surface, recovery, self.k1, self.k2)

@@ -221,7 +221,8 @@ class GuardedStep(AbstractController):
             law=jax.tree.map(lambda new, old: jnp.where(sound, new, old), law, memory.law),
         )
         signals = command.signals
-        transformation = getattr(self.controller, "transformation", None)
+        decides = self.controller.step if isinstance(self.controller, SampledData) else self.controller
+        transformation = getattr(decides, "transformation", None)
         if isinstance(transformation, PrescribedPerformance):
             signals = {**signals, "rho": transformation.performance.radius(t)}
         return Command(tau=kept.tau, memory=kept, signals=signals), flags

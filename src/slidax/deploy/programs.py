@@ -102,7 +102,7 @@ def step_programs(guard: GuardedStep) -> Step:
     """
     t, state, reference = _sample(guard.joints)
     held = jax.eval_shape(guard.init, t, state, reference)
-    parameters = members(guard, strip=("controller",), values=True)
+    parameters = members(guard, strip=("controller", "step", "law"), values=True)
     memory = members(held)
 
     def checked(guard: GuardedStep, t: Scalar, state: State, now: Reference, following: Reference) -> list[Flag]:

@@ -2,26 +2,15 @@
 
 from __future__ import annotations
 
-import equinox as eqx
-
-from slidax._errors import as_array, require
-from slidax._types import Scalar, State, Vector
+from slidax.parts import Scalar, State, Vector, parameter
 
 from .disturbance import AbstractDisturbance
 
 
 class Constant(AbstractDisturbance):
-    """`τ_d = c`.
+    """`τ_d = c`."""
 
-    - `value`: c, [n], N m or N.
-
-    Raises DefinitionError if it is not finite.
-    """
-
-    value: Vector = eqx.field(converter=as_array)
-
-    def __check_init__(self) -> None:
-        require(self, "value", True, "must be finite")
+    value: Vector = parameter("c", "N m or N")
 
     def __call__(self, t: Scalar, state: State) -> Vector:
         """`c`, [n], N m or N.

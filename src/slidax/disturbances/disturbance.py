@@ -5,13 +5,10 @@ from __future__ import annotations
 from abc import abstractmethod
 from typing import Any
 
-import equinox as eqx
-
-from slidax._errors import as_array, known, require
-from slidax._types import Scalar, State, Vector
+from slidax.parts import AbstractPart, Scalar, State, Vector, parameter, piece
 
 
-class AbstractDisturbance(eqx.Module):
+class AbstractDisturbance(AbstractPart):
     """A generalised force `τ_d(t, q, q̇)` on the joints, eq. (10). `a + b` adds two, `2.0 * a` scales one."""
 
     @abstractmethod
@@ -32,12 +29,9 @@ class AbstractDisturbance(eqx.Module):
 
 
 class Sum(AbstractDisturbance):
-    """Several disturbances at once.
+    """Several disturbances at once."""
 
-    - `terms`: what adds up.
-    """
-
-    terms: tuple[AbstractDisturbance, ...]
+    terms: tuple[AbstractDisturbance, ...] = piece("what adds up")
 
     def __call__(self, t: Scalar, state: State) -> Vector:
         """The sum of all terms, [n], N m or N; zero if there is none.
@@ -49,19 +43,10 @@ class Sum(AbstractDisturbance):
 
 
 class Scaled(AbstractDisturbance):
-    """A disturbance times a factor; 0 switches it off, without a new compilation.
+    """A disturbance times a factor; 0 switches it off, without a new compilation."""
 
-    - `disturbance`: what is scaled.
-    - `factor`: a number.
-
-    Raises DefinitionError if the factor is not finite.
-    """
-
-    disturbance: AbstractDisturbance
-    factor: Scalar = eqx.field(converter=as_array)
-
-    def __check_init__(self) -> None:
-        require(self, "factor", known(self.factor).ndim == 0, "must be one finite number")
+    disturbance: AbstractDisturbance = piece("what is scaled")
+    factor: Scalar = parameter("what it is multiplied by")
 
     def __call__(self, t: Scalar, state: State) -> Vector:
         """The scaled force, [n], N m or N.

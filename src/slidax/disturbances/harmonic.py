@@ -2,33 +2,19 @@
 
 from __future__ import annotations
 
-import equinox as eqx
 import jax.numpy as jnp
 
-from slidax._errors import as_array, require, require_consistent
-from slidax._types import PerJoint, Scalar, State, Vector
+from slidax.parts import PerJoint, Scalar, State, Vector, parameter
 
 from .disturbance import AbstractDisturbance
 
 
 class Harmonic(AbstractDisturbance):
-    """`τ_d = a sin(ω t + φ)`, per joint. Both examples of the paper are sums of these and a constant.
+    """`τ_d = a sin(ω t + φ)`, per joint. Both examples of the paper are sums of these and a constant."""
 
-    - `amplitude`: a, [n], N m or N.
-    - `frequency`: ω, [n] or one number, rad/s.
-    - `phase`: φ, [n] or one number, rad.
-
-    Raises DefinitionError if one of them is not finite.
-    """
-
-    amplitude: Vector = eqx.field(converter=as_array)
-    frequency: PerJoint = eqx.field(converter=as_array)
-    phase: PerJoint = eqx.field(converter=as_array, default=0.0)
-
-    def __check_init__(self) -> None:
-        require_consistent(self, "amplitude", "frequency", "phase")
-        for field in ("amplitude", "frequency", "phase"):
-            require(self, field, True, "must be finite")
+    amplitude: Vector = parameter("a", "N m or N")
+    frequency: PerJoint = parameter("ω", "rad/s")
+    phase: PerJoint = parameter("φ", "rad", default=0.0)
 
     def __call__(self, t: Scalar, state: State) -> Vector:
         """`a sin(ω t + φ)`, [n], N m or N.

@@ -2,32 +2,19 @@
 
 from __future__ import annotations
 
-import equinox as eqx
 import jax.numpy as jnp
 
-from slidax._errors import as_array, known, require
-from slidax._types import Scalar, State, Vector
+from slidax.parts import Scalar, State, Vector, parameter
 
 from .disturbance import AbstractDisturbance
 
 
 class Step(AbstractDisturbance):
-    """`τ_d = c` for `start <= t < end`, else 0.
+    """`τ_d = c` for `start <= t < end`, else 0."""
 
-    - `value`: c, [n], N m or N.
-    - `start`: s.
-    - `end`: s, after `start`; infinite if not given.
-
-    Raises DefinitionError if the value is not finite or the end is not after the start.
-    """
-
-    value: Vector = eqx.field(converter=as_array)
-    start: Scalar = eqx.field(converter=as_array)
-    end: Scalar = eqx.field(converter=as_array, default=float("inf"))
-
-    def __check_init__(self) -> None:
-        require(self, "value", True, "must be finite")
-        require(self, "start", known(self.end) > known(self.start), f"must be before its end ({self.end} s)")
+    value: Vector = parameter("c", "N m or N")
+    start: Scalar = parameter("when it sets in", "s")
+    end: Scalar = parameter("when it ends; infinite if it stays", "s", "(start, inf]", default=float("inf"))
 
     def __call__(self, t: Scalar, state: State) -> Vector:
         """`c` while it lasts, [n], N m or N.

@@ -8,7 +8,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool
 
-from slidax._types import Memory, Scalar, State, Vector
+from slidax.parts import AbstractPart, Memory, Scalar, State, Vector
 
 
 class Estimate(eqx.Module):
@@ -22,7 +22,7 @@ class Estimate(eqx.Module):
     push: Vector
 
 
-class AbstractEstimator(eqx.Module):
+class AbstractEstimator(AbstractPart):
     """Corrects the prediction of the nominal model by what is measured.
 
     It is to be called at each measurement that arrives, and not at one that is lost.

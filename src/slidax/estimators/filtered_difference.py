@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool
 
-from slidax._errors import as_array, known, require, require_consistent
-from slidax._types import PerJoint, Scalar, State
+from slidax.parts import PerJoint, Scalar, State, parameter
 
 from .estimator import AbstractEstimator, Estimate
 
@@ -21,20 +19,10 @@ class FilteredDifference(AbstractEstimator):
 
     For `c h << 1` the errors decay as `λ² + c λ + g c²`: a damping of `1/(2 √g)`, critical for g = 1/4; they decay
     for all `c h` and `0 < g <= 1`.
-
-    - `cutoff`: c, one number or [n], rad/s, > 0.
-    - `gain`: g, one number or [n], in [0, 1]; 0 leaves the push as it is.
-
-    Raises DefinitionError if one of them is out of its range.
     """
 
-    cutoff: PerJoint = eqx.field(converter=as_array)
-    gain: PerJoint = eqx.field(converter=as_array, default=0.5)
-
-    def __check_init__(self) -> None:
-        require_consistent(self, "cutoff", "gain")
-        require(self, "cutoff", known(self.cutoff) > 0, "must be > 0 rad/s")
-        require(self, "gain", (known(self.gain) >= 0) & (known(self.gain) <= 1), "must be in [0, 1]")
+    cutoff: PerJoint = parameter("c", "rad/s", "> 0")
+    gain: PerJoint = parameter("g, of the push; 0 leaves it as it is", "", "[0, 1]", default=0.5)
 
     def init(self, measured: State) -> State:
         """The last measured position and the last estimated velocity.

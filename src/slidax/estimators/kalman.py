@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
-import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from slidax._errors import DefinitionError, as_array, is_traced, known, require
-from slidax._types import Scalar, State
+from slidax.parts import DefinitionError, Scalar, State, as_array, is_traced, parameter
 
 from .estimator import AbstractEstimator, Estimate, reseated
 from .steady_gains import steady_gains
@@ -23,19 +21,16 @@ class Kalman(AbstractEstimator):
     """`q = q_predicted + L1 r`, `q̇ = q̇_predicted + L2 r`, `push⁺ = push + L3 r`, with `r = q' - q_predicted`.
 
     Measured velocities are not used. After a gap that is longer than the filter's memory, 2/L2, it begins anew.
-
-    - `gains`: L1 [1], L2 [1/s], L3 [1/s²], three numbers [3] or three per joint [3 n], >= 0; `steady` finds them.
-
-    Raises DefinitionError if they are of another shape or out of their range.
     """
 
-    gains: Float[Array, "..."] = eqx.field(converter=as_array)
+    gains: Float[Array, "3 ..."] = parameter(
+        "L1, L2, L3, three numbers or three per joint; `steady` and `of_arm` find them", "1, 1/s or 1/s²", ">= 0"
+    )
 
     def __check_init__(self) -> None:
         shape = self.gains.shape
         if len(shape) not in (1, 2) or shape[0] != 3:
             raise DefinitionError(f"`Kalman.gains` must be three numbers or three per joint; got shape {list(shape)}")
-        require(self, "gains", known(self.gains) >= 0, "must be >= 0")
 
     @classmethod
     def steady(cls, *, density: Any, variance: Any, period: Any) -> Kalman:

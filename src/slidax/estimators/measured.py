@@ -4,12 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
-import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool
 
-from slidax._errors import as_array, known, require, require_consistent, require_shape
-from slidax._types import PerJoint, Scalar, State, Vector
+from slidax.parts import PerJoint, Scalar, State, Vector, as_array, parameter
 
 from .estimator import AbstractEstimator, Estimate
 
@@ -21,31 +19,22 @@ class Measured(AbstractEstimator):
     `push⁺ = w⁺ + ahead h d⁺`. Here w is the unexplained acceleration in the middle of the last period and d its rate;
     push is what it will be when the next torque acts, so that a push that grows evenly is made up for without a lag.
     For sensors with a good velocity.
-
-    - `gain`: g, one number or [n], in [0, 1]; 0 with trend 0 leaves the push as it is.
-    - `trend`: b, one number or [n], in [0, 4 - 2 g]; 0 for a filter of first order; `critical` gives the one that is
-      critically damped.
-    - `ahead`: from the middle of the last measured period to the middle of the one that the torque acts in, in periods.
-
-    Raises DefinitionError if one of them is out of its range.
     """
 
-    gain: PerJoint = eqx.field(converter=as_array, default=0.5)
-    trend: PerJoint = eqx.field(converter=as_array, default=0.0)
-    ahead: Scalar = eqx.field(converter=as_array, default=0.0)
-
-    def __check_init__(self) -> None:
-        require_consistent(self, "gain", "trend")
-        require_shape(self, (), "ahead")
-        require(self, "gain", (known(self.gain) >= 0) & (known(self.gain) <= 1), "must be in [0, 1]")
-        # Beyond it the filter itself is unstable (Jury).
-        require(
-            self,
-            "trend",
-            (known(self.trend) >= 0) & (known(self.trend) <= 4.0 - 2.0 * known(self.gain)),
-            "must be in [0, 4 - 2 gain]",
-        )
-        require(self, "ahead", known(self.ahead) >= 0, "must be >= 0 periods")
+    gain: PerJoint = parameter("g, of the push; 0 with trend 0 leaves it as it is", "", "[0, 1]", default=0.5)
+    trend: PerJoint = parameter(
+        "b, of its rate; 0 for a filter of first order; `critical` gives the one that is critically damped",
+        "",
+        "[0, 4 - 2 * gain]",
+        "so that the filter itself is stable (Jury)",
+        default=0.0,
+    )
+    ahead: Scalar = parameter(
+        "from the middle of the last measured period to the middle of the one that the torque acts in",
+        "periods",
+        ">= 0",
+        default=0.0,
+    )
 
     @classmethod
     def critical(cls, gain: Any, ahead: Any) -> Measured:

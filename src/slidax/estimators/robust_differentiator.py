@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool
 
-from slidax._errors import as_array, known, require, require_consistent
-from slidax._types import PerJoint, Scalar, State, Vector
+from slidax.parts import PerJoint, Scalar, State, Vector, parameter
 
 from .estimator import AbstractEstimator, Estimate
 
@@ -32,17 +30,9 @@ class RobustDifferentiator(AbstractEstimator):
     Source: Levant, Higher-order sliding modes, differentiation and output-feedback control, 2003; implicit in time:
     Acary, Brogliato, Orlov, 2012, and Mojallizadeh, Brogliato, Acary, 2021; without bias: Seeber, Proper implicit
     discretization of arbitrary-order robust exact differentiators, 2024.
-
-    - `lipschitz`: L, how fast the push may change, one number or [n], rad/s³ or m/s³, > 0.
-
-    Raises DefinitionError if it is out of its range.
     """
 
-    lipschitz: PerJoint = eqx.field(converter=as_array)
-
-    def __check_init__(self) -> None:
-        require_consistent(self, "lipschitz")
-        require(self, "lipschitz", known(self.lipschitz) > 0, "must be > 0 rad/s³ (L, Levant, 2003)")
+    lipschitz: PerJoint = parameter("L, how fast the push may change", "rad/s³ or m/s³", "> 0", "(L, Levant, 2003)")
 
     def init(self, measured: State) -> tuple[()]:
         """Nothing to keep.

@@ -145,11 +145,19 @@ def piece(meaning: str, *, default: Any = REQUIRED, default_factory: Any = REQUI
 
 
 def parameters_of(part: type) -> list[Parameter]:
-    """The parameters of a part, in order.
+    """The parameters of a part, in order; a field without a declaration is known by its name, type and default alone.
 
     - `part`: its class.
     """
-    return [declared(field) for field in dataclasses.fields(part) if _KEY in field.metadata]
+    return [declared(field) for field in dataclasses.fields(part) if field.init]
+
+
+def is_declared(field: dataclasses.Field[Any]) -> bool:
+    """Whether a field is declared by `parameter` or `piece`.
+
+    - `field`: of a dataclass.
+    """
+    return _KEY in field.metadata
 
 
 def declared(field: dataclasses.Field[Any], annotation: str = "") -> Parameter:
@@ -158,8 +166,11 @@ def declared(field: dataclasses.Field[Any], annotation: str = "") -> Parameter:
     - `field`: of a dataclass.
     - `annotation`: its type as it is written, where the field does not know it yet.
     """
-    said: Parameter = field.metadata[_KEY]
     written = str(annotation or field.type)
+    if _KEY not in field.metadata:
+        default = REQUIRED if field.default is dataclasses.MISSING else field.default
+        return Parameter(field.name, "", default=default, shape=_shape(written), annotation=written)
+    said: Parameter = field.metadata[_KEY]
     return replace(said, name=field.name or said.name, annotation=written, shape=said.shape or _shape(written))
 
 
@@ -167,7 +178,7 @@ def _shape(annotation: str) -> str:
     plain = annotation.removesuffix(" | None")
     if plain in SHAPES:
         return SHAPES[plain]
-    array = re.fullmatch(r"(?:Float|Int|Bool)\[Array, [\"'](.*)[\"']\]", plain)
+    array = re.fullmatch(r"(?:Float|Int|Bool)\[Array, ['\"](.*)['\"]\]", plain)
     if array is None:
         return "one number" if plain in ("float", "int") else ""
     dims = array.group(1).strip()
@@ -179,4 +190,4 @@ def _maybe(converter: Any) -> Any:
 
 
 def _shown(default: Any) -> str:
-    return f"{default:g}" if isinstance(default, float) else str(default)
+    return f"{default:g}" if isinstance(default, float) else "none" if default == () else str(default)

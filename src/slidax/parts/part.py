@@ -11,7 +11,7 @@ import numpy as np
 
 from slidax._errors import DefinitionError, is_traced, require, require_consistent, require_shape
 
-from .parameter import Parameter, declared, parameters_of
+from .parameter import Parameter, declared, is_declared
 
 
 class AbstractPart(eqx.Module):
@@ -28,11 +28,14 @@ class AbstractPart(eqx.Module):
         if bullets:
             own = inspect.cleandoc(cls.__doc__ or "")
             listed = "\n".join(bullets)
-            cls.__doc__ = f"{own}\n\n{listed}\n\nRaises DefinitionError if one of them is out of its range."
+            cls.__doc__ = f"{own}\n\n{listed}"
+            if not all(said.piece for said in _said_of(cls)):
+                cls.__doc__ += "\n\nRaises DefinitionError if one of them is out of its range."
 
     def __check_init__(self) -> None:
-        said = [one for one in parameters_of(type(self)) if not one.piece and getattr(self, one.name) is not None]
-        require_consistent(self, *(one.name for one in said if one.shape == "one number or [n]"))
+        fields = [declared(field) for field in dataclasses.fields(self) if is_declared(field)]
+        said = [one for one in fields if not one.piece and getattr(self, one.name) is not None]
+        require_consistent(self, *(one.name for one in said if one.shape in PER_JOINT))
         for one in said:
             value = getattr(self, one.name)
             if one.shape in SIZES:
@@ -47,6 +50,9 @@ class AbstractPart(eqx.Module):
             _require_range(self, one)
 
 
+PER_JOINT = ("one number or [n]", "[n]")
+"""The shapes of what must have as many entries as the other parameters, if it has one per joint."""
+
 SIZES: dict[str, tuple[int, ...]] = {"one number": (), "[2]": (2,), "[3]": (3,), "[3 3]": (3, 3)}
 
 
@@ -58,7 +64,9 @@ def _require_range(part: AbstractPart, said: Parameter) -> None:
     value = np.asarray(getattr(part, said.name))
     holds = said.range.holds(part, value)
     endless = any(end.number is not None and np.isinf(end.number) and not end.open for end in (lower, upper))
-    require(part, said.name, holds, said.rule(part), finite=not endless)
+    # What has an entry per row or per term must not blame a joint.
+    each = "joint" if said.shape.endswith("n]") else "entry"
+    require(part, said.name, holds, said.rule(part), finite=not endless, each=each)
 
 
 def _said_of(cls: type) -> list[Parameter]:
@@ -66,9 +74,9 @@ def _said_of(cls: type) -> list[Parameter]:
     found: dict[str, Parameter] = {}
     for owner in reversed(cls.__mro__[1:]):
         if dataclasses.is_dataclass(owner):
-            found |= {one.name: one for one in parameters_of(owner)}
+            found |= {field.name: declared(field) for field in dataclasses.fields(owner) if is_declared(field)}
     annotations = inspect.get_annotations(cls)
     for name, value in vars(cls).items():
-        if isinstance(value, dataclasses.Field) and "slidax" in value.metadata:
+        if isinstance(value, dataclasses.Field) and is_declared(value):
             found[name] = dataclasses.replace(declared(value, str(annotations.get(name, ""))), name=name)
     return list(found.values())

@@ -112,6 +112,8 @@ class Range:
             opening, closing = "(" if lower.open else "[", ")" if upper.open else "]"
             if lower.number == 0.0 and upper.number == math.inf:
                 return "must be > 0 (infinite for no limit)"
+            if upper.number == math.inf:
+                return f"must be {'>' if lower.open else '>='} {lower.shown(part)}{f' {unit}' if unit else ''}"
             return f"must be in {opening}{lower.shown(part)}, {upper.shown(part)}{closing}"
         sign = COMPARISON.fullmatch(self.text)
         assert sign is not None

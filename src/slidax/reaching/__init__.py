@@ -1,5 +1,6 @@
 """Reaching laws: from the surface to the torque that drives it to zero, and how large that torque must be."""
 
+from .bound import AbstractBound as AbstractBound
 from .fixed_bound import FixedBound as FixedBound
 from .fixed_time_reaching import FixedTimeReaching as FixedTimeReaching
 from .reaching import AbstractReaching as AbstractReaching

@@ -2,25 +2,15 @@
 
 from __future__ import annotations
 
-import equinox as eqx
+from slidax.parts import Scalar, State, Vector, parameter
 
-from slidax._errors import as_array, known, require, require_shape
-from slidax._types import Scalar, State, Vector
+from .bound import AbstractBound
 
 
-class FixedBound(eqx.Module):
-    """`u = const`: for laws that choose the size of their robust torque by hand.
+class FixedBound(AbstractBound):
+    """`u = const`: for laws that choose the size of their robust torque by hand."""
 
-    - `size`: u, N m, >= 0.
-
-    Raises DefinitionError if it is negative.
-    """
-
-    size: Scalar = eqx.field(converter=as_array)
-
-    def __check_init__(self) -> None:
-        require_shape(self, (), "size")
-        require(self, "size", known(self.size) >= 0, "must be >= 0 N m (u)")
+    size: Scalar = parameter("u, size of the robust torque", "N m", ">= 0")
 
     def __call__(self, state: State, tau: Vector) -> Scalar:
         """u, N m.

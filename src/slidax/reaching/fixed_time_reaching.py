@@ -2,33 +2,29 @@
 
 from __future__ import annotations
 
-import equinox as eqx
 import numpy as np
 
-from slidax._errors import DefinitionError, as_array, is_traced, known, require, require_shape
-from slidax._types import Matrix, PerJoint, Scalar, Vector
 from slidax.numerics import is_positive_definite, matvec, sig, sig_and_slope, unit_vector
+from slidax.parts import DefinitionError, Matrix, PerJoint, Scalar, Vector, is_traced, known, parameter, require
 
 from .proximal_step import proximal_step
 from .reaching import AbstractReaching
 
 
 class FixedTimeReaching(AbstractReaching):
-    """`-K0 Sig^r(s) - u s/(‖s‖ + s0)`, eqs. (43), (51); with `s0 = 0` the unit vector (44), 0 at s = 0.
+    """`-K0 Sig^r(s) - u s/(‖s‖ + s0)`, eqs. (43), (51); with `s0 = 0` the unit vector (44), 0 at s = 0."""
 
-    - `gain`: K0, one number, a diagonal [n] or a matrix [n n], symmetric positive definite.
-    - `exponent`: r, one number, > 1.
-    - `layer`: s0, width of the boundary layer, rad/s or m/s, one number >= 0.
-
-    Raises DefinitionError if one of them is out of its range.
-    """
-
-    gain: PerJoint = eqx.field(converter=as_array)
-    exponent: Scalar = eqx.field(converter=as_array)
-    layer: Scalar = eqx.field(converter=as_array, default=0.0)
+    gain: PerJoint = parameter("K0, symmetric positive definite", "N m or N", matrix=True)
+    exponent: Scalar = parameter("r", "", "> 1", "(r, eq. 43)")
+    layer: Scalar = parameter(
+        "s0, width of the boundary layer",
+        "rad/s or m/s",
+        ">= 0",
+        "(s0, eq. 51; 0 gives the unit vector of eq. 44)",
+        default=0.0,
+    )
 
     def __check_init__(self) -> None:
-        require_shape(self, (), "exponent", "layer")
         rule = "must be symmetric positive definite (K0, eq. 43)"
         if self.gain.ndim < 2:
             require(self, "gain", known(self.gain) > 0, rule)
@@ -36,10 +32,8 @@ class FixedTimeReaching(AbstractReaching):
             matrix = np.asarray(self.gain)
             if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1] or not is_positive_definite(matrix):
                 raise DefinitionError(f"`FixedTimeReaching.gain` {rule}; got {matrix.tolist()}")
-        require(self, "exponent", known(self.exponent) > 1, "must be > 1 (r, eq. 43)")
-        require(self, "layer", known(self.layer) >= 0, "must be >= 0 (s0, eq. 51; 0 gives the unit vector of eq. 44)")
 
-    def power(self, s: Vector) -> Vector:
+    def continuous_term(self, s: Vector) -> Vector:
         """`K0 Sig^r(s)`, [n], N m or N.
 
         - `s`: sliding variable [n], rad/s or m/s.
@@ -47,14 +41,14 @@ class FixedTimeReaching(AbstractReaching):
         powers = sig(s, self.exponent)
         return matvec(self.gain, powers) if self.gain.ndim == 2 else self.gain * powers
 
-    def direction(self, s: Vector) -> Vector:
+    def switching_direction(self, s: Vector) -> Vector:
         """`s/(‖s‖ + s0)`, [n], and 0 at s = 0.
 
         - `s`: sliding variable [n], rad/s or m/s.
         """
         return unit_vector(s, self.layer)
 
-    def power_and_slope(self, s: Vector) -> tuple[Vector, Vector]:
+    def continuous_term_and_slope(self, s: Vector) -> tuple[Vector, Vector]:
         """`K0 Sig^r(s)` and its derivative, [n], for a diagonal K0.
 
         - `s`: sliding variable [n], rad/s or m/s.

@@ -9,8 +9,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Int
 
-from slidax._types import Matrix, Scalar, Vector
 from slidax.numerics import matvec, solve_symmetric, tangent_mask, vector_norm
+from slidax.parts import Matrix, Scalar, Vector
 
 STEPS = 300
 """At most so many Newton steps and halvings; nearly always two to four are enough."""
@@ -29,8 +29,8 @@ class Reaching(Protocol):
 
     layer: Scalar
 
-    def power_and_slope(self, s: Vector) -> tuple[Vector, Vector]:
-        """The power and its derivative, [n].
+    def continuous_term_and_slope(self, s: Vector) -> tuple[Vector, Vector]:
+        """The continuous term and its derivative, [n].
 
         - `s`: sliding variable [n].
         """
@@ -71,7 +71,7 @@ def _residual_and_jacobian(
     Where an exponent is less than one Newton steps jump to and fro over zero. Carefully taken, the slope of a power is
     no less than its chord from zero, which converges from everywhere.
     """
-    power, slope = reaching.power_and_slope(s)
+    power, slope = reaching.continuous_term_and_slope(s)
     chord = power / jnp.where(jnp.abs(s) > TINY, s, 1.0)
     slope = jnp.where(careful & (chord > slope), chord, slope)
     size = vector_norm(s)

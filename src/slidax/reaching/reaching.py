@@ -4,31 +4,29 @@ from __future__ import annotations
 
 from abc import abstractmethod
 
-import equinox as eqx
-
-from slidax._types import Matrix, Scalar, Vector
+from slidax.parts import AbstractPart, Matrix, Scalar, Vector
 
 
-class AbstractReaching(eqx.Module):
-    """The torque that drives s to zero, `-power(s) - u direction(s)`: a known part, and a robust one of size u."""
+class AbstractReaching(AbstractPart):
+    """The torque that drives s to zero: a continuous term of known size, and a switching one of size u."""
 
     @abstractmethod
-    def power(self, s: Vector) -> Vector:
-        """The known part of the torque, [n], N m or N, along s; 0 at s = 0.
+    def continuous_term(self, s: Vector) -> Vector:
+        """The continuous part of that torque, against the signs of s, [n], N m or N; 0 at s = 0.
 
         - `s`: sliding variable [n], rad/s or m/s.
         """
 
     @abstractmethod
-    def direction(self, s: Vector) -> Vector:
-        """Where the robust part points, [n], no longer than 1, along s; 0 at s = 0.
+    def switching_direction(self, s: Vector) -> Vector:
+        """Against where the switching part points, [n], no longer than 1, along s; 0 at s = 0.
 
         - `s`: sliding variable [n], rad/s or m/s.
         """
 
     @abstractmethod
     def implicit(self, metric: Matrix, s: Vector, u: Scalar) -> Vector:
-        """The s⁺ with `A (s⁺ - s) = -power(s⁺) - u direction(s⁺)`, [n]: the law held over a period, to its end.
+        """The s⁺ with `A (s⁺ - s) = -P(s⁺) - u N(s⁺)`, P and N the two terms, [n]: the law held to the end of a step.
 
         - `metric`: A = M0/H, symmetric positive definite [n n].
         - `s`: sliding variable [n], rad/s or m/s.

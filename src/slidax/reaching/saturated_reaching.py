@@ -9,9 +9,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Int
 
-from slidax._errors import as_array, known, require, require_consistent
-from slidax._types import Matrix, PerJoint, Scalar, Vector
 from slidax.numerics import matvec, saturation, solve_symmetric, tangent_mask
+from slidax.parts import Matrix, PerJoint, Scalar, Vector, parameter
 
 from .reaching import AbstractReaching
 
@@ -26,37 +25,22 @@ class SaturatedReaching(AbstractReaching):
     """`-K_D s - u w ∘ sat(s/φ)`; with φ = 0 the sign, set-valued at 0 in the implicit step.
 
     Source: Slotine and Li, Applied Nonlinear Control, 1991, chapters 7 and 9, where `u w = K`.
-
-    - `damping`: diagonal of K_D, one number or [n], N m s/rad or N s/m, >= 0.
-    - `weights`: w, one number or [n], in [0, 1], with ‖w‖ <= 1: each joint's share of u.
-    - `layer`: φ, half-width of the boundary layer, one number or [n], rad/s or m/s, >= 0.
-
-    Raises DefinitionError if one of them is out of its range.
     """
 
-    damping: PerJoint = eqx.field(converter=as_array)
-    weights: PerJoint = eqx.field(converter=as_array)
-    layer: PerJoint = eqx.field(converter=as_array)
+    damping: PerJoint = parameter("diagonal of K_D", "N m s/rad or N s/m", ">= 0", "(K_D; Slotine and Li, 1991)")
+    weights: PerJoint = parameter("w, each joint's share of u, ‖w‖ <= 1", "", "[0, 1]", "a joint's share of u")
+    layer: PerJoint = parameter(
+        "φ, half-width of the boundary layer", "rad/s or m/s", ">= 0", "(the boundary layer φ; 0 gives the sign)"
+    )
 
-    def __check_init__(self) -> None:
-        require_consistent(self, "damping", "weights", "layer")
-        require(self, "damping", known(self.damping) >= 0, "must be >= 0 (K_D; Slotine and Li, 1991)")
-        require(
-            self,
-            "weights",
-            (known(self.weights) >= 0) & (known(self.weights) <= 1),
-            "must be in [0, 1], a joint's share of u",
-        )
-        require(self, "layer", known(self.layer) >= 0, "must be >= 0 (the boundary layer φ; 0 gives the sign)")
-
-    def power(self, s: Vector) -> Vector:
+    def continuous_term(self, s: Vector) -> Vector:
         """`K_D s`, [n], N m or N.
 
         - `s`: sliding variable [n], rad/s or m/s.
         """
         return self.damping * s
 
-    def direction(self, s: Vector) -> Vector:
+    def switching_direction(self, s: Vector) -> Vector:
         """`w ∘ sat(s/φ)`, [n].
 
         - `s`: sliding variable [n], rad/s or m/s.
@@ -123,7 +107,7 @@ def _step_jvp(primals: Any, tangents: Any) -> tuple[Vector, Vector]:
 
     def residual(moving: Any) -> Vector:
         law, metric, s, u = eqx.combine(moving, still)
-        rest: Vector = matvec(metric, found - s) + law.power(found) + u * law.direction(found)
+        rest: Vector = matvec(metric, found - s) + law.continuous_term(found) + u * law.switching_direction(found)
         return rest
 
     _, change = jax.jvp(residual, (moving,), (eqx.filter(tangents, mask),))

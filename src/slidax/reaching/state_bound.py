@@ -2,34 +2,25 @@
 
 from __future__ import annotations
 
-import equinox as eqx
 import jax.numpy as jnp
 
-from slidax._errors import as_array, known, require, require_shape
-from slidax._types import Scalar, State
 from slidax.numerics import vector_norm
+from slidax.parts import Scalar, State, Vector, parameter
+
+from .bound import AbstractBound
 
 
-class StateBound(eqx.Module):
-    """`b0 + b1‖q‖ + b2‖q̇‖²`: what (19) bounds the lumped uncertainty by, without the share of the torque.
+class StateBound(AbstractBound):
+    """`b0 + b1‖q‖ + b2‖q̇‖²`: what (19) bounds the lumped uncertainty by, without the share of the torque."""
 
-    - `constant`, `position`, `velocity`: b0 [N m], b1 [N m/rad], b2 [N m s²/rad²], >= 0.
+    b0: Scalar = parameter("b0, of all states alike", "N m", ">= 0", "(eq. 19)")
+    b1: Scalar = parameter("b1, times ‖q‖", "N m/rad", ">= 0", "(eq. 19)")
+    b2: Scalar = parameter("b2, times ‖q̇‖²", "N m s²/rad²", ">= 0", "(eq. 19)")
 
-    Raises DefinitionError if one of them is negative.
-    """
-
-    constant: Scalar = eqx.field(converter=as_array)
-    position: Scalar = eqx.field(converter=as_array)
-    velocity: Scalar = eqx.field(converter=as_array)
-
-    def __check_init__(self) -> None:
-        require_shape(self, (), "constant", "position", "velocity")
-        for field, symbol in (("constant", "b0"), ("position", "b1"), ("velocity", "b2")):
-            require(self, field, known(getattr(self, field)) >= 0, f"must be >= 0 ({symbol}, eq. 19)")
-
-    def __call__(self, state: State) -> Scalar:
+    def __call__(self, state: State, tau: Vector) -> Scalar:
         """The bound, N m.
 
         - `state`: positions and velocities.
+        - `tau`: not used.
         """
-        return self.constant + self.position * vector_norm(state.q) + self.velocity * jnp.sum(state.dq * state.dq)
+        return self.b0 + self.b1 * vector_norm(state.q) + self.b2 * jnp.sum(state.dq * state.dq)

@@ -1,6 +1,7 @@
 """Scenarios: a closed loop written down as YAML, validated, and built from the parts of the other rooms."""
 
 from .catalogue import catalogue as catalogue
+from .catalogue import explained as explained
 from .description import ScenarioDescription as ScenarioDescription
 from .load import load as load
 from .load import names as names

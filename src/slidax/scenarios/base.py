@@ -2,15 +2,28 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 from pydantic_core import PydanticCustomError
 
 from slidax._errors import DefinitionError, nearest
+from slidax.parts import REQUIRED, Parameter, Range, parameters_of
 
 Numbers = Annotated[float | list[float], Field(union_mode="left_to_right")]
 """One number for all joints, or one per joint."""
+
+
+def _from_folder(name: str, info: Any) -> str:
+    return str(Path((info.context or {}).get("folder", "")) / name)
+
+
+FileName = Annotated[str, AfterValidator(_from_folder)]
+"""A path, from the folder of the scenario file that it stands in."""
+
+CONSTRAINTS = {"exclusiveMinimum": "gt", "minimum": "ge", "exclusiveMaximum": "lt", "maximum": "le"}
+"""What pydantic calls the ends of a range that JSON schema has."""
 
 
 class Description(BaseModel):
@@ -42,3 +55,52 @@ class Description(BaseModel):
     def parameters(self) -> dict[str, Any]:
         """What the described part is made from: the fields that are given, but for the one that names its kind."""
         return self.model_dump(exclude={"kind", "name"}, exclude_none=True)
+
+
+def described(one: Parameter, *, checked: bool = False, **said: Any) -> Any:
+    """The field of a description for a declared parameter.
+
+    - `one`: its declaration.
+    - `checked`: whether the file is to refuse what is out of range, where no part does.
+    - `said`: `default` or `source` in place of the declaration's, or `required`.
+    """
+    default = REQUIRED if said.get("required") else said.get("default", one.default)
+    unit = f" [{one.unit}]" if one.unit else ""
+    # Ends of a range that are numbers, each of a list's too, are for editors; the part itself says the reason.
+    extra = {"unit": one.unit, "range": one.limits, "source": said.get("source", one.source), **one.range.schema()}
+    given: dict[str, Any] = {} if default is REQUIRED else {"default": _plain(default)}
+    if checked:
+        given |= {CONSTRAINTS[end]: value for end, value in one.range.schema().items()}
+
+    # A symbol at its beginning stays as it is.
+    word = one.meaning[:2].isascii() and one.meaning[:2].isalpha()
+    meaning = one.meaning[:1].upper() + one.meaning[1:] if word else one.meaning
+    text = f"{meaning}{unit}{f', {one.limits}' if one.limits else ''}."
+    return Field(description=text, json_schema_extra={key: value for key, value in extra.items() if value}, **given)
+
+
+def same(part: type, name: str, **said: Any) -> Any:
+    """The field of a description that says what a parameter of a part says.
+
+    - `part`: its class.
+    - `name`: of the parameter.
+    - `said`: as in `described`.
+    """
+    (one,) = (one for one in parameters_of(part) if one.name == name)
+    return described(one, **said)
+
+
+def said(meaning: str, unit: str = "", range: str = "", *, default: Any = REQUIRED, source: str = "") -> Any:
+    """The field of a description that no part has, as `slidax.parts.parameter` declares one of a part.
+
+    - `meaning`: what it is.
+    - `unit`: of one of its numbers.
+    - `range`: what it may be, checked when the file is read.
+    - `default`: what it is if not given.
+    - `source`: where that comes from.
+    """
+    return described(Parameter("", meaning, unit, Range(range), default=default, source=source), checked=True)
+
+
+def _plain(value: Any) -> Any:
+    return list(value) if isinstance(value, tuple) else value

@@ -2,24 +2,24 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Literal
 
 import equinox as eqx
 import jax
-from pydantic import Field
 
 from slidax._errors import DefinitionError, as_array, located, require_joints
 from slidax._types import State
 from slidax.numerics import runge_kutta_4, semi_implicit_euler
 from slidax.simulation import MujocoPlant, Plant, Table
 
-from .base import Description
+from .base import Description, said, same
 from .disturbances import DisturbanceDescription
 from .instruments import ActuatorDescription, SensorDescription
 from .robots import RobotDescription
+from .sampled_data import Sampling
 from .scenario import Scenario
-from .schemes import AbstractSliding, Sampling, SchemeDescription
-from .trajectories import TrajectoryDescription
+from .schemes import AnyScheme
+from .trajectories import TrajectoryDescription, trajectory_of
 
 INTEGRATORS = {"rk4": runge_kutta_4, "semi_implicit_euler": semi_implicit_euler}
 
@@ -27,10 +27,8 @@ INTEGRATORS = {"rk4": runge_kutta_4, "semi_implicit_euler": semi_implicit_euler}
 class StartDescription(Description):
     """The state at t = 0."""
 
-    q: list[float]
-    """Positions, one entry per joint [rad or m]."""
-    dq: list[float] | None = None
-    """Velocities, one entry per joint [rad/s or m/s]; at rest if not given."""
+    q: list[float] = said("positions, one per joint", "rad or m")
+    dq: list[float] | None = said("velocities, one per joint", "rad/s or m/s", default=None, source="at rest")
 
     def build(self, joints: int) -> State:
         """The state.
@@ -54,18 +52,14 @@ class SimulationDescription(Description):
     """`held`: torque held over a period; `continuous`: the law at every stage of the integrator."""
     integrator: Literal["rk4", "semi_implicit_euler"] = "rk4"
     """One step of the plant."""
-    period: Annotated[float, Field(gt=0)]
-    """Time between two samples [s]; in continuous mode the integrator's step."""
-    substeps: Annotated[int, Field(ge=1)] = 1
-    """Integrator steps per period in held mode."""
-    t1: Annotated[float, Field(gt=0)]
-    """End [s], a whole number of periods."""
-    log_every: Annotated[int, Field(ge=1)] = 10
-    """One in how many samples is written to the log; metrics count all."""
+    period: float = said("time between two samples; in continuous mode the integrator's step", "s", "> 0")
+    substeps: int = said("integrator steps per period in held mode", "", ">= 1", default=1)
+    t1: float = said("end, a whole number of periods", "s", "> 0")
+    log_every: int = said("one in how many samples is written to the log; metrics count all", "", ">= 1", default=10)
     outside: Literal["raise", "recover"] = "raise"
     """What a sample outside the envelope does: `raise` ends the run, `recover` counts it and goes on."""
     plant: Literal["own", "mujoco"] = "own"
-    """Who moves the arm: our own equations, or MuJoCo in the real arm's stead, in held mode."""
+    """Who moves the arm: our own equations, or MuJoCo, in held mode."""
     friction: Literal["smooth", "dry"] = "smooth"
     """With MuJoCo's plant: `smooth` as in ours, or `dry`, by which a joint really sticks."""
     engine: Literal["auto", "native", "xla"] = "auto"
@@ -75,10 +69,8 @@ class SimulationDescription(Description):
 class TableDescription(Description):
     """A level and rigid surface without end, which the tip and what it carries meet."""
 
-    height: float
-    """Above the base's origin [m]."""
-    friction: Annotated[float, Field(gt=0)] = 0.5
-    """Coefficient of what touches it."""
+    height: float = same(Table, "height")
+    friction: float = same(Table, "friction")
 
 
 class SurroundingsDescription(Description):
@@ -113,7 +105,7 @@ class ScenarioDescription(Description):
     """What becomes of its torque; the joints get it as it is, at once, if not given."""
     start: StartDescription
     """The state at t = 0."""
-    scheme: SchemeDescription
+    scheme: AnyScheme
     """Who commands the joints."""
     simulation: SimulationDescription
     """How time passes."""
@@ -129,7 +121,7 @@ class ScenarioDescription(Description):
             arms = self.robot.build()
             true, nominal = arms.true, arms.nominal
         with located("trajectory"):
-            trajectory = self.trajectory.build(arms.limits)
+            trajectory = trajectory_of(self.trajectory, arms.limits)
             followed = eqx.filter_eval_shape(trajectory.position, jax.ShapeDtypeStruct((), float)).shape
             if followed != (true.joints,):
                 raise DefinitionError(f"moves {followed[0]} joints, but the robot has {true.joints}")
@@ -145,8 +137,8 @@ class ScenarioDescription(Description):
         with located("start"):
             state0 = self.start.build(true.joints)
         with located("scheme"):
-            controller = self.scheme.build(nominal)
-            if isinstance(self.scheme, AbstractSliding) and self.scheme.sampled_data is not None:
+            controller = self.scheme.build(nominal=nominal)
+            if self.scheme.sampled_data is not None:
                 sampling = Sampling(
                     period=simulation.period,
                     delay=self.sensor.delay + self.actuator.dead_time,

@@ -15,23 +15,20 @@ from slidax.actuators import Actuator, TorqueLimits
 from slidax.robots import JointLimits
 from slidax.sensors import AbstractSensor, Delayed, DifferencedEncoders, Encoders, Exact, Lossy
 
-from .base import Description, Numbers
+from .base import Description, Numbers, said, same
 
 
 class OutageDescription(Description):
     """Samples that are lost in a row."""
 
-    start: Annotated[float, Field(ge=0)]
-    """Time of the first [s]."""
-    samples: Annotated[int, Field(ge=0)]
-    """How many."""
+    start: float = said("time of the first", "s", ">= 0")
+    samples: int = said("how many", "", ">= 0")
 
 
 class LossDescription(Description):
     """Samples that do not arrive; the last torque is held."""
 
-    probability: float = 0.0
-    """Of losing any sample, in [0, 1]."""
+    probability: float = same(Lossy, "probability")
     outages: tuple[OutageDescription, ...] = ()
     """Those that are lost for certain."""
 
@@ -39,20 +36,14 @@ class LossDescription(Description):
 class SensorDescription(Description):
     """What a law gets to know of the state."""
 
-    resolution: Numbers = 0.0
-    """Of the encoders [rad or m]; 0 rounds nothing."""
-    position_noise: Numbers = 0.0
-    """Standard deviation, before rounding [rad or m]."""
+    resolution: Numbers = same(Encoders, "resolution", default=0.0)
+    position_noise: Numbers = same(Encoders, "position_noise")
     velocity: Literal["measured", "differenced"] = "measured"
     """`measured` by a sensor of its own, or `differenced` from the encoders."""
-    velocity_noise: Numbers = 0.0
-    """Standard deviation, if measured [rad/s or m/s]."""
-    cutoff: Numbers = 600.0
-    """Of the low-pass on differenced velocities [rad/s]."""
-    delay: Annotated[float, Field(ge=0)] = 0.0
-    """Age of a measurement when it arrives [periods], whole or not."""
-    jitter: Annotated[float, Field(ge=0)] = 0.0
-    """Width of the spread of that age [periods]."""
+    velocity_noise: Numbers = same(Encoders, "velocity_noise")
+    cutoff: Numbers = same(DifferencedEncoders, "cutoff", default=600.0)
+    delay: float = said("age of a measurement when it arrives, whole or not", "periods", ">= 0", default=0.0)
+    jitter: float = said("width of the spread of that age", "periods", ">= 0", default=0.0)
     loss: LossDescription = LossDescription()
     """Samples that do not arrive."""
     seed: Annotated[int, Field(ge=0, lt=2**32)] = 0
@@ -97,14 +88,14 @@ class SensorDescription(Description):
 class ActuatorDescription(Description):
     """What becomes of a commanded torque."""
 
-    torque: Numbers | Literal["robot"] | None = None
-    """Largest torque [N m or N]; `robot`: as its data sheet says; no limit if not given."""
-    rate: Numbers | Literal["robot"] | None = None
-    """Fastest change of torque [N m/s or N/s]; `robot`: as its data sheet says; no limit if not given."""
-    time_constant: Numbers = 0.0
-    """Of a lag of first order [s]."""
-    dead_time: Annotated[float, Field(ge=0)] = 0.0
-    """Between a command and its torque [periods], whole or not."""
+    torque: Numbers | Literal["robot"] | None = said(
+        "largest torque; `robot`: as its data sheet says", "N m or N", default=None, source="no limit"
+    )
+    rate: Numbers | Literal["robot"] | None = said(
+        "fastest change of torque; `robot`: as its data sheet says", "N m/s or N/s", default=None, source="no limit"
+    )
+    time_constant: Numbers = same(Actuator, "time_constant")
+    dead_time: float = said("between a command and its torque, whole or not", "periods", ">= 0", default=0.0)
 
     def of_robot(self, limits: JointLimits | None) -> ActuatorDescription:
         """The same with the robot's own limits where they are asked for.
@@ -119,7 +110,11 @@ class ActuatorDescription(Description):
                 continue
             numbers = None if limits is None else known(getattr(limits, name))
             if numbers is None or not np.isfinite(numbers).all():
-                raise DefinitionError("the robot's description has no such limit; give numbers", where=field)
+                write = {"torque": "`torque: 50`", "rate": "`rate: 1000` [N m/s]"}[field]
+                raise DefinitionError(
+                    f"the robot's description has no such limit; write numbers, such as {write}, or leave it out",
+                    where=field,
+                )
             found[field] = numbers.tolist()
         return self.model_copy(update=found)
 

@@ -12,9 +12,9 @@ from ruamel.yaml.error import YAMLError
 
 from slidax._errors import DefinitionError, nearest
 
+from .changes import changed
 from .description import ScenarioDescription
 from .scenario import Scenario
-from .switch import switched
 
 LIMITS = {"greater_than": (">", "gt"), "greater_than_equal": (">=", "ge"), "less_than": ("<", "lt")}
 """Kinds of mistakes about a number's range: the sign, and the key under which pydantic has the limit."""
@@ -32,13 +32,13 @@ def load(scenario: str | Path, changes: dict[str, Any] | None = None) -> Scenari
 
     - `scenario`: name of a built-in scenario, or path of a YAML file.
     - `changes`: values by dotted path, such as `{"disturbance.scale": 0.0}`, set before validation. `scheme.name` comes
-      first and puts another scheme in place of the file's, which leaves it `performance`, `overshoot`, `bound` and
-      `sampled_data` only.
+      first and puts another scheme in place of the file's, of which the envelope, the bound and `sampled_data` remain.
+      Files that are named here are found from the current folder.
 
     Raises DefinitionError if there is no such scenario, or something in it cannot be.
     """
     name, text = _read(scenario)
-    return parse(text, changes).build(name)
+    return parse(text, changes, folder=_folder(scenario)).build(name)
 
 
 def described(scenario: str | Path) -> ScenarioDescription:
@@ -48,30 +48,30 @@ def described(scenario: str | Path) -> ScenarioDescription:
 
     Raises DefinitionError if there is no such scenario, or something in it cannot be.
     """
-    return parse(_read(scenario)[1])
+    return parse(_read(scenario)[1], folder=_folder(scenario))
 
 
-def parse(text: str, changes: dict[str, Any] | None = None) -> ScenarioDescription:
+def parse(text: str, changes: dict[str, Any] | None = None, *, folder: Path = Path()) -> ScenarioDescription:
     """The validated description in a YAML text.
 
     - `text`: YAML.
     - `changes`: values by dotted path, set before validation, as in `load`.
+    - `folder`: from where files that it names are found.
 
     Raises DefinitionError with the path of the first field that is wrong.
     """
     data = read_yaml(text)
     if not isinstance(data, dict):
         raise DefinitionError("a scenario is a mapping with the keys " + ", ".join(ScenarioDescription.model_fields))
-    changes = dict(changes or {})
-    # The name first: what else is set belongs to the scheme that is named.
-    if "scheme.name" in changes:
-        data["scheme"] = switched(data.get("scheme"), changes.pop("scheme.name"))
-    for path, value in changes.items():
-        _set(data, path, value)
+    data = changed(data, changes or {})
     try:
-        return ScenarioDescription.model_validate(data)
+        return ScenarioDescription.model_validate(data, context={"folder": folder})
     except ValidationError as error:
         raise _translated(error, data) from None
+
+
+def _folder(scenario: str | Path) -> Path:
+    return Path(scenario).parent if Path(scenario).suffix in (".yaml", ".yml") else Path()
 
 
 def read_yaml(text: str) -> Any:
@@ -102,25 +102,6 @@ def _read(scenario: str | Path) -> tuple[str, str]:
             f"unknown scenario `{scenario}`; {nearest(str(scenario), names())} (a file needs the ending .yaml)"
         )
     return str(scenario), (BUILT_IN / f"{scenario}.yaml").read_text(encoding="utf-8")
-
-
-def _set(data: dict[str, Any], path: str, value: Any) -> None:
-    parts = path.split(".")
-    place: Any = data
-    for depth, part in enumerate(parts):
-        here = ".".join(parts[:depth]) or "the scenario"
-        if isinstance(place, list):
-            if not part.isdigit() or int(part) >= len(place):
-                raise DefinitionError(f"`{here}` is a list of {len(place)}; `{part}` is not one of its numbers from 0")
-            key: Any = int(part)
-        elif isinstance(place, dict):
-            key = part
-        else:
-            raise DefinitionError(f"`{here}` is a single value, so `{path}` cannot be set")
-        if depth == len(parts) - 1:
-            place[key] = value
-        else:
-            place = place.setdefault(key, {}) if isinstance(place, dict) else place[key]
 
 
 def _translated(error: ValidationError, data: Any) -> DefinitionError:

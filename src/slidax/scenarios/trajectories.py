@@ -9,17 +9,10 @@ from pydantic import Field
 
 from slidax._errors import DefinitionError, located
 from slidax.robots.joint_limits import JointLimits
-from slidax.trajectories import (
-    AbstractTrajectory,
-    Constant,
-    ExponentialSum,
-    MinimumJerk,
-    Sinusoid,
-    Tabulated,
-    Trapezoidal,
-)
+from slidax.trajectories import AbstractTrajectory, MinimumJerk, Tabulated, Trapezoidal
 
-from .base import Description, Numbers
+from .base import Description, FileName, Numbers, said
+from .derived import union_of
 
 Limit = Annotated[float | list[float] | Literal["robot"], Field(union_mode="left_to_right")]
 """One number for all joints, one per joint, or `robot` for the robot's own limits."""
@@ -38,60 +31,12 @@ class TrajectoryPart(Description):
         raise NotImplementedError
 
 
-class ConstantTrajectory(TrajectoryPart):
-    """A fixed posture."""
-
-    kind: Literal["constant"]
-    value: list[float]
-    """The posture, one entry per joint [rad or m]."""
-
-    def build(self, limits: JointLimits | None = None) -> AbstractTrajectory:
-        """The trajectory; it has no use for `limits`."""
-        return Constant(**self.parameters())
-
-
-class SinusoidTrajectory(TrajectoryPart):
-    """offset + amplitude sin(frequency t + phase), per joint."""
-
-    kind: Literal["sinusoid"]
-    offset: list[float]
-    """One entry per joint [rad or m]."""
-    amplitude: Numbers
-    """[rad or m]"""
-    frequency: Numbers
-    """[rad/s]"""
-    phase: Numbers = 0.0
-    """[rad]"""
-
-    def build(self, limits: JointLimits | None = None) -> AbstractTrajectory:
-        """The trajectory; it has no use for `limits`."""
-        return Sinusoid(**self.parameters())
-
-
-class ExponentialSumTrajectory(TrajectoryPart):
-    """offset + sum of amplitudes exp(-rate t): a smooth move that comes to rest."""
-
-    kind: Literal["exponential_sum"]
-    offset: list[float]
-    """Where it comes to rest, one entry per joint [rad or m]."""
-    amplitudes: list[list[float]]
-    """One row per rate, one column per joint [rad or m]."""
-    rates: list[float]
-    """[1/s], positive."""
-
-    def build(self, limits: JointLimits | None = None) -> AbstractTrajectory:
-        """The trajectory; it has no use for `limits`."""
-        return ExponentialSum(**self.parameters())
-
-
 class MinimumJerkTrajectory(TrajectoryPart):
     """The smoothest motion through waypoints, at rest at both ends."""
 
     kind: Literal["minimum_jerk"]
-    times: list[float]
-    """When each waypoint is passed [s], increasing."""
-    waypoints: list[list[float]]
-    """One row of joint positions per time [rad or m]."""
+    times: list[float] = said("when each waypoint is passed, increasing", "s")
+    waypoints: list[list[float]] = said("one row of joint positions per time", "rad or m")
 
     def build(self, limits: JointLimits | None = None) -> AbstractTrajectory:
         """The trajectory; it has no use for `limits`."""
@@ -101,16 +46,11 @@ class MinimumJerkTrajectory(TrajectoryPart):
 class LimitedTrajectory(TrajectoryPart):
     """A motion through waypoints, as fast as limits allow."""
 
-    waypoints: list[list[float]]
-    """Rows of joint positions [rad or m], no two in a row the same."""
-    velocity: Limit
-    """Largest speed, or `robot` [rad/s or m/s]."""
-    acceleration: Numbers
-    """Largest acceleration [rad/s² or m/s²]."""
-    jerk: Numbers | None = None
-    """Largest jerk [rad/s³ or m/s³]; no limit if not given."""
-    start: float = 0.0
-    """When it begins [s]."""
+    waypoints: list[list[float]] = said("rows of joint positions, no two in a row the same", "rad or m")
+    velocity: Limit = said("largest speed, or `robot`", "rad/s or m/s")
+    acceleration: Numbers = said("largest acceleration", "rad/s² or m/s²")
+    jerk: Numbers | None = said("largest jerk", "rad/s³ or m/s³", default=None, source="no limit")
+    start: float = said("when it begins", "s", default=0.0)
 
     def _arguments(self, limits: JointLimits | None) -> dict[str, Any]:
         return self.parameters() | _said(self, limits, "velocity")
@@ -139,22 +79,19 @@ class TrapezoidalTrajectory(LimitedTrajectory):
 class TableTrajectory(TrajectoryPart):
     """A motion from a file."""
 
-    file: str | None = None
-    """Its path, from the current directory."""
+    file: FileName | None = None
+    """Its path, from the folder of the scenario file."""
     text: str | None = None
     """What would be in the file, instead of it."""
     joints: list[str] | None = None
     """Names of the robot's joints in its order; the order of the file if not given."""
-    start: float | None = None
-    """When the first row is to be [s]; as in the file if not given."""
-    lower: Limit | None = None
-    """Least positions, or `robot` [rad or m]; not checked if not given."""
-    upper: Limit | None = None
-    """Largest positions, or `robot` [rad or m]; not checked if not given."""
-    velocity: Limit | None = None
-    """Largest speed, or `robot` [rad/s or m/s]; not checked if not given."""
-    acceleration: Numbers | None = None
-    """Largest acceleration [rad/s² or m/s²]; see docs/trajectories.md if not given."""
+    start: float | None = said("when the first row is to be", "s", default=None, source="the file")
+    lower: Limit | None = said("least positions, or `robot`", "rad or m", default=None, source="not checked")
+    upper: Limit | None = said("largest positions, or `robot`", "rad or m", default=None, source="not checked")
+    velocity: Limit | None = said("largest speed, or `robot`", "rad/s or m/s", default=None, source="not checked")
+    acceleration: Numbers | None = said(
+        "largest acceleration", "rad/s² or m/s²", default=None, source="docs/trajectories.md"
+    )
 
     def _arguments(self, limits: JointLimits | None) -> dict[str, Any]:
         said = _said(self, limits, "lower", "upper", "velocity")
@@ -203,14 +140,23 @@ def _said(described: TrajectoryPart, limits: JointLimits | None, *fields: str) -
     return said
 
 
-TrajectoryDescription = Annotated[
-    ConstantTrajectory
-    | SinusoidTrajectory
-    | ExponentialSumTrajectory
-    | MinimumJerkTrajectory
-    | QuinticTrajectory
-    | TrapezoidalTrajectory
-    | CsvTrajectory
-    | JointTrajectory,
-    Field(discriminator="kind"),
-]
+TrajectoryDescription = union_of(
+    AbstractTrajectory,
+    MinimumJerkTrajectory,
+    QuinticTrajectory,
+    TrapezoidalTrajectory,
+    CsvTrajectory,
+    JointTrajectory,
+)
+
+
+def trajectory_of(described: Any, limits: JointLimits | None) -> AbstractTrajectory:
+    """The trajectory that is described.
+
+    - `described`: a member of `TrajectoryDescription`.
+    - `limits`: those of the robot, for a field that says `robot`; None if it has none.
+
+    Raises DefinitionError if it makes no sense.
+    """
+    found: AbstractTrajectory = described.build(*([limits] if isinstance(described, TrajectoryPart) else []))
+    return found

@@ -8,7 +8,7 @@ import jax
 import numpy as np
 from jaxtyping import Array, Float, Int, Key
 
-from slidax._errors import DefinitionError
+from slidax.parts import DefinitionError, parameter
 
 # One stream of random numbers for each kind of sensor: a chain of sensors with one seed is not correlated with itself.
 ENCODERS, DIFFERENCED_ENCODERS, DELAYED, LOSSY = 1, 2, 3, 4
@@ -28,6 +28,14 @@ def whole(value: Any) -> Array:
         raise DefinitionError(f"a whole number or a list of whole numbers is needed; got {value!r}")
     array: Array = jax.device_put(number.astype(int))
     return array
+
+
+def seed(chances: str) -> Any:
+    """The declaration of a seed.
+
+    - `chances`: what another seed gives others of.
+    """
+    return parameter(f"a whole number; another seed gives other {chances}", default=0, converter=whole)
 
 
 def _key(seed: Int[Array, ""], stream: int, k: Int[Array, ""]) -> Key[Array, ""]:

@@ -8,10 +8,9 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
-from slidax._errors import known, require, require_shape
-from slidax._types import Memory, Scalar, State
+from slidax.parts import Memory, Scalar, State, parameter, piece
 
-from .chance import DELAYED, uniform, whole
+from .chance import DELAYED, seed, uniform
 from .sensor import AbstractSensor, Measurement
 
 
@@ -35,24 +34,25 @@ class Delayed(AbstractSensor):
     U is uniform in [-1/2, 1/2) and drawn anew for each sample: the instants of sampling are uneven. Between two samples
     the state follows the cubic polynomial that has both positions and velocities there (Hermite), an error of `h⁴` in
     the position and `h³` in the velocity; before sample 0 the velocity was constant.
-
-    - `sensor`: what measures.
-    - `periods`: the delay, in sampling periods, whole or not, >= 0. Known when compiled: it sets how much is kept.
-    - `jitter`: the width of the spread of the delay, in sampling periods, >= 0. Known when compiled.
-    - `seed`: a whole number; another seed gives other instants.
-
-    Raises DefinitionError if one of them is out of its range.
     """
 
-    sensor: AbstractSensor
-    periods: float = eqx.field(static=True, converter=float)
-    jitter: float = eqx.field(static=True, converter=float, default=0.0)
-    seed: Int[Array, ""] = eqx.field(converter=whole, default=0)
-
-    def __check_init__(self) -> None:
-        require_shape(self, (), "seed")
-        require(self, "periods", known(self.periods) >= 0, "must be >= 0 sampling periods")
-        require(self, "jitter", known(self.jitter) >= 0, "must be >= 0 sampling periods")
+    sensor: AbstractSensor = piece("what measures")
+    periods: float = parameter(
+        "the delay, whole or not; known when compiled, since it sets how much is kept",
+        "sampling periods",
+        ">= 0",
+        static=True,
+        converter=float,
+    )
+    jitter: float = parameter(
+        "width of the spread of the delay; known when compiled",
+        "sampling periods",
+        ">= 0",
+        default=0.0,
+        static=True,
+        converter=float,
+    )
+    seed: Int[Array, ""] = seed("instants")
 
     @property
     def kept(self) -> int:

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Int
 
-from slidax._errors import as_array, known, require, require_consistent, require_shape
-from slidax._types import PerJoint, Scalar, State
+from slidax.parts import PerJoint, Scalar, State, parameter
 
-from .chance import DIFFERENCED_ENCODERS, normal, whole
+from .chance import DIFFERENCED_ENCODERS, normal, seed
 from .rounding import rounded
 from .sensor import AbstractSensor, Measurement
 
@@ -19,26 +17,14 @@ class DifferencedEncoders(AbstractSensor):
 
     There is no sensor of the velocity: it is the difference of the last two positions, through a low-pass of first
     order, and lags by about `1/c + h/2`. At sample 0 it is the true one, since nothing came before.
-
-    - `resolution`: r, one number or [n], rad or m, >= 0; 0 rounds nothing.
-    - `position_noise`: σ, before rounding, one number or [n], rad or m, >= 0.
-    - `cutoff`: c, one number or [n], rad/s, > 0.
-    - `seed`: a whole number; another seed gives other noise.
-
-    Raises DefinitionError if one of them is out of its range.
     """
 
-    resolution: PerJoint = eqx.field(converter=as_array)
-    position_noise: PerJoint = eqx.field(converter=as_array, default=0.0)
-    cutoff: PerJoint = eqx.field(converter=as_array, default=600.0)
-    seed: Int[Array, ""] = eqx.field(converter=whole, default=0)
-
-    def __check_init__(self) -> None:
-        require_consistent(self, "resolution", "position_noise", "cutoff")
-        require_shape(self, (), "seed")
-        for field in ("resolution", "position_noise"):
-            require(self, field, known(getattr(self, field)) >= 0, "must be >= 0 (0 for none)")
-        require(self, "cutoff", known(self.cutoff) > 0, "must be > 0 rad/s")
+    resolution: PerJoint = parameter("r, 2π over the counts per turn", "rad or m", ">= 0", "(0 for none)")
+    position_noise: PerJoint = parameter(
+        "σ, standard deviation before rounding", "rad or m", ">= 0", "(0 for none)", default=0.0
+    )
+    cutoff: PerJoint = parameter("c, of the low-pass", "rad/s", "> 0", default=600.0)
+    seed: Int[Array, ""] = seed("noise")
 
     def init(self, state: State) -> State:
         """The position that was counted last, and the filtered velocity: at the start both are the true ones.

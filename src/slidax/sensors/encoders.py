@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Int
 
-from slidax._errors import as_array, known, require, require_consistent, require_shape
-from slidax._types import PerJoint, Scalar, State
+from slidax.parts import PerJoint, Scalar, State, parameter
 
-from .chance import ENCODERS, normal, whole
+from .chance import ENCODERS, normal, seed
 from .rounding import rounded
 from .sensor import AbstractSensor, Measurement
 
@@ -19,25 +17,14 @@ class Encoders(AbstractSensor):
 
     The velocity has a sensor of its own, as with a tachometer; drives that difference their encoder are
     `DifferencedEncoders`.
-
-    - `resolution`: r, one number or [n], rad or m, >= 0; 0 rounds nothing. 2π over the counts per turn.
-    - `position_noise`: σ_q, before rounding, one number or [n], rad or m, >= 0.
-    - `velocity_noise`: σ_v, one number or [n], rad/s or m/s, >= 0.
-    - `seed`: a whole number; another seed gives other noise.
-
-    Raises DefinitionError if one of them is out of its range.
     """
 
-    resolution: PerJoint = eqx.field(converter=as_array)
-    position_noise: PerJoint = eqx.field(converter=as_array, default=0.0)
-    velocity_noise: PerJoint = eqx.field(converter=as_array, default=0.0)
-    seed: Int[Array, ""] = eqx.field(converter=whole, default=0)
-
-    def __check_init__(self) -> None:
-        require_consistent(self, "resolution", "position_noise", "velocity_noise")
-        require_shape(self, (), "seed")
-        for field in ("resolution", "position_noise", "velocity_noise"):
-            require(self, field, known(getattr(self, field)) >= 0, "must be >= 0 (0 for none)")
+    resolution: PerJoint = parameter("r, 2π over the counts per turn", "rad or m", ">= 0", "(0 for none)")
+    position_noise: PerJoint = parameter(
+        "σ_q, standard deviation before rounding", "rad or m", ">= 0", "(0 for none)", default=0.0
+    )
+    velocity_noise: PerJoint = parameter("σ_v, standard deviation", "rad/s or m/s", ">= 0", "(0 for none)", default=0.0)
+    seed: Int[Array, ""] = seed("noise")
 
     def init(self, state: State) -> tuple[()]:
         """Nothing to keep.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import jax.numpy as jnp
 from jaxtyping import Array, Int
 
-from slidax._types import Scalar, State
+from slidax.parts import Scalar, State
 
 from .sensor import AbstractSensor, Measurement
 

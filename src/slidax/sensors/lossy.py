@@ -5,13 +5,11 @@ from __future__ import annotations
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, Int
 
-from slidax._errors import DefinitionError, as_array, is_traced, known, require, require_shape
-from slidax._types import Memory, Scalar, State
+from slidax.parts import DefinitionError, Memory, Scalar, State, parameter, piece
 
-from .chance import LOSSY, uniform, whole
+from .chance import LOSSY, seed, uniform, whole
 from .sensor import AbstractSensor, Measurement
 
 
@@ -31,34 +29,22 @@ class Lossy(AbstractSensor):
 
     Sample 0 always arrives. A lost sample is not fresh, and repeats the last that arrived; the sensor itself goes on
     measuring.
-
-    - `sensor`: what measures.
-    - `probability`: of losing a sample, for each by itself, one number in [0, 1].
-    - `starts`: number of the first sample of each outage [m], whole.
-    - `counts`: how many samples each outage takes [m], whole, >= 0.
-    - `seed`: a whole number; another seed loses other samples.
-
-    Raises DefinitionError if one of them is out of its range or starts and counts are not equally many.
     """
 
-    sensor: AbstractSensor
-    probability: Scalar = eqx.field(converter=as_array, default=0.0)
-    starts: Int[Array, " m"] = eqx.field(converter=whole, default=())
-    counts: Int[Array, " m"] = eqx.field(converter=whole, default=())
-    seed: Int[Array, ""] = eqx.field(converter=whole, default=0)
+    sensor: AbstractSensor = piece("what measures")
+    probability: Scalar = parameter("of losing a sample, for each by itself", "", "[0, 1]", default=0.0)
+    starts: Int[Array, " m"] = parameter("number of the first sample of each outage", default=(), converter=whole)
+    counts: Int[Array, " m"] = parameter(
+        "how many samples each outage takes", "samples", ">= 0", default=(), converter=whole
+    )
+    seed: Int[Array, ""] = seed("losses")
 
     def __check_init__(self) -> None:
-        require_shape(self, (), "probability", "seed")
-        require(
-            self, "probability", (known(self.probability) >= 0) & (known(self.probability) <= 1), "must be in [0, 1]"
-        )
         if self.starts.ndim != 1 or self.starts.shape != self.counts.shape:
             raise DefinitionError(
                 "`Lossy.counts` must have one entry for each of `starts`; "
                 f"got shapes {list(self.counts.shape)} and {list(self.starts.shape)}"
             )
-        if not is_traced(self.counts) and np.any(np.asarray(self.counts) < 0):
-            raise DefinitionError(f"`Lossy.counts` must be >= 0 samples; got {int(np.min(self.counts))}")
 
     def init(self, state: State) -> Arrived:
         """The first state, which is never used, for sample 0 arrives.

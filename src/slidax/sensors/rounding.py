@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+import jax
 import jax.numpy as jnp
 
-from slidax._types import PerJoint, Vector
+from slidax.parts import PerJoint, Vector
 
 
+@jax.custom_jvp
 def rounded(q: Vector, resolution: PerJoint) -> Vector:
     """`r round(q/r)`, the nearest multiple of the resolution, [n]; q itself for `r = 0`.
+
+    Its derivative is that of q, "straight through": a stairway is flat between its steps, so that its own derivative
+    would say that nothing which moves the arm is ever seen. So a gradient through encoders is that of the loop without
+    their rounding, along the motion with it; by the resolution it is 0.
 
     - `q`: positions [n].
     - `resolution`: r, in the unit of q, one number or [n], >= 0.
@@ -17,3 +23,9 @@ def rounded(q: Vector, resolution: PerJoint) -> Vector:
     counts = jnp.abs(q) < resolution * 2.0**52
     step = jnp.where(counts, resolution, 1.0)
     return jnp.where(counts, step * jnp.round(jnp.where(counts, q, 0.0) / step), q)
+
+
+@rounded.defjvp
+def _straight_through(primals: tuple[Vector, PerJoint], tangents: tuple[Vector, PerJoint]) -> tuple[Vector, Vector]:
+    counted = rounded(*primals)
+    return counted, jnp.broadcast_to(tangents[0], counted.shape)

@@ -7,7 +7,7 @@ from abc import abstractmethod
 import equinox as eqx
 from jaxtyping import Array, Bool, Int
 
-from slidax._types import Memory, Scalar, State
+from slidax.parts import AbstractPart, Memory, Scalar, State
 
 
 class Measurement(eqx.Module):
@@ -21,7 +21,7 @@ class Measurement(eqx.Module):
     fresh: Bool[Array, ""]
 
 
-class AbstractSensor(eqx.Module):
+class AbstractSensor(AbstractPart):
     """From the true state at a sample to what is measured.
 
     Pure: chance comes from a seed and the number of the sample only, and the same two give the same bits. A sensor is

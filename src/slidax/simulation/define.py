@@ -134,13 +134,27 @@ def _steps(t1: float, period: float) -> int:
     return steps
 
 
-def require_start_inside(state0: State, reference: Reference, envelope: Envelope | None) -> None:
-    """Raises DefinitionError if the first error is at or outside its bounds.
+def require_start(loop: Loop, state0: State, envelope: Envelope | None, reference: Reference, held: Any) -> None:
+    """Raises DefinitionError if the first error is at or outside its bounds, or the arm cannot be held where it starts.
 
+    - `loop`: what begins.
     - `state0`: the first state.
-    - `reference`, `envelope`: at that time.
+    - `envelope`, `reference`: at that time.
+    - `held`: the torque that holds the arm there [n], N m or N; None without an actuator.
     """
-    if envelope is None:
+    if loop.plant.actuator is not None and held is not None:
+        robot = loop.plant.robot
+        needed, limit = np.asarray(held), np.broadcast_to(loop.plant.actuator.limits.torque, held.shape)
+        weak = np.abs(needed) > limit
+        if weak.any():
+            joint = int(np.argmax(weak))
+            unit = robot.torque_units[joint]
+            raise DefinitionError(
+                f"`TorqueLimits.torque` must hold the arm where it starts: {robot.joint_names[joint]} needs "
+                f"{needed[joint]:.4g} {unit} there, but its limit is {limit[joint]:g} {unit}; raise it, or start "
+                "in a posture that needs less"
+            )
+    if envelope is None or loop.recover:
         return
     e = np.asarray(state0.q - reference.q)
     lower, upper = np.asarray(envelope.lower), np.asarray(envelope.upper)

@@ -80,8 +80,9 @@ class Passed(eqx.Module):
     torque: Vector | None
 
 
-Begun = tuple[Carry, Envelope | None, Reference]
-"""The carry before the first sample, with the envelope and the reference there."""
+Begun = tuple[Carry, Envelope | None, Reference, Vector | None]
+"""The carry before the first sample, with the envelope and the reference there, and the torque that holds the arm [n],
+N m or N; None without an actuator."""
 
-Inside = Callable[[State, Reference, Envelope | None], None]
-"""Raises a DefinitionError if the first state may not be where it is."""
+Inside = Callable[[State, Envelope | None, Reference, Vector | None], None]
+"""Raises a DefinitionError if the first state may not be where it is, or cannot be held there."""

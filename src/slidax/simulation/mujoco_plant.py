@@ -4,12 +4,9 @@ from __future__ import annotations
 
 from typing import Literal, get_args
 
-import equinox as eqx
-
-from slidax._errors import DefinitionError, as_array, is_traced, known, require, require_shape
-from slidax._types import Scalar
 from slidax.actuators import Actuator
 from slidax.disturbances import AbstractDisturbance, Friction
+from slidax.parts import AbstractPart, DefinitionError, Scalar, as_array, is_traced, parameter, piece
 from slidax.robots import AbstractRobot, Articulated, Load
 from slidax.sensors import AbstractSensor
 
@@ -19,53 +16,38 @@ MujocoIntegrator = Literal["implicitfast", "implicit", "euler", "rk4"]
 """MuJoCo's own names of its integrators."""
 
 
-class Table(eqx.Module):
-    """A level and rigid surface without end. The arm's tip and what it carries meet it; its links pass through.
+class Table(AbstractPart):
+    """A level and rigid surface without end. The arm's tip and what it carries meet it; its links pass through."""
 
-    - `height`: above the base frame's origin, against gravity, m.
-    - `friction`: coefficient of what touches it, > 0.
-
-    Raises DefinitionError if one of them is out of its range.
-    """
-
-    height: Scalar = eqx.field(converter=as_array)
-    friction: Scalar = eqx.field(converter=as_array, default=0.5)
-
-    def __check_init__(self) -> None:
-        require_shape(self, (), "height", "friction")
-        require(self, "height", True, "must be finite")
-        require(self, "friction", known(self.friction) > 0, "must be > 0")
+    height: Scalar = parameter("above the base frame's origin, against gravity", "m")
+    friction: Scalar = parameter("coefficient of what touches it", "", "> 0", default=0.5)
 
 
-class MujocoPlant(eqx.Module):
+class MujocoPlant(AbstractPart):
     """A plant whose robot is moved by MuJoCo, for `simulate` in held mode; the controller sees its sensors alone.
 
     Masses, rotors and friction are those of `Plant`. With `dry` the Coulomb friction is MuJoCo's own: a joint really
     sticks, and its friction jumps as it turns round, where that of `Plant` is smoothed. A load is a part of the last
     link while it is carried; let go, it is a body of its own, the box of even density with the same mass and moments,
     which falls and meets the table. MuJoCo takes `substeps` steps a period; torque and disturbance are held over each.
-
-    - `robot`: an `Articulated` arm.
-    - `disturbance`, `sensor`, `actuator`, `load`: as in `Plant`.
-    - `surroundings`: what stands around the arm; None for nothing.
-    - `integrator`: MuJoCo's, in place of that of `simulate`: "implicitfast", "implicit", "euler" or "rk4".
-    - `dry`: whether Coulomb friction is not smoothed.
-    - `stops`: whether the joints have hard stops at the limits of their positions.
-    - `tip_radius`: of the ball about the tip that meets the table, m.
-
-    Raises DefinitionError if the robot is of another kind, or a number is out of its range.
     """
 
-    robot: AbstractRobot
-    disturbance: AbstractDisturbance
-    sensor: AbstractSensor | None = None
-    actuator: Actuator | None = None
-    load: Load | None = None
-    surroundings: Table | None = None
-    integrator: str = eqx.field(static=True, default="implicitfast")
-    dry: bool = eqx.field(static=True, default=False)
-    stops: bool = eqx.field(static=True, default=False)
-    tip_radius: Scalar = eqx.field(converter=as_array, default=0.01)
+    robot: AbstractRobot = piece("an `Articulated` arm")
+    disturbance: AbstractDisturbance = piece("as in `Plant`")
+    sensor: AbstractSensor | None = piece("as in `Plant`", default=None)
+    actuator: Actuator | None = piece("as in `Plant`", default=None)
+    load: Load | None = piece("as in `Plant`", default=None)
+    surroundings: Table | None = piece("what stands around the arm; None for nothing", default=None)
+    integrator: str = piece(
+        'MuJoCo\'s, in place of that of `simulate`: "implicitfast", "implicit", "euler" or "rk4"',
+        default="implicitfast",
+        static=True,
+    )
+    dry: bool = piece("whether Coulomb friction is not smoothed", default=False, static=True)
+    stops: bool = piece(
+        "whether the joints have hard stops at the limits of their positions", default=False, static=True
+    )
+    tip_radius: Scalar = parameter("of the ball about the tip that meets the table", "m", "> 0", default=0.01)
 
     def __check_init__(self) -> None:
         if not isinstance(self.robot, Articulated):
@@ -75,8 +57,6 @@ class MujocoPlant(eqx.Module):
         if self.integrator not in get_args(MujocoIntegrator):
             names = ", ".join(f"`{name}`" for name in get_args(MujocoIntegrator))
             raise DefinitionError(f"`MujocoPlant.integrator` must be one of {names}; got {self.integrator!r}")
-        require_shape(self, (), "tip_radius")
-        require(self, "tip_radius", known(self.tip_radius) > 0, "must be > 0 m")
         if self.load is not None and not is_traced(self.load):
             from .mujoco.box import require_rigid
 

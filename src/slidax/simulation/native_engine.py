@@ -63,8 +63,7 @@ def drive(
             logged, left = _split(native, results)
             logs.append(logged)
             if first == 0:
-                _, envelope, reference = _unflattened(native.begun, left)
-                inside(state0, reference, envelope)
+                inside(state0, *_unflattened(native.begun, left)[1:])
             begun = left if not begun else [*left[: len(carry)], *begun[len(carry) :]]
             carry = left[: len(carry)]
             bar.advance()

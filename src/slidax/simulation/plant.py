@@ -2,30 +2,27 @@
 
 from __future__ import annotations
 
-import equinox as eqx
-
-from slidax._types import Scalar, State, Vector
 from slidax.actuators import Actuator
 from slidax.disturbances import AbstractDisturbance
+from slidax.parts import AbstractPart, Scalar, State, Vector, piece
 from slidax.robots import AbstractRobot, Articulated, Load, Mismatch
 from slidax.sensors import AbstractSensor
 
 
-class Plant(eqx.Module):
-    """The robot that moves, with the forces on it that no controller knows, eq. (10).
+class Plant(AbstractPart):
+    """The robot that moves, with the forces on it that no controller knows, eq. (10)."""
 
-    - `robot`: M, C, G, F.
-    - `disturbance`: τ_d.
-    - `sensor`: what a controller gets to know of the state; None: all of it, at once.
-    - `actuator`: what becomes of its torque; None: the joints get it as it is, at once.
-    - `load`: what the tip carries for some time; None for nothing, or for what is part of the robot.
-    """
-
-    robot: AbstractRobot
-    disturbance: AbstractDisturbance
-    sensor: AbstractSensor | None = None
-    actuator: Actuator | None = None
-    load: Load | None = None
+    robot: AbstractRobot = piece("M, C, G, F")
+    disturbance: AbstractDisturbance = piece("τ_d")
+    sensor: AbstractSensor | None = piece(
+        "what a controller gets to know of the state; None: all of it, at once", default=None
+    )
+    actuator: Actuator | None = piece(
+        "what becomes of its torque; None: the joints get it as it is, at once", default=None
+    )
+    load: Load | None = piece(
+        "what the tip carries for some time; None for nothing, or for what is part of the robot", default=None
+    )
 
     @classmethod
     def of_nominal(

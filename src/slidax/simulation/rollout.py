@@ -26,7 +26,7 @@ class Moving(eqx.Module):
 
 
 def begin(loop: Loop, state: State) -> Begun:
-    """The carry before the first sample, with the envelope and the reference there.
+    """The carry before the first sample, with the envelope and the reference there, and the torque that holds the arm.
 
     - `loop`: what stays the same.
     - `state`: the state at t = 0.
@@ -56,7 +56,7 @@ def begin(loop: Loop, state: State) -> Begun:
         actuator=None if plant.actuator is None else plant.actuator.init(held),
         torque=torque,
     )
-    return carry, loop.controller.envelope(t, memory), reference
+    return carry, loop.controller.envelope(t, memory), reference, None if plant.actuator is None else held
 
 
 def sample(loop: Loop, carry: Carry) -> tuple[Carry, Log]:

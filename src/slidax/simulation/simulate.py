@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
+import functools
 import time
 from collections.abc import Callable
 from typing import Any, Literal
 
 from slidax._errors import DefinitionError, OutcomeError, is_traced
-from slidax._types import Envelope, Reference, State
+from slidax._types import State
 from slidax.codegen.trace import NoNativeCodeError
 from slidax.controllers import AbstractController
 from slidax.numerics import runge_kutta_4
 from slidax.trajectories import AbstractTrajectory
 
 from . import native_engine, xla_engine
-from .define import constant, define_loop, require_start_inside
+from .define import constant, define_loop, require_start
 from .engine import Engine, engine_for, say_xla_instead
 from .loop import Begun, Integrator, Loop
 from .mujoco.drive import drive as mujoco_drive
@@ -72,7 +73,8 @@ def simulate(
     Works inside `jit`, `vmap` and `grad`, by XLA; then nothing is checked or shown, and `run.log.valid` marks what is
     good. Many runs at once go faster by `simulate_batch`.
 
-    Raises DefinitionError if the parts do not fit each other or the start is outside the envelope.
+    Raises DefinitionError if the parts do not fit each other, the start is outside the envelope, or the actuator has no
+    torque to hold the arm there.
     """
     own = plant.pushed if isinstance(plant, MujocoPlant) else plant
     loop, samples = define_loop(
@@ -80,15 +82,15 @@ def simulate(
     )
     traced = is_traced((plant, loop, state0))
     started = time.perf_counter()
-    inside = require_start_inside if outside == "raise" else _anywhere
+    inside = functools.partial(require_start, loop)
     load = None
     if isinstance(plant, MujocoPlant):
         _require_samples(mode, traced)
-        (carry, envelope, _), log, timing, load = mujoco_drive(
+        (carry, envelope, *_), log, timing, load = mujoco_drive(
             plant, loop, state0, samples, log_every, progress, started, inside, engine
         )
     elif traced:
-        carry, envelope, _ = begin(loop, state0)
+        carry, envelope, *_ = begin(loop, state0)
         points = -(-samples // (log_every or 1))
         carry, log = xla_engine.advance(loop, carry, points, log_every, pack=False)
         timing = None
@@ -96,7 +98,7 @@ def simulate(
         drive: Callable[..., tuple[Begun, Log | None, Timing]] = xla_engine.drive
         if engine_for(engine) == "native":
             drive = native_engine.drive if engine == "native" else _native_if_it_can_be
-        (carry, envelope, _), log, timing = drive(loop, state0, samples, log_every, progress, started, inside)
+        (carry, envelope, *_), log, timing = drive(loop, state0, samples, log_every, progress, started, inside)
     run = Run(
         log=log,
         tally=carry.tally,
@@ -130,7 +132,3 @@ def _require_samples(mode: str, traced: bool) -> None:
         raise DefinitionError("a MujocoPlant needs samples: simulate in held mode, not in continuous mode")
     if traced:
         raise DefinitionError("MuJoCo cannot be traced: simulate outside of `jit`, `vmap` and `grad`, or a `Plant`")
-
-
-def _anywhere(state0: State, reference: Reference, envelope: Envelope | None) -> None:
-    """A start that may be outside."""

@@ -120,7 +120,7 @@ class _Task:
 def _natively(task: _Task, varied: Any, threads: int | None) -> Run:
     one = jax.tree.map(lambda x: jax.ShapeDtypeStruct(x.shape[1:], x.dtype), varied)
     *_, samples, (units, names) = eqx.filter_eval_shape(task.loop, one)
-    (carry, envelope, _), log = native_engine.drive_batch(
+    (carry, envelope, *_), log = native_engine.drive_batch(
         task, lambda given: task.loop(given)[:2], one, varied, samples, task.log_every, threads
     )
     runs = jax.tree.leaves(varied)[0].shape[0]

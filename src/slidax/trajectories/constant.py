@@ -2,27 +2,17 @@
 
 from __future__ import annotations
 
-import equinox as eqx
 import jax.numpy as jnp
 
-from slidax._errors import as_array, require
-from slidax._types import Scalar, Vector
+from slidax.parts import Scalar, Vector, parameter
 
 from .trajectory import AbstractTrajectory
 
 
 class Constant(AbstractTrajectory):
-    """`q_d(t) = c`.
+    """`q_d(t) = c`."""
 
-    - `value`: c, [n], rad or m.
-
-    Raises DefinitionError if it is not finite.
-    """
-
-    value: Vector = eqx.field(converter=as_array)
-
-    def __check_init__(self) -> None:
-        require(self, "value", True, "must be finite")
+    value: Vector = parameter("c", "rad or m")
 
     @property
     def until(self) -> float:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from slidax._errors import DefinitionError, as_array
+from slidax.parts import DefinitionError, as_array
 
 from .motion_limits import limit
 from .piecewise_polynomial import AbstractPiecewisePolynomial
@@ -19,9 +19,6 @@ class MinimumJerk(AbstractPiecewisePolynomial):
     It is the quintic spline with four continuous derivatives, with zero velocity and acceleration at the first and the
     last waypoint; between two waypoints only, it is `q_0 + (q_1 - q_0)(10 z³ - 15 z⁴ + 6 z⁵)`,
     `z = (t - t_0)/(t_1 - t_0)` (Flash and Hogan, 1985). Before the first waypoint and after the last it stands still.
-
-    - `times`: knots [k], s, increasing.
-    - `coefficients`: of each piece in powers of `t - times[i]`, highest first, [6 k-1 n].
 
     Made by `MinimumJerk.through(times, waypoints)`; where the times are to be the shortest that limits allow, by
     `MinimumJerk.within(waypoints, velocity=..., acceleration=...)`.

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from slidax._errors import DefinitionError, as_array, known
-from slidax._types import Scalar, Vector
+from slidax.parts import DefinitionError, Scalar, Vector, is_traced, parameter
 
 from .extremes import Extremes, extremes
 from .trajectory import AbstractTrajectory
@@ -17,17 +15,14 @@ from .trajectory import AbstractTrajectory
 class AbstractPiecewisePolynomial(AbstractTrajectory):
     """One polynomial in time per joint between two knots; before the first knot and after the last it stands still.
 
-    - `times`: knots [k], s, increasing.
-    - `coefficients`: of each piece in powers of `t - times[i]`, highest first, [powers k-1 n].
-
     A knot belongs to the piece that begins there, and the last one to the rest after it: where the acceleration jumps,
     the reference has the value from the knot on. Members see to it that position and velocity do not jump.
-
-    Raises DefinitionError if knots and coefficients do not fit or are not finite.
     """
 
-    times: Float[Array, " k"] = eqx.field(converter=as_array)
-    coefficients: Float[Array, "powers pieces n"] = eqx.field(converter=as_array)
+    times: Float[Array, " knots"] = parameter("knots, increasing", "s")
+    coefficients: Float[Array, "powers pieces n"] = parameter(
+        "of each piece in powers of `t - times[i]`, highest first"
+    )
 
     def __check_init__(self) -> None:
         name = type(self).__name__
@@ -37,11 +32,8 @@ class AbstractPiecewisePolynomial(AbstractTrajectory):
                 f"`{name}.coefficients` must be [powers pieces joints] with one piece between any two knots; "
                 f"got shape {list(shape)} for {list(knots)} knots"
             )
-        times, coefficients = known(self.times), known(self.coefficients)
-        if isinstance(times, np.ndarray) and not (np.all(np.isfinite(times)) and np.all(np.diff(times) > 0)):
-            raise DefinitionError(f"`{name}.times` must be finite and increase")
-        if isinstance(coefficients, np.ndarray) and not np.all(np.isfinite(coefficients)):
-            raise DefinitionError(f"`{name}.coefficients` must be finite")
+        if not is_traced(self.times) and not np.all(np.diff(self.times) > 0):
+            raise DefinitionError(f"`{name}.times` must increase")
 
     @property
     def until(self) -> Scalar:

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from slidax._errors import DefinitionError, as_array
+from slidax.parts import DefinitionError, as_array
 
 from .csv_table import csv_table
 from .hermite import cubic_hermite, quintic_hermite
@@ -23,9 +23,6 @@ from .table_checks import NO_ARM, at_rest_outside, require_no_jump, require_with
 
 class Tabulated(AbstractPiecewisePolynomial):
     """Through the rows of a table, each at its time; before the first row and after the last it stands still.
-
-    - `times`: knots [k], s, increasing.
-    - `coefficients`: of each piece in powers of `t - times[i]`, highest first, [powers k-1 n].
 
     Between two rows it is
 

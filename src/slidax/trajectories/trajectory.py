@@ -5,13 +5,12 @@ from __future__ import annotations
 import math
 from abc import abstractmethod
 
-import equinox as eqx
-
-from slidax._types import Reference, Scalar, Vector
+from slidax._types import Reference
 from slidax.numerics import value_rate_curvature
+from slidax.parts import AbstractPart, Scalar, Vector
 
 
-class AbstractTrajectory(eqx.Module):
+class AbstractTrajectory(AbstractPart):
     """A desired motion `q_d(t)`. A member gives the position; velocity and acceleration follow by differentiation."""
 
     @property

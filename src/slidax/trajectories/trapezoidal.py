@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from slidax._errors import DefinitionError, as_array
+from slidax.parts import DefinitionError, as_array
 
 from .motion_limits import limit
 from .piecewise_polynomial import AbstractPiecewisePolynomial
@@ -26,9 +26,6 @@ class Trapezoidal(AbstractPiecewisePolynomial):
     limit); the acceleration jumps between 0 and its limit. With a limit of jerk, it is a ramp and the velocity an
     S-curve. The other joints take the same time: all start and arrive together, on a straight line in joint space where
     that is no slower.
-
-    - `times`: knots [k], s, increasing.
-    - `coefficients`: of each piece in powers of `t - times[i]`, highest first, [4 k-1 n].
 
     Made by `Trapezoidal.through(waypoints, velocity=..., acceleration=...)`. A motion that does not stop at its
     waypoints is `MinimumJerk.within`.

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import equinox as eqx
 import jax.numpy as jnp
 
-from slidax._errors import as_array, known, require
-from slidax._types import Envelope, PerJoint, Scalar, Vector
+from slidax._types import Envelope
+from slidax.parts import PerJoint, Scalar, Vector, parameter, piece
 from slidax.performance import AbstractPerformance
 
 from .frame import Frame
@@ -21,20 +20,10 @@ class PrescribedPerformance(AbstractTransformation):
     """`ε1 = ψ⁻¹(e/ρ)`, eq. (24), with `ψ⁻¹` of (23): an error inside the envelope becomes any real number.
 
     The side of the envelope towards the initial error has the full width ρ, the other ϑ ρ, eq. (13).
-
-    - `performance`: ρ(t).
-    - `overshoot`: ϑ, one number or [n], in (0, 1).
-
-    Raises DefinitionError if the overshoot is out of its range.
     """
 
-    performance: AbstractPerformance
-    overshoot: PerJoint = eqx.field(converter=as_array)
-
-    def __check_init__(self) -> None:
-        require(
-            self, "overshoot", (known(self.overshoot) > 0) & (known(self.overshoot) < 1), "must be in (0, 1) (eq. 13)"
-        )
+    performance: AbstractPerformance = piece("ρ(t), the radius of the envelope")
+    overshoot: PerJoint = parameter("ϑ, width of the side away from the initial error over ρ", "", "(0, 1)", "(eq. 13)")
 
     def init(self, t: Scalar, e: Vector) -> Sides:
         """The sides by the sign of the initial error, eq. (13).

@@ -6,7 +6,8 @@ from abc import abstractmethod
 
 import equinox as eqx
 
-from slidax._types import Envelope, Memory, PerJoint, Scalar, Vector
+from slidax._types import Envelope
+from slidax.parts import AbstractPart, Memory, PerJoint, Scalar, Vector
 
 from .frame import Frame
 
@@ -28,7 +29,7 @@ class TransformedError(eqx.Module):
     alpha_rate: PerJoint
 
 
-class AbstractTransformation(eqx.Module):
+class AbstractTransformation(AbstractPart):
     """A map from error and time to the transformed error, fixed at the start by the error it finds there."""
 
     @abstractmethod

@@ -1,5 +1,5 @@
-"""The sampled-data form of every law with a surface `s = ė + φ(t, e)`."""
+"""Every law at the arm's own rate, with an estimator, a prediction over the delay, and limits."""
 
+from .explicit_step import ExplicitStep as ExplicitStep
 from .law import SampledData as SampledData
 from .recipe import sampled_data as sampled_data
-from .recovery import Recovery as Recovery

@@ -6,9 +6,10 @@ import math
 
 from jaxtyping import Array, Float
 
-from slidax._types import Reference, Scalar, State, Vector
+from slidax._types import Reference
 from slidax.estimators import Estimate
 from slidax.numerics import solve_symmetric
+from slidax.parts import Scalar, State, Vector
 from slidax.robots import AbstractRobot
 
 

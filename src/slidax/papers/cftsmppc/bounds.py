@@ -13,7 +13,7 @@ from slidax._errors import DefinitionError
 from slidax._types import State
 from slidax.controllers import SlidingMode
 from slidax.performance import FixedTime
-from slidax.reaching import FixedTimeReaching, TwoPowerReaching
+from slidax.reaching import FixedTimeReaching, TwoPowerReaching, UncertaintyBound
 from slidax.scenarios import Scenario
 from slidax.simulation import Run
 from slidax.surfaces import LinearCoreFixedTime, SingularityFree, SmoothFixedTime
@@ -61,6 +61,7 @@ def inverse_inertia(scenario: Scenario) -> dict[str, Any]:
     The inertia of both arms depends on q2 alone.
     """
     law = parts_of(scenario).law
+    assert isinstance(law.bound, UncertaintyBound)
     robot, n = scenario.plant.robot, law.joints
     turned = jnp.zeros((721, n)).at[:, 1].set(jnp.linspace(-jnp.pi, jnp.pi, 721))
     mass, nominal = (np.asarray(jax.vmap(arm.mass)(turned)) for arm in (robot, law.nominal))
@@ -69,8 +70,8 @@ def inverse_inertia(scenario: Scenario) -> dict[str, Any]:
     frobenius = np.linalg.norm(inverse, axis=(1, 2))
     mismatch = np.linalg.norm(inverse @ nominal - np.eye(n), ord=2, axis=(1, 2))
     return {
-        "m1": float(law.bound.inertia_min),
-        "m2": float(law.bound.inertia_max),
+        "m1": float(law.bound.inverse_inertia_min),
+        "m2": float(law.bound.inverse_inertia_max),
         "gamma": float(law.bound.gamma),
         "eigenvalues": [float(values.min()), float(values.max())],
         "spectral": [float(values[:, -1].min()), float(values[:, -1].max())],
@@ -88,7 +89,7 @@ def settling_bound(scenario: Scenario) -> dict[str, Any] | None:
     and gains of its own powers in the same places. None if the scheme is none of the fixed-time ones.
     """
     law = scenario.controller
-    if not isinstance(law, SlidingMode):
+    if not isinstance(law, SlidingMode) or not isinstance(law.bound, UncertaintyBound):
         return None
     surface, reaching = law.surface, law.reaching
     if isinstance(surface, SmoothFixedTime | LinearCoreFixedTime):
@@ -103,7 +104,7 @@ def settling_bound(scenario: Scenario) -> dict[str, Any] | None:
         r, gain = float(np.max(np.asarray(reaching.v1))), np.asarray(reaching.k1)
     else:
         return None
-    n, both = law.joints, float(law.bound.inertia_min + law.bound.inertia_max)
+    n, both = law.joints, float(law.bound.inverse_inertia_min + law.bound.inverse_inertia_max)
     slowest = float(np.linalg.eigvalsh(gain * np.eye(n)).min())
     first = 2 / (float(law.bound.margin) * np.sqrt(both))
     second = 2 / (n ** ((1 - r) / 2) * slowest * both ** ((r + 1) / 2) * (r - 1))

@@ -57,8 +57,7 @@ def drive(
     with quiet():
         world = World(plant, h, state0)
         steps = _steps(loop, state0, world, 0 if every is None else -(-samples // every), engine)
-        _, envelope, reference = steps.begun
-        inside(state0, reference, envelope)
+        inside(state0, *steps.begun[1:])
         ready = time.perf_counter()
         way: list[tuple[float, np.ndarray]] = []
         with Progress(-(-samples // CHUNK), progress) as bar:

@@ -6,8 +6,8 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool
 
-from slidax._errors import as_array, known, require, require_shape
-from slidax._types import Envelope, Scalar, Vector
+from slidax._types import Envelope
+from slidax.parts import AbstractPart, Scalar, Vector, parameter
 from slidax.transformations import Frame, Sides
 
 TINY = 1e-30
@@ -40,30 +40,22 @@ class Reseat(eqx.Module):
         return x * left * left, -3.0 * x * left * per_second, 6.0 * x * per_second * per_second
 
 
-class Recovery(eqx.Module):
+class Recovery(AbstractPart):
     """The policy `recover`: when a joint is outside, `|e| < ϑ ρ(t) + X(t)` takes the place of its drawn envelope.
 
     X begins with `R0 = room (|e| + c |ė| + ė²/(2a))`, so that there is room to brake with the acceleration a that the
     torque limits leave, and ends after `max(deadline, sqrt(6 R0/(share a)))` as a cubic, whose own curvature asks for
     no more than `share a`. From then on the drawn envelope is in force again. Where X is four times wider than it would
     be if it began now, it begins anew.
-
-    - `deadline`: least time for the way back [s], > 0.
-    - `room`: how much wider than needed to brake, > 1.
-    - `share`: of the acceleration at hand, in (0, 1), that the new envelope may ask for.
-
-    Raises DefinitionError if one of them is out of its range.
     """
 
-    deadline: Scalar = eqx.field(converter=as_array, default=0.3)
-    room: Scalar = eqx.field(converter=as_array, default=1.6)
-    share: Scalar = eqx.field(converter=as_array, default=0.25)
-
-    def __check_init__(self) -> None:
-        require_shape(self, (), "deadline", "room", "share")
-        require(self, "deadline", known(self.deadline) > 0, "must be > 0 s")
-        require(self, "room", known(self.room) > 1, "must be > 1, so that there is room to brake")
-        require(self, "share", (known(self.share) > 0) & (known(self.share) < 1), "must be in (0, 1)")
+    deadline: Scalar = parameter("least time for the way back", "s", "> 0", default=0.3)
+    room: Scalar = parameter(
+        "how much wider than needed to brake", "", "> 1", "so that there is room to brake", default=1.6
+    )
+    share: Scalar = parameter(
+        "of the acceleration at hand that the new envelope may ask for", "", "(0, 1)", default=0.25
+    )
 
     def init(self, t: Scalar, joints: int) -> Reseat:
         """No envelope but the drawn ones.

@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Literal
 
 from jaxtyping import Array
-from pydantic import Field
 
 from slidax._errors import as_array, located
 from slidax.actuators import TorqueLimits
-from slidax.controllers import AbstractController, Recovery, SampledData, sampled_data
-from slidax.estimators import AbstractEstimator, FilteredDifference, Kalman, Measured, RobustDifferentiator
+from slidax.controllers import AbstractController, Recovery, sampled_data
+from slidax.estimators import AbstractEstimator, Kalman, Measured
 from slidax.estimators.kalman import TORQUE_DENSITY
 
-from ..base import Description, Numbers
+from .base import Description, Numbers, said, same
+from .derived import PartDescription, plain_of, union_of
 
 
 @dataclass(frozen=True)
@@ -43,10 +43,8 @@ class MeasuredDescription(Description):
     """Trusts positions and velocities as measured, and learns the disturbance from the velocities."""
 
     kind: Literal["measured"]
-    gain: Numbers = 0.5
-    """Of the disturbance estimate, in [0, 1]; 0 for none."""
-    trend: Numbers | None = None
-    """Gain of its rate, >= 0; critically damped if not given."""
+    gain: Numbers = same(Measured, "gain")
+    trend: Numbers | None = same(Measured, "trend", default=None, source="critically damped")
 
     def build(self, sampling: Sampling) -> AbstractEstimator:
         """The estimator.
@@ -62,10 +60,15 @@ class KalmanDescription(Description):
     """Velocities and disturbance from positions alone, by a steady Kalman filter."""
 
     kind: Literal["kalman"]
-    torque_density: Numbers = TORQUE_DENSITY
-    """Of the white noise that drives the disturbance [(N m/s)² s]."""
-    variance: Numbers | None = None
-    """Of a measured position [rad² or m²]; after the sensor's resolution and noise if not given."""
+    torque_density: Numbers = said(
+        "of the white noise that drives the disturbance",
+        "(N m/s)² s",
+        default=TORQUE_DENSITY,
+        source="docs/loop-rate.md",
+    )
+    variance: Numbers | None = said(
+        "of a measured position", "rad² or m²", default=None, source="the sensor's resolution and noise"
+    )
 
     def build(self, sampling: Sampling) -> AbstractEstimator:
         """The estimator.
@@ -78,64 +81,24 @@ class KalmanDescription(Description):
         )
 
 
-class FilteredDifferenceDescription(Description):
-    """Velocities from differences of positions, filtered around the model."""
-
-    kind: Literal["filtered_difference"]
-    cutoff: Numbers
-    """[rad/s]"""
-    gain: Numbers = 0.25
-    """Of the disturbance estimate, in [0, 1]."""
-
-    def build(self, sampling: Sampling) -> AbstractEstimator:
-        """The estimator.
-
-        - `sampling`: not used.
-        """
-        return FilteredDifference(as_array(self.cutoff), as_array(self.gain))
-
-
-class RobustDifferentiatorDescription(Description):
-    """Velocities and disturbance from positions alone, by Levant's differentiator, implicit in time."""
-
-    kind: Literal["robust_differentiator"]
-    lipschitz: Numbers
-    """How fast the disturbance may change [rad/s³]."""
-
-    def build(self, sampling: Sampling) -> AbstractEstimator:
-        """The estimator.
-
-        - `sampling`: not used.
-        """
-        return RobustDifferentiator(as_array(self.lipschitz))
-
-
-class RecoveryDescription(Description):
-    """What to do outside the envelope: draw a new one around the error, which narrows into the old."""
-
-    deadline: float = 0.3
-    """Least time for the way back [s]."""
-    room: float = 1.6
-    """How much wider than needed to brake, > 1."""
-    share: float = 0.25
-    """Of the acceleration at hand that it may ask for, in (0, 1)."""
-
-    def build(self) -> Recovery:
-        """The policy."""
-        return Recovery(**self.parameters())
-
-
-EstimatorDescription = Annotated[
-    MeasuredDescription | KalmanDescription | FilteredDifferenceDescription | RobustDifferentiatorDescription,
-    Field(discriminator="kind"),
-]
+if TYPE_CHECKING:
+    EstimatorDescription = PartDescription
+    RecoveryDescription = PartDescription
+else:
+    RecoveryDescription = plain_of(Recovery, "RecoveryDescription")
+    EstimatorDescription = union_of(AbstractEstimator, MeasuredDescription, KalmanDescription)
 
 
 class SampledDataDescription(Description):
     """The scheme as implicit steps at the arm's own rate; what is not given fits the sensor and the actuator."""
 
-    horizon: Annotated[float, Field(gt=0)] | None = None
-    """H [s], at least a period; 12 ms, or two periods if that is more, if not given."""
+    horizon: float | None = said(
+        "H, how far a step plans, at least a period",
+        "s",
+        "> 0",
+        default=None,
+        source="12 ms, or two periods if that is more",
+    )
     estimator: EstimatorDescription | None = None
     """From measurements to the state and the disturbance; if not given `measured`, with gains after the horizon, or
     `kalman` for encoders without a velocity sensor."""
@@ -144,7 +107,7 @@ class SampledDataDescription(Description):
     slopes: bool = True
     """Whether the robust torque counts the slope part of tau1, as (45) prints it."""
 
-    def build(self, law: AbstractController, sampling: Sampling) -> SampledData:
+    def build(self, law: AbstractController, sampling: Sampling) -> AbstractController:
         """The sampled-data form of a law.
 
         - `law`: the law in continuous time.
@@ -156,7 +119,8 @@ class SampledDataDescription(Description):
         with located("estimator"):
             if self.estimator is not None:
                 self.estimator.require_joints(sampling.mass.shape[0])
-                estimator = self.estimator.build(sampling)
+                how = (sampling,) if isinstance(self.estimator, MeasuredDescription | KalmanDescription) else ()
+                estimator = self.estimator.build(*how)
             elif not sampling.has_velocity:
                 estimator = KalmanDescription(kind="kalman").build(sampling)
         recovery = None

@@ -1,0 +1,73 @@
+"""The step of a law that has no implicit form: the law itself, at the state in which its torque will set in."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+from slidax._types import Envelope, Reference
+from slidax.numerics import solve_symmetric
+from slidax.parts import DefinitionError, Memory, Scalar, State, piece
+from slidax.robots import AbstractRobot
+
+from ..controller import AbstractController
+from ..steps import AbstractStep, Decision, Moment
+
+
+class ExplicitStep(AbstractStep):
+    """`τ = law(t, q, q̇)`, with q and q̇ as predicted and the reference's mean acceleration over the period.
+
+    A memory with a rate is integrated over the period, and stands still while the limits withhold torque. The push that
+    is made up for may be as large as the drives can give: such a law has no u that would cover the rest.
+
+    Signals: those of the law.
+    """
+
+    law: AbstractController = piece("the law as it is printed")
+    plans: ClassVar[bool] = False
+
+    def __check_init__(self) -> None:
+        if not isinstance(getattr(self.law, "nominal", None), AbstractRobot):
+            raise DefinitionError(
+                f"`{type(self.law).__name__}` has no `nominal` robot, by which its sampled-data form predicts the arm"
+            )
+
+    @property
+    def nominal(self) -> AbstractRobot:
+        """The robot as the law knows it."""
+        robot: AbstractRobot = self.law.nominal  # type: ignore[attr-defined]
+        return robot
+
+    def init(self, t: Scalar, state: State, reference: Reference, period: Scalar, horizon: Scalar | None) -> Memory:
+        """The law's own memory.
+
+        - `t`: time at the start [s].
+        - `state`: measured positions and velocities.
+        - `reference`: what the joints should do then.
+        - `period`, `horizon`: not used.
+        """
+        return self.law.init(t, state, reference)
+
+    def __call__(self, moment: Moment, memory: Memory) -> Decision:
+        """The law's torque, and the nominal arm's motion under it.
+
+        - `moment`: what it goes by.
+        - `memory`: the law's own.
+        """
+        h, now = moment.period, moment.reference
+        ahead = Reference(q=now.q + h * (now.dq + 0.5 * h * now.ddq), dq=now.dq + h * now.ddq, ddq=now.ddq)
+        command = self.law(moment.t, moment.state, now, ahead, memory)
+        return Decision(
+            tau=command.tau,
+            acceleration=solve_symmetric(moment.mass, command.tau - moment.bias),
+            memory=command.memory_after(h),
+            signals=command.signals,
+            limited=None if command.rate is None else command.memory,
+        )
+
+    def envelope(self, t: Scalar, memory: Memory) -> Envelope | None:
+        """The law's own.
+
+        - `t`: time [s].
+        - `memory`: the law's own.
+        """
+        return self.law.envelope(t, memory)

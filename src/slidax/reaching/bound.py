@@ -1,0 +1,19 @@
+"""What every bound of the robust torque is."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+
+from slidax.parts import AbstractPart, Scalar, State, Vector
+
+
+class AbstractBound(AbstractPart):
+    """`u`, the size of the robust torque, eqs. (44), (45): no less than what it has to overcome."""
+
+    @abstractmethod
+    def __call__(self, state: State, tau: Vector) -> Scalar:
+        """`u`, N m.
+
+        - `state`: positions and velocities.
+        - `tau`: the torque without its robust part, `τ0 + τ1`, [n], N m or N.
+        """

@@ -1,0 +1,210 @@
+"""Control schemes in a scenario file: each preset by its name, with its parts and numbers."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Union
+
+import equinox as eqx
+from pydantic import ConfigDict, Field, create_model, model_validator
+
+from slidax import controllers
+from slidax.controllers import AbstractController, Given, Preset
+from slidax.parts import kind_of, parameters_of
+from slidax.transformations import PrescribedPerformance
+
+from .base import described
+from .derived import PartDescription, built, description_of, hints_of, preset_of, type_of, union_of
+from .sampled_data import SampledDataDescription
+
+PRESETS: dict[str, Preset] = {
+    name: thing for name, thing in sorted(vars(controllers).items()) if isinstance(thing, Preset)
+}
+"""The schemes that a file can name: all that the controllers' room exports."""
+
+ENVELOPE = {one.name for one in parameters_of(PrescribedPerformance)}
+"""What may stand in a scheme itself: `performance` and `overshoot` make an envelope."""
+
+RENAMED = {
+    "inertia_min": "inverse_inertia_min",
+    "inertia_max": "inverse_inertia_max",
+    **{"constant": "b0", "position": "b1", "velocity": "b2"},
+}
+"""Earlier names of a bound's numbers, which files may still have."""
+
+
+def _for_editors(schema: dict[str, Any], model: type[SchemeDescription]) -> None:
+    """What a file may leave out, since the preset has it, and what may stand in the scheme itself."""
+    for name, given in model.preset.given.items():
+        if isinstance(given, Given):
+            missing = [one for one in parameters_of(given.part) if one.required and one.name not in given.values]
+            if not missing or given.part is PrescribedPerformance:
+                schema["required"].remove(name)
+    if "transformation" in schema["properties"]:
+        inside = description_of(PrescribedPerformance).model_fields
+        for name in ENVELOPE:
+            schema["properties"][name] = {"description": inside[name].description}
+
+
+class SchemeDescription(PartDescription):
+    """Who commands the joints: a scheme, with what differs from its preset."""
+
+    model_config = ConfigDict(json_schema_extra=_for_editors)
+
+    preset: ClassVar[Preset]
+
+    name: Any
+    sampled_data: SampledDataDescription | None = None
+    """The scheme as steps for the arm's own rate; the law as it is printed if not given."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _filled(cls, data: Any) -> Any:
+        if not isinstance(data, dict):
+            return data
+        data = placed(data)
+        for name, given in cls.preset.given.items():
+            value = data.setdefault(name, {}) if isinstance(given, Given) else None
+            if isinstance(given, Given) and isinstance(value, dict):
+                data[name] = filled(given, value)
+        return data
+
+    def build(self, **more: Any) -> AbstractController:
+        """The controller as it is printed.
+
+        - `more`: `nominal`, the robot as the law knows it.
+
+        Raises DefinitionError, with the path of the field, if it cannot be.
+        """
+        skipped = ("name", "sampled_data")
+        values = {name: built(name, value) for name, value in self if name not in skipped and value is not None}
+        law: AbstractController = self.part(**values, **more)
+        return law
+
+
+def filled(given: Given, value: dict[str, Any]) -> dict[str, Any]:
+    """A part of a scheme with its kind and its preset's numbers, where it is of the preset's kind.
+
+    - `given`: the preset's.
+    - `value`: as it stands in a file.
+    """
+    kind = kind_of(given.part)
+    return {"kind": kind, **given.values, **value} if value.get("kind", kind) == kind else value
+
+
+def placed(scheme: dict[str, Any]) -> dict[str, Any]:
+    """A scheme with each number under the part that has it, by its present name.
+
+    - `scheme`: as it stands in a file.
+    """
+    preset = PRESETS.get(scheme.get("name", "")) if isinstance(scheme.get("name"), str) else None
+    if preset is None:
+        return scheme
+    own = {"name", "sampled_data", *(one.name for one in parameters_of(preset.law))}
+    found: dict[str, Any] = {key: value for key, value in scheme.items() if key in own}
+    for key, value in scheme.items():
+        owner = owner_of(preset, key)
+        if owner is None or key in own:
+            found[key] = value
+            continue
+        part = found.get(owner, {})
+        if isinstance(part, dict):
+            envelope = {"kind": kind_of(PrescribedPerformance)} if key in ENVELOPE else {}
+            found[owner] = {**envelope, **part, key: value}
+    if isinstance(found.get("bound"), dict):
+        found["bound"] = {RENAMED.get(key, key): value for key, value in found["bound"].items()}
+    return found
+
+
+def with_kinds(scheme: dict[str, Any]) -> dict[str, Any]:
+    """A scheme whose parts say their kinds, also where it is the preset's.
+
+    - `scheme`: as `placed` returns it.
+    """
+    preset = PRESETS.get(scheme.get("name", "")) if isinstance(scheme.get("name"), str) else None
+    given = {name: one for name, one in (preset.given if preset else {}).items() if isinstance(one, Given)}
+    kinds = {name: {"kind": kind_of(one.part)} for name, one in given.items() if isinstance(scheme.get(name), dict)}
+    return {**scheme, **{name: {**kind, **scheme[name]} for name, kind in kinds.items()}}
+
+
+def renamed(path: list[str]) -> list[str]:
+    """A path with the present names of a bound's numbers.
+
+    - `path`: its parts.
+    """
+    return [*path[:-1], RENAMED.get(path[-1], path[-1])] if path[:2] == ["scheme", "bound"] else path
+
+
+def owner_of(preset: Preset, name: str) -> str | None:
+    """The part of a scheme that has a number which stands in the scheme itself; None if that is the scheme's own.
+
+    - `preset`: of the scheme.
+    - `name`: of the number.
+    """
+    own = {one.name for one in parameters_of(preset.law)}
+    if name in own:
+        return None
+    if name in ENVELOPE and "transformation" in own:
+        return "transformation"
+    owners = preset.owners(name)
+    return owners[0] if len(owners) == 1 else None
+
+
+def switched(scheme: Any, name: Any) -> Any:
+    """The scheme of a scenario file with another name.
+
+    What describes the task, the arm and its sampling is kept, as far as the new scheme has it: the envelope, the bound
+    but for what the new scheme has a number of its own for, and `sampled_data`. All else is dropped, so that it takes
+    the new scheme's numbers. Where the name is the file's own, nothing changes.
+
+    - `scheme`: the mapping in the file.
+    - `name`: the name to be set; one that is not known is left for the validation to refuse.
+    """
+    if not isinstance(scheme, dict):
+        return {"name": name}
+    preset = PRESETS.get(name) if isinstance(name, str) else None
+    if preset is None or scheme.get("name") == name:
+        return {**scheme, "name": name}
+    old, new = placed(scheme), {"name": name}
+    for key in ("transformation", "bound"):
+        part, given = old.get(key), preset.given.get(key)
+        if not isinstance(given, Given) or not isinstance(part, dict):
+            continue
+        had = getattr(PRESETS.get(str(scheme.get("name"))), "given", {}).get(key)
+        kind = part.get("kind", kind_of(had.part) if isinstance(had, Given) else None)
+        if key == "transformation" and kind != kind_of(given.part):
+            continue
+        wanted = {one.name for one in parameters_of(given.part)} - set(given.values)
+        new[key] = {name: value for name, value in part.items() if name in wanted}
+    if "sampled_data" in old:
+        new["sampled_data"] = old["sampled_data"]
+    return new
+
+
+def _described(name: str, preset: Preset) -> type[SchemeDescription]:
+    fields: dict[str, Any] = {"name": (Literal[name], Field(description="Which scheme it is."))}
+    for one in parameters_of(preset.law):
+        if one.name == "nominal":
+            continue
+        given, hint = preset.given.get(one.name), hints_of(preset.law)[one.name]
+        if isinstance(hint, type) and issubclass(hint, eqx.Module):
+            default = None
+            if isinstance(given, Given):
+                default = preset_of(given.part, name, given.values, preset.source)
+            annotation, has = union_of(hint, default=default), {}
+        else:
+            annotation = type_of(one, hint, preset.law)
+            has = {"default": given, "source": preset.source} if given is not None else {}
+        fields[one.name] = (annotation, described(one, **has))
+    title = preset.title.strip().partition("\n")[0]
+    model: type[SchemeDescription] = create_model(f"scheme.{name}", __base__=SchemeDescription, __doc__=title, **fields)
+    model.part, model.preset = preset.law, preset
+    return model
+
+
+SCHEMES = {name: _described(name, preset) for name, preset in PRESETS.items()}
+"""The descriptions of the schemes by their names."""
+
+if TYPE_CHECKING:
+    AnyScheme = SchemeDescription
+else:
+    AnyScheme = Annotated[Union[tuple(SCHEMES.values())], Field(discriminator="name")]  # noqa: UP007

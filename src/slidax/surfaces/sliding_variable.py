@@ -1,0 +1,65 @@
+"""The sliding variable, and what it takes to keep it as it is."""
+
+from __future__ import annotations
+
+import equinox as eqx
+
+from slidax._types import Reference
+from slidax.numerics import once
+from slidax.parts import Memory, Scalar, State, Vector
+from slidax.transformations import AbstractTransformation, TransformedError
+
+from .surface import AbstractSurface
+
+
+class SlidingVariable(eqx.Module):
+    """`s = ė + A e + pull(ε1)`, eq. (40), and the acceleration `q̈_d - Ȧ e - A ė - slope(ε1) ε2` that keeps it. All [n].
+
+    - `s`: sliding variable, rad/s or m/s.
+    - `error`: the transformed error that it is made of.
+    - `feedforward`: `q̈_d - Ȧ e - A ė`, what the reference and the envelope ask for, rad/s² or m/s².
+    - `descent`: `slope(ε1) ε2`, how fast the pull changes, rad/s² or m/s².
+    """
+
+    s: Vector
+    error: TransformedError
+    feedforward: Vector
+    descent: Vector
+
+    @property
+    def equivalent(self) -> Vector:
+        """The acceleration that keeps s as it is, [n], rad/s² or m/s²."""
+        return self.feedforward - self.descent
+
+    @property
+    def signals(self) -> dict[str, Vector]:
+        """What a law shows of it: `s`, `eps1`, `eps2`."""
+        return {"s": self.s, "eps1": self.error.eps1, "eps2": self.error.eps2}
+
+
+def sliding_variable(
+    transformation: AbstractTransformation,
+    surface: AbstractSurface,
+    t: Scalar,
+    state: State,
+    reference: Reference,
+    memory: Memory,
+) -> SlidingVariable:
+    """The sliding variable of a surface over a transformed error.
+
+    - `transformation`: e to ε1, with A and B.
+    - `surface`: the pull on ε1.
+    - `t`: time [s].
+    - `state`: positions and velocities.
+    - `reference`: what the joints should do.
+    - `memory`: what the transformation keeps.
+    """
+    e, de = state.q - reference.q, state.dq - reference.dq
+    error = once(transformation(t, e, de, memory))
+    pull, slope = surface.pull_and_slope(error.eps1)
+    return SlidingVariable(
+        s=de + error.alpha * e + pull,
+        error=error,
+        feedforward=reference.ddq - error.alpha_rate * e - error.alpha * de,
+        descent=slope * error.eps2,
+    )
