@@ -141,6 +141,22 @@ def test_another_scheme_by_name_keeps_the_sampled_data_form_of_the_file() -> Non
     assert max(answer["metrics"]["max_torque_step"]) <= 4.0 + 1e-9
 
 
+@pytest.mark.filterwarnings("default::slidax.DefinitionWarning")
+def test_a_warning_of_a_robot_file_is_one_line_and_the_run_goes_on(tmp_path: Path) -> None:
+    given = (Path(__file__).parents[2] / "examples" / "robots" / "two_link.urdf").read_text(encoding="utf-8")
+    limit = '<limit lower="-4" upper="4" effort="0" velocity="9"/>'
+    file = tmp_path / "arm.urdf"
+    file.write_text(given.replace('type="continuous">', f'type="revolute">{limit}'), encoding="utf-8")
+    robot = f"robot={{kind: urdf, file: {file}, nominal: {{gravity: [0, -9.8, 0], armature: [5, 5]}}}}"
+    result = in_process("run", "example-4.1", "--set", robot, "--set", "simulation.t1=0.01", "--json")
+    assert result.exit_code == 0, result.output
+    assert json.loads(result.stdout)["outcome"] == "ok"
+    said = (
+        f"slidax: warning: {file}: the file gives no limit of effort for shoulder, elbow, or 0 for it; it is taken as"
+    )
+    assert result.stderr == f"{said} infinite\n"
+
+
 def test_the_report_of_a_run_that_came_back_shows_what_happened(tmp_path: Path) -> None:
     arguments = ("--set", "start.q=[-0.8,2.9]", "--set", "simulation.t1=1.5", "--out", str(tmp_path))
     result = in_process("run", "example-4.1-1khz", *arguments)

@@ -105,7 +105,7 @@ def test_a_file_with_such_an_inertia_is_refused_unless_the_nearest_is_asked_for(
         arm = read(text, inertias="nearest")
     (warning,) = caught
     assert str(warning.message) == (
-        f"arm: the nearest inertia that a body can have is taken, as the given one is of none, for {owner} (48 %)"
+        f"arm: inertias are changed to the nearest that a rigid body can have: of {owner} (by 48 %)"
     )
     np.testing.assert_allclose(np.linalg.eigvalsh(arm.inertias[1]), [0.045, 0.055, 0.1], rtol=1e-12)
     np.testing.assert_array_equal(arm.inertias[0], read(GOOD if read is from_urdf else bad_mjcf.GOOD).inertias[0])
@@ -118,7 +118,7 @@ def test_another_word_is_refused():
 
 def test_a_link_that_is_fixed_gets_the_nearest_too():
     text = changed(GOOD, TOOL, FLAT_TOOL)
-    with pytest.warns(DefinitionWarning, match=r"for link `tool` \(\d+ %\)"):
+    with pytest.warns(DefinitionWarning, match=r"of link `tool` \(by \d+ %\)"):
         arm = from_urdf(text, inertias="nearest")
     as_it_should_be = FLAT_TOOL.replace('ixx="1"', 'ixx="1.5"').replace('iyy="1"', 'iyy="1.5"')
     expected = from_urdf(changed(GOOD, TOOL, as_it_should_be.replace('izz="3"', 'izz="3.0"')))

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from slidax import robots, scenarios
-from slidax._errors import DefinitionError
+from slidax._errors import DefinitionError, DefinitionWarning
 from slidax.actuators import TorqueLimits
 from slidax.robots import Articulated, Load, Payload
 from slidax.scenarios import Scenario
@@ -64,6 +64,16 @@ def test_an_arm_from_a_file_is_the_one_that_is_read_from_it(tmp_path: Path) -> N
     found = nominal({"kind": "mjcf", "file": str(mjcf), **how})
     assert eqx.tree_equal(found, robots.from_mjcf(mjcf, **how))
     assert found.joint_names == ("shoulder",)
+
+
+def test_an_inertia_of_no_body_is_replaced_where_the_file_asks_for_it(tmp_path: Path) -> None:
+    urdf = tmp_path / "arm.urdf"
+    urdf.write_text(bad_urdf.GOOD.replace(bad_urdf.INERTIA, bad_urdf.inertia("0.01", "0.02", "0.1")), encoding="utf-8")
+    with pytest.raises(DefinitionError, match=r'inertia of link `fore` is of no rigid body.*inertias="nearest"'):
+        nominal({"kind": "urdf", "file": str(urdf)})
+    with pytest.warns(DefinitionWarning, match="changed to the nearest"):
+        found = nominal({"kind": "urdf", "file": str(urdf), "inertias": "nearest"})
+    np.testing.assert_allclose(np.linalg.eigvalsh(found.inertias[1]), [0.045, 0.055, 0.1], rtol=1e-12)
 
 
 def test_the_true_arm_differs_by_what_plant_says_and_both_by_what_nominal_says() -> None:

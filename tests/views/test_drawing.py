@@ -19,8 +19,8 @@ from slidax.simulation import Plant, Run
 from slidax.views.drawing import Drawing, drawing
 from slidax.views.motion import motion
 from slidax.views.skeleton import skeleton_of
-from slidax.views.solid import DESIRED, JOINT, LINK, Solid, merged
-from slidax.views.stage import FIELD_OF_VIEW, camera_for, turn_up
+from slidax.views.solid import DESIRED, JOINT, LINK, Solid, merged, turn_up
+from slidax.views.stage import FIELD_OF_VIEW, camera_for
 
 from .runs import crane_run, scara, two_link
 

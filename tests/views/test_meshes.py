@@ -9,17 +9,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-pytest.importorskip("yourdfpy")
 pytest.importorskip("collada")
 
 from slidax import robots
-from slidax._errors import DefinitionError
+from slidax._errors import DefinitionError, DefinitionWarning
 from slidax.robots import Articulated
-from slidax.views.meshes import find_urdf, mesh_solids
+from slidax.robots.files import drawn
+from slidax.views.drawing import drawing
+from slidax.views.meshes import _folders, find_urdf, mesh_solids
 from slidax.views.skeleton import skeleton_of
 from slidax.views.solid import Solid
 
-from .runs import crane
+from .runs import crane, crane_run
 
 URDF = """<robot name="arm">
   <material name="red"><color rgba="1 0 0 1"/></material>
@@ -86,8 +87,62 @@ def test_a_urdf_without_meshes_or_none_at_all_is_refused(urdf: Path, tmp_path: P
     bare.write_text(re.sub("<visual>.*</visual>", "", urdf.read_text()))
     with pytest.raises(DefinitionError, match="no meshes"):
         mesh_solids(skeleton_of(crane()), bare, tools=True)
-    with pytest.raises(DefinitionError, match="can't be read"):
+    with pytest.raises(DefinitionError, match="cannot be read"):
         mesh_solids(skeleton_of(crane()), tmp_path / "absent.urdf", tools=True)
+
+
+def with_a_mesh(urdf: Path, name: str) -> None:
+    """The boom as a mesh instead of a box."""
+    urdf.write_text(urdf.read_text().replace('<box size="0.5 0.04 0.06"/>', f'<mesh filename="{name}" scale="2 1 1"/>'))
+
+
+def test_a_mesh_is_read_scaled_and_coloured_as_the_file_says(urdf: Path) -> None:
+    trimesh = pytest.importorskip("trimesh")
+    trimesh.creation.box(extents=[0.25, 0.04, 0.06]).export(urdf.parent / "boom.stl")
+    boxes = {solid.body: solid for solid in mesh_solids(skeleton_of(crane()), urdf, tools=True)}
+    with_a_mesh(urdf, "boom.stl")
+    meshes = {solid.body: solid for solid in mesh_solids(skeleton_of(crane()), urdf, tools=True)}
+    assert meshes[1].colour == (255, 0, 0)
+    corners = [np.unique(solids[1].vertices.round(6), axis=0) for solids in (boxes, meshes)]
+    np.testing.assert_allclose(*corners, atol=1e-5)
+
+
+@pytest.mark.parametrize("text", [None, "solid no mesh"])
+def test_a_mesh_that_is_not_there_is_named_and_the_others_are_drawn(urdf: Path, text: str | None) -> None:
+    with_a_mesh(urdf, "lost.stl")
+    if text is not None:
+        (urdf.parent / "lost.stl").write_text(text)
+    with pytest.warns(DefinitionWarning, match=r"arm\.urdf: not drawn: `lost\.stl` of link `boom` \(") as caught:
+        solids = mesh_solids(skeleton_of(crane()), urdf, tools=True)
+    assert len(caught) == 1
+    assert sorted(solid.body for solid in solids) == [0, 2]
+
+
+def test_where_no_mesh_is_there_the_arm_has_plain_shapes(urdf: Path) -> None:
+    with_a_mesh(urdf, "lost.stl")
+    urdf.write_text(re.sub("<visual><geometry>.*</visual>", "", urdf.read_text()))
+    plant, run = crane_run(torque=20.0)
+    with pytest.warns(DefinitionWarning, match=r"not drawn: `lost\.stl`"):
+        drawn_so = drawing(run, plant, rate=60.0, most=10, urdf=urdf)
+    plain = drawing(run, plant, rate=60.0, most=10, plain=True)
+    assert len(drawn_so.solids) == len(plain.solids)
+
+
+@pytest.mark.parametrize("name", ["panda_description/urdf/panda.urdf", "ur_description/urdf/ur5_robot.urdf"])
+def test_links_are_where_pinocchio_has_them(name: str) -> None:
+    pinocchio = pytest.importorskip("pinocchio")
+    (folder,) = _folders() or pytest.skip("example-robot-data is not installed")
+    urdf, model = drawn(folder / name), pinocchio.buildModelFromUrdf(str(folder / name))
+    data = model.createData()
+    moving = [joint for joint in urdf.tree.order if model.existJointName(joint)]
+    assert len(moving) >= 6
+    for seed in range(3):
+        q = np.random.default_rng(seed).uniform(-1.0, 1.0, model.nq)
+        pinocchio.framesForwardKinematics(model, data, q)
+        places = urdf.places({joint: float(q[model.joints[model.getJointId(joint)].idx_q]) for joint in moving})
+        base = data.oMf[model.getBodyId(urdf.tree.root)].homogeneous
+        for link, place in places.items():
+            np.testing.assert_allclose(base @ place, data.oMf[model.getBodyId(link)].homogeneous, atol=1e-12)
 
 
 def have_example_robots() -> bool:

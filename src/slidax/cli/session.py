@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -28,11 +29,13 @@ def prepare() -> None:
 
 @contextmanager
 def errors_as_lines() -> Iterator[None]:
-    """A DefinitionError becomes one line and exit code 2; a traceback would hide it."""
+    """A DefinitionError becomes one line and exit code 2; a traceback would hide it. Warnings are lines, too."""
     from slidax._errors import DefinitionError
 
     try:
-        yield
+        with warnings.catch_warnings():
+            warnings.showwarning = _warn_in_a_line
+            yield
     except DefinitionError as error:
         typer.echo(f"slidax: {error}", err=True)
         raise typer.Exit(DEFINITION) from None
@@ -40,6 +43,11 @@ def errors_as_lines() -> Iterator[None]:
         # The reader went away, as `slidax list | head` does: nothing is wrong.
         sys.stderr.close()
         raise typer.Exit(0) from None
+
+
+def _warn_in_a_line(message: Warning | str, *_: Any, **__: Any) -> None:
+    """Without the line of code that it came from, which tells a user of the command nothing."""
+    typer.echo(f"slidax: warning: {message}", err=True)
 
 
 def parsed(changes: list[str]) -> dict[str, Any]:

@@ -17,6 +17,7 @@ from .joint import Joint
 from .joint_limits import JointLimits
 from .payload import Payload
 from .regular import require_regular
+from .turn import about
 
 SMOOTHING = 0.01
 """Velocity within which the Coulomb friction of a new arm turns, rad/s or m/s."""
@@ -158,9 +159,7 @@ def _at(joint: Joint, position: float, rotation: np.ndarray, translation: np.nda
     axis = np.asarray(joint.axis, float) / np.linalg.norm(joint.axis)
     if joint.kind == "prismatic":
         return rotation, translation + rotation @ (position * axis)
-    cross = np.array([[0.0, -axis[2], axis[1]], [axis[2], 0.0, -axis[0]], [-axis[1], axis[0], 0.0]])
-    turn = np.eye(3) + math.sin(position) * cross + (1.0 - math.cos(position)) * (cross @ cross)
-    return rotation @ turn, translation
+    return rotation @ about(axis, position), translation
 
 
 def _add(carrier: _Moved, joint: Joint, here: _Placed) -> None:

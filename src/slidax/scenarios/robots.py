@@ -184,9 +184,9 @@ class AbstractFile(AbstractArticulated):
     locked: dict[str, float] = Field(default={})
     """Joints that do not move, with their positions [rad or m]."""
     meshes: bool = False
-    """Whether every mesh that it names must be there."""
+    """Whether every mesh that it names must be there; none is needed for a run."""
     inertias: Literal["given", "nearest"] = "given"
-    """What to do with an inertia that no rigid body can have: refuse it, or take the nearest that one can."""
+    """An inertia that no rigid body can have: refused, or replaced by the nearest that one can."""
 
     def _how(self) -> dict[str, Any]:
         return {"tip": self.tip, "locked": self.locked, "meshes": self.meshes, "inertias": self.inertias}

@@ -73,7 +73,7 @@ def value_and_gradient(
         pair: tuple[Scalar, Any] = many(directions)
         return pair
 
-    value, slopes = jax.jit(by_xla)(at, directions)
+    value, slopes = jax.jit(by_xla)(at, directions)  # type: ignore[no-untyped-call]
     return value, rebuilt(slopes)
 
 

@@ -79,20 +79,21 @@ def drawing(
 
 
 def _meshes(robot: AbstractRobot, skeleton: Skeleton, urdf: str | Path | None, plain: bool) -> list[Solid] | None:
+    """The arm as its maker drew it; None where there is no such drawing, or nothing of it is there."""
     if plain:
         if urdf is not None:
             raise DefinitionError("`plain` asks for plain shapes, and `urdf` for meshes; give one of them")
         return None
     if urdf is not None:
-        require_packages("an arm from its URDF", "yourdfpy", "collada")
-    elif not isinstance(robot, Articulated) or not _have("yourdfpy", "collada"):
+        require_packages("an arm from its URDF", "collada")
+    elif not isinstance(robot, Articulated) or not _have("collada"):
         return None
     from .meshes import find_urdf, mesh_solids
 
     if urdf is not None:
-        return mesh_solids(skeleton, Path(urdf), tools=True)
+        return mesh_solids(skeleton, Path(urdf), tools=True) or None
     found = find_urdf(skeleton)
-    return None if found is None else mesh_solids(skeleton, found, tools=False)
+    return None if found is None else mesh_solids(skeleton, found, tools=False) or None
 
 
 def _have(*packages: str) -> bool:

@@ -65,7 +65,7 @@ def load_of(run: Run, plant: eqx.Module, skeleton: Skeleton, motion: Motion) -> 
 
 
 def _box(load: Load) -> Solid:
-    from .shapes import box
+    from .forms import box
 
     payload = load.payload
     moments, axes = principal(np.asarray(payload.inertia))

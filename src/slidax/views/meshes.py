@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from functools import partial
+import warnings
 from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import trimesh
-import yourdfpy
 
-from slidax._errors import DefinitionError
+from slidax._errors import DefinitionError, DefinitionWarning
+from slidax.robots.files import Drawn, Shape, drawn
 
+from .forms import solid
 from .skeleton import Skeleton
 from .solid import Solid, merged
 
@@ -35,33 +36,72 @@ def find_urdf(skeleton: Skeleton) -> Path | None:
 
 
 def mesh_solids(skeleton: Skeleton, path: Path, *, tools: bool) -> list[Solid]:
-    """The meshes of a URDF, on the bodies of the robot that carry them.
+    """The meshes of a URDF, on the bodies of the robot that carry them; empty if none of them is there.
+
+    One warning, a `DefinitionWarning`, names the meshes that are not there, or cannot be read.
 
     - `skeleton`: of the robot.
     - `path`: the URDF.
     - `tools`: also those of links behind fixed joints, such as a hand, which may be no part of the robot.
 
-    Raises DefinitionError if the file has no meshes, or is of another robot.
+    Raises DefinitionError if the file has no shapes to be seen, or is of another robot.
     """
-    urdf = _load(path, meshes=True)
+    urdf = drawn(path)
     carried = _carried(skeleton, urdf, path)
-    scene = urdf.scene
-    places = _link_places(skeleton, urdf, np.zeros(skeleton.joints))
-    bodies = _body_places(skeleton, np.zeros(skeleton.joints))
+    still = np.zeros(skeleton.joints)
+    places, bodies = _link_places(skeleton, urdf, still), _body_places(skeleton, still)
+    own = {urdf.tree.children[name] for name in skeleton.names}
+    shapes = [shape for shape in urdf.shapes() if not carried[shape.link] or tools or shape.link in own]
+    if not shapes:
+        raise DefinitionError(f"{path} names no meshes; leave `urdf` out for plain shapes")
     solids: list[Solid] = []
-    for node in scene.graph.nodes_geometry:
-        placed, geometry = scene.graph[node]
-        link = _link_of(scene, node, places)
-        if carried[link] and not tools and urdf.joint_map[skeleton.names[carried[link] - 1]].child != link:
-            continue
-        given = scene.geometry[geometry]
-        mesh = trimesh.Trimesh(given.vertices, given.faces)
-        mesh.apply_transform(np.linalg.inv(bodies[carried[link]]) @ placed)
-        smooth = trimesh.graph.smooth_shade(mesh, angle=0.5)
-        solids.append(Solid(carried[link], np.asarray(smooth.vertices), np.asarray(smooth.faces), _colour(given)))
-    if not solids:
-        raise DefinitionError(f"{path} names no meshes that are there; leave `urdf` out for plain shapes")
+    missing: list[str] = []
+    for shape in shapes:
+        at = np.linalg.inv(bodies[carried[shape.link]]) @ places[shape.link] @ shape.at
+        try:
+            solids += [_solid(carried[shape.link], mesh, at, shape) for mesh in _meshes(shape)]
+        # Readers of meshes raise what they like.
+        except Exception as error:
+            missing.append(f"`{shape.file}` of link `{shape.link}` ({_one_line(error)})")
+    if missing:
+        warnings.warn(f"{path}: not drawn: {', '.join(missing)}", DefinitionWarning, stacklevel=2)
     return merged(solids)
+
+
+def _meshes(shape: Shape) -> list[trimesh.Trimesh]:
+    if shape.kind == "box":
+        return [trimesh.creation.box(extents=shape.numbers)]
+    if shape.kind == "cylinder":
+        radius, length = shape.numbers
+        return [trimesh.creation.cylinder(radius=radius, height=length)]
+    if shape.kind == "sphere":
+        return [trimesh.creation.icosphere(radius=float(shape.numbers[0]))]
+    if shape.path is None:
+        raise FileNotFoundError("it is not there")
+    scene: Any = trimesh.load(shape.path, force="scene", ignore_broken=True)
+    found = []
+    for node in scene.graph.nodes_geometry:
+        placed, name = scene.graph[node]
+        mesh = scene.geometry[name].copy()
+        mesh.apply_transform(np.diag([*shape.numbers, 1.0]) @ placed)
+        found.append(mesh)
+    if not found:
+        raise ValueError("it has no triangles")
+    return found
+
+
+def _solid(body: int, mesh: trimesh.Trimesh, at: np.ndarray, shape: Shape) -> Solid:
+    # A mesh with a material of its own keeps it.
+    visual: Any = mesh.visual
+    if shape.colour is not None and isinstance(visual, trimesh.visual.ColorVisuals):
+        red, green, blue = (round(255 * part) for part in shape.colour[:3])
+    else:
+        red, green, blue = (int(part) for part in getattr(visual, "material", visual).main_color[:3])
+    return solid(body, trimesh.Trimesh(mesh.vertices, mesh.faces), (red, green, blue), at)
+
+
+def _one_line(error: Exception) -> str:
+    return (str(error).strip().splitlines() or [type(error).__name__])[0]
 
 
 def _folders() -> list[Path]:
@@ -72,38 +112,24 @@ def _folders() -> list[Path]:
     return [Path(str(package.locate_file("cmeel.prefix/share/example-robot-data/robots")))]
 
 
-def _load(path: Path, *, meshes: bool) -> yourdfpy.URDF:
-    try:
-        return yourdfpy.URDF.load(
-            str(path),
-            build_scene_graph=True,
-            load_meshes=meshes,
-            filename_handler=partial(yourdfpy.filename_handler_magic, dir=str(path.parent)),
-        )
-    except (OSError, ValueError, KeyError) as error:
-        raise DefinitionError(f"{path} can't be read as a URDF with meshes: {error}") from error
-
-
 def _fits(skeleton: Skeleton, path: Path) -> bool:
     try:
-        _carried(skeleton, _load(path, meshes=False), path)
+        _carried(skeleton, drawn(path), path)
     except DefinitionError:
         return False
     return True
 
 
-def _carried(skeleton: Skeleton, urdf: yourdfpy.URDF, path: Path) -> dict[str, int]:
+def _carried(skeleton: Skeleton, urdf: Drawn, path: Path) -> dict[str, int]:
     """The body that carries each link, which must stay where it is on its body, however the arm stands."""
-    missing = [name for name in skeleton.names if name not in urdf.joint_map]
+    tree = urdf.tree
+    missing = [name for name in skeleton.names if name not in tree.joints]
     if missing:
         raise DefinitionError(f"{path} has no joint `{missing[0]}`; it must be the URDF of this robot")
-    joint_before = {joint.child: joint for joint in urdf.robot.joints}
-    carried: dict[str, int] = {}
-    for link in urdf.link_map:
-        above = link
-        while above in joint_before and joint_before[above].name not in skeleton.names:
-            above = joint_before[above].parent
-        carried[link] = skeleton.names.index(joint_before[above].name) + 1 if above in joint_before else 0
+    carried = {tree.root: 0}
+    for name in tree.order:
+        body = skeleton.names.index(name) + 1 if name in skeleton.names else carried[tree.parents[name]]
+        carried[tree.children[name]] = body
     postures = [np.zeros(skeleton.joints), np.linspace(0.3, 0.9, skeleton.joints)]
     seen = []
     for q in postures:
@@ -117,9 +143,8 @@ def _carried(skeleton: Skeleton, urdf: yourdfpy.URDF, path: Path) -> dict[str, i
     return carried
 
 
-def _link_places(skeleton: Skeleton, urdf: yourdfpy.URDF, q: np.ndarray) -> dict[str, np.ndarray]:
-    urdf.update_cfg(dict(zip(skeleton.names, q, strict=True)))
-    return {link: np.asarray(urdf.get_transform(link, urdf.base_link)) for link in urdf.link_map}
+def _link_places(skeleton: Skeleton, urdf: Drawn, q: np.ndarray) -> dict[str, np.ndarray]:
+    return urdf.places(dict(zip(skeleton.names, q.tolist(), strict=True)))
 
 
 def _body_places(skeleton: Skeleton, q: np.ndarray) -> np.ndarray:
@@ -127,15 +152,3 @@ def _body_places(skeleton: Skeleton, q: np.ndarray) -> np.ndarray:
     places = np.tile(np.eye(4), (skeleton.joints + 1, 1, 1))
     places[:, :3, :3], places[:, :3, 3] = poses.rotations[0], poses.places[0]
     return places
-
-
-def _link_of(scene: trimesh.Scene, node: str, links: dict[str, np.ndarray]) -> str:
-    while node not in links:
-        node = scene.graph.transforms.parents[node]
-    return node
-
-
-def _colour(mesh: trimesh.Trimesh) -> tuple[int, int, int]:
-    visual: Any = mesh.visual
-    red, green, blue = getattr(visual, "material", visual).main_color[:3]
-    return int(red), int(green), int(blue)

@@ -75,3 +75,17 @@ def _joined(group: list[Solid]) -> Solid:
     faces = [solid.faces + start for solid, start in zip(group, starts, strict=True)]
     vertices = np.concatenate([solid.vertices for solid in group])
     return Solid(group[0].body, vertices, np.concatenate(faces), group[0].colour)
+
+
+def turn_up(up: np.ndarray) -> np.ndarray:
+    """The shortest rotation that turns a direction up, to z, [3 3].
+
+    - `up`: a unit vector [3].
+    """
+    axis = np.cross(up, [0.0, 0.0, 1.0])
+    cosine = float(up[2])
+    if cosine < -1 + 1e-12:
+        return np.diag([1.0, -1.0, -1.0])
+    cross = np.array([[0, -axis[2], axis[1]], [axis[2], 0, -axis[0]], [-axis[1], axis[0], 0]])
+    turned: np.ndarray = np.eye(3) + cross + cross @ cross / (1 + cosine)
+    return turned

@@ -9,6 +9,7 @@ import numpy as np
 from .load import MovedLoad
 from .motion import Motion
 from .skeleton import Skeleton
+from .solid import turn_up
 
 FIELD_OF_VIEW = 0.7
 """Of the camera, from top to bottom [rad]."""
@@ -141,17 +142,3 @@ def camera_for(corners: np.ndarray, look: np.ndarray) -> tuple[np.ndarray, np.nd
     away = offsets @ look + np.maximum(above, aside / 1.2) / np.tan(FIELD_OF_VIEW / 2)
     size = 2 * float(np.linalg.norm(offsets, axis=1).max())
     return middle + look * 1.08 * float(away.max()), middle, size
-
-
-def turn_up(up: np.ndarray) -> np.ndarray:
-    """The shortest rotation that turns a direction up, to z, [3 3].
-
-    - `up`: a unit vector [3].
-    """
-    axis = np.cross(up, [0.0, 0.0, 1.0])
-    cosine = float(up[2])
-    if cosine < -1 + 1e-12:
-        return np.diag([1.0, -1.0, -1.0])
-    cross = np.array([[0, -axis[2], axis[1]], [axis[2], 0, -axis[0]], [-axis[1], axis[0], 0]])
-    turned: np.ndarray = np.eye(3) + cross + cross @ cross / (1 + cosine)
-    return turned

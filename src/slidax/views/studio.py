@@ -14,8 +14,8 @@ from slidax._errors import DefinitionError
 from slidax.figures.thinning import every_nth
 
 from .drawing import Drawing
+from .forms import tube
 from .load import MovedLoad
-from .shapes import tube
 from .solid import ACTUAL, DESIRED, GHOST, SEE_THROUGH, THINNER, Colour
 from .stage import FIELD_OF_VIEW, Stage
 

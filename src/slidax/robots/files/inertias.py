@@ -48,7 +48,7 @@ class Feasible:
         if self._how == "given" or not helps:
             require_rigid(inertia, what, definite=definite, remedy=REMEDY if helps else "")
         share = np.linalg.norm(close - inertia) / np.linalg.norm(inertia)
-        self._replaced.append(f"{owner} ({100 * share:.2g} %)")
+        self._replaced.append(f"{owner} (by {100 * share:.2g} %)")
         return close
 
     def of_bodies(self, spec: Any) -> None:
@@ -78,7 +78,4 @@ class Feasible:
         """What was replaced, and by how much; empty for nothing."""
         if not self._replaced:
             return ""
-        return (
-            "the nearest inertia that a body can have is taken, as the given one is of none, for "
-            f"{', '.join(self._replaced)}"
-        )
+        return f"inertias are changed to the nearest that a rigid body can have: of {', '.join(self._replaced)}"

@@ -25,7 +25,7 @@ def require_mesh(owner: str, name: str, folder: Path, packages: Packages = (), i
 
     Raises DefinitionError naming the owner and the places that were looked at.
     """
-    places = _places(name, folder, packages)
+    places = mesh_places(name, folder, packages)
     if any(place.is_file() for place in places):
         return
     looked = ", ".join(str(place) for place in places) or "nowhere, as it is not the address of a file"
@@ -34,7 +34,13 @@ def require_mesh(owner: str, name: str, folder: Path, packages: Packages = (), i
     raise DefinitionError(f"the mesh `{name}` of {owner} is not there; looked for {looked}; {remedy}{instead}")
 
 
-def _places(name: str, folder: Path, packages: Packages) -> list[Path]:
+def mesh_places(name: str, folder: Path, packages: Packages = ()) -> list[Path]:
+    """Where a mesh may be, the likeliest first.
+
+    - `name`: path or address, as the robot file has it.
+    - `folder`: of the robot file.
+    - `packages`: folders of packages by name, or folders in which packages are.
+    """
     package = PACKAGE.match(name)
     if package:
         return _in_package(package[1], package[2], folder, packages)

@@ -18,6 +18,7 @@ from slidax._errors import DefinitionError, nearest
 from ..articulated import Articulated
 from ..assemble import assemble
 from ..joint import Joint
+from ..turn import by_roll_pitch_yaw
 
 FILES = resources.files("slidax.robots") / "ready"
 
@@ -86,7 +87,7 @@ def read(name: str) -> Ready:
         kind="fixed",
         parent=tip["joint"],
         link=tip["name"],
-        rotation=_turned(tip["turn"]),
+        rotation=by_roll_pitch_yaw(tip["turn"]),
         translation=np.asarray(tip["translation"], float),
     )
     return Ready(
@@ -116,7 +117,7 @@ def _joint(entry: dict[str, Any]) -> Joint:
         kind="revolute" if kind == "continuous" else kind,
         parent=entry["parent"],
         link=link["name"],
-        rotation=_turned(entry["turn"]),
+        rotation=by_roll_pitch_yaw(entry["turn"]),
         translation=np.asarray(entry["translation"], float),
         axis=np.asarray(entry["axis"], float),
         mass=float(link["mass"]),
@@ -128,17 +129,4 @@ def _joint(entry: dict[str, Any]) -> Joint:
         torque=float(entry.get("torque", math.inf)),
         torque_rate=float(entry.get("torque_rate", math.inf)),
         armature=float(entry.get("armature", 0.0)),
-    )
-
-
-def _turned(turn: Any) -> np.ndarray:
-    """The axes of a frame that is turned about x, y and z of the frame before it, in this order."""
-    roll, pitch, yaw = (float(angle) for angle in turn)
-    cr, sr, cp, sp, cy, sy = (f(angle) for angle in (roll, pitch, yaw) for f in (math.cos, math.sin))
-    return np.array(
-        [
-            [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
-            [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
-            [-sp, cp * sr, cp * cr],
-        ]
     )

@@ -1,0 +1,124 @@
+"""What a URDF file has to be seen: its links' places in a posture, and the shapes that are on them."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from slidax._errors import DefinitionError, located
+
+from ..turn import about, by_roll_pitch_yaw
+from .meshes import mesh_places
+from .source import read
+from .urdf_tree import Tree, tree_of
+
+SIZES = {"box": ("size",), "cylinder": ("radius", "length"), "sphere": ("radius",)}
+
+
+@dataclass(frozen=True)
+class Shape:
+    """One shape on a link.
+
+    - `link`: its name.
+    - `kind`: "box", "cylinder", "sphere" or "mesh".
+    - `at`: its place in the link's frame [4 4].
+    - `numbers`: sides, radius and length, or radius, m; of a mesh the scale along its axes [3].
+    - `colour`: red, green, blue, opacity, 0 to 1; None if the file gives none.
+    - `file`: of a mesh as the URDF has it; empty for others.
+    - `path`: of a mesh; None if it is not there.
+    """
+
+    link: str
+    kind: str
+    at: np.ndarray
+    numbers: np.ndarray
+    colour: tuple[float, ...] | None
+    file: str = ""
+    path: Path | None = None
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """A URDF file as it is to be seen.
+
+    - `tree`: its links and joints.
+    - `root`: its outermost element.
+    - `folder`: where its relative paths begin.
+    """
+
+    tree: Tree
+    root: ET.Element
+    folder: Path
+
+    def places(self, q: Mapping[str, float]) -> dict[str, np.ndarray]:
+        """The frame of each link in that of the base link [4 4].
+
+        - `q`: positions of joints by name, rad or m; 0 for those that are not among them.
+        """
+        tree = self.tree
+        found = {tree.root: np.eye(4)}
+        for name in tree.order:
+            joint, moved = tree.joints[name], np.eye(4)
+            axis = np.array(_numbers(joint.find("axis"), "xyz", "1 0 0"))
+            if joint.get("type") == "prismatic":
+                moved[:3, 3] = axis / np.linalg.norm(axis) * q.get(name, 0.0)
+            elif joint.get("type") != "fixed":
+                moved[:3, :3] = about(axis / np.linalg.norm(axis), q.get(name, 0.0))
+            found[tree.children[name]] = found[tree.parents[name]] @ _origin(joint) @ moved
+        return found
+
+    def shapes(self) -> Iterator[Shape]:
+        """The visual shapes of all links, also those whose mesh is not there."""
+        colours = {element.get("name", ""): _colour(element) for element in self.root.findall("material")}
+        for link, element in self.tree.links.items():
+            for visual in element.findall("visual"):
+                given = visual.find("material")
+                colour = None if given is None else _colour(given) or colours.get(given.get("name", ""))
+                for shape in visual.iterfind("geometry/*"):
+                    yield from self._shape(link, shape, _origin(visual), colour)
+
+    def _shape(self, link: str, shape: ET.Element, at: np.ndarray, colour: tuple[float, ...] | None) -> Iterator[Shape]:
+        if shape.tag == "mesh":
+            file = shape.get("filename", "").strip()
+            path = next((place for place in mesh_places(file, self.folder) if place.is_file()), None)
+            scale = np.broadcast_to(_numbers(shape, "scale", "1 1 1"), 3)
+            yield Shape(link, "mesh", at, scale, colour, file, path)
+        elif shape.tag in SIZES:
+            numbers = [number for name in SIZES[shape.tag] for number in _numbers(shape, name, "0")]
+            yield Shape(link, shape.tag, at, np.array(numbers), colour)
+
+
+def drawn(path: Path) -> Drawn:
+    """A URDF file as it is to be seen.
+
+    - `path`: of the file.
+
+    Raises DefinitionError if it cannot be read, or its links are no tree.
+    """
+    given = read(path, "robot", "a URDF file is needed")
+    with located(str(path)):
+        return Drawn(tree_of(given.root), given.root, given.folder)
+
+
+def _origin(element: ET.Element) -> np.ndarray:
+    place, origin = np.eye(4), element.find("origin")
+    place[:3, :3] = by_roll_pitch_yaw(_numbers(origin, "rpy", "0 0 0"))
+    place[:3, 3] = _numbers(origin, "xyz", "0 0 0")
+    return place
+
+
+def _colour(material: ET.Element) -> tuple[float, ...] | None:
+    colour = material.find("color")
+    return None if colour is None else tuple(_numbers(colour, "rgba", "0.5 0.5 0.5 1"))
+
+
+def _numbers(element: ET.Element | None, name: str, otherwise: str) -> list[float]:
+    text = otherwise if element is None else element.get(name, otherwise)
+    try:
+        return [float(word) for word in text.split()]
+    except ValueError as error:
+        raise DefinitionError(f"{name} must be numbers; got `{text}`") from error
