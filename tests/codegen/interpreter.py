@@ -8,7 +8,7 @@ import numpy as np
 import scipy.special
 
 from slidax.codegen.fold import DTYPES
-from slidax.codegen.form import Branch, Loop
+from slidax.codegen.ir import Branch, Loop
 
 SPLITTER = 2.0**27 + 1.0
 
@@ -16,7 +16,7 @@ SPLITTER = 2.0**27 + 1.0
 def interpreted(program, *inputs):
     """The program's outputs, a list of arrays [samples, *shape]; logged ones [samples, rows, *shape].
 
-    - `program`: see `slidax.codegen.form`.
+    - `program`: see `slidax.codegen.ir`.
     - `inputs`: one array [samples, *shape] for each of its inputs.
     """
     samples = len(inputs[0]) if inputs else 1

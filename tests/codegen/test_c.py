@@ -9,10 +9,11 @@ from jax import lax
 
 from slidax import scenarios
 from slidax._types import Reference
+from slidax.codegen import c_code
 from slidax.codegen.builder import Builder
 from slidax.codegen.trace import trace
 
-from .compiled_c import COMPILERS, GUARDS, compiled, function_text, needs_a_compiler
+from .compiled_c import COMPILERS, GUARDS, compiled, needs_a_compiler
 from .random_programs import random_arrays, random_program
 
 X = jnp.array([0.3, -1.7, 2.5])
@@ -124,7 +125,7 @@ def test_two_compilers_agree(in_c, tmp_path):
 def test_a_program_of_floats_has_no_double(tmp_path):
     names = [name for name in CASES if name not in BITS]
     function, args = all_at_once(names)
-    assert "double" not in function_text(trace(function, args), "float")
+    assert "double" not in c_code(trace(function, args), real="float")
     ours, theirs = results(names, tmp_path, compiler=COMPILERS[-1], real="float")
     assert_close(ours["powers"], theirs["powers"], rtol=1e-6)
     assert_close(ours["angles"], theirs["angles"], rtol=1e-6)
@@ -141,7 +142,7 @@ def test_the_inverse_error_function_is_exact_to_both_ends(tmp_path):
 def test_random_programs_give_the_same_bits_as_machine_code(tmp_path):
     llvm = pytest.importorskip("slidax.codegen.llvm")
     pytest.importorskip("llvmlite")
-    from slidax.codegen.llvm.prepare import written_out_and_fused
+    from slidax.codegen.llvm.prepare import lowered_and_fused
 
     for seed in (5, 7, 10, 12, 19, 22):
         program = random_program(seed)
@@ -149,7 +150,7 @@ def test_random_programs_give_the_same_bits_as_machine_code(tmp_path):
         folder.mkdir()
         guards = GUARDS if seed % 2 == 0 else []
         ours = compiled(
-            written_out_and_fused(program), folder, compiler=COMPILERS[(seed % 2) % len(COMPILERS)], flags=guards
+            lowered_and_fused(program), folder, compiler=COMPILERS[(seed % 2) % len(COMPILERS)], flags=guards
         )
         theirs = llvm.compile(program)
         for arrays in map(random_arrays, range(4)):
@@ -194,7 +195,7 @@ def test_the_law_of_the_paper_is_the_same_in_c(tmp_path):
 
 def test_the_law_of_the_paper_is_short_and_keeps_its_words():
     function, args = paper_law()
-    text = function_text(trace(function, *args, names=["parameters", "t", "measured", "reference", "memory"]))
+    text = c_code(trace(function, *args, names=["parameters", "t", "measured", "reference", "memory"]))
     assert text.count("\n") < 300
     assert max(len(line) for line in text.splitlines() if "void run" not in line) <= 110
     for word in ("e_1", "de_2", "eps1_1", "s_1", "s_2", "tau0_1", "u = "):

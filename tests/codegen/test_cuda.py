@@ -127,14 +127,14 @@ def test_floats_come_back_as_the_doubles_that_were_asked_for(tmp_path):
 def test_random_programs_give_the_same_bits_as_machine_code(tmp_path):
     llvm = pytest.importorskip("slidax.codegen.llvm")
     pytest.importorskip("llvmlite")
-    from slidax.codegen.llvm.prepare import written_out_and_fused
+    from slidax.codegen.llvm.prepare import lowered_and_fused
 
     arrays = [np.stack(parts) for parts in zip(*[random_arrays(k) for k in range(RUNS)], strict=True)]
     for seed in (7, 12):
         program = RandomProgram(seed, varying=True).finish()
         folder = tmp_path / str(seed)
         folder.mkdir()
-        ours = batch(written_out_and_fused(program), arrays, RUNS, 0, folder)
+        ours = batch(lowered_and_fused(program), arrays, RUNS, 0, folder)
         for one, other in zip(ours, llvm.compile(program).batch(arrays, RUNS), strict=True):
             np.testing.assert_array_equal(one, other, err_msg=f"seed {seed}")
 

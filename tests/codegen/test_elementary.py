@@ -10,8 +10,8 @@ import pytest
 import scipy.special
 
 from slidax.codegen.builder import Builder
-from slidax.codegen.elementary import written_out
-from slidax.codegen.form import ELEMENTARY, Branch
+from slidax.codegen.elementary import lower
+from slidax.codegen.ir import ELEMENTARY, Branch
 
 from .compiled_c import compiled, needs_a_compiler
 from .interpreter import interpreted
@@ -31,7 +31,7 @@ def program_of(ops, type="f64", exponent=None):
     x, y = builder.input("x", type, (2,))
     if exponent is not None:
         y = builder.constant(exponent, type)
-    values = [written_out(builder, op, (x, y) if op in TWO_ARGUMENTS else (x,)) for op in ops]
+    values = [lower(builder, op, (x, y) if op in TWO_ARGUMENTS else (x,)) for op in ops]
     builder.output("results", type, np.array(values, object))
     return builder.finish()
 
@@ -197,7 +197,7 @@ def test_all_elementary_functions_are_written_out_and_nothing_else_is():
     assert not {value.op for value in program.walk()} & set(ELEMENTARY)
     builder = Builder()
     x = builder.input("x", "f64", (1,))[0]
-    assert written_out(builder, "sqrt", (x,)) is None
+    assert lower(builder, "sqrt", (x,)) is None
 
 
 @needs_a_compiler
@@ -218,8 +218,8 @@ def test_sine_and_cosine_of_one_angle_share_all_but_the_signs():
 def test_powers_and_the_logarithm_of_one_number_share_the_division():
     builder = Builder()
     x, a, b = builder.input("x", "f64", (3,))
-    values = [written_out(builder, "pow", (x, a)), written_out(builder, "pow", (x, b))]
-    values.append(written_out(builder, "log", (builder.apply("abs", x),)))
+    values = [lower(builder, "pow", (x, a)), lower(builder, "pow", (x, b))]
+    values.append(lower(builder, "log", (builder.apply("abs", x),)))
     builder.output("results", "f64", np.array(values, object))
     assert sum(value.op == "div" for value in builder.finish().walk()) == 1
 
@@ -227,7 +227,7 @@ def test_powers_and_the_logarithm_of_one_number_share_the_division():
 def test_a_base_that_cannot_be_negative_spares_the_question_of_odd_exponents():
     builder = Builder()
     x, y = builder.input("x", "f64", (2,))
-    power = written_out(builder, "pow", (builder.apply("abs", x), y))
+    power = lower(builder, "pow", (builder.apply("abs", x), y))
     builder.output("results", "f64", np.array([power], object))
     program = builder.finish()
     assert "rint" not in {value.op for value in program.walk()}
@@ -243,7 +243,7 @@ def test_the_sine_of_an_angle_that_a_loop_does_not_change_is_computed_before_it(
     def body(carried):
         return [
             builder.apply("add", carried[0], one),
-            builder.apply("add", carried[1], written_out(builder, "sin", (angle,))),
+            builder.apply("add", carried[1], lower(builder, "sin", (angle,))),
         ]
 
     def condition(carried):

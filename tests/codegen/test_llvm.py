@@ -10,9 +10,9 @@ from slidax._errors import DefinitionError
 from slidax.codegen import llvm
 from slidax.codegen.builder import Builder
 from slidax.codegen.fold import DTYPES
-from slidax.codegen.form import Branch
+from slidax.codegen.ir import Branch
 from slidax.codegen.llvm import cache
-from slidax.codegen.llvm.prepare import written_out_and_fused
+from slidax.codegen.llvm.prepare import lowered_and_fused
 from slidax.codegen.llvm.uniformity import varying
 
 from .interpreter import interpreted
@@ -56,7 +56,7 @@ def test_random_programs_give_the_interpreters_bits_whatever_the_lanes(seed):
     runs = [random_arrays(100 * seed + k) for k in range(RUNS)]
     arrays = [np.stack(column) if v else column[0] for column, v in zip(zip(*runs, strict=True), varies, strict=True)]
     spread = [x if v else np.stack([x] * RUNS) for x, v in zip(arrays, varies, strict=True)]
-    expected = bits(interpreted(written_out_and_fused(program), *spread))
+    expected = bits(interpreted(lowered_and_fused(program), *spread))
     for lanes in LANES:
         assert bits(llvm.compile(program, lanes).batch(arrays, RUNS)) == expected
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from jax import lax
 
-from slidax.codegen import NoNativeCodeError, llvm, trace
-from slidax.codegen.form import Branch, Loop
+from slidax.codegen import NoNativeCodeError, builder, llvm, trace
+from slidax.codegen.ir import Branch, Loop
 
 X = jnp.array([0.3, -1.7, 2.5])
 Y = jnp.array([1.1, 0.4, -0.6])
@@ -311,6 +311,15 @@ def test_a_rule_that_fails_is_named_with_its_place_in_one_line(monkeypatch, fail
     assert __file__ in said
     assert type(failure).__name__ in said
     assert "\n" not in said
+
+
+@pytest.mark.parametrize("operations", [lambda x: jnp.sum(x * x), lambda x: x[0] + 1.0])
+def test_a_program_of_too_many_numbers_is_refused_before_it_fills_the_memory(monkeypatch, operations):
+    monkeypatch.setattr(builder, "LARGEST", 2000)
+    monkeypatch.setattr(builder, "LARGEST_CODE", 500)
+    with pytest.raises(NoNativeCodeError, match="programs of more than 500 operations or 2000 numbers"):
+        trace(operations, jnp.ones(1000 if "sum" in str(operations.__code__.co_names) else 3000))
+    trace(operations, jnp.ones(100))
 
 
 def test_numbers_of_an_unknown_type_are_refused_by_name():

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from .fold import folded
-from .form import FLOATS, Branch, Input, Loop, Number, Output, Program, Region, Type, Value
+from .ir import FLOATS, Branch, Input, Loop, Number, Output, Program, Region, Type, Value
 from .prune import prune
 
 Values = np.ndarray
@@ -17,6 +17,13 @@ Values = np.ndarray
 
 COMMUTATIVE = frozenset({"add", "mul", "min", "max", "and", "or", "xor", "eq", "ne"})
 COMPARISONS = frozenset({"eq", "ne", "lt", "le", "gt", "ge", "isfinite"})
+
+
+LARGEST = 4_000_000
+"""As many values as a program may have; at some 250 bytes each they take 1 GB."""
+
+LARGEST_CODE = 400_000
+"""As many of them may be operations; LLVM takes a minute and 2 GB for so many."""
 
 
 class Builder:
@@ -33,6 +40,7 @@ class Builder:
         self.region = self.program.body
         self.origin: Any = None
         self._count = 0
+        self._operations = 0
 
     # ---- numbers ----------------------------------------------------------------------------------------------------
 
@@ -95,7 +103,7 @@ class Builder:
     def apply(self, op: str, *args: Value, type: Type | None = None, data: Any = None) -> Value:
         """The value of an operation, simplified.
 
-        - `op`, `args`, `data`: see `slidax.codegen.form`.
+        - `op`, `args`, `data`: see `slidax.codegen.ir`.
         - `type`: of the result; None: that of the last argument, or b1 for comparisons.
         """
         if type is None:
@@ -184,6 +192,13 @@ class Builder:
         return self._count
 
     def _new(self, region: Region, op: str, type: Type, args: tuple[Value, ...], data: Any) -> Value:
+        if args:
+            self._operations += 1
+        if self._count >= LARGEST or self._operations > LARGEST_CODE:
+            raise NotImplementedError(
+                f"programs of more than {LARGEST_CODE} operations or {LARGEST} numbers; arrays are taken apart into "
+                "their numbers, and this has too many"
+            )
         value = Value(op, type, args, data, region, self._next(), self.origin)
         region.values.append(value)
         return value

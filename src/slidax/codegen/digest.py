@@ -6,7 +6,7 @@ import functools
 import hashlib
 from pathlib import Path
 
-from .form import FLOATS, Branch, Loop, Program, Region, Value
+from .ir import FLOATS, Branch, Loop, Program, Region, Value
 
 
 def digest(program: Program) -> str:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .form import FLOATS, Number, Type, Value
+from .ir import FLOATS, Number, Type, Value
 
 if TYPE_CHECKING:
     from .builder import Builder

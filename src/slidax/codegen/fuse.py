@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from .builder import Builder
-from .form import FLOATS, Program, Value
+from .ir import FLOATS, Program, Value
 from .rebuild import Replace, rebuild
 
 

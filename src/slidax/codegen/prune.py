@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from .form import Branch, Loop, Program, Region, Value, regions
+from .ir import Branch, Loop, Program, Region, Value, regions
 
 
 def prune(program: Program) -> None:

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from .builder import Builder
-from .form import Branch, Loop, Output, Program, Region, Value
+from .ir import Branch, Loop, Output, Program, Region, Value
 
 Replace = Callable[[Builder, Value, tuple[Value, ...]], Value | None]
 """From the builder, a value of the old program and its arguments in the new one, to the new value; None: the same."""

@@ -11,7 +11,7 @@ from typing import Any
 
 import slidax
 from slidax.codegen.c import Dialect
-from slidax.codegen.form import Loop
+from slidax.codegen.ir import Loop
 
 from .comment_text import comment
 from .golden import Golden

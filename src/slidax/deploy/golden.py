@@ -14,9 +14,9 @@ from slidax.controllers import AbstractController
 from slidax.simulation import simulate
 
 from .guarded_step import GuardedStep
-from .held import Held, Status
 from .samples import Sample, answer, broken, random_samples
 from .status import HELD
+from .step_memory import Status, StepMemory
 
 if TYPE_CHECKING:
     from slidax.scenarios import Scenario
@@ -60,11 +60,11 @@ class _Recorded(AbstractController):
     def joints(self) -> int:
         return self.guard.joints
 
-    def init(self, t: Scalar, state: State, reference: Reference) -> Held:
+    def init(self, t: Scalar, state: State, reference: Reference) -> StepMemory:
         return self.guard.init(t, state, reference)
 
     def __call__(
-        self, t: Scalar, state: State, reference_now: Reference, reference_next: Reference, memory: Held
+        self, t: Scalar, state: State, reference_now: Reference, reference_next: Reference, memory: StepMemory
     ) -> Command:
         command = self.guard(t, state, reference_now, reference_next, memory)
         got = jax.tree.leaves(Sample(memory, t, state, reference_now, reference_next))

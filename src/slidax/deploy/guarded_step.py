@@ -15,7 +15,6 @@ from slidax.actuators import TorqueLimits
 from slidax.controllers import AbstractController, SampledData
 from slidax.transformations import PrescribedPerformance
 
-from .held import Flag, Held, SensorRange, Status
 from .reads import read_by
 from .status import (
     ENVELOPE_LEFT,
@@ -27,6 +26,7 @@ from .status import (
     TORQUE_NOT_FINITE,
     Condition,
 )
+from .step_memory import Flag, SensorRange, Status, StepMemory
 
 Flags = dict[Condition, Flag]
 """What can be said of a sample or an answer, and whether it is so."""
@@ -74,7 +74,7 @@ class GuardedStep(AbstractController):
         """The number of joints of the law."""
         return self.controller.joints
 
-    def init(self, t: Scalar, state: State, reference: Reference) -> Held:
+    def init(self, t: Scalar, state: State, reference: Reference) -> StepMemory:
         """What is kept before the first sample; all zeros, not started, if this measurement or reference is bad.
 
         - `t`: time at the start [s].
@@ -83,14 +83,14 @@ class GuardedStep(AbstractController):
         """
         bad = self.checked(t, state, reference, reference)
 
-        def begun() -> Held:
+        def begun() -> StepMemory:
             return self.begun(t, state, reference)
 
-        held: Held = jax.lax.cond(_status(bad) == 0, begun, lambda: _zeros(begun))
+        held: StepMemory = jax.lax.cond(_status(bad) == 0, begun, lambda: _zeros(begun))
         return held
 
     def __call__(
-        self, t: Scalar, state: State, reference_now: Reference, reference_next: Reference, memory: Held
+        self, t: Scalar, state: State, reference_now: Reference, reference_next: Reference, memory: StepMemory
     ) -> Command:
         """The torque at one sample, finite whatever comes in; the status is one of its signals.
 
@@ -104,7 +104,7 @@ class GuardedStep(AbstractController):
         return Command(tau=command.tau, memory=command.memory, signals=signals)
 
     def step(
-        self, t: Scalar, state: State, reference_now: Reference, reference_next: Reference, memory: Held
+        self, t: Scalar, state: State, reference_now: Reference, reference_next: Reference, memory: StepMemory
     ) -> tuple[Command, Status]:
         """The torque at one sample, and the status; the first good sample starts the law.
 
@@ -155,7 +155,7 @@ class GuardedStep(AbstractController):
             REFERENCE_NOT_FINITE: ~_finite(wanted),
         }
 
-    def begun(self, t: Scalar, state: State, reference: Reference) -> Held:
+    def begun(self, t: Scalar, state: State, reference: Reference) -> StepMemory:
         """What is kept before the first sample, which is a good one; `started` is false if the law cannot keep it.
 
         - `t`: time at the start [s].
@@ -163,7 +163,7 @@ class GuardedStep(AbstractController):
         - `reference`: what the joints should do then.
         """
         law = self.controller.init(t, state, reference)
-        return Held(
+        return StepMemory(
             started=_finite(law),
             commanded=jnp.zeros((), bool),
             t=t - self._period(),
@@ -171,7 +171,7 @@ class GuardedStep(AbstractController):
             law=law,
         )
 
-    def held(self, memory: Held) -> Vector:
+    def held(self, memory: StepMemory) -> Vector:
         """The last safe command [n], N m or N, within limits that may have been lowered since.
 
         - `memory`: what `init` or the last sample returned.
@@ -179,7 +179,7 @@ class GuardedStep(AbstractController):
         return self._within(memory.tau)
 
     def answered(
-        self, t: Scalar, state: State, reference_now: Reference, reference_next: Reference, memory: Held
+        self, t: Scalar, state: State, reference_now: Reference, reference_next: Reference, memory: StepMemory
     ) -> tuple[Command, Flags]:
         """The law's own command within the limits, or the last safe one if the law has no finite answer.
 
@@ -213,7 +213,7 @@ class GuardedStep(AbstractController):
             TORQUE_LIMITED: sound & limited,
             MISSED_PERIOD: (elapsed > 1.5 * period) | (elapsed <= 0),
         }
-        kept = Held(
+        kept = StepMemory(
             started=memory.started,
             commanded=memory.commanded | sound,
             t=jnp.where(sound, t, memory.t),
@@ -227,7 +227,7 @@ class GuardedStep(AbstractController):
             signals = {**signals, "rho": transformation.performance.radius(t)}
         return Command(tau=kept.tau, memory=kept, signals=signals), flags
 
-    def envelope(self, t: Scalar, memory: Held) -> Envelope | None:
+    def envelope(self, t: Scalar, memory: StepMemory) -> Envelope | None:
         """The law's envelope.
 
         - `t`: time [s].

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from slidax.codegen.builder import Builder
-from slidax.codegen.form import Program, Value
+from slidax.codegen.ir import Program, Value
 from slidax.codegen.rebuild import rebuild
 
 DOUBLE, FLOAT = float(np.finfo(np.float64).eps), float(np.finfo(np.float32).eps)

@@ -12,9 +12,9 @@ import jax
 import numpy as np
 
 from slidax._errors import DefinitionError
-from slidax.codegen.form import Type
+from slidax.codegen.ir import Type
 from slidax.codegen.naming import identifier
-from slidax.codegen.trace.trace import kind
+from slidax.codegen.trace.trace import ir_type
 
 from .comment_text import comment, shortened
 
@@ -24,7 +24,7 @@ class Member:
     """One member of a structure.
 
     - `name`: in C.
-    - `type`: of its numbers, as in the form.
+    - `type`: of its numbers, as in the IR.
     - `shape`: () for one number; anything else becomes a flat array.
     - `meaning`: a few words with the unit, from the docstring of the class that has it.
     - `part`: the first words of that docstring, if it says something of its own.
@@ -73,7 +73,7 @@ def members(tree: Any, *, strip: Sequence[str] = (), values: bool = False) -> li
         found.append(
             Member(
                 name=identifier("_".join(parts)),
-                type=kind(leaf.dtype, ".".join(parts)),
+                type=ir_type(leaf.dtype, ".".join(parts)),
                 shape=tuple(leaf.shape),
                 meaning=_meaning(tree, path),
                 part=_part_of(tree, path),

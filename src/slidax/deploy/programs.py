@@ -10,15 +10,15 @@ import jax
 import jax.numpy as jnp
 
 from slidax._types import Reference, Scalar, State, Vector
-from slidax.codegen.form import Program, Value
+from slidax.codegen.ir import Program, Value
 from slidax.codegen.trace import trace
 from slidax.simulation import Plant
 from slidax.trajectories import AbstractTrajectory
 
 from .guarded_step import GuardedStep
-from .held import Flag, Held
 from .members import Member, members
 from .status import ANSWERED, CHECKED, Condition
+from .step_memory import Flag, StepMemory
 
 SAMPLE = ("", "t", "", "reference", "next")
 """What the arguments of a step are called in comments and names: parameters, time, state, reference now and next."""
@@ -109,15 +109,15 @@ def step_programs(guard: GuardedStep) -> Step:
         return list(guard.checked(t, state, now, following).values())
 
     def answered(
-        guard: GuardedStep, memory: Held, t: Scalar, state: State, now: Reference, following: Reference
-    ) -> tuple[Held, dict[str, Any], list[Flag]]:
+        guard: GuardedStep, memory: StepMemory, t: Scalar, state: State, now: Reference, following: Reference
+    ) -> tuple[StepMemory, dict[str, Any], list[Flag]]:
         command, flags = guard.answered(t, state, now, following, memory)
         return command.memory, command.signals, list(flags.values())
 
-    def hold(guard: GuardedStep, memory: Held) -> Vector:
+    def hold(guard: GuardedStep, memory: StepMemory) -> Vector:
         return guard.held(memory)
 
-    def begin(guard: GuardedStep, t: Scalar, state: State, now: Reference) -> Held:
+    def begin(guard: GuardedStep, t: Scalar, state: State, now: Reference) -> StepMemory:
         return guard.begun(t, state, now)
 
     sample = (t, state, reference, reference)

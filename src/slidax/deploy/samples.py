@@ -15,7 +15,7 @@ from slidax._types import Command, Reference, Scalar, State, Vector
 from slidax.trajectories import AbstractTrajectory
 
 from .guarded_step import GuardedStep
-from .held import Held, Status
+from .step_memory import Status, StepMemory
 
 INSIDE = 0.95
 """How near to its bounds an error is drawn."""
@@ -48,7 +48,7 @@ class Sample(eqx.Module):
     - `now`, `following`: what the joints should do now and one period later.
     """
 
-    memory: Held
+    memory: StepMemory
     t: Scalar
     state: State
     now: Reference

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from slidax.codegen.c import Dialect, Helpers, lasting, statements
-from slidax.codegen.form import Value
+from slidax.codegen.c import Dialect, Helpers, loop_invariant, statements
+from slidax.codegen.ir import Value
 from slidax.codegen.naming import Names
 from slidax.codegen.naming.names import suffix
 
@@ -148,7 +148,7 @@ def _workspace(function: Function, names: Names) -> list[tuple[Value, Member]]:
     parameters = {k for k, place in enumerate(function.inputs) if place.pointer == "parameters->"}
     found: list[tuple[Value, Member]] = []
     taken = {"from", "known"}
-    for value in lasting(function.program, parameters):
+    for value in loop_invariant(function.program, parameters):
         name = names.of(value)
         text = "derived" if name is None else name.text
         free = text

@@ -1,4 +1,4 @@
-"""The whole closed loop in the intermediate form: beginning, time loop, log."""
+"""The whole closed loop in the intermediate representation: beginning, time loop, log."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ import numpy as np
 
 from slidax._types import State
 from slidax.codegen.builder import Builder, Values
-from slidax.codegen.form import Program, Value
+from slidax.codegen.ir import Program, Value
 from slidax.codegen.no_native_code import in_one_line
 from slidax.codegen.trace import inline
 from slidax.codegen.trace.arrays import filled, of_numbers
 from slidax.codegen.trace.packed import packed, unpacked
-from slidax.codegen.trace.trace import kind, leaves
+from slidax.codegen.trace.trace import ir_type, leaves
 
 from .loop import Loop
 from .rollout import begin, sample
@@ -34,7 +34,7 @@ class NativeLoop:
     is the loop of one run, `fresh` and the carry to go on with. Its outputs are the log's arrays, row by row, and then
     those of `begun`, with the carry after the last sample.
 
-    - `program`: in the intermediate form.
+    - `program`: in the intermediate representation.
     - `consts`: arrays that it closes over.
     - `begun`: `(carry, envelope, reference)`, with shapes for arrays.
     - `log`: that of one sample, with shapes for arrays; None if nothing is logged.
@@ -95,13 +95,13 @@ def _program(start: _Traced, turn: _Traced, arrays: Any, logged: bool, batch: bo
     outside = _Outside(b)
     of_start, of_turn = outside.inputs(start.jaxpr.consts), outside.inputs(turn.jaxpr.consts)
     given = [
-        b.input(name, kind(leaf.dtype, name), leaf.shape, varying=batch and place >= shared)
+        b.input(name, ir_type(leaf.dtype, name), leaf.shape, varying=batch and place >= shared)
         for place, (name, leaf) in enumerate(leaves((jax.tree.map(_shape, arrays),), ("",)))
     ]
     steps = b.input("steps", "i64", ()).item()
     every = b.input("every", "i64", ()).item() if logged else None
     rows = [
-        (b.logged(name, kind(leaf.dtype, name), leaf.shape) if logged else 0)
+        (b.logged(name, ir_type(leaf.dtype, name), leaf.shape) if logged else 0)
         for name, leaf in leaves((turn.result[1],), ("log",))
     ]
     carried = len(jax.tree.leaves(start.result[0]))
@@ -131,7 +131,7 @@ def _program(start: _Traced, turn: _Traced, arrays: Any, logged: bool, batch: bo
     ended = b.loop([zero, zero, zero, *packed(begun[:carried])], unfinished, following, steps if batch else None)
     results = [*unpacked(ended[3:], shapes), *begun[carried:]]
     for (name, leaf), values in zip(leaves((start.result,), ("",)), results, strict=True):
-        b.output(name, kind(leaf.dtype, name), values)
+        b.output(name, ir_type(leaf.dtype, name), values)
     return NativeLoop(b.finish(), tuple(outside.arrays), start.result, turn.result[1] if logged else None)
 
 
@@ -141,8 +141,8 @@ def _begun(b: Builder, start: _Traced, afresh: Callable[[], list[Values]], carri
         return afresh()
     fresh = b.input("fresh", "b1", ()).item()
     found = leaves((start.result,), ("",))
-    inputs = [b.input(name, kind(leaf.dtype, name), leaf.shape) for name, leaf in found[:carried]]
-    nothing = [filled(b.constant(0, kind(leaf.dtype, name)), leaf.shape) for name, leaf in found[carried:]]
+    inputs = [b.input(name, ir_type(leaf.dtype, name), leaf.shape) for name, leaf in found[:carried]]
+    nothing = [filled(b.constant(0, ir_type(leaf.dtype, name)), leaf.shape) for name, leaf in found[carried:]]
     given = [*inputs, *nothing]
     values = b.branch(fresh, lambda: packed(afresh()), lambda: packed(given))
     return unpacked(values, [array.shape for array in given])
@@ -181,7 +181,7 @@ class _Outside:
                 continue
             if id(const) not in self._known:
                 name = f"const{len(self.arrays)}"
-                self._known[id(const)] = self.builder.input(name, kind(const.dtype, name), np.shape(const))
+                self._known[id(const)] = self.builder.input(name, ir_type(const.dtype, name), np.shape(const))
                 self.arrays.append(np.asarray(const))
             found.append(self._known[id(const)])
         return found

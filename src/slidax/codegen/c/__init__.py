@@ -2,6 +2,6 @@
 
 from .dialect import Dialect as Dialect
 from .helpers import Helpers as Helpers
-from .lasting import lasting as lasting
+from .loop_invariant import loop_invariant as loop_invariant
 from .statements import Statements as Statements
 from .statements import statements as statements

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from ..form import Branch, Loop, Region, Value
+from ..ir import Branch, Loop, Region, Value
 from .expressions import CHOICE, EITHER, UNARY, Written
 from .layout import Line
 from .placement import counts

@@ -8,7 +8,7 @@ from typing import Literal
 
 import numpy as np
 
-from ..form import FLOATS, Number, Type
+from ..ir import FLOATS, Number, Type
 
 Real = Literal["double", "float"]
 
@@ -33,21 +33,21 @@ class Dialect:
     def narrowed(self, type: Type) -> Type:
         """The type that a value really has.
 
-        - `type`: in the form.
+        - `type`: in the IR.
         """
         return "f32" if type == "f64" and self.real == "float" else type
 
     def type(self, type: Type) -> str:
         """The name of a type.
 
-        - `type`: in the form.
+        - `type`: in the IR.
         """
         return (_KERNEL_TYPES if self.kernel else _C_TYPES)[self.narrowed(type)]
 
     def size(self, type: Type) -> int:
         """Bytes that a value takes.
 
-        - `type`: in the form.
+        - `type`: in the IR.
         """
         return SIZES[self.narrowed(type)]
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ..form import FLOATS, Type
+from ..ir import FLOATS, Type
 from .dialect import Dialect
 from .helpers import BITS, Helpers
 
@@ -67,7 +67,7 @@ class Expressions:
         self.helpers = helpers
 
     def operation(self, op: str, type: Type, of: Type, args: list[Written], *, counts: bool = False) -> Written:
-        """An operation of the form.
+        """An operation of the IR.
 
         - `op`, `type`: its own.
         - `of`: the type of its last argument.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ..form import FLOATS, Type
+from ..ir import FLOATS, Type
 from .dialect import Dialect
 
 BITS: dict[Type, int] = {"i64": 64, "i32": 32, "u64": 64, "u32": 32}
@@ -38,7 +38,7 @@ class Helpers:
     def named(self, op: str, type: Type) -> str:
         """The name of the helper of an operation.
 
-        - `op`: of the form; `to_...` for a conversion from `type`, `bits_...` for the bits of a `type`.
+        - `op`: of the IR; `to_...` for a conversion from `type`, `bits_...` for the bits of a `type`.
         - `type`: of its arguments.
         """
         real = self.dialect.narrowed("f64")

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Collection, Iterable, Iterator
 
-from ..form import Branch, Loop, Program, Region, Value, regions, uses, walk
+from ..ir import Branch, Loop, Program, Region, Value, regions, uses, walk
 
 
 class Placement:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
-from ..form import Program, Value
+from ..ir import Program, Value
 from ..naming import Names
 from .blocks import BlockWriter
 from .dialect import Dialect

@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 
-from ..form import Branch, Loop, Region, Value
+from ..ir import Branch, Loop, Region, Value
 from ..naming import Names
 from .dialect import Dialect
 from .expressions import Expressions, Written, constant

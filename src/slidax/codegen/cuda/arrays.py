@@ -11,7 +11,7 @@ from slidax._errors import DefinitionError
 
 from ..c.dialect import Real
 from ..fold import DTYPES
-from ..form import FLOATS, Program, Type
+from ..ir import FLOATS, Program, Type
 
 Arrays = list[np.ndarray]
 

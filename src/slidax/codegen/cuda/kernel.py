@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from ..c import Dialect, statements
 from ..c.dialect import Real
-from ..form import Input, Output, Program
+from ..ir import Input, Output, Program
 from ..naming import identifier
 
 NAME = "run_all"

@@ -10,7 +10,7 @@ import numpy as np
 from slidax._errors import DefinitionError
 
 from ..c.dialect import Real
-from ..form import Program
+from ..ir import Program
 from .arrays import Arrays, collected, dtype_on_card, laid_out
 from .kernel import NAME, kernel
 

@@ -1,3 +1,3 @@
 """Elementary functions written out in exactly rounded operations, which give the same bits everywhere."""
 
-from .written_out import written_out as written_out
+from .lowering import lower as lower

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from slidax.codegen.builder import Builder
-from slidax.codegen.form import Number, Type, Value
+from slidax.codegen.ir import Number, Type, Value
 
 SIGN = 1 << 63
 """The bit of the sign."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from slidax.codegen.form import Value
+from slidax.codegen.ir import Value
 
 from .exponential import INTEGER, powers_of_two
 from .expression import SIGN, Expression, fma, polynomial, select

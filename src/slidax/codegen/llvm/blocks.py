@@ -9,12 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from slidax.codegen.form import ELEMENTARY, Branch, Loop, Program, Region, Value
+from slidax.codegen.ir import ELEMENTARY, Branch, Loop, Program, Region, Value
 
 from . import memory, rearranged
 from .operations import operation
-from .packing import Vector
 from .uniformity import varying
+from .vectorise import Vector
 from .words import literal, typed
 
 DEAR = frozenset({*ELEMENTARY, "load", "store", "loop", "branch", "div", "rem", "sqrt"})

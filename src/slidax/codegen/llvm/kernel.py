@@ -15,7 +15,7 @@ import numpy as np
 from slidax._errors import DefinitionError
 from slidax.codegen.digest import digest
 from slidax.codegen.fold import DTYPES
-from slidax.codegen.form import Program
+from slidax.codegen.ir import Program
 from slidax.codegen.no_native_code import in_one_line
 
 from .machine import host

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from slidax.codegen.form import Program, Type, Value
+from slidax.codegen.ir import Program, Type, Value
 
 from .words import BYTES, STORED, literal, suffix, typed
 

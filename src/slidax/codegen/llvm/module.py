@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from slidax._errors import DefinitionError
-from slidax.codegen.form import Program
+from slidax.codegen.ir import Program
 
 from .blocks import Blocks
 

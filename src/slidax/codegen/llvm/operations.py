@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from slidax._errors import DefinitionError
-from slidax.codegen.form import ELEMENTARY, FLOATS, Value
+from slidax.codegen.ir import ELEMENTARY, FLOATS, Value
 
 from .words import BYTES, literal, suffix, typed
 
@@ -132,7 +132,7 @@ def _integer(value: Value, words: Sequence[str], lanes: int, write: Write) -> No
             last = f"{name}r"
         write(f"{name} = select {mask} {name}z, {whole} {by_zero}, {whole} {last}")
     else:
-        raise DefinitionError(f"`{op}` of {value.type} numbers is no operation of the form")
+        raise DefinitionError(f"`{op}` of {value.type} numbers is no operation of the IR")
 
 
 def _shift(value: Value, words: Sequence[str], lanes: int, write: Write) -> None:

@@ -11,7 +11,7 @@ from __future__ import annotations
 import heapq
 from collections.abc import Mapping, Sequence
 
-from slidax.codegen.form import BLOCKS, Branch, Loop, Program, Region, Value, regions, uses, walk
+from slidax.codegen.ir import BLOCKS, Branch, Loop, Program, Region, Value, regions, uses, walk
 
 CYCLES = {
     **dict.fromkeys(("const", "input", "param", "result"), 0),

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from slidax.codegen.builder import Builder
-from slidax.codegen.elementary import written_out
-from slidax.codegen.form import ELEMENTARY, Program, Value
+from slidax.codegen.elementary import lower
 from slidax.codegen.fuse import fused
+from slidax.codegen.ir import ELEMENTARY, Program, Value
 from slidax.codegen.rebuild import rebuild
 
 from .order import put_in_order
-from .packing import pack
+from .vectorise import vectorise
 
 ASKED = frozenset(ELEMENTARY)
 
@@ -20,14 +20,14 @@ def prepared(program: Program, lanes: int = 1) -> Program:
     - `program`: stays as it is.
     - `lanes`: as many runs are computed side by side; for a single one vectors are made of what its joints do alike.
     """
-    ready = written_out_and_fused(program)
+    ready = lowered_and_fused(program)
     if lanes == 1:
-        pack(ready)
+        vectorise(ready)
     put_in_order(ready)
     return ready
 
 
-def written_out_and_fused(program: Program) -> Program:
+def lowered_and_fused(program: Program) -> Program:
     """The same program in operations that are all exactly rounded, but for functions that nobody wrote out.
 
     - `program`: stays as it is.
@@ -36,7 +36,7 @@ def written_out_and_fused(program: Program) -> Program:
 
     def replace(builder: Builder, value: Value, args: tuple[Value, ...]) -> Value | None:
         if value.op in ASKED:
-            return written_out(builder, value.op, args)
+            return lower(builder, value.op, args)
         return fuse(builder, value, args)
 
     return rebuild(program, replace)

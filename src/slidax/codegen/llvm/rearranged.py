@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from slidax.codegen.form import Type
+from slidax.codegen.ir import Type
 
 from .words import TYPES, typed
 

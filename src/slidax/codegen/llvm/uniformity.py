@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from slidax.codegen.form import Branch, Loop, Program, Region, Value
+from slidax.codegen.ir import Branch, Loop, Program, Region, Value
 
 
 def varying(program: Program) -> set[Value]:

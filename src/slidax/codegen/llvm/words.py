@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import struct
 
-from slidax.codegen.form import FLOATS, Number, Type
+from slidax.codegen.ir import FLOATS, Number, Type
 
 TYPES: dict[Type, str] = {
     "f64": "double",

@@ -6,7 +6,7 @@ import ast
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
-from ..form import Program, Value
+from ..ir import Program, Value
 from .comments import about
 from .identifiers import identifier
 from .sources import Named, Returned, function_called, operand, source

@@ -1,4 +1,4 @@
-"""From a pure JAX function to the intermediate form, by its jaxpr."""
+"""From a pure JAX function to the intermediate representation, by its jaxpr."""
 
 from .inline import inline as inline
 from .origin import Origin as Origin

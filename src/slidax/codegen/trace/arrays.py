@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from slidax.codegen.builder import Builder, Values
-from slidax.codegen.form import Type, Value
+from slidax.codegen.ir import Type, Value
 
 TYPES: dict[str, Type] = {
     "float64": "f64",
@@ -20,11 +20,11 @@ TYPES: dict[str, Type] = {
     "uint32": "u32",
     "bool": "b1",
 }
-"""The form's name of each dtype."""
+"""The IR's name of each dtype."""
 
 
 def type_of(dtype: Any) -> Type:
-    """The form's name of a dtype.
+    """The IR's name of a dtype.
 
     - `dtype`: NumPy's.
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from slidax.codegen.builder import Builder, Values
-from slidax.codegen.form import Value
+from slidax.codegen.ir import Value
 
 from .arrays import chosen, filled, of_list, type_of
 from .packed import packed, unpacked
@@ -48,7 +48,7 @@ def scan(b: Builder, equation: Any, arrays: list[Values], inline: Inline) -> lis
     avals = [var.aval for var in equation.outvars[kept:]]
     stacked = sum(int(np.prod(aval.shape, dtype=int)) for aval in avals)
     if length <= 1 or stacked > FEW:
-        return _written_out(params["jaxpr"], shares, carry, rows, (length, reverse), [a.shape for a in avals], inline)
+        return _unrolled(params["jaxpr"], shares, carry, rows, (length, reverse), [a.shape for a in avals], inline)
 
     def turn(index: Value, carried: list[Values]) -> list[Values]:
         # How far from the start this turn's rows are.
@@ -79,7 +79,7 @@ def _consts_and_carry(params: dict[str, Any]) -> tuple[int, int]:
     return params["num_consts"], params["num_carry"]
 
 
-def _written_out(
+def _unrolled(
     jaxpr: Any,
     shares: list[Values],
     carry: list[Values],

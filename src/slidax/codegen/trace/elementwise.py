@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 from slidax.codegen.builder import Builder, Values
-from slidax.codegen.form import FLOATS, Type, Value
+from slidax.codegen.ir import FLOATS, Type, Value
 
 from .arrays import each, type_of
 
@@ -57,14 +57,14 @@ SAME = {
     "gt": "gt",
     "ge": "ge",
 }
-"""Primitives that are operations of the form, by their names."""
+"""Primitives that are operations of the IR, by their names."""
 
 Rule = Callable[[Builder, Any, list[Values]], Values]
 """From a builder, an equation and the arrays it takes to the array that it gives."""
 
 
 def same(builder: Builder, equation: Any, arrays: list[Values]) -> Values:
-    """A primitive that is an operation of the form."""
+    """A primitive that is an operation of the IR."""
     op = SAME[equation.primitive.name]
     apply = builder.apply
     if arrays[0].size and arrays[0].flat[0].type == "b1" and op in ("lt", "le", "gt", "ge", "max", "min", "mul", "add"):

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from slidax.codegen.builder import Builder, Values
-from slidax.codegen.form import FLOATS, Value
+from slidax.codegen.ir import FLOATS, Value
 
 from .arrays import chosen, each, of_list
 

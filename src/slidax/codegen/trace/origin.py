@@ -14,7 +14,7 @@ HERE = os.path.dirname(__file__)
 LIBRARIES = tuple(f"{os.sep}{name}{os.sep}" for name in ("jax", "equinox", "jaxtyping", "beartype"))
 
 
-class Frame(NamedTuple):
+class SourceFrame(NamedTuple):
     """A place in a file: an expression.
 
     - `file`, `line`: where it begins.
@@ -54,18 +54,18 @@ class Origin:
         return size
 
     @property
-    def frames(self) -> list[Frame]:
+    def frames(self) -> list[SourceFrame]:
         """The places in the source, the innermost first, without those in JAX and its kin."""
         return frames_of(self.equation)
 
 
-def frames_of(equation: Any) -> list[Frame]:
+def frames_of(equation: Any) -> list[SourceFrame]:
     """The places in the source of an equation of a jaxpr, the innermost first.
 
     - `equation`: with its source information.
     """
     traceback = equation.source_info.traceback
-    frames: list[Frame] = []
+    frames: list[SourceFrame] = []
     for code, instruction in zip(*traceback.raw_frames(), strict=True) if traceback is not None else ():
         if code.co_filename.startswith(HERE):
             # What called the tracing is no part of what was traced.
@@ -76,10 +76,10 @@ def frames_of(equation: Any) -> list[Frame]:
 
 
 @functools.lru_cache(10_000)
-def _place(code: CodeType, instruction: int) -> Frame:
+def _place(code: CodeType, instruction: int) -> SourceFrame:
     positions = next(itertools.islice(code.co_positions(), instruction // 2, None))
     line, end_line, column, end_column = (number or 0 for number in positions)
-    return Frame(code.co_filename, line, code.co_qualname, column, end_line, end_column)
+    return SourceFrame(code.co_filename, line, code.co_qualname, column, end_line, end_column)
 
 
 @functools.cache

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from slidax.codegen.builder import Values
-from slidax.codegen.form import Value
+from slidax.codegen.ir import Value
 
 from .arrays import of_list
 

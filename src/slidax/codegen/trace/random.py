@@ -10,7 +10,7 @@ import numpy as np
 
 from slidax.codegen.builder import Builder, Values
 from slidax.codegen.fold import DTYPES
-from slidax.codegen.form import Value
+from slidax.codegen.ir import Value
 
 from .arrays import each, of_list, of_numbers
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from slidax.codegen.builder import Builder, Values
-from slidax.codegen.form import FLOATS, Number, Type, Value
+from slidax.codegen.ir import FLOATS, Number, Type, Value
 
 from .arrays import fold, of_list, type_of
 

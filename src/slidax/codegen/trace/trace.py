@@ -9,7 +9,7 @@ import jax
 import numpy as np
 
 from slidax.codegen.builder import Builder
-from slidax.codegen.form import Program
+from slidax.codegen.ir import Program
 from slidax.codegen.no_native_code import NoNativeCodeError, in_one_line
 
 from .arrays import type_of
@@ -33,13 +33,13 @@ def trace(function: Callable[..., Any], *args: Any, names: Sequence[str] | None 
     closed, result = jax.make_jaxpr(function, return_shape=True)(*shapes)
     with in_one_line(lambda: "the function"):
         inputs = [
-            builder.input(name, kind(leaf.dtype, name), leaf.shape)
+            builder.input(name, ir_type(leaf.dtype, name), leaf.shape)
             for name, leaf in leaves(shapes, names or _numbered(args))
         ]
         results = inline(builder, closed, inputs, named=named)
         outputs = [name for name, _ in leaves((result,), ("",))]
         for name, values, aval in zip(outputs, results, closed.out_avals, strict=True):
-            builder.output(name, kind(aval.dtype, name), values)
+            builder.output(name, ir_type(aval.dtype, name), values)
         return builder.finish()
 
 
@@ -56,8 +56,8 @@ def leaves(trees: Sequence[Any], names: Sequence[str]) -> list[tuple[str, Any]]:
     return found
 
 
-def kind(dtype: Any, name: str) -> Any:
-    """The form's type of a dtype.
+def ir_type(dtype: Any, name: str) -> Any:
+    """The IR's type of a dtype.
 
     - `dtype`: NumPy's.
     - `name`: of the array, for the error.

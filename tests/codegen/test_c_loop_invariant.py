@@ -5,14 +5,14 @@ import numpy as np
 from jax import lax
 
 from slidax.codegen.builder import Builder
-from slidax.codegen.c import lasting, statements
+from slidax.codegen.c import loop_invariant, statements
 from slidax.codegen.trace import trace
 
 
 def split(function, *args):
     """The statements for what lasts of the first argument alone, and those of the rest."""
     program = trace(function, *args)
-    kept = lasting(program, {0})
+    kept = loop_invariant(program, {0})
     given = {value: f"workspace->kept{k}" for k, value in enumerate(kept)}
     read = lambda k, e: f"{'pxyz'[k]}[{e}]"  # noqa: E731
     outputs = [(f"out[{k}]", value) for k, value in enumerate(v for o in program.outputs for v in o.values)]
@@ -71,4 +71,4 @@ def test_an_index_that_a_branch_guards_is_not_read_elsewhere():
     result = b.branch(in_range, read, lambda: [x])
     b.output("y", "f64", np.array(result, object))
     assert table.size == 3
-    assert lasting(b.program, {0, 1}) == []
+    assert loop_invariant(b.program, {0, 1}) == []

@@ -1,4 +1,4 @@
-"""The intermediate form: scalar operations in static single assignment, with loops and branches as blocks of them.
+"""The intermediate representation (IR): scalar operations in static single assignment, loops and branches as blocks.
 
 A program is a tree of regions. Each region is a list of values in an order in which they can be computed; a value's
 arguments stand earlier in its own region or in one around it. All operations are pure, except `store`.

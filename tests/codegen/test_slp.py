@@ -6,11 +6,11 @@ import pytest
 from slidax.codegen import llvm
 from slidax.codegen.builder import Builder
 from slidax.codegen.llvm import cache
+from slidax.codegen.llvm.cost_model import keep_profitable
 from slidax.codegen.llvm.order import put_in_order
-from slidax.codegen.llvm.packing import Vector, pack
-from slidax.codegen.llvm.packs import Packs
-from slidax.codegen.llvm.prepare import written_out_and_fused
-from slidax.codegen.llvm.worth import keep_what_pays
+from slidax.codegen.llvm.prepare import lowered_and_fused
+from slidax.codegen.llvm.slp import Bundles
+from slidax.codegen.llvm.vectorise import Vector, vectorise
 
 from .interpreter import interpreted
 
@@ -111,7 +111,7 @@ def test_joints_computed_side_by_side_keep_every_bit(seed):
     program = made.finish()
     numbers = np.random.default_rng(seed).normal(size=(3, made.joints))
     arrays = [*numbers, np.array(1.5)]
-    expected = interpreted(written_out_and_fused(program), *(array[None] for array in arrays))
+    expected = interpreted(lowered_and_fused(program), *(array[None] for array in arrays))
     done = llvm.compile(program)(arrays)
     assert [array.tobytes() for array in done] == [array[0].tobytes() for array in expected]
 
@@ -126,7 +126,7 @@ def arm(joints, law):
     q, dq = b.input("q", "f64", (joints,)), b.input("dq", "f64", (joints,))
     b.output("tau", "f64", np.array(law(b, q, dq, b.input("gain", "f64", ()).item()), object))
     program = b.finish()
-    pack(program)
+    vectorise(program)
     put_in_order(program)
     return program
 
@@ -208,10 +208,10 @@ def test_a_vector_that_is_only_taken_apart_again_is_not_made():
     squares = [b.apply("mul", element, element) for element in x]
     b.output("norm", "f64", np.array(b.apply("add", *squares), object))
     b.output("first", "f64", np.array(b.apply("sub", *squares), object))
-    packs = Packs(b.finish())
-    assert tuple(squares) in packs.made
-    keep_what_pays(packs)
-    assert tuple(squares) not in packs.made
+    bundles = Bundles(b.finish())
+    assert tuple(squares) in bundles.made
+    keep_profitable(bundles)
+    assert tuple(squares) not in bundles.made
 
 
 def test_what_a_loop_carries_side_by_side_stays_in_one_vector():

@@ -11,7 +11,7 @@ from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import product
 
-from slidax.codegen.form import BLOCKS, Branch, Loop, Program, Region, Value, regions
+from slidax.codegen.ir import BLOCKS, Branch, Loop, Program, Region, Value, regions
 
 from .order import awaited, waiting
 
@@ -32,7 +32,7 @@ WIDEST = 8
 """Longest vector that is looked for."""
 
 
-class Packs:
+class Bundles:
     """Which values lie side by side.
 
     - `program`: is searched, and stays as it is.
@@ -52,9 +52,9 @@ class Packs:
         self._make_possible(program.body)
 
     def dissolve(self, members: Members) -> None:
-        """Takes a pack apart.
+        """Takes a bundle apart.
 
-        - `members`: of the pack.
+        - `members`: of the bundle.
         """
         self.made.pop(members, None)
         for value in members:
@@ -197,13 +197,13 @@ class Packs:
     # ---- what can be ------------------------------------------------------------------------------------------------
 
     def _make_possible(self, region: Region) -> None:
-        """Computes all in thought, and takes a pack apart where none of the rest can be computed as a whole."""
+        """Computes all in thought, and takes a bundle apart where none of the rest can be computed as a whole."""
         users = waiting(region.values)
         missing = awaited(users)
-        packs = [members for members in self.made if members[0] in missing]
-        unfit = {members: sum(missing[value] > 0 for value in members) for members in packs}
+        bundles = [members for members in self.made if members[0] in missing]
+        unfit = {members: sum(missing[value] > 0 for value in members) for members in bundles}
         ready = [value for value in missing if not self.is_made(value) and not missing[value]]
-        ready += [value for members in packs if not unfit[members] for value in members]
+        ready += [value for members in bundles if not unfit[members] for value in members]
         while True:
             # The list grows while it is gone through.
             for value in ready:
@@ -218,7 +218,7 @@ class Packs:
                     unfit[members] -= 1
                     if not unfit[members]:
                         ready += members
-            stuck = next((those for those in packs if 0 < unfit[those] < len(those) and those in self.made), None)
+            stuck = next((those for those in bundles if 0 < unfit[those] < len(those) and those in self.made), None)
             if stuck is None:
                 break
             self.dissolve(stuck)

@@ -4,61 +4,61 @@ from __future__ import annotations
 
 from collections import defaultdict
 
-from slidax.codegen.form import Loop, Value, uses
+from slidax.codegen.ir import Loop, Value, uses
 
-from .packs import Members, Packs
+from .slp import Bundles, Members
 
 SAVED = {"div": 4.0, "sqrt": 4.0}
 """Instructions' worth of an operation; 1 for all others."""
 
 
-def keep_what_pays(packs: Packs) -> None:
+def keep_profitable(bundles: Bundles) -> None:
     """Takes apart what costs more than it saves.
 
-    - `packs`: changed in place.
+    - `bundles`: changed in place.
     """
-    worth = _Worth(packs)
+    costs = _CostModel(bundles)
     while True:
-        losing = [members for members in packs.slots if members in packs.made and worth.lost(members) < 0.0]
+        losing = [members for members in bundles.slots if members in bundles.made and costs.lost(members) < 0.0]
         if not losing:
             return
         for members in losing:
-            if worth.lost(members) < 0.0:
-                worth.dissolve(members)
+            if costs.lost(members) < 0.0:
+                costs.dissolve(members)
 
 
-class _Worth:
+class _CostModel:
     """Who takes what.
 
-    - `packs`: what is computed side by side at the moment.
+    - `bundles`: what is computed side by side at the moment.
     """
 
-    def __init__(self, packs: Packs) -> None:
-        self.packs = packs
+    def __init__(self, bundles: Bundles) -> None:
+        self.bundles = bundles
         self.alone: defaultdict[Value, int] = defaultdict(int)  # by number, how many take it alone
         self.takers: defaultdict[Members, set[Members]] = defaultdict(set)  # by vector, the vectors that take it
-        self.slots: dict[Members, list[Members]] = dict(packs.slots)
-        for value in packs.program.walk():
+        self.slots: dict[Members, list[Members]] = dict(bundles.slots)
+        for value in bundles.program.walk():
             if isinstance(value, Loop):
                 self._loop(value)
-            elif not packs.is_made(value):
+            elif not bundles.is_made(value):
                 for arg in uses(value):
                     self.alone[arg] += 1
-        for output in packs.program.outputs:
+        for output in bundles.program.outputs:
             for value in output.values or ():
                 self.alone[value] += 1
-        for members in packs.made:
+        for members in bundles.made:
             for slot in self.slots.get(members, ()):
                 self.takers[slot].add(members)
 
     def _loop(self, loop: Loop) -> None:
         self.alone[loop.condition] += 1
         for k, param in enumerate(loop.params):
-            if not self.packs.is_made(param):
+            if not self.bundles.is_made(param):
                 self.alone[loop.args[k]] += 1
                 self.alone[loop.following[k]] += 1
                 continue
-            members, place = self.packs.place[param]
+            members, place = self.bundles.place[param]
             if place == 0:
                 self.slots[members] = [loop.args[k : k + len(members)], loop.following[k : k + len(members)]]
 
@@ -70,12 +70,12 @@ class _Worth:
         lost = (len(members) - 1) * SAVED.get(members[0].op, 1.0)
         for value in members:
             if self._is_picked(value):
-                lost -= _pick(self.packs, value)
+                lost -= _pick(self.bundles, value)
         if self.takers[members]:
             lost += len(members) - 1
         for slot in set(self.slots[members]):
-            if slot in self.packs.made:
-                lost += sum(_pick(self.packs, value) for value in slot if not self._is_picked(value))
+            if slot in self.bundles.made:
+                lost += sum(_pick(self.bundles, value) for value in slot if not self._is_picked(value))
             elif len(self.takers[slot]) == 1:
                 lost -= self._gather(slot)
         return lost
@@ -85,7 +85,7 @@ class _Worth:
 
         - `members`: of the vector.
         """
-        self.packs.dissolve(members)
+        self.bundles.dissolve(members)
         for slot in set(self.slots[members]):
             self.takers[slot].discard(members)
         for value in members:
@@ -99,12 +99,12 @@ class _Worth:
         """What it costs to put a vector together: an instruction for each further piece, half of one to cut it out."""
         if len(set(slot)) == 1:
             return 0.0 if slot[0].op == "const" else 1.0
-        pieces = {self.packs.place[value][0] if self.packs.is_made(value) else (value,) for value in slot}
+        pieces = {self.bundles.place[value][0] if self.bundles.is_made(value) else (value,) for value in slot}
         return max(len(pieces) - 1.0, 0.0) + sum(0.5 for piece in pieces if len(piece) > 1)
 
 
-def _pick(packs: Packs, value: Value) -> float:
+def _pick(bundles: Bundles, value: Value) -> float:
     """What it costs to take a number out: the first one is in place, and inputs are in memory."""
     if value.op == "input":
         return 0.0
-    return 1.0 if packs.place[value][1] else 0.5
+    return 1.0 if bundles.place[value][1] else 0.5

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator
 
-from ..form import ELEMENTARY, Branch, Loop, Program, Region, Value, regions, uses, walk
+from ..ir import ELEMENTARY, Branch, Loop, Program, Region, Value, regions, uses, walk
 
 DEAR = frozenset(ELEMENTARY) | {"div", "rem", "sqrt"}
 WORTH = 4
 """Additions that are worth a place in memory; what is `DEAR` always is."""
 
 
-def lasting(program: Program, inputs: Collection[int]) -> list[Value]:
+def loop_invariant(program: Program, inputs: Collection[int]) -> list[Value]:
     """Values that depend on nothing but constants and some inputs, and are worth keeping from one call to the next.
 
     They can be computed apart, by `statements` of the same program, wherever in branches they stand: what is computed
@@ -20,10 +20,10 @@ def lasting(program: Program, inputs: Collection[int]) -> list[Value]:
     - `program`: the program.
     - `inputs`: the numbers of the inputs that seldom change.
     """
-    return _Lasting(program, inputs).kept()
+    return _LoopInvariant(program, inputs).kept()
 
 
-class _Lasting:
+class _LoopInvariant:
     def __init__(self, program: Program, inputs: Collection[int]) -> None:
         self.program = program
         self.inputs = inputs

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from slidax.codegen.builder import Builder
-from slidax.codegen.form import Value
+from slidax.codegen.ir import Value
 
 from .cube_root import cbrt
 from .error_function import erf, erf_inv
@@ -17,7 +17,7 @@ from .logarithm import log, log1p
 from .power import power
 from .trigonometric import cos, sin, tan
 
-_WRITTEN_OUT: dict[str, Callable[..., Expression]] = {
+_LOWERED: dict[str, Callable[..., Expression]] = {
     "exp": exp,
     "expm1": expm1,
     "log": log,
@@ -39,14 +39,14 @@ _WRITTEN_OUT: dict[str, Callable[..., Expression]] = {
 }
 
 
-def written_out(builder: Builder, op: str, args: tuple[Value, ...]) -> Value | None:
+def lower(builder: Builder, op: str, args: tuple[Value, ...]) -> Value | None:
     """The value that replaces `builder.apply(op, *args)`; None for what is not an elementary function.
 
     - `builder`: makes it.
     - `op`: the function.
     - `args`: f64; or f32, which are computed as f64.
     """
-    function = _WRITTEN_OUT.get(op)
+    function = _LOWERED.get(op)
     if function is None:
         return None
     arguments = [Expression(builder, arg).cast("convert", "f64") for arg in args]

@@ -25,7 +25,7 @@ class SensorRange(eqx.Module):
     dq: PerJoint = eqx.field(converter=as_array, default=1e6)
 
 
-class Held(eqx.Module):
+class StepMemory(eqx.Module):
     """What the step keeps between two samples.
 
     - `started`: whether a good measurement has come since the reset.

@@ -5,16 +5,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 from itertools import count
 
-from slidax.codegen.form import Branch, Loop, Program, Region, Type, Value, regions
+from slidax.codegen.ir import Branch, Loop, Program, Region, Type, Value, regions
 
-from .packs import Members, Packs
-from .worth import keep_what_pays
+from .cost_model import keep_profitable
+from .slp import Bundles, Members
 
 
 class Vector(Value):
     """Numbers computed by one instruction.
 
-    Beside the form's operations, its `op` is `gather`, of as many numbers as there are lanes, or `spread`, of one. A
+    Beside the IR's operations, its `op` is `gather`, of as many numbers as there are lanes, or `spread`, of one. A
     number is taken from it by a `pick`, with its place as `data`.
 
     - `lanes`: how many.
@@ -29,26 +29,26 @@ class Vector(Value):
         self.lanes = lanes
 
 
-def pack(program: Program) -> None:
+def vectorise(program: Program) -> None:
     """Puts a vector into the place of all numbers of one run that can be computed side by side, where that pays.
 
     - `program`: changed in place. Its values are in no order then: `put_in_order` has to follow.
     """
-    packs = Packs(program)
-    keep_what_pays(packs)
-    _Packing(program, packs).run()
+    bundles = Bundles(program)
+    keep_profitable(bundles)
+    _Vectoriser(program, bundles).run()
 
 
-class _Packing:
+class _Vectoriser:
     """The vectors made so far.
 
     - `program`: is changed.
-    - `packs`: what lies side by side in it.
+    - `bundles`: what lies side by side in it.
     """
 
-    def __init__(self, program: Program, packs: Packs) -> None:
+    def __init__(self, program: Program, bundles: Bundles) -> None:
         self.program = program
-        self.packs = packs
+        self.bundles = bundles
         self.numbers = count(1 + max((value.number for value in _all(program.body)), default=0))
         self.vectors: dict[Members, Vector] = {}
         self.left: dict[Members, Vector] = {}  # by what a loop carries, the same after it
@@ -56,11 +56,11 @@ class _Packing:
         self.added: list[Value] = []
 
     def run(self) -> None:
-        for members in self.packs.made:
+        for members in self.bundles.made:
             first = members[0]
             self.vectors[members] = self._vector(first.op, first, (), first.data, len(members))
-        for members, slots in self.packs.slots.items():
-            if members in self.packs.made:
+        for members, slots in self.bundles.slots.items():
+            if members in self.bundles.made:
                 self.vectors[members].args = tuple(self._argument(slot) for slot in slots)
         self._region(self.program.body)
         for output in self.program.outputs:
@@ -76,10 +76,10 @@ class _Packing:
 
     def _scalar(self, value: Value) -> Value:
         """A number that stands alone, or is taken from its vector."""
-        if not self.packs.is_made(value):
+        if not self.bundles.is_made(value):
             return value
         if value not in self.picks:
-            members, k = self.packs.place[value]
+            members, k = self.bundles.place[value]
             vector = self.vectors[members]
             # What lies in memory can be read once more.
             picked = value
@@ -111,8 +111,8 @@ class _Packing:
         some: list[Value] = []
         k = 0
         while k < len(values):
-            place = self.packs.place.get(values[k])
-            if place is not None and place[0] in self.packs.made:
+            place = self.bundles.place.get(values[k])
+            if place is not None and place[0] in self.bundles.made:
                 some.append(self.vectors[place[0]])
                 k += len(place[0])
             else:
@@ -125,8 +125,8 @@ class _Packing:
     def _region(self, region: Region) -> None:
         kept: list[Value] = []
         for value in region.values:
-            if self.packs.is_made(value):
-                members, k = self.packs.place[value]
+            if self.bundles.is_made(value):
+                members, k = self.bundles.place[value]
                 if k == 0:
                     kept.append(self.vectors[members])
                 continue
@@ -170,10 +170,10 @@ class _Packing:
                 self._result(loop, value, before[value.data], places)
 
     def _result(self, loop: Loop, value: Value, param: Value, places: dict[int, int]) -> None:
-        if not self.packs.is_made(param):
+        if not self.bundles.is_made(param):
             value.data = places[value.data]
             return
-        members, k = self.packs.place[param]
+        members, k = self.bundles.place[param]
         vector = self.left.get(members)
         if vector is None:
             vector = self._vector("result", value, (loop,), places[value.data - k], len(members))
