@@ -8,13 +8,12 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.patches import Patch
 from sampled_data_figures.loops import save, small, steady_error, steady_step, table, write_table
 
 from slidax import scenarios
 from slidax.figures.axes import use_time_axis
 from slidax.figures.overlay import crest
-from slidax.figures.style import BAND, BOUND, LINES, WIDTH, legend_above, styled
+from slidax.figures.style import BAND, BOUND, LINES, NARROW, WIDTH, envelope_patch, legend_above, styled
 from slidax.figures.thinning import every_nth
 from slidax.simulation import Run
 
@@ -112,7 +111,7 @@ def draw(shown: list[Line]) -> Figure:
         time = every_nth(t, 40)
         axes.fill_between(time, 1e-6, every_nth(narrowest, 40), **BAND)
         axes.plot(time, every_nth(narrowest, 40), **BOUND)
-        axes.plot(time, every_nth(widest, 40), **{**BOUND, "linewidth": 0.6, "linestyle": (0, (4, 2))})
+        axes.plot(time, every_nth(widest, 40), **NARROW)
         errors, times = np.abs(np.asarray(run.log.e)), np.asarray(run.log.t)
         columns = max(2, round(COLUMNS * float(times[-1]) / float(t[-1])))
         for joint in range(errors.shape[1]):
@@ -137,7 +136,8 @@ def draw(shown: list[Line]) -> Figure:
         figure,
         [
             Line2D([], [], color=LINES[0]["color"], linewidth=0.8, label="error, seven joints"),
-            Patch(facecolor=BAND["facecolor"], edgecolor=BOUND["color"], linewidth=0.8, label="envelope"),
+            envelope_patch("envelope, its narrowest side"),
+            Line2D([], [], **NARROW, label="its widest side"),
             Line2D([], [], color="#C00000", marker="o", linestyle="none", markersize=4, label="first sample outside"),
         ],
     )

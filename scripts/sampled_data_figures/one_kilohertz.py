@@ -6,13 +6,12 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.patches import Patch
 from matplotlib.ticker import NullLocator
 
 from slidax import scenarios
 from slidax.figures.axes import use_size_axis, use_time_axis
 from slidax.figures.overlay import crest
-from slidax.figures.style import BAND, BOUND, LINES, WIDTH, legend_above, styled
+from slidax.figures.style import BAND, BOUND, LINES, NARROW, WIDTH, envelope_patch, legend_above, styled
 from slidax.figures.thinning import every_nth, thinned
 from slidax.simulation import Run
 
@@ -36,7 +35,7 @@ def _draw_size(axes: Axes, run: Run, whole: Run, joint: int) -> None:
     time = every_nth(t, 60)
     axes.fill_between(time, axes.get_ylim()[0], wide, **BAND)
     axes.plot(time, wide, **BOUND)
-    axes.plot(time, narrow, **{**BOUND, "linewidth": 0.6, "linestyle": (0, (4, 2))})
+    axes.plot(time, narrow, **NARROW)
     axes.plot(*_crest(run, joint), **{**LINES[0], "linewidth": 1.0})
 
 
@@ -83,7 +82,8 @@ def draw(printed: Run, sampled: Run) -> Figure:
         figure,
         [
             Line2D([], [], **LINES[0], label="error"),
-            Patch(facecolor=BAND["facecolor"], edgecolor=BOUND["color"], linewidth=0.8, label="envelope"),
+            envelope_patch(),
+            Line2D([], [], **NARROW, label="its narrower side"),
             Line2D([], [], **{**LINES[0], "linestyle": "-"}, label="torque of joint 1"),
             Line2D([], [], **{**LINES[1], "linestyle": "-"}, label="of joint 2"),
         ],
