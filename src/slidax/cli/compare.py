@@ -59,10 +59,12 @@ def _switched(scenario: str, schemes: str, changes: dict[str, Any]) -> dict[str,
     """The scenario with each of the schemes; an error in one says in which."""
     from slidax._errors import DefinitionError
     from slidax.scenarios import catalogue, load
+    from slidax.scenarios.schemes import PRESETS
 
     if "scheme.name" in changes:
         raise DefinitionError("`--set scheme.name` is not for comparing; name the schemes with `--schemes`")
-    names = [name.strip() for name in schemes.split(",") if name.strip()] if schemes else list(catalogue()["schemes"])
+    every = [name for name, preset in PRESETS.items() if preset.complete]
+    names = [name.strip() for name in schemes.split(",") if name.strip()] if schemes else every
     if not names:
         raise DefinitionError("`--schemes` names none; give some, such as `--schemes cftsmppc,ftsmc`")
     found = {}

@@ -107,6 +107,11 @@ class Preset:
             placed[owners[0]] = {**part, name: value}
         return placed
 
+    @property
+    def complete(self) -> bool:
+        """Whether it gives every part of its law, so that only numbers of the task and the arm are missing."""
+        return all(one.name in self.given for one in self._own() if one.required)
+
     def owners(self, name: str) -> list[str]:
         """The parts of the preset that have a parameter.
 

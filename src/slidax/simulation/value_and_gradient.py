@@ -70,11 +70,11 @@ def value_and_gradient(
             say_xla_instead(f"there is {error.message}")
 
     def by_xla(at: Any, directions: Any) -> tuple[Scalar, Any]:
-        many = jax.vmap(lambda v: jax.jvp(lambda x: metric(task.simulated(x)), (at,), (v,)), out_axes=(None, 0))
+        many: Any = jax.vmap(lambda v: jax.jvp(lambda x: metric(task.simulated(x)), (at,), (v,)), out_axes=(None, 0))
         pair: tuple[Scalar, Any] = many(directions)
         return pair
 
-    value, slopes = jax.jit(by_xla)(at, directions)  # type: ignore[no-untyped-call]
+    value, slopes = jax.jit(by_xla)(at, directions)
     return value, rebuilt(slopes)
 
 
