@@ -32,7 +32,7 @@ class Actuator(AbstractPart):
     """
 
     limits: TorqueLimits = piece("of the command", default_factory=TorqueLimits)
-    time_constant: PerJoint = parameter("T", "s", ">= 0", "(0 for no lag)", default=0.0)
+    time_constant: PerJoint = parameter("T, of a lag of first order", "s", ">= 0", "(0 for no lag)", default=0.0)
     dead_time: float = parameter(
         "whole or not; known when compiled, since it sets how many commands are kept",
         "sampling periods",

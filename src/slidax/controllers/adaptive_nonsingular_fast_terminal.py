@@ -34,11 +34,30 @@ class AdaptiveNonsingularFastTerminal(AbstractModelBased):
     k1: PerJoint = parameter("diagonal of the gain of e's power", "", "> 0", "([10])", default=1.0, source="Table 2")
     k2: PerJoint = parameter("diagonal of the gain of ė's power", "", "> 0", "([10])", default=1.0, source="Table 2")
     alpha: PerJoint = parameter(
-        "α", "", "> beta", "([10]; the .2 of Table 2 is singular at e = 0)", default=2.0, source="a follow-up of [10]"
+        "α, exponent of the error",
+        "",
+        "> beta",
+        "([10]; the .2 of Table 2 is singular at e = 0)",
+        default=2.0,
+        source="a follow-up of [10]",
     )
-    beta: PerJoint = parameter("β", "", "(1, 2)", "so that τ is finite ([10])", default=5.0 / 3.0, source="Table 2")
-    gain: PerJoint = parameter("diagonal of k", "1/s²", "> 0", "(k, [10])", default=250.0, source="Table 2")
-    margin: Scalar = parameter("η", "rad/s² or m/s²", "> 0", "(η, [10])", default=0.5, source="Table 2")
+    beta: PerJoint = parameter(
+        "β, exponent of the velocity error",
+        "",
+        "(1, 2)",
+        "so that τ is finite ([10])",
+        default=5.0 / 3.0,
+        source="Table 2",
+    )
+    gain: PerJoint = parameter("diagonal of k, gain of s", "1/s²", "> 0", "(k, [10])", default=250.0, source="Table 2")
+    margin: Scalar = parameter(
+        "η, what the robust acceleration is larger by",
+        "rad/s² or m/s²",
+        "> 0",
+        "(η, [10])",
+        default=0.5,
+        source="Table 2",
+    )
     adaptation: Float[Array, "3"] = parameter(
         "λ0, λ1, λ2: how fast b̂0, b̂1, b̂2 are learnt",
         "",

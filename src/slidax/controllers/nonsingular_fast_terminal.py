@@ -29,9 +29,18 @@ class NonsingularFastTerminal(AbstractModelBased):
     gamma2: PerJoint = parameter(
         "diagonal of Γ2", "", "(1, 2)", "so that τ is finite ([7])", default=5.0 / 3.0, source="Table 2"
     )
-    reach: Scalar = parameter("M1", "rad/s² or m/s²", "> 0", "(M1, [7])", default=2.0, source="Table 2")
-    gain: PerJoint = parameter("diagonal of M2", "1/s²", "> 0", "(M2, [7])", default=2.0, source="Table 2")
-    layer: Scalar = parameter("s0", "rad or m", ">= 0", "(s0; 0 gives the unit vector)", default=0.0)
+    reach: Scalar = parameter(
+        "M1, what the robust acceleration is larger by",
+        "rad/s² or m/s²",
+        "> 0",
+        "(M1, [7])",
+        default=2.0,
+        source="Table 2",
+    )
+    gain: PerJoint = parameter("diagonal of M2, gain of s", "1/s²", "> 0", "(M2, [7])", default=2.0, source="Table 2")
+    layer: Scalar = parameter(
+        "s0, width of the boundary layer", "rad or m", ">= 0", "(s0; 0 gives the unit vector)", default=0.0
+    )
 
     def __call__(
         self, t: Scalar, state: State, reference_now: Reference, reference_next: Reference, memory: Memory

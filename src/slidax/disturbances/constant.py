@@ -10,7 +10,7 @@ from .disturbance import AbstractDisturbance
 class Constant(AbstractDisturbance):
     """`τ_d = c`."""
 
-    value: Vector = parameter("c", "N m or N")
+    value: Vector = parameter("c, the force", "N m or N")
 
     def __call__(self, t: Scalar, state: State) -> Vector:
         """`c`, [n], N m or N.

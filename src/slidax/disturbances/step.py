@@ -12,7 +12,7 @@ from .disturbance import AbstractDisturbance
 class Step(AbstractDisturbance):
     """`τ_d = c` for `start <= t < end`, else 0."""
 
-    value: Vector = parameter("c", "N m or N")
+    value: Vector = parameter("c, the force", "N m or N")
     start: Scalar = parameter("when it sets in", "s")
     end: Scalar = parameter("when it ends; infinite if it stays", "s", "(start, inf]", default=float("inf"))
 

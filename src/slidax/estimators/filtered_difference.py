@@ -21,7 +21,7 @@ class FilteredDifference(AbstractEstimator):
     for all `c h` and `0 < g <= 1`.
     """
 
-    cutoff: PerJoint = parameter("c", "rad/s", "> 0")
+    cutoff: PerJoint = parameter("c, of the filter on the velocity", "rad/s", "> 0")
     gain: PerJoint = parameter(
         "g, of the push; 0 leaves it as it is", "", "[0, 1]", default=0.25, source="critical damping"
     )

@@ -12,7 +12,7 @@ from .performance import AbstractPerformance
 class Exponential(AbstractPerformance):
     """`ρ(t) = (ρ0 - ρ∞) exp(-l t) + ρ∞`. Source: Bechlioulis and Rovithakis, 2008, the paper's [28]."""
 
-    rate: PerJoint = parameter("l", "1/s", "> 0", "so that the envelope narrows (Definition 4)")
+    rate: PerJoint = parameter("l, how fast it narrows", "1/s", "> 0", "so that the envelope narrows (Definition 4)")
 
     def radius(self, t: Scalar) -> PerJoint:
         """`ρ(t)`, [n], rad or m.

@@ -17,9 +17,14 @@ class FiniteTime(AbstractPerformance):
     finite-time functions it cites as [43]. Reconstructed: the paper does not print that function; this one is usual.
     """
 
-    rate: PerJoint = parameter("c", "rad^(1-κ)/s", "> 0", "so that the envelope narrows (Definition 4)")
+    rate: PerJoint = parameter(
+        "c, how fast it narrows", "rad^(1-κ)/s", "> 0", "so that the envelope narrows (Definition 4)"
+    )
     exponent: PerJoint = parameter(
-        "κ", "", "(1/2, 1)", "so that the second derivative is continuous where the function settles"
+        "κ, exponent of its way down",
+        "",
+        "(1/2, 1)",
+        "so that the second derivative is continuous where the function settles",
     )
 
     @property

@@ -14,7 +14,9 @@ class FixedTime(AbstractPerformance):
     """`ρ(t) = (ρ0 - ρ∞)(1 - t/T)^σ + ρ∞` for `t < T`, then `ρ∞`, eq. (20)."""
 
     deadline: PerJoint = parameter("T, when it is settled", "s", "> 0", "(eq. 20)")
-    exponent: PerJoint = parameter("σ", "", "> 2", "so that the second derivative is continuous at T (eq. 20)")
+    exponent: PerJoint = parameter(
+        "σ, exponent of its way down", "", "> 2", "so that the second derivative is continuous at T (eq. 20)"
+    )
 
     def radius(self, t: Scalar) -> PerJoint:
         """`ρ(t)`, [n], rad or m.

@@ -15,7 +15,7 @@ class FixedTimeReaching(AbstractReaching):
     """`-K0 Sig^r(s) - u s/(‖s‖ + s0)`, eqs. (43), (51); with `s0 = 0` the unit vector (44), 0 at s = 0."""
 
     gain: PerJoint = parameter("K0, symmetric positive definite", "N m or N", matrix=True)
-    exponent: Scalar = parameter("r", "", "> 1", "(r, eq. 43)")
+    exponent: Scalar = parameter("r, exponent of the power of s", "", "> 1", "(r, eq. 43)")
     layer: Scalar = parameter(
         "s0, width of the boundary layer",
         "rad/s or m/s",

@@ -26,7 +26,9 @@ class Scara(AbstractRobot):
 
     lengths: Float[Array, "2"] = parameter("link lengths l1, l2", "m", "> 0")
     masses: Float[Array, "3"] = parameter("masses m1, m2, m3", "kg", "> 0")
-    gravity_acceleration: Scalar = parameter("g", "m/s²", default=9.8, source="as in Example 4.1")
+    gravity_acceleration: Scalar = parameter(
+        "g, acceleration of gravity", "m/s²", default=9.8, source="as in Example 4.1"
+    )
 
     joint_units: ClassVar[tuple[str, ...]] = ("rad", "rad", "m")  # type: ignore[misc]  # every such arm has them
     joint_names: ClassVar[tuple[str, ...]] = ("joint 1", "joint 2", "joint 3")  # type: ignore[misc]

@@ -29,7 +29,9 @@ class TwoLink(AbstractRobot):
     lengths: Float[Array, "2"] = parameter("link lengths l1, l2", "m", "> 0")
     masses: Float[Array, "2"] = parameter("link masses m1, m2", "kg", "> 0")
     inertias: Float[Array, "2"] = parameter("link inertias I1, I2", "kg m²", ">= 0")
-    gravity_acceleration: Scalar = parameter("g", "m/s²", default=9.8, source="the paper's [45]")
+    gravity_acceleration: Scalar = parameter(
+        "g, acceleration of gravity", "m/s²", default=9.8, source="the paper's [45]"
+    )
 
     joint_units: ClassVar[tuple[str, ...]] = ("rad", "rad")  # type: ignore[misc]  # every such arm has them
     joint_names: ClassVar[tuple[str, ...]] = ("joint 1", "joint 2")  # type: ignore[misc]

@@ -76,7 +76,9 @@ def described(one: Parameter, *, checked: bool = False, **said: Any) -> Any:
     word = one.meaning[:2].isascii() and one.meaning[:2].isalpha()
     meaning = one.meaning[:1].upper() + one.meaning[1:] if word else one.meaning
     text = f"{meaning}{unit}{f', {one.limits}' if one.limits else ''}."
-    return Field(description=text, json_schema_extra={key: value for key, value in extra.items() if value}, **given)
+    return Field(
+        description=text, json_schema_extra={key: value for key, value in extra.items() if value != ""}, **given
+    )
 
 
 def same(part: type, name: str, **said: Any) -> Any:

@@ -12,7 +12,7 @@ from .trajectory import AbstractTrajectory
 class Constant(AbstractTrajectory):
     """`q_d(t) = c`."""
 
-    value: Vector = parameter("c", "rad or m")
+    value: Vector = parameter("c, the posture", "rad or m")
 
     @property
     def until(self) -> float:

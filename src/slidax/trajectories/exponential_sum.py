@@ -13,7 +13,7 @@ from .trajectory import AbstractTrajectory
 class ExponentialSum(AbstractTrajectory):
     """`q_d(t) = c + Σ_k a_k exp(-λ_k t)`: a smooth move that comes to rest at c. Example 4.1 follows one."""
 
-    offset: Vector = parameter("c", "rad or m")
+    offset: Vector = parameter("c, where it comes to rest", "rad or m")
     amplitudes: Float[Array, "k n"] = parameter("a_k, one row per term", "rad or m")
     rates: Float[Array, " k"] = parameter("λ_k", "1/s", "> 0", "so that the motion comes to rest")
 

@@ -12,10 +12,10 @@ from .trajectory import AbstractTrajectory
 class Sinusoid(AbstractTrajectory):
     """`q_d(t) = c + a sin(ω t + φ)`, per joint. Example 4.2 follows one."""
 
-    offset: Vector = parameter("c", "rad or m")
-    amplitude: PerJoint = parameter("a", "rad or m")
-    frequency: PerJoint = parameter("ω", "rad/s")
-    phase: PerJoint = parameter("φ", "rad", default=0.0)
+    offset: Vector = parameter("c, the middle", "rad or m")
+    amplitude: PerJoint = parameter("a, amplitude", "rad or m")
+    frequency: PerJoint = parameter("ω, angular frequency", "rad/s")
+    phase: PerJoint = parameter("φ, phase at t = 0", "rad", default=0.0)
 
     def position(self, t: Scalar) -> Vector:
         """`c + a sin(ω t + φ)`.
