@@ -69,7 +69,7 @@ def test_at_the_arms_rate_it_settles_within_its_limits_also_after_lost_samples(a
     outage = {"outages": [{"start": START, "samples": LOST}]}
     changes: dict[str, Any] = {"sensor": {"loss": outage, "delay": 1}, "simulation.t1": 4.0}
     if arm == "panda":
-        changes |= {"scheme.sampled_data.estimator": None, "actuator.dead_time": 0}
+        changes |= {"scheme.sampled_data": {}}
     scenario = load(name, {**changes, **gains(arm, scheme)})
     assert isinstance(scenario.controller, SampledData)
     run = scenario.simulate(progress=False)
