@@ -104,8 +104,12 @@ def test_another_scheme_by_name_keeps_its_sampled_data_form(name: str) -> None:
         assert eqx.tree_equal((built.step.reaching, built.step.bound), (plain.reaching, plain.bound))
 
 
-def test_every_scheme_keeps_the_block() -> None:
-    scheme = {"name": "cftsmppc", "sampled_data": {"horizon": 0.02}}
+def test_every_scheme_keeps_the_block_but_for_what_only_plans_have() -> None:
+    estimator = {"kind": "kalman"}
+    scheme = {"name": "cftsmppc", "sampled_data": {"horizon": 0.02, "slopes": False, "estimator": estimator}}
     for name in set(SCHEMES) - {"cftsmppc"}:
-        planned = {} if name in ("computed_torque", "gravity_pd", "nftsmc", "anftsmc") else {"horizon": 0.02}
-        assert switched(scheme, name) == {"name": name, "sampled_data": planned}
+        plans = name not in ("anftsmc", "computed_torque", "gravity_pd", "nftsmc")
+        kept = scheme["sampled_data"] if plans else {"estimator": estimator}
+        assert switched(scheme, name) == {"name": name, "sampled_data": kept}
+    built = scenarios.load("panda-payload", {"scheme.name": "computed_torque"}).controller
+    assert isinstance(built, SampledData) and built.horizon is None and isinstance(built.estimator, Kalman)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
+from typing import ClassVar
 
 from slidax._types import Command, Envelope, Reference
 from slidax.parts import AbstractPart, Memory, Scalar, State
@@ -12,6 +13,9 @@ from .steps import AbstractStep, Recovery
 
 class AbstractController(AbstractPart):
     """A pure function from what is measured to a torque, with explicit memory. It never sees the plant."""
+
+    plans: ClassVar[bool] = False
+    """Whether its sampled-data form plans over a horizon, by an `implicit_step`."""
 
     @property
     @abstractmethod

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 from slidax._types import Envelope, Reference
 from slidax.parts import Memory, Scalar, State, parameters_of, piece, require_joints, require_per_joint
 from slidax.robots import AbstractRobot
@@ -49,6 +51,8 @@ class AbstractModelBased(AbstractController):
 
 class AbstractSurfaceBased(AbstractModelBased):
     """A law with the sliding variable `s = ė + A e + pull(ε1)` of (40)."""
+
+    plans: ClassVar[bool] = True
 
     transformation: AbstractTransformation = piece("e to ε1, with A and B")
     surface: AbstractSurface = piece("the pull on ε1")

@@ -151,6 +151,10 @@ def owner_of(preset: Preset, name: str) -> str | None:
     return owners[0] if len(owners) == 1 else None
 
 
+OF_PLANS = ("horizon", "slopes", "recovery")
+"""What `sampled_data` says for laws that plan over a horizon alone."""
+
+
 def switched(scheme: Any, name: Any) -> Any:
     """The scheme of a scenario file with another name.
 
@@ -179,10 +183,9 @@ def switched(scheme: Any, name: Any) -> Any:
         wanted = {one.name for one in parameters_of(given.part)} - set(given.values)
         new[key] = {name: value for name, value in part.items() if name in wanted}
     if "sampled_data" in old:
-        new["sampled_data"] = old["sampled_data"]
-        plans = preset.law.implicit_step is not AbstractController.implicit_step
-        if isinstance(new["sampled_data"], dict) and not plans:
-            new["sampled_data"] = {key: one for key, one in new["sampled_data"].items() if key == "estimator"}
+        block, dropped = old["sampled_data"], () if preset.law.plans else OF_PLANS
+        is_block = isinstance(block, dict)
+        new["sampled_data"] = {k: v for k, v in block.items() if k not in dropped} if is_block else block
     return new
 
 

@@ -1,0 +1,98 @@
+"""What every scheme keeps on every arm, as it is printed and at the arm's own rate."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from slidax.controllers import SampledData
+from slidax.scenarios import catalogue, load
+from slidax.simulation import Run
+
+ARMS = {"two_link": "example-4.1", "scara": "example-4.2", "panda": "panda-payload"}
+
+SMOOTH = {"layer": 0.01}
+"""A discontinuous torque chatters at any rate; these laws list no boundary layer."""
+
+GAINS: dict[tuple[str, str], dict[str, Any]] = {
+    **{(arm, scheme): SMOOTH for arm in ARMS for scheme in ("nftsmc", "anftsmc")},
+    # In N m, and so by the size of the joint.
+    ("panda", "gravity_pd"): {
+        "kp": [800.0, 1500.0, 600.0, 600.0, 80.0, 80.0, 60.0],
+        "kd": [80.0, 150.0, 60.0, 60.0, 8.0, 8.0, 6.0],
+    },
+}
+
+LAG = {"gravity_pd": 0.1}
+"""The steady error that a scheme may have [rad or m]: this one does not know the motion's torques."""
+
+SCHEMES = [name for name in catalogue()["schemes"] if name != "sliding_mode"]
+"""All but the one without parts of its own."""
+
+START, LOST = 2.0, 10
+"""When samples are lost [s], and how many."""
+
+
+def pairs() -> list:
+    """Every scheme with every arm; by turns one of the small arms is for every day."""
+    cases = []
+    for arm in ARMS:
+        for k, scheme in enumerate(SCHEMES):
+            daily = arm == ("two_link", "scara")[k % 2]
+            marks = [] if daily else [pytest.mark.full]
+            cases.append(pytest.param(arm, scheme, id=f"{scheme}, {arm}", marks=marks))
+    return cases
+
+
+def gains(arm: str, scheme: str) -> dict[str, Any]:
+    return {"scheme.name": scheme} | {f"scheme.{name}": value for name, value in GAINS.get((arm, scheme), {}).items()}
+
+
+def assert_settled(run: Run, scheme: str, share: float) -> None:
+    """Finite to the end, inside the envelope where one is promised, and else small over the last share of the time."""
+    assert run.outcome.kind == "ok", run.outcome.message
+    log = run.log
+    for leaf in (log.tau, log.state.q, log.state.dq, *log.signals.values()):
+        assert np.all(np.isfinite(leaf))
+    if log.envelope is not None:
+        assert np.all((log.envelope.lower < log.e) & (log.e < log.envelope.upper))
+    last = np.abs(log.e[-round(share * len(log.t)) :]).max(0)
+    assert np.all(last < LAG.get(scheme, 0.01)), last
+
+
+@pytest.mark.parametrize(("arm", "scheme"), pairs())
+def test_at_the_arms_rate_it_settles_within_its_limits_also_after_lost_samples(arm, scheme):
+    """With exact sensors, an arm that is not the nominal one, a disturbance or a payload, and one period of delay."""
+    name = ARMS[arm] if arm == "panda" else f"{ARMS[arm]}-1khz"
+    outage = {"outages": [{"start": START, "samples": LOST}]}
+    changes: dict[str, Any] = {"sensor": {"loss": outage, "delay": 1}, "simulation.t1": 4.0}
+    if arm == "panda":
+        changes |= {"scheme.sampled_data": {}}
+    scenario = load(name, {**changes, **gains(arm, scheme)})
+    assert isinstance(scenario.controller, SampledData)
+    run = scenario.simulate(progress=False)
+    assert_settled(run, scheme, 0.1)
+    tau, limits = np.asarray(run.log.tau), scenario.controller.limits
+    assert np.all(np.abs(tau) <= np.asarray(limits.torque))
+    steps = np.abs(np.diff(tau, axis=0))
+    assert np.all(steps <= np.asarray(limits.rate) * scenario.period * (1 + 1e-12))
+    lost = round(START / scenario.period)
+    assert np.all(steps[lost : lost + LOST - 1] == 0.0)
+    assert np.all(steps[[lost - 2, lost + LOST]].max(1) > 0.0)
+
+
+@pytest.mark.parametrize(("arm", "scheme"), pairs())
+def test_as_it_is_printed_it_settles_on_the_arm_that_it_is_made_for(arm, scheme):
+    changes: dict[str, Any] = {"simulation.t1": 4.0, "simulation.period": 2e-4}
+    if arm == "panda":
+        changes |= {
+            "scheme.sampled_data": None,
+            "simulation.period": 1e-4,
+            "simulation.substeps": 1,
+            "simulation.t1": 2.0,
+            **{"robot.plant": {}, "actuator": {}, "sensor": {}},
+        }
+    run = load(ARMS[arm], {**changes, **gains(arm, scheme)}).simulate(progress=False)
+    assert_settled(run, scheme, 0.1)
