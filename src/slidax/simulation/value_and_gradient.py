@@ -60,8 +60,7 @@ def value_and_gradient(
     Raises DefinitionError if `at` holds no numbers, or the parts do not fit each other.
     """
     at = jax.tree.map(as_array, at)
-    flatten: Any = ravel_pytree
-    numbers, rebuilt = flatten(at)
+    numbers, rebuilt = ravel_pytree(at)
     if not numbers.size:
         raise DefinitionError("`at` must hold the numbers by which to differentiate; it holds none")
     directions = jax.vmap(rebuilt)(jnp.eye(numbers.size))
@@ -77,7 +76,7 @@ def value_and_gradient(
 
     @jax.jit
     def by_xla(at: Any, directions: Any) -> tuple[Scalar, Any]:
-        many = jax.vmap(lambda v: jax.jvp(lambda x: metric(task.simulated(x)), (at,), (v,)), out_axes=(None, 0))
+        many: Any = jax.vmap(lambda v: jax.jvp(lambda x: metric(task.simulated(x)), (at,), (v,)), out_axes=(None, 0))
         pair: tuple[Scalar, Any] = many(directions)
         return pair
 
