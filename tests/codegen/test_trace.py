@@ -1,6 +1,8 @@
 """What JAX computes, the program computes: primitive by primitive, then loops, branches, indices and random numbers."""
 
 import importlib
+import re
+from pathlib import Path
 
 import jax
 import jax.numpy as jnp
@@ -337,3 +339,11 @@ def test_a_branch_inside_of_one_that_asked_the_same_is_decided():
     program = trace(function, X[0])
     assert len(blocks(program, Branch)) == 1
     assert not [value for value in program.walk() if value.op == "log"]
+
+
+def test_the_example_of_the_documentation_runs():
+    text = (Path(__file__).parents[2] / "docs" / "native.md").read_text()
+    (example,) = re.findall(r"```python\n(import jax.numpy.*?)```", text, re.DOTALL)
+    given = {}
+    exec(example, given)
+    np.testing.assert_allclose(given["tau"], -2.0 * np.sin([0.1, 0.2]), rtol=1e-15)

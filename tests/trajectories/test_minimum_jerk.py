@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from slidax._errors import DefinitionError
 from slidax.trajectories import MinimumJerk
 
 TIMES = np.array([0.5, 1.3, 2.0, 3.1])
@@ -99,3 +100,9 @@ def test_long_motions_with_many_waypoints_stay_accurate():
     waypoints = np.random.default_rng(1).normal(size=(30, 3))
     motion = MinimumJerk.through(times, waypoints)
     np.testing.assert_allclose(derivative(motion, 0, times), waypoints, atol=1e-9)
+
+
+def test_too_many_waypoints_to_search_the_times_of_are_refused():
+    rows = [[float(k % 2)] for k in range(1001)]
+    with pytest.raises(DefinitionError, match=r"at most 500 waypoints; got 1001; give their times to"):
+        MinimumJerk.within(rows, velocity=1.0, acceleration=1.0)

@@ -53,7 +53,6 @@ def value_and_gradient(
     Raises DefinitionError if `at` holds no numbers, or the parts do not fit each other.
     """
     at = jax.tree.map(as_array, at)
-    rebuilt: Any
     numbers, rebuilt = ravel_pytree(at)
     if not numbers.size:
         raise DefinitionError("`at` must hold the numbers by which to differentiate; it holds none")

@@ -12,6 +12,9 @@ from .quintic_spline import quintic_spline
 from .shortest_times import shortest_times
 from .waypoints import distinct_waypoints
 
+MOST = 500
+"""Waypoints whose times are searched together: the search takes memory by their square, and time by their cube."""
+
 
 class MinimumJerk(AbstractPiecewisePolynomial):
     """The curve through all waypoints at their times that has the least `∫ ‖d³q_d/dt³‖² dt`, at rest at both ends.
@@ -71,6 +74,11 @@ class MinimumJerk(AbstractPiecewisePolynomial):
         """
         name = "MinimumJerk"
         q = distinct_waypoints(name, waypoints)
+        if len(q) > MOST:
+            raise DefinitionError(
+                f"`{name}.within` finds the times of at most {MOST} waypoints; got {len(q)}; give their times to "
+                f"`{name}.through`, or move from rest to rest by `Trapezoidal.through`"
+            )
         limits = {
             order: limit(name, field, value, q.shape[1])
             for order, field, value in ((1, "velocity", velocity), (2, "acceleration", acceleration), (3, "jerk", jerk))
