@@ -15,16 +15,20 @@ import slidax as sx
 scenario = sx.scenarios.load("example-4.2").replace(t1=1.0, period=2e-4, mode="held")
 
 
-@eqx.filter_jit
-@eqx.filter_value_and_grad
-def mean_square_error(surface):
-    """The mean square error over the first second, as a function of the surface's parameters."""
+def loop(surface):
+    """The closed loop with another surface."""
     controller = eqx.tree_at(lambda c: c.surface, scenario.controller, surface)
-    run = scenario.replace(controller=controller).simulate(log_every=1)
+    return scenario.replace(controller=controller).parts
+
+
+def mean_square_error(run):
+    """The mean square error over the run."""
     return jnp.mean(run.log.e**2)
 
 
-value, gradient = mean_square_error(scenario.controller.surface)
+value, gradient = sx.simulation.value_and_gradient(
+    mean_square_error, loop, scenario.controller.surface, t1=scenario.t1, stepping=scenario.stepping, log_every=1
+)
 print(f"mean square error: {value:.6f}")
 for name in ("k1", "k2", "p", "q", "delta"):
     print(f"  change per unit of {name:<5}: {getattr(gradient, name):+.4f}")

@@ -13,6 +13,7 @@ from matplotlib.lines import Line2D
 from slidax import metrics
 from slidax.figures.style import LINES, WIDTH, legend_above, styled
 
+from .labels import Label, place
 from .loops import (
     loop,
     milliseconds,
@@ -71,7 +72,9 @@ def _estimator(kind: str, value: float, horizon: float, radius: float) -> Point:
     )
 
 
-def _draw(axes: Axes, points: dict[tuple[str, float, float], Point]) -> None:
+def _draw(axes: Axes, points: dict[tuple[str, float, float], Point]) -> list[Label]:
+    """The curves of a panel; their labels are placed once it is laid out."""
+    labels: list[Label] = []
     for (kind, (*_, values)), look in zip(ESTIMATORS.items(), LINES, strict=False):
         color, all_kept = look["color"], []
         for value in values:
@@ -80,15 +83,7 @@ def _draw(axes: Axes, points: dict[tuple[str, float, float], Point]) -> None:
             x, y = [p.rms for p in kept], [1e6 * p.error for p in kept]
             axes.plot(x, y, color=color, linewidth=0.7)
             if kept:
-                axes.annotate(
-                    f"{value:g}",
-                    (x[-1], y[-1]),
-                    (-3, 2),
-                    textcoords="offset points",
-                    ha="right",
-                    fontsize=7,
-                    color=color,
-                )
+                labels.append(Label(f"{value:g}", [(x[-1], y[-1]), (x[0], y[0])], color))
         for calm, fill in ((True, color), (False, "white")):
             shown = [p for p in all_kept if (p.step <= LARGEST_STEP) == calm]
             axes.plot(
@@ -104,6 +99,7 @@ def _draw(axes: Axes, points: dict[tuple[str, float, float], Point]) -> None:
     axes.set_ylim(5, 250)
     plain_numbers(axes, (0.01, 0.1, 1), (5, 10, 20, 50, 100, 200))
     axes.set_xlabel("torque step, rms  [N m]")
+    return labels
 
 
 @styled
@@ -114,8 +110,9 @@ def draw(points: dict[float, dict[tuple[str, float, float], Point]]) -> Figure:
     """
     figure = Figure(figsize=(WIDTH, 3.5), layout="constrained")
     panels = figure.subplots(1, len(points), sharey=True)
+    labels = []
     for axes, (radius, found) in zip(panels, points.items(), strict=True):
-        _draw(axes, found)
+        labels.append(_draw(axes, found))
         axes.set_title(rf"$\rho_\infty$ = {1e3 * radius:g} mrad")
     panels[0].set_ylabel("steady error  [µrad]")
     handles = [
@@ -129,6 +126,9 @@ def draw(points: dict[float, dict[tuple[str, float, float], Point]]) -> Figure:
         Line2D([], [], marker="*", linestyle="", color="black", markersize=8, label="the default"),
     ]
     legend_above(figure, handles, 2)
+    figure.draw_without_rendering()
+    for axes, named in zip(panels, labels, strict=True):
+        place(axes, named)
     return figure
 
 

@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     from . import transformations as transformations
     from . import views as views
     from ._errors import DefinitionError as DefinitionError
+    from ._errors import DefinitionWarning as DefinitionWarning
     from ._errors import OutcomeError as OutcomeError
     from ._types import Command as Command
     from ._types import Envelope as Envelope
@@ -55,7 +56,7 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 _EXPORTED = {
-    "_errors": ("DefinitionError", "OutcomeError"),
+    "_errors": ("DefinitionError", "DefinitionWarning", "OutcomeError"),
     "_types": ("Command", "Envelope", "Reference", "State"),
     "simulation": ("MujocoPlant", "Plant", "Run", "Stepping", "simulate", "simulate_batch"),
 }

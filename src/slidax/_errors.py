@@ -25,6 +25,10 @@ class DefinitionError(ValueError):
         self.where = where
 
 
+class DefinitionWarning(UserWarning):
+    """A definition does not say something, or says what cannot be; it was read in the sense that the message names."""
+
+
 class OutcomeError(RuntimeError):
     """A run ended before its time, raised by `simulate(..., throw=True)`.
 

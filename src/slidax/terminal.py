@@ -9,24 +9,18 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from slidax.metrics import summary
+from slidax.metrics import envelope_violations, metrics_of, short_names, summary
+from slidax.papers.indices import INDICES
 
 if TYPE_CHECKING:
+    from slidax.metrics import Metric
+    from slidax.reports import Rival
     from slidax.scenarios import Scenario
     from slidax.simulation import Run
 
-COMPARED = {
-    "settling_time.1e-3": "settled to |e| <= 1e-3",
-    "settling_time.1e-5": "settled to |e| <= 1e-5",
-    "steady_error": "steady error",
-    "peak_torque": "peak torque",
-    "max_torque_step": "torque step, max",
-    "steady_torque_step": "torque step, steady",
-    "iae": "IAE (80)",
-    "eci": "ECI (81)",
-    "aice": "AICE (82)",
-}
-"""The metrics that a comparison shows on the terminal; its report shows all."""
+OUTSIDE = envelope_violations.title
+WIDTH = 9
+"""Of the numbers in a table [characters]: `1.234e-05`."""
 
 
 def run_as_json(parts: Scenario, finished: Run, import_s: float) -> dict[str, Any]:
@@ -47,7 +41,7 @@ def run_as_json(parts: Scenario, finished: Run, import_s: float) -> dict[str, An
         "t1": parts.t1,
         "outcome": outcome.kind,
         "stopped": outcome.stopped,
-        "metrics": summary(finished),
+        "metrics": summary(finished, INDICES),
         "timing": {
             "import_s": round(import_s, 4),
             "compile_s": round(timing.compile_s, 4) if timing else None,
@@ -66,42 +60,23 @@ def print_run(parts: Scenario, finished: Run, answer: dict[str, Any]) -> None:
     - `finished`: the run.
     - `answer`: what `slidax run --json` prints of it.
     """
-    metrics = answer["metrics"]
-    length, torque = _joined(finished.joint_units), _joined(parts.plant.robot.torque_units)
-    end = (int(finished.tally.samples) - 1) * parts.period
-    rows: list[tuple[str, list[float | None] | None]] = [
-        (f"settled to |e| <= {band} [s]", [value if value < end else None for value in values])
-        for band, values in metrics["settling_time"].items()
-    ]
-    rows += [
-        (f"steady error [{length}]", metrics["steady_error"]),
-        (f"peak torque [{torque}]", metrics["peak_torque"]),
-        (f"initial torque [{torque}]", metrics["initial_torque"]),
-        (f"torque step, max [{torque}]", metrics["max_torque_step"]),
-        (f"torque step, steady [{torque}]", metrics["steady_torque_step"]),
-        (f"torque step, steady, rms [{torque}]", metrics["steady_torque_step_rms"]),
-        ("IAE (80)", metrics["iae"]),
-        ("ECI (81)", metrics["eci"]),
-        ("AICE (82)", metrics["aice"]),
-        ("envelope margin [of its width]", metrics["envelope_margin"]),
-    ]
+    rows: list[tuple[str, list[float | None]]] = []
+    for metric in (*metrics_of(finished), *INDICES):
+        values = metric.shown(finished) if metric.per_joint and metric.source in parts.description.source else []
+        if any(value is not None for value in values) or metric.needs_settling:
+            rows.append((_titled(metric.title, metric.units(finished)), values))
     console = Console(markup=False, highlight=False)
     console.print(parts.description.title, style="bold", soft_wrap=True)
-    names = [f"joint {joint + 1}" for joint in range(finished.joints)]
-    widest = max(len(name) for name, _ in rows)
+    names = short_names(finished.joint_names)
+    widest = max(len(title) for title, _ in rows)
     for number, shown in enumerate(_fitting(names, console.width - widest)):
-        table = Table(box=None, pad_edge=False)
-        table.add_column("", no_wrap=True, min_width=widest)
-        for name in shown:
-            table.add_column(name, justify="right", no_wrap=True, min_width=9)
-        for name, values in rows:
-            if values is not None:
-                cells = [values[names.index(joint)] for joint in shown]
-                table.add_row(name, *("-" if value is None else f"{value:.4g}" for value in cells))
+        table = _table(widest, shown)
+        for title, values in rows:
+            table.add_row(title, *(_cell(values[names.index(joint)]) for joint in shown))
         if number:
             console.print()
         console.print(table)
-    violations = metrics["envelope_violations"]
+    violations = answer["metrics"]["envelope_violations"]
     kept = "no envelope promised" if violations is None else f"samples outside the envelope: {violations}"
     timing = answer["timing"]
     console.print(
@@ -111,57 +86,67 @@ def print_run(parts: Scenario, finished: Run, answer: dict[str, Any]) -> None:
     )
 
 
-def print_comparison(scenario_runs: Mapping[str, tuple[Scenario, Run]]) -> None:
+def print_comparison(rivals: Mapping[str, Rival]) -> None:
     """The metrics of several schemes, joint by joint, the least of each row in bold.
 
     Where the terminal is too narrow for all schemes, some of them follow in a table of their own.
 
-    - `scenario_runs`: each scheme's scenario and finished run, by name.
+    - `rivals`: what came of each scheme, by name.
     """
-    from slidax.reports import Row, standings
+    from slidax.reports import standings
 
     console = Console(markup=False, highlight=False)
-    rows = [row for row in standings(scenario_runs) if row.metric in COMPARED]
-    labels = {id(row): f"{COMPARED[row.metric]}, joint {row.joint} [{row.unit}]" for row in rows}
-    room = console.width - max(map(len, labels.values()))
-    console.print(next(iter(scenario_runs.values()))[0].description.title, style="bold", soft_wrap=True)
-    for names in _fitting(list(scenario_runs), room):
-        table = Table(box=None, pad_edge=False)
-        table.add_column("", no_wrap=True)
-        for name in names:
-            table.add_column(name, justify="right", no_wrap=True)
-        table.add_row("outcome", *(scenario_runs[name][1].outcome.kind for name in names))
-        previous: Row | None = None
+    first = next(iter(rivals.values()))
+    joints = dict(zip(first.run.joint_names, short_names(first.run.joint_names), strict=True))
+    rows = [row for row in standings(rivals, INDICES) if row.metric.brief]
+    titles = {row.metric: f"{row.metric.title} [{row.unit}]" for row in reversed(rows)}
+    widest = max(map(len, [*titles.values(), OUTSIDE]))
+    console.print(first.scenario.description.title, style="bold", soft_wrap=True)
+    for names in _fitting(list(rivals), console.width - widest):
+        table = _table(widest, names)
+        table.add_row("outcome", *(rivals[name].run.outcome.kind for name in names))
+        table.add_row("form", *(rivals[name].form for name in names))
+        table.add_row(
+            "samples outside the envelope", *("-" if (n := rivals[name].outside) is None else str(n) for name in names)
+        )
+        metric: Metric[Any] | None = None
         for row in rows:
-            if previous is not None and row.metric != previous.metric:
-                table.add_row()
-            table.add_row(labels[id(row)], *(_cell(row.values[name], name in row.best) for name in names))
-            previous = row
+            if row.metric != metric:
+                table.add_row(titles[row.metric])
+            metric = row.metric
+            table.add_row(f"  {joints[row.joint]}", *(_cell(row.values[name], name in row.best) for name in names))
         console.print(table)
         console.print()
-    for name, (_, run) in scenario_runs.items():
-        if not run.outcome.ok:
-            console.print(f"{name}: {run.outcome.message}", soft_wrap=True)
-    console.print("Bold: the least of its row, among the runs that reached their end.", soft_wrap=True)
+    for name, rival in rivals.items():
+        if not rival.run.outcome.ok:
+            console.print(f"{name}: {rival.run.outcome.message}", soft_wrap=True)
+    console.print(
+        "Bold: the least of its row, among the runs that reached their end. Form: `printed` is a law as its source "
+        "prints it, `sampled-data` one that is made for the period, with an estimator and limits.",
+        soft_wrap=True,
+    )
+
+
+def _table(widest: int, columns: list[str]) -> Table:
+    table = Table(box=None, pad_edge=False)
+    table.add_column("", no_wrap=True, min_width=widest)
+    for name in columns:
+        table.add_column(name, justify="right", no_wrap=True, min_width=WIDTH)
+    return table
 
 
 def _fitting(names: list[str], room: int) -> list[list[str]]:
-    """The names in as few tables as fit, each column two wider than what stands in it."""
-    tables: list[list[str]] = [[]]
-    left = room
-    for name in names:
-        width = max(len(name), 9) + 2
-        if tables[-1] and width > left:
-            tables.append([])
-            left = room
-        tables[-1].append(name)
-        left -= width
-    return tables
+    """The names in as few tables as fit, none much shorter than the others, and two characters between columns."""
+    most = max(1, room // (max(WIDTH, *map(len, names)) + 2))
+    tables = -(-len(names) // most)
+    each = -(-len(names) // tables)
+    return [names[start : start + each] for start in range(0, len(names), each)]
 
 
-def _cell(value: float | None, best: bool) -> Text:
+def _cell(value: float | None, best: bool = False) -> Text:
     return Text("-" if value is None else f"{value:.4g}", style="bold" if best else "")
 
 
-def _joined(units: tuple[str, ...]) -> str:
-    return units[0] if len(set(units)) == 1 else ", ".join(units)
+def _titled(title: str, units: list[str]) -> str:
+    said = ", ".join(dict.fromkeys(unit for unit in units if unit))
+    return f"{title} [{said}]" if said else title

@@ -4,6 +4,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from slidax._errors import DefinitionError
 from slidax.actuators import Actuator, TorqueLimits
@@ -43,6 +45,32 @@ def test_the_size_is_limited_before_the_change_so_that_both_hold():
     np.testing.assert_allclose(limits(jnp.array([-40.0]), jnp.array([9.0]), PERIOD), [6.0], rtol=1e-15)
 
 
+NUMBERS = st.floats(allow_nan=False, width=64)
+LIMIT = st.floats(min_value=0.0, exclude_min=True, allow_nan=False)
+
+
+@given(LIMIT, LIMIT, NUMBERS, st.floats(-1e100, 1e100))
+def test_the_torque_limit_always_holds(torque, rate, wanted, last):
+    """Whatever came before; and if that was within the limit, the rate's limit holds as well."""
+    limits = TorqueLimits(torque, rate)
+    found = limits(jnp.array([wanted]), jnp.array([last]), PERIOD)[0]
+    assert abs(found) <= torque
+    if abs(last) <= torque:
+        assert abs(found - last) <= rate * PERIOD * (1 + 1e-12) + 1e-12 * abs(last)
+        if abs(wanted) <= torque and abs(wanted - last) <= rate * PERIOD * (1 - 1e-12) - 1e-12 * abs(last):
+            assert found == wanted
+
+
+def test_a_drive_never_delivers_more_than_its_limit_also_of_what_it_held_before():
+    actuator = Actuator(TorqueLimits([5.0, 2.0], 100.0), time_constant=0.01, dead_time=1.5)
+    memory = actuator.init(jnp.array([12.0, -9.0]))
+    for _ in range(4):
+        tau, memory = actuator.set(jnp.array([20.0, -1.5]), PERIOD, memory)
+        delivered = [actuator.delivered(memory, share * PERIOD, PERIOD) for share in (0.0, 0.4, 1.0)]
+        assert np.all(np.abs([tau, *delivered]) <= [5.0, 2.0])
+    np.testing.assert_allclose(tau, [5.0, -1.5])
+
+
 def test_the_change_is_counted_from_what_was_set_and_not_from_what_was_asked():
     actuator = Actuator(TorqueLimits(INF, 100.0))
     memory = actuator.init(jnp.zeros(1))
@@ -57,16 +85,16 @@ def test_what_was_held_before_goes_on_until_the_first_command_gets_through():
     """Through the dead time as it was, from there on as the lag lets go of it; the rate is counted from it, too."""
     held = jnp.array([8.0, -3.0])
     actuator = Actuator(TorqueLimits(INF, 50.0), time_constant=[0.02, 0.0], dead_time=1.25)
-    memory, given = actuator.init(held), []
+    memory, felt = actuator.init(held), []
     for _ in range(3):
         tau, memory = actuator.set(jnp.zeros(2), PERIOD, memory)
-        given.append([actuator.delivered(memory, share * PERIOD, PERIOD) for share in (0.1, 0.75)])
-        if len(given) == 1:
+        felt.append([actuator.delivered(memory, share * PERIOD, PERIOD) for share in (0.1, 0.75)])
+        if len(felt) == 1:
             np.testing.assert_allclose(tau, [7.5, -2.5], rtol=1e-14)
-    np.testing.assert_array_equal(given[0], [held, held])
-    np.testing.assert_allclose(given[1][0], held, rtol=1e-14)
+    np.testing.assert_array_equal(felt[0], [held, held])
+    np.testing.assert_allclose(felt[1][0], held, rtol=1e-14)
     # Half a period after the command of 7.5, -2.5 got through.
-    np.testing.assert_allclose(given[1][1], [7.5 + 0.5 * np.exp(-0.25), -2.5], rtol=1e-14)
+    np.testing.assert_allclose(felt[1][1], [7.5 + 0.5 * np.exp(-0.25), -2.5], rtol=1e-14)
 
 
 def test_an_ideal_drive_delivers_each_command_through_its_whole_period():

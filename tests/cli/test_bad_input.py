@@ -32,19 +32,19 @@ CASES = {
     "disturbance.terms.1.amplitude=[1,1,1]": ["disturbance", "amplitude", "shape [3]", "2 joints"],
     "trajectory.offset=[1]": ["trajectory", "amplitudes", "one column per joint"],
     "start.q=[1]": ["start.q", "2 joints", "got 1"],
-    "robot.plant.masses=[1,-1]": ["robot.plant", "TwoLink.masses", "> 0", "got -1", "joint 2"],
+    "robot.plant.masses=[1,-1]": ["robot.plant", "TwoLink.masses", "> 0", "got -1", "entry 2"],
     "robot.plant.masses=[1]": ["robot.plant", "TwoLink.masses", "2 numbers"],
     "simulation.period=-1e-4": ["simulation.period", "> 0", "-0.0001"],
     "simulation.period=3e-4": ["`t1`", "whole number of periods"],
     "simulation.substeps=0": ["simulation.substeps", ">= 1", "got 0"],
-    "simulation.substeps=2": ["`substeps`", "1 in continuous mode", "got 2"],
+    "simulation.substeps=2": ["substeps`", "1 in continuous mode", "got 2"],
     "simulation.mode=hold": ["simulation.mode", "`hold`", "did you mean `held`?"],
     "simulation.engine=fast": ["simulation.engine", "`fast`", "`auto`, `native`, `xla`"],
     "scheme.name=cftsmpc": ["scheme.name", "`cftsmpc`", "did you mean `cftsmppc`?"],
     "scheme.surfce.k1=1": ["scheme", "unknown key `surfce`", "did you mean `surface`?"],
     "simulaton.period=1": ["unknown key `simulaton`", "did you mean `simulation`?"],
     "trajectory.kind=sinusoidal": ["trajectory.kind", "did you mean `sinusoid`?"],
-    "scheme.overshoot=wide": ["scheme.overshoot", "number or a list of numbers", "'wide'"],
+    "scheme.overshoot=wide": ["scheme.transformation.overshoot", "number or a list of numbers", "'wide'"],
     "scheme.bound=3": ["scheme.bound", "got 3"],
     "disturbance.terms.9.start=1": ["disturbance.terms", "list of 2"],
     "title.x=1": ["`title` is a single value"],
@@ -87,7 +87,11 @@ AT_1_KHZ = {
     "scheme.sampled_data.estimator={kind: kalman, variance: [1,1,1]}": ["estimator.variance", "2 joints", "got 3"],
     "scheme.sampled_data.estimator={kind: measured, gain: 2}": ["estimator: ", "Measured.gain", "[0, 1]", "got 2"],
     "scheme.sampled_data.estimator={kind: measured, gain: [0,0,0]}": ["estimator.gain", "2 joints", "got 3"],
-    "scheme.sampled_data.estimator={kind: measured, trend: 9}": ["Measured.trend", "[0, 4 - 2 gain]", "got 9"],
+    "scheme.sampled_data.estimator={kind: measured, trend: 9}": [
+        "Measured.trend",
+        "[0, `4 - 2 * gain` = 3.0]",
+        "got 9",
+    ],
     "scheme.sampled_data.estimator={kind: filtered_difference}": ["sampled_data.estimator.cutoff", "is missing"],
     "scheme.sampled_data.estimator={kind: robust_differentiator, lipschitz: 0}": ["lipschitz", "> 0", "got 0"],
     "scheme.sampled_data.recovery.room=1": ["sampled_data.recovery: ", "Recovery.room", "> 1", "got 1"],
@@ -119,9 +123,10 @@ def test_a_bad_field_of_sensor_actuator_or_sampled_data_is_too(change: str) -> N
     assert_one_line(AT_1_KHZ[change], "example-4.1-1khz", "--set", change)
 
 
-def test_a_scheme_without_a_sampled_data_form_has_no_such_block() -> None:
+def test_a_scheme_that_does_not_plan_has_no_horizon() -> None:
     arguments = ("--set", "scheme.name=computed_torque", "--set", "scheme.sampled_data.horizon=0.02")
-    assert_one_line(["scheme: ", "unknown key `sampled_data`"], "example-4.1-1khz", *arguments)
+    words = ["scheme.sampled_data: ", "`ComputedTorque` does not plan over a horizon"]
+    assert_one_line(words, "example-4.1-1khz", *arguments)
 
 
 def test_the_printed_examples_in_continuous_mode_cannot_be_sampled() -> None:

@@ -32,7 +32,11 @@ def test_the_table_has_a_column_per_scheme_and_a_row_per_metric_and_joint() -> N
     result = in_process("compare", "example-4.1", "--schemes", "cftsmppc,ftsmc", *SHORT)
     assert result.exit_code == 0, result.output
     assert "cftsmppc" in result.stdout
-    assert "peak torque, joint 2 [N m]" in result.stdout
+    lines = [line.strip() for line in result.stdout.splitlines()]
+    assert lines[lines.index("peak torque [N m]") + 2].split()[:2] == ["joint", "2"]
+    assert "ECI (81) [(N m)²]" not in lines
+    assert next(line for line in lines if line.startswith("form")).split() == ["form", "printed", "printed"]
+    assert next(line for line in lines if "outside" in line).split()[-2:] == ["0", "0"]
     assert "103.7" in result.stdout
     assert "88.21" in result.stdout
 
@@ -75,6 +79,11 @@ def test_at_1_khz_those_on_a_surface_are_compared_in_their_sampled_data_form_and
     assert ",".join(schemes) == names
     assert {each["outcome"] for each in schemes.values()} == {"ok"}
     errors = {name: max(each["metrics"]["steady_error"]) for name, each in schemes.items()}
+    forms = {name: each["form"] for name, each in schemes.items()}
+    assert forms.pop("computed_torque") == "printed" and set(forms.values()) == {"sampled-data"}
+    # The schemes without an envelope are judged by the scenario's own.
+    outside = {name: each["samples_outside"] for name, each in schemes.items()}
+    assert outside["computed_torque"] > 1000 and outside["cftsmppc"] == outside["ftsmppc"] == 0
     # Computed torque has no disturbance estimate.
     assert errors.pop("computed_torque") > 1e-3
     assert max(errors.values()) < 3e-6

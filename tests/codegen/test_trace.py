@@ -1,14 +1,15 @@
 """What JAX computes, the program computes: primitive by primitive, then loops, branches, indices and random numbers."""
 
+import importlib
+
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 from jax import lax
 
-from slidax.codegen import llvm
+from slidax.codegen import NoNativeCodeError, llvm, trace
 from slidax.codegen.form import Branch, Loop
-from slidax.codegen.trace import NoNativeCodeError, trace
 
 X = jnp.array([0.3, -1.7, 2.5])
 Y = jnp.array([1.1, 0.4, -0.6])
@@ -82,6 +83,7 @@ EXACT = {
     "searching from the right": lambda: (lambda x: jnp.searchsorted(x, 4.0, side="right"), jnp.arange(9.0)),
     "searching a long table": lambda: (lambda x, v: jnp.searchsorted(x, v), jnp.arange(99.0), jnp.array(71.5)),
     "vmap": lambda: (lambda a: jax.vmap(lambda row: row * row[0])(a), A),
+    "slope of tanh": lambda: (lambda x: jax.jvp(jnp.tanh, (x,), (jnp.ones_like(x),))[1] / jnp.tanh(x) ** 0, X * 0.0),
     "derivative": lambda: (lambda x: jax.jvp(lambda x: x * x * x, (x,), (jnp.ones_like(x),)), X),
 }
 
@@ -119,6 +121,51 @@ def test_random_numbers_are_those_of_jax():
 
     for seed in (0, 3, 2**33 + 5):
         assert_alike(draws, jnp.array(seed), jnp.array(11), rtol=1e-13)
+
+
+def newton(f, x):
+    return lax.fori_loop(0, 30, lambda _, x: x - f(x) / jax.jvp(f, (x,), (jnp.ones_like(x),))[1], x)
+
+
+def cubic_root(a):
+    return lax.custom_root(lambda x: x**3 + x - a, a, newton, lambda g, y: y / g(jnp.ones_like(y)))
+
+
+def root_and_steps(a):
+    def solve(f, x):
+        return newton(f, x), {"steps": jnp.array(30), "residual": f(newton(f, x))}
+
+    return lax.custom_root(lambda x: x**3 + x - a, a, solve, lambda g, y: y / g(jnp.ones_like(y)), has_aux=True)
+
+
+def by_the_diagonal(a):
+    matrix = jnp.diag(a)
+    return lax.custom_linear_solve(lambda x: matrix @ x, a + 1.0, lambda _, b: b / jnp.diag(matrix), symmetric=True)
+
+
+SOLVED = {
+    "a root": lambda: (cubic_root, X[0]),
+    "a root with more beside it": lambda: (root_and_steps, X[0]),
+    "roots side by side": lambda: (jax.vmap(cubic_root), X),
+    "the derivative of a root": lambda: (jax.grad(cubic_root), X[0]),
+    "the derivatives of roots": lambda: (lambda x: jax.jvp(jax.vmap(cubic_root), (x,), (Y,)), X),
+    "a root in a loop": lambda: (lambda x: lax.fori_loop(0, 3, lambda _, x: cubic_root(x), x), X[0]),
+    "a linear system": lambda: (by_the_diagonal, P),
+    "the derivative of its solution": lambda: (lambda x: jax.jvp(by_the_diagonal, (x,), (Y,)), P),
+    "a version for each platform": lambda: (
+        lambda x: (
+            lax.platform_dependent(x, cpu=jnp.sin, default=jnp.cos),
+            lax.platform_dependent(x, tpu=jnp.sin, default=jnp.cos),
+        ),
+        X,
+    ),
+}
+
+
+@pytest.mark.parametrize("name", SOLVED)
+def test_what_is_solved_by_a_function_of_the_laws_own_is_solved_by_it(name):
+    function, *args = SOLVED[name]()
+    assert_alike(function, *args, rtol=3e-15)
 
 
 def blocks(program, kind):
@@ -239,6 +286,31 @@ def test_an_unknown_primitive_is_named_with_its_place_and_what_to_write_instead(
     assert f"`{primitive}`" in str(error.value)
     assert __file__ in str(error.value)
     assert remedy in str(error.value)
+
+
+def test_a_linear_system_that_jax_solves_by_a_library_is_refused_with_the_remedy():
+    with pytest.raises(NoNativeCodeError, match=r"`lu`.*solve_symmetric"):
+        trace(lambda a: jnp.linalg.solve(a, jnp.ones(2)), jnp.eye(2))
+
+
+def rules():
+    # Of the module, which the package shadows by its function.
+    return importlib.import_module("slidax.codegen.trace.inline").PLAIN
+
+
+@pytest.mark.parametrize("failure", [AssertionError(), KeyError("jaxpr"), MemoryError("many\nlines"), RecursionError()])
+def test_a_rule_that_fails_is_named_with_its_place_in_one_line(monkeypatch, failure):
+    def fails(*_):
+        raise failure
+
+    monkeypatch.setitem(rules(), "tanh", fails)
+    with pytest.raises(NoNativeCodeError) as error:
+        trace(lambda x: lax.fori_loop(0, 3, lambda _, x: jnp.tanh(x), x), X)
+    said = str(error.value)
+    assert said.startswith("no native code for the JAX primitive `tanh` (line ")
+    assert __file__ in said
+    assert type(failure).__name__ in said
+    assert "\n" not in said
 
 
 def test_numbers_of_an_unknown_type_are_refused_by_name():

@@ -84,9 +84,20 @@ CONTROLLERS: list[tuple[str, Case]] = [
     ("sampled_ftsmc_4_1", two_link(sampled(ftsmc_4_1(), estimator=KALMAN), idle=11)),
     ("sampled_sfsmc_4_2", scara(sampled(sfsmc_4_2(), delay=1.0), idle=11)),
     ("sampled_slotine_li", two_link(sampled(slotine_li_4_1(AROUND_4_1, Linear(0.6))), idle=11)),
+    ("sampled_super_twisting", scara(sampled(super_twisting_4_2(AROUND_4_2, Linear([0.5, 0.6, 0.7]))), idle=11)),
+    ("sampled_anftsmc", scara(sampled(anftsmc_4_2(initial=[1.0, 0.5, 0.2], layer=0.01), delay=1.0), idle=11)),
+    ("sampled_computed_torque", two_link(sampled(computed_torque_4_1(), delay=1.5, dead_time=0.5), idle=11)),
     ("computed_torque", two_link(computed_torque_4_1())),
     ("gravity_pd", two_link(gravity_pd_4_1())),
 ]
 
-LIKE_OTHERS = ("sampled_cftsmppc_4_1", "sampled_ftsmc_4_1", "sampled_sfsmc_4_2", "sampled_slotine_li")
+LIKE_OTHERS = (
+    "sampled_cftsmppc_4_1",
+    "sampled_ftsmc_4_1",
+    "sampled_sfsmc_4_2",
+    "sampled_slotine_li",
+    "sampled_anftsmc",
+)
 """The sampled-data law with other parts, which are members of their own rooms: these run in the long version."""
+
+RECOVERIES: list[tuple[str, Recovery]] = [("recovery", Recovery())]

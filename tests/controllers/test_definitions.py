@@ -60,7 +60,7 @@ WRONG = [
     (state_bound, "b1", NAN, "must be >= 0 N m/rad (eq. 19)", "got nan"),
     (state_bound, "b2", -1.0, "must be >= 0 N m s²/rad² (eq. 19)", "got -1"),
     (nftsmc_4_2, "gamma2", 2.0, "must be in (1, 2)", "got 2"),
-    (nftsmc_4_2, "gamma1", [2.0, 1.5, 2.0], "must be > `gamma2` ([7])", "got 1.5 for joint 2"),
+    (nftsmc_4_2, "gamma1", [2.0, 1.5, 2.0], "must be > `gamma2` = 1.6666666666666667 ([7])", "got 1.5 for joint 2"),
     (nftsmc_4_2, "reach", 0.0, "must be > 0 (M1, [7])", "got 0"),
     (nftsmc_4_2, "gain", -2.0, "must be > 0 1/s² (M2, [7])", "got -2"),
     (nftsmc_4_2, "layer", -1.0, "must be >= 0 (s0", "got -1"),

@@ -12,9 +12,10 @@ import pytest
 
 from slidax import metrics
 from slidax._errors import DefinitionError
-from slidax._types import Reference, State
+from slidax._types import Command, Reference, State
 from slidax.actuators import Actuator, TorqueLimits
-from slidax.controllers import ComputedTorque, Recovery, cftsmppc, sampled_data
+from slidax.controllers import AbstractController, ComputedTorque, Recovery, SampledData, cftsmppc, sampled_data
+from slidax.deploy.guarded_step import GuardedStep
 from slidax.disturbances import Constant
 from slidax.estimators import Measured
 from slidax.performance import FixedTime
@@ -140,10 +141,10 @@ def test_as_the_period_goes_to_nothing_the_law_goes_to_the_printed_one_with_orde
 
 
 @pytest.mark.parametrize(
-    ("period", "steady", "aice"),
+    ("period", "steady", "travel"),
     [(1e-4, (4.5e-9, 9.6e-9), 2110.8), (1e-3, (4.4e-7, 8.9e-7), 2530.0), (2e-3, (2.2e-6, 3.9e-6), 2960.0)],
 )
-def test_without_delay_and_limits_the_law_is_no_worse_than_its_prototype_was(period, steady, aice):
+def test_without_delay_and_limits_the_law_is_no_worse_than_its_prototype_was(period, steady, travel):
     scenario = load("example-4.1")
     law = sampled_data(law_4_1(layer=0.0), period=period, horizon=period, estimator=Measured(0.0), slopes=False)
     run = simulate(
@@ -155,7 +156,7 @@ def test_without_delay_and_limits_the_law_is_no_worse_than_its_prototype_was(per
     settled = metrics.settling_time(run, 1e-3)
     assert settled[0] < 1.03 and settled[1] < 0.92
     assert np.all(metrics.peak_torque(run) < 98.0)
-    assert np.all(metrics.aice(run) <= aice)
+    assert np.all(metrics.torque_travel(run) <= travel)
 
 
 @pytest.mark.parametrize("period", [1e-2, 1.1e-2])
@@ -204,6 +205,21 @@ def test_after_lost_samples_the_plan_is_made_anew_and_nothing_is_learnt_from_the
     np.testing.assert_array_equal(far.signals["residual"], 0.0)
 
 
+def test_the_torque_limit_holds_from_the_first_sample_on_though_the_arm_was_held_by_more():
+    """Its guards in exported code then have nothing left to limit."""
+    limits = TorqueLimits(5.0, 4000.0)
+    law = sampled_data(law_4_1(), period=1e-3, limits=limits)
+    guard = GuardedStep.around(law, limits, 1e-3)
+    motion = load("example-4.1").trajectory
+    now, ahead = motion.reference(jnp.asarray(0.0)), motion.reference(jnp.asarray(1e-3))
+    memory = law.init(jnp.asarray(0.0), START_4_1, now)
+    assert np.any(np.abs(memory.torques[-1]) > 9.0)
+    tau = law(jnp.asarray(0.0), START_4_1, now, ahead, memory).tau
+    assert np.all(np.abs(tau) <= 5.0)
+    kept = guard.init(jnp.asarray(0.0), START_4_1, now)
+    np.testing.assert_array_equal(guard(jnp.asarray(0.0), START_4_1, now, ahead, kept).tau, tau)
+
+
 @pytest.mark.parametrize("value", [0.0, 1e-300, 1.0, -30.0, 1e6, -1e12])
 def test_every_finite_measurement_has_a_finite_torque_within_the_limits(value):
     limits = TorqueLimits(60.0, 4000.0)
@@ -248,9 +264,31 @@ def test_from_two_hundred_starts_outside_the_envelope_all_are_back_inside_in_tim
     assert np.all(np.asarray(peak) <= np.asarray(law.limits.torque))
 
 
-def test_only_a_law_with_a_surface_has_a_sampled_data_form():
-    with pytest.raises(DefinitionError, match="only a law with a surface"):
-        sampled_data(ComputedTorque(SCARA, 100.0, 20.0), period=1e-3)
+def test_a_law_that_does_not_plan_has_no_horizon():
+    with pytest.raises(DefinitionError, match="`ComputedTorque` does not plan over a horizon; leave `horizon` out"):
+        sampled_data(ComputedTorque(SCARA, 100.0, 20.0), period=1e-3, horizon=0.01)
+    step = sampled_data(law_4_1(), period=1e-3).step
+    with pytest.raises(DefinitionError, match=r"`SampledData.horizon` must be given for a law that plans"):
+        SampledData(step, Measured(), TorqueLimits(), 1e-3)
+
+
+def test_a_law_without_a_nominal_robot_has_no_sampled_data_form():
+    class Blind(AbstractController):
+        @property
+        def joints(self):
+            return 2
+
+        def init(self, t, state, reference):
+            return ()
+
+        def __call__(self, t, state, reference_now, reference_next, memory):
+            return Command(tau=jnp.zeros(2), memory=memory, signals={})
+
+        def envelope(self, t, memory):
+            return None
+
+    with pytest.raises(DefinitionError, match="`Blind` has no `nominal` robot"):
+        sampled_data(Blind(), period=1e-3)
 
 
 def test_the_horizon_is_no_shorter_than_the_period():

@@ -31,11 +31,12 @@ def judged(arm, period, x):
 
     # The proximal equation, and where its set-valued part lets s⁺ be exactly zero.
     after = jnp.einsum("kij,kj->ki", m0, s_next) / horizon
+    reaching = law.step.reaching
     left = (
         after
         - push
-        + jax.vmap(law.step.reaching.continuous_term)(s_next)
-        + u[:, None] * jax.vmap(law.step.reaching.switching_direction)(s_next)
+        + jax.vmap(reaching.continuous_term)(s_next)
+        + u[:, None] * jax.vmap(reaching.switching_direction)(s_next)
     )
     held = (x["layer"] == 0) & (size <= u)
     proximal = jnp.where(held, 0.0, jnp.linalg.norm(left, axis=1) / (1.0 + size))

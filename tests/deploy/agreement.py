@@ -47,7 +47,7 @@ def named(pair: Pair) -> str:
 def slack(guard, samples):
     """What a law that searches for a plan may be off by: its plan is found to so many rad/s, over one horizon."""
     law = guard.controller
-    if not isinstance(law, SampledData):
+    if not isinstance(law, SampledData) or law.horizon is None:
         return 0.0
     stiffness = np.abs(jax.vmap(law.nominal.mass)(samples.state.q)).sum(-1).max(-1)
     return 2.0 * PRECISION * stiffness / float(law.horizon)

@@ -10,8 +10,13 @@ from scipy.linalg import solve_discrete_are
 
 from slidax._errors import DefinitionError
 from slidax._types import State
+from slidax.controllers import sampled_data
 from slidax.estimators import Estimate, Kalman
+from slidax.sensors import Encoders
+from slidax.simulation import Plant, simulate, simulate_batch
 from tests.estimators.followed import followed
+from tests.paper import MOTION_4_1, START_4_1, TWO_LINK, law_4_1
+from tests.simulation.simple import SMOOTH_PLANT
 
 CASES = list(itertools.product(np.logspace(-4, 4, 5), [1e-4, 1e-3, 1e-2], [1e-6, 1e-5, 1e-4, 1e-3]))
 
@@ -189,3 +194,29 @@ def test_a_gap_shorter_than_its_memory_is_filtered_as_any_sample_is():
     usual, _ = kalman(measured, prior, jnp.asarray(1e-3), jnp.asarray(False), ())
     found, _ = kalman(measured, prior, jnp.asarray(2e-3), jnp.asarray(True), ())
     np.testing.assert_array_equal(found.state.dq, usual.state.dq)
+
+
+def test_the_filter_of_an_arm_can_be_batched_and_differentiated_by_its_torque_density():
+    def gains(density):
+        return Kalman.of_arm(MASS, variance=1e-11, period=1e-3, torque_density=density).gains
+
+    densities, h = jnp.array([0.01, 0.05, 2.0]), 1e-5
+    for i, many in enumerate(jax.vmap(gains)(densities)):
+        np.testing.assert_allclose(many, gains(densities[i]), rtol=1e-12)
+    for density in densities:
+        difference = (gains(density * (1 + h)) - gains(density * (1 - h))) / (2 * h * density)
+        np.testing.assert_allclose(jax.jacfwd(gains)(density), difference, rtol=1e-7)
+        np.testing.assert_allclose(jax.jacrev(gains)(density), difference, rtol=1e-7)
+
+
+def test_a_native_batch_over_the_torque_density_is_the_single_runs():
+    def parts(density):
+        kalman = Kalman.of_arm(MASS, variance=1e-11, period=1e-3, torque_density=density)
+        law = sampled_data(law_4_1(), period=1e-3, estimator=kalman)
+        return Plant(TWO_LINK, SMOOTH_PLANT.disturbance, Encoders(1e-5)), law, MOTION_4_1, START_4_1
+
+    densities, how = jnp.array([0.01, 0.2]), {"t1": 0.05, "period": 1e-3, "log_every": None, "engine": "native"}
+    many = simulate_batch(parts, densities, **how).state.q
+    assert np.all(np.abs(many[0] - many[1]) > 1e-7)
+    for found, density in zip(many, densities, strict=True):
+        np.testing.assert_allclose(found, simulate(*parts(density), **how).state.q, rtol=1e-12)

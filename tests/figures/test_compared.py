@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import equinox as eqx
@@ -12,8 +13,10 @@ from matplotlib.figure import Figure
 
 from slidax import figures, scenarios
 from slidax._errors import DefinitionError
+from slidax.figures.chatter import chatter
 from slidax.figures.metric_bars import HATCHES
-from slidax.figures.overlay import LOOKS, crest, lean
+from slidax.figures.overlay import LOOKS, crest
+from slidax.figures.thinning import thinned
 from slidax.simulation import Run
 
 LIMIT = 150_000
@@ -43,7 +46,7 @@ def test_each_joint_has_the_errors_on_a_linear_and_their_sizes_on_a_logarithmic_
         *("$e_{1}$  [rad]", "$|e_{1}|$  [rad]", "$e_{2}$  [rad]", "$|e_{2}|$  [rad]"),
     ]
     assert [axes.get_yscale() for axes in figure.axes] == ["linear", "log"] * 2
-    assert legend(figure) == [*runs, "1e-3"]
+    assert legend(figure) == [*runs, "1e-3", "envelope of cftsmppc"]
     assert figure.axes[2].get_xlim()[1] == pytest.approx(2.0)
     assert figure.axes[3].get_xlim()[1] == pytest.approx(3.0)
 
@@ -51,6 +54,7 @@ def test_each_joint_has_the_errors_on_a_linear_and_their_sizes_on_a_logarithmic_
 def test_an_envelope_is_shown_if_it_is_the_only_one(runs: dict[str, Run]) -> None:
     only = figures.compared_errors(runs)
     assert len(bands(only)) == 4
+    assert legend(only) == [*runs, "envelope of cftsmppc"]
     assert not bands(figures.compared_errors({"one": runs["cftsmppc"], "two": runs["cftsmppc"]}))
     assert not bands(figures.compared_errors({"one": runs["ftsmc"]}))
 
@@ -59,6 +63,46 @@ def test_a_torque_that_chatters_is_a_band_and_a_smooth_one_is_a_line(runs: dict[
     assert bands(figures.compared_torques({"ftsmc": runs["ftsmc"]}))
     assert not bands(figures.compared_torques({"pd": runs["gravity_pd"]}))
     assert not bands(figures.compared_torques({"cftsmppc": runs["cftsmppc"]}))
+
+
+def test_a_steep_transient_with_a_ripple_on_it_is_no_band_and_a_chattering_one_follows_it() -> None:
+    """As a sampled-data law's: from 32 to -18 N m in 30 ms, with .1 N m to and fro from sample to sample."""
+    t = np.arange(4000) * 5e-4
+    motion = 32.0 - 50.0 / (1.0 + np.exp(-(t - 0.5) / 5e-3)) + 18.0 * np.clip(t - 0.55, 0.0, 1.0)
+    to_and_fro = np.where(np.arange(len(t)) % 2, 1.0, -1.0)
+    assert chatter(t, motion + 0.1 * to_and_fro, 130.0) == []
+    (band,) = chatter(t, motion + 4.0 * to_and_fro, 130.0)
+    assert (band.t[0], band.t[-1]) == pytest.approx((0.0, t[-1]), abs=0.02)
+    assert np.median(band.high - band.low) == pytest.approx(8.0, rel=1e-3)
+    assert (band.high - band.low).max() < 12.0
+    assert (np.interp(band.t, t, motion) <= band.high).all()
+    assert (np.interp(band.t, t, motion) >= band.low).all()
+
+
+def test_the_limits_of_the_drives_are_in_the_picture_where_the_torque_comes_near(runs: dict[str, Run]) -> None:
+    one = {"cftsmppc": runs["cftsmppc"]}
+    for figure in (
+        figures.compared_torques(one, limits=[120.0, 1e4]),
+        figures.torque(one["cftsmppc"], limits=[120.0, 1e4]),
+    ):
+        near, far = figure.axes[0], figure.axes[2]
+        assert {line.get_ydata()[0] for line in near.lines if len(set(line.get_ydata())) == 1} >= {-120.0, 120.0}
+        assert near.get_ylim()[1] > 120.0
+        assert far.get_ylim()[1] < 1e3
+        assert [axes.get_title(loc="right") for axes in (near, far)] == ["limit ±120 N m", "limit ±10000 N m"]
+        assert "torque limit" in legend(figure)
+    assert not figures.torque(one["cftsmppc"], limits=[np.inf, np.inf]).axes[0].get_title(loc="right")
+
+
+def test_the_joints_have_the_names_of_their_robot_without_the_words_that_all_have(runs: dict[str, Run]) -> None:
+    named = replace(runs["cftsmppc"], joint_names=("arm_shoulder_joint", "arm_elbow_joint"))
+    for draw in (figures.compared_errors, figures.compared_velocity_errors, figures.compared_torques):
+        labels = [axes.get_ylabel().partition("\n")[0] for axes in draw({"one": named}).axes[::2]]
+        assert labels == ["shoulder", "elbow"]
+    for draw_one in (figures.tracking_error, figures.velocity_error, figures.torque):
+        assert [axes.get_ylabel().partition("\n")[0] for axes in draw_one(named).axes[::2]] == ["shoulder", "elbow"]
+    bars = figures.metric_bars({"one": [1.0, 2.0]}, "IAE", ["shoulder", "elbow"])
+    assert [label.get_text() for label in bars.axes[0].get_xticklabels()] == ["shoulder", "elbow"]
 
 
 def test_a_band_reaches_from_the_lowest_to_the_highest_torque(runs: dict[str, Run]) -> None:
@@ -155,10 +199,10 @@ def test_bars_stand_by_joint_on_a_logarithmic_axis_and_what_is_missing_is_a_dash
         figures.metric_bars({"one": [1.0], "two": [1.0, 2.0]}, "IAE")
 
 
-def test_a_lean_curve_is_the_same_curve_with_fewer_points() -> None:
+def test_without_the_points_on_its_lines_a_curve_is_the_same() -> None:
     t = np.linspace(0, 10, 2001)
     y = np.sin(t)
-    x, z = lean(t, y, (-1.0, 1.0))
+    x, z = thinned(t, y, 2001, (-1.0, 1.0))
     assert len(x) < 200
     assert np.abs(np.interp(t, x, z) - y).max() <= 2 / 450
     assert (x[0], x[-1]) == (0.0, 10.0)

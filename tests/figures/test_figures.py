@@ -64,7 +64,7 @@ def test_the_legend_names_error_and_envelope_above_the_panels(run: Run) -> None:
     figure = figures.tracking_error(run)
     figure.draw_without_rendering()
     (legend,) = figure.legends
-    assert [text.get_text() for text in legend.get_texts()] == ["error", "envelope"]
+    assert [text.get_text() for text in legend.get_texts()] == ["error", "envelope", "its narrower side"]
     bottom = legend.get_window_extent().y0
     assert all(axes.get_window_extent().y1 <= bottom for axes in figure.axes)
 

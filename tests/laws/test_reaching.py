@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from slidax._errors import DefinitionError
+from slidax._types import State
 from slidax.numerics import matvec
 from slidax.reaching import FixedTimeReaching, SaturatedReaching
 from tests.enrolled import every
-from tests.reaching.members import REACHING
+from tests.reaching.members import BOUNDS, REACHING
 
 S = jnp.asarray(np.random.default_rng(0).normal(size=(200, 2)) * np.logspace(-6, 2, 200)[:, None])
 
@@ -132,3 +133,19 @@ def test_the_derivative_of_the_implicit_step_is_that_of_the_solution(reaching):
 def test_a_full_gain_matrix_has_no_implicit_step():
     with pytest.raises(DefinitionError, match="must be one number or a diagonal"):
         FixedTimeReaching([[0.2, 0.1], [0.1, 0.4]], 1.2).implicit(METRICS[0], STARTS[0], SIZES[0])
+
+
+@every("bound", BOUNDS)
+def test_a_bound_is_one_positive_number_that_no_torque_or_state_lessens(bound):
+    """It has finite derivatives, also at rest without a torque, and compiles to the same number."""
+    rest = State(q=jnp.zeros(2), dq=jnp.zeros(2))
+    least = bound(rest, jnp.zeros(2))
+    assert least.shape == ()
+    assert least > 0
+    for q, dq, tau in np.random.default_rng(0).normal(size=(50, 3, 2)) * [[1.0], [2.0], [50.0]]:
+        state = State(q=jnp.asarray(q), dq=jnp.asarray(dq))
+        u = bound(state, jnp.asarray(tau))
+        assert u >= least
+        np.testing.assert_allclose(jax.jit(type(bound).__call__)(bound, state, jnp.asarray(tau)), u, rtol=1e-14)
+    gradients = jax.grad(lambda bound, state, tau: bound(state, tau), argnums=(0, 1, 2))(bound, rest, jnp.zeros(2))
+    assert all(np.all(np.isfinite(leaf)) for leaf in jax.tree.leaves(gradients))

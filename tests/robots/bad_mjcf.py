@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from .bad_file import BadFile, changed
 
 GOOD = """<mujoco model="arm">
@@ -46,9 +48,9 @@ ASSET = '<asset><mesh name="hull" file="no_hull.stl"/></asset>'
 LIFT = '<geom name="lift" type="mesh" mesh="hull"/>'
 
 
-def case(title: str, *changes: str, named: str) -> BadFile:
+def case(title: str, *changes: str, named: str, **arguments: Any) -> BadFile:
     """The good arm with pieces replaced."""
-    return BadFile(title, changed(GOOD, *changes), tuple(named.split()))
+    return BadFile(title, changed(GOOD, *changes), tuple(named.split()), arguments)
 
 
 def elbow(**attributes: str) -> str:
@@ -87,7 +89,12 @@ MASSES = [
     case(
         "an inertia not positive definite", INERTIAL, inertial(moments="0.01 0.01 0.01 0.02 0 0"), named="fore inertia"
     ),
-    case("the triangle inequality violated", INERTIAL, inertial(moments="0.01 0.01 0.1 0 0 0"), named="fore inertia"),
+    case(
+        "the triangle inequality violated",
+        INERTIAL,
+        inertial(moments="0.01 0.01 0.1 0 0 0"),
+        named="fore inertia nearest",
+    ),
     case("NaN in the inertia", INERTIAL, inertial(moments="nan 0.01 0.01 0 0 0"), named="fore fullinertia"),
     case("NaN in a centre of mass", INERTIAL, inertial(pos="0 nan 0"), named="fore pos"),
     case("infinity in a centre of mass", INERTIAL, inertial(pos="0 inf 0"), named="fore"),
@@ -179,7 +186,15 @@ TEXTS = [
         LIFT,
         named="fore no_hull.stl",
     ),
-    case("a mesh that is not there", WORLD, ASSET + WORLD, SITE, SITE + LIFT, named="fore no_hull.stl meshes=False"),
+    case(
+        "a mesh that is not there",
+        WORLD,
+        ASSET + WORLD,
+        SITE,
+        SITE + LIFT,
+        named="fore no_hull.stl meshes=False",
+        meshes=True,
+    ),
     case("a file to include that is not there", WORLD, '<include file="no_such.xml"/>' + WORLD, named="no_such.xml"),
     case("xacro left in", 'mass="1.25"', 'mass="${mass}"', named="xacro ${mass}"),
     BadFile("an empty text", "", ("empty",)),

@@ -1,4 +1,4 @@
-"""Every robot: one line here enrols a new one in `tests/laws/test_robots.py`; the ready ones are found by themselves."""
+"""Every robot: one line here enrols a new one in `tests/laws/test_robots.py`; ready ones are found by themselves."""
 
 from slidax.robots import AbstractRobot, ready
 from tests.paper import SCARA, TWO_LINK, TWO_LINK_NOMINAL

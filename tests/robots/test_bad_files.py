@@ -26,7 +26,7 @@ def test_a_bad_file_is_refused_by_the_name_of_what_is_wrong(read, case, tmp_path
     monkeypatch.chdir(tmp_path)
     source = case.source(tmp_path)
     with pytest.raises(DefinitionError) as caught:
-        read(source)
+        read(source, **case.arguments)
     message = str(caught.value)
     missing = [word for word in case.named if word not in message]
     assert not missing, message
@@ -43,6 +43,7 @@ def test_the_file_that_they_differ_from_is_good(read, text):
 
 @pytest.mark.parametrize(("read", "text"), GOOD)
 @pytest.mark.parametrize("count", [100, pytest.param(5000, marks=pytest.mark.full)])
+@pytest.mark.filterwarnings("ignore::slidax.DefinitionWarning")
 def test_whatever_is_damaged_in_a_file_it_is_an_arm_or_a_definition_error(read, text, count):
     refused = []
     for seed in range(count):

@@ -108,7 +108,7 @@ def test_a_further_file_is_a_further_arm(tmp_path, monkeypatch):
 def test_an_arm_that_there_is_not_is_named_with_its_nearest():
     with pytest.raises(DefinitionError, match="no ready robot `pandas`; did you mean `panda`"):
         robots.ready.read("pandas")
-    with pytest.raises(AttributeError, match="`slidax.robots` has no `pandas`"):
+    with pytest.raises(AttributeError, match=r"`slidax\.robots` has no `pandas`"):
         _ = robots.pandas
 
 

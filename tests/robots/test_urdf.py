@@ -9,11 +9,11 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from slidax._errors import DefinitionError
+from slidax._errors import DefinitionError, DefinitionWarning
 from slidax.robots.files import from_urdf
 from tests.paper import SCARA, TWO_LINK
 from tests.robots.bad_file import changed
-from tests.robots.bad_urdf import AXIS, ELBOW, FORE, GOOD, INERTIA, LIMIT, ORIGIN, TOOL
+from tests.robots.bad_urdf import AXIS, ELBOW, FORE, GOOD, INERTIA, LIMIT, ORIGIN, TOOL, limit
 
 pytest.importorskip("mujoco")
 EXAMPLES = Path(__file__).parents[2] / "examples" / "robots"
@@ -93,11 +93,70 @@ def test_limits_need_not_be_read():
     assert np.isposinf(arm.limits.torque).all() and np.isneginf(arm.limits.lower).all()
 
 
+NOT_GIVEN = [
+    ({"effort": "0"}, "no limit of effort for elbow", {"torque": np.inf}),
+    ({"effort": None}, "no limit of effort for elbow", {"torque": np.inf}),
+    ({"velocity": "0.0"}, "no limit of velocity for elbow", {"velocity": np.inf}),
+    ({"velocity": None}, "no limit of velocity for elbow", {"velocity": np.inf}),
+    ({"lower": None, "upper": None}, "no limit of position for elbow", {"lower": -np.inf, "upper": np.inf}),
+    ({"lower": "0", "upper": "0"}, "no limit of position for elbow", {"lower": -np.inf, "upper": np.inf}),
+    (
+        {"effort": "0", "velocity": "0"},
+        "no limit of velocity for elbow, no limit of effort for elbow",
+        {"velocity": np.inf, "torque": np.inf},
+    ),
+]
+
+
+@pytest.mark.parametrize(("values", "said", "infinite"), NOT_GIVEN)
+def test_a_limit_that_is_not_given_is_infinite_and_the_others_are_read(values, said, infinite):
+    expected = {"lower": -1.0, "upper": 1.5, "velocity": 4.0, "torque": 20.0} | infinite
+    with pytest.warns(DefinitionWarning) as caught:
+        arm = from_urdf(changed(GOOD, LIMIT, limit(**values)))
+    assert [str(warning.message) for warning in caught] == [
+        f"arm: the file gives {said}, or 0 for it; it is taken as infinite"
+    ]
+    for field, value in expected.items():
+        assert float(getattr(arm.limits, field)[1]) == value
+        assert float(getattr(arm.limits, field)[0]) == float(getattr(from_urdf(GOOD).limits, field)[0])
+
+
+def test_one_warning_names_all_joints_without_a_limit_and_the_file(tmp_path):
+    text = GOOD.replace('effort="50"', 'effort="0"').replace(LIMIT, "")
+    (tmp_path / "arm.urdf").write_text(text)
+    with pytest.warns(DefinitionWarning) as caught:
+        from_urdf(tmp_path / "arm.urdf")
+    (warning,) = caught
+    assert str(warning.message).startswith(f"{tmp_path / 'arm.urdf'}: the file gives ")
+    for words in ("position for elbow,", "velocity for elbow,", "effort for shoulder, elbow,"):
+        assert words in str(warning.message)
+
+
+def test_the_limits_of_a_joint_that_is_locked_are_of_no_account():
+    assert from_urdf(changed(GOOD, LIMIT, ""), locked={"elbow": 0.3}).joints == 1
+
+
+@pytest.mark.parametrize(("values", "ends"), [({"lower": None}, (0.0, 1.5)), ({"upper": None}, (-1.0, 0.0))])
+def test_one_end_alone_has_the_other_at_0_as_the_standard_says(values, ends):
+    limits = from_urdf(changed(GOOD, LIMIT, limit(**values))).limits
+    assert (float(limits.lower[1]), float(limits.upper[1])) == ends
+
+
+@pytest.mark.parametrize("values", [{"lower": None, "upper": "-1"}, {"lower": "1", "upper": None}])
+def test_one_end_alone_beyond_0_is_refused(values):
+    with pytest.raises(DefinitionError, match="`elbow` must have lower < upper"):
+        from_urdf(changed(GOOD, LIMIT, limit(**values)))
+
+
 def test_a_mimic_joint_may_be_held_where_the_error_says():
     text = changed(GOOD, LIMIT, LIMIT + MIMIC)
     with pytest.raises(DefinitionError, match=r"locked=\{'shoulder': 0.25, 'elbow': 1.0\}"):
         from_urdf(text, locked={"shoulder": 0.25})
     assert from_urdf(text, locked={"elbow": 0.5}).joint_names == ("shoulder",)
+    # Where the joint that it follows cannot be at 0, it is held as near as it can.
+    above = text.replace('lower="-2" upper="2.5"', 'lower="0.1" upper="0.4"')
+    with pytest.raises(DefinitionError, match=r"locked=\{'shoulder': 0.1, 'elbow': 0.7\}"):
+        from_urdf(above)
 
 
 def test_armature_is_one_number_or_one_for_each_joint_or_by_name():
@@ -151,17 +210,20 @@ def test_a_mesh_is_found_beside_the_file_and_in_packages_and_is_not_read(tmp_pat
     (meshes / "fore.dae").write_text("no mesh at all")
     path = tmp_path / "arm_description" / "arm.urdf"
     path.write_text(with_mesh("meshes/fore.dae"))
-    assert from_urdf(path).joints == 2
+    assert from_urdf(path, meshes=True).joints == 2
     path.write_text(with_mesh("package://arm_description/meshes/fore.dae"))
-    assert from_urdf(path).joints == 2
+    assert from_urdf(path, meshes=True).joints == 2
     text = path.read_text()
     for packages in ({"arm_description": meshes.parent}, [tmp_path / "empty", tmp_path]):
-        assert from_urdf(text, packages=packages).joints == 2
+        assert from_urdf(text, packages=packages, meshes=True).joints == 2
     with pytest.raises(DefinitionError, match=r"empty/meshes/fore\.dae; packages=\{'arm_description': FOLDER\}"):
-        from_urdf(text, packages={"arm_description": tmp_path / "empty"})
-    assert from_urdf(text, meshes=False).joints == 2
+        from_urdf(text, packages={"arm_description": tmp_path / "empty"}, meshes=True)
     path.write_text(with_mesh(f"file://{meshes}/fore.dae"))
-    assert from_urdf(path).joints == 2
+    assert from_urdf(path, meshes=True).joints == 2
+
+
+def test_a_mesh_that_is_not_there_does_not_stop_an_arm():
+    assert from_urdf(with_mesh("package://lost/fore.dae")).joints == 2
 
 
 def test_the_tip_is_the_only_link_that_moves_and_carries_none():

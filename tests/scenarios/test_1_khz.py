@@ -29,7 +29,7 @@ def simulated(name: str, **changes: Any) -> tuple[Scenario, Run]:
     numbers = [leaf for part in (run.tally, run.state) for leaf in jax.tree.leaves(part)]
     # Without an envelope the margin is infinite.
     assert not any(np.any(np.isnan(leaf)) for leaf in numbers)
-    assert np.all(np.isfinite(run.state.q)) and np.all(np.isfinite(run.tally.eci))
+    assert np.all(np.isfinite(run.state.q)) and np.all(np.isfinite(run.tally.torque_square))
     return scenario, run
 
 

@@ -71,9 +71,9 @@ def test_the_example_is_disturbed_as_the_paper_prints(name: str) -> None:
 def test_at_1_khz_the_law_has_the_papers_gains_and_no_boundary_layer(name: str) -> None:
     slow, printed = scenarios.load(f"{name}-1khz"), scenarios.load(name)
     for part in ("transformation", "surface", "bound"):
-        assert eqx.tree_equal(getattr(slow.controller, part), getattr(printed.controller, part)), part
+        assert eqx.tree_equal(getattr(slow.controller.step, part), getattr(printed.controller, part)), part
     reaching = eqx.tree_at(lambda law: law.layer, printed.controller.reaching, jnp.zeros(()))
-    assert eqx.tree_equal(slow.controller.reaching, reaching)
+    assert eqx.tree_equal(slow.controller.step.reaching, reaching)
     assert eqx.tree_equal((slow.plant.robot, slow.state0), (printed.plant.robot, printed.state0))
     # 20 % heavier than the arm in both examples.
     np.testing.assert_allclose(slow.controller.nominal.masses, 1.2 * slow.plant.robot.masses, rtol=1e-15)

@@ -107,7 +107,7 @@ def test_the_files_word_on_what_happens_outside_is_what_the_run_does() -> None:
 def test_the_same_seed_gives_the_same_run_and_another_one_another() -> None:
     def aice(seed: int) -> Any:
         changes = {"sensor": {"position_noise": 1e-6, "seed": seed}, "simulation.t1": 0.05}
-        return scenarios.load(NAME, changes).simulate(log_every=None).tally.aice
+        return scenarios.load(NAME, changes).simulate(log_every=None).tally.torque_travel
 
     np.testing.assert_array_equal(aice(1), aice(1))
     assert np.any(np.asarray(aice(1)) != np.asarray(aice(2)))

@@ -199,10 +199,10 @@ def test_a_preset_is_the_same_in_python_and_in_a_file() -> None:
 @pytest.mark.parametrize(
     ("given", "message"),
     [
-        ({"k3": 1.0}, r"`k3` is unknown; did you mean `k1`"),
+        ({"overshot": 1.0}, r"`overshot` is unknown; did you mean `overshoot`"),
         ({}, r"transformation: `PrescribedPerformance` needs `performance` and `overshoot`"),
         ({"k1": -1.0, "transformation": AROUND_4_1}, r"surface: `SmoothFixedTime.k1` must be > 0.*got -1"),
-        ({"surface": Linear(1.0), "k1": 1.0}, r"`k1` is of `surface`, which is given as a whole"),
+        ({"surface": Linear(1.0), "k1": 1.0}, r"`k1` is a number of `surface`, which is given as a whole"),
     ],
 )
 def test_what_a_preset_cannot_be_is_refused(given: dict[str, Any], message: str) -> None:

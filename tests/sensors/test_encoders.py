@@ -8,6 +8,7 @@ import pytest
 from slidax._errors import DefinitionError
 from slidax._types import State
 from slidax.sensors import Delayed, DifferencedEncoders, Encoders, Lossy
+from slidax.sensors.rounding import rounded
 from tests.sensors.sampled import moving, sampled
 
 
@@ -23,6 +24,16 @@ def test_an_exact_encoder_is_rounded_to_its_nearest_count():
 
 def test_a_resolution_of_zero_rounds_nothing():
     np.testing.assert_array_equal(sampled(Encoders(0.0), at(0.123456789)).state.q, 0.123456789)
+
+
+def test_the_derivative_passes_straight_through_the_rounding():
+    """By the position it is 1 on and between the counts, by the resolution 0; whatever the joints share of it."""
+    q, off = jnp.array([0.37, -0.25, 0.1, 1e300]), jnp.array([1.0, -2.0, 3.0, 4.0])
+    for resolution in (jnp.asarray(0.1), jnp.array([0.1, 0.25, 0.0, 1e-3])):
+        value, change = jax.jvp(rounded, (q, resolution), (off, jnp.ones_like(resolution)))
+        np.testing.assert_array_equal(value, rounded(q, resolution))
+        np.testing.assert_array_equal(change, off)
+        np.testing.assert_array_equal(jax.jacrev(rounded)(q, resolution), np.eye(4))
 
 
 def test_beyond_the_last_count_the_number_itself_is_measured():

@@ -1,5 +1,9 @@
 """Machine code of our own and XLA give the same runs; XLA is the reference."""
 
+import warnings
+from collections.abc import Callable
+
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -8,10 +12,12 @@ import pytest
 from slidax import scenarios
 from slidax._errors import DefinitionError, OutcomeError
 from slidax._types import Command, State
-from slidax.codegen import llvm
-from slidax.codegen.trace import NoNativeCodeError
+from slidax.codegen import NoNativeCodeError, llvm
+from slidax.codegen.builder import Builder
+from slidax.codegen.llvm import machine
+from slidax.codegen.trace.inline import PLAIN
 from slidax.controllers import AbstractController
-from slidax.simulation import simulate
+from slidax.simulation import native_engine, simulate, simulate_batch
 from slidax.simulation.engine import engine_for
 from slidax.trajectories import MinimumJerk
 from tests.paper import MOTION_4_1, START_4_1, law_4_1, plant_4_1
@@ -59,7 +65,7 @@ def test_both_engines_give_the_same_run(name):
     np.testing.assert_allclose(native.log.state.q, xla.log.state.q, rtol=1e-9, atol=1e-9)
     np.testing.assert_allclose(native.log.reference.q, xla.log.reference.q, rtol=1e-13, atol=1e-15)
     np.testing.assert_allclose(native.tally.peak_torque, xla.tally.peak_torque, rtol=1e-9)
-    np.testing.assert_allclose(native.tally.aice, xla.tally.aice, rtol=1e-5)
+    np.testing.assert_allclose(native.tally.torque_travel, xla.tally.torque_travel, rtol=1e-5)
     assert set(native.log.signals) == set(xla.log.signals)
     same = [jax.tree.structure(run) for run in (native.tally, xla.tally)]
     assert same[0] == same[1]
@@ -77,7 +83,7 @@ def test_example_4_1_is_the_same_to_1e_9_over_its_whole_length_where_it_does_not
     assert native.tally.samples == xla.tally.samples
     np.testing.assert_allclose(native.log.state.q, xla.log.state.q, rtol=0, atol=1e-9)
     np.testing.assert_allclose(native.log.tau, xla.log.tau, rtol=0, atol=1e-6)
-    np.testing.assert_allclose(native.tally.aice, xla.tally.aice, rtol=1e-9)
+    np.testing.assert_allclose(native.tally.torque_travel, xla.tally.torque_travel, rtol=1e-9)
 
 
 def test_a_motion_through_waypoints_is_the_same():
@@ -119,7 +125,7 @@ def test_a_bad_end_is_the_same_end(mode):
     assert [run.outcome.kind for run in runs] == [runs[0].outcome.kind] * 2
     for run in runs:
         assert len(run.log.t) == int(run.tally.samples)
-        assert all(np.isfinite(leaf).all() for leaf in jax.tree.leaves((run.log, run.tally.aice)))
+        assert all(np.isfinite(leaf).all() for leaf in jax.tree.leaves((run.log, run.tally.torque_travel)))
     with pytest.raises(OutcomeError):
         simulate(
             plant_4_1(), law_4_1(), MOTION_4_1, START_4_1, t1=9.0, period=4e-3, mode=mode, engine="native", throw=True
@@ -138,29 +144,124 @@ def test_an_unknown_engine_is_refused_with_the_names_of_those_there_are():
         engine_for("fast")
 
 
-class Sorting(AbstractController):
-    """A law with a primitive that no native code is there for."""
+class Written(AbstractController):
+    """A law that is one function of the error."""
 
+    law: Callable = eqx.field(static=True)
     joints: int = 2
 
     def init(self, t, state, reference):
         return ()
 
     def __call__(self, t, state, reference_now, reference_next, memory):
-        return Command(tau=jnp.sort(reference_now.q - state.q), memory=memory, signals={})
+        return Command(tau=self.law(reference_now.q - state.q), memory=memory, signals={})
 
     def envelope(self, t, memory):
         return None
 
 
-def test_a_law_without_native_code_runs_by_xla_with_a_word_about_it():
-    loop = SMOOTH_PLANT, Sorting(), MOTION_4_1, START_4_1
-    with pytest.warns(UserWarning, match="engine `xla`, as there is no native code for the JAX primitive `sort`"):
-        auto = simulate(*loop, t1=0.1, period=0.01)
-    xla = simulate(*loop, t1=0.1, period=0.01, engine="xla")
-    np.testing.assert_array_equal(auto.tally.eci, xla.tally.eci)
-    with pytest.raises(NoNativeCodeError, match="`sort`"):
-        simulate(*loop, t1=0.1, period=0.01, engine="native")
+def soft(e):
+    """The root of `τ + τ³ = e`, joint by joint."""
+
+    def newton(f, x):
+        return jax.lax.fori_loop(0, 25, lambda _, x: x - f(x) / jax.jvp(f, (x,), (jnp.ones_like(x),))[1], x)
+
+    return jax.lax.custom_root(lambda x: x + x**3 - e, e, newton, lambda g, y: y / g(jnp.ones_like(y)))
+
+
+def test_a_law_that_solves_an_equation_of_its_own_has_native_code():
+    loop = SMOOTH_PLANT, Written(soft), MOTION_4_1, START_4_1
+    native, xla = (simulate(*loop, t1=0.1, period=0.01, engine=engine) for engine in ("native", "xla"))
+    np.testing.assert_allclose(native.log.tau, xla.log.tau, rtol=1e-12)
+
+
+def around(inner):
+    """A root that is found by what there is no native code for."""
+
+    def law(e):
+        return jax.lax.custom_root(lambda x: x - e, e, lambda f, x: inner(x - f(x)), lambda g, y: y)
+
+    return law
+
+
+WITHOUT_CODE = {
+    "sort": jnp.sort,
+    "top_k": lambda e: jax.lax.top_k(e, 2)[0],
+    "convert_element_type to complex numbers": lambda e: jnp.real(jnp.fft.fft(e)),
+    "fft": lambda e: jnp.fft.irfft(jnp.fft.rfft(e)),
+    "lu": lambda e: jnp.linalg.solve(jnp.eye(2) + jnp.outer(e, e), e),
+    "cholesky": lambda e: jnp.linalg.cholesky(jnp.eye(2) + jnp.outer(e, e)) @ e,
+    "lgamma": lambda e: jax.lax.lgamma(2.0 + e * e) * e,
+    "sort inside a root": around(jnp.sort),
+    "sort inside a loop": lambda e: jax.lax.fori_loop(0, 2, lambda _, e: jnp.sort(e), e),
+    "sort inside a branch": lambda e: jax.lax.cond(e[0] > 0, jnp.sort, lambda e: e, e),
+    "reduce_precision": lambda e: jax.lax.reduce_precision(e, 8, 10),
+}
+
+
+def spoken(simulated):
+    """What a simulation gives, and the one warning on the way."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        run = simulated()
+    (said,) = [str(each.message) for each in caught]
+    assert said.startswith("simulating with the engine `xla`, as there is no native code for ")
+    assert "\n" not in said
+    return run, said
+
+
+@pytest.mark.parametrize("name", WITHOUT_CODE)
+def test_a_law_without_native_code_runs_by_xla_with_one_word_about_it(name):
+    law = Written(WITHOUT_CODE[name])
+    loop = SMOOTH_PLANT, law, MOTION_4_1, START_4_1
+    how = {"t1": 0.1, "period": 0.01}
+    primitive = name.split()[0]
+    auto, said = spoken(lambda: simulate(*loop, **how))
+    assert f"the JAX primitive `{primitive}` (line " in said
+    xla = simulate(*loop, **how, engine="xla")
+    np.testing.assert_array_equal(auto.tally.torque_square, xla.tally.torque_square)
+    with pytest.raises(NoNativeCodeError, match=f"`{primitive}`"):
+        simulate(*loop, **how, engine="native")
+
+
+def starts(shift):
+    return SMOOTH_PLANT, SPRING, MOTION_4_1, State(q=START_4_1.q + shift, dq=START_4_1.dq)
+
+
+@pytest.mark.parametrize("where", ["rule", "builder", "compiler"])
+def test_whatever_fails_on_the_way_to_native_code_is_named_and_xla_runs(monkeypatch, where):
+    def fails(*_, **__):
+        raise AssertionError("never thought of")
+
+    if where == "rule":
+        monkeypatch.setitem(PLAIN, "sin", fails)
+    elif where == "builder":
+        monkeypatch.setattr(Builder, "loop", fails)
+    else:
+        monkeypatch.setattr(machine.Machine, "code_of", fails)
+    # Nothing is known beforehand.
+    monkeypatch.setattr(native_engine, "_compiled", native_engine._compiled.__wrapped__)
+    monkeypatch.setattr(native_engine, "_compiled_batch", native_engine._compiled_batch.__wrapped__)
+    how = {"t1": 0.1, "period": 0.01}
+    one, said = spoken(lambda: simulate(*starts(0.0), **how))
+    assert said.endswith(": AssertionError: never thought of")
+    many, said = spoken(lambda: simulate_batch(starts, jnp.array([0.0, 0.1]), **how))
+    assert said.endswith(": AssertionError: never thought of")
+    np.testing.assert_allclose(many.tally.torque_square[0], one.tally.torque_square, rtol=1e-12)
+    for run in (
+        lambda: simulate(*starts(0.0), **how, engine="native"),
+        lambda: simulate_batch(starts, jnp.array([0.0]), **how, engine="native"),
+    ):
+        with pytest.raises(NoNativeCodeError, match=r"^no native code for .*: AssertionError: never thought of$"):
+            run()
+
+
+def test_a_mistake_in_the_law_itself_is_told_as_it_is():
+    def wrong(e):
+        return e @ jnp.ones(3)
+
+    with pytest.raises(TypeError, match="shape"):
+        simulate(SMOOTH_PLANT, Written(wrong), MOTION_4_1, START_4_1, t1=0.1, period=0.01)
 
 
 def test_without_llvmlite_a_run_goes_by_xla_and_says_so_if_it_was_to_be_native(monkeypatch):
@@ -170,5 +271,5 @@ def test_without_llvmlite_a_run_goes_by_xla_and_says_so_if_it_was_to_be_native(m
         asked = simulate(*loop, t1=0.1, period=0.01, engine="native")
     auto = simulate(*loop, t1=0.1, period=0.01)
     xla = simulate(*loop, t1=0.1, period=0.01, engine="xla")
-    np.testing.assert_array_equal(asked.tally.eci, xla.tally.eci)
-    np.testing.assert_array_equal(auto.tally.eci, xla.tally.eci)
+    np.testing.assert_array_equal(asked.tally.torque_square, xla.tally.torque_square)
+    np.testing.assert_array_equal(auto.tally.torque_square, xla.tally.torque_square)

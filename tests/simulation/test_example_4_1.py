@@ -49,9 +49,9 @@ def test_the_largest_torque_is_the_first():
 
 
 def test_the_three_sums_are_those_of_the_spec():
-    np.testing.assert_allclose(continuous().tally.iae, [0.2185, 0.4156], rtol=0.01)
-    np.testing.assert_allclose(continuous().tally.eci, [1.0111e7, 1.3003e7], rtol=0.01)
-    np.testing.assert_allclose(continuous().tally.aice, [1543.1, 1552.5], rtol=0.01)
+    np.testing.assert_allclose(continuous().tally.late_error, [0.2185, 0.4156], rtol=0.01)
+    np.testing.assert_allclose(continuous().tally.torque_square, [1.0111e7, 1.3003e7], rtol=0.01)
+    np.testing.assert_allclose(continuous().tally.torque_travel, [1543.1, 1552.5], rtol=0.01)
 
 
 @pytest.mark.parametrize("integrator", [None, semi_implicit_euler], ids=["runge_kutta", "semi_implicit_euler"])
@@ -59,7 +59,7 @@ def test_with_a_held_torque_nearly_the_same(integrator):
     run = held(integrator)
     assert run.outcome.ok
     assert int(run.tally.violations) == 0
-    np.testing.assert_allclose(run.tally.aice, [1549.5, 1560.7], rtol=0.02)
+    np.testing.assert_allclose(run.tally.torque_travel, [1549.5, 1560.7], rtol=0.02)
     np.testing.assert_allclose(run.tally.steady_error, [2.425e-7, 4.363e-7], rtol=0.02)
     assert last_above(run, 1e-3) == pytest.approx([1.000, 0.891], abs=0.002)
     np.testing.assert_allclose(run.tally.peak_torque, [103.653, 97.039], rtol=5e-4)

@@ -67,7 +67,7 @@ def pressing(depth):
     """The run in which the lowest reference of the tip's ball is so deep in the table, and the tip's least height."""
     height = tips(LOW[None])[0, 2] - RADIUS_OF_TIP + depth
     done = run(surroundings=Table(height, 0.3))
-    assert all(np.isfinite(leaf).all() for leaf in jax.tree.leaves((done.log, done.tally.iae)))
+    assert all(np.isfinite(leaf).all() for leaf in jax.tree.leaves((done.log, done.tally.late_error)))
     assert (np.abs(done.log.tau) <= np.asarray(LIMITS.torque) + 1e-9).all()
     return done, tips(done.log.state.q)[:, 2].min() - RADIUS_OF_TIP - height
 

@@ -59,7 +59,7 @@ def test_what_was_good_is_kept_and_nothing_is_nan(mode):
 def test_the_metrics_count_up_to_the_end_and_no_further(mode):
     run = printed_law_at_1_khz(mode)
     assert int(run.tally.samples) == len(run.log.t)
-    np.testing.assert_allclose(run.tally.eci, (run.log.tau**2).sum(axis=0), rtol=1e-12)
+    np.testing.assert_allclose(run.tally.torque_square, (run.log.tau**2).sum(axis=0), rtol=1e-12)
     np.testing.assert_allclose(run.tally.last_torque, run.log.tau[-1], rtol=1e-14)
 
 

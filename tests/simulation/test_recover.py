@@ -66,7 +66,7 @@ def test_it_goes_on_to_its_end_and_counts_every_sample():
     done = came_back()
     assert int(done.tally.samples) == len(done.log.t) == 151
     assert np.all(done.log.valid)
-    np.testing.assert_allclose(done.tally.eci, (done.log.tau**2).sum(axis=0), rtol=1e-12)
+    np.testing.assert_allclose(done.tally.torque_square, (done.log.tau**2).sum(axis=0), rtol=1e-12)
     np.testing.assert_allclose(done.tally.margin, -over(done.log).max(axis=0) / 0.2, rtol=1e-12)
 
 

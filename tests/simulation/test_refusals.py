@@ -5,7 +5,7 @@ import pytest
 
 from slidax._errors import DefinitionError
 from slidax._types import State
-from slidax.actuators import Actuator
+from slidax.actuators import Actuator, TorqueLimits
 from slidax.controllers import sampled_data
 from slidax.disturbances import Constant
 from slidax.sensors import Exact
@@ -15,6 +15,7 @@ from tests.paper import (
     MOTION_4_2,
     SCARA,
     START_4_1,
+    TWO_LINK,
     law_4_1,
     law_4_2,
     plant_4_1,
@@ -49,6 +50,20 @@ def attempt(plant=None, law=None, trajectory=MOTION_4_1, start=START_4_1, **time
 def test_times_that_do_not_fit_are_refused(change, message):
     with pytest.raises(DefinitionError, match=message):
         attempt(**change)
+
+
+@pytest.mark.parametrize("engine", ["native", "xla"])
+@pytest.mark.parametrize("outside", ["raise", "recover"])
+def test_a_start_that_the_actuator_cannot_hold_is_refused(engine, outside):
+    """With the joint, what holds it, the limit and what to do; the second joint is the weak one."""
+    held = TWO_LINK.bias(START_4_1.q, START_4_1.dq)
+    assert -6.0 < held[1] < -5.0
+    weak = Plant(*plant_parts(), actuator=Actuator(TorqueLimits([60.0, 5.0])))
+    message = rf"joint 2 needs {held[1]:.4g} N m there, but its limit is 5 N m; raise it, or start in a posture"
+    with pytest.raises(DefinitionError, match=r"`TorqueLimits.torque` must hold the arm where it starts: " + message):
+        attempt(weak, engine=engine, outside=outside)
+    enough = Plant(*plant_parts(), actuator=Actuator(TorqueLimits([60.0, 6.0])))
+    attempt(enough, engine=engine, outside=outside)
 
 
 @pytest.mark.parametrize(("t1", "period", "samples"), [(0.3, 0.1, 4), (1.0, 1 / 3, 4), (0.7, 0.07, 11)])

@@ -55,7 +55,7 @@ def test_ftsmc_settles_and_starts_as_re_computed():
 def test_with_a_boundary_layer_ftsmc_is_less_accurate_and_smooth_but_for_two_jumps():
     run = example_4_1(ftsmc_4_1, 1, layer=0.05)
     np.testing.assert_allclose(run.tally.steady_error, [1.99e-4, 3.77e-4], rtol=0.01)
-    np.testing.assert_allclose(run.tally.aice, [315.0, 368.0], rtol=0.01)
+    np.testing.assert_allclose(run.tally.torque_travel, [315.0, 368.0], rtol=0.01)
     jumps = np.abs(np.diff(np.asarray(run.log.tau), axis=0)).max(axis=1)
     times = np.asarray(run.log.t)[1:][jumps > 0.5]
     assert times == pytest.approx([0.827, 0.881], abs=1e-3)
@@ -77,7 +77,7 @@ def test_the_chattering_torque_is_on_average_that_of_the_smooth_run():
 def test_ftsmppc_is_as_re_computed():
     run = example_4_1(ftsmppc_4_1)
     assert run.outcome.ok
-    np.testing.assert_allclose(run.tally.aice, [1477.7, 1480.4], rtol=0.01)
+    np.testing.assert_allclose(run.tally.torque_travel, [1477.7, 1480.4], rtol=0.01)
     np.testing.assert_allclose(run.tally.steady_error, [4.2e-7, 7.2e-7], rtol=0.02)
 
 

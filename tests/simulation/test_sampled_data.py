@@ -48,7 +48,7 @@ def test_a_batch_over_seeds_is_the_single_runs():
     many = jax.jit(jax.vmap(tally))(jnp.arange(3))
     for i in range(3):
         assert_same(jax.tree.map(lambda x, i=i: x[i], many), tally(i), rtol=1e-7)
-    assert len(np.unique(many.aice[:, 0])) == 3
+    assert len(np.unique(many.torque_travel[:, 0])) == 3
 
 
 def final_error(law):

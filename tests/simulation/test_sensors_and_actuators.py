@@ -109,8 +109,8 @@ def test_the_actuators_limits_hold_in_the_torque_that_is_logged_and_counted():
     counted = {
         "peak_torque": np.abs(log.tau).max(axis=0),
         "first_torque": log.tau[0],
-        "eci": (log.tau**2).sum(axis=0),
-        "aice": steps[1:].sum(axis=0),
+        "torque_square": (log.tau**2).sum(axis=0),
+        "torque_travel": steps[1:].sum(axis=0),
         "max_step": steps[1:].max(axis=0),
     }
     for name, value in counted.items():
@@ -182,7 +182,7 @@ def test_a_batch_over_seeds_is_the_single_runs():
     many = jax.jit(jax.vmap(tally))(seeds)
     for i in range(3):
         assert_same(jax.tree.map(lambda x, i=i: x[i], many), tally(i), rtol=1e-9)
-    assert len(np.unique(many.aice[:, 0])) == 3
+    assert len(np.unique(many.torque_travel[:, 0])) == 3
 
 
 @pytest.mark.parametrize("log_every", [None, 7])

@@ -70,9 +70,9 @@ def test_each_run_has_its_own_random_numbers():
 
     seeds = jnp.array([0, 7, 7])
     native, xla = (simulate_batch(noisy, seeds, t1=0.1, period=1e-3, engine=engine) for engine in ("native", "xla"))
-    np.testing.assert_allclose(native.tally.aice, xla.tally.aice, rtol=1e-6)
-    assert np.all(native.tally.aice[0] != native.tally.aice[1])
-    np.testing.assert_array_equal(native.tally.aice[1], native.tally.aice[2])
+    np.testing.assert_allclose(native.tally.torque_travel, xla.tally.torque_travel, rtol=1e-6)
+    assert np.all(native.tally.torque_travel[0] != native.tally.torque_travel[1])
+    np.testing.assert_array_equal(native.tally.torque_travel[1], native.tally.torque_travel[2])
 
 
 def test_a_batch_inside_jit_goes_by_xla():

@@ -64,9 +64,13 @@ def test_the_statistics_are_their_definitions_over_the_full_log(mode):
     width = np.asarray(log.envelope.upper - log.envelope.lower)
     nearer = np.minimum(e - log.envelope.lower, log.envelope.upper - e)
     expected = {
-        "iae": np.abs(e[t > 2.0 + 1e-9]).sum(axis=0),
-        "eci": (tau**2).sum(axis=0),
-        "aice": steps.sum(axis=0),
+        "early_error": np.abs(e[t <= 2.0 + 1e-9]).sum(axis=0),
+        "late_error": np.abs(e[t > 2.0 + 1e-9]).sum(axis=0),
+        "error_square": (e**2).sum(axis=0),
+        "first_error": np.abs(e[0]),
+        "last_error": np.abs(e[-1]),
+        "torque_square": (tau**2).sum(axis=0),
+        "torque_travel": steps.sum(axis=0),
         "steady_error": np.abs(e[last_quarter]).max(axis=0),
         "first_torque": tau[0],
         "last_torque": tau[-1],
@@ -157,14 +161,14 @@ def test_other_bands_can_be_asked_for():
 
 
 def test_the_step_that_leads_into_the_last_quarter_is_not_counted_in_it():
-    windows = Windows(steady=jnp.asarray(2), iae=jnp.asarray(0), bands=jnp.array([0.1]))
+    windows = Windows(steady=jnp.asarray(2), late=jnp.asarray(0), bands=jnp.array([0.1]))
     tally = Tally.empty(1, 1)
     for k, tau in enumerate([0.0, 1.0, 9.0, 9.5, 9.0]):
         tally = tally.add(jnp.asarray(k), jnp.array([0.01 * k]), jnp.array([tau]), None, windows)
     assert float(tally.steady_step[0]) == 0.5
     assert float(tally.steady_square[0]) == 0.5
     assert float(tally.max_step[0]) == 8.0
-    assert float(tally.aice[0]) == 10.0
+    assert float(tally.torque_travel[0]) == 10.0
     assert float(tally.steady_error[0]) == 0.04
 
 

@@ -25,29 +25,32 @@ def compare(
     json: AsJson = False,
     out: Annotated[Path | None, typer.Option(help="Write a report, its figures and results.json there.")] = None,
 ) -> None:
-    """Several schemes on the same task: their metrics beside each other, the best in bold.
+    """Several schemes on the same task: their metrics beside each other, the best in bold, and in which form each ran.
 
     Each takes the place of the scenario's scheme as with `slidax run --set scheme.name=NAME`; each `--set` applies to
-    all of them after that.
+    all of them after that. The samples of a scheme without an envelope are counted against the scenario's own.
 
     Exit code 0: at least one run reached its end; 2: something asked for cannot be; 3: none reached its end.
     """
     with errors_as_lines():
         prepare()
-        from slidax.reports import results, write_comparison
+        from slidax.papers.indices import INDICES
+        from slidax.reports import Rival, results, write_comparison
         from slidax.terminal import print_comparison
 
-        parts = _switched(scenario, schemes, parsed(changes or []))
-        runs = {name: (each, each.simulate(log_every=0 if out else None)) for name, each in parts.items()}
+        values = parsed(changes or [])
+        parts = _switched(scenario, schemes, values)
+        judge = _judge(scenario, values)
+        rivals = {name: Rival.simulated(each, judge, logged=out is not None) for name, each in parts.items()}
         if out is not None:
-            write_comparison(runs, out, command=shlex.join(["slidax", *sys.argv[1:]]))
+            write_comparison(rivals, out, also=INDICES, command=shlex.join(["slidax", *sys.argv[1:]]))
         if json:
-            print_json(results(runs))
+            print_json(results(rivals, INDICES))
         else:
-            print_comparison(runs)
+            print_comparison(rivals)
             if out is not None:
                 say_where(out)
-        if not any(finished.outcome.ok for _, finished in runs.values()):
+        if not any(rival.run.outcome.ok for rival in rivals.values()):
             typer.echo("none of the runs reached its end", err=True)
             raise typer.Exit(OUTCOME)
 
@@ -71,3 +74,15 @@ def _switched(scenario: str, schemes: str, changes: dict[str, Any]) -> dict[str,
                 raise
             raise DefinitionError(f"with the scheme `{name}`: {error}") from None
     return found
+
+
+def _judge(scenario: str, changes: dict[str, Any]) -> Scenario:
+    """The scenario with its own scheme, whose envelope counts for schemes without one."""
+    from slidax._errors import DefinitionError
+    from slidax.scenarios import load
+
+    try:
+        return load(scenario, changes)
+    except DefinitionError:
+        # A change that the rivals know and its own scheme does not.
+        return load(scenario)

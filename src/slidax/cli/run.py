@@ -49,6 +49,7 @@ def run(
         chosen = {} if engine is None else {"simulation.engine": engine.value}
         parts = load(scenario, parsed(changes or []) | chosen)
         if out is not None:
+            from slidax.papers.indices import INDICES
             from slidax.reports import parquet, write_run_report
 
             parquet.require_pyarrow()
@@ -59,7 +60,8 @@ def run(
         summary = run_as_json(parts, finished, import_s)
         if out is not None:
             parquet.write_log(finished, out / "log.parquet")
-            write_run_report(parts, finished, out, command=shlex.join(["slidax", *sys.argv[1:]]))
+            command = shlex.join(["slidax", *sys.argv[1:]])
+            write_run_report(parts, finished, out, also=INDICES, command=command)
         if json:
             print_json(summary)
         else:

@@ -12,7 +12,6 @@ from .model_based import AbstractSurfaceBased as AbstractSurfaceBased
 from .nonsingular_fast_terminal import NonsingularFastTerminal as NonsingularFastTerminal
 from .preset import Given as Given
 from .preset import Preset as Preset
-from .sampled_data import ExplicitStep as ExplicitStep
 from .sampled_data import SampledData as SampledData
 from .sampled_data import sampled_data as sampled_data
 from .sfsmc import sfsmc as sfsmc
@@ -23,8 +22,6 @@ from .steps import AbstractStep as AbstractStep
 from .steps import Decision as Decision
 from .steps import Moment as Moment
 from .steps import Recovery as Recovery
-from .steps import SlidingStep as SlidingStep
-from .steps import TwistingStep as TwistingStep
 from .super_twisting import Integral as Integral
 from .super_twisting import SuperTwisting as SuperTwisting
 from .table_2 import anftsmc as anftsmc

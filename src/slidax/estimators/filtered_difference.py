@@ -22,7 +22,9 @@ class FilteredDifference(AbstractEstimator):
     """
 
     cutoff: PerJoint = parameter("c", "rad/s", "> 0")
-    gain: PerJoint = parameter("g, of the push; 0 leaves it as it is", "", "[0, 1]", default=0.5)
+    gain: PerJoint = parameter(
+        "g, of the push; 0 leaves it as it is", "", "[0, 1]", default=0.25, source="critical damping"
+    )
 
     def init(self, measured: State) -> State:
         """The last measured position and the last estimated velocity.

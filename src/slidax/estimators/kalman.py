@@ -49,6 +49,9 @@ class Kalman(AbstractEstimator):
     def of_arm(cls, mass: Any, *, variance: Any, period: Any, torque_density: Any = TORQUE_DENSITY) -> Kalman:
         """The steady filter for a disturbance torque that drifts alike on all joints, each with its own inertia.
 
+        Only the gains are kept of it, so that a sample costs no more than three products. They can be batched and
+        differentiated by every argument: to vary one, or to tune it, make the filter from it inside `vmap` or `grad`.
+
         - `mass`: inertia matrix of the nominal arm where it works [n n], kg m², kg m, kg.
         - `variance`: of a measured position, one number or [n], rad² or m², > 0; `r²/12` for a resolution r.
         - `period`: time between two samples [s], > 0.

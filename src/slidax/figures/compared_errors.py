@@ -15,7 +15,7 @@ from slidax.simulation import Run
 from .logged import log_of
 from .overlay import name_runs
 from .paired import draw_pairs
-from .style import BAND, BOUND, styled
+from .style import BAND, BOUND, envelope_patch, styled
 from .thinning import every_nth
 
 LEVEL: dict[str, Any] = {"color": "0.1", "linewidth": 0.6, "linestyle": "-", "zorder": 3}
@@ -36,16 +36,16 @@ def compared_errors(
 
     Raises DefinitionError if there are no runs, too many, one without a log, or arms with different joints.
     """
-    units = next(iter(runs.values())).joint_units if runs else ()
-    names = [(rf"$e_{{{i + 1}}}$  [{unit}]", rf"$|e_{{{i + 1}}}|$  [{unit}]") for i, unit in enumerate(units)]
-    figure, panels = draw_pairs(runs, "e", names, beginning)
-    promised = [run for run in runs.values() if log_of(run).envelope is not None]
+    figure, panels = draw_pairs(runs, "e", "e_{%d}", "", beginning)
+    more: list[Any] = [Line2D([], [], **LEVEL, label=name) for name in bands or {}]
+    promised = [name for name, run in runs.items() if log_of(run).envelope is not None]
     if len(promised) == 1:
-        _draw_envelope(panels, promised[0], beginning)
+        _draw_envelope(panels, runs[promised[0]], beginning)
+        more.append(envelope_patch(f"envelope of {promised[0]}"))
     for level in (bands or {}).values():
         for axes, height in zip(panels[:, 1], level, strict=True):
             axes.axhline(height, **LEVEL)
-    name_runs(figure, runs, [Line2D([], [], **LEVEL, label=name) for name in bands or {}])
+    name_runs(figure, runs, more)
     return figure
 
 

@@ -22,11 +22,6 @@ def compared_velocity_errors(runs: Mapping[str, Run], *, beginning: float = 2.0)
 
     Raises DefinitionError if there are no runs, too many, one without a log, or arms with different joints.
     """
-    units = next(iter(runs.values())).joint_units if runs else ()
-    names = [
-        (rf"$\dot{{e}}_{{{i + 1}}}$  [{unit}/s]", rf"$|\dot{{e}}_{{{i + 1}}}|$  [{unit}/s]")
-        for i, unit in enumerate(units)
-    ]
-    figure, _ = draw_pairs(runs, "de", names, beginning)
+    figure, _ = draw_pairs(runs, "de", r"\dot{e}_{%d}", "/s", beginning)
     name_runs(figure, runs)
     return figure

@@ -13,7 +13,7 @@ from slidax._errors import DefinitionError
 from slidax.simulation import Run
 
 from .axes import use_size_axis, use_time_axis
-from .logged import log_of
+from .logged import joint_label, log_of
 from .style import LINES, ROW, WIDTH, legend_above, styled
 from .thinning import thinned
 
@@ -41,7 +41,7 @@ def error_sizes(runs: Mapping[str, Run], *, levels: Mapping[str, Sequence[float]
             axes.plot(*thinned(np.asarray(log.t), np.abs(np.asarray(log.e)[:, i])), **{**line, "linewidth": 0.9})
         for level in (levels or {}).values():
             axes.axhline(level[i], **LEVEL)
-        axes.set_ylabel(rf"$|e_{{{i + 1}}}|$  [{unit}]")
+        axes.set_ylabel(joint_label(first, i, "|e_{%d}|", unit))
     use_time_axis(panels[-1], 0.0, max(float(log.t[-1]) for log in logs))
     handles = [Line2D([], [], **line, label=name) for name, line in zip(runs, LINES, strict=False)]
     handles += [Line2D([], [], **LEVEL, label=name) for name in levels or {}]

@@ -5,7 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from slidax._errors import DefinitionError
+from slidax.metrics import short_names
 from slidax.simulation import Log, Run
+
+LONGEST = 18
+"""No more characters of a joint's name fit beside its panel."""
 
 
 def log_of(run: Run) -> Log:
@@ -24,9 +28,17 @@ def log_of(run: Run) -> Log:
     return run.log
 
 
-def torque_unit(joint_unit: str) -> str:
-    """`N m` for a joint measured in rad, `N` for one measured in m.
+def joint_label(run: Run, joint: int, symbol: str, unit: str) -> str:
+    """The label of one joint's axis: the symbol with the joint's number, below the joint's name if it has one.
 
-    - `joint_unit`: the unit of the joint's position.
+    - `run`: whose joint.
+    - `joint`: its number, from 0.
+    - `symbol`: as mathematics, with `%d` for the number.
+    - `unit`: of the axis.
     """
-    return "N m" if joint_unit == "rad" else "N"
+    name = short_names(run.joint_names)[joint]
+    label = f"${symbol % (joint + 1)}$  [{unit}]"
+    if name == f"joint {joint + 1}":
+        return label
+    shown = name if len(name) <= LONGEST else f"{name[: LONGEST - 1]}…"
+    return f"{shown.replace('$', '')}\n{label}"

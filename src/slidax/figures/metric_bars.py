@@ -18,13 +18,16 @@ HATCHES = ("", "////", "----", "xxxx", "\\\\\\\\", "||||", "++++", "//", "--", "
 
 
 @styled
-def metric_bars(values: Mapping[str, Sequence[float]], label: str) -> Figure:
+def metric_bars(
+    values: Mapping[str, Sequence[float | None]], label: str, joints: Sequence[str] | None = None
+) -> Figure:
     """One group of bars per joint, with one bar per scheme, on a logarithmic axis.
 
     What is zero, not finite or missing has no bar but a dash in its place.
 
     - `values`: of each scheme by name, with one value per joint, >= 0.
     - `label`: of the axis, with the unit.
+    - `joints`: their names; numbered if not given.
 
     Raises DefinitionError if there are no schemes, too many, or they have different numbers of joints.
     """
@@ -52,7 +55,7 @@ def metric_bars(values: Mapping[str, Sequence[float]], label: str) -> Figure:
     axes.set_yscale("log")
     axes.set_ylim(low, high)
     axes.set_ylabel(label)
-    axes.set_xticks(range(table.shape[1]), [f"joint {i + 1}" for i in range(table.shape[1])])
+    axes.set_xticks(range(table.shape[1]), joints or [f"joint {i + 1}" for i in range(table.shape[1])])
     axes.set_xlim(-0.55, table.shape[1] - 0.45)
     axes.tick_params(axis="x", length=0)
     axes.grid(False, axis="x")

@@ -16,6 +16,7 @@ from slidax.simulation import Run
 
 from .logged import log_of
 from .style import LINES, legend_above
+from .thinning import column_starts
 
 LOOKS: tuple[dict[str, Any], ...] = (
     *LINES[:4],
@@ -38,12 +39,8 @@ SPAN = 6.0
 """How many times larger than what the median run mostly has an axis may be; higher peaks leave it."""
 
 
-HEIGHTS = 450
-"""A curve may be off by one part in so many of its panel's height: less than half the width of its line."""
-
-
 @dataclass(frozen=True)
-class Curves:
+class Trace:
     """One run as it is drawn.
 
     - `t`: time [k], s.
@@ -56,7 +53,7 @@ class Curves:
     look: dict[str, Any]
 
 
-def curves_of(runs: Mapping[str, Run], field: str) -> list[Curves]:
+def traces_of(runs: Mapping[str, Run], field: str) -> list[Trace]:
     """What is to be drawn of each run, its finite samples only.
 
     - `runs`: finished runs of the same arm with logs, by name.
@@ -68,14 +65,14 @@ def curves_of(runs: Mapping[str, Run], field: str) -> list[Curves]:
     first = next(iter(runs.values()))
     found = []
     for (name, run), look in zip(runs.items(), LOOKS, strict=False):
-        if run.joint_units != first.joint_units:
+        if run.joint_names != first.joint_names or run.joint_units != first.joint_units:
             raise DefinitionError(f"the run `{name}` is of an arm with other joints; runs of one arm can be compared")
         log = log_of(run)
         y = np.asarray(getattr(log, field))
         finite = np.isfinite(y).all(axis=1)
         if finite.sum() < 2:
             raise DefinitionError(f"the run `{name}` has fewer than two finite samples; leave it out")
-        found.append(Curves(np.asarray(log.t)[finite], y[finite], look))
+        found.append(Trace(np.asarray(log.t)[finite], y[finite], look))
     return found
 
 
@@ -144,16 +141,6 @@ def crest(t: np.ndarray, size: np.ndarray, columns: int) -> tuple[np.ndarray, np
     return (np.append(t[0], x), np.append(size[0], y)) if size[0] > 1e-3 * y[0] else (x, y)
 
 
-def column_starts(t: np.ndarray, columns: int) -> np.ndarray:
-    """The number of the first sample in each column that has any.
-
-    - `t`: increasing [k].
-    - `columns`: how many there are.
-    """
-    column = np.minimum(((t - t[0]) * (columns / (t[-1] - t[0]))).astype(int), columns - 1)
-    return np.flatnonzero(np.diff(column, prepend=-1))
-
-
 def zero_line(axes: Axes) -> None:
     """A faint line at zero.
 
@@ -181,28 +168,3 @@ def legend_rows(entries: int, width: float) -> int:
     - `width`: of the figure [in].
     """
     return -(-entries // max(1, int(width / 1.35)))
-
-
-def lean(x: np.ndarray, y: np.ndarray, limits: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
-    """The curve without the points that lie on a line between others, as far as eyes can tell.
-
-    - `x`: increasing [k].
-    - `y`: values as the axis shows them, logarithms on a logarithmic one, [k].
-    - `limits`: of the axis.
-    """
-    tolerance = (limits[1] - limits[0]) / HEIGHTS
-    keep = np.zeros(len(x), bool)
-    keep[[0, -1]] = True
-    open_ends = [(0, len(x) - 1)]
-    while open_ends:
-        first, last = open_ends.pop()
-        if last - first < 2:
-            continue
-        inner = slice(first + 1, last)
-        off = np.abs(y[inner] - np.interp(x[inner], x[[first, last]], y[[first, last]]))
-        worst = int(np.argmax(off))
-        if off[worst] > tolerance:
-            middle = first + 1 + worst
-            keep[middle] = True
-            open_ends += [(first, middle), (middle, last)]
-    return x[keep], y[keep]

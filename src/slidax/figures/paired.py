@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -10,25 +10,28 @@ from matplotlib.figure import Figure
 from slidax.simulation import Run
 
 from .axes import use_size_axis, use_time_axis
-from .overlay import clipped, columns_for, crest, curves_of, lean, legend_rows, linear_range, zero_line
+from .logged import joint_label
+from .overlay import clipped, columns_for, crest, legend_rows, linear_range, traces_of, zero_line
 from .style import ROW, WIDTH
 from .thinning import thinned
 
 
 def draw_pairs(
-    runs: Mapping[str, Run], field: str, names: Sequence[tuple[str, str]], beginning: float
+    runs: Mapping[str, Run], field: str, symbol: str, rate: str, beginning: float
 ) -> tuple[Figure, np.ndarray]:
     """The figure, and its panels [n 2]: to the left on a linear, to the right on a logarithmic axis.
 
     - `runs`: finished runs of the same arm with logs, by name.
     - `field`: name of the log's quantity: `e` or `de`.
-    - `names`: of the two axes of each joint.
+    - `symbol`: of the quantity as mathematics, with `%d` for the joint's number.
+    - `rate`: what follows the unit of the joint: nothing or `/s`.
     - `beginning`: how long the beginning is [s].
 
     Raises DefinitionError if there are no runs, too many, one without a log, or arms with different joints.
     """
-    curves = curves_of(runs, field)
-    joints = len(names)
+    curves = traces_of(runs, field)
+    first = next(iter(runs.values()))
+    joints = first.joints
     figure = Figure(
         figsize=(WIDTH, ROW * 1.1 * joints + 0.25 + 0.2 * legend_rows(len(runs), WIDTH)), layout="constrained"
     )
@@ -52,11 +55,12 @@ def draw_pairs(
         zero_line(plain)
         for c, start, row in zip(curves, starts, crests, strict=True):
             look = {**c.look, "linewidth": 0.95}
-            plain.plot(*lean(*thinned(c.t[start], clipped(c.y[start, i], limits), few), limits), **look)
+            plain.plot(*thinned(c.t[start], clipped(c.y[start, i], limits), few, limits), **look)
             logarithmic.plot(*_lean_sizes(*row[i], logarithmic.get_ylim()), **look)
         plain.set_ylim(limits)
-        for axes, name in zip(pair, names[i], strict=True):
-            axes.set_ylabel(name)
+        unit = f"{first.joint_units[i]}{rate}"
+        plain.set_ylabel(joint_label(first, i, symbol, unit))
+        logarithmic.set_ylabel(f"$|{symbol % (i + 1)}|$  [{unit}]")
     end = max(float(c.t[-1]) for c in curves)
     use_time_axis(panels[-1, 0], 0.0, min(beginning, end))
     use_time_axis(panels[-1, 1], 0.0, end)
@@ -66,5 +70,5 @@ def draw_pairs(
 
 def _lean_sizes(t: np.ndarray, size: np.ndarray, limits: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
     low, high = np.log10(limits)
-    x, y = lean(t, np.log10(np.maximum(size, limits[0] / 10.0)), (float(low), float(high)))
+    x, y = thinned(t, np.log10(np.maximum(size, limits[0] / 10.0)), len(t), (float(low), float(high)))
     return x, 10.0**y

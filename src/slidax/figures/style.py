@@ -7,6 +7,7 @@ from typing import Any
 
 from matplotlib.artist import Artist
 from matplotlib.figure import Figure
+from matplotlib.patches import Patch
 
 from .notebook import drawn_by
 
@@ -79,8 +80,22 @@ BAND: dict[str, Any] = {"facecolor": "#E9EEF4", "edgecolor": "none"}
 BOUND: dict[str, Any] = {"color": "#6B7785", "linewidth": 0.8}
 """The edge of an envelope."""
 
+NARROW: dict[str, Any] = {**BOUND, "linewidth": 0.6, "linestyle": (0, (4, 2))}
+"""The narrower side of an envelope, where both are drawn as sizes."""
+
+LIMIT: dict[str, Any] = {"color": "#A33B20", "linewidth": 0.7, "linestyle": (0, (6, 2, 1, 2))}
+"""A limit of the drives."""
+
 styled = drawn_by(STYLE)
 """Decorates a function that draws: the settings of STYLE hold inside, and its figure shows itself in a notebook."""
+
+
+def envelope_patch(label: str = "envelope") -> Patch:
+    """An envelope as a legend shows it.
+
+    - `label`: what it is called.
+    """
+    return Patch(facecolor=BAND["facecolor"], edgecolor=BOUND["color"], linewidth=BOUND["linewidth"], label=label)
 
 
 def legend_above(figure: Figure, handles: Sequence[Artist], columns: int | None = None) -> None:

@@ -7,14 +7,13 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.patches import Patch
 
 from slidax._types import Envelope
 from slidax.simulation import Run
 
 from .axes import use_size_axis, use_time_axis
-from .logged import log_of
-from .style import BAND, BOUND, LINES, ROW, WIDTH, legend_above, styled
+from .logged import joint_label, log_of
+from .style import BAND, BOUND, LINES, NARROW, ROW, WIDTH, envelope_patch, legend_above, styled
 from .thinning import every_nth, thinned
 
 
@@ -35,21 +34,26 @@ def tracking_error(run: Run, *, window: tuple[float, float] | None = None) -> Fi
     panels = figure.subplots(run.joints, 2, sharex=True, squeeze=False, width_ratios=[1.15, 1])
     bounds = None if log.envelope is None else _bounds(log.envelope, seen)
     use_size_axis(panels[:, 1], np.abs(e) if bounds is None else np.append(np.abs(e), np.abs(bounds).max()))
+    sides = False
     for i, unit in enumerate(run.joint_units):
         plain, logarithmic = panels[i]
         if bounds is not None:
             _draw_envelope(plain, t, *bounds[..., i])
-            _draw_radii(logarithmic, t, *np.sort(np.abs(bounds[..., i]), axis=0))
+            narrow, wide = np.sort(np.abs(bounds[..., i]), axis=0)
+            _draw_radii(logarithmic, t, narrow, wide)
+            sides |= bool(np.any(narrow < wide))
         plain.axhline(0.0, color="0.75", linewidth=0.6, zorder=1.5)
         plain.plot(*thinned(t, e[:, i]), **LINES[0])
-        plain.set_ylabel(rf"$e_{{{i + 1}}}$  [{unit}]")
+        plain.set_ylabel(joint_label(run, i, "e_{%d}", unit))
         logarithmic.plot(*thinned(t, np.abs(e[:, i])), **{**LINES[0], "linewidth": 0.9})
         logarithmic.set_ylabel(rf"$|e_{{{i + 1}}}|$  [{unit}]")
     for axes in panels[-1]:
         use_time_axis(axes, float(t[0]), float(t[-1]))
     handles: list[Artist] = [Line2D([], [], **LINES[0], label="error")]
     if log.envelope is not None:
-        handles.append(Patch(facecolor=BAND["facecolor"], edgecolor=BOUND["color"], linewidth=0.8, label="envelope"))
+        handles.append(envelope_patch())
+    if sides:
+        handles.append(Line2D([], [], **NARROW, label="its narrower side"))
     legend_above(figure, handles)
     figure.align_ylabels()
     return figure
@@ -71,4 +75,4 @@ def _draw_radii(axes: Axes, t: np.ndarray, narrow: np.ndarray, wide: np.ndarray)
     time, low, high = every_nth(t), every_nth(narrow), every_nth(wide)
     axes.fill_between(time, axes.get_ylim()[0], high, **BAND, label="envelope")
     axes.plot(time, high, **BOUND)
-    axes.plot(time, low, **{**BOUND, "linewidth": 0.6, "linestyle": (0, (4, 2))})
+    axes.plot(time, low, **NARROW)

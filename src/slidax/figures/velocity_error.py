@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from slidax.simulation import Run
 
 from .axes import use_size_axis, use_time_axis
-from .logged import log_of
+from .logged import joint_label, log_of
 from .style import LINES, ROW, WIDTH, styled
 from .thinning import thinned
 
@@ -32,7 +32,7 @@ def velocity_error(run: Run, *, beginning: float = 2.0) -> Figure:
         plain, logarithmic = panels[i]
         plain.axhline(0.0, color="0.75", linewidth=0.6, zorder=1.5)
         plain.plot(*thinned(t[first], de[first, i]), **LINES[0])
-        plain.set_ylabel(rf"$\dot{{e}}_{{{i + 1}}}$  [{unit}/s]")
+        plain.set_ylabel(joint_label(run, i, r"\dot{e}_{%d}", f"{unit}/s"))
         logarithmic.plot(*thinned(t, np.abs(de[:, i])), **{**LINES[0], "linewidth": 0.9})
         logarithmic.set_ylabel(rf"$|\dot{{e}}_{{{i + 1}}}|$  [{unit}/s]")
     for axes, end in zip(panels[-1], (t[first][-1], t[-1]), strict=True):

@@ -1,15 +1,25 @@
-"""From a run to numbers, one per joint. They read the run's tally, so they count every sample, whatever was logged."""
+"""From a run to numbers, most of them one per joint.
 
-from .effort import aice as aice
-from .effort import eci as eci
+They read the run's tally, so they count every sample, whatever was logged. Each is a `Metric`, which says what it is
+called, its unit, and how it is computed. All take a batch of runs, too.
+"""
+
 from .effort import initial_torque as initial_torque
 from .effort import max_torque_step as max_torque_step
 from .effort import peak_torque as peak_torque
 from .effort import steady_torque_step as steady_torque_step
 from .effort import steady_torque_step_rms as steady_torque_step_rms
+from .effort import torque_energy as torque_energy
+from .effort import torque_travel as torque_travel
 from .envelope import envelope_margin as envelope_margin
 from .envelope import envelope_violations as envelope_violations
 from .error import iae as iae
+from .error import rms_error as rms_error
 from .error import settling_time as settling_time
 from .error import steady_error as steady_error
+from .metric import Metric as Metric
+from .metric import metric as metric
+from .names import short_names as short_names
+from .summary import METRICS as METRICS
+from .summary import metrics_of as metrics_of
 from .summary import summary as summary

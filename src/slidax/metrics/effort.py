@@ -7,62 +7,74 @@ import numpy as np
 from slidax.simulation import Run
 
 from .error import reached_last_quarter
+from .metric import integral, metric, where
 
 
+@metric("peak torque", "{torque}", brief=True)
 def peak_torque(run: Run) -> np.ndarray:
-    """`max |τ|`, [n], N m or N.
+    """`max |τ|` over the run.
 
-    - `run`: a finished run.
+    - `run`: a finished run, or a batch.
     """
     return np.asarray(run.tally.peak_torque)
 
 
+@metric("initial torque", "{torque}")
 def initial_torque(run: Run) -> np.ndarray:
-    """`|τ(0)|`, [n], N m or N.
+    """`|τ(0)|`.
 
-    - `run`: a finished run.
+    - `run`: a finished run, or a batch.
     """
     return np.abs(np.asarray(run.tally.first_torque))
 
 
+@metric("torque step, max", "{torque}", brief=True)
 def max_torque_step(run: Run) -> np.ndarray:
-    """`max |τ(k+1) - τ(k)|`, [n], N m or N.
+    """`max |τ(k+1) - τ(k)|` over the run.
 
-    - `run`: a finished run.
+    - `run`: a finished run, or a batch.
     """
     return np.asarray(run.tally.max_step)
 
 
+@metric("torque step, steady", "{torque}", brief=True)
 def steady_torque_step(run: Run) -> np.ndarray | None:
-    """`max |τ(k+1) - τ(k)|` over the last quarter of the run, [n], N m or N; None if the run ended before it.
+    """`max |τ(k+1) - τ(k)|` over the last quarter of the run.
 
-    - `run`: a finished run.
+    - `run`: a finished run, or a batch.
     """
-    return np.asarray(run.tally.steady_step) if reached_last_quarter(run) else None
+    return where(reached_last_quarter(run), np.asarray(run.tally.steady_step))
 
 
+@metric("torque step, steady, rms", "{torque}")
 def steady_torque_step_rms(run: Run) -> np.ndarray | None:
-    """Root mean square of `τ(k+1) - τ(k)` over the last quarter of the run, [n], N m or N; None if it ended before.
+    """Root mean square of `τ(k+1) - τ(k)` over the last quarter of the run.
 
-    - `run`: a finished run.
+    - `run`: a finished run, or a batch.
     """
-    if not reached_last_quarter(run):
-        return None
-    steps = int(run.tally.samples) - 1 - int(run.windows.steady)
-    return np.sqrt(np.asarray(run.tally.steady_square) / max(steps, 1))
+    steps = np.asarray(run.tally.samples) - 1 - np.asarray(run.windows.steady)
+    square = np.asarray(run.tally.steady_square) / np.maximum(steps, 1)[..., None]
+    return where(reached_last_quarter(run), np.sqrt(square))
 
 
-def eci(run: Run) -> np.ndarray:
-    """`ECI = Σ |τ(k)|²`, eq. (81); a sum without the period, as printed, [n], (N m)² or N².
+@metric("torque energy", "({torque})² s", brief=True, bars=True)
+def torque_energy(run: Run) -> np.ndarray:
+    """`∫ τ² dt` over the run.
 
-    - `run`: a finished run.
+    By the trapezoidal rule on all samples. A motor's winding turns it into heat.
+
+    - `run`: a finished run, or a batch.
     """
-    return np.asarray(run.tally.eci)
+    first, last = np.asarray(run.tally.first_torque), np.asarray(run.tally.last_torque)
+    return integral(run, run.tally.torque_square, first**2, last**2)
 
 
-def aice(run: Run) -> np.ndarray:
-    """`AICE = Σ |τ(k+1) - τ(k)|`, eq. (82), [n], N m or N: the length of the way that the torque goes up and down.
+@metric("torque travel", "{torque}", brief=True, bars=True)
+def torque_travel(run: Run) -> np.ndarray:
+    """`Σ |τ(k+1) - τ(k)|` over the run: how far the torque goes up and down.
 
-    - `run`: a finished run.
+    For a torque without jumps it does not depend on the period; one that chatters travels the more, the shorter it is.
+
+    - `run`: a finished run, or a batch.
     """
-    return np.asarray(run.tally.aice)
+    return np.asarray(run.tally.torque_travel)

@@ -6,20 +6,27 @@ import numpy as np
 
 from slidax.simulation import Run
 
+from .metric import metric, where
 
-def envelope_violations(run: Run) -> int | None:
+
+@metric("samples outside the envelope", "", per_joint=False)
+def envelope_violations(run: Run) -> np.ndarray | int | None:
     """How many samples had a joint at or outside its bounds (12); None for a scheme that promises none.
 
-    - `run`: a finished run.
+    - `run`: a finished run, or a batch.
     """
-    return int(run.tally.violations) if run.has_envelope else None
+    if not run.has_envelope:
+        return None
+    violations = np.asarray(run.tally.violations)
+    return violations if violations.ndim else int(violations)
 
 
+@metric("envelope margin", "of its width", least_is_best=False)
 def envelope_margin(run: Run) -> np.ndarray | None:
-    """Min over time of the distance to the nearer bound, over the envelope's width, [n].
+    """Least distance to the nearer bound over the run, over the envelope's width.
 
     None for a scheme without an envelope, and for a run whose very first sample was not good.
 
-    - `run`: a finished run.
+    - `run`: a finished run, or a batch.
     """
-    return np.asarray(run.tally.margin) if run.has_envelope and int(run.tally.samples) else None
+    return where(np.asarray(run.tally.samples) > 0, np.asarray(run.tally.margin)) if run.has_envelope else None

@@ -2,51 +2,112 @@
 
 from __future__ import annotations
 
+from functools import partial
+from typing import Any
+
 import numpy as np
 
 from slidax._errors import DefinitionError
 from slidax.simulation import Run
 
+from .metric import Metric, integral, metric, where
+
+BRIEF_BANDS = (1e-3, 1e-5)
+"""The settling bands of the short comparison on a terminal, rad or m."""
+
 
 def settling_time(run: Run, band: float) -> np.ndarray:
     """The last sample time at which |e| is above the band, [n], s; 0 if it never is, `t1` if it still is at the end.
 
-    - `run`: a finished run.
+    - `run`: a finished run, or a batch.
     - `band`: one of the bands that were tallied, rad or m.
 
     Raises DefinitionError if the band was not tallied.
     """
-    bands = np.asarray(run.windows.bands)
+    bands = _bands(run)
     match = np.flatnonzero(np.isclose(bands, band, rtol=1e-9, atol=0.0))
     if not len(match):
         known = ", ".join(f"{b:g}" for b in bands)
         remedy = f"simulate with `bands=({band:g},)`"
         raise DefinitionError(f"the band {band:g} was not tallied; there are {known}; {remedy}")
-    last = np.maximum(np.asarray(run.tally.last_above)[match[0]], 0)
+    last = np.maximum(np.asarray(run.tally.last_above)[..., match[0], :], 0)
     # Rounded to a picosecond: 7614 periods of 1e-4 s are .7614 s, not .7614000000000001 s.
-    times: np.ndarray = np.round(last * float(run.period), 12)
+    times: np.ndarray = np.round(last * np.asarray(run.period)[..., None], 12)
     return times
 
 
+def settling_times(run: Run) -> tuple[Metric[np.ndarray], ...]:
+    """The settling time at each band that was tallied, as metrics.
+
+    - `run`: a finished run, or a batch.
+    """
+
+    def settled(run: Run, band: float) -> np.ndarray:
+        """Last sample time with |e| above the band."""
+        return settling_time(run, band)
+
+    found = []
+    for band in _bands(run):
+        function = partial(settled, band=float(band))
+        function.__doc__ = settled.__doc__
+        brief = bool(np.isclose(band, BRIEF_BANDS, atol=0.0).any())
+        name = _named(band)
+        key, title = f"settling_time.{name}", f"settled to |e| <= {name}"
+        found.append(Metric(key, title, "s", function, brief=brief, needs_settling=True))
+    return tuple(found)
+
+
+@metric("steady error", "{position}", brief=True)
 def steady_error(run: Run) -> np.ndarray | None:
-    """`max |e|` over the last quarter of the run, [n], rad or m; None if the run ended before it.
+    """`max |e|` over the last quarter of the run.
 
-    - `run`: a finished run.
+    - `run`: a finished run, or a batch.
     """
-    return np.asarray(run.tally.steady_error) if reached_last_quarter(run) else None
+    return where(reached_last_quarter(run), np.asarray(run.tally.steady_error))
 
 
-def reached_last_quarter(run: Run) -> bool:
-    """Whether the run has samples in its last quarter, from which steady values are taken.
+@metric("error, rms", "{position}")
+def rms_error(run: Run) -> np.ndarray | None:
+    """Root mean square of e over the run.
 
-    - `run`: a finished run.
+    - `run`: a finished run, or a batch.
     """
-    return int(run.tally.samples) > int(run.windows.steady)
+    tally = run.tally
+    first, last = np.asarray(tally.first_error), np.asarray(tally.last_error)
+    samples = np.asarray(tally.samples)
+    duration = np.maximum(samples - 1, 1) * np.asarray(run.period)
+    mean = integral(run, tally.error_square, first**2, last**2) / duration[..., None]
+    # Of a run without motion the difference of equal sums may fall a rounding below zero.
+    return where(samples > 1, np.sqrt(np.maximum(mean, 0.0)))
 
 
+@metric("integral of |e|", "{position} s", brief=True, bars=True)
 def iae(run: Run) -> np.ndarray:
-    """`IAE = Σ |e(k)|` over the samples with t > 2 s, eq. (80); a sum without the period, as printed, [n], rad or m.
+    """`∫ |e| dt` over the run.
 
-    - `run`: a finished run.
+    By the trapezoidal rule on all samples, so that it does not depend on the period.
+
+    - `run`: a finished run, or a batch.
     """
-    return np.asarray(run.tally.iae)
+    tally = run.tally
+    total = np.asarray(tally.early_error) + np.asarray(tally.late_error)
+    return integral(run, total, tally.first_error, tally.last_error)
+
+
+def reached_last_quarter(run: Run) -> Any:
+    """Whether the run has samples in its last quarter, from which steady values are taken, [] or [runs].
+
+    - `run`: a finished run, or a batch.
+    """
+    return np.asarray(run.tally.samples) > np.asarray(run.windows.steady)
+
+
+def _bands(run: Run) -> np.ndarray:
+    bands: np.ndarray = np.atleast_2d(run.windows.bands)[0]
+    return bands
+
+
+def _named(band: float) -> str:
+    """`1e-3` rather than `0.001`."""
+    mantissa, exponent = f"{band:e}".split("e")
+    return f"{mantissa.rstrip('0').rstrip('.')}e{int(exponent)}"

@@ -2,51 +2,51 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from typing import Any
-
-import numpy as np
 
 from slidax.simulation import Run
 
-from .effort import (
-    aice,
-    eci,
-    initial_torque,
-    max_torque_step,
-    peak_torque,
-    steady_torque_step,
-    steady_torque_step_rms,
+from . import effort, envelope, error
+from .metric import Metric
+
+METRICS: tuple[Metric[Any], ...] = (
+    *(error.steady_error, error.rms_error, error.iae),
+    *(effort.peak_torque, effort.initial_torque),
+    *(effort.max_torque_step, effort.steady_torque_step, effort.steady_torque_step_rms),
+    *(effort.torque_energy, effort.torque_travel),
+    *(envelope.envelope_violations, envelope.envelope_margin),
 )
-from .envelope import envelope_margin, envelope_violations
-from .error import iae, settling_time, steady_error
+"""Every metric but the settling times, which depend on the bands of a run; in the order of tables."""
 
 
-def summary(run: Run) -> dict[str, Any]:
-    """Every metric by name; lists have one entry per joint.
+def metrics_of(run: Run) -> tuple[Metric[Any], ...]:
+    """Every metric of a run, the settling times first.
 
-    - `run`: a finished run.
+    - `run`: a finished run, or a batch.
     """
-    return {
-        "settling_time": {_name(band): settling_time(run, band).tolist() for band in np.asarray(run.windows.bands)},
-        "steady_error": _listed(steady_error(run)),
-        "peak_torque": peak_torque(run).tolist(),
-        "initial_torque": initial_torque(run).tolist(),
-        "max_torque_step": max_torque_step(run).tolist(),
-        "steady_torque_step": _listed(steady_torque_step(run)),
-        "steady_torque_step_rms": _listed(steady_torque_step_rms(run)),
-        "iae": iae(run).tolist(),
-        "eci": eci(run).tolist(),
-        "aice": aice(run).tolist(),
-        "envelope_violations": envelope_violations(run),
-        "envelope_margin": _listed(envelope_margin(run)),
-    }
+    return (*error.settling_times(run), *METRICS)
 
 
-def _listed(values: np.ndarray | None) -> list[float] | None:
-    return None if values is None else values.tolist()
+def summary(run: Run, also: Sequence[Metric[Any]] = ()) -> dict[str, Any]:
+    """Every metric by its key; lists have one entry per joint, and those of a batch one list per run.
+
+    What is not known, or not finite, is None.
+
+    - `run`: a finished run, or a batch.
+    - `also`: further metrics, such as those of a paper.
+    """
+    found: dict[str, Any] = {}
+    for metric in (*metrics_of(run), *also):
+        value = metric(run)
+        group, _, name = metric.key.partition(".")
+        place = found.setdefault(group, {}) if name else found
+        place[name or group] = _plain(value.tolist() if hasattr(value, "tolist") else value)
+    return found
 
 
-def _name(band: float) -> str:
-    """`1e-3` rather than `0.001`."""
-    mantissa, exponent = f"{band:e}".split("e")
-    return f"{mantissa.rstrip('0').rstrip('.')}e{int(exponent)}"
+def _plain(value: Any) -> Any:
+    if isinstance(value, list):
+        return [_plain(part) for part in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value

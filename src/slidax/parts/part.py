@@ -49,9 +49,10 @@ class AbstractPart(eqx.Module):
                 raise DefinitionError(
                     f"`{type(self).__name__}.{one.name}` must have one entry per joint; got shape {given}"
                 )
-            if is_traced(value) or not one.shape:
-                continue
-            _require_range(self, one)
+        # A range whose end is another parameter comes last, when that parameter is known to be right.
+        for one in sorted(said, key=_depends):
+            if one.shape and not is_traced(getattr(self, one.name)):
+                _require_range(self, one)
 
 
 PER_JOINT = ("one number or [n]", "[n]")
@@ -60,10 +61,14 @@ PER_JOINT = ("one number or [n]", "[n]")
 SIZES: dict[str, tuple[int, ...]] = {"one number": (), "[2]": (2,), "[3]": (3,), "[3 3]": (3, 3)}
 
 
+def _depends(said: Parameter) -> bool:
+    return any(end.number is None for end in said.range.ends)
+
+
 def _require_range(part: AbstractPart, said: Parameter) -> None:
     lower, upper = said.range.ends
     # An end that is another parameter may be traced where this one is not.
-    if any(end.number is None for end in (lower, upper)) and is_traced(part):
+    if _depends(said) and is_traced(part):
         return
     value = np.asarray(getattr(part, said.name))
     holds = said.range.holds(part, value)

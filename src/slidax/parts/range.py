@@ -118,7 +118,7 @@ class Range:
         sign = COMPARISON.fullmatch(self.text)
         assert sign is not None
         end = lower if sign.group(1).startswith(">") else upper
-        return f"must be {sign.group(1)} {end.shown(part)}{f' {unit}' if unit and end.number is not None else ''}"
+        return f"must be {sign.group(1)} {end.shown(part)}{f' {unit}' if unit else ''}"
 
     def schema(self) -> dict[str, float]:
         """The ends as JSON schema has them, as far as they are numbers."""

@@ -8,6 +8,7 @@ from .numbers import typeset as typeset
 from .page import render as render
 from .picture import Picture as Picture
 from .picture import picture as picture
+from .rival import Rival as Rival
 from .run_report import write_run_report as write_run_report
 from .standings import Row as Row
 from .standings import results as results

@@ -25,6 +25,8 @@ def render(template: str, values: dict[str, Any], packages: Sequence[str] = ()) 
     environment.filters["typeset"] = typeset
     environment.filters["number"] = _number
     environment.filters["numbers"] = _numbers
+    # So that a long name may end its line at an underscore.
+    environment.filters["breakable"] = lambda name: name.replace("_", "_\u200b")
     return environment.get_template(template).render(values)
 
 

@@ -12,7 +12,8 @@ from jaxtyping import Array
 from slidax._errors import DefinitionError, as_array, nearest
 
 from .articulated import Articulated
-from .joint import Joint, require_rigid
+from .inertia import require_rigid
+from .joint import Joint
 from .joint_limits import JointLimits
 from .payload import Payload
 from .regular import require_regular

@@ -10,8 +10,7 @@ import numpy as np
 
 from slidax._errors import DefinitionError
 
-ROUNDING = 1e-6
-"""By this share a printed inertia may miss what a rigid body can have: it is rounded."""
+from .inertia import require_rigid
 
 
 def _zeros() -> np.ndarray:
@@ -118,22 +117,3 @@ class Joint:
 def _require_place(place: np.ndarray, what: str) -> None:
     if np.shape(place) != (3,) or not np.isfinite(place).all():
         raise DefinitionError(f"{what} must be three finite numbers; got {np.asarray(place).tolist()}")
-
-
-def require_rigid(inertia: np.ndarray, what: str, *, definite: bool) -> None:
-    """Raises DefinitionError unless a rigid body can have this inertia.
-
-    - `inertia`: about the centre of mass, symmetric [3 3], kg m².
-    - `what`: whose, for the message.
-    - `definite`: whether each moment must be > 0, or may be 0 as for a point or a thin rod.
-    """
-    moments = np.linalg.eigvalsh(inertia)
-    listed = ", ".join(f"{moment:.3g}" for moment in moments)
-    if moments[0] <= 0 if definite else moments[0] < -1e-9 * abs(moments[2]):
-        rule = "positive definite" if definite else "positive semi-definite"
-        raise DefinitionError(f"{what} must be {rule}; its principal moments are {listed} kg m²")
-    if moments[0] + moments[1] < moments[2] * (1.0 - ROUNDING):
-        raise DefinitionError(
-            f"{what} is of no rigid body: the largest of its principal moments {listed} kg m² is more than the sum of "
-            "the others"
-        )

@@ -183,11 +183,13 @@ class AbstractFile(AbstractArticulated):
     """The link, body or site whose frame is the tip; may be left out where there is only one end."""
     locked: dict[str, float] = Field(default={})
     """Joints that do not move, with their positions [rad or m]."""
-    meshes: bool = True
+    meshes: bool = False
     """Whether every mesh that it names must be there."""
+    inertias: Literal["given", "nearest"] = "given"
+    """What to do with an inertia that no rigid body can have: refuse it, or take the nearest that one can."""
 
     def _how(self) -> dict[str, Any]:
-        return {"tip": self.tip, "locked": self.locked, "meshes": self.meshes}
+        return {"tip": self.tip, "locked": self.locked, "meshes": self.meshes, "inertias": self.inertias}
 
 
 class UrdfDescription(AbstractFile):

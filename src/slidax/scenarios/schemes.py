@@ -108,8 +108,10 @@ def placed(scheme: dict[str, Any]) -> dict[str, Any]:
             continue
         part = found.get(owner, {})
         if isinstance(part, dict):
-            envelope = {"kind": kind_of(PrescribedPerformance)} if key in ENVELOPE else {}
-            found[owner] = {**envelope, **part, key: value}
+            found[owner] = {**part, key: value}
+    envelope = found.get("transformation")
+    if isinstance(envelope, dict) and ENVELOPE & envelope.keys():
+        found["transformation"] = {"kind": kind_of(PrescribedPerformance), **envelope}
     if isinstance(found.get("bound"), dict):
         found["bound"] = {RENAMED.get(key, key): value for key, value in found["bound"].items()}
     return found
@@ -153,8 +155,8 @@ def switched(scheme: Any, name: Any) -> Any:
     """The scheme of a scenario file with another name.
 
     What describes the task, the arm and its sampling is kept, as far as the new scheme has it: the envelope, the bound
-    but for what the new scheme has a number of its own for, and `sampled_data`. All else is dropped, so that it takes
-    the new scheme's numbers. Where the name is the file's own, nothing changes.
+    but for what the new scheme has a number of its own for, and of `sampled_data` the estimator, with the rest if the new
+    scheme plans over a horizon. All else is dropped, so that it takes the new scheme's numbers. Where the name is the file's own, nothing changes.
 
     - `scheme`: the mapping in the file.
     - `name`: the name to be set; one that is not known is left for the validation to refuse.
@@ -177,6 +179,9 @@ def switched(scheme: Any, name: Any) -> Any:
         new[key] = {name: value for name, value in part.items() if name in wanted}
     if "sampled_data" in old:
         new["sampled_data"] = old["sampled_data"]
+        plans = preset.law.implicit_step is not AbstractController.implicit_step
+        if isinstance(new["sampled_data"], dict) and not plans:
+            new["sampled_data"] = {key: one for key, one in new["sampled_data"].items() if key == "estimator"}
     return new
 
 

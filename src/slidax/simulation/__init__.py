@@ -17,3 +17,4 @@ from .simulate_batch import Parts as Parts
 from .simulate_batch import simulate_batch as simulate_batch
 from .stepping import Stepping as Stepping
 from .tally import Tally as Tally
+from .value_and_gradient import value_and_gradient as value_and_gradient

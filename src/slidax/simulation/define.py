@@ -116,7 +116,7 @@ def windows_of(steps: int, period: float, bands: tuple[float, ...]) -> Windows:
     """
     return Windows(
         steady=constant(int(np.ceil(0.75 * steps))),
-        iae=constant(int(np.floor(2.0 / period + 1e-6)) + 1),
+        late=constant(int(np.floor(2.0 / period + 1e-6)) + 1),
         bands=constant(np.asarray(bands, float)),
     )
 

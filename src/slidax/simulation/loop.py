@@ -84,5 +84,5 @@ Begun = tuple[Carry, Envelope | None, Reference, Vector | None]
 """The carry before the first sample, with the envelope and the reference there, and the torque that holds the arm [n],
 N m or N; None without an actuator."""
 
-Inside = Callable[[State, Envelope | None, Reference, Vector | None], None]
+Inside = Callable[[State, Envelope | None, Reference, Any], None]
 """Raises a DefinitionError if the first state may not be where it is, or cannot be held there."""

@@ -12,8 +12,7 @@ import numpy as np
 
 from slidax._errors import DefinitionError, is_traced
 from slidax._types import State
-from slidax.codegen import llvm
-from slidax.codegen.trace import NoNativeCodeError, trace
+from slidax.codegen import NoNativeCodeError, llvm, trace
 from slidax.robots import AbstractRobot, Articulated
 from slidax.trajectories import AbstractTrajectory
 

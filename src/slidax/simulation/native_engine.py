@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import time
-from collections.abc import Hashable
+from collections.abc import Callable, Hashable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -15,8 +15,9 @@ import numpy as np
 from slidax._types import State
 from slidax.codegen import llvm
 
+from .duals import duals
 from .loop import Begun, Inside, Loop
-from .native_loop import Define, NativeLoop, batch_loop, single_loop
+from .native_loop import Define, NativeLoop, batch_loop, lowered, single_loop
 from .progress import Progress
 from .run import Log, Timing
 from .signature import LoopSignature
@@ -98,18 +99,55 @@ def drive_batch(
 
     Raises NoNativeCodeError if there is no machine code for something in it.
     """
-    leaves, tree = jax.tree.flatten(one)
-    shapes = tuple((leaf.shape, leaf.dtype.name) for leaf in leaves)
-    native, kernel = _compiled_batch(_Known((task, tree, shapes), define, one, every is not None))
+    known = _Known((task, *_form(one)), lambda: batch_loop(define, one, logged=every is not None), every is not None)
+    return _driven(known, [], _numbers(varied), samples, every, threads)
+
+
+def drive_duals(task: Hashable, define: Define, at: Any, directions: Any, samples: int, every: int | None) -> Any:
+    """One loop, and how it changes in many directions: pairs of numbers and derivatives, direction by direction.
+
+    What does not depend on the direction is computed once for several.
+
+    - `task`, `define`, `samples`, `every`: as in `drive_batch`.
+    - `at`: what varies.
+    - `directions`: trees like `at` with the direction as their first axis.
+
+    Raises NoNativeCodeError if there is no machine code for something in it.
+    """
+    one = jax.tree.map(lambda x: jax.ShapeDtypeStruct(x.shape, x.dtype), at)
+    known = _Known(
+        (task, "duals", *_form(one)),
+        lambda: lowered(*duals(define), one, logged=every is not None, batch=True, shared=one),
+        every is not None,
+    )
+    return _driven(known, _numbers(at), _numbers(directions), samples, every, None)
+
+
+def _driven(
+    known: _Known,
+    shared: list[np.ndarray],
+    varied: list[np.ndarray],
+    samples: int,
+    every: int | None,
+    threads: int | None,
+) -> tuple[Any, Any]:
+    native, kernel = _compiled_batch(known)
     how = [np.asarray(samples), *([] if every is None else [np.asarray(every)])]
-    arrays = _numbers(varied)
     results = kernel.batch(
-        [*native.consts, *arrays, *how], runs=arrays[0].shape[0], rows=-(-samples // (every or 1)), threads=threads
+        [*native.consts, *shared, *varied, *how],
+        runs=varied[0].shape[0],
+        rows=-(-samples // (every or 1)),
+        threads=threads,
     )
     logged, left = _split(native, results)
     log = None if every is None else _unflattened(native.log, logged)
-    ended: Begun = _unflattened(native.begun, jax.device_put(left))
+    ended = _unflattened(native.begun, jax.device_put(left))
     return ended, log
+
+
+def _form(one: Any) -> tuple[Any, ...]:
+    leaves, tree = jax.tree.flatten(one)
+    return tree, tuple((leaf.shape, leaf.dtype.name) for leaf in leaves)
 
 
 @dataclass(frozen=True)
@@ -117,14 +155,13 @@ class _Known:
     """A batch's loop, equal to others by its key alone."""
 
     key: Hashable
-    define: Define = field(compare=False)
-    one: Any = field(compare=False)
+    make: Callable[[], NativeLoop] = field(compare=False)
     logged: bool
 
 
 @functools.lru_cache(maxsize=64)
 def _compiled_batch(known: _Known) -> tuple[NativeLoop, llvm.Kernel]:
-    native = batch_loop(known.define, known.one, logged=known.logged)
+    native = known.make()
     return native, llvm.compile(native.program, lanes=llvm.LANES)
 
 

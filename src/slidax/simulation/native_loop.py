@@ -13,12 +13,13 @@ import numpy as np
 from slidax._types import State
 from slidax.codegen.builder import Builder, Values
 from slidax.codegen.form import Program, Value
+from slidax.codegen.no_native_code import in_one_line
 from slidax.codegen.trace import inline
 from slidax.codegen.trace.arrays import filled, of_numbers
 from slidax.codegen.trace.packed import packed, unpacked
 from slidax.codegen.trace.trace import kind, leaves
 
-from .loop import Carry, Loop
+from .loop import Loop
 from .rollout import begin, sample
 
 Define = Callable[[Any], tuple[Loop, State]]
@@ -52,7 +53,7 @@ def single_loop(define: Define, arrays: Any, *, logged: bool) -> NativeLoop:
     - `arrays`: what it is made from.
     - `logged`: whether one in `every` samples is logged.
     """
-    return _lowered(define, arrays, logged=logged, batch=False)
+    return lowered(*_parts(define), arrays, logged=logged, batch=False)
 
 
 def batch_loop(define: Define, arrays: Any, *, logged: bool) -> NativeLoop:
@@ -62,18 +63,40 @@ def batch_loop(define: Define, arrays: Any, *, logged: bool) -> NativeLoop:
     - `arrays`: what it is made from, of one run.
     - `logged`: whether one in `every` samples is logged.
     """
-    return _lowered(define, arrays, logged=logged, batch=True)
+    return lowered(*_parts(define), arrays, logged=logged, batch=True)
 
 
-def _lowered(define: Define, arrays: Any, *, logged: bool, batch: bool) -> NativeLoop:
-    start = _Traced(lambda given: begin(*define(given)), arrays)
-    turn = _Traced(lambda given, carry: sample(define(given)[0], carry), arrays, start.result[0])
+def _parts(define: Define) -> tuple[Callable[..., Any], Callable[..., Any]]:
+    return (lambda given: begin(*define(given))), (lambda given, carry: sample(define(given)[0], carry))
+
+
+def lowered(
+    begun: Callable[..., Any], turned: Callable[..., Any], arrays: Any, *, logged: bool, batch: bool, shared: Any = None
+) -> NativeLoop:
+    """The loop of two functions of arrays.
+
+    - `begun`: from what the loop is made from to `(carry, envelope, reference)`.
+    - `turned`: from that and a carry to the next carry and one line of the log.
+    - `arrays`: what it is made from, of one run.
+    - `logged`: whether one in `every` samples is logged.
+    - `batch`: whether many are to run side by side.
+    - `shared`: a tree before `arrays` that is the same for all runs of a batch; both are then given as a pair.
+    """
+    given = arrays if shared is None else (shared, arrays)
+    start = _Traced(begun, given)
+    turn = _Traced(turned, given, start.result[0])
+    # What fails above fails by XLA too, and says so itself.
+    with in_one_line(lambda: "the loop"):
+        return _program(start, turn, given, logged, batch, len(jax.tree.leaves(shared)))
+
+
+def _program(start: _Traced, turn: _Traced, arrays: Any, logged: bool, batch: bool, shared: int) -> NativeLoop:
     b = Builder()
     outside = _Outside(b)
     of_start, of_turn = outside.inputs(start.jaxpr.consts), outside.inputs(turn.jaxpr.consts)
     given = [
-        b.input(name, kind(leaf.dtype, name), leaf.shape, varying=batch)
-        for name, leaf in leaves((jax.tree.map(_shape, arrays),), ("",))
+        b.input(name, kind(leaf.dtype, name), leaf.shape, varying=batch and place >= shared)
+        for place, (name, leaf) in enumerate(leaves((jax.tree.map(_shape, arrays),), ("",)))
     ]
     steps = b.input("steps", "i64", ()).item()
     every = b.input("every", "i64", ()).item() if logged else None
@@ -164,7 +187,7 @@ class _Outside:
         return found
 
 
-def _place_of_fault(carry: Carry) -> int:
+def _place_of_fault(carry: Any) -> int:
     """Which of the carry's arrays says whether something went wrong."""
     marked = eqx.tree_at(lambda c: c.fault.kind, carry, None, is_leaf=lambda x: x is None)
     before = [name for name, _ in leaves((carry,), ("",))]

@@ -108,6 +108,11 @@ class Run(eqx.Module):
         return len(self.joint_units)
 
     @property
+    def torque_units(self) -> tuple[str, ...]:
+        """Unit of each joint's torque: "N m" for a revolute joint, "N" for a prismatic one."""
+        return tuple("N m" if unit == "rad" else "N" for unit in self.joint_units)
+
+    @property
     def outcome(self) -> Outcome:
         """How the run ended.
 

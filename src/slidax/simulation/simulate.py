@@ -9,7 +9,7 @@ from typing import Any
 
 from slidax._errors import DefinitionError, OutcomeError, is_traced
 from slidax._types import State
-from slidax.codegen.trace import NoNativeCodeError
+from slidax.codegen import NoNativeCodeError
 from slidax.controllers import AbstractController
 from slidax.trajectories import AbstractTrajectory
 

@@ -12,7 +12,7 @@ import jax.numpy as jnp
 
 from slidax._errors import DefinitionError, is_traced
 from slidax._types import State
-from slidax.codegen.trace import NoNativeCodeError
+from slidax.codegen import NoNativeCodeError
 from slidax.controllers import AbstractController
 from slidax.trajectories import AbstractTrajectory
 
@@ -60,7 +60,7 @@ def simulate_batch(
     """
     varied = jax.tree.map(jnp.asarray, varied)
     _require_one_length(varied)
-    task = _Task(define, float(t1), Stepping.of(stepping, changes), log_every, tuple(bands))
+    task = Task(define, float(t1), Stepping.of(stepping, changes), log_every, tuple(bands))
     engine = task.stepping.engine
     if not is_traced(varied) and engine_for(engine) == "native":
         try:
@@ -75,7 +75,7 @@ def simulate_batch(
 
 
 @dataclass(frozen=True)
-class _Task:
+class Task:
     """What the runs of a batch have in common."""
 
     define: Callable[[Any], Parts]
@@ -100,7 +100,7 @@ class _Task:
         return loop, state0, samples, (plant.robot.joint_units, plant.robot.joint_names)
 
 
-def _natively(task: _Task, varied: Any, threads: int | None) -> Run:
+def _natively(task: Task, varied: Any, threads: int | None) -> Run:
     one = jax.tree.map(lambda x: jax.ShapeDtypeStruct(x.shape[1:], x.dtype), varied)
     *_, samples, (units, names) = eqx.filter_eval_shape(task.loop, one)
     (carry, envelope, *_), log = native_engine.drive_batch(

@@ -13,12 +13,12 @@ class Windows(eqx.Module):
     """From which sample a statistic counts.
 
     - `steady`: first sample of the last quarter of the run.
-    - `iae`: first sample after 2 s, eq. (80).
+    - `late`: first sample after 2 s, as in eq. (80).
     - `bands`: error bands for the settling time, [k], rad or m.
     """
 
     steady: Int[Array, ""]
-    iae: Int[Array, ""]
+    late: Int[Array, ""]
     bands: Float[Array, " k"]
 
 
@@ -28,18 +28,27 @@ class Tally(eqx.Module):
     - `samples`: how many samples were counted, [].
     - `violations`: how many of the samples had a joint at or outside its bounds, [].
     - `last_above`: number of the last sample with |e| above each band, -1 if none, [k n].
+    - `early_error`, `late_error`: sums of |e| up to 2 s, and after.
+    - `error_square`: sum of e².
+    - `first_error`, `last_error`: |e| of the first and of the last sample.
     - `steady_error`: max |e| over the last quarter.
     - `first_torque`, `last_torque`: τ of the first and of the last sample.
     - `peak_torque`: max |τ|.
     - `max_step`, `steady_step`: max |τ(k+1) - τ(k)| over the run, and over its last quarter.
     - `steady_square`: sum of (τ(k+1) - τ(k))² over its last quarter.
-    - `iae`, `eci`, `aice`: the sums (80), (81), (82).
+    - `torque_square`: sum of τ².
+    - `torque_travel`: sum of |τ(k+1) - τ(k)|.
     - `margin`: min over time of the distance to the nearer bound, divided by the envelope's width; inf without one.
     """
 
     samples: Int[Array, ""]
     violations: Int[Array, ""]
     last_above: Int[Array, "k n"]
+    early_error: Vector
+    late_error: Vector
+    error_square: Vector
+    first_error: Vector
+    last_error: Vector
     steady_error: Vector
     first_torque: Vector
     last_torque: Vector
@@ -47,9 +56,8 @@ class Tally(eqx.Module):
     max_step: Vector
     steady_step: Vector
     steady_square: Vector
-    iae: Vector
-    eci: Vector
-    aice: Vector
+    torque_square: Vector
+    torque_travel: Vector
     margin: Vector
 
     @staticmethod
@@ -65,6 +73,11 @@ class Tally(eqx.Module):
             samples=count,
             violations=count,
             last_above=jnp.full((bands, joints), -1),
+            early_error=zero,
+            late_error=zero,
+            error_square=zero,
+            first_error=zero,
+            last_error=zero,
             steady_error=zero,
             first_torque=zero,
             last_torque=zero,
@@ -72,9 +85,8 @@ class Tally(eqx.Module):
             max_step=zero,
             steady_step=zero,
             steady_square=zero,
-            iae=zero,
-            eci=zero,
-            aice=zero,
+            torque_square=zero,
+            torque_travel=zero,
             margin=jnp.full(joints, jnp.inf),
         )
 
@@ -89,7 +101,7 @@ class Tally(eqx.Module):
         """
         size = jnp.abs(e)
         effort = jnp.abs(tau)
-        steady = k >= windows.steady
+        steady, late = k >= windows.steady, k >= windows.late
         step = jnp.where(k > 0, jnp.abs(tau - self.last_torque), 0.0)
         margin = self.margin
         if envelope is not None:
@@ -99,6 +111,11 @@ class Tally(eqx.Module):
             samples=self.samples + 1,
             violations=self.violations,
             last_above=jnp.where(size > windows.bands[:, None], k, self.last_above),
+            early_error=self.early_error + jnp.where(late, 0.0, size),
+            late_error=self.late_error + jnp.where(late, size, 0.0),
+            error_square=self.error_square + size * size,
+            first_error=jnp.where(k > 0, self.first_error, size),
+            last_error=size,
             steady_error=jnp.where(steady, jnp.maximum(self.steady_error, size), self.steady_error),
             first_torque=jnp.where(k > 0, self.first_torque, tau),
             last_torque=tau,
@@ -107,9 +124,8 @@ class Tally(eqx.Module):
             # The step that leads into the window's first sample belongs to the time before it.
             steady_step=jnp.where(k > windows.steady, jnp.maximum(self.steady_step, step), self.steady_step),
             steady_square=self.steady_square + jnp.where(k > windows.steady, step * step, 0.0),
-            iae=self.iae + jnp.where(k >= windows.iae, size, 0.0),
-            eci=self.eci + effort * effort,
-            aice=self.aice + step,
+            torque_square=self.torque_square + effort * effort,
+            torque_travel=self.torque_travel + step,
             margin=margin,
         )
 

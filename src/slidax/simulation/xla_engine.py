@@ -78,8 +78,8 @@ def drive(
     - `started`: when, by `time.perf_counter`.
     - `inside`: says no to a start that may not be.
     """
-    carry, envelope, reference, holding = _begin(loop, state0)
-    inside(state0, envelope, reference, holding)
+    carry, envelope, reference, held = _begin(loop, state0)
+    inside(state0, envelope, reference, held)
     chunks = max(1, round(samples / CHUNK))
     # In continuous mode a loop without a log is compiled otherwise and rounds otherwise (it fuses other products into
     # sums), and the metrics would depend on what is logged. So two lines per chunk are made there, and dropped.
@@ -102,8 +102,4 @@ def drive(
         whole = jax.tree.map(lambda *parts: np.concatenate(parts), *logs)
         log = jax.tree.map(lambda x: x[whole.valid], whole)
     jax.block_until_ready(carry)
-    return (
-        (carry, envelope, reference, holding),
-        log,
-        Timing(compile_s=ready - started, run_s=time.perf_counter() - ready),
-    )
+    return (carry, envelope, reference, held), log, Timing(compile_s=ready - started, run_s=time.perf_counter() - ready)

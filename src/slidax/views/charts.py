@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import viser
 
-from slidax.figures.logged import log_of, torque_unit
+from slidax.figures.logged import log_of
 from slidax.figures.style import BOUND, LINES
 from slidax.figures.thinning import thinned
 
@@ -105,7 +105,7 @@ def joint_charts(server: viser.ViserServer, drawing: Drawing, joint: int) -> lis
     limits = (np.full(len(t), -limit), np.full(len(t), limit)) if np.isfinite(limit) else None
     return [
         Chart(server, t, error[good], envelope, f"error [{unit}]"),
-        Chart(server, t, tau[good], limits, f"torque [{torque_unit(unit)}]"),
+        Chart(server, t, tau[good], limits, f"torque [{drawing.run.torque_units[joint]}]"),
     ]
 
 

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from slidax.figures.axes import use_size_axis, use_time_axis
-from slidax.figures.logged import log_of, torque_unit
+from slidax.figures.logged import log_of
 from slidax.figures.style import BAND, BOUND, LINES, styled
 from slidax.figures.thinning import every_nth, thinned
 
@@ -61,7 +61,7 @@ def joint_curves(drawing: Drawing, joint: int) -> Curves:
     if np.isfinite(limit):
         _fill(torque, t, np.full(len(t), -limit), np.full(len(t), limit))
     torque.plot(*thinned(t, tau), **LINES[0])
-    torque.set_ylabel(f"torque  [{torque_unit(unit)}]")
+    torque.set_ylabel(f"torque  [{drawing.run.torque_units[joint]}]")
     torque.margins(y=0.06)
     return _placed(figure, list(panels), t)
 

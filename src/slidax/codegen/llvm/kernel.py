@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import hashlib
 import itertools
 import os
 from collections.abc import Iterator, Sequence
@@ -15,8 +16,9 @@ from slidax._errors import DefinitionError
 from slidax.codegen.digest import digest
 from slidax.codegen.fold import DTYPES
 from slidax.codegen.form import Program
+from slidax.codegen.no_native_code import in_one_line
 
-from .machine import Code, host
+from .machine import host
 from .module import module
 from .prepare import prepared
 
@@ -40,7 +42,11 @@ class Kernel:
         self.lanes = lanes
         self.inputs, self.outputs = program.inputs, program.outputs
         self.program = program
-        self._code = Code(host().object_of(f"{digest(program)} {lanes}", lambda: self.text))
+        with in_one_line(lambda: "the program"):
+            what = f"{digest(program)} {lanes}"
+            # A name of its own: code of another program does not have it.
+            self._entry = f"runs_{hashlib.sha256(what.encode()).hexdigest()[:32]}"
+            self._code = host().code_of(what, self._entry, lambda: self.text)
         signature = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_int64, ctypes.c_int64)
         self._run: Any = signature(self._code.address)
 
@@ -55,7 +61,7 @@ class Kernel:
     @property
     def text(self) -> str:
         """LLVM's text of it."""
-        return module(prepared(self.program, self.lanes), self.lanes)
+        return module(prepared(self.program, self.lanes), self.lanes, self._entry)
 
     def __call__(self, inputs: Sequence[Any], rows: int = 0) -> Arrays:
         """One run; returns its outputs.

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import functools
 import itertools
+import warnings
 from collections.abc import Callable
 from importlib.util import find_spec
 from typing import Any
 
 from slidax._errors import DefinitionError
 
-from .cache import remembered
-from .module import ENTRY
+from . import cache
 
 OPTIMISED = 2
 """LLVM's level for instruction selection, scheduling and registers."""
@@ -25,15 +25,18 @@ def available() -> bool:
 class Code:
     """Machine code in memory, as long as this object lives.
 
-    - `object`: an object file, from `Machine.object_of`.
+    - `machine`: what it is for.
+    - `object`: an object file.
+    - `entry`: the name of its function.
+
+    Raises RuntimeError or IndexError if the object file has no such function.
     """
 
-    def __init__(self, object: bytes) -> None:
-        machine = host()
+    def __init__(self, machine: Machine, object: bytes, entry: str) -> None:
         name = f"slidax{next(machine.numbers)}"
-        builder = machine.llvm.JITLibraryBuilder().add_object_img(object).add_current_process().export_symbol(ENTRY)
+        builder = machine.llvm.JITLibraryBuilder().add_object_img(object).add_current_process().export_symbol(entry)
         self._library = builder.link(machine.jit, name)
-        self.address: int = self._library[ENTRY]
+        self.address: int = self._library[entry]
 
 
 class Machine:
@@ -58,14 +61,27 @@ class Machine:
         self.jit: Any = llvm.create_lljit_compiler(self.target, use_jit_link=True)
         self.numbers = itertools.count()
 
-    def object_of(self, what: str, text: Callable[[], str]) -> bytes:
-        """An object file, from the disk if the same was compiled before.
+    def code_of(self, what: str, entry: str, text: Callable[[], str]) -> Code:
+        """A module's code, from the disk if the same was compiled before.
 
         - `what`: all that the module depends on; printing it would take as long as compiling it.
+        - `entry`: the name of its function.
         - `text`: gives the module.
         """
         key = "\n".join([self.version, self.cpu, self.features, str(OPTIMISED), what])
-        return remembered(key, lambda: self.compiled(text()))
+        kept = cache.kept(key)
+        if kept is not None:
+            try:
+                return Code(self, kept, entry)
+            except Exception as error:
+                said = f"{type(error).__name__}: {error}".partition("\n")[0]
+                warnings.warn(
+                    f"`{cache.path_of(key)}` holds other code than that of this program ({said}); it is compiled anew",
+                    stacklevel=2,
+                )
+        made = self.compiled(text())
+        cache.keep(key, made)
+        return Code(self, made, entry)
 
     def compiled(self, text: str) -> bytes:
         """An object file made anew; what LLVM's passes could do is done beforehand.

@@ -7,16 +7,16 @@ from slidax.codegen.form import Program
 
 from .blocks import Blocks
 
-ENTRY = "runs"
-"""`void runs(ptr tables, i64 groups, i64 rows)`: `tables` holds the addresses of the inputs and outputs, group after
-group; `rows` is the number of rows of each log."""
 
-
-def module(program: Program, lanes: int = 1) -> str:
+def module(program: Program, lanes: int = 1, entry: str = "runs") -> str:
     """The program's text in LLVM's language.
+
+    Its one function is `void runs(ptr tables, i64 groups, i64 rows)`: `tables` holds the addresses of the inputs and
+    outputs, group after group; `rows` is the number of rows of each log.
 
     - `program`: its functions that no processor has are called from libm.
     - `lanes`: as many runs are computed side by side in vectors, a power of two; 1: no vectors.
+    - `entry`: the name of the function.
 
     Raises DefinitionError for another number of lanes.
     """
@@ -32,7 +32,7 @@ def module(program: Program, lanes: int = 1) -> str:
             "entry:",
             *blocks.lines,
             "}",
-            f"define void @{ENTRY}(ptr %tables, i64 %groups, i64 %rows) #0 {{",
+            f"define void @{entry}(ptr %tables, i64 %groups, i64 %rows) #0 {{",
             "entry:",
             "  br label %head",
             "head:",

@@ -180,12 +180,19 @@ def _in_total_order(op: str) -> Rule:
     return rule
 
 
+def _one_minus_square(b: Builder, x: Value) -> Value:
+    """`(1 + x)(1 - x)`, the slope of `tanh` by its value: exact where x is near to 1 or -1."""
+    one = b.constant(1.0, x.type)
+    return b.apply("mul", b.apply("add", one, x), b.apply("sub", one, x))
+
+
 RULES: dict[str, Rule] = {
     **dict.fromkeys(SAME, same),
     "convert_element_type": _convert,
     "bitcast_convert_type": _bitcast,
     "integer_pow": lambda b, eqn, arrays: each(lambda x: _power(b, x, eqn.params["y"]), arrays[0]),
     "square": lambda b, eqn, arrays: each(lambda x: b.apply("mul", x, x), arrays[0]),
+    "one_minus_square": lambda b, eqn, arrays: each(lambda x: _one_minus_square(b, x), arrays[0]),
     "rsqrt": lambda b, eqn, arrays: each(
         lambda x: b.apply("div", b.constant(1.0, x.type), b.apply("sqrt", x)), arrays[0]
     ),

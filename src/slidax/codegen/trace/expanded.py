@@ -8,11 +8,32 @@ import jax
 
 from slidax.codegen.builder import Builder, Values
 
+from .arrays import of_numbers
 from .blocks import Inline
 
 
 def expanded(b: Builder, equation: Any, arrays: list[Values], inline: Inline) -> list[Values]:
-    """What such a primitive is written in, as `jnp.searchsorted` is in a search by halves."""
+    """What such a primitive is written in, as `jnp.searchsorted` is in a bisection and `custom_root` in its solver."""
     primitive = equation.params["_prim"]
     shapes = [jax.ShapeDtypeStruct(atom.aval.shape, atom.aval.dtype) for atom in equation.invars]
-    return inline(jax.make_jaxpr(lambda *args: jax.tree.leaves(primitive.expand(*args)))(*shapes), arrays)
+
+    def written(*flat: Any) -> list[Any]:
+        return jax.tree.leaves(primitive.expand(*jax.tree.unflatten(primitive.in_tree, flat)))
+
+    return inline(jax.make_jaxpr(written)(*shapes), arrays)
+
+
+def linear_solve(b: Builder, equation: Any, arrays: list[Values], inline: Inline) -> list[Values]:
+    """`lax.custom_linear_solve`, by the solver that it was given; the others of its functions are for derivatives."""
+    lengths, jaxprs = equation.params["const_lengths"], equation.params["jaxprs"]
+    first = lengths.matvec + lengths.vecmat
+    right_sides = arrays[sum(lengths) :]
+    return inline(jaxprs.solve, [*arrays[first : first + lengths.solve], *right_sides])
+
+
+def platform_index(b: Builder, equation: Any, arrays: list[Values]) -> Values:
+    """Which of the versions of `lax.platform_dependent` is taken: that for the processor, else the one for all."""
+    platforms = equation.params["platforms"]
+    named = [k for k, names in enumerate(platforms) if names is not None and "cpu" in names]
+    number = named[0] if named else platforms.index(None)
+    return of_numbers(b, jax.numpy.int32(number))

@@ -8,24 +8,20 @@ from typing import Any
 import numpy as np
 from jax.extend.core import ClosedJaxpr  # type: ignore[attr-defined]
 
-from slidax._errors import DefinitionError
 from slidax.codegen.builder import Builder, Values
+from slidax.codegen.no_native_code import NoNativeCodeError, in_one_line
 
 from . import blocks, elementwise, indexing, random, reductions, shapes
 from .arrays import of_numbers
-from .expanded import expanded
+from .expanded import expanded, linear_solve, platform_index
 from .origin import Origin, frames_of
-
-
-class NoNativeCodeError(DefinitionError):
-    """A function holds something that there is no native code for; JAX itself may well run it."""
-
 
 CALLS = {
     "jit": "jaxpr",
     "pjit": "jaxpr",
     "closed_call": "call_jaxpr",
     "core_call": "call_jaxpr",
+    "eval_jaxpr": "call_jaxpr",
     "remat": "jaxpr",
     "checkpoint": "jaxpr",
     "remat2": "jaxpr",
@@ -42,6 +38,7 @@ PLAIN: dict[str, Callable[[Builder, Any, list[Values]], Values | list[Values]]] 
     **indexing.RULES,
     "threefry2x32": random.threefry,
     "iota_2x32_shape": random.counters,
+    "platform_index": platform_index,
     "random_wrap": random.same_words,
     "random_unwrap": random.same_words,
 }
@@ -50,6 +47,8 @@ WITH_INNER: dict[str, Callable[[Builder, Any, list[Values], blocks.Inline], list
     "scan": blocks.scan,
     "cond": blocks.cond,
     "call_hi_primitive": expanded,
+    "custom_linear_solve": linear_solve,
+    "linear_solve": linear_solve,
     "random_seed": random.by_implementation("seed"),
     "random_fold_in": random.by_implementation("fold_in"),
     "random_bits": random.by_implementation("random_bits"),
@@ -64,8 +63,6 @@ REMEDIES = {
     "eigh": "use `slidax.numerics.inverse_norm`, or a closed form",
     "svd": "use `slidax.numerics.inverse_norm`, or a closed form",
     "qr": "use `slidax.numerics.solve_symmetric`",
-    "custom_linear_solve": "use `slidax.numerics.solve_symmetric` in the place of `jnp.linalg.solve`",
-    "linear_solve": "use `slidax.numerics.solve_symmetric` in the place of `jnp.linalg.solve`",
     "pure_callback": "write it in `jax.numpy`",
     "io_callback": "write it in `jax.numpy`",
     "debug_callback": "take the print out",
@@ -88,7 +85,8 @@ def inline(
     - `constants`: what stands for the arrays that it closes over; None: their numbers.
     - `named`: whether each value is told where in the source it came from; takes time.
 
-    Raises NoNativeCodeError if it holds a primitive that has no rule, with its name, place and remedy.
+    Raises NoNativeCodeError if it holds a primitive that has no rule, or one whose rule fails: its name, where it
+    stands in the source, and the remedy or the failure.
     """
     return _Inlining(builder, named).run(closed, arrays, constants)
 
@@ -99,6 +97,8 @@ class _Inlining:
         self.named = named
         # Inside a called function, the place of the call.
         self.call: Any = None
+        # Those whose inner jaxprs are open, the outermost first.
+        self.open: list[Any] = []
 
     def run(self, closed: Any, arrays: Sequence[Values], constants: Sequence[Values] | None = None) -> list[Values]:
         jaxpr = closed.jaxpr
@@ -117,15 +117,14 @@ class _Inlining:
 
     def _equation(self, equation: Any, arrays: list[Values]) -> list[Values]:
         name = equation.primitive.name
-        if name in CALLS:
-            inner = equation.params[CALLS[name]]
-            around, self.call = self.call, self.call or equation
-            results = self.run(_closed(inner), arrays)
-            self.call = around
-            return results
-        if self.named:
-            self.builder.origin = Origin(self.call or equation)
-        try:
+        with in_one_line(lambda: f"the JAX primitive `{name}`{self._where(equation)}"):
+            if name in CALLS:
+                around, self.call = self.call, self.call or equation
+                results = self.run(_closed(equation.params[CALLS[name]]), arrays)
+                self.call = around
+                return results
+            if self.named:
+                self.builder.origin = Origin(self.call or equation)
             if name in PLAIN:
                 result = PLAIN[name](self.builder, equation, arrays)
                 results = result if isinstance(result, list) else [result]
@@ -135,14 +134,14 @@ class _Inlining:
             if name in WITH_INNER:
                 around, self.call = self.call, None
                 mine = self.builder.origin
+                self.open.append(around or equation)
                 results = WITH_INNER[name](self.builder, equation, arrays, self.run)
+                self.open.pop()
                 self.call = around
                 if self.named:
                     self.builder.origin = mine
                     self._mark(results)
                 return results
-        except NotImplementedError as error:
-            raise NoNativeCodeError(f"no native code for {error}{self._where(equation)}") from None
         remedy = REMEDIES.get(name, "write it with other operations of `jax.numpy`, or simulate with the engine `xla`")
         raise NoNativeCodeError(f"no native code for the JAX primitive `{name}`{self._where(equation)}: {remedy}")
 
@@ -155,10 +154,10 @@ class _Inlining:
                     value.origin = Origin(mine.equation, k, array.shape)
 
     def _where(self, equation: Any) -> str:
-        frames = frames_of(self.call or equation)
-        if not frames:
-            return ""
-        return f" (line {frames[0].line} of {frames[0].file}, in `{frames[0].function}`)"
+        for made in (self.call or equation, *reversed(self.open)):
+            for frame in frames_of(made)[:1]:
+                return f" (line {frame.line} of {frame.file}, in `{frame.function}`)"
+        return ""
 
 
 def _closed(jaxpr: Any) -> Any:

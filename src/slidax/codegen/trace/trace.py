@@ -10,9 +10,10 @@ import numpy as np
 
 from slidax.codegen.builder import Builder
 from slidax.codegen.form import Program
+from slidax.codegen.no_native_code import NoNativeCodeError, in_one_line
 
 from .arrays import type_of
-from .inline import NoNativeCodeError, inline
+from .inline import inline
 
 
 def trace(function: Callable[..., Any], *args: Any, names: Sequence[str] | None = None, named: bool = True) -> Program:
@@ -25,20 +26,21 @@ def trace(function: Callable[..., Any], *args: Any, names: Sequence[str] | None 
     - `names`: of the arguments; None: `arg0`, `arg1`, ...
     - `named`: whether each value is told where in the source it came from; takes time.
 
-    Raises NoNativeCodeError if it holds a primitive that has no rule.
+    Raises NoNativeCodeError if it holds a primitive that has no rule, or one whose rule fails.
     """
     builder = Builder()
     shapes = jax.tree.map(lambda x: jax.ShapeDtypeStruct(np.shape(x), jax.dtypes.canonicalize_dtype(_dtype(x))), args)
     closed, result = jax.make_jaxpr(function, return_shape=True)(*shapes)
-    inputs = [
-        builder.input(name, kind(leaf.dtype, name), leaf.shape)
-        for name, leaf in leaves(shapes, names or _numbered(args))
-    ]
-    results = inline(builder, closed, inputs, named=named)
-    outputs = [name for name, _ in leaves((result,), ("",))]
-    for name, values, aval in zip(outputs, results, closed.out_avals, strict=True):
-        builder.output(name, kind(aval.dtype, name), values)
-    return builder.finish()
+    with in_one_line(lambda: "the function"):
+        inputs = [
+            builder.input(name, kind(leaf.dtype, name), leaf.shape)
+            for name, leaf in leaves(shapes, names or _numbered(args))
+        ]
+        results = inline(builder, closed, inputs, named=named)
+        outputs = [name for name, _ in leaves((result,), ("",))]
+        for name, values, aval in zip(outputs, results, closed.out_avals, strict=True):
+            builder.output(name, kind(aval.dtype, name), values)
+        return builder.finish()
 
 
 def leaves(trees: Sequence[Any], names: Sequence[str]) -> list[tuple[str, Any]]:

@@ -32,7 +32,7 @@ class ExplicitStep(AbstractStep):
             )
 
     @property
-    def nominal(self) -> AbstractRobot:
+    def robot(self) -> AbstractRobot:
         """The robot as the law knows it."""
         robot: AbstractRobot = self.law.nominal  # type: ignore[attr-defined]
         return robot

@@ -94,7 +94,7 @@ class SampledData(AbstractController):
     @property
     def nominal(self) -> AbstractRobot:
         """The robot as the law knows it."""
-        return self.step.nominal
+        return self.step.robot
 
     @property
     def joints(self) -> int:

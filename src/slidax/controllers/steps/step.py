@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
+from typing import ClassVar
 
 import equinox as eqx
 from jaxtyping import Array, Bool
@@ -63,9 +64,13 @@ class Decision(eqx.Module):
 class AbstractStep(AbstractPart):
     """A law in discrete time: from the state in which its torque will set in to that torque."""
 
-    nominal: eqx.AbstractVar[AbstractRobot]
-    plans: eqx.AbstractClassVar[bool]
+    plans: ClassVar[bool]
     """Whether it plans over a horizon."""
+
+    @property
+    @abstractmethod
+    def robot(self) -> AbstractRobot:
+        """The robot as the law knows it."""
 
     @abstractmethod
     def init(self, t: Scalar, state: State, reference: Reference, period: Scalar, horizon: Scalar | None) -> Memory:

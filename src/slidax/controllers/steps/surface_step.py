@@ -81,6 +81,11 @@ class AbstractSurfaceStep(AbstractStep):
         for part in (self.transformation, self.surface):
             require_joints(part, self.nominal.joints, type(self.nominal).__name__)
 
+    @property
+    def robot(self) -> AbstractRobot:
+        """The robot as the law knows it."""
+        return self.nominal
+
     @abstractmethod
     def reach_init(self) -> Memory:
         """What the reaching law keeps at the start."""

@@ -28,6 +28,7 @@ class Parts(NamedTuple):
     performance: FixedTime
     surface: SmoothFixedTime
     reaching: FixedTimeReaching
+    bound: UncertaintyBound
 
 
 def parts_of(scenario: Scenario) -> Parts:
@@ -42,14 +43,16 @@ def parts_of(scenario: Scenario) -> Parts:
     performance = getattr(transformation, "performance", None)
     surface = getattr(law, "surface", None)
     reaching = getattr(law, "reaching", None)
+    bound = getattr(law, "bound", None)
     if (
         isinstance(law, SlidingMode)
         and isinstance(transformation, PrescribedPerformance)
         and isinstance(performance, FixedTime)
         and isinstance(surface, SmoothFixedTime)
         and isinstance(reaching, FixedTimeReaching)
+        and isinstance(bound, UncertaintyBound)
     ):
-        return Parts(law, transformation, performance, surface, reaching)
+        return Parts(law, transformation, performance, surface, reaching, bound)
     raise DefinitionError(f"`{scenario.name}` must have the scheme cftsmppc with a fixed-time envelope")
 
 
@@ -60,8 +63,8 @@ def inverse_inertia(scenario: Scenario) -> dict[str, Any]:
 
     The inertia of both arms depends on q2 alone.
     """
-    law = parts_of(scenario).law
-    assert isinstance(law.bound, UncertaintyBound)
+    parts = parts_of(scenario)
+    law, bound = parts.law, parts.bound
     robot, n = scenario.plant.robot, law.joints
     turned = jnp.zeros((721, n)).at[:, 1].set(jnp.linspace(-jnp.pi, jnp.pi, 721))
     mass, nominal = (np.asarray(jax.vmap(arm.mass)(turned)) for arm in (robot, law.nominal))
@@ -70,9 +73,9 @@ def inverse_inertia(scenario: Scenario) -> dict[str, Any]:
     frobenius = np.linalg.norm(inverse, axis=(1, 2))
     mismatch = np.linalg.norm(inverse @ nominal - np.eye(n), ord=2, axis=(1, 2))
     return {
-        "m1": float(law.bound.inverse_inertia_min),
-        "m2": float(law.bound.inverse_inertia_max),
-        "gamma": float(law.bound.gamma),
+        "m1": float(bound.inverse_inertia_min),
+        "m2": float(bound.inverse_inertia_max),
+        "gamma": float(bound.gamma),
         "eigenvalues": [float(values.min()), float(values.max())],
         "spectral": [float(values[:, -1].min()), float(values[:, -1].max())],
         "frobenius": [float(frobenius.min()), float(frobenius.max())],
@@ -135,7 +138,7 @@ def expected_error(scenario: Scenario, run: Run) -> list[float] | None:
     - `scenario`: what was simulated.
     - `run`: its run, with a log.
     """
-    law, transformation, performance, surface, reaching = parts_of(scenario)
+    law, transformation, performance, surface, reaching, _ = parts_of(scenario)
     if run.log is None or not run.outcome.ok:
         return None
     late = np.asarray(run.log.t) > 0.5 * float(run.t1)

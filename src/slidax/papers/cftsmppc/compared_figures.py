@@ -4,17 +4,18 @@ from __future__ import annotations
 
 from matplotlib.figure import Figure
 
-from slidax import figures, metrics
+from slidax import figures
 from slidax.reports import tip_paths
 from slidax.simulation import Run
 
+from .. import indices
 from .runs import READINGS, Case, Runs
 
 Drawn = list[tuple[str, str, Figure, str]]
 BARS = (
-    ("fig-12", "Fig. 12", "iae", "IAE  [rad or m]", "IAE (80), the sums of |e| over the samples after 2 s"),
-    ("fig-13", "Fig. 13", "eci", "ECI  [(N m)² or N²]", "ECI (81), the sums of |τ|² over all samples"),
-    ("fig-14", "Fig. 14", "aice", "AICE  [N m or N]", "AICE (82), the way that the torque goes up and down"),
+    ("fig-12", "Fig. 12", indices.iae),
+    ("fig-13", "Fig. 13", indices.eci),
+    ("fig-14", "Fig. 14", indices.aice),
 )
 
 
@@ -95,9 +96,12 @@ def of_three_joints(runs: Runs) -> Drawn:
         ),
         ("fig-11", "Fig. 11", _tips(runs, listed), f"{start} path of the tip; the rings mark the start."),
     ]
-    for name, title, metric, label, says in BARS:
-        values = {called: getattr(metrics, metric)(runs[case]).tolist() for called, case in every.items()}
-        drawn.append((name, title, figures.metric_bars(values, label), f"{start} {says}; no values are printed."))
+    for name, title, index in BARS:
+        values = {called: index(runs[case]).tolist() for called, case in every.items()}
+        first = runs[next(iter(every.values()))]
+        label = f"{index.title}  [{' or '.join(dict.fromkeys(index.units(first)))}]"
+        figure = figures.metric_bars(values, label, first.joint_names)
+        drawn.append((name, title, figure, f"{start} {index.meaning}; no values are printed."))
     return drawn
 
 

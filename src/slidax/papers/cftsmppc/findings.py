@@ -9,6 +9,7 @@ import numpy as np
 from slidax import metrics
 from slidax.simulation import Run
 
+from .. import indices
 from .bounds import expected_error, inverse_inertia, settling_bound
 from .measured import steady_error, table_3
 from .printed import STEADY_LIMIT, TABLE_3
@@ -89,10 +90,10 @@ def _sampled(runs: Runs, case: Case) -> dict[str, Any]:
         "outcome": run.outcome.kind,
         "message": run.outcome.message,
         "t": run.outcome.t,
-        "aice": metrics.aice(run).tolist(),
+        "aice": indices.aice(run).tolist(),
         "aice_ratio": _ratio(run, reference),
     }
 
 
 def _ratio(run: Run, reference: Run) -> list[float] | None:
-    return (metrics.aice(run) / metrics.aice(reference)).tolist() if run.outcome.ok else None
+    return (indices.aice(run) / indices.aice(reference)).tolist() if run.outcome.ok else None

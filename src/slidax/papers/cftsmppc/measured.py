@@ -8,6 +8,7 @@ from slidax import metrics
 from slidax.scenarios import Scenario
 from slidax.simulation import Run
 
+from .. import indices
 from .bounds import parts_of
 from .verdicts import CLOSE
 
@@ -65,7 +66,7 @@ def step_ratio(run: Run, halved: Run) -> tuple[list[float], list[float]]:
     - `run`: at the step.
     - `halved`: at half the step.
     """
-    pairs = [(metrics.max_torque_step(r), metrics.aice(r)) for r in (run, halved)]
+    pairs = [(metrics.max_torque_step(r), indices.aice(r)) for r in (run, halved)]
     (step, way), (half_step, half_way) = pairs
     return (half_step / step).tolist(), (half_way / way).tolist()
 
@@ -79,5 +80,5 @@ def chatter(run: Run, halved: Run) -> list[float | None]:
     - `run`: at the step.
     - `halved`: at half the step.
     """
-    ways = metrics.aice(halved) / metrics.aice(run)
+    ways = indices.aice(halved) / indices.aice(run)
     return [float(way) if abs(way - 1.0) > CLOSE else None for way in ways]

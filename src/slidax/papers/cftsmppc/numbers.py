@@ -8,6 +8,7 @@ from slidax import metrics
 from slidax.reports import significant
 from slidax.simulation import Run
 
+from .. import indices
 from .measured import chatter, steady_error, table_3
 from .printed import ENERGY_SHARE, STEADY_LIMIT, TABLE_3, Printed
 from .runs import Case, Runs
@@ -60,7 +61,7 @@ def energy_share(runs: Runs, reading: Reading, layered: bool) -> float:
     - `layered`: whether NFTSMC has a boundary layer.
     """
     rival = _nftsmc(reading, layered)
-    return float(100 * metrics.eci(runs[Case("4.2", reading)]).sum() / metrics.eci(runs[rival]).sum())
+    return float(100 * indices.eci(runs[Case("4.2", reading)]).sum() / indices.eci(runs[rival]).sum())
 
 
 def _joints(runs: Runs, scheme: str, item: Printed) -> list[Row]:

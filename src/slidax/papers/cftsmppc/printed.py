@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from slidax.reports import significant
 
+from ..indices import DOI as DOI
 from .schemes import SCHEMES
 
 TITLE = (
@@ -13,7 +14,6 @@ TITLE = (
     "robotic manipulators"
 )
 JOURNAL = "Nonlinear Dynamics (2022)"
-DOI = "10.1007/s11071-022-07650-w"
 
 
 @dataclass(frozen=True)

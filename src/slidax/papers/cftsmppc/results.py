@@ -9,6 +9,7 @@ from typing import Any
 
 from slidax import metrics
 
+from .. import indices
 from .comparison import CONTINUOUS, Claim
 from .numbers import Row
 from .runs import Case, Runs
@@ -85,7 +86,7 @@ def _one(case: Case, runs: Runs) -> dict[str, Any]:
         "t1": float(run.t1),
         "outcome": run.outcome.kind,
         "message": run.outcome.message,
-        "metrics": metrics.summary(run),
+        "metrics": metrics.summary(run, indices.INDICES),
         "compile_s": None if timing is None else timing.compile_s,
         "run_s": None if timing is None else timing.run_s,
     }

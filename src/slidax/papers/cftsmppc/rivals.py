@@ -12,6 +12,7 @@ import numpy as np
 from slidax import metrics
 from slidax.simulation import Run
 
+from .. import indices
 from .bounds import settling_bound
 from .measured import chatter, table_3
 from .numbers import energy_share
@@ -38,7 +39,8 @@ def compared(runs: Runs) -> list[dict[str, Any]]:
             "listed": case.layer is None,
             "settling_time": table_3(runs[case], "settling_time", 1e-3),
             "steady_error": _listed(metrics.steady_error(runs[case])),
-            **{name: getattr(metrics, name)(runs[case]).tolist() for name in ("peak_torque", "iae", "eci", "aice")},
+            "peak_torque": metrics.peak_torque(runs[case]).tolist(),
+            **{name: getattr(indices, name)(runs[case]).tolist() for name in ("iae", "eci", "aice")},
             "chatters": any(chatter(runs[case], runs[case.halved])) if case.layer is None else None,
         }
         for example in EXAMPLES
@@ -167,7 +169,7 @@ def layers(runs: Runs, scheme: str) -> dict[str, Any]:
     """
     case = Case("4.1", runs.readings[0], scheme=scheme)
     ways = {
-        name: {"aice": metrics.aice(runs[one]).tolist(), "steady_error": _listed(metrics.steady_error(runs[one]))}
+        name: {"aice": indices.aice(runs[one]).tolist(), "steady_error": _listed(metrics.steady_error(runs[one]))}
         for name, one in (("listed", case), ("other", case.relayered))
     }
     return {"layer": SCHEMES[scheme].other, **ways}

@@ -9,11 +9,12 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from slidax._errors import DefinitionError, located, nearest
+from slidax._errors import DefinitionError, DefinitionWarning, located, nearest
 
 from ..articulated import Articulated
 from ..assemble import assemble
 from ..joint import Joint
+from .inertias import Feasible, Inertias
 from .loader import mujoco, reading
 from .mjcf_checks import check_compiled, check_spec, name_all
 from .mjcf_geometry import drop_what_has_no_weight
@@ -28,7 +29,8 @@ def from_mjcf(
     tip: str | None = None,
     locked: Mapping[str, float] | None = None,
     gravity: Sequence[float] | None = None,
-    meshes: bool = True,
+    meshes: bool = False,
+    inertias: Inertias = "given",
 ) -> Articulated:
     """An arm from an MJCF file, read and compiled by MuJoCo (`pip install 'slidax[robots]'`).
 
@@ -43,6 +45,8 @@ def from_mjcf(
     - `locked`: joints that do not move, such as a gripper's, with their positions, rad or m.
     - `gravity`: its acceleration in the world's frame [3], m/s²; by default the file's.
     - `meshes`: whether every mesh must be there. Only those are read that a body's inertia comes from.
+    - `inertias`: "given" refuses an inertia that no rigid body can have, such as one with a principal moment greater
+      than the sum of the others; "nearest" takes the nearest that one can, and warns by how much it differs.
 
     Raises DefinitionError, naming body, joint or what it is about, if the file is not one arm on a fixed base, or has
     something that such an arm cannot have.
@@ -50,6 +54,7 @@ def from_mjcf(
     given = read(source, "mujoco", "from_urdf reads <robot>")
     with located(str(given.path or "")):
         held = dict(locked or {})
+        feasible = Feasible(inertias)
         _refuse_nan(given.root)
         with reading() as said:
             spec = _spec(given)
@@ -59,6 +64,7 @@ def from_mjcf(
             check_spec(spec)
             attached = given.root.find(".//attach") is not None
             drop_what_has_no_weight(spec, given.folder, meshes, attached)
+            feasible.of_bodies(spec)
             model = spec.compile()
             if any("NaN" in line for line in said):
                 raise DefinitionError("a file that this one includes has a number that is NaN")
@@ -68,9 +74,13 @@ def from_mjcf(
             end = tip if tip is not None else _only_leaf(model)
             _check_tip(model, joints, end)
             down = _gravity(model) if gravity is None else gravity
-        for line in said:
-            warnings.warn(f"MuJoCo says of the robot file: {line}", stacklevel=2)
-        return assemble(joints, tip=end, locked=held, gravity=down, name=given.root.get("model") or "robot")
+        name = given.root.get("model") or "robot"
+        arm = assemble(joints, tip=end, locked=held, gravity=down, name=name)
+    notes = [*(f"MuJoCo says: {line}" for line in said), feasible.note]
+    if any(notes):
+        said_of_it = "; ".join(note for note in notes if note)
+        warnings.warn(f"{given.path or name}: {said_of_it}", DefinitionWarning, stacklevel=2)
+    return arm
 
 
 def _spec(given: Source) -> Any:

@@ -26,14 +26,14 @@ def drop_what_has_no_weight(spec: Any, folder: Path, meshes: bool, attached: boo
     files = {mesh.name: mesh for mesh in spec.meshes}
     needed: set[str] = set()
     for body in spec.bodies:
-        by_shape = body is not spec.worldbody and _by_shape(body)
+        weighs = body is not spec.worldbody and by_shape(body)
         for geom in body.geoms:
             mesh = files.get(geom.meshname)
-            if mesh is not None and mesh.file and (by_shape or meshes) and not attached:
+            if mesh is not None and mesh.file and (weighs or meshes) and not attached:
                 file = Path(mesh.file).name if spec.strippath else mesh.file
                 at = folder / mesh.compiler.meshdir
-                require_mesh(f"body `{body.name}`", file, at, instead=WEIGHS if by_shape else WITHOUT)
-            if by_shape:
+                require_mesh(f"body `{body.name}`", file, at, instead=WEIGHS if weighs else WITHOUT)
+            if weighs:
                 needed.add(geom.meshname)
             elif geom.meshname or geom.hfieldname:
                 _make_ball(geom)
@@ -47,7 +47,11 @@ def drop_what_has_no_weight(spec: Any, folder: Path, meshes: bool, attached: boo
         spec.delete(element)
 
 
-def _by_shape(body: Any) -> bool:
+def by_shape(body: Any) -> bool:
+    """Whether a body's inertia comes from its shapes.
+
+    - `body`: of what was read.
+    """
     kinds = mujoco().mjtInertiaFromGeom
     way = body.compiler.inertiafromgeom
     if way == kinds.mjINERTIAFROMGEOM_AUTO:

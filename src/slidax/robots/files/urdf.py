@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import warnings
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -10,11 +11,12 @@ from typing import Any
 
 import numpy as np
 
-from slidax._errors import DefinitionError, as_array, known, located, nearest
+from slidax._errors import DefinitionError, DefinitionWarning, as_array, known, located, nearest
 
 from ..articulated import Articulated
 from ..assemble import assemble
 from ..joint import Joint
+from .inertias import Feasible, Inertias
 from .loader import mujoco, reading
 from .meshes import Packages, require_mesh
 from .rotation import matrix_of
@@ -33,10 +35,14 @@ def from_urdf(
     gravity: Sequence[float] = (0.0, 0.0, -9.81),
     armature: Armature = 0.0,
     packages: Packages = (),
-    meshes: bool = True,
+    meshes: bool = False,
     limits: bool = True,
+    inertias: Inertias = "given",
 ) -> Articulated:
     """An arm from a URDF file, read by MuJoCo (`pip install 'slidax[robots]'`).
+
+    A limit that the file does not give, or gives as 0, is infinite; one warning, a `DefinitionWarning`, names the
+    joints.
 
     - `source`: path of the file, or its text.
     - `tip`: name of the link whose frame is the tip; may be left out if of those that move only one carries
@@ -49,6 +55,8 @@ def from_urdf(
       the file are tried by themselves.
     - `meshes`: whether every mesh must be there. None is read: nothing of the motion depends on them.
     - `limits`: whether to read limits of positions, velocity and effort. Without them all are infinite.
+    - `inertias`: "given" refuses an inertia that no rigid body can have, such as one with a principal moment greater
+      than the sum of the others; "nearest" takes the nearest that one can, and warns by how much it differs.
 
     Raises DefinitionError, naming link or joint, if the file is not one arm on a fixed base, or has a value that is
     missing, misspelled or cannot be.
@@ -62,11 +70,30 @@ def from_urdf(
             _require_meshes(tree, given.folder, packages)
         held = dict(locked or {})
         _refuse_mimics(tree, held)
-        joints = _joints(tree, limits, _armatures(tree, held, armature))
+        feasible = Feasible(inertias)
+        joints = _joints(tree, limits, _armatures(tree, held, armature), feasible)
         end = tip if tip is not None else _only_leaf(tree)
         if end == tree.root:
             raise DefinitionError(f"`tip` names link `{end}`, which is the base")
-        return assemble(joints, tip=end, locked=held, gravity=gravity, name=given.root.get("name") or "robot")
+        name = given.root.get("name") or "robot"
+        arm = assemble(joints, tip=end, locked=held, gravity=gravity, name=name)
+    notes = [_not_given(tree, arm) if limits else "", feasible.note]
+    if any(notes):
+        said = "; ".join(note for note in notes if note)
+        warnings.warn(f"{given.path or name}: {said}", DefinitionWarning, stacklevel=2)
+    return arm
+
+
+def _not_given(tree: Tree, arm: Articulated) -> str:
+    """Which limits of the joints that move are not in the file."""
+    missing: dict[str, list[str]] = {}
+    for name in arm.joint_names:
+        for limit in limits_of(tree.joints[name])[1]:
+            missing.setdefault(limit, []).append(name)
+    if not missing:
+        return ""
+    listed = ", ".join(f"no limit of {limit} for {', '.join(names)}" for limit, names in missing.items())
+    return f"the file gives {listed}, or 0 for it; it is taken as infinite"
 
 
 def _require_meshes(tree: Tree, folder: Path, packages: Packages) -> None:
@@ -90,11 +117,17 @@ def _refuse_mimics(tree: Tree, locked: Mapping[str, float]) -> None:
                 f"joint `{name}` mimics joint `{other}`, which there is not; {nearest(other, tree.joints)}"
             )
         multiplier, offset = number(mimic, "multiplier"), number(mimic, "offset")
-        position = (1.0 if multiplier is None else multiplier) * locked.get(other, 0.0) + (offset or 0.0)
-        held = {other: locked.get(other, 0.0), name: position}
+        first = locked.get(other, _within(tree.joints[other]))
+        held = {other: first, name: (1.0 if multiplier is None else multiplier) * first + (offset or 0.0)}
         raise DefinitionError(
             f"joint `{name}` mimics joint `{other}`; joints that are coupled must be held: locked={held}"
         )
+
+
+def _within(joint: ET.Element) -> float:
+    """The position nearest to 0 that a joint can have."""
+    found = {} if joint.get("type") == "fixed" else limits_of(joint)[0]
+    return float(np.clip(0.0, found.get("lower"), found.get("upper")))
 
 
 def _armatures(tree: Tree, locked: Mapping[str, float], given: Armature) -> dict[str, float]:
@@ -122,21 +155,20 @@ def _only_leaf(tree: Tree) -> str:
     return leaves[0]
 
 
-def _joints(tree: Tree, limited: bool, armatures: Mapping[str, float]) -> list[Joint]:
+def _joints(tree: Tree, limited: bool, armatures: Mapping[str, float], feasible: Feasible) -> list[Joint]:
     numbers = {link: str(i) for i, link in enumerate(tree.links)}
-    standing = tree.standing
     with reading():
         spec = mujoco().MjSpec.from_string(_skeleton(tree, numbers))
-        joints = []
-        for name in tree.order:
-            link = tree.children[name]
-            heavy = link not in standing
-            joints.append(_joint(tree, name, spec.body(numbers[link]), heavy, limited, armatures))
-    return joints
+        return [
+            _joint(tree, name, spec.body(numbers[tree.children[name]]), limited, armatures, feasible)
+            for name in tree.order
+        ]
 
 
-def _joint(tree: Tree, name: str, body: Any, heavy: bool, limited: bool, armatures: Mapping[str, float]) -> Joint:
-    element = tree.joints[name]
+def _joint(
+    tree: Tree, name: str, body: Any, limited: bool, armatures: Mapping[str, float], feasible: Feasible
+) -> Joint:
+    element, link = tree.joints[name], tree.children[name]
     kind = element.get("type")
     values: dict[str, Any] = {}
     if kind != "fixed":
@@ -146,20 +178,22 @@ def _joint(tree: Tree, name: str, body: Any, heavy: bool, limited: bool, armatur
             "viscous": float(np.ravel(moved.damping)[0]),
             "coulomb": float(moved.frictionloss),
             "armature": armatures.get(name, 0.0),
-            **(limits_of(element) if limited else {}),
+            **(limits_of(element)[0] if limited else {}),
         }
     # What stands still with the base may have any mass, and often has one that cannot be.
-    if heavy and body.explicitinertial:
+    if link not in tree.standing and body.explicitinertial:
         # Of an inertia that is 0 MuJoCo makes one that is not defined.
         xx, yy, zz, xy, xz, yz = np.nan_to_num(body.fullinertia)
-        turned = matrix_of(body.iquat)
         inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+        if body.mass > 0:
+            inertia = feasible.of(inertia, f"link `{link}`", definite=kind != "fixed")
+        turned = matrix_of(body.iquat)
         values |= {"mass": float(body.mass), "center": np.array(body.ipos), "inertia": turned @ inertia @ turned.T}
     return Joint(
         name=name,
         kind="revolute" if kind == "continuous" else kind,  # type: ignore[arg-type]
         parent=tree.carriers.get(tree.parents[name]),
-        link=tree.children[name],
+        link=link,
         rotation=matrix_of(body.quat),
         translation=np.array(body.pos),
         **values,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 from slidax._errors import DefinitionError, nearest
 
@@ -39,7 +40,7 @@ class Tree:
         carrying = set(self.parents.values())
         return [link for link in self.links if link not in carrying]
 
-    @property
+    @cached_property
     def standing(self) -> set[str]:
         """The links that do not move: the root, and what is fixed to it."""
         links = {self.root}

@@ -105,35 +105,37 @@ def number(element: ET.Element | None, name: str) -> float | None:
     return None if text is None else float(text)
 
 
-def limits_of(joint: ET.Element) -> dict[str, float]:
-    """`lower`, `upper`, `velocity` and `torque` of a joint that moves.
+def limits_of(joint: ET.Element) -> tuple[dict[str, float], list[str]]:
+    """`lower`, `upper`, `velocity` and `torque` of a joint that moves, and the names of those that are not given.
+
+    A velocity or an effort of 0 is not given, and so are ends of the range that are both 0: programs that export robot
+    files write so, and a joint that cannot move is "fixed". If one end is given, the other is 0 by the standard.
 
     - `joint`: checked; "revolute", "continuous" or "prismatic".
 
-    Raises DefinitionError, naming the joint, if one that the standard demands is missing, or cannot be.
+    Raises DefinitionError, naming the joint, if one cannot be.
     """
-    name, kind, given = joint.get("name"), joint.get("type"), joint.find("limit")
-    endless = kind == "continuous"
-    remedy = "give it, or say limits=False to read no limits"
-    if given is None and not endless:
-        raise DefinitionError(f"{kind} joint `{name}` has no <limit>; {remedy}")
+    name, given = joint.get("name"), joint.find("limit")
+    endless = joint.get("type") == "continuous"
     found: dict[str, float] = {}
-    # By the standard a missing end of the range is 0, but readers differ, and it is hardly ever meant.
-    names = {"effort": "torque", "velocity": "velocity"} | ({} if endless else {"lower": "lower", "upper": "upper"})
-    for attribute, field in names.items():
-        value = number(given, attribute)
-        if value is None and given is not None:
-            raise DefinitionError(f"<limit> of joint `{name}` has no {attribute}; {remedy}")
-        if value is not None:
-            found[field] = value
-        if value is not None and attribute in ("effort", "velocity") and value <= 0:
+    for attribute, field in (("velocity", "velocity"), ("effort", "torque")):
+        value = number(given, attribute) or 0.0
+        if value < 0:
             raise DefinitionError(
                 f"{attribute} in <limit> of joint `{name}` must be > 0; got {value:g}; correct it, or say limits=False "
                 f"to read no limits"
             )
-    if not endless and not found["lower"] < found["upper"]:
-        raise DefinitionError(
-            f"<limit> of joint `{name}` must have lower < upper; got {found['lower']:g} and {found['upper']:g}; "
-            f'type="fixed" is for a joint that does not move'
-        )
-    return found
+        if value > 0:
+            found[field] = value
+    lower, upper = number(given, "lower") or 0.0, number(given, "upper") or 0.0
+    if not endless and (lower, upper) != (0.0, 0.0):
+        if not lower < upper:
+            raise DefinitionError(
+                f"<limit> of joint `{name}` must have lower < upper; got {lower:g} and {upper:g}; "
+                f'type="fixed" is for a joint that does not move'
+            )
+        found |= {"lower": lower, "upper": upper}
+    # A joint without end needs no limits at all, but if it has some they should be complete.
+    needed = (("upper", "position"), ("velocity", "velocity"), ("torque", "effort"))
+    missing = [shown for field, shown in needed if field not in found and not (endless and field == "upper")]
+    return found, [] if endless and given is None else missing

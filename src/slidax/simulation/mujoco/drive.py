@@ -8,7 +8,7 @@ import jax
 import numpy as np
 
 from slidax._types import State
-from slidax.codegen.trace import NoNativeCodeError
+from slidax.codegen import NoNativeCodeError
 
 from ..engine import engine_for, say_xla_instead
 from ..free_body import FreeBody

@@ -1,0 +1,58 @@
+"""Which inertias a rigid body can have, and the nearest of them to one that none can have."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from slidax._errors import DefinitionError
+
+ROUNDING = 1e-6
+"""By this share a printed inertia may miss what a rigid body can have: it is rounded."""
+
+
+def require_rigid(inertia: np.ndarray, what: str, *, definite: bool, remedy: str = "") -> None:
+    """Raises DefinitionError unless a rigid body can have this inertia.
+
+    - `inertia`: about the centre of mass, symmetric [3 3], kg m².
+    - `what`: whose, for the message.
+    - `definite`: whether each moment must be > 0, or may be 0 as for a point or a thin rod.
+    - `remedy`: what else can be done, for the message.
+    """
+    moments = np.linalg.eigvalsh(inertia)
+    listed = ", ".join(f"{moment:.3g}" for moment in moments)
+    end = f"; {remedy}" if remedy else ""
+    if moments[0] <= 0 if definite else moments[0] < -1e-9 * abs(moments[2]):
+        rule = "positive definite" if definite else "positive semi-definite"
+        raise DefinitionError(f"{what} must be {rule}; its principal moments are {listed} kg m²{end}")
+    if not is_rigid(inertia):
+        raise DefinitionError(
+            f"{what} is of no rigid body: the largest of its principal moments {listed} kg m² is more than the sum of "
+            f"the others{end}"
+        )
+
+
+def is_rigid(inertia: np.ndarray) -> bool:
+    """Whether no principal moment is negative, nor more than the sum of the others, but for rounding.
+
+    - `inertia`: about the centre of mass, symmetric [3 3], kg m².
+    """
+    moments = np.linalg.eigvalsh(inertia)
+    return bool(moments[0] >= -1e-9 * abs(moments[2]) and moments[0] + moments[1] >= moments[2] * (1.0 - ROUNDING))
+
+
+def nearest_rigid(inertia: np.ndarray) -> np.ndarray:
+    """The nearest inertia that a rigid body can have [3 3], kg m².
+
+    A body of mass density ρ has the second moments `Σ = ∫ρ x xᵀ dV`, which are positive semi-definite, and
+    `I = tr(Σ) 1 - Σ`, so `Σ = ½ tr(I) 1 - I`. Each positive semi-definite Σ is that of some body. So the nearest, in
+    the Frobenius norm of Σ, is the projection on these matrices: the negative eigenvalues of Σ become 0 (Higham,
+    *Computing a nearest symmetric positive semidefinite matrix*, 1988). The axes stay, and with mass and centre of mass
+    as they are this is the projection of the pseudo-inertia `[Σ 0; 0 m]`, too (Wensing, Kim and Slotine, *Linear matrix
+    inequalities for physically consistent inertial parameter identification*, RA-L 2018).
+
+    - `inertia`: about the centre of mass, symmetric [3 3], kg m².
+    """
+    moments, axes = np.linalg.eigh(0.5 * np.trace(inertia) * np.eye(3) - inertia)
+    kept = np.maximum(moments, 0.0)
+    nearest: np.ndarray = (axes * (kept.sum() - kept)) @ axes.T
+    return nearest
