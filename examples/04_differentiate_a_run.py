@@ -18,7 +18,7 @@ scenario = sx.scenarios.load("example-4.2").replace(t1=1.0, period=2e-4, mode="h
 def loop(surface):
     """The closed loop with another surface."""
     controller = eqx.tree_at(lambda c: c.surface, scenario.controller, surface)
-    return scenario.plant, controller, scenario.trajectory, scenario.state0
+    return scenario.replace(controller=controller).parts
 
 
 def mean_square_error(run):
