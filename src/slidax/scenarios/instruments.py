@@ -15,7 +15,7 @@ from slidax.actuators import Actuator, TorqueLimits
 from slidax.robots import JointLimits
 from slidax.sensors import AbstractSensor, Delayed, DifferencedEncoders, Encoders, Exact, Lossy
 
-from .base import Description, Numbers, said, same
+from .base import AbstractDescription, Numbers, said, same
 from .derived import PartDescription, union_of
 
 if TYPE_CHECKING:
@@ -27,14 +27,14 @@ OF_ENCODERS = ("resolution", "position_noise", "velocity", "velocity_noise", "cu
 """What describes the encoders, where no other instrument is named."""
 
 
-class OutageDescription(Description):
+class OutageDescription(AbstractDescription):
     """Samples that are lost in a row."""
 
     start: float = said("time of the first", "s", ">= 0")
     samples: int = said("how many", "", ">= 0")
 
 
-class LossDescription(Description):
+class LossDescription(AbstractDescription):
     """Samples that do not arrive; the last torque is held."""
 
     probability: float = same(Lossy, "probability")
@@ -42,8 +42,8 @@ class LossDescription(Description):
     """Those that are lost for certain."""
 
 
-class SensorDescription(Description):
-    """What a law gets to know of the state."""
+class SensorDescription(AbstractDescription):
+    """What a law measures of the state."""
 
     resolution: Numbers = same(Encoders, "resolution", default=0.0)
     position_noise: Numbers = same(Encoders, "position_noise")
@@ -76,7 +76,9 @@ class SensorDescription(Description):
         if self.instrument is not None:
             both = [name for name in OF_ENCODERS if name in self.model_fields_set]
             if both:
-                raise DefinitionError("describes encoders, and `instrument` another sensor; leave one out", where=both[0])
+                raise DefinitionError(
+                    "describes encoders, and `instrument` another sensor; leave one out", where=both[0]
+                )
             with located("instrument"):
                 self.instrument.require_joints(joints)
                 sensor = self.instrument.build()
@@ -110,8 +112,8 @@ class SensorDescription(Description):
         return jnp.maximum(rounding * rounding / 12.0 + noise * noise, 1e-18)
 
 
-class ActuatorDescription(Description):
-    """What becomes of a commanded torque."""
+class ActuatorDescription(AbstractDescription):
+    """How the drives deliver a commanded torque."""
 
     torque: Numbers | Literal["robot"] | None = said(
         "largest torque; `robot`: as its data sheet says", "N m or N", default=None, source="no limit"

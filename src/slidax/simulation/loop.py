@@ -23,7 +23,7 @@ Integrator = Callable[..., tuple[Any, tuple[Any, ...]]]
 class Loop(eqx.Module):
     """All that stays the same while time passes.
 
-    - `plant`, `controller`, `trajectory`: who takes part.
+    - `plant`, `controller`, `trajectory`: the parts.
     - `period`: time between samples [s].
     - `last`: number of the last sample, N.
     - `windows`: from when each statistic counts.
@@ -72,7 +72,7 @@ class Carry(eqx.Module):
 
 
 class Passed(eqx.Module):
-    """What one period leaves behind, beside the state: the memories of all who have one."""
+    """What one period leaves behind, beside the state: the memories of all parts that have one."""
 
     memory: Memory
     sensor: Memory
