@@ -91,7 +91,7 @@ def test_as_it_is_printed_it_settles_on_the_arm_that_it_is_made_for(arm, scheme)
             "scheme.sampled_data": None,
             "simulation.period": 1e-4,
             "simulation.substeps": 1,
-            "simulation.t1": 2.0,
+            "simulation.t1": 3.0,
             **{"robot.plant": {}, "actuator": {}, "sensor": {}},
         }
     run = load(ARMS[arm], {**changes, **gains(arm, scheme)}).simulate(progress=False)
