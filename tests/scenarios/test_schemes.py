@@ -14,7 +14,7 @@ import pytest
 from slidax import controllers, scenarios
 from slidax._errors import DefinitionError
 from slidax.controllers import Preset, SlidingMode, SuperTwisting
-from slidax.scenarios.load import read_yaml
+from slidax.scenarios.yaml_text import read_yaml
 from slidax.scenarios.schemes import SCHEMES, switched
 from slidax.surfaces import Linear, SingularityFree
 from slidax.transformations import PrescribedPerformance

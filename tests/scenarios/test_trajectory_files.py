@@ -14,7 +14,7 @@ from pydantic import TypeAdapter, ValidationError
 from slidax import scenarios
 from slidax._errors import DefinitionError
 from slidax.robots import JointLimits
-from slidax.scenarios.load import read_yaml
+from slidax.scenarios.yaml_text import read_yaml
 from slidax.scenarios.trajectories import TrajectoryDescription
 from slidax.trajectories import AbstractTrajectory, MinimumJerk, Tabulated, Trapezoidal
 

@@ -10,7 +10,7 @@ import pytest
 from pydantic import TypeAdapter
 
 from slidax.robots import JointLimits
-from slidax.scenarios.load import read_yaml
+from slidax.scenarios.yaml_text import read_yaml
 from slidax.scenarios.trajectories import TrajectoryDescription
 from slidax.trajectories import Tabulated
 
