@@ -116,7 +116,10 @@ def test_the_same_seed_gives_the_same_run_and_another_one_another() -> None:
 @pytest.mark.parametrize(
     ("flat", "instrument"),
     [
-        ({"resolution": 1e-4, "velocity_noise": 1e-3}, {"kind": "encoders", "resolution": 1e-4, "velocity_noise": 1e-3}),
+        (
+            {"resolution": 1e-4, "velocity_noise": 1e-3},
+            {"kind": "encoders", "resolution": 1e-4, "velocity_noise": 1e-3},
+        ),
         (
             {"resolution": 1e-5, "velocity": "differenced"},
             {"kind": "differenced_encoders", "resolution": 1e-5, "cutoff": 600.0},
@@ -135,5 +138,7 @@ def test_a_sensor_by_its_kind_is_the_one_that_the_short_fields_describe(flat: An
 
 def test_encoders_and_another_sensor_are_not_both_described() -> None:
     sensor = {"resolution": 1e-5, "instrument": {"kind": "exact"}}
-    with pytest.raises(DefinitionError, match=r"^sensor.resolution: describes encoders, and `instrument` another sensor"):
+    with pytest.raises(
+        DefinitionError, match=r"^sensor.resolution: describes encoders, and `instrument` another sensor"
+    ):
         scenarios.load("example-4.1-1khz", {"sensor": sensor})

@@ -76,7 +76,9 @@ class SensorDescription(Description):
         if self.instrument is not None:
             both = [name for name in OF_ENCODERS if name in self.model_fields_set]
             if both:
-                raise DefinitionError("describes encoders, and `instrument` another sensor; leave one out", where=both[0])
+                raise DefinitionError(
+                    "describes encoders, and `instrument` another sensor; leave one out", where=both[0]
+                )
             with located("instrument"):
                 self.instrument.require_joints(joints)
                 sensor = self.instrument.build()

@@ -15,7 +15,12 @@ from .description import ScenarioDescription
 from .scenario import Scenario
 from .yaml_text import read_yaml
 
-LIMITS = {"greater_than": (">", "gt"), "greater_than_equal": (">=", "ge"), "less_than": ("<", "lt"), "less_than_equal": ("<=", "le")}
+LIMITS = {
+    "greater_than": (">", "gt"),
+    "greater_than_equal": (">=", "ge"),
+    "less_than": ("<", "lt"),
+    "less_than_equal": ("<=", "le"),
+}
 """Kinds of mistakes about a number's range: the sign, and the key under which pydantic has the limit."""
 
 BUILT_IN = resources.files("slidax.scenarios") / "built_in"
