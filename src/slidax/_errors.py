@@ -5,11 +5,17 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from difflib import get_close_matches
+from reprlib import Repr
 from typing import Any
 
 import jax
 import numpy as np
 from jaxtyping import Array
+
+LONGEST = 80
+"""Characters of a value, or of a name, that a message shows."""
+
+_SHORT = Repr(maxlist=LONGEST, maxtuple=LONGEST, maxdict=8, maxset=8, maxstring=LONGEST, maxlong=40, maxother=LONGEST)
 
 
 class DefinitionError(ValueError):
@@ -58,12 +64,31 @@ def nearest(word: str, known: Iterable[str]) -> str:
     - `word`: the name that was given, in any case.
     - `known`: what could have been.
     """
-    names = list(known)
+    names, word = list(known), word[:LONGEST]
     by_small_letters = {name.lower(): name for name in names}
     close = get_close_matches(word.lower(), by_small_letters, n=1, cutoff=0.6)
     if close:
         return f"did you mean `{by_small_letters[close[0]]}`?"
     return "there are: " + ", ".join(f"`{name}`" for name in names)
+
+
+def shown(value: Any) -> str:
+    """A value for a message, as Python writes it, in one line; of a long one the beginning.
+
+    - `value`: anything, also lists of millions.
+    """
+    if isinstance(value, np.ndarray):
+        value = (value if value.size <= LONGEST else value.ravel()[:LONGEST]).tolist()
+    text = _SHORT.repr(value)
+    return text if len(text) <= LONGEST else f"{text[: LONGEST - 3]}..."
+
+
+def plain(word: object) -> str:
+    """A name for a message, where it stands in marks of its own: `shown` without quotation marks.
+
+    - `word`: what was given for it.
+    """
+    return shown(word)[1:-1] if isinstance(word, str) else shown(word)
 
 
 def is_traced(tree: Any) -> bool:
@@ -80,7 +105,7 @@ def as_array(value: Any) -> Array:
         array: Array = jax.device_put(np.asarray(value, dtype=float))
         return array
     except (TypeError, ValueError) as error:
-        raise DefinitionError(f"a number or a list of numbers is needed; got {value!r}") from error
+        raise DefinitionError(f"a number or a list of numbers is needed; got {shown(value)}") from error
 
 
 def known(value: Any) -> Any:
@@ -124,7 +149,7 @@ def require(owner: object, field: str, holds: Any, rule: str, *, finite: bool = 
     if np.ndim(holds) == number.ndim:
         entry = tuple(int(index[0]) for index in np.nonzero(wrong))
         raise DefinitionError(f"{name} {rule}; got {number[entry].item():g} in entry {[i + 1 for i in entry]}")
-    raise DefinitionError(f"{name} {rule}; got {number.tolist()}")
+    raise DefinitionError(f"{name} {rule}; got {shown(number)}")
 
 
 def _joint(owner: object, number: int) -> str:

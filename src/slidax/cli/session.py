@@ -58,7 +58,7 @@ def parsed(changes: list[str]) -> dict[str, Any]:
     Raises DefinitionError if one has another form.
     """
     from slidax._errors import DefinitionError
-    from slidax.scenarios.load import read_yaml
+    from slidax.scenarios.yaml_text import read_yaml
 
     parsed: dict[str, Any] = {}
     for change in changes:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from slidax.numerics import is_positive_definite, matvec, sig, sig_and_slope, unit_vector
-from slidax.parts import DefinitionError, Matrix, PerJoint, Scalar, Vector, is_traced, known, parameter, require
+from slidax.parts import DefinitionError, Matrix, PerJoint, Scalar, Vector, is_traced, known, parameter, require, shown
 
 from .proximal_step import proximal_step
 from .reaching import AbstractReaching
@@ -31,7 +31,7 @@ class FixedTimeReaching(AbstractReaching):
         elif not is_traced(self.gain):
             matrix = np.asarray(self.gain)
             if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1] or not is_positive_definite(matrix):
-                raise DefinitionError(f"`FixedTimeReaching.gain` {rule}; got {matrix.tolist()}")
+                raise DefinitionError(f"`FixedTimeReaching.gain` {rule}; got {shown(matrix)}")
 
     def continuous_term(self, s: Vector) -> Vector:
         """`K0 Sig^r(s)`, [n], N m or N.

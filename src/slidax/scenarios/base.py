@@ -8,7 +8,7 @@ from typing import Annotated, Any
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 from pydantic_core import PydanticCustomError
 
-from slidax._errors import DefinitionError, nearest
+from slidax._errors import DefinitionError, nearest, plain
 from slidax.parts import REQUIRED, Parameter, Range, parameters_of
 
 Numbers = Annotated[float | list[float], Field(union_mode="left_to_right")]
@@ -39,7 +39,9 @@ class Description(BaseModel):
             for key in data:
                 if key not in known:
                     hint = nearest(str(key), known)
-                    raise PydanticCustomError("unknown_key", "unknown key `{key}`; {hint}", {"key": key, "hint": hint})
+                    raise PydanticCustomError(
+                        "unknown_key", "unknown key `{key}`; {hint}", {"key": plain(key), "hint": hint}
+                    )
         return data
 
     def require_joints(self, joints: int) -> None:

@@ -17,7 +17,7 @@ from .base import Description
 from .derived import union_of
 from .description import ScenarioDescription, SimulationDescription
 from .disturbances import Term
-from .instruments import ActuatorDescription, SensorDescription
+from .instruments import ActuatorDescription, InstrumentDescription, SensorDescription
 from .load import described, names
 from .robots import RobotDescription
 from .sampled_data import EstimatorDescription, RecoveryDescription, SampledDataDescription
@@ -32,6 +32,7 @@ KINDS = {
     "reaching": union_of(AbstractReaching),
     "bounds": union_of(AbstractBound),
     "estimators": EstimatorDescription,
+    "sensors": InstrumentDescription,
     "robots": RobotDescription,
     "trajectories": TrajectoryDescription,
     "disturbances": Term,

@@ -157,7 +157,7 @@ def type_of(one: Parameter, hint: Any, family: type) -> Any:
     - `family`: the part, or its family, of which it cannot itself be made.
     """
     if one.shape == "one number":
-        return int if hint is int else float
+        return int if hint is int or one.annotation.startswith("Int[") else float
     if one.shape == "one number or [n]":
         return Numbers
     if one.shape.endswith("a matrix [n n]"):

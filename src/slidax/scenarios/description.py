@@ -147,7 +147,7 @@ class ScenarioDescription(Description):
                     dead_time=self.actuator.dead_time,
                     limits=drive.limits(),
                     variance=self.sensor.variance(),
-                    has_velocity=self.sensor.velocity == "measured",
+                    has_velocity=self.sensor.has_velocity,
                     mass=nominal.mass(state0.q),
                 )
                 with located("sampled_data"):

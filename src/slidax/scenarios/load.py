@@ -7,16 +7,20 @@ from pathlib import Path
 from typing import Any
 
 from pydantic import ValidationError
-from ruamel.yaml import YAML
-from ruamel.yaml.error import YAMLError
 
-from slidax._errors import DefinitionError, nearest
+from slidax._errors import DefinitionError, nearest, plain, shown
 
 from .changes import changed
 from .description import ScenarioDescription
 from .scenario import Scenario
+from .yaml_text import read_yaml
 
-LIMITS = {"greater_than": (">", "gt"), "greater_than_equal": (">=", "ge"), "less_than": ("<", "lt")}
+LIMITS = {
+    "greater_than": (">", "gt"),
+    "greater_than_equal": (">=", "ge"),
+    "less_than": ("<", "lt"),
+    "less_than_equal": ("<=", "le"),
+}
 """Kinds of mistakes about a number's range: the sign, and the key under which pydantic has the limit."""
 
 BUILT_IN = resources.files("slidax.scenarios") / "built_in"
@@ -60,7 +64,17 @@ def parse(text: str, changes: dict[str, Any] | None = None, *, folder: Path = Pa
 
     Raises DefinitionError with the path of the first field that is wrong.
     """
-    data = read_yaml(text)
+    return validated(read_yaml(text), changes, folder=folder)
+
+
+def validated(data: Any, changes: dict[str, Any] | None = None, *, folder: Path = Path()) -> ScenarioDescription:
+    """The validated description in what a YAML text became.
+
+    - `data`: mappings, lists and values.
+    - `changes`, `folder`: as in `parse`.
+
+    Raises DefinitionError with the path of the first field that is wrong.
+    """
     if not isinstance(data, dict):
         raise DefinitionError("a scenario is a mapping with the keys " + ", ".join(ScenarioDescription.model_fields))
     data = changed(data, changes or {})
@@ -74,21 +88,6 @@ def _folder(scenario: str | Path) -> Path:
     return Path(scenario).parent if Path(scenario).suffix in (".yaml", ".yml") else Path()
 
 
-def read_yaml(text: str) -> Any:
-    """The value in a YAML 1.2 text.
-
-    - `text`: YAML.
-
-    Raises DefinitionError with the line if it is not YAML.
-    """
-    try:
-        return YAML(typ="safe", pure=True).load(text)
-    except YAMLError as error:
-        mark = getattr(error, "problem_mark", None)
-        line = f" at line {mark.line + 1}" if mark else ""
-        raise DefinitionError(f"not valid YAML{line}: {getattr(error, 'problem', None) or error}") from None
-
-
 def _read(scenario: str | Path) -> tuple[str, str]:
     path = Path(scenario)
     if path.suffix in (".yaml", ".yml"):
@@ -99,7 +98,7 @@ def _read(scenario: str | Path) -> tuple[str, str]:
             raise DefinitionError(f"cannot read the scenario file `{path}`: {reason}") from None
     if str(scenario) not in names():
         raise DefinitionError(
-            f"unknown scenario `{scenario}`; {nearest(str(scenario), names())} (a file needs the ending .yaml)"
+            f"unknown scenario `{plain(scenario)}`; {nearest(str(scenario), names())} (a file needs the ending .yaml)"
         )
     return str(scenario), (BUILT_IN / f"{scenario}.yaml").read_text(encoding="utf-8")
 
@@ -120,26 +119,26 @@ def _translated(error: ValidationError, data: Any) -> DefinitionError:
     elif first["type"] == "union_tag_invalid":
         known = [word.strip().strip("'") for word in context["expected_tags"].split(",")]
         where = f"{where}.{context['discriminator'].strip(chr(39))}"
-        message = f"unknown `{context['tag']}`; {nearest(str(context['tag']), known)}"
+        message = f"unknown `{plain(context['tag'])}`; {nearest(str(context['tag']), known)}"
     elif first["type"] == "literal_error":
         known = [word.strip().strip("'") for word in context["expected"].replace(" or ", ",").split(",")]
-        message = f"unknown `{given}`; {nearest(str(given), known)}"
+        message = f"unknown `{plain(given)}`; {nearest(str(given), known)}"
     elif "list_type" in kinds and kinds & {"float_type", "float_parsing"}:
-        message = f"must be a number or a list of numbers; got {given!r}"
+        message = f"must be a number or a list of numbers; got {shown(given)}"
     elif first["type"] in ("float_type", "float_parsing"):
-        message = f"must be a number; got {given!r}"
+        message = f"must be a number; got {shown(given)}"
     elif first["type"] == "list_type":
-        message = f"must be a list; got {given!r}"
+        message = f"must be a list; got {shown(given)}"
     elif first["type"] in LIMITS:
         sign, limit = LIMITS[first["type"]]
-        message = f"must be {sign} {context[limit]:g}; got {given!r}"
+        message = f"must be {sign} {context[limit]:g}; got {shown(given)}"
     elif first["type"] in ("too_short", "too_long"):
         sign, limit = (">=", "min_length") if first["type"] == "too_short" else ("<=", "max_length")
-        message = f"must have {sign} {context[limit]} entries; got {given!r}"
+        message = f"must have {sign} {context[limit]} entries; got {shown(given)}"
     elif first["type"] == "unknown_key":
         message = first["msg"]
     else:
-        message = f"{first['msg'][0].lower()}{first['msg'][1:]}; got {given!r}"
+        message = f"{first['msg'][0].lower()}{first['msg'][1:]}; got {shown(given)}"
     return DefinitionError(message, where=where)
 
 

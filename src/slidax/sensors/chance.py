@@ -8,7 +8,7 @@ import jax
 import numpy as np
 from jaxtyping import Array, Float, Int, Key
 
-from slidax.parts import DefinitionError, parameter
+from slidax.parts import DefinitionError, parameter, shown
 
 # One stream of random numbers for each kind of sensor: a chain of sensors with one seed is not correlated with itself.
 ENCODERS, DIFFERENCED_ENCODERS, DELAYED, LOSSY = 1, 2, 3, 4
@@ -25,7 +25,7 @@ def whole(value: Any) -> Array:
         return value
     number = np.asarray(value)
     if number.size and not np.issubdtype(number.dtype, np.integer):
-        raise DefinitionError(f"a whole number or a list of whole numbers is needed; got {value!r}")
+        raise DefinitionError(f"a whole number or a list of whole numbers is needed; got {shown(value)}")
     array: Array = jax.device_put(number.astype(int))
     return array
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import warnings
 from typing import Literal, get_args
 
-from slidax._errors import DefinitionError
+from slidax._errors import DefinitionError, shown
 from slidax.codegen import llvm
 
 Engine = Literal["auto", "native", "xla"]
@@ -21,7 +21,7 @@ def engine_for(engine: str) -> Literal["native", "xla"]:
     """
     if engine not in get_args(Engine):
         names = ", ".join(f"`{name}`" for name in get_args(Engine))
-        raise DefinitionError(f"`engine` must be one of {names}; got {engine!r}")
+        raise DefinitionError(f"`engine` must be one of {names}; got {shown(engine)}")
     if engine == "xla" or llvm.available():
         return "xla" if engine == "xla" else "native"
     if engine == "native":

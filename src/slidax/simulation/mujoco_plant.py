@@ -6,7 +6,7 @@ from typing import Literal, get_args
 
 from slidax.actuators import Actuator
 from slidax.disturbances import AbstractDisturbance, Friction
-from slidax.parts import AbstractPart, DefinitionError, Scalar, as_array, is_traced, parameter, piece
+from slidax.parts import AbstractPart, DefinitionError, Scalar, as_array, is_traced, parameter, piece, shown
 from slidax.robots import AbstractRobot, Articulated, Load
 from slidax.sensors import AbstractSensor
 
@@ -56,7 +56,7 @@ class MujocoPlant(AbstractPart):
             )
         if self.integrator not in get_args(MujocoIntegrator):
             names = ", ".join(f"`{name}`" for name in get_args(MujocoIntegrator))
-            raise DefinitionError(f"`MujocoPlant.integrator` must be one of {names}; got {self.integrator!r}")
+            raise DefinitionError(f"`MujocoPlant.integrator` must be one of {names}; got {shown(self.integrator)}")
         if self.load is not None and not is_traced(self.load):
             from .mujoco.box import require_rigid
 

@@ -9,7 +9,7 @@ from typing import Any, Literal, get_args, get_type_hints
 
 from slidax._errors import nearest
 from slidax.numerics import runge_kutta_4
-from slidax.parts import AbstractPart, DefinitionError, is_traced, parameter, piece
+from slidax.parts import AbstractPart, DefinitionError, is_traced, parameter, piece, shown
 
 from .engine import Engine
 from .loop import Integrator
@@ -61,7 +61,7 @@ class Stepping(AbstractPart):
             choices, value = get_args(kind), getattr(self, name)
             if name in CHOICES and value not in choices:
                 listed = ", ".join(f"`{choice}`" for choice in choices)
-                raise DefinitionError(f"`Stepping.{name}` must be one of {listed}; got {value!r}")
+                raise DefinitionError(f"`Stepping.{name}` must be one of {listed}; got {shown(value)}")
         if self.mode == "continuous" and self.substeps != 1:
             raise DefinitionError(
                 f"`Stepping.substeps` must be 1 in continuous mode, where `period` is the step; got {self.substeps}"

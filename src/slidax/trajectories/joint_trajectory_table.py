@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from slidax._errors import DefinitionError
+from slidax._errors import DefinitionError, shown
 
 from .source_text import source_text
 from .table import Table
@@ -93,7 +93,7 @@ def _numbers(points: list[Any], field: str, joints: tuple[str, ...], name: str) 
             )
         for joint, number in enumerate(given):
             if isinstance(number, bool) or not isinstance(number, (int, float)):
-                raise DefinitionError(f"{where}: `{field}` of `{joints[joint]}` must be a number; got {number!r}")
+                raise DefinitionError(f"{where}: `{field}` of `{joints[joint]}` must be a number; got {shown(number)}")
             values[row, joint] = number
     return values
 
@@ -109,6 +109,5 @@ def _seconds(given: Any, where: str) -> float:
                 isinstance(part, (int, float)) and not isinstance(part, bool) for part in parts
             ):
                 return float(parts[0] + parts[1] * 1e-9)
-    raise DefinitionError(
-        f"{where}: `time_from_start` must be {{sec, nanosec}}, {{secs, nsecs}} or a number of seconds; got {given!r}"
-    )
+    rule = "must be {sec, nanosec}, {secs, nsecs} or a number of seconds"
+    raise DefinitionError(f"{where}: `time_from_start` {rule}; got {shown(given)}")

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from slidax.parts import DefinitionError, as_array
+from slidax.parts import DefinitionError, as_array, shown
 
 from .motion_limits import limit
 from .piecewise_polynomial import AbstractPiecewisePolynomial
 from .quintic_spline import quintic_spline
 from .shortest_times import shortest_times
-from .waypoints import distinct_waypoints
+from .waypoints import distinct_waypoints, positions
 
 MOST = 500
 """Waypoints whose times are searched together: the search takes memory by their square, and time by their cube."""
@@ -37,16 +37,16 @@ class MinimumJerk(AbstractPiecewisePolynomial):
         Raises DefinitionError if the times do not increase or do not fit the waypoints.
         """
         t = np.asarray(times, dtype=float)
-        q = np.asarray(waypoints, dtype=float)
         if t.ndim != 1 or len(t) < 2 or not np.all(np.diff(t) > 0) or not np.all(np.isfinite(t)):
-            raise DefinitionError(f"`MinimumJerk.times` must be two or more increasing times; got {t.tolist()}")
-        if q.ndim != 2 or len(q) != len(t) or not np.all(np.isfinite(q)):
+            raise DefinitionError(f"`MinimumJerk.times` must be two or more increasing times; got {shown(t)}")
+        q = positions("MinimumJerk", waypoints)
+        if len(q) != len(t):
             raise DefinitionError(
-                f"`MinimumJerk.waypoints` must be one finite row of joint positions for each of the {len(t)} times; "
-                f"got shape {list(q.shape)}"
+                f"`MinimumJerk.waypoints` must be one row of joint positions for each of the {len(t)} times; "
+                f"got {len(q)}"
             )
         if not np.all(np.diff(t) > 1e-9 * (t[-1] - t[0])):
-            raise DefinitionError(f"`MinimumJerk.times` lie too close together; got {t.tolist()}")
+            raise DefinitionError(f"`MinimumJerk.times` lie too close together; got {shown(t)}")
         return MinimumJerk(times=as_array(t), coefficients=as_array(quintic_spline(t, q)))
 
     @staticmethod

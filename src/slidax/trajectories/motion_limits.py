@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from slidax._errors import DefinitionError
+from slidax._errors import DefinitionError, shown
 
 from .piecewise_polynomial import AbstractPiecewisePolynomial
 
@@ -47,7 +47,7 @@ def one_per_joint(owner: str, name: str, value: object, joints: int) -> NDArray[
     try:
         numbers = np.asarray(value, dtype=float)
     except (TypeError, ValueError):
-        raise DefinitionError(f"`{owner}.{name}` must be a number or a list of numbers; got {value!r}") from None
+        raise DefinitionError(f"`{owner}.{name}` must be a number or a list of numbers; got {shown(value)}") from None
     if numbers.shape not in ((), (joints,)):
         raise DefinitionError(
             f"`{owner}.{name}` must be one number or one for each of the {joints} joints; "

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from slidax.parts import DefinitionError, as_array
+from slidax.parts import DefinitionError, as_array, shown
 
 from .motion_limits import limit
 from .piecewise_polynomial import AbstractPiecewisePolynomial
@@ -113,5 +113,5 @@ def _profiles(here: NDArray[np.float64], there: NDArray[np.float64], bounds: dic
         ruckig.Ruckig(joints).calculate(question, answer)
     except ruckig.RuckigError as error:
         reason = str(error).replace("[ruckig]", "").strip()
-        raise DefinitionError(f"`Trapezoidal`: no motion from {here.tolist()} to {there.tolist()}: {reason}") from None
+        raise DefinitionError(f"`Trapezoidal`: no motion from {shown(here)} to {shown(there)}: {reason}") from None
     return answer.profiles[0]

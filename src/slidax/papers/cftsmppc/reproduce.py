@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from slidax._errors import DefinitionError
+from slidax._errors import shown as in_short
 from slidax.reports import machine, render, versions
 from slidax.reports.parameters import as_yaml
 
@@ -47,7 +48,7 @@ def reproduce(
     """
     if disturbance not in CHOICES:
         known = ", ".join(f'"{choice}"' for choice in CHOICES)
-        raise DefinitionError(f"`disturbance` must be one of {known}; got {disturbance!r}")
+        raise DefinitionError(f"`disturbance` must be one of {known}; got {in_short(disturbance)}")
     tell = progress or (lambda stage, fraction: None)
     started = time.perf_counter()
     out.mkdir(parents=True, exist_ok=True)

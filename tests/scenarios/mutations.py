@@ -1,0 +1,159 @@
+"""Scenarios that somebody got wrong: seeded mutations of good ones."""
+
+from __future__ import annotations
+
+import copy
+import datetime
+import functools
+import math
+import random
+from collections.abc import Iterator
+from typing import Any
+
+from slidax.scenarios import names
+from slidax.scenarios.load import described
+
+CSV = "time,shoulder,elbow\n0,-0.4,2.5\n1,0,1.5\n2,1.25,1.25\n"
+ROS = (
+    '{"joint_names": ["shoulder", "elbow"], "points": ['
+    '{"positions": [-0.4, 2.5], "time_from_start": {"sec": 0, "nanosec": 0}}, '
+    '{"positions": [1.25, 1.25], "time_from_start": 2}]}'
+)
+WAYPOINTS = [[-0.4, 2.5], [0.0, 1.5], [1.25, 1.25]]
+
+TRAJECTORIES: tuple[dict[str, Any], ...] = (
+    {"kind": "constant", "value": [-0.4, 2.5]},
+    {"kind": "sinusoid", "center": [0.0, 2.0], "amplitude": [0.5, 0.5], "frequency": [1.0, 1.0], "phase": [0.0, 0.0]},
+    {"kind": "minimum_jerk", "times": [0.0, 1.0, 2.0], "waypoints": WAYPOINTS},
+    {
+        "kind": "quintic",
+        "waypoints": WAYPOINTS,
+        "velocity": 2.0,
+        "acceleration": [5.0, 5.0],
+        "jerk": 50.0,
+        "start": 0.0,
+    },
+    {"kind": "trapezoidal", "waypoints": WAYPOINTS, "velocity": 2.0, "acceleration": 5.0, "jerk": 50.0, "start": 0.0},
+    {"kind": "csv", "text": CSV, "joints": ["shoulder", "elbow"], "start": 0.0, "velocity": 50.0, "lower": -9.0},
+    {"kind": "joint_trajectory", "text": ROS, "upper": [9.0, 9.0], "acceleration": 500.0},
+)
+
+ESTIMATORS: tuple[dict[str, Any], ...] = (
+    {"kind": "measured", "gain": 0.5, "trend": 0.1},
+    {"kind": "kalman", "torque_density": 1.0, "variance": [1e-8, 1e-8]},
+    {"kind": "filtered_difference", "cutoff": 300.0},
+    {"kind": "robust_differentiator", "lipschitz": 100.0},
+)
+
+SENSOR = {
+    "resolution": 1e-5,
+    "position_noise": [1e-6, 1e-6],
+    "velocity_noise": 1e-4,
+    "delay": 1.0,
+    "jitter": 0.2,
+    "loss": {"probability": 0.01, "outages": [{"start": 0.005, "samples": 2}]},
+    "seed": 3,
+}
+
+NUMBERS = (
+    *(0, -1, 1, 2, 3, 7, 0.0, -0.0, 0.5, 1e-3, -1e-3, 1e6, 1e12, 1e-12, 1e154, 1e308, -1e308, 5e-324),
+    *(math.nan, math.inf, -math.inf, 10**12, 2**31, 2**32, 2**63, 2**64, -(2**63) - 1, 10**30, 10**400),
+)
+
+OTHERS = (
+    *(None, True, False, "", " ", "robot", "1e-3", "nan", "ünïcödé ☃ \U0001f9be", "a\nb", "\x00", "a.b", "x" * 5000),
+    *([], {}, [[]], [[], []], [[1.0], [1.0, 2.0]], [1.0, "a"], [None, None], [True, False], ["robot"], [[[1.0]]]),
+    *({"a": 1}, {1: 2}, {None: 3}, {"kind": "linear"}, {"kind": None}, {"kind": []}, {"kind": {}}, {"name": []}),
+    *(datetime.date(2001, 1, 1), datetime.datetime(2001, 1, 1, 1, 1, 1), b"\xff", {1.0, 2.0}, [math.nan, 1.0]),
+    *([math.inf, math.inf], [1e308, 1e308], [0, 0], [-1, -1], [10**30, 1]),
+)
+
+
+def loaded() -> dict[str, dict[str, Any]]:
+    """The built-in scenarios with all their values written out, and others for what they have not."""
+    found = {name: _written_out(name) for name in names()}
+    plain, sampled = found["example-4.1"], found["example-4.1-1khz"]
+    for motion in TRAJECTORIES:
+        found[f"trajectory {motion['kind']}"] = {**sampled, "trajectory": motion}
+    for estimator in ESTIMATORS:
+        scheme = {**sampled["scheme"], "sampled_data": {"horizon": 0.012, "estimator": estimator}}
+        found[f"estimator {estimator['kind']}"] = {**sampled, "scheme": scheme, "sensor": SENSOR}
+    for scheme in ("ftsmc", "ftsmppc", "sfsmc", "computed_torque", "gravity_pd", "slotine_li", "super_twisting"):
+        found[f"scheme {scheme}"] = {**plain, "scheme": {"name": scheme}}
+    return found
+
+
+@functools.cache
+def _written_out(name: str) -> dict[str, Any]:
+    data = described(name).model_dump(exclude_none=True)
+    simulation = data["simulation"]
+    # Short runs; a motion of joints needs one that is not longer either.
+    simulation["t1"] = 20 * simulation["period"]
+    return _lists(data)
+
+
+def _lists(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _lists(one) for key, one in value.items()}
+    return [_lists(one) for one in value] if isinstance(value, (list, tuple)) else value
+
+
+def mutated(data: dict[str, Any], chance: random.Random) -> tuple[dict[str, Any], list[str]]:
+    """A scenario with one to three mistakes in it, and what they are."""
+    data = copy.deepcopy(data)
+    made = []
+    for _ in range(chance.choice((1, 1, 1, 2, 3))):
+        places = list(_places(data, ()))
+        if not places:
+            break
+        path = chance.choice(places)
+        made.append(_mistake(data, path, places, chance))
+    return data, made
+
+
+def _places(value: Any, path: tuple[Any, ...]) -> Iterator[tuple[Any, ...]]:
+    """The paths of all values, of blocks and lists too, but none of the many in a long list."""
+    if path:
+        yield path
+    children = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
+    for key, one in list(children)[:40]:
+        yield from _places(one, (*path, key))
+
+
+def _at(data: Any, path: tuple[Any, ...]) -> Any:
+    for key in path:
+        data = data[key]
+    return data
+
+
+def _mistake(data: Any, path: tuple[Any, ...], places: list[tuple[Any, ...]], chance: random.Random) -> str:
+    owner, key = _at(data, path[:-1]), path[-1]
+    value = owner[key]
+    kind = chance.choice(("number", "number", "other", "other", "gone", "list", "scaled", "swapped", "unknown", "long"))
+    where = ".".join(map(str, path))
+    if kind == "gone":
+        del owner[key]
+        return f"{where} gone"
+    if kind == "list":
+        new: Any = chance.choice(([value], [value, value], [value, value, value], [[value]], [value, [value]]))
+        if isinstance(value, list) and value and chance.random() < 0.7:
+            new = chance.choice((value[:-1], [*value, value[-1]], [*value[:-1], [value[-1]]], value[::-1], [value]))
+    elif kind == "scaled" and isinstance(value, (int, float)):
+        new = value * chance.choice((-1, 0, 1e-9, 1e-3, 0.5, 2, 10, 1e3, 1e9, 1e20, 1e200))
+    elif kind == "swapped":
+        new = copy.deepcopy(_at(data, chance.choice(places)))
+    elif kind == "unknown" and isinstance(value, dict):
+        value[chance.choice(("", "x", "Kind", 1, None, "ü", "k1 "))] = chance.choice(OTHERS)
+        return f"{where} with an unknown key"
+    elif kind == "long":
+        new = chance.choice(([0.5] * 1000, [[0.5, 0.5]] * 1000, [[0.5] * 1000], "robot" * 200, _deep(300)))
+    elif kind == "other":
+        new = copy.deepcopy(chance.choice(OTHERS))
+    else:
+        new = chance.choice(NUMBERS)
+    owner[key] = new
+    return f"{where} = {repr(new)[:80]}"
+
+
+def _deep(levels: int) -> Any:
+    return functools.reduce(lambda inner, _: [inner], range(levels), 1.0)
