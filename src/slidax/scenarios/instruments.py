@@ -22,7 +22,7 @@ class OutageDescription(Description):
     """Samples that are lost in a row."""
 
     start: float = said("time of the first", "s", ">= 0")
-    samples: int = said("how many", "", ">= 0")
+    samples: int = said("how many", "", "[0, 1e9]")
 
 
 class LossDescription(Description):
@@ -42,8 +42,8 @@ class SensorDescription(Description):
     """`measured` by a sensor of its own, or `differenced` from the encoders."""
     velocity_noise: Numbers = same(Encoders, "velocity_noise")
     cutoff: Numbers = same(DifferencedEncoders, "cutoff", default=600.0)
-    delay: float = said("age of a measurement when it arrives, whole or not", "periods", ">= 0", default=0.0)
-    jitter: float = said("width of the spread of that age", "periods", ">= 0", default=0.0)
+    delay: float = said("age of a measurement when it arrives, whole or not", "periods", "[0, 100]", default=0.0)
+    jitter: float = said("width of the spread of that age", "periods", "[0, 100]", default=0.0)
     loss: LossDescription = LossDescription()
     """Samples that do not arrive."""
     seed: Annotated[int, Field(ge=0, lt=2**32)] = 0
@@ -73,8 +73,9 @@ class SensorDescription(Description):
             sensor = Delayed(sensor, self.delay, self.jitter, seed)
         if self.loss.probability or self.loss.outages:
             with located("loss"):
-                starts = jnp.asarray([round(outage.start / period) for outage in self.loss.outages], int)
-                counts = jnp.asarray([outage.samples for outage in self.loss.outages], int)
+                # What begins after any run is never lost.
+                starts = [round(min(outage.start / period, 2.0**53)) for outage in self.loss.outages]
+                counts = [outage.samples for outage in self.loss.outages]
                 sensor = Lossy(sensor, as_array(self.loss.probability), starts, counts, seed)
         return None if isinstance(sensor, Exact) else sensor
 
@@ -95,7 +96,7 @@ class ActuatorDescription(Description):
         "fastest change of torque; `robot`: as its data sheet says", "N m/s or N/s", default=None, source="no limit"
     )
     time_constant: Numbers = same(Actuator, "time_constant")
-    dead_time: float = said("between a command and its torque, whole or not", "periods", ">= 0", default=0.0)
+    dead_time: float = said("between a command and its torque, whole or not", "periods", "[0, 100]", default=0.0)
 
     def of_robot(self, limits: JointLimits | None) -> ActuatorDescription:
         """The same with the robot's own limits where they are asked for.
