@@ -59,7 +59,7 @@ def test_odd_settings_are_one_line(change: str) -> None:
     assert_one_line(SETTINGS[change], "run", "example-4.1-1khz", "--set", change)
 
 
-@pytest.mark.parametrize("name", ["", ".", "..", "a.b.c", "ü\n", "x" * 10000, "\x1b[31m", "schemes.", ".linear"])
+@pytest.mark.parametrize("name", ["", ".", "..", "a.b.c", "ü\n", "x" * 10000, "\x1b[31m", "schemes."])
 def test_odd_names_of_parts_are_one_line(name: str) -> None:
     assert_one_line(["there is nothing called"], "list", name)
 
@@ -76,7 +76,7 @@ TEXTS = {
     "deep": (b"title: " + b"[" * 3000, "levels"),
     "long": (b"title: [" + b"1," * 1_000_000 + b"1]", "characters"),
     "twice": (b"title: a\ntitle: b", "not valid YAML"),
-    "keys": (b"{1: 2, null: 3, [1]: 4}", "unknown key `1`"),
+    "keys": (b"{1: 2, null: 3, [1]: 4}", "a key must be text; got `1`"),
     "tag": (b"!!python/object:os.system x", "not valid YAML"),
 }
 

@@ -25,7 +25,14 @@ TRAJECTORIES: tuple[dict[str, Any], ...] = (
     {"kind": "constant", "value": [-0.4, 2.5]},
     {"kind": "sinusoid", "center": [0.0, 2.0], "amplitude": [0.5, 0.5], "frequency": [1.0, 1.0], "phase": [0.0, 0.0]},
     {"kind": "minimum_jerk", "times": [0.0, 1.0, 2.0], "waypoints": WAYPOINTS},
-    {"kind": "quintic", "waypoints": WAYPOINTS, "velocity": 2.0, "acceleration": [5.0, 5.0], "jerk": 50.0, "start": 0.0},
+    {
+        "kind": "quintic",
+        "waypoints": WAYPOINTS,
+        "velocity": 2.0,
+        "acceleration": [5.0, 5.0],
+        "jerk": 50.0,
+        "start": 0.0,
+    },
     {"kind": "trapezoidal", "waypoints": WAYPOINTS, "velocity": 2.0, "acceleration": 5.0, "jerk": 50.0, "start": 0.0},
     {"kind": "csv", "text": CSV, "joints": ["shoulder", "elbow"], "start": 0.0, "velocity": 50.0, "lower": -9.0},
     {"kind": "joint_trajectory", "text": ROS, "upper": [9.0, 9.0], "acceleration": 500.0},
@@ -128,9 +135,7 @@ def _at(data: Any, path: tuple[Any, ...]) -> Any:
     return data
 
 
-def _mistake(
-    data: Any, path: tuple[Any, ...], places: list[tuple[Any, ...]], chance: random.Random, kind: str
-) -> str:
+def _mistake(data: Any, path: tuple[Any, ...], places: list[tuple[Any, ...]], chance: random.Random, kind: str) -> str:
     owner, key = _at(data, path[:-1]), path[-1]
     value = owner[key]
     where = ".".join(map(str, path))

@@ -39,7 +39,9 @@ class Description(BaseModel):
             for key in data:
                 if key not in known:
                     hint = nearest(str(key), known)
-                    raise PydanticCustomError("unknown_key", "unknown key `{key}`; {hint}", {"key": plain(key), "hint": hint})
+                    raise PydanticCustomError(
+                        "unknown_key", "unknown key `{key}`; {hint}", {"key": plain(key), "hint": hint}
+                    )
         return data
 
     def require_joints(self, joints: int) -> None:

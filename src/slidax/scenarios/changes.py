@@ -57,7 +57,9 @@ def _set(data: dict[str, Any], path: str, value: Any) -> None:
         here = ".".join(parts[:depth]) or "the scenario"
         if isinstance(place, list):
             if not (part.isascii() and part.isdigit() and len(part) < 10) or int(part) >= len(place):
-                raise DefinitionError(f"`{here}` is a list of {len(place)}; `{plain(part)}` is not one of its numbers from 0")
+                raise DefinitionError(
+                    f"`{here}` is a list of {len(place)}; `{plain(part)}` is not one of its numbers from 0"
+                )
             key: Any = int(part)
         elif isinstance(place, dict):
             key = part
