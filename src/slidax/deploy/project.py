@@ -51,7 +51,8 @@ def export_c(
     - `single`: floats in place of doubles.
     - `command`: that asked for it, for the headers.
 
-    Raises DefinitionError if there is no native code for the law, the name is not one in C, or the folder cannot be made.
+    Raises DefinitionError if there is no native code for the law, the name is not one in C, or the folder cannot be
+    made.
     """
     made = project(scenario, name=name, single=single, command=command)
     try:
