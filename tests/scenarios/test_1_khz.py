@@ -22,6 +22,10 @@ TWO_LINK, SCARA = "example-4.1-1khz", "example-4.2-1khz"
 ACCURACY = {TWO_LINK: 3e-6, SCARA: 5e-6}
 SMOOTHNESS = {TWO_LINK: 0.5, SCARA: 0.01}
 BOTH = pytest.mark.parametrize("name", [TWO_LINK, SCARA])
+IN_FULL = {name: pytest.param(name, marks=pytest.mark.full) for name in (TWO_LINK, SCARA)}
+# Both in the long version, by turns one of them every day.
+TWO_LINK_DAILY = pytest.mark.parametrize("name", [TWO_LINK, IN_FULL[SCARA]])
+SCARA_DAILY = pytest.mark.parametrize("name", [IN_FULL[TWO_LINK], SCARA])
 
 
 def simulated(name: str, **changes: Any) -> tuple[Scenario, Run]:
@@ -56,7 +60,7 @@ def test_at_1_khz_the_envelope_is_kept_with_a_small_error_and_a_smooth_torque(na
     assert largest(run.tally.max_step) <= float(limits.rate) * 1e-3 * (1 + 1e-9)
 
 
-@BOTH
+@SCARA_DAILY
 def test_at_500_hz_the_envelope_is_kept(name: str) -> None:
     assert_never_outside(simulated(name, simulation__period=2e-3)[1])
 
@@ -86,13 +90,13 @@ def test_with_encoders_alone_the_envelope_is_kept_and_the_torque_is_smooth(final
     assert largest(metrics.steady_torque_step_rms(run)) <= 0.1
 
 
-@BOTH
+@TWO_LINK_DAILY
 @pytest.mark.parametrize("start", [0.5, 8.0])
 def test_twenty_lost_samples_do_not_lead_outside(name: str, start: float) -> None:
     assert_never_outside(simulated(name, sensor__loss__outages=[{"start": start, "samples": 20}])[1])
 
 
-@BOTH
+@SCARA_DAILY
 def test_with_encoders_alone_and_every_twentieth_sample_lost_the_envelope_is_kept(name: str) -> None:
     changes = {"sensor__resolution": 1e-5, "sensor__velocity": "differenced", "sensor__loss__probability": 0.05}
     run = simulated(name, **changes)[1]
@@ -152,7 +156,7 @@ def test_the_other_schemes_in_this_form_settle_too(name: str, scheme: str) -> No
         assert_never_outside(run)
 
 
-@BOTH
+@TWO_LINK_DAILY
 def test_the_printed_law_at_this_rate_does_not_hold_the_envelope(name: str) -> None:
     """What the form is for: the same law, limits and delay, without it."""
     run = scenarios.load(name, {"scheme.sampled_data": None}).simulate(log_every=None, progress=False)
