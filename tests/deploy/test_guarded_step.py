@@ -173,8 +173,8 @@ def test_a_measurement_that_is_late_is_compared_with_what_was_wanted_then():
     t = jnp.asarray(20.0)
     past, now, following = (scenario.trajectory.reference(t + k * scenario.period) for k in (-1, 0, 1))
     late = State(q=past.q, dq=past.dq)
-    radius = guard.controller.transformation.performance.radius(t)
-    overshoot = guard.controller.transformation.overshoot
+    radius = guard.controller.step.transformation.performance.radius(t)
+    overshoot = guard.controller.step.transformation.overshoot
     assert jnp.any(jnp.abs(late.q - now.q) > overshoot * radius)
     _, status = guard.step(t, late, now, following, guard.init(t, late, now))
     assert not int(status) & ENVELOPE_LEFT.bit
