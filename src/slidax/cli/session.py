@@ -12,7 +12,7 @@ from typing import Any
 import typer
 
 DEFINITION, OUTCOME = 2, 3
-"""Exit codes: something was asked for that cannot be; a run came to a bad end."""
+"""Exit codes: an invalid request; a run that ended badly."""
 
 
 def prepare() -> None:
@@ -37,17 +37,29 @@ def errors_as_lines() -> Iterator[None]:
             warnings.showwarning = _warn_in_a_line
             yield
     except DefinitionError as error:
-        typer.echo(f"slidax: {error}", err=True)
+        _say(str(error))
         raise typer.Exit(DEFINITION) from None
     except BrokenPipeError:
         # The reader went away, as `slidax list | head` does: nothing is wrong.
         sys.stderr.close()
         raise typer.Exit(0) from None
+    except OSError as error:
+        # A folder or file to write: what is read says so itself.
+        _say(f"cannot write `{error.filename}`: {error.strerror}" if error.filename else str(error))
+        raise typer.Exit(DEFINITION) from None
+    except (MemoryError, RecursionError) as error:
+        _say(f"this is too large to compute here ({type(error).__name__}): use fewer or smaller parts")
+        raise typer.Exit(DEFINITION) from None
+
+
+def _say(message: str) -> None:
+    """One line, whatever the names in it are."""
+    typer.echo(f"slidax: {''.join(c if c.isprintable() else ascii(c)[1:-1] for c in message)}", err=True)
 
 
 def _warn_in_a_line(message: Warning | str, *_: Any, **__: Any) -> None:
     """Without the line of code that it came from, which tells a user of the command nothing."""
-    typer.echo(f"slidax: warning: {message}", err=True)
+    _say(f"warning: {message}")
 
 
 def parsed(changes: list[str]) -> dict[str, Any]:
@@ -84,5 +96,5 @@ def print_json(value: dict[str, Any]) -> None:
     """
     import json
 
-    # allow_nan=False: a NaN here would be a fault of ours, and is better a traceback than a lie.
+    # allow_nan=False: a NaN here would be our own fault; a traceback is better than invalid JSON.
     typer.echo(json.dumps(value, indent=2, allow_nan=False, ensure_ascii=False))

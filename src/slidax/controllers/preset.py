@@ -19,7 +19,7 @@ class Given:
     """A part of a preset, with the numbers that the preset gives.
 
     - `part`: its class.
-    - `values`: numbers by the names of its parameters; what is missing must be given by who calls the preset.
+    - `values`: numbers by the names of its parameters; what is missing must be given in the call.
     """
 
     def __init__(self, part: type[eqx.Module], **values: Any) -> None:

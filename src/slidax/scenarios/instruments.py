@@ -15,7 +15,7 @@ from slidax.actuators import Actuator, TorqueLimits
 from slidax.robots import JointLimits
 from slidax.sensors import AbstractSensor, Delayed, DifferencedEncoders, Encoders, Exact, Lossy
 
-from .base import Description, Numbers, said, same
+from .base import AbstractDescription, Numbers, said, same
 from .derived import PartDescription, union_of
 
 if TYPE_CHECKING:
@@ -27,14 +27,14 @@ OF_ENCODERS = ("resolution", "position_noise", "velocity", "velocity_noise", "cu
 """What describes the encoders, where no other instrument is named."""
 
 
-class OutageDescription(Description):
+class OutageDescription(AbstractDescription):
     """Samples that are lost in a row."""
 
     start: float = said("time of the first", "s", ">= 0")
-    samples: int = said("how many", "", ">= 0")
+    samples: int = said("how many", "", "[0, 1e9]")
 
 
-class LossDescription(Description):
+class LossDescription(AbstractDescription):
     """Samples that do not arrive; the last torque is held."""
 
     probability: float = same(Lossy, "probability")
@@ -42,8 +42,8 @@ class LossDescription(Description):
     """Those that are lost for certain."""
 
 
-class SensorDescription(Description):
-    """What a law gets to know of the state."""
+class SensorDescription(AbstractDescription):
+    """What a law measures of the state."""
 
     resolution: Numbers = same(Encoders, "resolution", default=0.0)
     position_noise: Numbers = same(Encoders, "position_noise")
@@ -53,8 +53,8 @@ class SensorDescription(Description):
     cutoff: Numbers = same(DifferencedEncoders, "cutoff", default=600.0)
     instrument: InstrumentDescription | None = None
     """Another sensor by its kind, in place of the encoders that the fields above describe."""
-    delay: float = said("age of a measurement when it arrives, whole or not", "periods", ">= 0", default=0.0)
-    jitter: float = said("width of the spread of that age", "periods", ">= 0", default=0.0)
+    delay: float = said("age of a measurement when it arrives, whole or not", "periods", "[0, 100]", default=0.0)
+    jitter: float = said("width of the spread of that age", "periods", "[0, 100]", default=0.0)
     loss: LossDescription = LossDescription()
     """Samples that do not arrive."""
     seed: Annotated[int, Field(ge=0, lt=2**32)] = 0
@@ -93,8 +93,9 @@ class SensorDescription(Description):
             sensor = Delayed(sensor, self.delay, self.jitter, seed)
         if self.loss.probability or self.loss.outages:
             with located("loss"):
-                starts = jnp.asarray([round(outage.start / period) for outage in self.loss.outages], int)
-                counts = jnp.asarray([outage.samples for outage in self.loss.outages], int)
+                # What begins after any run is never lost.
+                starts = [round(min(outage.start / period, 2.0**53)) for outage in self.loss.outages]
+                counts = [outage.samples for outage in self.loss.outages]
                 sensor = Lossy(sensor, as_array(self.loss.probability), starts, counts, seed)
         return None if isinstance(sensor, Exact) else sensor
 
@@ -112,8 +113,8 @@ class SensorDescription(Description):
         return jnp.maximum(rounding * rounding / 12.0 + noise * noise, 1e-18)
 
 
-class ActuatorDescription(Description):
-    """What becomes of a commanded torque."""
+class ActuatorDescription(AbstractDescription):
+    """How the drives deliver a commanded torque."""
 
     torque: Numbers | Literal["robot"] | None = said(
         "largest torque; `robot`: as its data sheet says", "N m or N", default=None, source="no limit"
@@ -122,7 +123,7 @@ class ActuatorDescription(Description):
         "fastest change of torque; `robot`: as its data sheet says", "N m/s or N/s", default=None, source="no limit"
     )
     time_constant: Numbers = same(Actuator, "time_constant")
-    dead_time: float = said("between a command and its torque, whole or not", "periods", ">= 0", default=0.0)
+    dead_time: float = said("between a command and its torque, whole or not", "periods", "[0, 100]", default=0.0)
 
     def of_robot(self, limits: JointLimits | None) -> ActuatorDescription:
         """The same with the robot's own limits where they are asked for.

@@ -13,7 +13,7 @@ from slidax._errors import DefinitionError, nearest, plain, shown
 from .changes import changed
 from .description import ScenarioDescription
 from .scenario import Scenario
-from .yaml_text import read_yaml
+from .yaml_text import read_yaml, require_readable
 
 LIMITS = {
     "greater_than": (">", "gt"),
@@ -39,7 +39,7 @@ def load(scenario: str | Path, changes: dict[str, Any] | None = None) -> Scenari
       first and puts another scheme in place of the file's, of which the envelope, the bound and `sampled_data` remain.
       Files that are named here are found from the current folder.
 
-    Raises DefinitionError if there is no such scenario, or something in it cannot be.
+    Raises DefinitionError if there is no such scenario, or something in it is invalid.
     """
     name, text = _read(scenario)
     return parse(text, changes, folder=_folder(scenario)).build(name)
@@ -50,7 +50,7 @@ def described(scenario: str | Path) -> ScenarioDescription:
 
     - `scenario`: name of a built-in scenario, or path of a YAML file.
 
-    Raises DefinitionError if there is no such scenario, or something in it cannot be.
+    Raises DefinitionError if there is no such scenario, or something in it is invalid.
     """
     return parse(_read(scenario)[1], folder=_folder(scenario))
 
@@ -77,6 +77,7 @@ def validated(data: Any, changes: dict[str, Any] | None = None, *, folder: Path 
     """
     if not isinstance(data, dict):
         raise DefinitionError("a scenario is a mapping with the keys " + ", ".join(ScenarioDescription.model_fields))
+    require_readable(data)
     data = changed(data, changes or {})
     try:
         return ScenarioDescription.model_validate(data, context={"folder": folder})

@@ -143,7 +143,7 @@ class Run(eqx.Module):
         return int(self.period.shape[0])
 
     def __bool__(self) -> bool:
-        """True, whatever came of it."""
+        """True, whatever the outcome."""
         return True
 
     def __getitem__(self, which: int | slice) -> Run:

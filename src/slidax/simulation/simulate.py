@@ -1,4 +1,4 @@
-"""The verb of the package."""
+"""Simulation of a closed loop."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from slidax.trajectories import AbstractTrajectory
 from . import native_engine, xla_engine
 from .define import constant, define_loop, require_start
 from .engine import engine_for, say_xla_instead
+from .log_room import require_room
 from .loop import Begun, Loop
 from .mujoco.drive import drive as mujoco_drive
 from .mujoco_plant import MujocoPlant
@@ -61,7 +62,7 @@ def simulate(
     - `log_every`: log one in so many samples; None logs none. Metrics count all samples whatever is logged.
     - `bands`: error bands for the settling time, rad or m.
     - `throw`: raise OutcomeError on a bad outcome, instead of returning the run.
-    - `progress`: a bar on the terminal; None shows it if the run is long and a person looks on.
+    - `progress`: a bar on the terminal; None shows it if the run is long and standard error is a terminal.
     - `changes`: fields of `Stepping` by keyword: `period`, `mode`, `substeps`, `integrator`, `outside`, `limits`,
       `engine`; each replaces that of `stepping`. `period` must be given in one or the other.
 
@@ -75,6 +76,8 @@ def simulate(
     own = plant.pushed if isinstance(plant, MujocoPlant) else plant
     loop, samples = define_loop(own, controller, trajectory, state0, t1, stepping, log_every, bands)
     traced = is_traced((plant, loop, state0))
+    if log_every is not None and not traced:
+        require_room(loop, state0, -(-samples // log_every))
     started = time.perf_counter()
     inside = functools.partial(require_start, loop)
     load = None

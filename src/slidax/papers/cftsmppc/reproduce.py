@@ -1,4 +1,4 @@
-"""One call from nothing to the report."""
+"""One call that runs all examples and writes the report."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def reproduce(
     """Runs the paper's two examples and writes `out/report.html`, `out/figures/*.svg` and `out/results.json`.
 
     - `out`: a folder, made if missing.
-    - `disturbance`: "stated", "off", or "both" beside each other.
+    - `disturbance`: "stated", "off", or "both" side by side.
     - `progress`: told what is being done and which fraction of all is done, 0 to 1.
     - `changes`: values by dotted path for all scenarios, such as `{"simulation.t1": 1.0}` for a short trial.
 
