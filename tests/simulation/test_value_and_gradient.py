@@ -26,7 +26,9 @@ def define(x):
 
 
 def last_error(run):
-    return jnp.sum((run.state.q - MOTION_4_1.position(run.t1)) ** 2) + jnp.sum(run.tally.iae)
+    return jnp.sum((run.state.q - MOTION_4_1.position(run.t1)) ** 2) + jnp.sum(
+        run.tally.early_error + run.tally.late_error
+    )
 
 
 def differences(metric, log_every, **how):
