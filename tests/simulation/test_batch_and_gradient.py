@@ -98,7 +98,7 @@ def final_error_and_effort(law, mode="held"):
     return jnp.stack([jnp.sum(jnp.abs(done.state.q - MOTION_4_1.position(jnp.asarray(0.2)))), effort])
 
 
-@pytest.mark.parametrize("mode", ["held", "continuous"])
+@pytest.mark.parametrize("mode", ["held", pytest.param("continuous", marks=pytest.mark.full)])
 def test_gradients_match_differences_and_those_by_every_gain_at_once_are_finite(mode):
     def final_error(k2):
         return final_error_and_effort(eqx.tree_at(lambda c: c.surface.k2, law_4_1(), k2), mode)[0]

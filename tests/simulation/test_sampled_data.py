@@ -9,7 +9,7 @@ import pytest
 from slidax import scenarios
 from slidax._types import State
 from slidax.sensors import Encoders, Lossy
-from slidax.simulation import Plant, simulate
+from slidax.simulation import Plant, simulate, simulate_batch, value_and_gradient
 from tests.paper import MOTION_4_1
 
 SCENARIO = scenarios.load("example-4.1-1khz")
@@ -66,22 +66,26 @@ GAINS = {
 }
 
 
-def test_the_gradient_by_a_gain_is_that_of_differences():
-    law = SCENARIO.controller
-    none = jax.tree.map(jnp.zeros_like, law)
-    ways = [eqx.tree_at(where, none, 1e-5 * where(law)) for where in GAINS.values()]
-    directions = jax.tree.map(lambda *parts: jnp.stack(parts), *ways)
+def with_gains(x):
+    law = eqx.tree_at(lambda law: [GAINS[name](law) for name in x], SCENARIO.controller, list(x.values()))
+    return SCENARIO.plant, law, MOTION_4_1, SCENARIO.state0
 
-    @jax.jit
-    @jax.vmap
-    def value_and_slope(sign, way):
-        shifted = jax.tree.map(lambda x, d: x + sign * d, law, way)
-        return jax.jvp(final_error, (shifted,), (way,))
 
-    # Every way from the law itself, from before it and from behind it, in one batch.
-    signs = jnp.repeat(jnp.array([0.0, 1.0, -1.0]), len(ways))
-    values, slopes = value_and_slope(signs, jax.tree.map(lambda x: jnp.concatenate([x, x, x]), directions))
-    _, up, down = jnp.split(values, 3)
-    assert np.all(up != down)
-    for name, slope, difference in zip(GAINS, slopes[: len(ways)], (up - down) / 2, strict=True):
-        assert float(slope) == pytest.approx(float(difference), rel=1e-4), name
+# The step itself is differentiated by XLA every day, too, in `tests/laws/test_controllers.py`.
+@pytest.mark.parametrize("engine", ["native", pytest.param("xla", marks=pytest.mark.full)])
+def test_the_gradient_by_a_gain_is_that_of_differences(engine):
+    how = {"t1": 0.1, "period": 1e-3, "outside": "recover"}
+    goal = MOTION_4_1.position(jnp.asarray(0.1))
+
+    def error(run):
+        return jnp.sum(jnp.abs(run.state.q - goal))
+
+    at = {name: where(SCENARIO.controller) for name, where in GAINS.items()}
+    _, slopes = value_and_gradient(error, with_gains, at, engine=engine, **how)
+    for name, value in at.items():
+        shifted = {**at, name: value * (1.0 + 1e-5)}, {**at, name: value * (1.0 - 1e-5)}
+        both = simulate_batch(with_gains, jax.tree.map(lambda *x: jnp.stack(x), *shifted), **how, engine="native")
+        up, down = np.sum(np.abs(np.asarray(both.state.q) - np.asarray(goal)), axis=1)
+        assert up != down
+        slope = float(jnp.sum(slopes[name] * value)) * 1e-5
+        assert slope == pytest.approx((up - down) / 2, rel=1e-4), name

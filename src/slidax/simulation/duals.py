@@ -38,7 +38,7 @@ def duals(define: Callable[[Any], tuple[Loop, State]]) -> tuple[Callable[..., An
     - `define`: from arrays to a loop and the state at t = 0.
     """
 
-    def begun(given: tuple[Any, Any]) -> tuple[Dual, Any, Any]:
+    def begun(given: tuple[Any, Any]) -> tuple[Dual, Any, Any, Any]:
         at, direction = given
         (carry, *rest), (tangent, *_) = pushed(lambda at: begin(*define(at)), at, direction)
         return Dual(carry, tangent), *rest
