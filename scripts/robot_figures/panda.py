@@ -68,7 +68,7 @@ def _with(measured: str, changes: dict[str, Any]) -> list[Line]:
     ]
     for rival in RIVALS:
         for form, sampled in ((SAME, True), ("textbook", False)):
-            run, gains = tuned(SCENARIO, rival, changes, sampled=sampled)
+            run, gains = tuned(SCENARIO, rival, changes, ours, sampled=sampled)
             found.append(Line(f"{rival.title} ({_listed(gains)})", form, measured, run))
     return found
 

@@ -87,7 +87,9 @@ def controller(arm: Arm, period: float, x: dict[str, jnp.ndarray]) -> SampledDat
         performance=FixedTime(x["initial"], jnp.minimum(x["final"], 0.5 * x["initial"].min()), x["deadline"], 2.01),
         overshoot=x["overshoot"],
         bound=UncertaintyBound(low, high, 12.0, 2.2, 2.8, 1.0),
-        **{k: x[k] for k in ("k0", "k1", "k2", "p", "q", "r", "delta", "layer")},
+        gain=x["k0"],
+        exponent=x["r"],
+        **{k: x[k] for k in ("k1", "k2", "p", "q", "delta", "layer")},
     )
     estimator = Measured(x["gain"])
     return sampled_data(law, period=period, horizon=x["horizon"], estimator=estimator)

@@ -22,7 +22,7 @@ from slidax.reaching import UncertaintyBound
 from slidax.robots import AbstractRobot
 from slidax.scenarios import load
 from slidax.sensors import Delayed, Exact
-from slidax.simulation import Plant, simulate
+from slidax.simulation import Plant, simulate, simulate_batch
 from slidax.trajectories import Constant as Still
 from tests.paper import START_4_1, law_4_1
 
@@ -48,6 +48,9 @@ class FreeMass(AbstractRobot):
     def tip(self, q):
         return jnp.array([q[0], 0.0, 0.0])
 
+
+asked = eqx.filter_jit(lambda law, *given: law(*given))
+"""A law, compiled once for all tests that call it by itself."""
 
 BOUND = UncertaintyBound(0.9, 1.1, 12.0, 2.2, 2.8, 1.0)
 
@@ -196,9 +199,9 @@ def test_after_lost_samples_the_plan_is_made_anew_and_nothing_is_learnt_from_the
     state = State(q=jnp.array([0.1]), dq=jnp.array([0.0]))
     memory = law.init(jnp.asarray(0.0), state, still)
     for k in range(3):
-        memory = law(jnp.asarray(1e-3 * k), state, still, still, memory).memory
+        memory = asked(law, jnp.asarray(1e-3 * k), state, still, still, memory).memory
     moved = State(q=jnp.array([0.1]), dq=jnp.array([0.5]))
-    near, far = (law(jnp.asarray(t), moved, still, still, memory) for t in (3e-3, 23e-3))
+    near, far = (asked(law, jnp.asarray(t), moved, still, still, memory) for t in (3e-3, 23e-3))
     assert float(jnp.abs(near.memory.prior.push - memory.prior.push)[0]) > 1.0
     np.testing.assert_array_equal(far.memory.prior.push, memory.prior.push)
     np.testing.assert_array_equal(far.signals["residual"], 0.0)
@@ -226,10 +229,10 @@ def test_every_finite_measurement_has_a_finite_torque_within_the_limits(value):
     motion = load("example-4.1").trajectory
     now, ahead = motion.reference(jnp.asarray(0.0)), motion.reference(jnp.asarray(1e-3))
     memory = law.init(jnp.asarray(0.0), START_4_1, now)
-    memory = law(jnp.asarray(0.0), START_4_1, now, ahead, memory).memory
+    memory = asked(law, jnp.asarray(0.0), START_4_1, now, ahead, memory).memory
     for q, dq in ((value, 0.0), (0.3, value), (value, -value)):
         state = State(q=jnp.array([q, 0.2]), dq=jnp.array([0.1, dq]))
-        command = law(jnp.asarray(1e-3), state, now, ahead, memory)
+        command = asked(law, jnp.asarray(1e-3), state, now, ahead, memory)
         assert np.all(np.isfinite(command.tau)) and np.all(np.abs(command.tau) <= 60.0)
         assert all(np.all(np.isfinite(leaf)) for leaf in jax.tree.leaves(command.memory))
 
@@ -246,17 +249,12 @@ def test_from_two_hundred_starts_outside_the_envelope_all_are_back_inside_in_tim
     joint = rng.integers(n, size=cases)
     e[np.arange(cases), joint] = rng.choice([-1, 1], cases) * rng.uniform(1.05, 2.0, cases) * radius[joint]
 
-    @jax.jit
-    @jax.vmap
-    def run(q, dq):
-        finished = simulate(
-            scenario.plant, law, motion, State(q=q, dq=dq), t1=4.0, period=1e-3, substeps=4, log_every=None,
-            outside="recover",
-        )  # fmt: skip
-        return finished.excursion, finished.fault, finished.tally.peak_torque
-
-    excursion, fault, peak = run(reference.q + e, reference.dq + rng.uniform(-1, 1, (cases, n)))
-    assert np.all(np.asarray(fault.kind) == 0)
+    starts = State(q=reference.q + e, dq=reference.dq + rng.uniform(-1, 1, (cases, n)))
+    many = simulate_batch(
+        lambda start: (scenario.plant, law, motion, start), starts, t1=4.0, period=1e-3, substeps=4, outside="recover"
+    )
+    excursion, peak = many.excursion, many.tally.peak_torque
+    assert np.all(np.asarray(many.fault.kind) == 0)
     assert np.all(np.asarray(excursion.first) == 0)
     assert not np.any(excursion.outside)
     assert np.asarray(excursion.last).max() * 1e-3 < 2.0

@@ -98,7 +98,16 @@ def _lists(value: Any) -> Any:
     return [_lists(one) for one in value] if isinstance(value, (list, tuple)) else value
 
 
-def mutated(data: dict[str, Any], chance: random.Random) -> tuple[dict[str, Any], list[str]]:
+ANY = ("number", "number", "other", "other", "gone", "list", "scaled", "swapped", "unknown", "long")
+"""Kinds of mistakes."""
+
+SUBTLE = ("scaled", "scaled", "number", "gone", "list")
+"""Those that a scenario may survive until it is simulated."""
+
+
+def mutated(
+    data: dict[str, Any], chance: random.Random, kinds: tuple[str, ...] = ANY
+) -> tuple[dict[str, Any], list[str]]:
     """A scenario with one to three mistakes in it, and what they are."""
     data = copy.deepcopy(data)
     made = []
@@ -107,7 +116,7 @@ def mutated(data: dict[str, Any], chance: random.Random) -> tuple[dict[str, Any]
         if not places:
             break
         path = chance.choice(places)
-        made.append(_mistake(data, path, places, chance))
+        made.append(_mistake(data, path, places, chance, chance.choice(kinds)))
     return data, made
 
 
@@ -126,10 +135,9 @@ def _at(data: Any, path: tuple[Any, ...]) -> Any:
     return data
 
 
-def _mistake(data: Any, path: tuple[Any, ...], places: list[tuple[Any, ...]], chance: random.Random) -> str:
+def _mistake(data: Any, path: tuple[Any, ...], places: list[tuple[Any, ...]], chance: random.Random, kind: str) -> str:
     owner, key = _at(data, path[:-1]), path[-1]
     value = owner[key]
-    kind = chance.choice(("number", "number", "other", "other", "gone", "list", "scaled", "swapped", "unknown", "long"))
     where = ".".join(map(str, path))
     if kind == "gone":
         del owner[key]
@@ -138,7 +146,7 @@ def _mistake(data: Any, path: tuple[Any, ...], places: list[tuple[Any, ...]], ch
         new: Any = chance.choice(([value], [value, value], [value, value, value], [[value]], [value, [value]]))
         if isinstance(value, list) and value and chance.random() < 0.7:
             new = chance.choice((value[:-1], [*value, value[-1]], [*value[:-1], [value[-1]]], value[::-1], [value]))
-    elif kind == "scaled" and isinstance(value, (int, float)):
+    elif kind == "scaled" and isinstance(value, (int, float)) and not isinstance(value, bool):
         new = value * chance.choice((-1, 0, 1e-9, 1e-3, 0.5, 2, 10, 1e3, 1e9, 1e20, 1e200))
     elif kind == "swapped":
         new = copy.deepcopy(_at(data, chance.choice(places)))

@@ -5,6 +5,7 @@ With 20 % model error, torque and rate limits and a period of delay. The bounds 
 
 from __future__ import annotations
 
+import itertools
 from functools import cache
 from typing import Any
 
@@ -60,11 +61,17 @@ def test_at_500_hz_the_envelope_is_kept(name: str) -> None:
     assert_never_outside(simulated(name, simulation__period=2e-3)[1])
 
 
-@BOTH
-@pytest.mark.parametrize("delay", [0, 1])
-@pytest.mark.parametrize(("period", "t1"), [(0.01, 10.0), (0.011, 9.9)])
-def test_at_100_hz_and_just_beside_it_the_envelope_is_kept(name: str, delay: int, period: float, t1: float) -> None:
+DAILY_SLOW = ((TWO_LINK, 1, 0.011), (SCARA, 0, 0.01))
+SLOW = [
+    pytest.param(name, delay, period, marks=[] if (name, delay, period) in DAILY_SLOW else [pytest.mark.full])
+    for name, delay, period in itertools.product((TWO_LINK, SCARA), (0, 1), (0.01, 0.011))
+]
+
+
+@pytest.mark.parametrize(("name", "delay", "period"), SLOW)
+def test_at_100_hz_and_just_beside_it_the_envelope_is_kept(name: str, delay: int, period: float) -> None:
     """At exactly 100 Hz the disturbance's own 100 Hz are not seen by the samples; at 11 ms they are."""
+    t1 = 10.0 if period == 0.01 else 9.9
     changes = {"simulation__period": period, "simulation__t1": t1, "simulation__substeps": 50, "sensor__delay": delay}
     assert_never_outside(simulated(name, **changes)[1])
 
@@ -125,8 +132,16 @@ def test_after_a_push_while_sixty_samples_are_lost_the_arm_recovers(name: str, p
     assert largest(np.abs(error)) <= ACCURACY[name]
 
 
-@BOTH
-@pytest.mark.parametrize("scheme", ["ftsmc", "ftsmppc", "sfsmc", "sfsmppc", "slotine_li", "slotine_li_ppc"])
+OTHERS = ("ftsmc", "ftsmppc", "sfsmc", "sfsmppc", "slotine_li", "slotine_li_ppc")
+DAILY_OTHERS = ((TWO_LINK, "ftsmppc"), (SCARA, "sfsmc"))
+EVERY_OTHER = [
+    pytest.param(name, scheme, marks=[] if (name, scheme) in DAILY_OTHERS else [pytest.mark.full])
+    for name, scheme in itertools.product((TWO_LINK, SCARA), OTHERS)
+]
+"""All of them in the long version; every day, `tests/laws/test_schemes.py` has each on one of the arms."""
+
+
+@pytest.mark.parametrize(("name", "scheme"), EVERY_OTHER)
 def test_the_other_schemes_in_this_form_settle_too(name: str, scheme: str) -> None:
     run = simulated(name, scheme__name=scheme)[1]
     assert run.outcome.ok, run.outcome.message

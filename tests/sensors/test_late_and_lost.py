@@ -138,9 +138,9 @@ def test_outages_vary_in_a_batch():
 @pytest.mark.parametrize(
     ("make", "field", "value", "rule"),
     [
-        (Delayed, "periods", -1.0, "must be >= 0 sampling periods; got -1"),
-        (Delayed, "periods", float("inf"), "must be >= 0 sampling periods"),
-        (Delayed, "jitter", -0.5, "must be >= 0 sampling periods; got -0.5"),
+        (Delayed, "periods", -1.0, r"must be in \[0, 100\]; got -1"),
+        (Delayed, "periods", float("inf"), r"must be in \[0, 100\]; got inf"),
+        (Delayed, "jitter", -0.5, r"must be in \[0, 100\]; got -0.5"),
         (Lossy, "probability", 1.5, r"must be in \[0, 1\]; got 1.5"),
         (Lossy, "probability", [0.1, 0.2], "must be one number"),
         (Lossy, "starts", [1], "must have one entry for each of `starts`"),

@@ -36,7 +36,7 @@ class Actuator(AbstractPart):
     dead_time: float = parameter(
         "whole or not; known when compiled, since it sets how many commands are kept",
         "sampling periods",
-        ">= 0",
+        "[0, 100]",
         default=0.0,
         static=True,
         converter=float,

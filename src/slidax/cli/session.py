@@ -37,17 +37,29 @@ def errors_as_lines() -> Iterator[None]:
             warnings.showwarning = _warn_in_a_line
             yield
     except DefinitionError as error:
-        typer.echo(f"slidax: {error}", err=True)
+        _say(str(error))
         raise typer.Exit(DEFINITION) from None
     except BrokenPipeError:
         # The reader went away, as `slidax list | head` does: nothing is wrong.
         sys.stderr.close()
         raise typer.Exit(0) from None
+    except OSError as error:
+        # A folder or file to write: what is read says so itself.
+        _say(f"cannot write `{error.filename}`: {error.strerror}" if error.filename else str(error))
+        raise typer.Exit(DEFINITION) from None
+    except (MemoryError, RecursionError) as error:
+        _say(f"this is too large to compute here ({type(error).__name__}): use fewer or smaller parts")
+        raise typer.Exit(DEFINITION) from None
+
+
+def _say(message: str) -> None:
+    """One line, whatever the names in it are."""
+    typer.echo(f"slidax: {''.join(c if c.isprintable() else ascii(c)[1:-1] for c in message)}", err=True)
 
 
 def _warn_in_a_line(message: Warning | str, *_: Any, **__: Any) -> None:
     """Without the line of code that it came from, which tells a user of the command nothing."""
-    typer.echo(f"slidax: warning: {message}", err=True)
+    _say(f"warning: {message}")
 
 
 def parsed(changes: list[str]) -> dict[str, Any]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from typing import Any
 
-from slidax.parts import AbstractPart, Scalar, State, Vector, parameter, piece
+from slidax.parts import AbstractPart, DefinitionError, Scalar, State, Vector, parameter, piece
 
 
 class AbstractDisturbance(AbstractPart):
@@ -28,10 +28,18 @@ class AbstractDisturbance(AbstractPart):
     __rmul__ = __mul__
 
 
+MOST_TERMS = 50
+"""Of a sum: each is compiled by itself."""
+
+
 class Sum(AbstractDisturbance):
     """Several disturbances at once."""
 
     terms: tuple[AbstractDisturbance, ...] = piece("what adds up")
+
+    def __check_init__(self) -> None:
+        if len(self.terms) > MOST_TERMS:
+            raise DefinitionError(f"`Sum.terms` must be at most {MOST_TERMS}; got {len(self.terms)}")
 
     def __call__(self, t: Scalar, state: State) -> Vector:
         """The sum of all terms, [n], N m or N; zero if there is none.

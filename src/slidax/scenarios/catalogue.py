@@ -7,7 +7,7 @@ from typing import Any
 
 from pydantic.fields import FieldInfo
 
-from slidax._errors import DefinitionError, nearest
+from slidax._errors import DefinitionError, nearest, plain
 from slidax.performance import AbstractPerformance
 from slidax.reaching import AbstractBound, AbstractReaching
 from slidax.surfaces import AbstractSurface
@@ -81,7 +81,7 @@ def explained(name: str) -> dict[str, Any]:
     } | {label: model for label, model in BLOCKS.items() if label == name}
     if not found:
         known = [*KINDS, "scenarios", *BLOCKS, *(label for one in KINDS for label in members(one))]
-        raise DefinitionError(f"there is nothing called `{name}`; {nearest(name, known)}")
+        raise DefinitionError(f"there is nothing called `{plain(name)}`; {nearest(name, known)}")
     if len(found) > 1:
         raise DefinitionError(f"`{name}` is the name of several: say {' or '.join(f'`{one}`' for one in found)}")
     (model,) = found.values()

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from slidax._errors import DefinitionError
+from slidax._errors import DefinitionError, plain
 
 from .schemes import PRESETS, owner_of, placed, renamed, switched, with_kinds
 
@@ -50,17 +50,21 @@ def _path(data: dict[str, Any], path: str) -> str:
 
 def _set(data: dict[str, Any], path: str, value: Any) -> None:
     parts = path.split(".")
+    if not all(parts):
+        raise DefinitionError(f"`{plain(path)}` is no path: it needs a name between any two dots, and at its ends")
     place: Any = data
     for depth, part in enumerate(parts):
         here = ".".join(parts[:depth]) or "the scenario"
         if isinstance(place, list):
-            if not part.isdigit() or int(part) >= len(place):
-                raise DefinitionError(f"`{here}` is a list of {len(place)}; `{part}` is not one of its numbers from 0")
+            if not (part.isascii() and part.isdigit() and len(part) < 10) or int(part) >= len(place):
+                raise DefinitionError(
+                    f"`{here}` is a list of {len(place)}; `{plain(part)}` is not one of its numbers from 0"
+                )
             key: Any = int(part)
         elif isinstance(place, dict):
             key = part
         else:
-            raise DefinitionError(f"`{here}` is a single value, so `{path}` cannot be set")
+            raise DefinitionError(f"`{plain(here)}` is a single value, so `{plain(path)}` cannot be set")
         if depth == len(parts) - 1:
             if key == "kind" and isinstance(place, dict) and place.get("kind", value) != value:
                 place.clear()

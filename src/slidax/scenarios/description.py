@@ -53,9 +53,11 @@ class SimulationDescription(AbstractDescription):
     integrator: Literal["rk4", "semi_implicit_euler"] = "rk4"
     """One step of the plant."""
     period: float = said("time between two samples; in continuous mode the integrator's step", "s", "> 0")
-    substeps: int = said("integrator steps per period in held mode", "", ">= 1", default=1)
+    substeps: int = said("integrator steps per period in held mode", "", "[1, 10000]", default=1)
     t1: float = said("end, a whole number of periods", "s", "> 0")
-    log_every: int = said("one in how many samples is written to the log; metrics count all", "", ">= 1", default=10)
+    log_every: int = said(
+        "one in how many samples is written to the log; metrics count all", "", "[1, 1e9]", default=10
+    )
     outside: Literal["raise", "recover"] = "raise"
     """What happens at a sample outside the envelope: `raise` ends the run, `recover` counts it and goes on."""
     limits: Literal["check", "ignore"] = "check"
@@ -123,7 +125,7 @@ class ScenarioDescription(AbstractDescription):
             arms = self.robot.build()
             true, nominal = arms.true, arms.nominal
         with located("trajectory"):
-            trajectory = trajectory_of(self.trajectory, arms.limits)
+            trajectory = trajectory_of(self.trajectory, arms.limits, true.joints)
             followed = eqx.filter_eval_shape(trajectory.position, jax.ShapeDtypeStruct((), float)).shape
             if followed != (true.joints,):
                 raise DefinitionError(f"moves {followed[0]} joints, but the robot has {true.joints}")

@@ -31,7 +31,7 @@ class OutageDescription(AbstractDescription):
     """Samples that are lost in a row."""
 
     start: float = said("time of the first", "s", ">= 0")
-    samples: int = said("how many", "", ">= 0")
+    samples: int = said("how many", "", "[0, 1e9]")
 
 
 class LossDescription(AbstractDescription):
@@ -53,8 +53,8 @@ class SensorDescription(AbstractDescription):
     cutoff: Numbers = same(DifferencedEncoders, "cutoff", default=600.0)
     instrument: InstrumentDescription | None = None
     """Another sensor by its kind, in place of the encoders that the fields above describe."""
-    delay: float = said("age of a measurement when it arrives, whole or not", "periods", ">= 0", default=0.0)
-    jitter: float = said("width of the spread of that age", "periods", ">= 0", default=0.0)
+    delay: float = said("age of a measurement when it arrives, whole or not", "periods", "[0, 100]", default=0.0)
+    jitter: float = said("width of the spread of that age", "periods", "[0, 100]", default=0.0)
     loss: LossDescription = LossDescription()
     """Samples that do not arrive."""
     seed: Annotated[int, Field(ge=0, lt=2**32)] = 0
@@ -93,8 +93,9 @@ class SensorDescription(AbstractDescription):
             sensor = Delayed(sensor, self.delay, self.jitter, seed)
         if self.loss.probability or self.loss.outages:
             with located("loss"):
-                starts = jnp.asarray([round(outage.start / period) for outage in self.loss.outages], int)
-                counts = jnp.asarray([outage.samples for outage in self.loss.outages], int)
+                # What begins after any run is never lost.
+                starts = [round(min(outage.start / period, 2.0**53)) for outage in self.loss.outages]
+                counts = [outage.samples for outage in self.loss.outages]
                 sensor = Lossy(sensor, as_array(self.loss.probability), starts, counts, seed)
         return None if isinstance(sensor, Exact) else sensor
 
@@ -122,7 +123,7 @@ class ActuatorDescription(AbstractDescription):
         "fastest change of torque; `robot`: as its data sheet says", "N m/s or N/s", default=None, source="no limit"
     )
     time_constant: Numbers = same(Actuator, "time_constant")
-    dead_time: float = said("between a command and its torque, whole or not", "periods", ">= 0", default=0.0)
+    dead_time: float = said("between a command and its torque, whole or not", "periods", "[0, 100]", default=0.0)
 
     def of_robot(self, limits: JointLimits | None) -> ActuatorDescription:
         """The same with the robot's own limits where they are asked for.

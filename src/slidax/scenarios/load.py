@@ -13,7 +13,7 @@ from slidax._errors import DefinitionError, nearest, plain, shown
 from .changes import changed
 from .description import ScenarioDescription
 from .scenario import Scenario
-from .yaml_text import read_yaml
+from .yaml_text import read_yaml, require_readable
 
 LIMITS = {
     "greater_than": (">", "gt"),
@@ -77,6 +77,7 @@ def validated(data: Any, changes: dict[str, Any] | None = None, *, folder: Path 
     """
     if not isinstance(data, dict):
         raise DefinitionError("a scenario is a mapping with the keys " + ", ".join(ScenarioDescription.model_fields))
+    require_readable(data)
     data = changed(data, changes or {})
     try:
         return ScenarioDescription.model_validate(data, context={"folder": folder})

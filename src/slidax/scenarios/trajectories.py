@@ -31,7 +31,23 @@ class TrajectoryPart(AbstractDescription):
         raise NotImplementedError
 
 
-class MinimumJerkTrajectory(TrajectoryPart):
+class WaypointTrajectory(TrajectoryPart):
+    """A motion through waypoints."""
+
+    waypoints: list[list[float]]
+
+    def require_joints(self, joints: int) -> None:
+        """Raises a DefinitionError unless each waypoint has one position per joint, before much is made of them.
+
+        - `joints`: the number of joints.
+        """
+        for number, row in enumerate(self.waypoints):
+            if len(row) != joints:
+                message = f"must have one position for each of the {joints} joints; got {len(row)}"
+                raise DefinitionError(message, where=f"waypoints.{number}")
+
+
+class MinimumJerkTrajectory(WaypointTrajectory):
     """The smoothest motion through waypoints, at rest at both ends."""
 
     kind: Literal["minimum_jerk"]
@@ -43,7 +59,7 @@ class MinimumJerkTrajectory(TrajectoryPart):
         return MinimumJerk.through(self.times, self.waypoints)
 
 
-class LimitedTrajectory(TrajectoryPart):
+class LimitedTrajectory(WaypointTrajectory):
     """A motion through waypoints, as fast as limits allow."""
 
     waypoints: list[list[float]] = said("rows of joint positions, no two in a row the same", "rad or m")
@@ -150,13 +166,17 @@ TrajectoryDescription = union_of(
 )
 
 
-def trajectory_of(described: Any, limits: JointLimits | None) -> AbstractTrajectory:
+def trajectory_of(described: Any, limits: JointLimits | None, joints: int) -> AbstractTrajectory:
     """The trajectory that is described.
 
     - `described`: a member of `TrajectoryDescription`.
     - `limits`: those of the robot, for a field that says `robot`; None if it has none.
 
+    - `joints`: how many the robot has.
+
     Raises DefinitionError if it makes no sense.
     """
+    if isinstance(described, WaypointTrajectory):
+        described.require_joints(joints)
     found: AbstractTrajectory = described.build(*([limits] if isinstance(described, TrajectoryPart) else []))
     return found

@@ -8,7 +8,7 @@ from typing import Any
 from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 
-from slidax._errors import DefinitionError
+from slidax._errors import DefinitionError, shown
 
 MOST_CHARACTERS = 250_000
 """Of a text: the reader takes some ten seconds for so much of the densest YAML."""
@@ -42,8 +42,16 @@ def read_yaml(text: str) -> Any:
     # Where a value does not fit its tag, as in `!!float ""` or a 13th month, the reader fails as Python does.
     except (ValueError, LookupError, TypeError, AttributeError, AssertionError) as error:
         raise DefinitionError(f"not valid YAML: a value is not what its tag or form says: {error}") from None
-    _size(value, {}, set(), DEEPEST)
+    require_readable(value)
     return value
+
+
+def require_readable(value: Any) -> None:
+    """Raises DefinitionError if a value holds itself, is too large or too deep, or has a key that is no text.
+
+    - `value`: mappings, lists and single values.
+    """
+    _size(value, {}, set(), DEEPEST)
 
 
 def _size(value: Any, known: dict[int, int], inside: set[int], left: int) -> int:
@@ -56,6 +64,9 @@ def _size(value: Any, known: dict[int, int], inside: set[int], left: int) -> int
         raise DefinitionError("an alias in the YAML stands for a value that it is part of")
     if not left:
         raise _too_deep()
+    for key in value if isinstance(value, dict) else ():
+        if not isinstance(key, str):
+            raise DefinitionError(f"a key must be text; got `{shown(key)}`: write it in quotation marks")
     inside.add(id(value))
     parts: Iterable[Any] = value.values() if isinstance(value, dict) else value
     size = 1 + sum(_size(part, known, inside, left - 1) for part in parts)

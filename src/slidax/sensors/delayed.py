@@ -40,14 +40,14 @@ class Delayed(AbstractSensor):
     periods: float = parameter(
         "the delay, whole or not; known when compiled, since it sets how much is kept",
         "sampling periods",
-        ">= 0",
+        "[0, 100]",
         static=True,
         converter=float,
     )
     jitter: float = parameter(
         "width of the spread of the delay; known when compiled",
         "sampling periods",
-        ">= 0",
+        "[0, 100]",
         default=0.0,
         static=True,
         converter=float,

@@ -21,6 +21,9 @@ from .plant import Plant
 from .stepping import Stepping
 from .tally import Windows
 
+MOST_SAMPLES = 10**9
+"""Of a run: some hours, if the law is simple."""
+
 
 def define_loop(
     plant: Plant,
@@ -42,8 +45,8 @@ def define_loop(
         raise DefinitionError(
             'slidax needs 64-bit numbers: call jax.config.update("jax_enable_x64", True) before anything else'
         )
-    if log_every is not None and log_every < 1:
-        raise DefinitionError(f"`log_every` must be >= 1, or None for no log; got {log_every}")
+    if log_every is not None and not 1 <= log_every <= MOST_SAMPLES:
+        raise DefinitionError(f"`log_every` must be in [1, {MOST_SAMPLES:.0e}], or None for no log; got {log_every}")
     require_fitting(plant, controller, trajectory, state0, stepping)
     steps = _steps(float(t1), stepping.period)
     require_within_limits(plant.robot, trajectory, state0, steps, stepping)
@@ -133,6 +136,11 @@ def constant(number: Any) -> Array:
 def _steps(t1: float, period: float) -> int:
     if not (np.isfinite(t1) and t1 > 0):
         raise DefinitionError(f"`t1` must be > 0 s; got {t1:g}")
+    if t1 / period > MOST_SAMPLES:
+        raise DefinitionError(
+            f"`t1` must be at most {MOST_SAMPLES:.0e} periods of {period:g} s, hours of computing; "
+            f"got {t1 / period:.3g}"
+        )
     steps = round(t1 / period)
     if steps < 1 or abs(steps * period - t1) > 1e-6 * period * max(1.0, 1e-3 * steps):
         raise DefinitionError(f"`t1` must be a whole number of periods of {period:g} s; got {t1:g} s")

@@ -22,6 +22,9 @@ from .stepping import Stepping
 ROUNDING = 1e-9
 """A limit that is reached exactly is passed by rounding, and may be by this part."""
 
+CHUNK = 1_000_000
+"""Samples that are looked at together, for the memory that they take."""
+
 REMEDY = 'keep to it, or say `limits="ignore"` (`simulation.limits: ignore`)'
 
 
@@ -44,13 +47,16 @@ def require_within_limits(
         found = _beyond(robot, np.asarray(state0.q)[None], np.asarray(state0.dq)[None])
         if found is not None:
             raise DefinitionError(f"`state0` is beyond the robot's limits: {found[1]}; {REMEDY}")
-    times = np.arange(steps + 1) * stepping.period
-    q = _positions(trajectory, times)
-    found = _beyond(robot, q, np.diff(q, axis=0) / stepping.period)
-    if found is not None:
-        raise DefinitionError(
-            f"the motion is beyond the robot's limits: at t = {times[found[0]]:.6g} s {found[1]}; {REMEDY}"
-        )
+    # Once it stands still, it has shown what there is.
+    last = int(min(steps, np.ceil(float(trajectory.until) / stepping.period) + 1))
+    for first in range(0, last, CHUNK):
+        times = np.arange(first, min(first + CHUNK, last) + 1) * stepping.period
+        q = _positions(trajectory, times)
+        found = _beyond(robot, q, np.diff(q, axis=0) / stepping.period)
+        if found is not None:
+            raise DefinitionError(
+                f"the motion is beyond the robot's limits: at t = {times[found[0]]:.6g} s {found[1]}; {REMEDY}"
+            )
 
 
 def _beyond(robot: Articulated, q: np.ndarray, dq: np.ndarray) -> tuple[int, str] | None:

@@ -86,8 +86,8 @@ def drive_batch(
     samples: int,
     every: int | None,
     threads: int | None,
-) -> tuple[Begun, Log | None]:
-    """The same for many runs; every array has the run as its first axis.
+) -> tuple[Any, Log | None]:
+    """The same for many runs; every array has the run as its first axis, also the `Begun` that comes first.
 
     - `task`: equal for equal loops, so that each is compiled once.
     - `define`: from what varies, for one run, to the loop and the first state.

@@ -16,6 +16,7 @@ from slidax.trajectories import AbstractTrajectory
 from . import native_engine, xla_engine
 from .define import constant, define_loop, require_start
 from .engine import engine_for, say_xla_instead
+from .log_room import require_room
 from .loop import Begun, Loop
 from .mujoco.drive import drive as mujoco_drive
 from .mujoco_plant import MujocoPlant
@@ -75,6 +76,8 @@ def simulate(
     own = plant.pushed if isinstance(plant, MujocoPlant) else plant
     loop, samples = define_loop(own, controller, trajectory, state0, t1, stepping, log_every, bands)
     traced = is_traced((plant, loop, state0))
+    if log_every is not None and not traced:
+        require_room(loop, state0, -(-samples // log_every))
     started = time.perf_counter()
     inside = functools.partial(require_start, loop)
     load = None

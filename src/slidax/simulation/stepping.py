@@ -32,7 +32,7 @@ class Stepping(AbstractPart):
     period: float = parameter("time between samples", "s", "> 0", static=True, converter=_known_period)
     mode: Literal["held", "continuous"] = piece('"held" or "continuous"', default="held", static=True)
     substeps: int = parameter(
-        "integrator steps per period in held mode", "", ">= 1", default=1, static=True, converter=index
+        "integrator steps per period in held mode", "", "[1, 10000]", default=1, static=True, converter=index
     )
     integrator: Integrator = piece(
         "`slidax.numerics.runge_kutta_4` or `semi_implicit_euler`; a `MujocoPlant` has its own",

@@ -9,6 +9,9 @@ from slidax.parts import DefinitionError, Scalar, Vector, parameter
 
 from .trajectory import AbstractTrajectory
 
+MOST_TERMS = 50
+"""Of a sum: machine code computes them one by one."""
+
 
 class ExponentialSum(AbstractTrajectory):
     """`q_d(t) = c + Σ_k a_k exp(-λ_k t)`: a smooth move that comes to rest at c. Example 4.1 follows one."""
@@ -20,6 +23,8 @@ class ExponentialSum(AbstractTrajectory):
     )
 
     def __check_init__(self) -> None:
+        if self.rates.size > MOST_TERMS:
+            raise DefinitionError(f"`ExponentialSum.rates` must be at most {MOST_TERMS}; got {self.rates.size}")
         fits = self.amplitudes.ndim == 2 and self.amplitudes.shape == (*self.rates.shape, *self.offset.shape)
         if not fits:
             raise DefinitionError(

@@ -12,7 +12,7 @@ from .quintic_spline import quintic_spline
 from .shortest_times import shortest_times
 from .waypoints import distinct_waypoints, positions
 
-MOST = 500
+MOST = 100
 """Waypoints whose times are searched together: the search takes memory by their square, and time by their cube."""
 
 
