@@ -100,7 +100,7 @@ def test_the_scenario_in_the_documentation_runs_inside_its_envelope() -> None:
 
 def test_the_documented_sensor_actuator_and_sampled_data_fit_the_documented_scenario() -> None:
     blocks = DOCUMENTED.read_text(encoding="utf-8").split("```yaml\n")
-    scenario, rate = blocks[1].split("```")[0], read_yaml(blocks[3].split("```")[0])
+    scenario, rate = blocks[1].split("```")[0], read_yaml(blocks[4].split("```")[0])
     assert list(rate) == ["sensor", "actuator", "scheme", "simulation"]
     own = rate.pop("scheme")["sampled_data"]
     built = scenarios.parse(scenario, rate | {"scheme.sampled_data": own}).build("documented")
