@@ -12,7 +12,6 @@ import jax
 import numpy as np
 from jaxtyping import Array
 
-
 LONGEST = 80
 """Characters of a value, or of a name, that a message shows."""
 

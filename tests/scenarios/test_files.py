@@ -14,8 +14,8 @@ from slidax import scenarios
 from slidax._errors import DefinitionError
 from slidax.controllers import Recovery
 from slidax.scenarios.instruments import ActuatorDescription, LossDescription, OutageDescription, SensorDescription
-from slidax.scenarios.yaml_text import read_yaml
 from slidax.scenarios.sampled_data import SampledDataDescription
+from slidax.scenarios.yaml_text import read_yaml
 
 BUILT_IN = Path(scenarios.__file__).parent / "built_in"
 DOCUMENTED = Path(__file__).parents[2] / "docs" / "scenarios.md"

@@ -9,6 +9,7 @@ import warnings
 from typing import Any
 
 import pytest
+
 from slidax._errors import DefinitionError
 from slidax.scenarios.load import described, validated
 from slidax.scenarios.yaml_text import MOST_VALUES, read_yaml

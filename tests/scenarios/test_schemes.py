@@ -14,8 +14,8 @@ import pytest
 from slidax import controllers, scenarios
 from slidax._errors import DefinitionError
 from slidax.controllers import Preset, SlidingMode, SuperTwisting
-from slidax.scenarios.yaml_text import read_yaml
 from slidax.scenarios.schemes import SCHEMES, switched
+from slidax.scenarios.yaml_text import read_yaml
 from slidax.surfaces import Linear, SingularityFree
 from slidax.transformations import PrescribedPerformance
 from tests.rivals import (

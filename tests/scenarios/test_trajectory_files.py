@@ -14,8 +14,8 @@ from pydantic import TypeAdapter, ValidationError
 from slidax import scenarios
 from slidax._errors import DefinitionError
 from slidax.robots import JointLimits
-from slidax.scenarios.yaml_text import read_yaml
 from slidax.scenarios.trajectories import TrajectoryDescription
+from slidax.scenarios.yaml_text import read_yaml
 from slidax.trajectories import AbstractTrajectory, MinimumJerk, Tabulated, Trapezoidal
 
 PATH = [[-0.4, 2.5], [0.2, 2.0], [0.1, 2.2]]

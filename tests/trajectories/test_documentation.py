@@ -10,8 +10,8 @@ import pytest
 from pydantic import TypeAdapter
 
 from slidax.robots import JointLimits
-from slidax.scenarios.yaml_text import read_yaml
 from slidax.scenarios.trajectories import TrajectoryDescription
+from slidax.scenarios.yaml_text import read_yaml
 from slidax.trajectories import Tabulated
 
 PAGE = (Path(__file__).parents[2] / "docs" / "trajectories.md").read_text(encoding="utf-8")

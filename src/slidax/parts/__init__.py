@@ -11,9 +11,9 @@ from slidax._errors import is_traced as is_traced
 from slidax._errors import known as known
 from slidax._errors import located as located
 from slidax._errors import require as require
-from slidax._errors import shown as shown
 from slidax._errors import require_joints as require_joints
 from slidax._errors import require_per_joint as require_per_joint
+from slidax._errors import shown as shown
 from slidax._types import Matrix as Matrix
 from slidax._types import Memory as Memory
 from slidax._types import PerJoint as PerJoint

@@ -9,7 +9,6 @@ from slidax.parts import DefinitionError, Scalar, Vector, parameter
 
 from .trajectory import AbstractTrajectory
 
-
 MOST_TERMS = 50
 """Of a sum: machine code computes them one by one."""
 

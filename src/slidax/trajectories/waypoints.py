@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from slidax._errors import DefinitionError, shown
 
-
 MOST = 10_000
 """Waypoints of one motion; what has more is a log, and read from a file."""
 

@@ -8,7 +8,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from slidax._errors import DefinitionError, shown
+from slidax._errors import DefinitionError
 from slidax.reports import machine, render, versions
 from slidax.reports.parameters import as_yaml
 
@@ -47,7 +47,7 @@ def reproduce(
     """
     if disturbance not in CHOICES:
         known = ", ".join(f'"{choice}"' for choice in CHOICES)
-        raise DefinitionError(f"`disturbance` must be one of {known}; got {shown(disturbance)}")
+        raise DefinitionError(f"`disturbance` must be one of {known}; got {disturbance!r}")
     tell = progress or (lambda stage, fraction: None)
     started = time.perf_counter()
     out.mkdir(parents=True, exist_ok=True)
