@@ -9,7 +9,7 @@ unexport PYTHONPATH PYTHONHOME
 # `pip install --user` is refused inside an environment, so that such a default must not reach it.
 export PIP_USER := 0
 
-.PHONY: help venv demo test lint format bench verify figures tables schema lock clean
+.PHONY: help venv demo test lint format bench verify figures tables schema api lock clean
 .DEFAULT_GOAL := help
 
 help: ## Show these targets
@@ -56,6 +56,9 @@ tables: .venv/.installed ## Renew the measured tables of docs/choosing.md
 schema: .venv/.installed ## Renew the JSON schema of scenario files
 	@.venv/bin/slidax schema > src/slidax/scenarios/scenario.schema.json
 
+api: .venv/.installed ## Write the API pages from the docstrings, docs/api
+	@.venv/bin/python scripts/write-api $(ARGS)
+
 # The second run of the tests has the oldest Python, and with it the oldest jax, that pyproject.toml allows. The wheel
 # is tried in an environment of its own, away from the sources, where a data file left out of it is missed.
 verify: .venv/.installed .venv-3.11/.installed ## Test on both Pythons, the long tests too, and try the built wheel
@@ -76,7 +79,7 @@ verify: .venv/.installed .venv-3.11/.installed ## Test on both Pythons, the long
 COMPILE = .venv-lock/bin/uv pip compile pyproject.toml --quiet --universal --python-version 3.11 --generate-hashes \
 	--no-emit-index-url --no-emit-find-links --custom-compile-command "make lock"
 # All but cuda, which is for machines with a card.
-EXTRAS = --extra parquet --extra native --extra robots --extra trajectories --extra view --extra film
+EXTRAS = --extra parquet --extra frame --extra native --extra robots --extra trajectories --extra view --extra film
 lock: .venv-lock/bin/uv ## Renew requirements/*.txt after a change in pyproject.toml
 	@mkdir -p requirements
 	@$(COMPILE) --group dev $(EXTRAS) --output-file requirements/dev.txt $(ARGS)
@@ -88,6 +91,6 @@ lock: .venv-lock/bin/uv ## Renew requirements/*.txt after a change in pyproject.
 	@.venv-lock/bin/python -m pip install -qq uv
 
 clean: ## Remove everything that make made
-	@rm -rf .venv .venv-3.11 .venv-wheel .venv-lock .python build dist reproduction
+	@rm -rf .venv .venv-3.11 .venv-wheel .venv-lock .python build dist reproduction docs/api
 	@rm -rf .pytest_cache .hypothesis .mypy_cache .ruff_cache .import_linter_cache
 	@find src tests benchmarks -name __pycache__ -type d -prune -exec rm -rf {} + 2>/dev/null || true

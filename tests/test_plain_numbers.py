@@ -7,7 +7,7 @@ import pytest
 
 from slidax._errors import DefinitionError
 from slidax._types import Reference, State
-from tests.architecture.test_house import in_a_fresh_interpreter
+from tests.architecture.test_architecture import in_a_fresh_interpreter
 
 
 @pytest.mark.parametrize("q", [[0, 1], (0.0, 1.0), np.array([0, 1]), jnp.array([0, 1]), jnp.array([0.0, 1.0])])

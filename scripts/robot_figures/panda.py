@@ -17,7 +17,7 @@ from slidax.figures.style import BAND, BOUND, LINES, NARROW, WIDTH, envelope_pat
 from slidax.figures.thinning import every_nth
 from slidax.simulation import Run
 
-from .tuned import COMPUTED_TORQUE, SLOTINE_LI, tuned
+from .tuned import COMPUTED_TORQUE, SLOTINE_LI, SUPER_TWISTING, tuned
 
 SCENARIO = "panda-payload"
 
@@ -26,6 +26,11 @@ EXACT = {"sensor.resolution": 0.0, "sensor.velocity": "measured"}
 
 AS_PRINTED = {"scheme.sampled_data": None, "scheme.reaching.layer": 0.05, "simulation.outside": "raise"}
 
+RIVALS = (COMPUTED_TORQUE, SLOTINE_LI, SUPER_TWISTING)
+
+SAME = "same estimator, prediction, limits"
+"""The form of a rival that has all that the sampled-data law has but its envelope and its reaching law."""
+
 COLUMNS = 240
 
 
@@ -33,12 +38,13 @@ COLUMNS = 240
 class Line:
     """A law's run with one kind of measurements.
 
-    - `name`: of the law.
+    - `name`, `form`: of the law.
     - `measured`: of the kind.
     - `run`: with every sample logged.
     """
 
     name: str
+    form: str
     measured: str
     run: Run
 
@@ -55,15 +61,16 @@ def _with(measured: str, changes: dict[str, Any]) -> list[Line]:
     ours = scenarios.load(SCENARIO, changes).simulate()
     other = scenarios.load(SCENARIO, {**changes, "simulation.plant": "mujoco"}).simulate()
     printed = scenarios.load(SCENARIO, {**changes, **AS_PRINTED}).simulate()
-    torque, gains = tuned(SCENARIO, COMPUTED_TORQUE, changes)
-    sliding, others = tuned(SCENARIO, SLOTINE_LI, changes)
-    return [
-        Line("sampled-data law", measured, ours),
-        Line("the same, arm simulated by MuJoCo", measured, other),
-        Line("the law as printed", measured, printed),
-        Line(f"computed torque + PD ({_listed(gains)})", measured, torque),
-        Line(f"Slotine-Li ({_listed(others)})", measured, sliding),
+    found = [
+        Line("CFTSMPPC", "sampled-data", measured, ours),
+        Line("CFTSMPPC", "sampled-data, arm moved by MuJoCo", measured, other),
+        Line("CFTSMPPC", "as printed", measured, printed),
     ]
+    for rival in RIVALS:
+        for form, sampled in ((SAME, True), ("textbook", False)):
+            run, gains = tuned(SCENARIO, rival, changes, ours, sampled=sampled)
+            found.append(Line(f"{rival.title} ({_listed(gains)})", form, measured, run))
+    return found
 
 
 def _listed(gains: dict[str, float]) -> str:
@@ -84,10 +91,10 @@ def outside(run: Run, drawn: Run) -> np.ndarray:
 def _row(line: Line, drawn: Run) -> list[str]:
     if line.run.outcome.kind in ("left_envelope", "not_finite") and line.run.fault.kind:
         what = "left its envelope" if line.run.outcome.kind == "left_envelope" else "became infinite"
-        return [line.name, line.measured, f"{what} at {line.run.outcome.t:.3g} s", "", ""]
+        return [line.name, line.form, line.measured, f"{what} at {line.run.outcome.t:.3g} s", "", ""]
     count = int(np.sum(outside(line.run, drawn)))
     error, step = steady_error(line.run), steady_step(line.run)
-    return [line.name, line.measured, f"{count} of {len(line.run.log.t)}", small(error), f"{step:.2g}"]
+    return [line.name, line.form, line.measured, f"{count} of {len(line.run.log.t)}", small(error), f"{step:.2g}"]
 
 
 @styled
@@ -102,10 +109,15 @@ def draw(shown: list[Line]) -> Figure:
     bounds, t = ours.log.envelope, np.asarray(ours.log.t)
     widest = np.max(np.abs([np.asarray(bounds.lower), np.asarray(bounds.upper)]), axis=(0, 2))
     narrowest = np.min(np.abs([np.asarray(bounds.lower), np.asarray(bounds.upper)]), axis=(0, 2))
-    by_name = {line.name.split(" (")[0]: line.run for line in shown}
-    titles = ("sampled-data law", "the law as printed", "computed torque + PD", "Slotine-Li")
-    for axes, title in zip(panels, titles, strict=True):
-        run = by_name[title]
+    by_name = {(line.name.split(" (")[0], line.form): line.run for line in shown}
+    titles = {
+        "CFTSMPPC, sampled-data": ("CFTSMPPC", "sampled-data"),
+        "CFTSMPPC as printed": ("CFTSMPPC", "as printed"),
+        "computed torque + PD, the same estimator": (COMPUTED_TORQUE.title, SAME),
+        "Slotine-Li, the same estimator": (SLOTINE_LI.title, SAME),
+    }
+    for axes, (title, key) in zip(panels, titles.items(), strict=True):
+        run = by_name[key]
         axes.set_yscale("log")
         axes.set_ylim(1e-6, 3.0)
         time = every_nth(t, 40)
@@ -120,9 +132,7 @@ def draw(shown: list[Line]) -> Figure:
         if over.any():
             first = int(np.argmax(over))
             axes.plot(times[first], errors[first].max(), "o", color="#C00000", markersize=4, zorder=4)
-        axes.set_title(title if title != "computed torque + PD" else "computed torque + PD, best of its grid")
-        if title == "Slotine-Li":
-            axes.set_title("Slotine-Li, best of its grid")
+        axes.set_title(title)
         if run.log.t[-1] < t[-1]:
             axes.axvspan(float(times[-1]), float(t[-1]), facecolor="1", edgecolor="none", alpha=0.72, zorder=3)
             axes.annotate(
@@ -147,8 +157,8 @@ def draw(shown: list[Line]) -> Figure:
 def make() -> None:
     """Simulates all of them, and writes the figure and the table of the README."""
     found = lines()
-    drawn = {line.measured: line.run for line in reversed(found) if line.name == "sampled-data law"}
+    drawn = {line.measured: line.run for line in found if line.form == "sampled-data"}
     rows = [_row(line, drawn[line.measured]) for line in found]
-    head = ["law", "measurements", "samples outside", "steady error [rad]", "torque step, steady [N m]"]
+    head = ["law", "form", "measurements", "samples outside", "steady error [rad]", "torque step, steady [N m]"]
     write_table("../README.md", "panda", table(head, rows))
     save(draw([line for line in found if line.measured == "encoders"]), "panda-payload")

@@ -1,4 +1,4 @@
-"""Errors of the two kinds that are raised: a Definition that cannot be, and an Outcome that a run came to."""
+"""The two kinds of errors that are raised: for an invalid definition, and for a run that ended early."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _SHORT = Repr(maxlist=LONGEST, maxtuple=LONGEST, maxdict=8, maxset=8, maxstring=
 
 
 class DefinitionError(ValueError):
-    """Something was defined that cannot be: says which field, the rule, the value, the joint and the remedy.
+    """An invalid definition: says which field, the rule, the value, the joint and the remedy.
 
     - `message`: the sentence.
     - `where`: the path of the field in a scenario, such as `scheme.performance`, if it came from one.
@@ -32,7 +32,7 @@ class DefinitionError(ValueError):
 
 
 class DefinitionWarning(UserWarning):
-    """A definition does not say something, or says what cannot be; it was read in the sense that the message names."""
+    """A definition leaves something out or contradicts itself; the message says how it was read."""
 
 
 class OutcomeError(RuntimeError):
@@ -92,12 +92,20 @@ def plain(word: object) -> str:
 
 
 def is_traced(tree: Any) -> bool:
-    """True inside `jit`, `vmap` or `grad`, where values are not known and so cannot be checked."""
+    """True inside `jit`, `vmap` or `grad`, where values are not known and so cannot be checked.
+
+    - `tree`: any pytree of arrays.
+    """
     return any(isinstance(leaf, jax.core.Tracer) for leaf in jax.tree.leaves(tree))
 
 
 def as_array(value: Any) -> Array:
-    """A field converter: numbers, lists and arrays become float arrays, so that each is a differentiable leaf."""
+    """A field converter: numbers, lists and arrays become float arrays, so that each is a differentiable leaf.
+
+    - `value`: a number, a list of numbers or an array.
+
+    Raises DefinitionError if it is none of these.
+    """
     if isinstance(value, jax.Array):
         return value
     try:
@@ -122,6 +130,7 @@ def require(owner: object, field: str, holds: Any, rule: str, *, finite: bool = 
     """Raises a DefinitionError unless `holds` is true in every entry of the field and the field is finite.
 
     - `owner`: the object whose field it is; its class names it in the message.
+    - `field`: its name.
     - `holds`: bool or array of bools, of the field's shape.
     - `rule`: what must hold, with its equation: "must be > 2 (eq. 20)".
     - `finite`: whether what is infinite is refused, too; what is no number always is.

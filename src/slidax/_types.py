@@ -1,4 +1,4 @@
-"""The words that the rooms exchange: state, reference, command, envelope."""
+"""The types that the rooms exchange: state, reference, command, envelope."""
 
 from __future__ import annotations
 
@@ -94,7 +94,7 @@ class Command(eqx.Module):
     - `memory`: the controller's memory after this sample; the same tree as before it.
     - `signals`: inner quantities by name (`s`, `eps`, `rho`, `u`, ...), for plots and logs.
     - `rate`: for a memory that is a state with a differential equation of its own, such as an adaptive gain: its time
-      derivative, a tree like `memory`. Whoever lets time pass integrates it: over a period in held mode, with the plant
+      derivative, a tree like `memory`. The loop integrates it: over a period in held mode, with the plant
       in continuous mode. None for a memory without one.
     """
 

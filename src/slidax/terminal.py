@@ -1,4 +1,4 @@
-"""What the commands print of their runs: tables for a person, JSON for a program."""
+"""What the commands print about their runs: tables for a person, JSON for a program."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def run_as_json(parts: Scenario, finished: Run, import_s: float) -> dict[str, An
 
 
 def print_run(parts: Scenario, finished: Run, answer: dict[str, Any]) -> None:
-    """The metrics of one run, joint by joint, and what came of it.
+    """The metrics of one run, joint by joint, and its outcome.
 
     Where the terminal is too narrow for all joints, some of them follow in a table of their own.
 
@@ -91,7 +91,7 @@ def print_comparison(rivals: Mapping[str, Rival]) -> None:
 
     Where the terminal is too narrow for all schemes, some of them follow in a table of their own.
 
-    - `rivals`: what came of each scheme, by name.
+    - `rivals`: each scheme with its run, by name.
     """
     from slidax.reports import standings
 

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from slidax import scenarios
+from slidax.reports import Rival
 from slidax.reports.parameters import as_yaml
 
 from .commands import in_process
 
 SHORT = ("--set", "simulation.t1=0.5")
+
 HASTY = ("--set", "scheme.performance.deadline=0.05")
 
 
@@ -41,7 +44,13 @@ def test_the_table_has_a_column_per_scheme_and_a_row_per_metric_and_joint() -> N
     assert "88.21" in result.stdout
 
 
-def test_without_schemes_all_are_compared() -> None:
+@pytest.mark.parametrize("each", [False, pytest.param(True, marks=pytest.mark.full)], ids=["one_run", "each_runs"])
+def test_without_schemes_all_are_compared(each: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    """In the long version each by a run of its own; every day the first run stands for all."""
+    if not each:
+        short = scenarios.load("example-4.1", {"simulation.t1": 0.01})
+        first = Rival.simulated(short, short, logged=False)
+        monkeypatch.setattr(Rival, "simulated", lambda scenario, judge, *, logged: replace(first, scenario=scenario))
     result = in_process("compare", "example-4.1", "--set", "simulation.t1=0.01", "--json")
     assert result.exit_code == 0, result.output
     listed = json.loads(in_process("list", "schemes", "--json").stdout)

@@ -7,9 +7,11 @@ import subprocess
 import sys
 
 import pytest
+from typer.main import get_command
 
 import slidax
 from slidax import scenarios
+from slidax.cli import app
 
 from .commands import in_process
 
@@ -30,6 +32,7 @@ def test_list_shows_every_built_in_scenario_with_a_line() -> None:
         ("trajectories", "minimum_jerk"),
         ("disturbances", "friction"),
         ("estimators", "kalman"),
+        ("sensors", "encoders"),
         ("performance", "finite_time"),
     ],
 )
@@ -39,11 +42,17 @@ def test_list_shows_the_members_of_a_room(kind: str, member: str) -> None:
     assert member in in_process("list").stdout
 
 
-@pytest.mark.parametrize("command", ["run", "compare", "reproduce", "list", "schema"])
-def test_the_help_of_each_command_shows_an_example(command: str) -> None:
-    result = in_process(command, "--help")
+COMMANDS = [
+    *((name,) for name in get_command(app).commands if name != "export"),
+    *(("export", name) for name in get_command(app).commands["export"].commands),
+]
+
+
+@pytest.mark.parametrize("command", COMMANDS, ids=" ".join)
+def test_the_help_of_each_command_shows_an_example(command: tuple[str, ...]) -> None:
+    result = in_process(*command, "--help")
     assert result.exit_code == 0
-    assert f"slidax {command}" in " ".join(result.stdout.split())
+    assert f"Example: slidax {' '.join(command)} " in " ".join(result.stdout.split())
 
 
 def test_help_and_version_answer_without_importing_jax() -> None:

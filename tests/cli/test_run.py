@@ -165,3 +165,19 @@ def test_the_report_of_a_run_that_came_back_shows_what_happened(tmp_path: Path) 
     assert "outcome bad" in text
     assert "was back for good at" in text
     assert "outside: recover" in " ".join(text.split())
+
+
+@pytest.mark.parametrize(("columns", "tables"), [(120, [7]), (80, [4, 3])])
+def test_seven_joints_fit_on_a_terminal_under_their_own_names(
+    monkeypatch: pytest.MonkeyPatch, columns: int, tables: list[int]
+) -> None:
+    monkeypatch.setenv("COLUMNS", str(columns))
+    result = in_process("run", "panda-payload", "--set", "simulation.t1=0.05")
+    lines = result.stdout.splitlines()
+    heads = [line.split() for line in lines if line.strip().startswith("joint")]
+    assert [len(head) for head in heads] == tables
+    assert [name for head in heads for name in head] == [f"joint{i + 1}" for i in range(7)]
+    assert all(len(line) <= columns for line in lines[1:-2])
+    # The sums of the paper are for its own examples.
+    assert not any("(80)" in line for line in lines)
+    assert "IAE (80) [rad]" in in_process("run", "example-4.1", "--set", "simulation.t1=0.01").stdout

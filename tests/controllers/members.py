@@ -79,7 +79,10 @@ CONTROLLERS: list[tuple[str, Case]] = [
     ("super_twisting", scara(super_twisting_4_2())),
     ("super_twisting_inside_an_envelope", scara(super_twisting_4_2(AROUND_4_2, Linear([0.5, 0.6, 0.7])))),
     ("sampled_cftsmppc_4_1", two_link(sampled(law_4_1(layer=0.0)), idle=11)),
-    ("sampled_cftsmppc_4_1_layer_and_delay", two_link(sampled(law_4_1(), delay=1.5, dead_time=0.5), idle=11)),
+    (
+        "sampled_cftsmppc_4_1_layer_delay_and_recovery",
+        two_link(sampled(law_4_1(), delay=1.5, dead_time=0.5, recovery=Recovery()), idle=13),
+    ),
     ("sampled_cftsmppc_4_2_recovery", scara(sampled(law_4_2(layer=0.0), recovery=Recovery(), slopes=False), idle=13)),
     ("sampled_ftsmc_4_1", two_link(sampled(ftsmc_4_1(), estimator=KALMAN), idle=11)),
     ("sampled_sfsmc_4_2", scara(sampled(sfsmc_4_2(), delay=1.0), idle=11)),
@@ -93,6 +96,7 @@ CONTROLLERS: list[tuple[str, Case]] = [
 
 LIKE_OTHERS = (
     "sampled_cftsmppc_4_1",
+    "sampled_cftsmppc_4_2_recovery",
     "sampled_ftsmc_4_1",
     "sampled_sfsmc_4_2",
     "sampled_slotine_li",

@@ -15,7 +15,7 @@ from slidax.estimators import Measured
 from slidax.performance import FixedTime
 from slidax.reaching import UncertaintyBound
 from slidax.robots import Scara, TwoLink
-from slidax.simulation import Plant, simulate
+from slidax.simulation import Plant, Run, simulate_batch
 from tests.paper import MOTION_4_1, MOTION_4_2, SCARA, TWO_LINK
 
 PERIODS = (1e-4, 2.5e-4, 5e-4, 1e-3, 2e-3, 4e-3)
@@ -87,25 +87,27 @@ def controller(arm: Arm, period: float, x: dict[str, jnp.ndarray]) -> SampledDat
         performance=FixedTime(x["initial"], jnp.minimum(x["final"], 0.5 * x["initial"].min()), x["deadline"], 2.01),
         overshoot=x["overshoot"],
         bound=UncertaintyBound(low, high, 12.0, 2.2, 2.8, 1.0),
-        **{k: x[k] for k in ("k0", "k1", "k2", "p", "q", "r", "delta", "layer")},
+        gain=x["k0"],
+        exponent=x["r"],
+        **{k: x[k] for k in ("k1", "k2", "p", "q", "delta", "layer")},
     )
     estimator = Measured(x["gain"])
     return sampled_data(law, period=period, horizon=x["horizon"], estimator=estimator)
 
 
-def run(arm: Arm, period: float, x: dict[str, jnp.ndarray], log_every: int | None = 1):
-    """One case, simulated; the run goes on outside the envelope.
+def runs(arm: Arm, period: float, numbers: dict[str, jnp.ndarray]) -> Run:
+    """All cases, simulated; the runs go on outside the envelope.
 
     - `arm`: whose.
     - `period`: h [s].
-    - `x`: the numbers of the case.
-    - `log_every`: as in `simulate`.
+    - `numbers`: of the cases.
     """
     reference = arm.motion.reference(jnp.zeros(()))
-    start = State(q=reference.q + x["error"], dq=reference.dq + x["speed"])
-    plant = Plant(arm.robot, Harmonic(x["amplitude"], x["frequency"], x["phase"]))
+
+    def define(x):
+        start = State(q=reference.q + x["error"], dq=reference.dq + x["speed"])
+        plant = Plant(arm.robot, Harmonic(x["amplitude"], x["frequency"], x["phase"]))
+        return plant, controller(arm, period, x), arm.motion, start
+
     t1 = round(T1 / period) * period
-    return simulate(
-        plant, controller(arm, period, x), arm.motion, start,
-        t1=t1, period=period, substeps=2, log_every=log_every, outside="recover",
-    )  # fmt: skip
+    return simulate_batch(define, numbers, t1=t1, period=period, substeps=2, log_every=1, outside="recover")

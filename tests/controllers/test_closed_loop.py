@@ -81,6 +81,6 @@ def test_the_signals_are_there_by_name(name):
 
 
 def test_the_recipe_has_the_defaults_of_table_1():
-    named = law_4_1(k0=0.1, k1=0.2, k2=0.6, p=0.5, q=1.2, r=1.2, delta=0.01, layer=0.05)
+    named = law_4_1(gain=0.1, k1=0.2, k2=0.6, p=0.5, q=1.2, exponent=1.2, delta=0.01, layer=0.05)
     for default, explicit in zip(jax.tree.leaves(law_4_1()), jax.tree.leaves(named), strict=True):
         np.testing.assert_array_equal(default, explicit)

@@ -103,7 +103,7 @@ def test_a_wrong_parameter_is_refused_by_field_rule_value_and_joint(make, field,
     ("make", "change"),
     [
         (ftsmc_4_1, {"k1": [1.0, 1.0, 1.0]}),
-        (ftsmc_4_1, {"k0": np.eye(3)}),
+        (ftsmc_4_1, {"gain": np.eye(3)}),
         (ftsmppc_4_1, {"overshoot": [0.2, 0.2, 0.2]}),
         (sfsmc_4_2, {"c1": [1.0, 1.0]}),
         (sfsmc_4_2, {"k1": [1.0, 1.0]}),

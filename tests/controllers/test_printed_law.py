@@ -99,7 +99,7 @@ def test_a_matrix_of_reaching_gains_acts_as_its_product():
     reference = Reference(q=jnp.zeros(2), dq=jnp.zeros(2), ddq=jnp.zeros(2))
 
     def tau(k0):
-        return command(law_4_1(k0=k0), jnp.asarray(1.0), state.q, state, reference)
+        return command(law_4_1(gain=k0), jnp.asarray(1.0), state.q, state, reference)
 
     diagonal, full = tau([0.5, 0.3]), tau(gain)
     s = np.asarray(full.signals["s"])

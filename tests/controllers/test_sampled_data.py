@@ -11,10 +11,9 @@ import numpy as np
 import pytest
 
 from slidax import metrics
-from slidax._errors import DefinitionError
-from slidax._types import Command, Reference, State
+from slidax._types import Reference, State
 from slidax.actuators import Actuator, TorqueLimits
-from slidax.controllers import AbstractController, ComputedTorque, Recovery, SampledData, cftsmppc, sampled_data
+from slidax.controllers import Recovery, cftsmppc, sampled_data
 from slidax.deploy.guarded_step import GuardedStep
 from slidax.disturbances import Constant
 from slidax.estimators import Measured
@@ -23,9 +22,9 @@ from slidax.reaching import UncertaintyBound
 from slidax.robots import AbstractRobot
 from slidax.scenarios import load
 from slidax.sensors import Delayed, Exact
-from slidax.simulation import Plant, simulate
+from slidax.simulation import Plant, simulate, simulate_batch
 from slidax.trajectories import Constant as Still
-from tests.paper import SCARA, START_4_1, law_4_1
+from tests.paper import START_4_1, law_4_1
 
 
 class FreeMass(AbstractRobot):
@@ -49,6 +48,9 @@ class FreeMass(AbstractRobot):
     def tip(self, q):
         return jnp.array([q[0], 0.0, 0.0])
 
+
+asked = eqx.filter_jit(lambda law, *given: law(*given))
+"""A law, compiled once for all tests that call it by itself."""
 
 BOUND = UncertaintyBound(0.9, 1.1, 12.0, 2.2, 2.8, 1.0)
 
@@ -197,9 +199,9 @@ def test_after_lost_samples_the_plan_is_made_anew_and_nothing_is_learnt_from_the
     state = State(q=jnp.array([0.1]), dq=jnp.array([0.0]))
     memory = law.init(jnp.asarray(0.0), state, still)
     for k in range(3):
-        memory = law(jnp.asarray(1e-3 * k), state, still, still, memory).memory
+        memory = asked(law, jnp.asarray(1e-3 * k), state, still, still, memory).memory
     moved = State(q=jnp.array([0.1]), dq=jnp.array([0.5]))
-    near, far = (law(jnp.asarray(t), moved, still, still, memory) for t in (3e-3, 23e-3))
+    near, far = (asked(law, jnp.asarray(t), moved, still, still, memory) for t in (3e-3, 23e-3))
     assert float(jnp.abs(near.memory.prior.push - memory.prior.push)[0]) > 1.0
     np.testing.assert_array_equal(far.memory.prior.push, memory.prior.push)
     np.testing.assert_array_equal(far.signals["residual"], 0.0)
@@ -227,10 +229,10 @@ def test_every_finite_measurement_has_a_finite_torque_within_the_limits(value):
     motion = load("example-4.1").trajectory
     now, ahead = motion.reference(jnp.asarray(0.0)), motion.reference(jnp.asarray(1e-3))
     memory = law.init(jnp.asarray(0.0), START_4_1, now)
-    memory = law(jnp.asarray(0.0), START_4_1, now, ahead, memory).memory
+    memory = asked(law, jnp.asarray(0.0), START_4_1, now, ahead, memory).memory
     for q, dq in ((value, 0.0), (0.3, value), (value, -value)):
         state = State(q=jnp.array([q, 0.2]), dq=jnp.array([0.1, dq]))
-        command = law(jnp.asarray(1e-3), state, now, ahead, memory)
+        command = asked(law, jnp.asarray(1e-3), state, now, ahead, memory)
         assert np.all(np.isfinite(command.tau)) and np.all(np.abs(command.tau) <= 60.0)
         assert all(np.all(np.isfinite(leaf)) for leaf in jax.tree.leaves(command.memory))
 
@@ -247,58 +249,16 @@ def test_from_two_hundred_starts_outside_the_envelope_all_are_back_inside_in_tim
     joint = rng.integers(n, size=cases)
     e[np.arange(cases), joint] = rng.choice([-1, 1], cases) * rng.uniform(1.05, 2.0, cases) * radius[joint]
 
-    @jax.jit
-    @jax.vmap
-    def run(q, dq):
-        finished = simulate(
-            scenario.plant, law, motion, State(q=q, dq=dq), t1=4.0, period=1e-3, substeps=4, log_every=None,
-            outside="recover",
-        )  # fmt: skip
-        return finished.excursion, finished.fault, finished.tally.peak_torque
-
-    excursion, fault, peak = run(reference.q + e, reference.dq + rng.uniform(-1, 1, (cases, n)))
-    assert np.all(np.asarray(fault.kind) == 0)
+    starts = State(q=reference.q + e, dq=reference.dq + rng.uniform(-1, 1, (cases, n)))
+    many = simulate_batch(
+        lambda start: (scenario.plant, law, motion, start), starts, t1=4.0, period=1e-3, substeps=4, outside="recover"
+    )
+    excursion, peak = many.excursion, many.tally.peak_torque
+    assert np.all(np.asarray(many.fault.kind) == 0)
     assert np.all(np.asarray(excursion.first) == 0)
     assert not np.any(excursion.outside)
     assert np.asarray(excursion.last).max() * 1e-3 < 2.0
     assert np.all(np.asarray(peak) <= np.asarray(law.limits.torque))
-
-
-def test_a_law_that_does_not_plan_has_no_horizon():
-    with pytest.raises(DefinitionError, match="`ComputedTorque` does not plan over a horizon; leave `horizon` out"):
-        sampled_data(ComputedTorque(SCARA, 100.0, 20.0), period=1e-3, horizon=0.01)
-    step = sampled_data(law_4_1(), period=1e-3).step
-    with pytest.raises(DefinitionError, match=r"`SampledData.horizon` must be given for a law that plans"):
-        SampledData(step, Measured(), TorqueLimits(), 1e-3)
-
-
-def test_a_law_without_a_nominal_robot_has_no_sampled_data_form():
-    class Blind(AbstractController):
-        @property
-        def joints(self):
-            return 2
-
-        def init(self, t, state, reference):
-            return ()
-
-        def __call__(self, t, state, reference_now, reference_next, memory):
-            return Command(tau=jnp.zeros(2), memory=memory, signals={})
-
-        def envelope(self, t, memory):
-            return None
-
-    with pytest.raises(DefinitionError, match="`Blind` has no `nominal` robot"):
-        sampled_data(Blind(), period=1e-3)
-
-
-def test_the_horizon_is_no_shorter_than_the_period():
-    with pytest.raises(DefinitionError, match=r"`SampledData.horizon` must be >= `period` = 0.001"):
-        sampled_data(law_4_1(), period=1e-3, horizon=5e-4)
-
-
-def test_an_estimator_for_other_joints_is_refused():
-    with pytest.raises(DefinitionError, match="`Measured` does not fit the 2 joints of TwoLink"):
-        sampled_data(law_4_1(), period=1e-3, estimator=Measured([0.1, 0.2, 0.3]))
 
 
 def test_a_run_is_differentiable_in_its_gains():

@@ -61,7 +61,7 @@ class Exported:
         }
         write_law(self.project, folder)
         (folder / "driver.c").write_text(DRIVER.format(p=self.project.prefix))
-        compiled(COMPILERS[0], folder, "slidax_law.c", "driver.c", "-shared", "-fPIC", "-O2", "-o", "law.so", "-lm")
+        compiled(COMPILERS[0], folder, "slidax_law.c", "driver.c", "-shared", "-fPIC", "-O1", "-o", "law.so", "-lm")
         self.library = ctypes.CDLL(str(folder / "law.so"))
 
     def parameters(self, guard: Any = None) -> np.ndarray:

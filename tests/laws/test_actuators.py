@@ -23,7 +23,7 @@ ACTUATORS: list[tuple[str, Actuator]] = [
 ]
 
 
-def delivered(actuator, commands=COMMANDS, period=PERIOD):
+def uncompiled(actuator, commands=COMMANDS, period=PERIOD):
     """What is set at each sample, and what is delivered at its start, in its middle and at its end."""
 
     def sample(memory, tau):
@@ -31,6 +31,10 @@ def delivered(actuator, commands=COMMANDS, period=PERIOD):
         return memory, (tau_set, [actuator.delivered(memory, share * period, period) for share in (0.0, 0.5, 1.0)])
 
     return jax.lax.scan(sample, actuator.init(jnp.zeros(2)), commands)[1]
+
+
+# One program serves all tests of a member.
+delivered = eqx.filter_jit(uncompiled)
 
 
 def assert_same(a, b, rtol=0.0):
@@ -41,21 +45,16 @@ def assert_same(a, b, rtol=0.0):
 @every("actuator", ACTUATORS)
 def test_compiled_and_eager_agree(actuator):
     with jax.disable_jit():
-        eager = delivered(actuator)
-    assert_same(eqx.filter_jit(delivered)(actuator), eager, rtol=1e-12)
+        eager = uncompiled(actuator)
+    assert_same(delivered(actuator), eager, rtol=1e-12)
 
 
 @every("actuator", ACTUATORS)
 def test_a_batch_over_parameters_and_commands_is_the_loop_over_them(actuator):
-    arrays, rest = eqx.partition(actuator, eqx.is_array)
-
-    def answer(factor):
-        varied = eqx.combine(jax.tree.map(lambda x: x * factor, arrays), rest)
-        return delivered(varied, factor * COMMANDS)
-
-    factors = jnp.array([0.5, 1.0, 2.0])
-    looped = [answer(factor) for factor in factors]
-    assert_same(jax.vmap(answer)(factors), jax.tree.map(lambda *parts: jnp.stack(parts), *looped), rtol=1e-12)
+    given = [jax.tree.map(lambda x, f=factor: x * f, (actuator, COMMANDS)) for factor in (0.5, 1.0, 2.0)]
+    looped = [delivered(*each) for each in given]
+    many, looped = (jax.tree.map(lambda *parts: jnp.stack(parts), *each) for each in (given, looped))
+    assert_same(eqx.filter_jit(jax.vmap(uncompiled))(*many), looped, rtol=1e-12)
 
 
 @every("actuator", ACTUATORS)
@@ -121,9 +120,10 @@ def test_whatever_is_commanded_the_torque_is_finite(actuator, size):
 
 @every("actuator", ACTUATORS)
 def test_gradients_by_parameters_commands_and_period_are_finite(actuator):
-    def total(given):
-        actuator, commands, period = given
-        return sum(jnp.sum(leaf) for leaf in jax.tree.leaves(delivered(actuator, commands, period)))
+    @eqx.filter_jit
+    @eqx.filter_grad
+    def gradients(given):
+        return sum(jnp.sum(leaf) for leaf in jax.tree.leaves(uncompiled(*given)))
 
-    found = eqx.filter_grad(total)((actuator, COMMANDS, PERIOD))
+    found = gradients((actuator, COMMANDS, PERIOD))
     assert all(np.all(np.isfinite(leaf)) for leaf in jax.tree.leaves(found))

@@ -25,9 +25,19 @@ MEASURED = arrays_of([0.5, -0.3], [1.0, 2.0])
 PRIOR = Estimate(state=arrays_of([0.49999, -0.3001], [1.01, 1.9]), push=jnp.array([3.0, -1.0]))
 
 
-def answer(estimator, measured=MEASURED, prior=PRIOR, elapsed=PERIOD, missed=False):
-    memory = estimator.init(arrays_of([0.499, -0.302], [1.0, 2.0]))
-    return estimator(measured, prior, elapsed, jnp.asarray(missed), memory)
+FIRST = arrays_of([0.499, -0.302], [1.0, 2.0])
+
+
+def uncompiled(estimator, measured=MEASURED, prior=PRIOR, elapsed=PERIOD, missed=False, first=FIRST):
+    return estimator(measured, prior, elapsed, jnp.asarray(missed), estimator.init(first))
+
+
+# One program serves all tests of a member.
+compiled = eqx.filter_jit(uncompiled)
+
+
+def answer(estimator, measured=MEASURED, prior=PRIOR, elapsed=PERIOD, missed=False, first=FIRST):
+    return compiled(estimator, measured, prior, elapsed, jnp.asarray(missed), first)
 
 
 def assert_same(a, b, rtol=0.0):
@@ -38,21 +48,20 @@ def assert_same(a, b, rtol=0.0):
 @every("estimator", ESTIMATORS)
 def test_compiled_and_eager_agree(estimator):
     with jax.disable_jit():
-        eager = answer(estimator)
-    assert_same(eqx.filter_jit(answer)(estimator), eager, rtol=1e-10)
+        eager = uncompiled(estimator)
+    assert_same(answer(estimator), eager, rtol=1e-10)
 
 
 @every("estimator", ESTIMATORS)
 def test_a_batch_over_parameters_is_the_loop_over_them(estimator):
-    arrays, rest = eqx.partition(estimator, eqx.is_array)
-    factors = jnp.array([0.25, 0.5, 1.0])
+    def single(estimator):
+        return followed(estimator, accelerated(jnp.array([400.0, -500.0])), 20)
 
-    def single(factor):
-        varied = eqx.combine(jax.tree.map(lambda x: x * factor, arrays), rest)
-        return followed(varied, accelerated(jnp.array([400.0, -500.0])), 20)
-
-    looped = jax.tree.map(lambda *parts: jnp.stack(parts), *[single(factor) for factor in factors])
-    assert_same(jax.vmap(single)(factors), looped, rtol=1e-8)
+    given = [jax.tree.map(lambda x, f=factor: x * f, estimator) for factor in (0.25, 0.5, 1.0)]
+    alone = eqx.filter_jit(single)
+    looped = jax.tree.map(lambda *parts: jnp.stack(parts), *[alone(each) for each in given])
+    many = eqx.filter_jit(jax.vmap(single))(jax.tree.map(lambda *parts: jnp.stack(parts), *given))
+    assert_same(many, looped, rtol=1e-8)
     assert np.all(np.ptp(looped.push, axis=0)[0] > 0)
 
 
@@ -87,9 +96,10 @@ def test_whatever_is_measured_the_estimate_is_finite(estimator, size, missed):
 
 @every("estimator", ESTIMATORS)
 def test_gradients_by_parameters_measurements_and_predictions_are_finite(estimator):
+    @eqx.filter_jit
     @eqx.filter_grad
     def gradients(given):
-        return sum(jnp.sum(leaf) for leaf in jax.tree.leaves(answer(*given)))
+        return sum(jnp.sum(leaf) for leaf in jax.tree.leaves(uncompiled(*given)))
 
     for residual in (0.0, 1e-12, 1.0):
         measured = State(q=PRIOR.state.q + residual, dq=PRIOR.state.dq)
@@ -108,7 +118,7 @@ def test_what_was_predicted_is_believed(estimator):
     """A measurement that agrees with the prediction changes nothing."""
     last = Estimate(state=arrays_of([0.2, 0.1], [1.0, -2.0]), push=jnp.array([3.0, -1.0]))
     prior = predicted(last, PERIOD)
-    found, _ = estimator(prior.state, prior, PERIOD, jnp.asarray(False), estimator.init(last.state))
+    found, _ = answer(estimator, prior.state, prior, first=last.state)
     assert_same(found.state, prior.state, rtol=1e-13)
     np.testing.assert_allclose(found.push, last.push, rtol=1e-9)
 
@@ -165,7 +175,7 @@ def test_after_a_gap_with_a_push_that_nobody_knew_the_velocity_is_nearer_than_th
     for elapsed in (jnp.asarray(0.002), jnp.asarray(0.02), jnp.asarray(0.5)):
         last = Estimate(state=true(jnp.asarray(0.5)), push=jnp.zeros(2))
         measured, prior = true(0.5 + elapsed), predicted(last, elapsed)
-        found, _ = estimator(measured, prior, elapsed, jnp.asarray(True), estimator.init(last.state))
+        found, _ = answer(estimator, measured, prior, elapsed, missed=True, first=last.state)
         before = np.abs(prior.state.dq - measured.dq)
         assert np.all(np.abs(found.state.dq - measured.dq) < before)
 

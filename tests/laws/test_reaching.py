@@ -1,5 +1,6 @@
 """What every reaching law must be: a push along s that vanishes with it, and a direction no longer than one."""
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -15,12 +16,17 @@ from tests.reaching.members import BOUNDS, REACHING
 S = jnp.asarray(np.random.default_rng(0).normal(size=(200, 2)) * np.logspace(-6, 2, 200)[:, None])
 
 
+@eqx.filter_jit
+def terms(reaching, s):
+    """The continuous term and the direction at each of the s."""
+    return jax.vmap(reaching.continuous_term)(s), jax.vmap(reaching.switching_direction)(s)
+
+
 @every("reaching", REACHING)
 def test_power_and_direction_push_along_s(reaching):
-    for part in (reaching.continuous_term, reaching.switching_direction):
-        pushed = np.asarray(jax.jit(jax.vmap(part))(S))
-        assert np.all(np.sum(np.asarray(S) * pushed, axis=1) > 0)
-        np.testing.assert_allclose(jax.vmap(part)(-S), -pushed, rtol=1e-13)
+    for pushed, opposite in zip(terms(reaching, S), terms(reaching, -S), strict=True):
+        assert np.all(np.sum(np.asarray(S) * np.asarray(pushed), axis=1) > 0)
+        np.testing.assert_allclose(opposite, -pushed, rtol=1e-13)
 
 
 # One saturates each joint by itself, so its direction is not that of s.
@@ -31,13 +37,13 @@ IMPLICIT = [(name, member) for name, member in REACHING if getattr(member, "gain
 
 @every("reaching", REACHING)
 def test_the_direction_is_no_longer_than_one(reaching):
-    direction = np.asarray(jax.vmap(reaching.switching_direction)(S))
+    direction = np.asarray(terms(reaching, S)[1])
     assert np.all(np.linalg.norm(direction, axis=1) <= 1 + 1e-15)
 
 
 @every("reaching", PARALLEL)
 def test_the_direction_is_parallel_to_s(reaching):
-    direction = np.asarray(jax.vmap(reaching.switching_direction)(S))
+    direction = np.asarray(terms(reaching, S)[1])
     cross = direction[:, 0] * np.asarray(S)[:, 1] - direction[:, 1] * np.asarray(S)[:, 0]
     np.testing.assert_allclose(cross, 0.0, atol=1e-14 * np.linalg.norm(S, axis=1).max())
 
@@ -65,8 +71,13 @@ STARTS = jnp.asarray(CHANCE.normal(size=(CASES, 2)) * 10 ** CHANCE.uniform(-8, 1
 SIZES = jnp.asarray(10 ** CHANCE.uniform(-1, 3, size=CASES))
 
 
-def implicit(reaching, metric=METRICS, s=STARTS, u=SIZES):
-    return np.asarray(jax.jit(jax.vmap(reaching.implicit))(metric, s, u))
+@eqx.filter_jit
+def steps(reaching, metric, s, u):
+    return jax.vmap(reaching.implicit)(metric, s, u)
+
+
+def implicit(reaching, s=STARTS):
+    return np.asarray(steps(reaching, METRICS, s, SIZES))
 
 
 @every("reaching", IMPLICIT)
@@ -74,17 +85,18 @@ def test_the_implicit_step_solves_its_equation_in_every_case(reaching):
     """`A (s⁺ - s) + P(s⁺) ∈ -u N(s⁺)`: to 1e-12 where N is single-valued, within its set where it is not."""
     after = implicit(reaching)
     push = np.asarray(jax.vmap(matvec)(METRICS, STARTS))
-    rest = push - np.asarray(jax.vmap(matvec)(METRICS, after) + jax.vmap(reaching.continuous_term)(after))
+    continuous, direction = terms(reaching, jnp.asarray(after))
+    rest = push - np.asarray(jax.vmap(matvec)(METRICS, after) + continuous)
     allowed = 1e-12 * (1 + np.linalg.norm(push, axis=1))
     if isinstance(reaching, SaturatedReaching):
         limit = np.asarray(SIZES)[:, None] * np.broadcast_to(reaching.weights, (2,))
         free = (after != 0) | (np.asarray(reaching.layer) > 0)
-        wanted = np.asarray(SIZES)[:, None] * np.asarray(jax.vmap(reaching.switching_direction)(after))
+        wanted = np.asarray(SIZES)[:, None] * np.asarray(direction)
         assert np.all(np.where(free, np.abs(rest - wanted), 0.0) <= allowed[:, None])
         assert np.all(np.where(free, 0.0, np.abs(rest) - limit) <= allowed[:, None])
         return
     stuck = np.all(after == 0, axis=1)
-    wanted = np.asarray(SIZES)[:, None] * np.asarray(jax.vmap(reaching.switching_direction)(after))
+    wanted = np.asarray(SIZES)[:, None] * np.asarray(direction)
     left = np.linalg.norm(rest - wanted, axis=1)
     assert np.all(left[~stuck] <= allowed[~stuck])
     assert np.all(np.linalg.norm(rest[stuck], axis=1) <= np.asarray(SIZES)[stuck])
@@ -114,19 +126,22 @@ def test_the_implicit_step_brings_any_two_starts_together_in_the_metric(reaching
     assert np.all(squared(after) <= squared(before) * (1 + 1e-9) + 1e-18)
 
 
+@eqx.filter_jit
+def slopes(reaching, metric, s, u):
+    """Of one step by s, u and the parameters of the law, each for both components."""
+    return jax.jacrev(lambda law, s, u: law.implicit(metric, s, u), argnums=(1, 2, 0))(reaching, s, u)
+
+
 @every("reaching", IMPLICIT)
 def test_the_derivative_of_the_implicit_step_is_that_of_the_solution(reaching):
     """Against differences, away from the kinks, where there are two."""
     metric, s, u = jnp.array([[300.0, 40.0], [40.0, 200.0]]), jnp.array([0.5, -0.4]), jnp.asarray(20.0)
-    step = jax.jit(lambda metric, s, u: reaching.implicit(metric, s, u))
-    slope_s, slope_u = jax.jacrev(step, argnums=(1, 2))(metric, s, u)
-    for i in range(2):
-        d = 1e-5 * jnp.eye(2)[i]
-        difference = (step(metric, s + d, u) - step(metric, s - d, u)) / 2e-5
-        np.testing.assert_allclose(slope_s[:, i], difference, rtol=1e-6, atol=1e-8)
-    difference = (step(metric, s, u + 1e-4) - step(metric, s, u - 1e-4)) / 2e-4
-    np.testing.assert_allclose(slope_u, difference, rtol=1e-6, atol=1e-9)
-    gradient = jax.jit(jax.grad(lambda law: jnp.sum(law.implicit(metric, s, u))))(reaching)
+    slope_s, slope_u, gradient = slopes(reaching, metric, s, u)
+    ds, du = 1e-5 * jnp.array([[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0], [0.0, 0.0], [0.0, 0.0]]), 1e-4
+    shifted = steps(reaching, jnp.stack([metric] * 6), s + ds, u + du * jnp.array([0.0, 0.0, 0.0, 0.0, 1.0, -1.0]))
+    by_s, by_s_too, by_u = np.asarray(shifted[::2] - shifted[1::2])
+    np.testing.assert_allclose(slope_s, np.stack([by_s, by_s_too], axis=1) / 2e-5, rtol=1e-6, atol=1e-8)
+    np.testing.assert_allclose(slope_u, by_u / 2e-4, rtol=1e-6, atol=1e-9)
     assert all(np.all(np.isfinite(leaf)) for leaf in jax.tree.leaves(gradient))
 
 
@@ -142,10 +157,11 @@ def test_a_bound_is_one_positive_number_that_no_torque_or_state_lessens(bound):
     least = bound(rest, jnp.zeros(2))
     assert least.shape == ()
     assert least > 0
+    compiled = eqx.filter_jit(type(bound).__call__)
     for q, dq, tau in np.random.default_rng(0).normal(size=(50, 3, 2)) * [[1.0], [2.0], [50.0]]:
         state = State(q=jnp.asarray(q), dq=jnp.asarray(dq))
         u = bound(state, jnp.asarray(tau))
         assert u >= least
-        np.testing.assert_allclose(jax.jit(type(bound).__call__)(bound, state, jnp.asarray(tau)), u, rtol=1e-14)
+        np.testing.assert_allclose(compiled(bound, state, jnp.asarray(tau)), u, rtol=1e-14)
     gradients = jax.grad(lambda bound, state, tau: bound(state, tau), argnums=(0, 1, 2))(bound, rest, jnp.zeros(2))
     assert all(np.all(np.isfinite(leaf)) for leaf in jax.tree.leaves(gradients))

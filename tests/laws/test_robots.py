@@ -1,80 +1,99 @@
-"""What every robot must be: a rigid arm whose matrices belong together."""
+"""What every robot must be: a rigid arm whose matrices belong together.
 
+All that is compared of one arm is compiled at once, in `mechanics`.
+"""
+
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+import pytest
 
 from slidax._types import State
 from tests.enrolled import every
-from tests.robots.members import LIKE_PANDA, ROBOTS
+from tests.robots.members import LIKE_TREE, ROBOTS
 
 SAMPLES = 200
+EVERY = every("robot", ROBOTS, full=LIKE_TREE, scope="module")
 
 
-def random_states(robot, seed=0):
-    rng = np.random.default_rng(seed)
+def random_states(robot):
+    """Positions, velocities and torques."""
     shape = (SAMPLES, robot.joints)
-    return jnp.asarray(rng.uniform(-np.pi, np.pi, shape)), jnp.asarray(rng.normal(size=shape) * 2.0)
+    rng = np.random.default_rng(0)
+    q, dq = rng.uniform(-np.pi, np.pi, shape), rng.normal(size=shape) * 2.0
+    return jnp.asarray(q), jnp.asarray(dq), jnp.asarray(np.random.default_rng(3).normal(size=shape) * 10.0)
 
 
-@every("robot", ROBOTS, full=LIKE_PANDA)
-def test_inertia_is_symmetric_and_positive_definite(robot):
-    q, _ = random_states(robot)
-    mass = np.asarray(jax.jit(jax.vmap(robot.mass))(q))
+@eqx.filter_jit
+def mechanics(robot, q, dq, tau):
+    def at(q, dq, tau):
+        state = State(q, dq)
+        mass, mass_rate = jax.jvp(robot.mass, (q,), (dq,))
+        acceleration = robot.acceleration(state, tau)
+        return {
+            "mass": mass,
+            "mass_rate": mass_rate,
+            "coriolis": robot.coriolis(q, dq),
+            "bias": robot.bias(q, dq),
+            "gravity": robot.gravity(q),
+            "potential_slope": jax.grad(robot.potential)(q),
+            "acceleration": acceleration,
+            "energy_rate": jax.jvp(robot.energy, (state,), (State(q=dq, dq=acceleration),))[1],
+            "tip": robot.tip(q),
+        }
+
+    return jax.vmap(at)(q, dq, tau)
+
+
+@pytest.fixture(scope="module")
+def states(robot):
+    return random_states(robot)
+
+
+@pytest.fixture(scope="module")
+def found(robot, states):
+    return jax.tree.map(np.asarray, mechanics(robot, *states))
+
+
+@EVERY
+def test_inertia_is_symmetric_and_positive_definite(robot, found):
+    mass = found["mass"]
     np.testing.assert_allclose(mass, mass.swapaxes(1, 2), rtol=0, atol=1e-14)
     assert np.linalg.eigvalsh(mass).min() > 0
 
 
-@every("robot", ROBOTS, full=LIKE_PANDA)
-def test_the_rate_of_inertia_less_twice_coriolis_is_skew(robot):
-    q, dq = random_states(robot)
-
-    def defect(q, dq):
-        mass_rate = jax.jvp(robot.mass, (q,), (dq,))[1]
-        return mass_rate - 2.0 * robot.coriolis(q, dq)
-
-    n = np.asarray(jax.jit(jax.vmap(defect))(q, dq))
+@EVERY
+def test_the_rate_of_inertia_less_twice_coriolis_is_skew(robot, found):
+    n = found["mass_rate"] - 2.0 * found["coriolis"]
     np.testing.assert_allclose(n, -n.swapaxes(1, 2), rtol=0, atol=1e-12)
     assert np.abs(n).max() > 1e-3
 
 
-@every("robot", ROBOTS, full=LIKE_PANDA)
-def test_the_bias_is_coriolis_times_velocity_plus_gravity(robot):
-    q, dq = random_states(robot)
-    bias = jax.jit(jax.vmap(robot.bias))(q, dq)
-    parts = jax.jit(jax.vmap(lambda q, dq: robot.coriolis(q, dq) @ dq + robot.gravity(q)))(q, dq)
-    np.testing.assert_allclose(bias, parts, rtol=1e-12, atol=1e-12)
+@EVERY
+def test_the_bias_is_coriolis_times_velocity_plus_gravity(robot, states, found):
+    parts = np.einsum("kij,kj->ki", found["coriolis"], states[1]) + found["gravity"]
+    np.testing.assert_allclose(found["bias"], parts, rtol=1e-12, atol=1e-12)
 
 
-@every("robot", ROBOTS, full=LIKE_PANDA)
-def test_gravity_is_the_gradient_of_the_potential(robot):
-    q, _ = random_states(robot)
-    np.testing.assert_allclose(
-        jax.jit(jax.vmap(robot.gravity))(q), jax.jit(jax.vmap(jax.grad(robot.potential)))(q), rtol=1e-12, atol=1e-12
-    )
+@EVERY
+def test_gravity_is_the_gradient_of_the_potential(robot, found):
+    np.testing.assert_allclose(found["gravity"], found["potential_slope"], rtol=1e-12, atol=1e-12)
 
 
-@every("robot", ROBOTS, full=LIKE_PANDA)
-def test_the_acceleration_solves_the_equation_of_motion(robot):
-    q, dq = random_states(robot)
-    tau = jnp.asarray(np.random.default_rng(3).normal(size=q.shape) * 10.0)
-    ddq = jax.jit(jax.vmap(lambda q, dq, tau: robot.acceleration(State(q, dq), tau)))(q, dq, tau)
-    back = jax.jit(jax.vmap(lambda q, dq, ddq: robot.mass(q) @ ddq + robot.bias(q, dq)))(q, dq, ddq)
-    np.testing.assert_allclose(back, tau, rtol=1e-10, atol=1e-10)
+@EVERY
+def test_the_acceleration_solves_the_equation_of_motion(robot, states, found):
+    back = np.einsum("kij,kj->ki", found["mass"], found["acceleration"]) + found["bias"]
+    np.testing.assert_allclose(back, states[2], rtol=1e-10, atol=1e-10)
 
 
-@every("robot", ROBOTS, full=LIKE_PANDA)
-def test_power_in_is_the_rate_of_energy(robot):
-    q, dq = random_states(robot)
-    tau = jnp.asarray(np.random.default_rng(4).normal(size=q.shape) * 10.0)
-
-    def balance(q, dq, tau):
-        rate = State(q=dq, dq=robot.acceleration(State(q, dq), tau))
-        return jax.jvp(robot.energy, (State(q, dq),), (rate,))[1] - jnp.dot(tau, dq)
-
-    np.testing.assert_allclose(jax.jit(jax.vmap(balance))(q, dq, tau), 0.0, atol=1e-9)
+@EVERY
+def test_power_in_is_the_rate_of_energy(robot, states, found):
+    _, dq, tau = states
+    np.testing.assert_allclose(found["energy_rate"], np.sum(tau * dq, axis=1), rtol=0, atol=1e-9)
 
 
+@eqx.filter_jit
 def moved_freely(robot, start, span, steps):
     """By the classical Runge-Kutta method, whose stages are a loop here: it is compiled four times faster so."""
     h = span / steps
@@ -88,12 +107,18 @@ def moved_freely(robot, start, span, steps):
         slope = rate(jax.tree.map(lambda x, k: x + ahead * h * k, state, last))
         return (state, jax.tree.map(lambda x, k: x + weight * h * k, total, slope), slope), None
 
-    def step(state, _):
+    def step(_, state):
         still = jax.tree.map(jnp.zeros_like, state)
         weights = jnp.asarray([0.0, 0.5, 0.5, 1.0]), jnp.asarray([1.0, 2.0, 2.0, 1.0]) / 6.0
-        return jax.lax.scan(stage, (state, state, still), weights)[0][1], None
+        return jax.lax.scan(stage, (state, state, still), weights)[0][1]
 
-    return jax.jit(lambda state: jax.lax.scan(step, state, None, length=steps)[0])(start)
+    return jax.lax.fori_loop(0, steps, step, start)
+
+
+@eqx.filter_jit
+def energies(robot, states):
+    """Of some states: all of it, and that of the position alone."""
+    return jax.vmap(robot.energy)(states), jax.vmap(robot.potential)(states.q)
 
 
 def a_start(robot):
@@ -101,25 +126,20 @@ def a_start(robot):
     return State(q=jnp.asarray(rng.normal(size=robot.joints)), dq=jnp.asarray(rng.normal(size=robot.joints)))
 
 
-@every("robot", ROBOTS, full=LIKE_PANDA)
+@EVERY
 def test_an_unforced_arm_keeps_its_energy_to_the_integrators_order(robot):
     start = a_start(robot)
-
-    @jax.jit
-    def drift(start, ends):
-        energy = robot.energy(start)
-        moving = jax.vmap(robot.energy)(ends) - jax.vmap(robot.potential)(ends.q)
-        return jnp.abs(jax.vmap(robot.energy)(ends) - energy), jnp.maximum(jnp.abs(energy), jnp.max(moving))
-
-    ends = [moved_freely(robot, start, 10.0, steps) for steps in (20_000, 40_000)]
-    (coarse, fine), size = drift(start, jax.tree.map(lambda *x: jnp.stack(x), *ends))
-    scale = max(1.0, float(size))
+    # The number of steps is an array, or each number would be compiled by itself.
+    ends = [moved_freely(robot, start, jnp.asarray(5.0), jnp.asarray(steps)) for steps in (10_000, 20_000)]
+    energy, potential = energies(robot, jax.tree.map(lambda *x: jnp.stack(x), start, *ends))
+    coarse, fine = np.abs(energy[1:] - energy[0])
+    scale = max(1.0, float(np.abs(energy[0])), float(np.max(energy[1:] - potential[1:])))
     assert abs(float(ends[1].q[0] - start.q[0])) > 0.1
     assert fine < 1e-6 * scale
     assert fine < coarse / 2**3.5 or fine < 1e-10 * scale
 
 
-@every("robot", ROBOTS, full=LIKE_PANDA)
+@EVERY
 def test_units_fit_the_joints(robot):
     assert len(robot.joint_units) == robot.joints
     assert set(robot.joint_units) <= {"rad", "m"}
@@ -127,24 +147,27 @@ def test_units_fit_the_joints(robot):
     assert robot.torque_units == expected
 
 
-@every("robot", ROBOTS, full=LIKE_PANDA)
-def test_the_arm_looks_the_same_after_a_full_turn(robot):
-    q, _ = random_states(robot)
+@EVERY
+def test_the_arm_looks_the_same_after_a_full_turn(robot, states, found):
+    q, dq, tau = states
     turn = jnp.asarray([2 * np.pi if unit == "rad" else 0.0 for unit in robot.joint_units])
-    np.testing.assert_allclose(jax.jit(jax.vmap(robot.tip))(q + turn), jax.jit(jax.vmap(robot.tip))(q), atol=1e-13)
-    np.testing.assert_allclose(jax.jit(jax.vmap(robot.mass))(q + turn), jax.jit(jax.vmap(robot.mass))(q), atol=1e-12)
+    turned = mechanics(robot, q + turn, dq, tau)
+    np.testing.assert_allclose(turned["tip"], found["tip"], atol=1e-13)
+    np.testing.assert_allclose(turned["mass"], found["mass"], atol=1e-12)
 
 
-@every("robot", ROBOTS, full=LIKE_PANDA)
+@eqx.filter_jit
+@jax.grad
+def effect_of_parameters(robot):
+    n = robot.joints
+    return jnp.sum(robot.acceleration(State(jnp.ones(n), jnp.ones(n)), jnp.arange(1.0, n + 1.0)))
+
+
+@EVERY
 def test_every_parameter_of_the_robot_is_a_differentiable_leaf(robot):
     leaves = jax.tree.leaves(robot)
     assert leaves
     assert all(isinstance(leaf, jax.Array) and leaf.dtype == float for leaf in leaves)
-    n = robot.joints
-
-    def effect(robot):
-        return jnp.sum(robot.acceleration(State(jnp.ones(n), jnp.ones(n)), jnp.arange(1.0, n + 1.0)))
-
-    gradient = jax.tree.leaves(jax.grad(effect)(robot))
+    gradient = jax.tree.leaves(effect_of_parameters(robot))
     assert all(np.all(np.isfinite(leaf)) for leaf in gradient)
     assert any(np.any(np.asarray(leaf) != 0) for leaf in gradient)

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
+import equinox as eqx
 import numpy as np
 import pytest
 
+from slidax.actuators import TorqueLimits
 from slidax.controllers import SampledData
 from slidax.scenarios import catalogue, load
 from slidax.simulation import Run
@@ -25,8 +27,11 @@ GAINS: dict[tuple[str, str], dict[str, Any]] = {
     },
 }
 
-LAG = {"gravity_pd": 0.1}
+LAG = {"gravity_pd": 0.01}
 """The steady error that a scheme may have [rad or m]: this one does not know the motion's torques."""
+
+COMPENSATED = {"two_link": 2e-5, "scara": 1e-4, "panda": 1e-3}
+"""The steady error that is left where the disturbance is estimated and made up for [rad or m]."""
 
 SCHEMES = [name for name in catalogue()["schemes"] if name != "sliding_mode"]
 """All but the one without parts of its own."""
@@ -50,16 +55,16 @@ def gains(arm: str, scheme: str) -> dict[str, Any]:
     return {"scheme.name": scheme} | {f"scheme.{name}": value for name, value in GAINS.get((arm, scheme), {}).items()}
 
 
-def assert_settled(run: Run, scheme: str, share: float) -> None:
-    """Finite to the end, inside the envelope where one is promised, and else small over the last share of the time."""
+def assert_settled(run: Run, error: float) -> None:
+    """Finite to the end, inside the envelope where one is promised, and the error small over the last tenth."""
     assert run.outcome.kind == "ok", run.outcome.message
     log = run.log
     for leaf in (log.tau, log.state.q, log.state.dq, *log.signals.values()):
         assert np.all(np.isfinite(leaf))
     if log.envelope is not None:
         assert np.all((log.envelope.lower < log.e) & (log.e < log.envelope.upper))
-    last = np.abs(log.e[-round(share * len(log.t)) :]).max(0)
-    assert np.all(last < LAG.get(scheme, 0.01)), last
+    last = np.abs(log.e[-len(log.t) // 10 :]).max(0)
+    assert np.all(last < error), last
 
 
 @pytest.mark.parametrize(("arm", "scheme"), pairs())
@@ -72,8 +77,10 @@ def test_at_the_arms_rate_it_settles_within_its_limits_also_after_lost_samples(a
         changes |= {"scheme.sampled_data": {}}
     scenario = load(name, {**changes, **gains(arm, scheme)})
     assert isinstance(scenario.controller, SampledData)
-    run = scenario.simulate(progress=False)
-    assert_settled(run, scheme, 0.1)
+    # The drives would take any torque: it is the law that keeps the limits.
+    plant = eqx.tree_at(lambda plant: plant.actuator.limits, scenario.plant, TorqueLimits())
+    run = scenario.replace(plant=plant).simulate(progress=False)
+    assert_settled(run, LAG.get(scheme, COMPENSATED[arm]))
     tau, limits = np.asarray(run.log.tau), scenario.controller.limits
     assert np.all(np.abs(tau) <= np.asarray(limits.torque))
     steps = np.abs(np.diff(tau, axis=0))
@@ -91,8 +98,8 @@ def test_as_it_is_printed_it_settles_on_the_arm_that_it_is_made_for(arm, scheme)
             "scheme.sampled_data": None,
             "simulation.period": 1e-4,
             "simulation.substeps": 1,
-            "simulation.t1": 2.0,
+            "simulation.t1": 3.0,
             **{"robot.plant": {}, "actuator": {}, "sensor": {}},
         }
     run = load(ARMS[arm], {**changes, **gains(arm, scheme)}).simulate(progress=False)
-    assert_settled(run, scheme, 0.1)
+    assert_settled(run, 0.01)

@@ -1,5 +1,6 @@
 """What every transformation must be: an envelope made into a line, and a rate that is the true rate."""
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -23,25 +24,22 @@ def along(transformation, memory, t):
     return transformation(t, e, de, memory)
 
 
+@eqx.filter_jit
+def errors_and_rate(transformation, memory, t):
+    """The first error with its derivative, and the second error."""
+    first = jax.jvp(lambda t: along(transformation, memory, t).eps1, (t,), (jnp.ones_like(t),))
+    return first, along(transformation, memory, t).eps2
+
+
 @every("transformation", TRANSFORMATIONS)
 @pytest.mark.parametrize("start", STARTS)
 def test_the_second_error_is_the_time_derivative_of_the_first_along_any_motion(transformation, start):
-    memory = transformation.init(jnp.asarray(0.0), start)
-
-    @jax.jit
-    def true_rate(t):
-        return jax.jvp(lambda t: along(transformation, memory, t).eps1, (t,), (jnp.ones_like(t),))[1]
-
-    @jax.jit
-    def both(t):
-        error = along(transformation, memory, t)
-        return error.eps1, error.eps2
-
+    memory, h = transformation.init(jnp.asarray(0.0), start), 1e-6
     for t in (0.0, 0.4, 0.9):
-        h = 1e-6
-        difference = (both(t + h)[0] - both(t - h)[0]) / (2 * h)
-        np.testing.assert_allclose(both(t)[1], true_rate(t), rtol=1e-11, atol=1e-11)
-        np.testing.assert_allclose(both(t)[1], difference, rtol=1e-6, atol=1e-7)
+        (_, true_rate), rate = errors_and_rate(transformation, memory, jnp.asarray(t))
+        after, before = (errors_and_rate(transformation, memory, jnp.asarray(t + d))[0][0] for d in (h, -h))
+        np.testing.assert_allclose(rate, true_rate, rtol=1e-11, atol=1e-11)
+        np.testing.assert_allclose(rate, (after - before) / (2 * h), rtol=1e-6, atol=1e-7)
 
 
 @every("transformation", TRANSFORMATIONS)
@@ -60,18 +58,25 @@ def test_the_rate_of_alpha_is_its_derivative(transformation):
         np.testing.assert_allclose(given, true, rtol=1e-11)
 
 
+@eqx.filter_jit
+def transformed(transformation, start, shares):
+    """The transformed errors between the lower bound, 0, and the upper one, 1."""
+    memory, t = transformation.init(jnp.asarray(0.0), start), jnp.asarray(0.5)
+    envelope = transformation.envelope(t, memory)
+
+    def eps(share):
+        e = envelope.lower + share * (envelope.upper - envelope.lower)
+        return transformation(t, e, jnp.zeros(2), memory).eps1
+
+    return jax.vmap(eps)(shares)
+
+
 @every("transformation", ENVELOPED)
 @pytest.mark.parametrize("start", STARTS)
 def test_errors_at_the_bounds_go_to_plus_and_minus_infinity(transformation, start):
-    memory = transformation.init(jnp.asarray(0.0), start)
-    t, de = jnp.asarray(0.5), jnp.zeros(2)
-    envelope = transformation.envelope(t, memory)
-    width = envelope.upper - envelope.lower
-
-    def eps(share):
-        return np.asarray(transformation(t, envelope.lower + share * width, de, memory).eps1)
-
-    grid = np.array([eps(share) for share in (1e-12, 1e-6, 0.1, 0.3, 0.7, 0.9, 1 - 1e-6, 1 - 1e-12)])
+    grid = np.asarray(
+        transformed(transformation, start, jnp.array([1e-12, 1e-6, 0.1, 0.3, 0.7, 0.9, 1 - 1e-6, 1 - 1e-12]))
+    )
     assert np.all(np.diff(grid, axis=0) > 0)
     assert np.all(grid[0] < -20)
     assert np.all(grid[-1] > 20)
@@ -114,13 +119,15 @@ def test_alpha_is_not_negative_and_beta_exceeds_twice_the_inverse_radius(transfo
 def test_all_gains_have_finite_gradients_also_at_zero_error(transformation):
     assert all(isinstance(leaf, jax.Array) and leaf.dtype == float for leaf in jax.tree.leaves(transformation))
 
-    def total(transformation, t):
+    @jax.jit
+    @jax.grad
+    def gradients(transformation, t):
         memory = transformation.init(jnp.asarray(0.0), STARTS[0])
         error = transformation(t, jnp.zeros(2), jnp.zeros(2), memory)
         return sum(jnp.sum(leaf) for leaf in jax.tree.leaves(error))
 
     for t in (0.0, 1.0, 5.0, 50.0):
-        gradient = jax.jit(jax.grad(total))(transformation, jnp.asarray(t))
+        gradient = gradients(transformation, jnp.asarray(t))
         assert all(np.all(np.isfinite(leaf)) for leaf in jax.tree.leaves(gradient))
 
 

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import importlib
 import json
 import re
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -17,17 +19,30 @@ from slidax.papers.cftsmppc.bounds import inverse_inertia, settling_bound
 from slidax.papers.cftsmppc.numbers import Row
 from slidax.papers.cftsmppc.printed import TABLE_3
 from slidax.papers.cftsmppc.results import counts, plain
+from slidax.papers.cftsmppc.runs import Runs
 from slidax.papers.cftsmppc.verdicts import compare
-from slidax.reports import typeset
+from slidax.reports import Picture, typeset
+
+# The module and not the function of this name.
+REPRODUCE = importlib.import_module("slidax.papers.cftsmppc.reproduce")
+DRAWN: dict[str, Picture] = {}
+"""The figures of `made`."""
 
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any], list[tuple[str, float]]]:
     out = tmp_path_factory.mktemp("reproduction") / "new"
     told: list[tuple[str, float]] = []
-    results = cftsmppc.reproduce(
-        out, progress=lambda stage, done: told.append((stage, done)), changes={"simulation.t1": 1.0}
-    )
+
+    def draw(runs: Runs, folder: Path, draw: Callable = REPRODUCE.draw) -> dict[str, Picture]:
+        DRAWN.update(draw(runs, folder))
+        return DRAWN
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(REPRODUCE, "draw", draw)
+        results = cftsmppc.reproduce(
+            out, progress=lambda stage, done: told.append((stage, done)), changes={"simulation.t1": 1.0}
+        )
     return out, results, told
 
 
@@ -109,8 +124,15 @@ def test_the_counts_are_those_of_the_verdicts(made) -> None:
         assert sum(kinds.values()) == len(items)
 
 
-@pytest.mark.parametrize("disturbance", ["stated", pytest.param("off", marks=pytest.mark.full)])
-def test_one_reading_of_the_disturbance_makes_a_page_too(made, tmp_path: Path, disturbance: str) -> None:
+FULL = pytest.mark.full
+READINGS = [("stated", False), pytest.param("stated", True, marks=FULL), pytest.param("off", True, marks=FULL)]
+
+
+@pytest.mark.parametrize(("disturbance", "drawn"), READINGS)
+def test_one_reading_of_the_disturbance_makes_a_page_too(made, tmp_path, monkeypatch, disturbance, drawn) -> None:
+    """With the figures of `made` every day: they are of the first reading there, too."""
+    if not drawn:
+        monkeypatch.setattr(REPRODUCE, "draw", lambda runs, folder: DRAWN)
     results = cftsmppc.reproduce(tmp_path, disturbance, changes={"simulation.t1": 1.0})
     assert list(results["readings"]) == [disturbance]
     for one, both in zip(results["numbers"], made[1]["numbers"], strict=True):

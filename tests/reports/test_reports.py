@@ -7,10 +7,11 @@ from pathlib import Path
 
 import equinox as eqx
 import pytest
+from ruamel.yaml import YAML
 
 from slidax import scenarios
 from slidax.reports import significant, tip_paths, typeset, write_run_report
-from slidax.reports.parameters import as_yaml
+from slidax.reports.parameters import as_yaml, parameters
 
 
 @pytest.mark.parametrize(
@@ -116,3 +117,15 @@ def test_the_tip_follows_the_joints() -> None:
     assert run.log is not None
     assert actual.shape == desired.shape == (len(run.log.t), 3)
     assert actual[0] == pytest.approx(scenario.plant.robot.tip(scenario.state0.q))
+
+
+def test_what_the_file_leaves_out_is_shown_with_the_value_that_the_law_has() -> None:
+    scenario = scenarios.load("example-4.1-1khz")
+    assert "horizon" not in as_yaml(scenario.description)
+    law = scenario.controller
+    shown = YAML(typ="safe").load(parameters(scenario)["The law with all its values"])
+    assert shown["horizon"] == float(law.horizon) == 0.012
+    assert shown["estimator"] == {
+        "kind": "Measured",
+        **{name: float(getattr(law.estimator, name)) for name in ("gain", "trend", "ahead")},
+    }

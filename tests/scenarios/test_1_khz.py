@@ -5,6 +5,7 @@ With 20 % model error, torque and rate limits and a period of delay. The bounds 
 
 from __future__ import annotations
 
+import itertools
 from functools import cache
 from typing import Any
 
@@ -21,6 +22,10 @@ TWO_LINK, SCARA = "example-4.1-1khz", "example-4.2-1khz"
 ACCURACY = {TWO_LINK: 3e-6, SCARA: 5e-6}
 SMOOTHNESS = {TWO_LINK: 0.5, SCARA: 0.01}
 BOTH = pytest.mark.parametrize("name", [TWO_LINK, SCARA])
+IN_FULL = {name: pytest.param(name, marks=pytest.mark.full) for name in (TWO_LINK, SCARA)}
+# Both in the long version, by turns one of them every day.
+TWO_LINK_DAILY = pytest.mark.parametrize("name", [TWO_LINK, IN_FULL[SCARA]])
+SCARA_DAILY = pytest.mark.parametrize("name", [IN_FULL[TWO_LINK], SCARA])
 
 
 def simulated(name: str, **changes: Any) -> tuple[Scenario, Run]:
@@ -55,16 +60,22 @@ def test_at_1_khz_the_envelope_is_kept_with_a_small_error_and_a_smooth_torque(na
     assert largest(run.tally.max_step) <= float(limits.rate) * 1e-3 * (1 + 1e-9)
 
 
-@BOTH
+@SCARA_DAILY
 def test_at_500_hz_the_envelope_is_kept(name: str) -> None:
     assert_never_outside(simulated(name, simulation__period=2e-3)[1])
 
 
-@BOTH
-@pytest.mark.parametrize("delay", [0, 1])
-@pytest.mark.parametrize(("period", "t1"), [(0.01, 10.0), (0.011, 9.9)])
-def test_at_100_hz_and_just_beside_it_the_envelope_is_kept(name: str, delay: int, period: float, t1: float) -> None:
+DAILY_SLOW = ((TWO_LINK, 1, 0.011), (SCARA, 0, 0.01))
+SLOW = [
+    pytest.param(name, delay, period, marks=[] if (name, delay, period) in DAILY_SLOW else [pytest.mark.full])
+    for name, delay, period in itertools.product((TWO_LINK, SCARA), (0, 1), (0.01, 0.011))
+]
+
+
+@pytest.mark.parametrize(("name", "delay", "period"), SLOW)
+def test_at_100_hz_and_just_beside_it_the_envelope_is_kept(name: str, delay: int, period: float) -> None:
     """At exactly 100 Hz the disturbance's own 100 Hz are not seen by the samples; at 11 ms they are."""
+    t1 = 10.0 if period == 0.01 else 9.9
     changes = {"simulation__period": period, "simulation__t1": t1, "simulation__substeps": 50, "sensor__delay": delay}
     assert_never_outside(simulated(name, **changes)[1])
 
@@ -79,13 +90,13 @@ def test_with_encoders_alone_the_envelope_is_kept_and_the_torque_is_smooth(final
     assert largest(metrics.steady_torque_step_rms(run)) <= 0.1
 
 
-@BOTH
+@TWO_LINK_DAILY
 @pytest.mark.parametrize("start", [0.5, 8.0])
 def test_twenty_lost_samples_do_not_lead_outside(name: str, start: float) -> None:
     assert_never_outside(simulated(name, sensor__loss__outages=[{"start": start, "samples": 20}])[1])
 
 
-@BOTH
+@SCARA_DAILY
 def test_with_encoders_alone_and_every_twentieth_sample_lost_the_envelope_is_kept(name: str) -> None:
     changes = {"sensor__resolution": 1e-5, "sensor__velocity": "differenced", "sensor__loss__probability": 0.05}
     run = simulated(name, **changes)[1]
@@ -125,8 +136,16 @@ def test_after_a_push_while_sixty_samples_are_lost_the_arm_recovers(name: str, p
     assert largest(np.abs(error)) <= ACCURACY[name]
 
 
-@BOTH
-@pytest.mark.parametrize("scheme", ["ftsmc", "ftsmppc", "sfsmc", "sfsmppc", "slotine_li", "slotine_li_ppc"])
+OTHERS = ("ftsmc", "ftsmppc", "sfsmc", "sfsmppc", "slotine_li", "slotine_li_ppc")
+DAILY_OTHERS = ((TWO_LINK, "ftsmppc"), (SCARA, "sfsmc"))
+EVERY_OTHER = [
+    pytest.param(name, scheme, marks=[] if (name, scheme) in DAILY_OTHERS else [pytest.mark.full])
+    for name, scheme in itertools.product((TWO_LINK, SCARA), OTHERS)
+]
+"""All of them in the long version; every day, `tests/laws/test_schemes.py` has each on one of the arms."""
+
+
+@pytest.mark.parametrize(("name", "scheme"), EVERY_OTHER)
 def test_the_other_schemes_in_this_form_settle_too(name: str, scheme: str) -> None:
     run = simulated(name, scheme__name=scheme)[1]
     assert run.outcome.ok, run.outcome.message
@@ -137,7 +156,7 @@ def test_the_other_schemes_in_this_form_settle_too(name: str, scheme: str) -> No
         assert_never_outside(run)
 
 
-@BOTH
+@TWO_LINK_DAILY
 def test_the_printed_law_at_this_rate_does_not_hold_the_envelope(name: str) -> None:
     """What the form is for: the same law, limits and delay, without it."""
     run = scenarios.load(name, {"scheme.sampled_data": None}).simulate(log_every=None, progress=False)

@@ -96,8 +96,8 @@ def test_a_printed_law_too_can_have_a_sensor_and_an_actuator() -> None:
 
 
 def test_the_files_word_on_what_happens_outside_is_what_the_run_does() -> None:
-    assert scenarios.load("example-4.1").outside == "raise"
-    assert scenarios.load(NAME).outside == "recover"
+    assert scenarios.load("example-4.1").stepping.outside == "raise"
+    assert scenarios.load(NAME).stepping.outside == "recover"
     start = {"start.q": [5.0, 5.0], "simulation.t1": 0.01}
     assert scenarios.load(NAME, start).simulate(log_every=None).outcome.kind == "left_envelope"
     with pytest.raises(DefinitionError, match="must start inside the envelope"):
@@ -111,3 +111,34 @@ def test_the_same_seed_gives_the_same_run_and_another_one_another() -> None:
 
     np.testing.assert_array_equal(aice(1), aice(1))
     assert np.any(np.asarray(aice(1)) != np.asarray(aice(2)))
+
+
+@pytest.mark.parametrize(
+    ("flat", "instrument"),
+    [
+        (
+            {"resolution": 1e-4, "velocity_noise": 1e-3},
+            {"kind": "encoders", "resolution": 1e-4, "velocity_noise": 1e-3},
+        ),
+        (
+            {"resolution": 1e-5, "velocity": "differenced"},
+            {"kind": "differenced_encoders", "resolution": 1e-5, "cutoff": 600.0},
+        ),
+    ],
+)
+def test_a_sensor_by_its_kind_is_the_one_that_the_short_fields_describe(flat: Any, instrument: Any) -> None:
+    """With the law's own estimator, which goes by what is measured and how well."""
+    block = {"delay": 1.0, "loss": {"probability": 0.01}}
+    one, other = (
+        scenarios.load("example-4.1-1khz", {"sensor": {**said, **block}}) for said in (flat, {"instrument": instrument})
+    )
+    assert eqx.tree_equal(one.plant.sensor, other.plant.sensor)
+    assert eqx.tree_equal(one.controller, other.controller)
+
+
+def test_encoders_and_another_sensor_are_not_both_described() -> None:
+    sensor = {"resolution": 1e-5, "instrument": {"kind": "exact"}}
+    with pytest.raises(
+        DefinitionError, match=r"^sensor.resolution: describes encoders, and `instrument` another sensor"
+    ):
+        scenarios.load("example-4.1-1khz", {"sensor": sensor})

@@ -39,7 +39,9 @@ def survives(seed: str, kinds: tuple[str, ...], *, simulated: bool = False) -> s
             stage = "simulated"
             json.dumps(run_as_json(scenario, scenario.simulate(log_every=None), 0.0), allow_nan=False)
     except DefinitionError as error:
-        assert 0 < len(str(error)) <= LONGEST_LINE and "Traceback" not in str(error), (name, mistakes)
+        said = str(error)
+        if not 0 < len(said) <= LONGEST_LINE or "Traceback" in said:
+            pytest.fail(f"{name}, {mistakes}: {said}")
         return f"refused before it was {stage}"
     except Exception as error:
         raise AssertionError(f"seed {seed!r}, {name} with {mistakes}: {type(error).__name__}: {error}") from error

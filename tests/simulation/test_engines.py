@@ -56,7 +56,11 @@ def both(name, **more):
     return runs
 
 
-@pytest.mark.parametrize("name", LOOPS)
+# Of those alike, one is for every day; `test_random_scenarios` has mixtures of all.
+DAILY = ("continuous", "encoders with noise", "lost samples", "anftsmc", "slotine_li_ppc")
+
+
+@pytest.mark.parametrize("name", [pytest.param(n, marks=[] if n in DAILY else [pytest.mark.full]) for n in LOOPS])
 def test_both_engines_give_the_same_run(name):
     """To what rounding makes of it: chattering torques apart, states to 1e-9 of their size."""
     native, xla = both(name, log_every=7)

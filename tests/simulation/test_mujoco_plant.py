@@ -55,6 +55,8 @@ TREE = assemble(
 )
 PANDA = eqx.tree_at(lambda arm: arm.armature, robots.panda(), jnp.full(7, 0.1))
 ARMS = {"panda": PANDA, "tree": TREE}
+BY_TURNS = pytest.mark.parametrize("name", [pytest.param("panda", marks=pytest.mark.full), "tree"])
+"""Every day the arm of ours that is built otherwise than MuJoCo's; a Panda is a simpler one."""
 LOAD = Load(Payload(2.0, (0.01, -0.02, 0.1), np.diag([0.004, 0.005, 0.006])), attached=0.02, released=0.08)
 
 
@@ -84,7 +86,7 @@ def mechanics(arm, q, dq, tau):
     return arm.mass(q), arm.bias(q, dq), arm.acceleration(State(q, dq), tau), arm.tip(q)
 
 
-@pytest.mark.parametrize("name", ARMS)
+@BY_TURNS
 def test_inertia_bias_accelerations_and_tip_are_ours_before_with_and_after_a_load(name):
     robot = ARMS[name]
     n = robot.joints
@@ -119,7 +121,7 @@ def test_what_is_let_go_goes_on_as_the_tip_moved_and_turned():
     np.testing.assert_allclose(world.body[:3], place, rtol=0, atol=1e-7)
 
 
-@pytest.mark.parametrize("name", ARMS)
+@BY_TURNS
 def test_the_same_step_gives_the_same_run(name):
     """Semi-implicit Euler, with a load that comes and goes, and a push that changes within the periods."""
     n = ARMS[name].joints

@@ -106,5 +106,5 @@ def test_the_log_is_a_data_frame_with_names_and_units(scara, monkeypatch):
 
 def test_without_pandas_or_a_log_it_says_what_to_do(scara, monkeypatch):
     monkeypatch.setitem(sys.modules, "pandas", None)
-    with pytest.raises(DefinitionError, match="pip install pandas"):
+    with pytest.raises(DefinitionError, match=r"pip install 'slidax\[frame\]'"):
         scara.frame()

@@ -27,28 +27,20 @@ def assert_same(a, b, rtol):
         np.testing.assert_allclose(x, y, rtol=rtol, atol=rtol)
 
 
-def test_a_batch_over_starts_is_the_single_runs_also_of_those_outside():
-    shifts = jnp.array([[0.0, 0.0], [0.1, -0.2], [-0.9, 0.5]])
+def test_a_batch_over_starts_and_seeds_is_the_single_runs_also_of_those_outside():
+    shifts, seeds = jnp.array([[0.0, 0.0], [0.1, -0.2], [-0.9, 0.5], [0.0, 0.0]]), jnp.array([0, 0, 1, 2])
 
-    def outcome(shift):
-        done = run(shift=shift)
+    def outcome(shift, seed):
+        done = run(shift=shift, sensor=Lossy(Encoders(1e-6, 1e-6, 1e-4, seed), 0.1, seed=seed))
         return done.tally, done.excursion, done.state
 
-    many = jax.jit(jax.vmap(outcome))(shifts)
-    for i, shift in enumerate(shifts):
-        assert_same(jax.tree.map(lambda x, i=i: x[i], many), outcome(shift), rtol=1e-7)
-    assert np.array(many[0].violations > 0).tolist() == [False, False, True]
-    assert np.array(many[1].first).tolist() == [-1, -1, 0]
-
-
-def test_a_batch_over_seeds_is_the_single_runs():
-    def tally(seed):
-        return run(sensor=Lossy(Encoders(1e-6, 1e-6, 1e-4, seed), 0.1, seed=seed), t1=0.1).tally
-
-    many = jax.jit(jax.vmap(tally))(jnp.arange(3))
-    for i in range(3):
-        assert_same(jax.tree.map(lambda x, i=i: x[i], many), tally(i), rtol=1e-7)
-    assert len(np.unique(many.torque_travel[:, 0])) == 3
+    many = jax.jit(jax.vmap(outcome))(shifts, seeds)
+    for i, (shift, seed) in enumerate(zip(shifts, seeds, strict=True)):
+        assert_same(jax.tree.map(lambda x, i=i: x[i], many), outcome(shift, seed), rtol=1e-7)
+    assert np.array(many[0].violations > 0).tolist() == [False, False, True, False]
+    assert np.array(many[1].first).tolist() == [-1, -1, 0, -1]
+    # The first and the last differ in nothing but their seeds.
+    assert many[0].torque_travel[0, 0] != many[0].torque_travel[3, 0]
 
 
 def final_error(law):
@@ -80,11 +72,16 @@ def test_the_gradient_by_a_gain_is_that_of_differences():
     ways = [eqx.tree_at(where, none, 1e-5 * where(law)) for where in GAINS.values()]
     directions = jax.tree.map(lambda *parts: jnp.stack(parts), *ways)
 
-    def shifted(way, sign):
-        return final_error(jax.tree.map(lambda x, d: x + sign * d, law, way))
+    @jax.jit
+    @jax.vmap
+    def value_and_slope(sign, way):
+        shifted = jax.tree.map(lambda x, d: x + sign * d, law, way)
+        return jax.jvp(final_error, (shifted,), (way,))
 
-    slopes = jax.jit(jax.vmap(lambda way: jax.jvp(final_error, (law,), (way,))[1]))(directions)
-    up, down = jax.jit(jax.vmap(jax.vmap(shifted, (0, None)), (None, 0)))(directions, jnp.array([1.0, -1.0]))
+    # Every way from the law itself, from before it and from behind it, in one batch.
+    signs = jnp.repeat(jnp.array([0.0, 1.0, -1.0]), len(ways))
+    values, slopes = value_and_slope(signs, jax.tree.map(lambda x: jnp.concatenate([x, x, x]), directions))
+    _, up, down = jnp.split(values, 3)
     assert np.all(up != down)
-    for name, slope, difference in zip(GAINS, slopes, (up - down) / 2, strict=True):
+    for name, slope, difference in zip(GAINS, slopes[: len(ways)], (up - down) / 2, strict=True):
         assert float(slope) == pytest.approx(float(difference), rel=1e-4), name

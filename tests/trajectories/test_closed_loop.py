@@ -20,7 +20,11 @@ MOTIONS = [
 ]
 
 
-@every("motion", MOTIONS)
+# Of the same classes as others, with other numbers.
+LIKE_OTHERS = ("trapezoidal", "cubics")
+
+
+@every("motion", MOTIONS, full=LIKE_OTHERS)
 def test_both_engines_follow_the_same_motion(motion):
     native, xla = (
         simulate(SMOOTH_PLANT, SPRING, motion, START_4_1, t1=0.8, period=2e-3, log_every=5, engine=engine)

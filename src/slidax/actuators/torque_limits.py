@@ -12,7 +12,7 @@ from slidax.parts import AbstractPart, PerJoint, Scalar, Vector, parameter
 class TorqueLimits(AbstractPart):
     """`|τ| <= torque`, and within that `|τ - τ₋| <= rate h` from one sample to the next, per joint.
 
-    Held by the drive, and known to a controller that plans with them.
+    The drive enforces them; a controller may know them and plan with them.
     """
 
     torque: PerJoint = parameter("largest torque", "N m or N", "(0, inf]", default=math.inf)

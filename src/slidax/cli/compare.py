@@ -25,12 +25,12 @@ def compare(
     json: AsJson = False,
     out: Annotated[Path | None, typer.Option(help="Write a report, its figures and results.json there.")] = None,
 ) -> None:
-    """Several schemes on the same task: their metrics beside each other, the best in bold, and in which form each ran.
+    """Several schemes on the same task: their metrics side by side, the best in bold, and in which form each ran.
 
     Each takes the place of the scenario's scheme as with `slidax run --set scheme.name=NAME`; each `--set` applies to
     all of them after that. The samples of a scheme without an envelope are counted against the scenario's own.
 
-    Exit code 0: at least one run reached its end; 2: something asked for cannot be; 3: none reached its end.
+    Exit code 0: at least one run reached its end; 2: the request is invalid; 3: none reached its end.
     """
     with errors_as_lines():
         prepare()

@@ -17,7 +17,7 @@ def export_c(
     scenario: Named,
     out: Annotated[Path, typer.Option(help="The folder of the project.")],
     name: Annotated[str | None, typer.Option(help="Of the law in C; after the scenario if not given.")] = None,
-    single: Annotated[bool, typer.Option("--float", help="Floats in the place of doubles.")] = False,
+    single: Annotated[bool, typer.Option("--float", help="Floats in place of doubles.")] = False,
     changes: Changes = None,
 ) -> None:
     """The control law as a C99 project: library, tests against Python, latency benchmark, example, C++ wrapper."""

@@ -17,9 +17,9 @@ def list_(
     ] = None,
     json: AsJson = False,
 ) -> None:
-    """What there is, one line each; of a part its parameters with unit, range, default and source.
+    """What is available, one line each; for a part its parameters with unit, range, default and source.
 
-    A name that several kinds have is written with its kind: performance.fixed_time.
+    Where several kinds have the same name, write it with its kind: performance.fixed_time.
     """
     with errors_as_lines():
         prepare()

@@ -25,7 +25,7 @@ def run(
     changes: Changes = None,
     json: AsJson = False,
     out: Annotated[Path | None, typer.Option(help="Write a report, a Parquet log and figures there.")] = None,
-    engine: Annotated[Engine | None, typer.Option(help="What computes; the scenario's own if not given.")] = None,
+    engine: Annotated[Engine | None, typer.Option(help="The engine; the scenario's own if not given.")] = None,
     view: Annotated[bool, typer.Option("--view", help="Play the run in the browser, in three dimensions.")] = False,
     recording: Annotated[
         Path | None, typer.Option("--record", metavar="FILE", help="Write a replay: .html, .mp4 or .gif.")
@@ -33,12 +33,12 @@ def run(
 ) -> None:
     """One closed-loop run: its metrics as a table, as JSON, or as a report.
 
-    `--set scheme.name=NAME` puts another scheme in the place of the scenario's own; `slidax list schemes`
+    `--set scheme.name=NAME` puts another scheme in place of the scenario's own; `slidax list schemes`
     shows them. Of the file's scheme `performance`, `overshoot`, `bound` and `sampled_data` are kept, as far as NAME has
     them; all else takes NAME's own defaults, which are the paper's where it prints any. Other `--set scheme.…` apply
     after that.
 
-    Exit code 0: the run reached its end inside its envelope; 2: the scenario cannot be; 3: it left its envelope, also
+    Exit code 0: the run reached its end inside its envelope; 2: the scenario is invalid; 3: it left its envelope, also
     if it came back, or became infinite.
     """
     with errors_as_lines():

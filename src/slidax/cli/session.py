@@ -12,7 +12,7 @@ from typing import Any
 import typer
 
 DEFINITION, OUTCOME = 2, 3
-"""Exit codes: something was asked for that cannot be; a run came to a bad end."""
+"""Exit codes: an invalid request; a run that ended badly."""
 
 
 def prepare() -> None:
@@ -96,5 +96,5 @@ def print_json(value: dict[str, Any]) -> None:
     """
     import json
 
-    # allow_nan=False: a NaN here would be a fault of ours, and is better a traceback than a lie.
+    # allow_nan=False: a NaN here would be our own fault; a traceback is better than invalid JSON.
     typer.echo(json.dumps(value, indent=2, allow_nan=False, ensure_ascii=False))

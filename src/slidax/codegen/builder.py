@@ -1,4 +1,4 @@
-"""Makes programs: one value for each operation on the same arguments, computed where it is needed and no oftener."""
+"""Makes programs: one value for each operation on the same arguments, computed where it is needed and no more often."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Builder:
     """A program in the making.
 
     A value is made once: asked for again, in the same region or in one inside of it, it is found again. In a loop it is
-    placed outside if nothing that it needs changes there; out of a branch nothing is moved, as it may be dear.
+    placed outside if nothing that it needs changes there; out of a branch nothing is moved, as it may be expensive.
 
     - `origin`: put on every value made from now on.
     """

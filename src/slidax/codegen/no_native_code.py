@@ -1,4 +1,4 @@
-"""The error of whatever stands between a function and its native code, in one line."""
+"""The error for a function that cannot become native code, in one line."""
 
 from __future__ import annotations
 
@@ -9,7 +9,10 @@ from slidax._errors import DefinitionError
 
 
 class NoNativeCodeError(DefinitionError):
-    """A function holds something that there is no native code for; JAX itself may well run it."""
+    """A function holds something that there is no native code for; JAX itself may well run it.
+
+    - `message`, `where`: as in `DefinitionError`.
+    """
 
 
 @contextmanager

@@ -1,4 +1,4 @@
-"""Makes a program once more, value by value, with a say in each: for whatever changes values and leaves the blocks."""
+"""Copies a program value by value, so that some values can be replaced; blocks stay as they are."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Whole control schemes: final classes, and recipes over the shared parts."""
+"""Control schemes: laws as classes, and presets of their parts and numbers."""
 
 from .adaptive_nonsingular_fast_terminal import AdaptiveNonsingularFastTerminal as AdaptiveNonsingularFastTerminal
 from .cftsmppc import cftsmppc as cftsmppc

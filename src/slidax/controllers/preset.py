@@ -19,7 +19,7 @@ class Given:
     """A part of a preset, with the numbers that the preset gives.
 
     - `part`: its class.
-    - `values`: numbers by the names of its parameters; what is missing must be given by who calls the preset.
+    - `values`: numbers by the names of its parameters; what is missing must be given in the call.
     """
 
     def __init__(self, part: type[eqx.Module], **values: Any) -> None:
@@ -51,14 +51,10 @@ class Preset:
         self.source = source
         self.given: dict[str, Any] = given
         listed = [f"- `{one.name}`: {one.meaning}." for one in self._own()]
-        self.__doc__ = "\n".join([inspect.cleandoc(title), "", "- `nominal`: the robot as the law knows it.", *listed])
-
-    @property
-    def __signature__(self) -> inspect.Signature:
-        """Every part and number by its name, for help and for editors."""
         kinds = inspect.Parameter
-        named = [kinds(one.name, kinds.KEYWORD_ONLY, default=self.given.get(one.name)) for one in self._own()]
-        return inspect.Signature([kinds("nominal", kinds.POSITIONAL_OR_KEYWORD), *named])
+        named = [kinds(one.name, kinds.KEYWORD_ONLY, default=given.get(one.name)) for one in self._own()]
+        self.__signature__ = inspect.Signature([kinds("nominal", kinds.POSITIONAL_OR_KEYWORD), *named])
+        self.__doc__ = "\n".join([inspect.cleandoc(title), "", "- `nominal`: the robot as the law knows it.", *listed])
 
     def __call__(self, nominal: AbstractRobot, **given: Any) -> AbstractController:
         """The controller.

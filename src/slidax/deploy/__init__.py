@@ -1,4 +1,4 @@
-"""The robot's loop: one step of a law behind its guards, and that step as a C project."""
+"""The law for the robot: one step with guards, and that step as a C project."""
 
 from .guarded_step import GuardedStep as GuardedStep
 from .project import export_c as export_c

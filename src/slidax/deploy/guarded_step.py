@@ -275,5 +275,5 @@ def _status(flags: Flags) -> Status:
 
 
 def _zeros(function: Callable[[], Any]) -> Any:
-    """Zeros in the place of what a function returns."""
+    """Zeros in place of what a function returns."""
     return jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), eqx.filter_eval_shape(function))

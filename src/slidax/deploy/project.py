@@ -48,10 +48,11 @@ def export_c(
     - `scenario`: whose law, limits, motion and arm.
     - `out`: the folder; made if it is not there, files of the same names are overwritten.
     - `name`: of the law in C; after the scenario if None.
-    - `single`: floats in the place of doubles.
+    - `single`: floats in place of doubles.
     - `command`: that asked for it, for the headers.
 
-    Raises DefinitionError if there is no native code for the law, the name is none in C, or the folder cannot be.
+    Raises DefinitionError if there is no native code for the law, the name is not one in C, or the folder cannot be
+    made.
     """
     made = project(scenario, name=name, single=single, command=command)
     try:
@@ -76,11 +77,11 @@ def project(
 
     - `scenario`: whose law, limits, motion and arm.
     - `name`: of the law in C; after the scenario if None.
-    - `single`: floats in the place of doubles.
+    - `single`: floats in place of doubles.
     - `command`: that asked for it, for the headers.
     - `with_golden`: whether golden samples are computed, which takes most of the time.
 
-    Raises DefinitionError if there is no native code for the law, or the name is none in C.
+    Raises DefinitionError if there is no native code for the law, or the name is not one in C.
     """
     name = _checked_name(scenario.name if name is None else name, given=name is not None)
     plant = scenario.plant.own if isinstance(scenario.plant, MujocoPlant) else scenario.plant

@@ -1,4 +1,4 @@
-"""Forces from outside that no law knows: they add up, and scale."""
+"""Disturbances: forces from outside that no law knows, which add up and scale."""
 
 from .constant import Constant as Constant
 from .disturbance import AbstractDisturbance as AbstractDisturbance

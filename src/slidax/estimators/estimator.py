@@ -12,7 +12,7 @@ from slidax.parts import AbstractPart, Memory, Scalar, State, Vector
 
 
 class Estimate(eqx.Module):
-    """What a law goes by at one sample.
+    """What a law uses at one sample.
 
     - `state`: estimated positions and velocities.
     - `push`: estimated acceleration that the nominal model does not explain [n], rad/s² or m/s².

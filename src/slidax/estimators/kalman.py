@@ -34,7 +34,7 @@ class Kalman(AbstractEstimator):
 
     @classmethod
     def steady(cls, *, density: Any, variance: Any, period: Any) -> Kalman:
-        """The gains that the filter comes to for a push that drifts as a random walk.
+        """The steady-state filter for a push that drifts as a random walk.
 
         - `density`: spectral density of d(push)/dt, one number or [n], (rad/s³)² s or (m/s³)² s, > 0. The standard
           deviation of what the push drifts by in a time t is `√(density t)`.

@@ -17,7 +17,7 @@ class Measured(AbstractEstimator):
 
     With `r = (q̇' - q̇_predicted)/h`: `w⁺ = w + h d + g (r + push - w - h d)`, `d⁺ = d + b (r + push - w - h d)/h`,
     `push⁺ = w⁺ + ahead h d⁺`. Here w is the unexplained acceleration in the middle of the last period and d its rate;
-    push is what it will be when the next torque acts, so that a push that grows evenly is made up for without a lag.
+    push is what it will be when the next torque acts, so that a push that grows evenly is compensated without a lag.
     For sensors with a good velocity.
     """
 

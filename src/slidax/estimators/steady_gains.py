@@ -1,4 +1,4 @@
-"""What the gains of a Kalman filter for position, velocity and push come to."""
+"""Steady-state gains of a Kalman filter for position, velocity and push."""
 
 from __future__ import annotations
 

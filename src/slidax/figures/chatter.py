@@ -13,6 +13,9 @@ SWINGS = 15
 SAMPLES = 8.0
 """Torques that take more samples from one turn to the next move, and do not chatter."""
 
+LONGEST = 40
+"""After so many samples without a turn a band is over."""
+
 SEEN = 0.006
 """A swing that is smaller than this share of the axis to either side is hidden by the line itself."""
 
@@ -58,12 +61,13 @@ def chatter(t: np.ndarray, y: np.ndarray, height: float) -> list[Band]:
     usual = percentile_filter(np.abs(swing), 75, window, mode="reflect")
     pace = uniform_filter1d(np.gradient(turns.astype(float)), window, mode="reflect")
     often = (usual > SEEN * height) & (pace <= SAMPLES)
-    chatters = uniform_filter1d(often.astype(float), 2 * window, mode="reflect") > 0.5
+    chatters = uniform_filter1d(often.astype(float), 2 * window, mode="reflect") > 0.4
     steps = np.abs(swing) > OUTLIER * usual
     swing = np.where(steps, 0.0, swing)
     low, high = middle + minimum_filter1d(swing, window), middle + maximum_filter1d(swing, window)
     found = []
-    for part in np.split(np.arange(len(turns)), np.flatnonzero(np.diff(chatters.astype(int))) + 1):
+    breaks = (np.diff(chatters.astype(int)) != 0) | (np.diff(turns) > LONGEST)
+    for part in np.split(np.arange(len(turns)), np.flatnonzero(breaks) + 1):
         # A step near an end belongs to the motion before or after it.
         ends = [share[steps[share]] for share in (part[:SWINGS], part[-SWINGS:])]
         part = part[(part > ends[0].max(initial=-1)) & (part < ends[1].min(initial=len(turns)))]

@@ -40,7 +40,7 @@ def compared_tip_paths(paths: Mapping[str, np.ndarray], desired: np.ndarray) -> 
     for axes, (across, up) in zip(panels, views, strict=True):
         axes.plot(*every_nth(goal[:, [across, up]], 300).T, **DESIRED, zorder=1.8)
         for path, look in zip(paths.values(), LOOKS, strict=False):
-            # A straying path is cut one size outside the picture, where nobody sees it.
+            # A straying path is cut one size outside the picture, where the cut is out of sight.
             places = np.clip(np.asarray(path), low - spans.max(), high + spans.max())[:, [across, up]]
             axes.plot(
                 *_with_its_beginning(places, POINTS // (3 * len(paths) * len(views))).T, **{**look, "linewidth": 1.0}

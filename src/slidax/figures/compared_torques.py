@@ -74,22 +74,27 @@ def compared_torques(
 
 def _draw(axes: Axes, curve: Trace, columns: int, limits: tuple[float, float]) -> None:
     t, y, look = curve.t, curve.y, curve.look
+    gap = (np.array([np.nan]),) * 3
+    lines, bands = [], []
     calm_from = 0
-    for band in chatter(t, y, limits[1] - limits[0]):
-        _draw_line(axes, curve, slice(calm_from, band.first + 1), columns, limits)
-        starts = column_starts(band.t, columns)
-        low, high = np.minimum.reduceat(band.low, starts), np.maximum.reduceat(band.high, starts)
-        # To the very end of the stretch, where the line goes on.
-        times, low, high = np.append(band.t[starts], t[band.last]), np.append(low, low[-1]), np.append(high, high[-1])
+    for band in [*chatter(t, y, limits[1] - limits[0]), None]:
+        calm = slice(calm_from, len(t) if band is None else band.first + 1)
+        if calm.stop - calm.start > 1:
+            share = max(2, round(columns * (calm.stop - calm.start) / len(t)))
+            lines += [thinned(t[calm], y[calm], share, limits), gap[:2]]
+        if band is not None:
+            share = max(3, round(columns * (band.last - band.first) / len(t)))
+            starts = column_starts(band.t, share)
+            low, high = np.minimum.reduceat(band.low, starts), np.maximum.reduceat(band.high, starts)
+            # To the very end of the stretch, where the line goes on.
+            ends = np.append(band.t[starts], band.t[-1]), np.append(low, low[-1]), np.append(high, high[-1])
+            bands += [ends, gap]
+            calm_from = band.last
+    # One line with gaps in the place of many, so that the file stays small.
+    if lines:
+        axes.plot(*map(np.concatenate, zip(*lines, strict=True)), **{**look, "linewidth": 0.9})
+    if bands:
+        times, low, high = map(np.concatenate, zip(*bands, strict=True))
         axes.fill_between(times, low, high, facecolor=look["color"], alpha=0.16, edgecolor="none", zorder=1.6)
         for edge in (low, high):
-            axes.plot(*thinned(times, edge, columns, limits), **{**look, "linewidth": 0.5}, zorder=1.9)
-        calm_from = band.last
-    _draw_line(axes, curve, slice(calm_from, len(t)), columns, limits)
-
-
-def _draw_line(axes: Axes, curve: Trace, part: slice, columns: int, limits: tuple[float, float]) -> None:
-    t, y = curve.t[part], curve.y[part]
-    if len(t) > 1:
-        share = max(2, round(columns * len(t) / len(curve.t)))
-        axes.plot(*thinned(t, y, share, limits), **{**curve.look, "linewidth": 0.9})
+            axes.plot(times, edge, **{**look, "linewidth": 0.5}, zorder=1.9)

@@ -1,4 +1,4 @@
-"""The errors of several runs beside each other."""
+"""The errors of several runs, side by side."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What pictures of several runs have in common: their looks, what they show of wild runs, and few enough points."""
+"""What pictures of several runs have in common: line styles, diverging runs, and the number of points."""
 
 from __future__ import annotations
 

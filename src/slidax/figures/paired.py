@@ -38,7 +38,7 @@ def draw_pairs(
     panels = figure.subplots(joints, 2, sharex="col", squeeze=False, width_ratios=[1, 1.15])
     few, most = columns_for(2 * joints * len(runs), 4), columns_for(2 * joints * len(runs), 1)
     sizes = [np.abs(curve.y) for curve in curves]
-    # What ran away says nothing about the others: it may leave the axis at the top.
+    # A run that diverges must not set the axis for the others: it may leave it at the top.
     reached = [
         float(size.max()) for size, run in zip(sizes, runs.values(), strict=True) if run.outcome.ok and size.size
     ]

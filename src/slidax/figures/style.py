@@ -103,6 +103,6 @@ def legend_above(figure: Figure, handles: Sequence[Artist], columns: int | None 
 
     - `figure`: with a constrained layout, which makes room.
     - `handles`: what to name, each with its label.
-    - `columns`: how many stand beside each other; all if not given.
+    - `columns`: how many stand side by side; all if not given.
     """
     figure.legend(handles=handles, loc="outside upper center", ncols=columns or len(handles))

@@ -1,4 +1,4 @@
-"""What the joints are asked for."""
+"""How much torque the joints need."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Whether the promise was kept, and by how much."""
+"""Metrics of the envelope: whether it was kept, and with what margin."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How small the error is, and how soon."""
+"""Metrics of the error: how small it is, and how soon."""
 
 from __future__ import annotations
 

@@ -11,12 +11,8 @@ from slidax.simulation import Run
 from . import effort, envelope, error
 from .metric import Metric
 
-METRICS: tuple[Metric[Any], ...] = (
-    *(error.steady_error, error.rms_error, error.iae),
-    *(effort.peak_torque, effort.initial_torque),
-    *(effort.max_torque_step, effort.steady_torque_step, effort.steady_torque_step_rms),
-    *(effort.torque_energy, effort.torque_travel),
-    *(envelope.envelope_violations, envelope.envelope_margin),
+METRICS: tuple[Metric[Any], ...] = tuple(
+    thing for module in (error, effort, envelope) for thing in vars(module).values() if isinstance(thing, Metric)
 )
 """Every metric but the settling times, which depend on the bands of a run; in the order of tables."""
 

@@ -10,7 +10,7 @@ Tree = TypeVar("Tree")
 
 
 def once(x: Tree) -> Tree:
-    """`x`, computed in one place. XLA repeats what it takes for cheap, sines and cosines too, in every consumer.
+    """`x`, computed in one place. XLA repeats what it considers cheap, sines and cosines too, in every consumer.
 
     - `x`: any pytree of arrays.
     """

@@ -27,7 +27,7 @@ def smooth_power_and_slope(
     magnitude = jnp.abs(x)
     exponent = p - 1.0
     edge = power(delta, exponent)
-    # Near the goal all entries are in the core, and a power is the dearest operation of a control step.
+    # Near the goal all entries are in the core, and a power is the most expensive operation of a control step.
     w = jax.lax.cond(
         jnp.any(magnitude >= delta),
         lambda: power(jnp.maximum(magnitude, delta), exponent),

@@ -8,7 +8,7 @@ import jax
 
 
 def tangent_mask(primals: Any, tangents: Any) -> Any:
-    """A tree of bools like `primals`: whether each leaf has a tangent. Those that stand still come as None.
+    """A tree of bools like `primals`: whether each leaf has a tangent. Those that are constant come as None.
 
     - `primals`: any pytree.
     - `tangents`: the tree that `eqx.filter_custom_jvp` gives with it.

@@ -1,1 +1,1 @@
-"""Published examples, computed again and laid beside what was printed. One package per paper."""
+"""Published examples, computed again and compared with what was printed. One package per paper."""

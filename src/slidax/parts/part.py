@@ -19,7 +19,7 @@ class AbstractPart(eqx.Module):
     """A frozen piece of a closed loop, whose fields are declared by `parameter` and `piece`.
 
     Shapes and ranges are checked when it is made, as far as values are known; `__check_init__` of a class is for rules
-    that no range can say. The docstring of a class tells the formula and its source: what each parameter is, is added
+    that no range can say. The docstring of a class gives the formula and its source; a line for each parameter is added
     to it from the declarations.
     """
 

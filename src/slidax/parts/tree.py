@@ -1,4 +1,4 @@
-"""A part as a person wants to read it: its class, its parameters with their units, and its parts below it."""
+"""A part in readable form: its class, its parameters with their units, and its parts below it."""
 
 from __future__ import annotations
 

@@ -13,7 +13,7 @@ from .performance import AbstractPerformance
 class FiniteTime(AbstractPerformance):
     """The solution of `ρ̇ = -c (ρ - ρ∞)^κ`: `ρ(t) = ((ρ0 - ρ∞)^(1-κ) - (1-κ) c t)^(1/(1-κ)) + ρ∞`, then `ρ∞`.
 
-    It settles at `T = (ρ0 - ρ∞)^(1-κ) / ((1-κ) c)`, which grows with ρ0; that is what the paper holds against the
+    It settles at `T = (ρ0 - ρ∞)^(1-κ) / ((1-κ) c)`, which grows with ρ0; this is the paper's objection to the
     finite-time functions it cites as [43]. Reconstructed: the paper does not print that function; this one is usual.
     """
 
@@ -21,7 +21,7 @@ class FiniteTime(AbstractPerformance):
         "c, how fast it narrows", "rad^(1-κ)/s", "> 0", "so that the envelope narrows (Definition 4)"
     )
     exponent: PerJoint = parameter(
-        "κ, exponent of its way down",
+        "κ, exponent of the decrease",
         "",
         "(1/2, 1)",
         "so that the second derivative is continuous where the function settles",

@@ -15,7 +15,7 @@ class FixedTime(AbstractPerformance):
 
     deadline: PerJoint = parameter("T, when it is settled", "s", "> 0", "(eq. 20)")
     exponent: PerJoint = parameter(
-        "σ, exponent of its way down", "", "> 2", "so that the second derivative is continuous at T (eq. 20)"
+        "σ, exponent of the decrease", "", "> 2", "so that the second derivative is continuous at T (eq. 20)"
     )
 
     def radius(self, t: Scalar) -> PerJoint:

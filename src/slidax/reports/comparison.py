@@ -26,7 +26,7 @@ from .tip_paths import tip_paths
 from .torque_limits import torque_limits
 
 ACROSS = 5
-"""How many schemes stand beside each other in a table."""
+"""How many schemes stand side by side in a table."""
 
 
 def write_comparison(
@@ -34,7 +34,7 @@ def write_comparison(
 ) -> Path:
     """Writes `out/report.html`, `out/figures/*.svg` and `out/results.json`, and returns the path of the page.
 
-    - `rivals`: what came of each scheme, by name; runs without a log are in the tables only.
+    - `rivals`: each scheme with its run, by name; runs without a log are in the tables only.
     - `out`: a folder, made if missing.
     - `also`: further metrics, such as those of a paper; shown for scenarios of their source.
     - `command`: the command that did it, for the page.

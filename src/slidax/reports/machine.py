@@ -1,4 +1,4 @@
-"""With what a report was made."""
+"""The software and the machine that made a report."""
 
 from __future__ import annotations
 

@@ -12,7 +12,7 @@ from ruamel.yaml import YAML
 
 from slidax.robots import AbstractRobot
 from slidax.scenarios import Scenario, ScenarioDescription
-from slidax.scenarios.base import Description
+from slidax.scenarios.base import AbstractDescription
 
 
 def as_yaml(description: ScenarioDescription) -> str:
@@ -55,7 +55,7 @@ def _values(part: Any) -> Any:
 
 def _shown(value: Any) -> Any:
     """Without what is not given; but null is shown where it says something else than nothing would."""
-    if isinstance(value, Description):
+    if isinstance(value, AbstractDescription):
         defaults = {name: field.default for name, field in type(value).model_fields.items()}
         return {name: _shown(part) for name, part in value if part is not None or defaults[name] is not None}
     return [_shown(part) for part in value] if isinstance(value, list | tuple) else value

@@ -20,7 +20,7 @@ class Rival:
     """One scheme among those that are compared.
 
     - `scenario`: what was simulated.
-    - `run`: what came of it.
+    - `run`: its run.
     - `outside`: how many of its samples were outside its envelope, or for a scheme without one outside the envelope of
       the comparison; None if there is none.
     """

@@ -27,7 +27,7 @@ def write_run_report(
     """Writes `out/report.html` and `out/figures/*.svg`, and returns the path of the page.
 
     - `scenario`: what was simulated.
-    - `run`: what came of it; without a log the page has no figures.
+    - `run`: its run; without a log the page has no figures.
     - `out`: a folder, made if missing.
     - `also`: further metrics, such as those of a paper; shown for scenarios of their source.
     - `command`: the command that did it, for the page.

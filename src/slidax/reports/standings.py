@@ -1,4 +1,4 @@
-"""Several schemes on the same task: their metrics beside each other, and who has the least."""
+"""Several schemes on the same task: their metrics side by side, and which scheme has the least."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class Row:
 def standings(rivals: Mapping[str, Rival], also: Sequence[Metric[Any]] = ()) -> list[Row]:
     """All metrics joint by joint.
 
-    - `rivals`: what came of each scheme, by name; all on the same arm.
+    - `rivals`: each scheme with its run, by name; all on the same arm.
     - `also`: further metrics, such as those of a paper; shown for scenarios of their source.
     """
     first = next(iter(rivals.values()))
@@ -46,16 +46,16 @@ def standings(rivals: Mapping[str, Rival], also: Sequence[Metric[Any]] = ()) -> 
             values = {name: each[i] for name, each in shown.items()}
             among = reached if metric.least_is_best else []
             if metric.needs_settling:
-                # Who is above the band in the last quarter has not settled, even if the very last sample is below.
+                # A run above the band in the last quarter has not settled, even if its last sample is below.
                 among = [name for name in among if (values[name] or 0.0) < 0.75 * first.scenario.t1]
             rows.append(Row(metric, joint, unit, values, _least(values, among)))
     return rows
 
 
 def results(rivals: Mapping[str, Rival], also: Sequence[Metric[Any]] = ()) -> dict[str, Any]:
-    """What came of the comparison, ready for JSON: no value in it is infinite or not a number.
+    """The result of the comparison, ready for JSON: no value in it is infinite or not a number.
 
-    - `rivals`: what came of each scheme, by name; all on the same arm.
+    - `rivals`: each scheme with its run, by name; all on the same arm.
     - `also`: further metrics.
     """
     first = next(iter(rivals.values()))
@@ -88,7 +88,7 @@ def _result(rival: Rival, also: Sequence[Metric[Any]]) -> dict[str, Any]:
 
 
 def _least(values: Mapping[str, float | None], among: list[str]) -> frozenset[str]:
-    """Nobody stands out where there is one only, or where all are alike."""
+    """No scheme is marked where there is only one, or where all are equal."""
     known = {name: value for name in among if (value := values[name]) is not None}
     if len(values) < 2 or not known:
         return frozenset()

@@ -1,4 +1,4 @@
-"""The way of the tip, from the way of the joints."""
+"""The path of the tip, from the motion of the joints."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def tip_paths(robot: AbstractRobot, run: Run) -> tuple[np.ndarray, np.ndarray]:
     Raises DefinitionError if the run has no log.
     """
     if run.log is None:
-        raise DefinitionError("the way of the tip needs the log of the run; simulate with `log_every=10`, not None")
+        raise DefinitionError("the path of the tip needs the log of the run; simulate with `log_every=10`, not None")
     places = eqx.filter_jit(eqx.filter_vmap(robot.tip))
     actual, desired = (places(jnp.asarray(q)) for q in (run.log.state.q, run.log.reference.q))
     return np.asarray(actual), np.asarray(desired)

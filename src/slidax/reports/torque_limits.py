@@ -1,4 +1,4 @@
-"""How far the torques of an arm may go."""
+"""The torque limits of an arm."""
 
 from __future__ import annotations
 

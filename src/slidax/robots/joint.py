@@ -35,7 +35,7 @@ class Joint:
     - `armature`: inertia of the rotor, seen from the joint, kg m² or kg.
     - `viscous`, `coulomb`: friction, N m s/rad or N s/m, N m or N.
 
-    Raises DefinitionError, naming joint or link, if something cannot be. A link without mass is refused by `assemble`,
+    Raises DefinitionError, naming joint or link, if something is invalid. A link without mass is refused by `assemble`,
     and only if nothing that has mass moves with it.
     """
 

@@ -26,7 +26,7 @@ CONSTRAINTS = {"exclusiveMinimum": "gt", "minimum": "ge", "exclusiveMaximum": "l
 """What pydantic calls the ends of a range that JSON schema has."""
 
 
-class Description(BaseModel):
+class AbstractDescription(BaseModel):
     """A mapping in a scenario file: immutable, its keys known."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
@@ -84,7 +84,7 @@ def described(one: Parameter, *, checked: bool = False, **said: Any) -> Any:
 
 
 def same(part: type, name: str, **said: Any) -> Any:
-    """The field of a description that says what a parameter of a part says.
+    """The field of a description for a parameter that a part declares.
 
     - `part`: its class.
     - `name`: of the parameter.
@@ -95,7 +95,7 @@ def same(part: type, name: str, **said: Any) -> Any:
 
 
 def said(meaning: str, unit: str = "", range: str = "", *, default: Any = REQUIRED, source: str = "") -> Any:
-    """The field of a description that no part has, as `slidax.parts.parameter` declares one of a part.
+    """The field of a description that no part declares, as `slidax.parts.parameter` declares one of a part.
 
     - `meaning`: what it is.
     - `unit`: of one of its numbers.

@@ -13,11 +13,11 @@ from slidax.reaching import AbstractBound, AbstractReaching
 from slidax.surfaces import AbstractSurface
 from slidax.transformations import AbstractTransformation
 
-from .base import Description
+from .base import AbstractDescription
 from .derived import union_of
 from .description import ScenarioDescription, SimulationDescription
 from .disturbances import Term
-from .instruments import ActuatorDescription, SensorDescription
+from .instruments import ActuatorDescription, InstrumentDescription, SensorDescription
 from .load import described, names
 from .robots import RobotDescription
 from .sampled_data import EstimatorDescription, RecoveryDescription, SampledDataDescription
@@ -32,13 +32,14 @@ KINDS = {
     "reaching": union_of(AbstractReaching),
     "bounds": union_of(AbstractBound),
     "estimators": EstimatorDescription,
+    "sensors": InstrumentDescription,
     "robots": RobotDescription,
     "trajectories": TrajectoryDescription,
     "disturbances": Term,
 }
 """Kinds of parts, each with the union of their descriptions."""
 
-BLOCKS: dict[str, type[Description]] = {
+BLOCKS: dict[str, type[AbstractDescription]] = {
     "scenario": ScenarioDescription,
     "simulation": SimulationDescription,
     "sensor": SensorDescription,
@@ -55,7 +56,7 @@ def catalogue() -> dict[str, dict[str, str]]:
     return {**found, "scenarios": {name: described(name).title for name in names()}}
 
 
-def members(kind: str) -> dict[str, type[Description]]:
+def members(kind: str) -> dict[str, type[AbstractDescription]]:
     """The descriptions of a kind by their names.
 
     - `kind`: one of `KINDS`.
@@ -87,7 +88,7 @@ def explained(name: str) -> dict[str, Any]:
     return {"name": name, "title": _first_line(model), "parameters": _rows(model, "")}
 
 
-def _rows(model: type[Description], path: str) -> list[dict[str, Any]]:
+def _rows(model: type[AbstractDescription], path: str) -> list[dict[str, Any]]:
     rows = []
     for name, field in model.model_fields.items():
         if name in ("kind", "name"):
@@ -115,16 +116,16 @@ def _row(path: str, field: FieldInfo) -> dict[str, Any]:
         "path": path,
         "unit": unit,
         "range": limits or (f"one of {', '.join(choices)}" if choices else ""),
-        "default": default.model_dump() if isinstance(default, Description) else default,
+        "default": default.model_dump() if isinstance(default, AbstractDescription) else default,
         "required": field.is_required(),
         "source": str(said.get("source", "")),
         "meaning": meaning,
     }
 
 
-def _described(field: FieldInfo) -> type[Description] | None:
+def _described(field: FieldInfo) -> type[AbstractDescription] | None:
     """What is described there, where that is one thing: a block, or the part that a preset has."""
-    if isinstance(field.annotation, type) and issubclass(field.annotation, Description):
+    if isinstance(field.annotation, type) and issubclass(field.annotation, AbstractDescription):
         return field.annotation
     preset = [model for model in _models(field) if not model.model_fields["kind"].is_required()]
     return preset[0] if preset else None
@@ -136,13 +137,17 @@ def _choices(field: FieldInfo) -> list[str]:
     return [typing.get_args(model.model_fields["kind"].annotation)[0] for model in _models(field)]
 
 
-def _models(field: FieldInfo) -> list[type[Description]]:
+def _models(field: FieldInfo) -> list[type[AbstractDescription]]:
     """The members of a union of kinds."""
-    found = [arg for arg in typing.get_args(field.annotation) if isinstance(arg, type) and issubclass(arg, Description)]
+    found = [
+        arg
+        for arg in typing.get_args(field.annotation)
+        if isinstance(arg, type) and issubclass(arg, AbstractDescription)
+    ]
     return [model for model in found if "kind" in model.model_fields]
 
 
-def _by_name(union: Any) -> dict[str, type[Description]]:
+def _by_name(union: Any) -> dict[str, type[AbstractDescription]]:
     found = {}
     for model in typing.get_args(typing.get_args(union)[0]):
         field = model.model_fields.get("kind") or model.model_fields["name"]
@@ -150,5 +155,5 @@ def _by_name(union: Any) -> dict[str, type[Description]]:
     return found
 
 
-def _first_line(model: type[Description]) -> str:
+def _first_line(model: type[AbstractDescription]) -> str:
     return (model.__doc__ or "").strip().partition("\n")[0]

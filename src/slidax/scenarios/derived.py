@@ -17,10 +17,10 @@ from pydantic import Field, create_model
 from slidax._errors import located
 from slidax.parts import Parameter, kind_of, members_of, parameters_of
 
-from .base import Description, Numbers, described
+from .base import AbstractDescription, Numbers, described
 
 
-class PartDescription(Description):
+class PartDescription(AbstractDescription):
     """A part by the parameters of its class."""
 
     part: ClassVar[type]
@@ -30,7 +30,7 @@ class PartDescription(Description):
 
         - `more`: what the file does not say.
 
-        Raises DefinitionError, with the path of the field, if it cannot be.
+        Raises DefinitionError, with the path of the field, if it is invalid.
         """
         values = {
             name: built(name, value) for name, value in self if name not in ("kind", "name") and value is not None
@@ -84,7 +84,7 @@ def plain_of(part: type, name: str, *, optional: bool = False, doc: str = "") ->
     return _model(part, name, {}, values, doc=doc)
 
 
-def union_of(family: type, *instead: type[Description], default: type[PartDescription] | None = None) -> Any:
+def union_of(family: type, *instead: type[AbstractDescription], default: type[PartDescription] | None = None) -> Any:
     """What a file can name of a family of parts: all that its room exports.
 
     - `family`: the abstract class.
@@ -93,7 +93,7 @@ def union_of(family: type, *instead: type[Description], default: type[PartDescri
     """
     room = import_module(family.__module__.rpartition(".")[0])
     listed = {kind: part for kind, part in members_of(room, family).items() if nameable(part, family)}
-    models: dict[str, type[Description]] = {kind: description_of(part) for kind, part in listed.items()}
+    models: dict[str, type[AbstractDescription]] = {kind: description_of(part) for kind, part in listed.items()}
     for model in (*instead, *([default] if default else [])):
         models[typing.get_args(model.model_fields["kind"].annotation)[0]] = model
     return Annotated[Union[tuple(models.values())], Field(discriminator="kind")]  # noqa: UP007
@@ -157,7 +157,7 @@ def type_of(one: Parameter, hint: Any, family: type) -> Any:
     - `family`: the part, or its family, of which it cannot itself be made.
     """
     if one.shape == "one number":
-        return int if hint is int else float
+        return int if hint is int or one.annotation.startswith("Int[") else float
     if one.shape == "one number or [n]":
         return Numbers
     if one.shape.endswith("a matrix [n n]"):

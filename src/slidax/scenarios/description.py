@@ -12,7 +12,7 @@ from slidax._types import State
 from slidax.numerics import runge_kutta_4, semi_implicit_euler
 from slidax.simulation import MujocoPlant, Plant, Stepping, Table
 
-from .base import Description, said, same
+from .base import AbstractDescription, said, same
 from .disturbances import DisturbanceDescription
 from .instruments import ActuatorDescription, SensorDescription
 from .robots import RobotDescription
@@ -24,7 +24,7 @@ from .trajectories import TrajectoryDescription, trajectory_of
 INTEGRATORS = {"rk4": runge_kutta_4, "semi_implicit_euler": semi_implicit_euler}
 
 
-class StartDescription(Description):
+class StartDescription(AbstractDescription):
     """The state at t = 0."""
 
     q: list[float] = said("positions, one per joint", "rad or m")
@@ -45,7 +45,7 @@ class StartDescription(Description):
         return State(q=as_array(self.q), dq=as_array(dq))
 
 
-class SimulationDescription(Description):
+class SimulationDescription(AbstractDescription):
     """How time passes."""
 
     mode: Literal["continuous", "held"] = "held"
@@ -59,25 +59,25 @@ class SimulationDescription(Description):
         "one in how many samples is written to the log; metrics count all", "", "[1, 1e9]", default=10
     )
     outside: Literal["raise", "recover"] = "raise"
-    """What a sample outside the envelope does: `raise` ends the run, `recover` counts it and goes on."""
+    """What happens at a sample outside the envelope: `raise` ends the run, `recover` counts it and goes on."""
     limits: Literal["check", "ignore"] = "check"
-    """What a start or a motion beyond the limits of the robot's joints does: `check` refuses it, `ignore` runs it."""
+    """What happens to a start or a motion beyond the joints' limits: `check` refuses it, `ignore` runs it."""
     plant: Literal["own", "mujoco"] = "own"
-    """Who moves the arm: our own equations, or MuJoCo, in held mode."""
+    """What simulates the arm: our own equations, or MuJoCo, in held mode."""
     friction: Literal["smooth", "dry"] = "smooth"
     """With MuJoCo's plant: `smooth` as in ours, or `dry`, by which a joint really sticks."""
     engine: Literal["auto", "native", "xla"] = "auto"
     """What computes: `native` is machine code of our own, `xla` JAX's compiler; `auto` takes the fastest there is."""
 
 
-class TableDescription(Description):
+class TableDescription(AbstractDescription):
     """A level and rigid surface without end, which the tip and what it carries meet."""
 
     height: float = same(Table, "height")
     friction: float = same(Table, "friction")
 
 
-class SurroundingsDescription(Description):
+class SurroundingsDescription(AbstractDescription):
     """What stands around the arm, for a plant that MuJoCo moves."""
 
     table: TableDescription | None = None
@@ -88,8 +88,8 @@ class SurroundingsDescription(Description):
         return None if self.table is None else Table(as_array(self.table.height), as_array(self.table.friction))
 
 
-class ScenarioDescription(Description):
-    """One closed loop: who moves, what it should do, what disturbs it, who commands it."""
+class ScenarioDescription(AbstractDescription):
+    """One closed loop: the arm, its motion, its disturbance, its controller, and how it is simulated."""
 
     title: str
     """One line for a person."""
@@ -102,15 +102,15 @@ class ScenarioDescription(Description):
     disturbance: DisturbanceDescription = DisturbanceDescription()
     """What pushes the joints from outside."""
     sensor: SensorDescription = SensorDescription()
-    """What the law gets to know of the state; all of it, at once, if not given."""
+    """What the law measures of the state; all of it, at once, if not given."""
     surroundings: SurroundingsDescription = SurroundingsDescription()
     """What stands around the arm; nothing if not given."""
     actuator: ActuatorDescription = ActuatorDescription()
-    """What becomes of its torque; the joints get it as it is, at once, if not given."""
+    """How the drives deliver the torque; unchanged and at once if not given."""
     start: StartDescription
     """The state at t = 0."""
     scheme: AnyScheme
-    """Who commands the joints."""
+    """The control scheme."""
     simulation: SimulationDescription
     """How time passes."""
 
@@ -119,7 +119,7 @@ class ScenarioDescription(Description):
 
         - `name`: what to call it.
 
-        Raises DefinitionError, with the path of the field, if a part cannot be.
+        Raises DefinitionError, with the path of the field, if a part is invalid.
         """
         with located("robot"):
             arms = self.robot.build()
@@ -149,7 +149,7 @@ class ScenarioDescription(Description):
                     dead_time=self.actuator.dead_time,
                     limits=drive.limits(),
                     variance=self.sensor.variance(),
-                    has_velocity=self.sensor.velocity == "measured",
+                    has_velocity=self.sensor.has_velocity,
                     mass=nominal.mass(state0.q),
                 )
                 with located("sampled_data"):

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from slidax._errors import located
 from slidax.disturbances import AbstractDisturbance, Sum
 
-from .base import Description, said
+from .base import AbstractDescription, said
 from .derived import PartDescription, union_of
 
 if TYPE_CHECKING:
@@ -16,8 +16,8 @@ else:
     Term = union_of(AbstractDisturbance)
 
 
-class DisturbanceDescription(Description):
-    """What pushes the joints from outside: the sum of the terms, times the scale."""
+class DisturbanceDescription(AbstractDescription):
+    """The disturbance: what pushes the joints from outside: the sum of the terms, times the scale."""
 
     scale: float = said("factor on all terms; 0 switches the disturbance off", default=1.0)
     terms: tuple[Term, ...] = ()

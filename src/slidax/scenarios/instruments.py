@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import jax
 import jax.numpy as jnp
@@ -15,17 +15,26 @@ from slidax.actuators import Actuator, TorqueLimits
 from slidax.robots import JointLimits
 from slidax.sensors import AbstractSensor, Delayed, DifferencedEncoders, Encoders, Exact, Lossy
 
-from .base import Description, Numbers, said, same
+from .base import AbstractDescription, Numbers, said, same
+from .derived import PartDescription, union_of
+
+if TYPE_CHECKING:
+    InstrumentDescription = PartDescription
+else:
+    InstrumentDescription = union_of(AbstractSensor)
+
+OF_ENCODERS = ("resolution", "position_noise", "velocity", "velocity_noise", "cutoff")
+"""What describes the encoders, where no other instrument is named."""
 
 
-class OutageDescription(Description):
+class OutageDescription(AbstractDescription):
     """Samples that are lost in a row."""
 
     start: float = said("time of the first", "s", ">= 0")
     samples: int = said("how many", "", "[0, 1e9]")
 
 
-class LossDescription(Description):
+class LossDescription(AbstractDescription):
     """Samples that do not arrive; the last torque is held."""
 
     probability: float = same(Lossy, "probability")
@@ -33,8 +42,8 @@ class LossDescription(Description):
     """Those that are lost for certain."""
 
 
-class SensorDescription(Description):
-    """What a law gets to know of the state."""
+class SensorDescription(AbstractDescription):
+    """What a law measures of the state."""
 
     resolution: Numbers = same(Encoders, "resolution", default=0.0)
     position_noise: Numbers = same(Encoders, "position_noise")
@@ -42,6 +51,8 @@ class SensorDescription(Description):
     """`measured` by a sensor of its own, or `differenced` from the encoders."""
     velocity_noise: Numbers = same(Encoders, "velocity_noise")
     cutoff: Numbers = same(DifferencedEncoders, "cutoff", default=600.0)
+    instrument: InstrumentDescription | None = None
+    """Another sensor by its kind, in place of the encoders that the fields above describe."""
     delay: float = said("age of a measurement when it arrives, whole or not", "periods", "[0, 100]", default=0.0)
     jitter: float = said("width of the spread of that age", "periods", "[0, 100]", default=0.0)
     loss: LossDescription = LossDescription()
@@ -62,7 +73,16 @@ class SensorDescription(Description):
         velocity_noise = as_array(self.velocity_noise)
         seed = jax.device_put(np.asarray(self.seed))
         sensor: AbstractSensor = Exact()
-        if self.velocity == "differenced":
+        if self.instrument is not None:
+            both = [name for name in OF_ENCODERS if name in self.model_fields_set]
+            if both:
+                raise DefinitionError(
+                    "describes encoders, and `instrument` another sensor; leave one out", where=both[0]
+                )
+            with located("instrument"):
+                self.instrument.require_joints(joints)
+                sensor = self.instrument.build()
+        elif self.velocity == "differenced":
             if known(velocity_noise).any():
                 message = "is that of a velocity sensor, which `velocity: differenced` has not; leave it out"
                 raise DefinitionError(f"{message}; got {self.velocity_noise}", where="velocity_noise")
@@ -79,15 +99,22 @@ class SensorDescription(Description):
                 sensor = Lossy(sensor, as_array(self.loss.probability), starts, counts, seed)
         return None if isinstance(sensor, Exact) else sensor
 
+    @property
+    def has_velocity(self) -> bool:
+        """Whether velocities are measured, rather than found from positions."""
+        other = self.instrument
+        return self.velocity == "measured" if other is None else not issubclass(other.part, DifferencedEncoders)
+
     def variance(self) -> Array:
         """The variance of a measured position, one number or [n], rad² or m²."""
-        rounding, noise = as_array(self.resolution), as_array(self.position_noise)
+        of = self if self.instrument is None else self.instrument
+        rounding, noise = (as_array(getattr(of, name, 0.0)) for name in ("resolution", "position_noise"))
         # A filter needs some noise to weigh the model against.
         return jnp.maximum(rounding * rounding / 12.0 + noise * noise, 1e-18)
 
 
-class ActuatorDescription(Description):
-    """What becomes of a commanded torque."""
+class ActuatorDescription(AbstractDescription):
+    """How the drives deliver a commanded torque."""
 
     torque: Numbers | Literal["robot"] | None = said(
         "largest torque; `robot`: as its data sheet says", "N m or N", default=None, source="no limit"

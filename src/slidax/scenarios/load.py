@@ -39,7 +39,7 @@ def load(scenario: str | Path, changes: dict[str, Any] | None = None) -> Scenari
       first and puts another scheme in place of the file's, of which the envelope, the bound and `sampled_data` remain.
       Files that are named here are found from the current folder.
 
-    Raises DefinitionError if there is no such scenario, or something in it cannot be.
+    Raises DefinitionError if there is no such scenario, or something in it is invalid.
     """
     name, text = _read(scenario)
     return parse(text, changes, folder=_folder(scenario)).build(name)
@@ -50,7 +50,7 @@ def described(scenario: str | Path) -> ScenarioDescription:
 
     - `scenario`: name of a built-in scenario, or path of a YAML file.
 
-    Raises DefinitionError if there is no such scenario, or something in it cannot be.
+    Raises DefinitionError if there is no such scenario, or something in it is invalid.
     """
     return parse(_read(scenario)[1], folder=_folder(scenario))
 

@@ -16,7 +16,7 @@ from slidax._errors import DefinitionError, as_array, known, located
 from slidax.parts import members_of
 from slidax.robots import AbstractRobot, Articulated, JointLimits, Load, Mismatch, Payload, from_mjcf, from_urdf, ready
 
-from .base import Description, FileName, Numbers, same
+from .base import AbstractDescription, FileName, Numbers, same
 from .derived import PartDescription, plain_of, title_of
 
 RENAMED = {"mass": "mass_factor", "inertia": "inertia_factor"}
@@ -40,7 +40,7 @@ class Arms(NamedTuple):
         return self.nominal.limits if isinstance(self.nominal, Articulated) else None
 
 
-class AbstractRobotDescription(Description):
+class AbstractRobotDescription(AbstractDescription):
     """What every description of a robot is."""
 
     kind: Any
@@ -65,7 +65,7 @@ class NumbersDescription(AbstractRobotDescription):
             return Arms(true, self.part(**self.plant.parameters() | self.nominal.parameters()))
 
 
-class LoadDescription(Description):
+class LoadDescription(AbstractDescription):
     """What the tip carries."""
 
     mass: float = same(Payload, "mass", required=True)
@@ -105,7 +105,7 @@ class TrueArm(plain_of(Mismatch, "Mismatch")):  # type: ignore[misc]  # made of 
         return Mismatch(**self.model_dump(exclude={"load"}, exclude_none=True), load=load)
 
 
-class NominalArm(Description):
+class NominalArm(AbstractDescription):
     """What the law knows beside the arm's own description."""
 
     armature: Numbers | None = same(Articulated, "armature", default=None, source="the arm's description")

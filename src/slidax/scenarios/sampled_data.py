@@ -13,7 +13,7 @@ from slidax.controllers import AbstractController, Recovery, sampled_data
 from slidax.estimators import AbstractEstimator, Kalman, Measured
 from slidax.estimators.kalman import TORQUE_DENSITY
 
-from .base import Description, Numbers, said, same
+from .base import AbstractDescription, Numbers, said, same
 from .derived import PartDescription, plain_of, union_of
 
 
@@ -39,7 +39,7 @@ class Sampling:
     mass: Array
 
 
-class MeasuredDescription(Description):
+class MeasuredDescription(AbstractDescription):
     """Trusts positions and velocities as measured, and learns the disturbance from the velocities."""
 
     kind: Literal["measured"]
@@ -56,7 +56,7 @@ class MeasuredDescription(Description):
         return Measured(as_array(self.gain), as_array(self.trend), as_array(sampling.delay + 1.0))
 
 
-class KalmanDescription(Description):
+class KalmanDescription(AbstractDescription):
     """Velocities and disturbance from positions alone, by a steady Kalman filter."""
 
     kind: Literal["kalman"]
@@ -89,7 +89,7 @@ else:
     EstimatorDescription = union_of(AbstractEstimator, MeasuredDescription, KalmanDescription)
 
 
-class SampledDataDescription(Description):
+class SampledDataDescription(AbstractDescription):
     """The scheme as implicit steps at the arm's own rate; what is not given fits the sensor and the actuator."""
 
     horizon: float | None = said(
@@ -103,7 +103,7 @@ class SampledDataDescription(Description):
     """From measurements to the state and the disturbance; if not given `measured`, with gains after the horizon, or
     `kalman` for encoders without a velocity sensor."""
     recovery: RecoveryDescription | None = RecoveryDescription()
-    """What to do outside the envelope; null: pull back to the drawn one as it is."""
+    """What to do outside the envelope; null: pull back to the drawn envelope as it is."""
     slopes: bool = True
     """Whether the robust torque counts the slope part of tau1, as (45) prints it."""
 

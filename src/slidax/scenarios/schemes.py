@@ -46,7 +46,7 @@ def _for_editors(schema: dict[str, Any], model: type[SchemeDescription]) -> None
 
 
 class SchemeDescription(PartDescription):
-    """Who commands the joints: a scheme, with what differs from its preset."""
+    """The control scheme, with what differs from its preset."""
 
     model_config = ConfigDict(json_schema_extra=_for_editors)
 
@@ -73,7 +73,7 @@ class SchemeDescription(PartDescription):
 
         - `more`: `nominal`, the robot as the law knows it.
 
-        Raises DefinitionError, with the path of the field, if it cannot be.
+        Raises DefinitionError, with the path of the field, if it is invalid.
         """
         skipped = ("name", "sampled_data")
         values = {name: built(name, value) for name, value in self if name not in skipped and value is not None}

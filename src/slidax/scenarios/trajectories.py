@@ -11,14 +11,14 @@ from slidax._errors import DefinitionError, located
 from slidax.robots.joint_limits import JointLimits
 from slidax.trajectories import AbstractTrajectory, MinimumJerk, Tabulated, Trapezoidal
 
-from .base import Description, FileName, Numbers, said
+from .base import AbstractDescription, FileName, Numbers, said
 from .derived import union_of
 
 Limit = Annotated[float | list[float] | Literal["robot"], Field(union_mode="left_to_right")]
 """One number for all joints, one per joint, or `robot` for the robot's own limits."""
 
 
-class TrajectoryPart(Description):
+class TrajectoryPart(AbstractDescription):
     """What the joints should do."""
 
     def build(self, limits: JointLimits | None = None) -> AbstractTrajectory:

@@ -1,4 +1,4 @@
-"""A sensor that speaks late, and at uneven times."""
+"""A sensor whose measurements arrive late, and at uneven times."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A sensor whose words get lost."""
+"""A sensor that loses samples."""
 
 from __future__ import annotations
 

@@ -12,8 +12,8 @@ from slidax.parts import PerJoint, Vector
 def rounded(q: Vector, resolution: PerJoint) -> Vector:
     """`r round(q/r)`, the nearest multiple of the resolution, [n]; q itself for `r = 0`.
 
-    Its derivative is that of q, "straight through": a stairway is flat between its steps, so that its own derivative
-    would say that nothing which moves the arm is ever seen. So a gradient through encoders is that of the loop without
+    Its derivative is that of q, "straight through": a staircase is flat between its steps, so that its own
+    derivative would say that no motion is ever measured. So a gradient through encoders is that of the loop without
     their rounding, along the motion with it; by the resolution it is 0.
 
     - `q`: positions [n].

@@ -111,7 +111,7 @@ def require_fitting(
 
 
 def windows_of(steps: int, period: float, bands: tuple[float, ...]) -> Windows:
-    """From when each statistic of a run counts.
+    """From when on each statistic of a run counts.
 
     - `steps`: number of periods.
     - `period`: time between samples [s].

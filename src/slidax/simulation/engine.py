@@ -30,7 +30,7 @@ def engine_for(engine: str) -> Literal["native", "xla"]:
 
 
 def say_xla_instead(why: str) -> None:
-    """Warns that the run goes by XLA.
+    """Warns that XLA runs it.
 
     - `why`: the reason.
     """

@@ -17,7 +17,7 @@ from .outcome import Fault, find_fault
 
 
 class Evaluation(eqx.Module):
-    """The law at one time: what it saw, what it answered, and what is wrong."""
+    """The law at one time: its input, its answer, and what is wrong."""
 
     reference: Reference
     command: Command
@@ -26,7 +26,7 @@ class Evaluation(eqx.Module):
 
 
 def evaluate(loop: Loop, t: Scalar, state: State, seen: State, memory: Memory, ahead: Scalar) -> Evaluation:
-    """The law at one time, judged by the true state: the law itself knows what is seen of it.
+    """The law at one time, checked against the true state; the law itself gets what is measured of it.
 
     - `loop`: what stays the same.
     - `t`: time [s].

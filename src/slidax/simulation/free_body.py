@@ -1,4 +1,4 @@
-"""The way of a body that was let go."""
+"""The motion of a body that was let go."""
 
 from __future__ import annotations
 

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 import equinox as eqx
-from jaxtyping import Array, Int
+from jaxtyping import Array, Float, Int
 
 from slidax._types import Envelope, Memory, Reference, Scalar, State, Vector
 from slidax.controllers import AbstractController
@@ -23,7 +23,7 @@ Integrator = Callable[..., tuple[Any, tuple[Any, ...]]]
 class Loop(eqx.Module):
     """All that stays the same while time passes.
 
-    - `plant`, `controller`, `trajectory`: who takes part.
+    - `plant`, `controller`, `trajectory`: the parts.
     - `period`: time between samples [s].
     - `last`: number of the last sample, N.
     - `windows`: from when each statistic counts.
@@ -72,7 +72,7 @@ class Carry(eqx.Module):
 
 
 class Passed(eqx.Module):
-    """What one period leaves behind, beside the state: the memories of all who have one."""
+    """What one period leaves behind, beside the state: the memories of all parts that have one."""
 
     memory: Memory
     sensor: Memory
@@ -80,7 +80,7 @@ class Passed(eqx.Module):
     torque: Vector | None
 
 
-Begun = tuple[Carry, Envelope | None, Reference, Vector | None]
+Begun = tuple[Carry, Envelope | None, Reference, Float[Array, "*runs n"] | None]
 """The carry before the first sample, with the envelope and the reference there, and the torque that holds the arm [n],
 N m or N; None without an actuator."""
 

@@ -41,9 +41,9 @@ def drive(
     - `state0`: the state at t = 0.
     - `samples`: how many.
     - `every`: one in how many is logged; None logs none.
-    - `progress`: whether a bar is shown; None if the run is long and a person looks on.
+    - `progress`: whether a bar is shown; None if the run is long and standard error is a terminal.
     - `started`: when, by `time.perf_counter`.
-    - `inside`: says no to a start that may not be.
+    - `inside`: refuses a start that is not allowed.
 
     Raises NoNativeCodeError if there is no machine code for something in it.
     """
@@ -86,8 +86,8 @@ def drive_batch(
     samples: int,
     every: int | None,
     threads: int | None,
-) -> tuple[Begun, Log | None]:
-    """The same for many runs; every array has the run as its first axis.
+) -> tuple[Any, Log | None]:
+    """The same for many runs; every array has the run as its first axis, also the `Begun` that comes first.
 
     - `task`: equal for equal loops, so that each is compiled once.
     - `define`: from what varies, for one run, to the loop and the first state.

@@ -15,11 +15,9 @@ class Plant(AbstractPart):
     robot: AbstractRobot = piece("M, C, G, F")
     disturbance: AbstractDisturbance = piece("τ_d")
     sensor: AbstractSensor | None = piece(
-        "what a controller gets to know of the state; None: all of it, at once", default=None
+        "what a controller measures of the state; None: all of it, at once", default=None
     )
-    actuator: Actuator | None = piece(
-        "what becomes of its torque; None: the joints get it as it is, at once", default=None
-    )
+    actuator: Actuator | None = piece("how the drives deliver a torque; None: unchanged and at once", default=None)
     load: Load | None = piece(
         "what the tip carries for some time; None for nothing, or for what is part of the robot", default=None
     )

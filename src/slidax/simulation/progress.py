@@ -12,7 +12,7 @@ PATIENCE = 2.0
 
 
 class Progress:
-    """Counts finished pieces of work, and draws a bar once it is plain that the whole will take long.
+    """Counts finished pieces of work, and draws a bar once it is clear that the whole will take long.
 
     - `total`: number of pieces.
     - `shown`: True draws from the start, False never, None if the work is long and standard error is a terminal.
@@ -47,7 +47,7 @@ class Progress:
 
         columns = (TextColumn("simulating"), BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
         console = Console(stderr=True)
-        # Where nobody looks on, rich draws only what remains at the end.
+        # Without a terminal, rich draws only what remains at the end.
         self._bar = Bar(*columns, console=console, transient=console.is_terminal)
         self._bar.start()
         self._task = self._bar.add_task("", total=self._total, completed=self._done)

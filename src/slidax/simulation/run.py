@@ -143,7 +143,7 @@ class Run(eqx.Module):
         return int(self.period.shape[0])
 
     def __bool__(self) -> bool:
-        """True, whatever came of it."""
+        """True, whatever the outcome."""
         return True
 
     def __getitem__(self, which: int | slice) -> Run:
@@ -187,7 +187,9 @@ class Run(eqx.Module):
         try:
             from pandas import DataFrame
         except ImportError:
-            raise DefinitionError("a data frame needs pandas, which is not installed: pip install pandas") from None
+            raise DefinitionError(
+                "a data frame needs pandas, which is not installed: pip install 'slidax[frame]'"
+            ) from None
         found = columns_of(self, [f"[{name}]" for name in self.joint_names])
         made = DataFrame({name: values for name, (values, _) in found.items()})
         made.attrs["units"] = {name: unit for name, (_, unit) in found.items()}

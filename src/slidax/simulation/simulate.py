@@ -1,4 +1,4 @@
-"""The verb of the package."""
+"""Simulation of a closed loop."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def simulate(
     - `log_every`: log one in so many samples; None logs none. Metrics count all samples whatever is logged.
     - `bands`: error bands for the settling time, rad or m.
     - `throw`: raise OutcomeError on a bad outcome, instead of returning the run.
-    - `progress`: a bar on the terminal; None shows it if the run is long and a person looks on.
+    - `progress`: a bar on the terminal; None shows it if the run is long and standard error is a terminal.
     - `changes`: fields of `Stepping` by keyword: `period`, `mode`, `substeps`, `integrator`, `outside`, `limits`,
       `engine`; each replaces that of `stepping`. `period` must be given in one or the other.
 

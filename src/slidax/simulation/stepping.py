@@ -26,7 +26,7 @@ class Stepping(AbstractPart):
 
     In mode "held" the law is evaluated once a period, its torque is held, and the plant takes `substeps` steps of the
     integrator. In mode "continuous" the law is evaluated at every stage of the integrator, whose step is the period.
-    `simulate` and its kin take it whole, or its fields as keywords, or both: a keyword replaces a field.
+    `simulate` and the like take it whole, or its fields as keywords, or both: a keyword replaces a field.
     """
 
     period: float = parameter("time between samples", "s", "> 0", static=True, converter=_known_period)
@@ -40,12 +40,12 @@ class Stepping(AbstractPart):
         static=True,
     )
     outside: Literal["raise", "recover"] = piece(
-        'what a sample outside the envelope does: "raise" ends the run; "recover", in held mode, counts it and goes on',
+        'what happens at a sample outside: "raise" ends the run; "recover", in held mode, counts it and goes on',
         default="raise",
         static=True,
     )
     limits: Literal["check", "ignore"] = piece(
-        "what a start or a motion beyond the limits of the robot's joints does: "
+        "what happens to a start or a motion beyond the joints' limits: "
         '"check" refuses it; "ignore" runs it all the same',
         default="check",
         static=True,

@@ -23,7 +23,7 @@ class Windows(eqx.Module):
 
 
 class Tally(eqx.Module):
-    """What is kept of all samples, each [n] unless it says otherwise.
+    """Statistics of all samples, each [n] unless stated otherwise.
 
     - `samples`: how many samples were counted, [].
     - `violations`: how many of the samples had a joint at or outside its bounds, [].

@@ -1,4 +1,4 @@
-"""What a number of a run is, and how it changes with the gains."""
+"""A number of a run, and its gradient by the gains."""
 
 from __future__ import annotations
 

@@ -74,9 +74,9 @@ def drive(
     - `state0`: the state at t = 0.
     - `samples`: how many.
     - `every`: one in how many is logged; None logs none.
-    - `progress`: whether a bar is shown; None if the run is long and a person looks on.
+    - `progress`: whether a bar is shown; None if the run is long and standard error is a terminal.
     - `started`: when, by `time.perf_counter`.
-    - `inside`: says no to a start that may not be.
+    - `inside`: refuses a start that is not allowed.
     """
     carry, envelope, reference, held = _begin(loop, state0)
     inside(state0, envelope, reference, held)

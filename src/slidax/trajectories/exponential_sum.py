@@ -18,7 +18,9 @@ class ExponentialSum(AbstractTrajectory):
 
     offset: Vector = parameter("c, where it comes to rest", "rad or m")
     amplitudes: Float[Array, "k n"] = parameter("a_k, one row per term", "rad or m")
-    rates: Float[Array, " k"] = parameter("λ_k", "1/s", "> 0", "so that the motion comes to rest")
+    rates: Float[Array, " k"] = parameter(
+        "λ_k, how fast each term decays", "1/s", "> 0", "so that the motion comes to rest"
+    )
 
     def __check_init__(self) -> None:
         if self.rates.size > MOST_TERMS:

@@ -109,6 +109,5 @@ def _seconds(given: Any, where: str) -> float:
                 isinstance(part, (int, float)) and not isinstance(part, bool) for part in parts
             ):
                 return float(parts[0] + parts[1] * 1e-9)
-    raise DefinitionError(
-        f"{where}: `time_from_start` must be {{sec, nanosec}}, {{secs, nsecs}} or a number of seconds; got {shown(given)}"
-    )
+    rule = "must be {sec, nanosec}, {secs, nsecs} or a number of seconds"
+    raise DefinitionError(f"{where}: `time_from_start` {rule}; got {shown(given)}")

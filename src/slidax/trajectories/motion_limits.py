@@ -89,7 +89,7 @@ class MotionLimits:
         - `motion`: the motion.
         - `source`: what it was read from, for the message.
         - `names`: of the joints, if they have any.
-        - `place`, `rate`: what may be the matter where a position, or a velocity or acceleration, is beyond its limit.
+        - `place`, `rate`: the likely cause where a position, or a velocity or acceleration, is beyond its limit.
         """
         owner, joints = type(motion).__name__, motion.coefficients.shape[2]
         position = motion.extremes(0)

@@ -67,7 +67,7 @@ def require_no_jump(motion: AbstractPiecewisePolynomial, table: Table) -> None:
 
 
 def require_within(motion: AbstractPiecewisePolynomial, table: Table, limits: MotionLimits) -> None:
-    """Raises a DefinitionError if the motion passes a limit, with what may be the matter.
+    """Raises a DefinitionError if the motion passes a limit, with the likely cause.
 
     - `motion`: the motion through the table.
     - `table`: the table.

@@ -13,7 +13,7 @@ from .psi import Sides, psi_inverse, psi_inverse_slope
 from .transformation import AbstractTransformation, TransformedError
 
 SLIMMEST = 0.1
-"""A plan's frame is never slimmer than this share of the envelope, however fast that narrows."""
+"""A plan's frame is never narrower than this share of the envelope, however fast that narrows."""
 
 
 class PrescribedPerformance(AbstractTransformation):

@@ -1,4 +1,4 @@
-"""The packages that draw, which not everybody has."""
+"""The optional packages that draw."""
 
 from __future__ import annotations
 

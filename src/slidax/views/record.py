@@ -16,7 +16,7 @@ FRAMES_PER_SECOND = {".html": 60.0, ".mp4": 30.0, ".gif": 12.5}
 """Of each kind of file, unless asked for otherwise."""
 
 MOST_FRAMES = {".html": 6_000, ".mp4": 60_000, ".gif": 600}
-"""Of each kind of file: more would take the memory of whoever plays it."""
+"""Of each kind of file: more would take the memory of the machine that plays it."""
 
 CODECS = {".mp4": ("av",), ".gif": ("PIL",)}
 """The packages that write a film."""

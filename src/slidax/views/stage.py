@@ -1,4 +1,4 @@
-"""The place of the arm in the room: up is up, the ground is below, and the camera sees all of it."""
+"""The arm in the room: z up, on the ground, with a camera that sees all of it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where a film is shot: the arms as bodies of a MuJoCo model that are put where they are, drawn without a window."""
+"""Films by MuJoCo: the arms as bodies of a model, placed in each frame and drawn without a window."""
 
 from __future__ import annotations
 

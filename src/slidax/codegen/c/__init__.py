@@ -1,4 +1,4 @@
-"""Programs as C99 that is read with pleasure."""
+"""Programs as readable C99."""
 
 from .dialect import Dialect as Dialect
 from .helpers import Helpers as Helpers

@@ -32,7 +32,7 @@ class _LoopInvariant:
         self._region(program.body, guarded=False)
 
     def kept(self) -> list[Value]:
-        """Those that something else needs and that are dear, others being kept."""
+        """Those that something else needs and that are expensive, others being kept."""
         asked = {value for output in self.program.outputs for value in output.values or ()}
         for value in self.program.walk():
             if value not in self.found and value not in self.inner:

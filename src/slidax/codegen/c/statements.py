@@ -52,7 +52,7 @@ def statements(
     - `read`: how an element of an input is read.
     - `dialect`: C99 with doubles if None.
     - `given`: values that are known already, and how they are read.
-    - `names`: what values would like to be called; None: as the source calls them.
+    - `names`: preferred names of values; None: as the source calls them.
     - `rows`: where logged outputs are written; None leaves them out.
     - `taken`: names that local variables must not have, such as those of the function's arguments.
     """

@@ -32,7 +32,7 @@ class Writer(ABC):
     - `dialect`: how types and numbers are written.
     - `read`: how inputs are read.
     - `given`: how values that are known already are read.
-    - `names`: what values would like to be called, and what comments say of them.
+    - `names`: preferred names of values, and what comments say of them.
     - `taken`: names that are not free.
     """
 
@@ -97,7 +97,7 @@ class Writer(ABC):
         return self.dialect.type(value.type), self.fresh(hint or self.hint(value))
 
     def hint(self, value: Value) -> str | None:
-        """What a value would like to be called, None if nothing.
+        """The preferred name of a value; None if it has none.
 
         - `value`: any.
         """

@@ -19,7 +19,7 @@ from .words import literal, typed
 
 DEAR = frozenset({*ELEMENTARY, "load", "store", "loop", "branch", "div", "rem", "sqrt"})
 FEW = 12
-"""Both sides of a branch are computed and one is selected, if they hold so few operations and none that is dear."""
+"""Both sides of a branch are computed and one is selected, if they hold so few operations and no expensive one."""
 
 
 class Blocks:

@@ -28,7 +28,7 @@ def keep_profitable(bundles: Bundles) -> None:
 
 
 class _CostModel:
-    """Who takes what.
+    """Which values use which.
 
     - `bundles`: what is computed side by side at the moment.
     """

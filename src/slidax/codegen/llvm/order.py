@@ -1,4 +1,4 @@
-"""The order of the operations: what much waits for comes early, and what waits fills the time of what it waits for.
+"""The order of the operations: long chains of dependants come first, other work fills the waiting time.
 
 A processor looks a few hundred operations ahead, and one turn of a control loop has thousands: left in the order of the
 formulas, it computes one function after the other, each waiting for itself at every operation. Here the operations of a

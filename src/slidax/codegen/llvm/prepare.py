@@ -28,7 +28,7 @@ def prepared(program: Program, lanes: int = 1) -> Program:
 
 
 def lowered_and_fused(program: Program) -> Program:
-    """The same program in operations that are all exactly rounded, but for functions that nobody wrote out.
+    """The same program in operations that are all exactly rounded, but for functions that have no expansion.
 
     - `program`: stays as it is.
     """

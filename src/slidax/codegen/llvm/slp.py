@@ -1,4 +1,4 @@
-"""What the joints have in common: operations that are alike, for each element of a vector, found to be done at once.
+"""Superword-level parallelism: operations that are alike for all joints are found and done at once.
 
 From what lies side by side, the elements of an input or of what a loop carries, the search goes forward: where
 operations of one kind take such elements one after the other, and beside them the same numbers, their results lie side
@@ -197,7 +197,7 @@ class Bundles:
     # ---- what can be ------------------------------------------------------------------------------------------------
 
     def _make_possible(self, region: Region) -> None:
-        """Computes all in thought, and takes a bundle apart where none of the rest can be computed as a whole."""
+        """Goes through all operations, and takes a bundle apart where none of the rest can be computed as a whole."""
         users = waiting(region.values)
         missing = awaited(users)
         bundles = [members for members in self.made if members[0] in missing]

@@ -1,4 +1,4 @@
-"""A program with vectors in it, in the places of what lies side by side."""
+"""A program with vectors in it, in place of what lies side by side."""
 
 from __future__ import annotations
 
@@ -107,7 +107,7 @@ class _Vectoriser:
         return vector
 
     def _several(self, values: Sequence[Value]) -> tuple[Value, ...]:
-        """Numbers with vectors in the places of those that are one: what a loop carries."""
+        """Numbers with vectors in place of those that are one: what a loop carries."""
         some: list[Value] = []
         k = 0
         while k < len(values):

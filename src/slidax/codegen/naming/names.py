@@ -16,7 +16,7 @@ OPERATORS: dict[type[ast.AST], str] = {ast.Sub: "sub", ast.Div: "div", ast.Add: 
 
 
 class Name(NamedTuple):
-    """What a value would like to be called.
+    """The preferred name of a value.
 
     - `text`: an identifier.
     - `firm`: whether the source names the very value, so that a reader will look for it.

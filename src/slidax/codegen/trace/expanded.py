@@ -24,7 +24,7 @@ def expanded(b: Builder, equation: Any, arrays: list[Values], inline: Inline) ->
 
 
 def linear_solve(b: Builder, equation: Any, arrays: list[Values], inline: Inline) -> list[Values]:
-    """`lax.custom_linear_solve`, by the solver that it was given; the others of its functions are for derivatives."""
+    """`lax.custom_linear_solve`, by the solver that it was given; its other functions are for derivatives."""
     lengths, jaxprs = equation.params["const_lengths"], equation.params["jaxprs"]
     first = lengths.matvec + lengths.vecmat
     right_sides = arrays[sum(lengths) :]

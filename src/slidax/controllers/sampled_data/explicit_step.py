@@ -1,4 +1,4 @@
-"""The step of a law that has no implicit form: the law itself, at the state in which its torque will set in."""
+"""The step of a law without an implicit form: the law itself, at the predicted state."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from ..steps import AbstractStep, Decision, Moment
 class ExplicitStep(AbstractStep):
     """`τ = law(t, q, q̇)`, with q and q̇ as predicted and the reference's mean acceleration over the period.
 
-    A memory with a rate is integrated over the period, and stands still while the limits withhold torque. The push that
-    is made up for may be as large as the drives can give: such a law has no u that would cover the rest.
+    A memory with a rate is integrated over the period, and stands still while the limits withhold torque. The
+    compensated push may be as large as the drives can give: such a law has no u that would cover the rest.
 
     Signals: those of the law.
     """
@@ -50,7 +50,7 @@ class ExplicitStep(AbstractStep):
     def __call__(self, moment: Moment, memory: Memory) -> Decision:
         """The law's torque, and the nominal arm's motion under it.
 
-        - `moment`: what it goes by.
+        - `moment`: the arm as it is predicted.
         - `memory`: the law's own.
         """
         h, now = moment.period, moment.reference

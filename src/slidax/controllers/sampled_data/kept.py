@@ -1,4 +1,4 @@
-"""What a law in sampled-data form remembers."""
+"""The memory of a law in sampled-data form."""
 
 from __future__ import annotations
 

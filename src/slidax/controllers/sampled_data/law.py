@@ -39,7 +39,7 @@ class SampledData(AbstractController):
 
     At each sample the estimator corrects the nominal arm's prediction, and says which acceleration w the model does not
     explain. From there the arm is moved on under the commands that are under way, the step decides for the state that
-    it will be in, and w is made up for. Of all torques within the limits the one is set whose accelerations are nearest
+    it will be in, and w is compensated. Of all torques within the limits the one is set whose accelerations are nearest
     to the wanted ones. While samples are lost the last torque stands; at the next one the arm is predicted under it.
 
     Signals: those of the step, and `push` (w), `residual` (the acceleration that the last prediction missed) [n].
@@ -193,10 +193,10 @@ class SampledData(AbstractController):
         return Estimate(state=moved_on(prior.state, acceleration, gap), push=prior.push)
 
     def _share(self, lumped: Vector, decision: Decision) -> Scalar:
-        """Which share of the push, a torque `M0 w`, is made up for.
+        """Which share of the push, a torque `M0 w`, is compensated.
 
-        No more than the law covers by itself. A law that says nothing of it makes up for what the drives can give: an
-        estimate that asks for more has gone astray.
+        No more than the law covers by itself. A law that gives no bound compensates as much as the drives can give: an
+        estimate that asks for more is wrong.
         """
         if decision.cover is None:
             return 1.0 / jnp.maximum(jnp.max(jnp.abs(lumped) / self.limits.torque), 1.0)

@@ -47,7 +47,7 @@ def sampled_data(
     - `recovery`: what an implicit step does outside the envelope; None: pull back to the drawn one as it is.
     - `delay`: age of a measurement when its torque sets in, in periods.
     - `dead_time`: the part of it after the command, in periods.
-    - `slopes`: whether u counts τ1's slopes, as (45) prints it; without them the arm is reached for with less torque.
+    - `slopes`: whether u counts τ1's slopes, as (45) prints it; without them u, and with it the torque, is smaller.
 
     Raises DefinitionError if something does not fit.
     """

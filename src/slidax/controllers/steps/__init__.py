@@ -1,4 +1,4 @@
-"""What a law decides at a sample, for the state in which its torque will set in."""
+"""Steps: a law in discrete time, evaluated for the state in which its torque will set in."""
 
 from .recovery import Recovery as Recovery
 from .sliding_step import SlidingStep as SlidingStep

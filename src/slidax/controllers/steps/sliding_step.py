@@ -17,7 +17,7 @@ from .surface_step import AbstractSurfaceStep, Reached
 class SlidingStep(AbstractSurfaceStep):
     """`A (s⁺ - s) = -K0 Sig^r(s⁺) - u N(s⁺)`, `A = M0/H`, with (41)-(45): the reaching step, for any reaching law.
 
-    A push that is made up for is no larger than the one that u covers.
+    The compensated push is no larger than the one that u covers.
 
     Signals: `s`, `s_next` (s⁺), `eps1` [n], `u`; with a recovery `reseated` [n], 1 where its envelope is in force.
     """
@@ -43,7 +43,7 @@ class SlidingStep(AbstractSurfaceStep):
     def reach(self, moment: Moment, plan: Plan, memory: Memory) -> Reached:
         """The reaching law, held to the end of the horizon.
 
-        - `moment`: what the step goes by.
+        - `moment`: the arm as it is predicted.
         - `plan`: where it begins, with s.
         - `memory`: empty.
         """

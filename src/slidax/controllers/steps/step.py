@@ -1,4 +1,4 @@
-"""What every step is: what it goes by, and what it decides."""
+"""What every step is: what it uses, and what it decides."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from slidax.robots import AbstractRobot
 
 
 class Moment(eqx.Module):
-    """What a step goes by: the arm when this sample's torque sets in, as predicted.
+    """What a step uses: the arm when this sample's torque sets in, as predicted.
 
     - `t`: that time [s].
     - `state`: positions and velocities.
@@ -42,13 +42,13 @@ class Moment(eqx.Module):
 
 
 class Decision(eqx.Module):
-    """What a step wants, before the estimated push is made up for and the limits are kept.
+    """What a step wants, before the estimated push is compensated and the limits are kept.
 
     - `tau`: torque [n], N m or N.
     - `acceleration`: of the nominal arm under it [n], rad/s² or m/s².
     - `memory`: after this sample.
     - `signals`: inner quantities by name.
-    - `cover`: the largest push that is made up for, N m; None: as much as the drives can give.
+    - `cover`: the largest push that is compensated, N m; None: as much as the drives can give.
     - `limited`: the memory where the limits withhold some of the torque: what integrates an error then stands still,
       since the error is no longer its own; None: as `memory`.
     """
@@ -87,7 +87,7 @@ class AbstractStep(AbstractPart):
     def __call__(self, moment: Moment, memory: Memory) -> Decision:
         """The torque, the motion that it leads to, and the memory.
 
-        - `moment`: what it goes by.
+        - `moment`: the arm as it is predicted.
         - `memory`: what `init` or the last sample returned.
         """
 

@@ -94,7 +94,7 @@ class AbstractSurfaceStep(AbstractStep):
     def reach(self, moment: Moment, plan: Plan, memory: Memory) -> Reached:
         """One implicit step of the reaching law.
 
-        - `moment`: what the step goes by.
+        - `moment`: the arm as it is predicted.
         - `plan`: where it begins, with s.
         - `memory`: what `reach_init` or the last sample returned.
         """
@@ -125,7 +125,7 @@ class AbstractSurfaceStep(AbstractStep):
     def __call__(self, moment: Moment, memory: Followed) -> Decision:
         """The torque, with the plan that led to it in the memory.
 
-        - `moment`: what it goes by.
+        - `moment`: the arm as it is predicted.
         - `memory`: what `init` or the last sample returned.
         """
         h, horizon, now, desired = moment.period, moment.horizon, moment.state, moment.reference

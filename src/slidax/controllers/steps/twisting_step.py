@@ -32,7 +32,7 @@ class TwistingStep(AbstractSurfaceStep):
     def reach(self, moment: Moment, plan: Plan, memory: Vector) -> Reached:
         """The law, held to the end of the horizon.
 
-        - `moment`: what the step goes by.
+        - `moment`: the arm as it is predicted.
         - `plan`: where it begins, with s.
         - `memory`: v, [n], rad/s² or m/s².
         """

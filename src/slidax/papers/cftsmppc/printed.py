@@ -85,4 +85,4 @@ NOT_COVERED = (
     "The laws of the schemes that it compares with: it prints their parameters only. They were sourced or "
     "reconstructed, and what differs may be the reconstruction.",
 )
-"""What it prints that cannot be compared."""
+"""What it prints and cannot be compared."""

@@ -1,4 +1,4 @@
-"""One call from nothing to the report."""
+"""One call that runs all examples and writes the report."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from slidax._errors import DefinitionError
+from slidax._errors import shown as in_short
 from slidax.reports import machine, render, versions
 from slidax.reports.parameters import as_yaml
 
@@ -37,7 +38,7 @@ def reproduce(
     """Runs the paper's two examples and writes `out/report.html`, `out/figures/*.svg` and `out/results.json`.
 
     - `out`: a folder, made if missing.
-    - `disturbance`: "stated", "off", or "both" beside each other.
+    - `disturbance`: "stated", "off", or "both" side by side.
     - `progress`: told what is being done and which fraction of all is done, 0 to 1.
     - `changes`: values by dotted path for all scenarios, such as `{"simulation.t1": 1.0}` for a short trial.
 
@@ -47,7 +48,7 @@ def reproduce(
     """
     if disturbance not in CHOICES:
         known = ", ".join(f'"{choice}"' for choice in CHOICES)
-        raise DefinitionError(f"`disturbance` must be one of {known}; got {disturbance!r}")
+        raise DefinitionError(f"`disturbance` must be one of {known}; got {in_short(disturbance)}")
     tell = progress or (lambda stage, fraction: None)
     started = time.perf_counter()
     out.mkdir(parents=True, exist_ok=True)

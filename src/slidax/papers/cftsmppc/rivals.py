@@ -176,7 +176,7 @@ def layers(runs: Runs, scheme: str) -> dict[str, Any]:
 
 
 def printed_alpha(runs: Runs) -> dict[str, Any]:
-    """What ANFTSMC does with the printed α, which the class refuses and which is put in past its check.
+    """What ANFTSMC does with the printed α, which the class refuses and which is set without its check.
 
     - `runs`: all runs.
     """

@@ -62,7 +62,7 @@ class Runs:
     """All runs by case.
 
     - `scenarios`: what was simulated.
-    - `runs`: what came of it.
+    - `runs`: their runs.
     - `readings`: how the disturbance was read, in this order.
     """
 

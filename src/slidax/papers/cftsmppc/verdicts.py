@@ -20,7 +20,7 @@ KINDS: tuple[Kind, ...] = ("reproduced", "close", "differs", "unchecked")
 
 @dataclass(frozen=True)
 class Verdict:
-    """What a comparison came to.
+    """The result of a comparison.
 
     - `kind`: "reproduced", "close", "differs" or "unchecked".
     - `text`: the verdict in words.

@@ -1,4 +1,4 @@
-"""MuJoCo's own reader of robot files, with its errors and warnings in our hands."""
+"""MuJoCo's own reader of robot files, its errors and warnings turned into ours."""
 
 from __future__ import annotations
 

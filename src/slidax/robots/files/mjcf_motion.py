@@ -1,4 +1,4 @@
-"""Whether a model moves as its joints and links say: asked of MuJoCo itself."""
+"""Whether a model moves as its joints and links say: checked by MuJoCo itself."""
 
 from __future__ import annotations
 

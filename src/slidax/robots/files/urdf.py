@@ -59,7 +59,7 @@ def from_urdf(
       than the sum of the others; "nearest" takes the nearest that one can, and warns by how much it differs.
 
     Raises DefinitionError, naming link or joint, if the file is not one arm on a fixed base, or has a value that is
-    missing, misspelled or cannot be.
+    missing, misspelled or invalid.
     """
     given = read(source, "robot", "from_mjcf reads <mujoco>")
     with located(str(given.path or "")):
@@ -180,7 +180,7 @@ def _joint(
             "armature": armatures.get(name, 0.0),
             **(limits_of(element)[0] if limited else {}),
         }
-    # What stands still with the base may have any mass, and often has one that cannot be.
+    # What stands still with the base may have any mass, and often has an impossible one.
     if link not in tree.standing and body.explicitinertial:
         # Of an inertia that is 0 MuJoCo makes one that is not defined.
         xx, yy, zz, xy, xz, yz = np.nan_to_num(body.fullinertia)
@@ -203,7 +203,7 @@ def _joint(
 def _skeleton(tree: Tree, numbers: Mapping[str, str]) -> str:
     """The file with what makes the motion only, and numbers for names.
 
-    So nothing that is of no account can be in MuJoCo's way, and no name means anything to it, as `world` would.
+    So nothing that does not matter can be in MuJoCo's way, and no name means anything to it, as `world` would.
     """
     robot = ET.Element("robot", name="robot")
     for link, number_ in numbers.items():

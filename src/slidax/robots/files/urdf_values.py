@@ -1,4 +1,4 @@
-"""The values in a URDF file, each checked and named: readers pass over most of what is wrong with them."""
+"""The values in a URDF file, each checked and named: other readers ignore most of what is wrong with them."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ CHILDREN: Mapping[str, tuple[str, ...]] = {
     "inertial": ("origin", "mass", "inertia"),
     "joint": ("origin", "parent", "child", "axis", "dynamics", "limit", "mimic"),
 }
-"""What makes the motion, and what it is part of."""
+"""The elements that define the motion, and those around them."""
 
 NUMBERS: Mapping[str, Mapping[str, int]] = {
     "origin": {"xyz": 3, "rpy": 3},
@@ -78,7 +78,7 @@ def _check_attributes(owner: str, element: ET.Element) -> None:
 
 
 def _refuse_misspelled(owner: str, name: str, known: tuple[str, ...], place: str) -> None:
-    """What is like something known but is not: a reader would pass over it. All else is some program's extension."""
+    """What is like something known but is not: a reader would ignore it. All else is some program's extension."""
     close = [] if "_" in name or "}" in name else get_close_matches(name.lower(), known, n=1, cutoff=0.66)
     if close:
         raise DefinitionError(f"{owner} has `{name}` {place}, which URDF does not know; did you mean `{close[0]}`?")
@@ -113,7 +113,7 @@ def limits_of(joint: ET.Element) -> tuple[dict[str, float], list[str]]:
 
     - `joint`: checked; "revolute", "continuous" or "prismatic".
 
-    Raises DefinitionError, naming the joint, if one cannot be.
+    Raises DefinitionError, naming the joint, if one is invalid.
     """
     name, given = joint.get("name"), joint.find("limit")
     endless = joint.get("type") == "continuous"

@@ -1,4 +1,4 @@
-"""From a description file of ours to an arm."""
+"""From one of our description files to an arm."""
 
 from __future__ import annotations
 
