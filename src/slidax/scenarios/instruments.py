@@ -96,7 +96,8 @@ class SensorDescription(AbstractDescription):
                 # What begins after any run is never lost.
                 starts = [round(min(outage.start / period, 2.0**53)) for outage in self.loss.outages]
                 counts = [outage.samples for outage in self.loss.outages]
-                sensor = Lossy(sensor, as_array(self.loss.probability), starts, counts, seed)
+                first, count = (jax.device_put(np.asarray(numbers, int)) for numbers in (starts, counts))
+                sensor = Lossy(sensor, as_array(self.loss.probability), first, count, seed)
         return None if isinstance(sensor, Exact) else sensor
 
     @property
