@@ -23,7 +23,7 @@ WAYPOINTS = [[-0.4, 2.5], [0.0, 1.5], [1.25, 1.25]]
 
 TRAJECTORIES: tuple[dict[str, Any], ...] = (
     {"kind": "constant", "value": [-0.4, 2.5]},
-    {"kind": "sinusoid", "center": [0.0, 2.0], "amplitude": [0.5, 0.5], "frequency": [1.0, 1.0], "phase": [0.0, 0.0]},
+    {"kind": "sinusoid", "offset": [-0.4, 2.5], "amplitude": [0.5, 0.5], "frequency": [1.0, 1.0], "phase": [0.0, 0.0]},
     {"kind": "minimum_jerk", "times": [0.0, 1.0, 2.0], "waypoints": WAYPOINTS},
     {
         "kind": "quintic",
@@ -69,6 +69,7 @@ OTHERS = (
 )
 
 
+@functools.cache
 def loaded() -> dict[str, dict[str, Any]]:
     """The built-in scenarios with all their values written out, and others for what they have not."""
     found = {name: _written_out(name) for name in names()}
