@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import jax
 import jax.numpy as jnp
@@ -94,16 +94,10 @@ class SensorDescription(AbstractDescription):
         if self.loss.probability or self.loss.outages:
             with located("loss"):
                 # What begins after any run is never lost.
-<<<<<<< HEAD
-                starts: Any = [round(min(outage.start / period, 2.0**53)) for outage in self.loss.outages]
-                counts: Any = [outage.samples for outage in self.loss.outages]
-                sensor = Lossy(sensor, as_array(self.loss.probability), starts, counts, seed)
-=======
                 starts = [round(min(outage.start / period, 2.0**53)) for outage in self.loss.outages]
                 counts = [outage.samples for outage in self.loss.outages]
                 first, count = (jax.device_put(np.asarray(numbers, int)) for numbers in (starts, counts))
                 sensor = Lossy(sensor, as_array(self.loss.probability), first, count, seed)
->>>>>>> w/fuzz
         return None if isinstance(sensor, Exact) else sensor
 
     @property
