@@ -137,9 +137,9 @@ def test_the_header_names_units_meanings_and_defaults(exported):
         " *     1  rad       rad/s     N m",
         "double q[2];  /* positions [rad] */",
         "double surface_p;     /* 0.5: exponent near zero, in (0, 1) */",
-        "double bound_inverse_inertia_min; /* 0.09: m1 <= |M^-1(q)|, 1/(kg m2), > 0 */",
+        "double bound_inverse_inertia_min; /* 0.09: m1 <= |M^-1(q)|, 1/(kg m^2), > 0 */",
         "q_next[2];   /* positions one period later [rad]; not read by this law, may be anything */",
-        "limits_torque[2]; /* none: largest torque, N m or N, > 0; infinite for none */",
+        "limits_torque[2]; /* none: largest torque, N m or N, > 0, infinite for no limit */",
         "#define SLIDAX_LAW_ENVELOPE_LEFT 16u",
     ):
         assert line in header

@@ -100,7 +100,7 @@ def _meaning(tree: Any, path: Sequence[Any]) -> str:
     for place, key in _way(tree, path):
         if hasattr(key, "name"):
             meaning = bullets(type(place)).get(key.name, meaning)
-    for unsaid in (r"; None.*", r"one number or \[n\](, )?", r",? ?\[n\](?=[,;:.]|$)"):
+    for unsaid in (r"; [^;]* if not given\.?$", r"; None.*", r"one number( or \[n\])?(, )?", r",? ?\[n\](?=[,;:.]|$)"):
         meaning = re.sub(unsaid, "", meaning)
     meaning = meaning.strip(", ")
     return shortened(comment(meaning), 92)

@@ -69,7 +69,7 @@ class Parameter:
         """Range and reason in a few words: "> 0 (eq. 40)"; empty for any number."""
         reason = self.why if self.why.startswith("(") or not self.why else f", {self.why}"
         separator = " " if reason.startswith("(") else ""
-        return f"{self.range.text}{separator}{reason}".strip(" ,")
+        return f"{self.range.words}{separator}{reason}".strip(" ,")
 
     def rule(self, part: object) -> str:
         """What must hold, as a sentence's end.
@@ -81,7 +81,7 @@ class Parameter:
 
     def bullet(self) -> str:
         """One line of a docstring: meaning, shape, unit, range, default."""
-        within = f"in {self.range.text}" if self.range.text[:1] in ("(", "[") else self.range.text
+        within = f"in {self.range.text}" if self.range.words[:1] in ("(", "[") else self.range.words
         said = [self.meaning, self.shape, self.unit, within]
         text = ", ".join(part for part in said if part)
         if not self.required and self.default is not None and not self.piece:

@@ -87,6 +87,11 @@ class Range:
             return (end, End("inf", True)) if sign.startswith(">") else (End("-inf", True), end)
         return End("-inf", True), End("inf", True)
 
+    @property
+    def words(self) -> str:
+        """The range in a list: as it is written, but "> 0, infinite for no limit" for `(0, inf]`."""
+        return "> 0, infinite for no limit" if self.text == "(0, inf]" else self.text
+
     def holds(self, part: object, values: np.ndarray) -> np.ndarray:
         """Where the values are inside, broadcast against ends that are other parameters.
 
