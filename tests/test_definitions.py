@@ -169,8 +169,8 @@ def test_the_closed_ends_of_the_ranges_pass(make, value):
     [
         ({"k1": [0.2, 0.2, 0.2]}, "k1"),
         ({"overshoot": [0.2, 0.2, 0.2]}, "overshoot"),
-        ({"k0": [0.1, 0.1, 0.1]}, "gain"),
-        ({"k0": np.eye(3)}, "gain"),
+        ({"gain": [0.1, 0.1, 0.1]}, "gain"),
+        ({"gain": np.eye(3)}, "gain"),
         ({"performance": FixedTime(1.0, 0.1, [1.0, 2.0, 3.0], 2.1)}, "deadline"),
     ],
 )
@@ -193,9 +193,9 @@ def test_a_parameter_that_is_no_number_is_refused():
         ([0.0, 0.0], [[0.0], [1.0]], "two or more increasing times"),
         ([1.0, 0.0], [[0.0], [1.0]], "two or more increasing times"),
         ([0.0, NAN], [[0.0], [1.0]], "two or more increasing times"),
-        ([0.0, 1.0], [[0.0]], "one finite row of joint positions for each of the 2 times"),
-        ([0.0, 1.0], [0.0, 1.0], "one finite row"),
-        ([0.0, 1.0], [[0.0], [NAN]], "one finite row"),
+        ([0.0, 1.0], [[0.0]], "two or more rows with one position per joint; got shape"),
+        ([0.0, 1.0], [0.0, 1.0], "two or more rows with one position per joint"),
+        ([0.0, 1.0], [[0.0], [NAN]], "must be finite; waypoint 2 is not, for joint 1"),
         ([0.0, 1e-320, 1.0], [[0.0], [1.0], [2.0]], "too close|increasing"),
     ],
 )
