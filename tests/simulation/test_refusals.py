@@ -42,9 +42,9 @@ def attempt(plant=None, law=None, trajectory=MOTION_4_1, start=START_4_1, **time
         ({"t1": float("inf")}, r"`t1` must be > 0 s; got inf"),
         ({"t1": 0.0105}, r"`t1` must be a whole number of periods of 0.001 s; got 0.0105 s"),
         ({"t1": 1e-4}, r"`t1` must be a whole number of periods"),
-        ({"substeps": 0}, r"`Stepping.substeps` must be >= 1; got 0"),
+        ({"substeps": 0}, r"`Stepping.substeps` must be in \[1, 10000\]; got 0"),
         ({"substeps": 2, "mode": "continuous"}, r"`Stepping.substeps` must be 1 in continuous mode.*got 2"),
-        ({"log_every": 0}, r"`log_every` must be >= 1, or None for no log; got 0"),
+        ({"log_every": 0}, r"`log_every` must be in \[1, 1e\+09\], or None for no log; got 0"),
     ],
 )
 def test_times_that_do_not_fit_are_refused(change, message):
