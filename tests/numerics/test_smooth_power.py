@@ -7,17 +7,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from slidax.numerics import smooth_power_and_slope
+from slidax.numerics import smooth_power, smooth_power_and_slope
 
 EXPONENTS = [0.1, 0.5, 0.9]
 WIDTHS = [0.01, 0.3, 1.0]
 exponents = st.floats(0.05, 0.95)
 widths = st.floats(1e-3, 1.0)
 errors = st.floats(-20.0, 20.0)
-
-
-def smooth_power(x, p, delta):
-    return smooth_power_and_slope(x, p, delta)[0]
 
 
 def coefficients(p: float, delta: float) -> tuple[float, float, float]:

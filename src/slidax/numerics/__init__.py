@@ -15,6 +15,7 @@ from .power import sig_and_slope as sig_and_slope
 from .runge_kutta import runge_kutta_4 as runge_kutta_4
 from .saturation import saturation as saturation
 from .semi_implicit_euler import semi_implicit_euler as semi_implicit_euler
+from .smooth_power import smooth_power as smooth_power
 from .smooth_power import smooth_power_and_slope as smooth_power_and_slope
 from .tangent_mask import tangent_mask as tangent_mask
 from .two_term_power import two_term_power_and_slope as two_term_power_and_slope

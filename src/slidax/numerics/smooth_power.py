@@ -38,3 +38,13 @@ def smooth_power_and_slope(
     c2 = -p * p + 4.0 * p - 3.0
     c3 = 0.5 * p * p - 1.5 * p + 1.0
     return x * w * (c1 + z * (c2 + z * c3)), w * (c1 + z * (2.0 * c2 + z * 3.0 * c3))
+
+
+def smooth_power(x: Float[Array, "..."], p: Float[Array, "..."], delta: Float[Array, "..."]) -> Float[Array, "..."]:
+    """`s^p(x)`, eq. (29).
+
+    - `x`: any real array.
+    - `p`: exponent in (0, 1), broadcast with `x`.
+    - `delta`: half-width of the core, in (0, 1], broadcast with `x`.
+    """
+    return smooth_power_and_slope(x, p, delta)[0]
