@@ -28,12 +28,14 @@ def smooth_power_and_slope(
     exponent = p - 1.0
     edge = power(delta, exponent)
     # Near the goal all entries are in the core, and a power is the most expensive operation of a control step.
+    far = magnitude >= delta
     w = jax.lax.cond(
-        jnp.any(magnitude >= delta),
-        lambda: power(jnp.maximum(magnitude, delta), exponent),
+        jnp.any(far),
+        lambda: power(jnp.where(far, magnitude, delta), exponent),
         lambda: jnp.broadcast_to(edge, jnp.broadcast_shapes(magnitude.shape, edge.shape)),
     )
-    z = jnp.minimum(magnitude * (1.0 / delta), 1.0)
+    # Not by `minimum` and `maximum`: where both sides are alike, at |x| = delta, each would halve its derivative.
+    z = jnp.where(far, 1.0, magnitude * (1.0 / delta))
     c1 = 0.5 * p * p - 2.5 * p + 3.0
     c2 = -p * p + 4.0 * p - 3.0
     c3 = 0.5 * p * p - 1.5 * p + 1.0
