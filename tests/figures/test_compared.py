@@ -17,6 +17,7 @@ from slidax.figures.chatter import chatter
 from slidax.figures.metric_bars import HATCHES
 from slidax.figures.overlay import LOOKS, crest
 from slidax.figures.thinning import thinned
+from slidax.scenarios.schemes import PRESETS
 from slidax.simulation import Run
 
 LIMIT = 150_000

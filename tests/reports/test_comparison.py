@@ -127,7 +127,9 @@ def test_the_samples_of_a_scheme_without_an_envelope_are_counted_against_that_of
 
 def test_it_says_in_which_form_each_scheme_ran() -> None:
     judge = scenarios.load("example-4.1-1khz", {"simulation.t1": 0.05})
-    rival = scenarios.load("example-4.1-1khz", {"simulation.t1": 0.05, "scheme.name": "nftsmc"})
+    rival = scenarios.load(
+        "example-4.1-1khz", {"simulation.t1": 0.05, "scheme.name": "nftsmc", "scheme.sampled_data": None}
+    )
     both = {
         "cftsmppc": Rival.simulated(judge, judge, logged=False),
         "nftsmc": Rival.simulated(rival, judge, logged=False),

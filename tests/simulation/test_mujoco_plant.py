@@ -135,7 +135,7 @@ def test_the_same_step_gives_the_same_run(name):
 
 def test_the_same_run_follows_through_sensors_and_drives():
     """Limits, rate, lag and dead time of the torque; delay and noise of what is measured; lost samples."""
-    drive = Actuator(TorqueLimits(25.0, 4000.0), time_constant=2e-3, dead_time=1.4)
+    drive = Actuator(TorqueLimits(40.0, 4000.0), time_constant=2e-3, dead_time=1.4)
     sensor = Lossy(Delayed(Encoders(0.0, position_noise=1e-5, seed=2), 1.0), 0.2)
     loop = smooth_loop(TREE, sensor=sensor, actuator=drive)
     theirs, ours = both(*loop, integrator=semi_implicit_euler)

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 import equinox as eqx
+import numpy as np
 from jaxtyping import Array, Float, Int
 
 from slidax._types import Envelope, Memory, Reference, Scalar, State, Vector
@@ -80,7 +81,7 @@ class Passed(eqx.Module):
     torque: Vector | None
 
 
-Begun = tuple[Carry, Envelope | None, Reference, Float[Array, "*runs n"] | None]
+Begun = tuple[Carry, Envelope | None, Reference, Float[Array, "*runs n"] | Float[np.ndarray, "*runs n"] | None]
 """The carry before the first sample, with the envelope and the reference there, and the torque that holds the arm [n],
 N m or N; None without an actuator."""
 
