@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pkgutil
+import time
 
 import jax
 from hypothesis import HealthCheck, settings
@@ -24,3 +25,27 @@ settings.register_profile(
     suppress_health_check=[HealthCheck.too_slow],
 )
 settings.load_profile("slidax")
+
+
+WEEK = 7 * 24 * 3600.0
+"""How long compiled code is kept [s]."""
+
+
+def pytest_configure(config):
+    """Most of a day's run went into XLA's compiler: so it does little, and what it has done is kept for the next run.
+
+    The long version compiles everything anew and as a user does.
+    """
+    if config.getoption("markexpr") != "not full":
+        return
+    jax.config.update("jax_disable_most_optimizations", True)
+    if getattr(config, "cache", None) is None:
+        return
+    kept = config.cache.mkdir("xla")
+    if not hasattr(config, "workerinput"):
+        for file in kept.iterdir():
+            if time.time() - file.stat().st_mtime > WEEK:
+                file.unlink(missing_ok=True)
+    jax.config.update("jax_compilation_cache_dir", str(kept))
+    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
+    jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
