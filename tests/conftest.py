@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import pkgutil
-import time
+from pathlib import Path
 
 import jax
+import pytest
 from hypothesis import HealthCheck, settings
 from jaxtyping import install_import_hook
 
 import slidax
+from tests import compiled_code
 
 jax.config.update("jax_enable_x64", True)
 jax.config.update("jax_numpy_dtype_promotion", "strict")
@@ -27,25 +29,20 @@ settings.register_profile(
 settings.load_profile("slidax")
 
 
-WEEK = 7 * 24 * 3600.0
-"""How long compiled code is kept [s]."""
+OWN = pytest.StashKey[Path]()
 
 
-def pytest_configure(config):
-    """Most of a day's run went into XLA's compiler: so it does little, and what it has done is kept for the next run.
+def pytest_configure(config: pytest.Config) -> None:
+    """Most of a day's run goes into XLA's compiler: so it does little, and what it has done is kept for the next run.
 
-    The long version compiles everything anew and as a user does.
+    The long version compiles everything anew, and as a user does.
     """
-    if config.getoption("markexpr") != "not full":
-        return
-    jax.config.update("jax_disable_most_optimizations", True)
-    if getattr(config, "cache", None) is None:
-        return
-    kept = config.cache.mkdir("xla")
-    if not hasattr(config, "workerinput"):
-        for file in kept.iterdir():
-            if time.time() - file.stat().st_mtime > WEEK:
-                file.unlink(missing_ok=True)
-    jax.config.update("jax_compilation_cache_dir", str(kept))
-    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
-    jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
+    if config.getoption("markexpr") == "not full":
+        jax.config.update("jax_disable_most_optimizations", True)
+        if config.pluginmanager.has_plugin("cacheprovider"):
+            config.stash[OWN] = compiled_code.taken(config.cache.mkdir("xla"))
+
+
+def pytest_unconfigure(config: pytest.Config) -> None:
+    if OWN in config.stash:
+        compiled_code.given_back(config.stash[OWN])
