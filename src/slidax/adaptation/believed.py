@@ -15,9 +15,9 @@ LEAST_SHARE = 0.01
 class Believed(AbstractRobot):
     """`M̂ = S (M0 + diag(max(J, 0) - J0)) S`, with bias, friction and tip of the nominal arm.
 
-    S is 1 where `J >= 0`; else it scales the joint's row and column so that the diagonal entry becomes `M0_ii + J - J0`.
-    The links' part `M0 - diag(J0)` is positive semidefinite; so M̂ is positive definite where every J is positive, and
-    a congruence does not change that.
+    S is 1 where `J >= 0`; else it scales the joint's row and column so that the diagonal entry becomes
+    `M0_ii + J - J0`. The links' part `M0 - diag(J0)` is positive semidefinite, so that M̂ is positive definite where
+    every J is positive, and a congruence does not change that.
     """
 
     joint_units: tuple[str, ...] = piece('"rad" or "m" for each joint', static=True)

@@ -33,6 +33,7 @@ class Learning(eqx.Module):
     - `stages`: of the band-pass, for torque, acceleration and direction of motion.
     - `information`: `∫φ²`, `∫φ c`, `∫c²` [3 n]: of inertia, of both, of friction.
     - `rotor`, `coulomb`: what is learnt [n].
+    - `squares`: recent means of φ², φ z and z² with z = y - f c, [3 n].
     """
 
     positions: Float[Array, "2 n"]
@@ -42,6 +43,7 @@ class Learning(eqx.Module):
     information: Float[Array, "3 n"]
     rotor: Vector
     coulomb: Vector
+    squares: Float[Array, "3 n"]
 
 
 class JointLearning(AbstractAdaptation):
@@ -58,6 +60,9 @@ class JointLearning(AbstractAdaptation):
       back to `window` and `coulomb_window` when it grows beyond, so that a long hold forgets nothing.
     - A sample teaches inertia only if |φ| is above `gate`, some times the encoder's noise in the band: noise in φ would
       draw the inertia to zero.
+    - It teaches only while torque and acceleration are coherent, `(φ z)² > coherence φ² z²` in means over `recent` with
+      `z = y - f c`: a torque that moves the joint is in phase with its acceleration, the weight of a load that is taken
+      up or let go is not.
     - J stays between `rotor_min` less .6 of the links' share and `rotor_max` more than the links' share, f in
       [0, coulomb_max]: so M̂ is positive definite and bounded, whatever is measured.
 
@@ -76,6 +81,8 @@ class JointLearning(AbstractAdaptation):
         "least acceleration in the band that teaches inertia", "rad/s² or m/s²", ">= 0", default=0.2
     )
     gate_direction: PerJoint = parameter("least c in the band that teaches friction", "", ">= 0", default=0.05)
+    coherence: Scalar = parameter("least squared coherence that teaches inertia", "", "[0, 1)", default=0.8)
+    recent: Scalar = parameter("time over which the coherence is taken", "s", "> 0", default=0.015)
     prior: PerJoint = parameter("information in the first guess of J", "(rad/s²)² s or (m/s²)² s", "> 0", default=0.3)
     window: PerJoint = parameter("information that is kept of J", "(rad/s²)² s or (m/s²)² s", ">= prior", default=1.0)
     coulomb_prior: PerJoint = parameter("information in the first guess of f", "s", "> 0", default=0.02)
@@ -95,6 +102,7 @@ class JointLearning(AbstractAdaptation):
             information=jnp.stack([nothing + self.prior, nothing, nothing + self.coulomb_prior]),
             rotor=nothing + self.rotor,
             coulomb=nothing + self.coulomb,
+            squares=jnp.zeros((3, *nothing.shape), nothing.dtype),
         )
 
     def learnt(self, memory: Learning) -> Learnt:
@@ -131,7 +139,11 @@ class JointLearning(AbstractAdaptation):
         y, phi, c = stages[-1]
         links = jnp.diagonal(experience.mass) - self.counted
         missed = y - (links + memory.rotor) * phi - memory.coulomb * c
-        taught = jnp.where(jnp.abs(phi) > self.gate, phi, 0.0)
+        rubbed = y - memory.coulomb * c
+        newer = -jnp.expm1(-weight / self.recent)
+        squares = memory.squares + newer * (jnp.stack([phi * phi, phi * rubbed, rubbed * rubbed]) - memory.squares)
+        coherent = squares[1] * jnp.abs(squares[1]) > self.coherence * squares[0] * squares[2]
+        taught = jnp.where(coherent & (jnp.abs(phi) > self.gate), phi, 0.0)
         turned = jnp.where((jnp.abs(c) > self.gate_direction) & (self.coulomb_max > 0.0), c, 0.0)
         of_rotor, of_both, of_coulomb = memory.information + weight * jnp.stack(
             [taught * taught, taught * turned, turned * turned]
@@ -153,6 +165,7 @@ class JointLearning(AbstractAdaptation):
             ),
             rotor=jnp.clip(rotor, self.rotor_min - 0.6 * links, self.rotor_max + links),
             coulomb=jnp.clip(coulomb, 0.0, self.coulomb_max),
+            squares=squares,
         )
 
     @classmethod
@@ -161,9 +174,9 @@ class JointLearning(AbstractAdaptation):
     ) -> JointLearning:
         """The learning that fits an arm, its drives and its encoders.
 
-        Where the model counts no rotor the first guess is .002 kg m² for each N m of rated torque, in the middle of what
-        drives of arms have (docs/learning.md); rotors are sought from .0005 to .1 of it. The upper end of the band is
-        200 rad/s, or as low as 120 rad/s where three times the encoder's noise would be above .2 rad/s².
+        Where the model counts no rotor the first guess is .002 kg m² for each N m of rated torque, in the middle of
+        what drives of arms have (docs/learning.md); rotors are sought from .0005 to .1 of it. The upper end of the band
+        is 200 rad/s, or as low as 120 rad/s where three times the encoder's noise would be above .2 rad/s².
 
         - `mass`: inertia matrix of the nominal arm where it works [n n].
         - `rotors`: J0, rotor inertia that it has, one number or [n], kg m² or kg; None for an arm whose model has no
@@ -182,7 +195,7 @@ class JointLearning(AbstractAdaptation):
         rated = np.where(np.isfinite(rated), rated, USUAL_ACCELERATION * inertia)
         worst = float(np.max(deviation))
         low, high = float(given.get("low", 20.0)), 200.0
-        while high > 120.0 and 3.0 * band.noise_of(worst, low, high, period) > GATE:
+        while high > 120.0 and CLEAR * band.noise_of(worst, low, high, period) > GATE:
             high -= 5.0
         high = float(given.get("high", high))
         found = {
@@ -192,13 +205,16 @@ class JointLearning(AbstractAdaptation):
             "rotor_max": LARGEST * rated,
             "coulomb_max": 0.1 * rated,
             "high": high,
-            "gate": max(GATE, 3.0 * band.noise_of(worst, low, high, period)),
+            "gate": max(GATE, CLEAR * band.noise_of(worst, low, high, period)),
         }
         return cls(**{**found, **{name: value for name, value in given.items() if value is not None}})
 
 
 GATE = 0.2
 """rad/s²: what teaches, with encoders as good as 1e-5 rad."""
+
+CLEAR = 3.0
+"""Standard deviations of the encoders' noise that an acceleration must have to teach."""
 
 GUESS, LEAST, LARGEST = 0.002, 0.0005, 0.1
 """kg m² of rotor inertia for each N m of rated torque: the first guess, the least and the largest."""

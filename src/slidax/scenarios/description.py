@@ -11,8 +11,8 @@ from jaxtyping import Array
 
 from slidax._errors import DefinitionError, as_array, located, require_joints
 from slidax._types import State
-from slidax.robots import Articulated, JointLimits
 from slidax.numerics import runge_kutta_4, semi_implicit_euler
+from slidax.robots import Articulated, JointLimits
 from slidax.simulation import MujocoPlant, Plant, Stepping, Table
 
 from .base import AbstractDescription, said, same

@@ -120,7 +120,7 @@ class JointLearningDescription(AbstractDescription):
 
 
 if TYPE_CHECKING:
-    AdaptationDescription = AbstractDescription
+    AdaptationDescription = PartDescription | JointLearningDescription
     EstimatorDescription = PartDescription
     RecoveryDescription = PartDescription
 else:
@@ -167,8 +167,10 @@ class SampledDataDescription(AbstractDescription):
         if self.adaptation is not None:
             with located("adaptation"):
                 self.adaptation.require_joints(sampling.mass.shape[0])
-                learns = isinstance(self.adaptation, JointLearningDescription)
-                adaptation = self.adaptation.build(*((sampling,) if learns else ()))
+                if isinstance(self.adaptation, JointLearningDescription):
+                    adaptation = self.adaptation.build(sampling)
+                else:
+                    adaptation = self.adaptation.build()
                 # The estimator begins with what is believed of the inertia.
                 sampling = replace(sampling, mass=adaptation.mass_at_start(sampling.mass))
         estimator: AbstractEstimator | None = None

@@ -46,8 +46,8 @@ class SampledData(AbstractController):
     it will be in, and w is compensated. Of all torques within the limits the one is set whose accelerations are nearest
     to the wanted ones. While samples are lost the last torque stands; at the next one the arm is predicted under it.
 
-    Signals: those of the step, and `push` (w), `residual` (the acceleration that the last prediction missed) [n]; with an
-    adaptation `rotor` (J) and `coulomb` (f) [n].
+    Signals: those of the step, and `push` (w), `residual` (the acceleration that the last prediction missed) [n]; with
+    an adaptation `rotor` (J) and `coulomb` (f) [n].
     """
 
     step: AbstractStep = piece("what the law decides")
