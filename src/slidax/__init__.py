@@ -8,8 +8,8 @@
     run = scenario.simulate()
 
 The rooms are `trajectories`, `robots`, `disturbances`, `sensors`, `actuators` (the world); `performance`,
-`transformations`, `surfaces`, `reaching`, `estimators`, `controllers` (the law); `simulation` (the loop); `scenarios`;
-`metrics`, `figures`, `papers`, `reports` (the judgement). Each is imported when it is first used.
+`transformations`, `surfaces`, `reaching`, `estimators`, `adaptation`, `controllers` (the law); `simulation` (the loop);
+`scenarios`; `metrics`, `figures`, `papers`, `reports` (the judgement). Each is imported when it is first used.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from . import actuators as actuators
+    from . import adaptation as adaptation
     from . import controllers as controllers
     from . import disturbances as disturbances
     from . import estimators as estimators

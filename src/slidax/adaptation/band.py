@@ -10,6 +10,9 @@ from jaxtyping import Array, Float
 
 from slidax.parts import Scalar
 
+LOUDEST = 1e6
+"""rad/s²: noise in which nothing could be learnt."""
+
 STAGES = 5
 """Of the filter: two high-passes and three low-passes of first order."""
 
@@ -57,5 +60,7 @@ def noise_of(deviation: float, low: float, high: float, period: float) -> float:
     delay = np.exp(-1j * np.linspace(1e-6, math.pi, 4096))
     a, b = -math.expm1(-low * period), -math.expm1(-high * period)
     below, above = (share / (1 - (1 - share) * delay) for share in (a, b))
-    response = ((1 - delay) / period) ** 2 * (1 - below) ** 2 * above**3
-    return deviation * math.sqrt(float(np.mean(np.abs(response) ** 2)))
+    # In units of 1/h², so that no period is too short.
+    response = (1 - delay) ** 2 * (1 - below) ** 2 * above**3
+    size = math.sqrt(float(np.mean(np.abs(response) ** 2)))
+    return min(deviation / period * size / period, LOUDEST)

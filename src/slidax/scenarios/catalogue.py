@@ -20,7 +20,7 @@ from .disturbances import Term
 from .instruments import ActuatorDescription, InstrumentDescription, SensorDescription
 from .load import described, names
 from .robots import RobotDescription
-from .sampled_data import EstimatorDescription, RecoveryDescription, SampledDataDescription
+from .sampled_data import AdaptationDescription, EstimatorDescription, RecoveryDescription, SampledDataDescription
 from .schemes import AnyScheme
 from .trajectories import TrajectoryDescription
 
@@ -32,6 +32,7 @@ KINDS = {
     "reaching": union_of(AbstractReaching),
     "bounds": union_of(AbstractBound),
     "estimators": EstimatorDescription,
+    "adaptations": AdaptationDescription,
     "sensors": InstrumentDescription,
     "robots": RobotDescription,
     "trajectories": TrajectoryDescription,
