@@ -12,7 +12,9 @@ from .regressor import (
     BODY,
     links_regressor,
     parameters_of_links,
+    parameters_of_payload,
     payload_regressor,
+    rigid_torque,
 )
 from .signals import Signals
 
@@ -70,7 +72,6 @@ def unknowns_of(
     - `asymmetric`: whether viscous friction may differ between the two directions.
     """
     motion, n = signals.motion, robot.joints
-    kept = links_regressor(robot, motion)
     names: list[str] = []
     joints: list[int] = []
     columns: list[np.ndarray] = []
@@ -78,7 +79,6 @@ def unknowns_of(
     scale: list[float] = []
     positive: list[bool] = []
     bodies: list[int] = []
-    known = np.zeros_like(signals.tau)
     of_links = parameters_of_links(robot)
 
     def add_body(what: str, at: int, believed: np.ndarray, mass: float) -> None:
@@ -94,17 +94,13 @@ def unknowns_of(
     if links:
         for i in range(n):
             add_body("link", i, of_links[i * BODY :][:BODY], HALF * max(float(robot.masses[i]), 0.02 * total))
-        columns.append(kept)
-    else:
-        known += np.einsum("kip,p->ki", kept, of_links)
-    carried = payload_regressor(robot, motion)
+        columns.append(links_regressor(robot, motion))
     if payload:
         add_body("payload", -1, np.zeros(BODY), total)
-        columns.append(carried)
-    else:
-        from .regressor import parameters_of_payload
-
-        known += carried @ parameters_of_payload(robot.payload)
+        columns.append(payload_regressor(robot, motion))
+    # What is in question adds nothing to what is known.
+    carried = parameters_of_payload(robot.payload) * (not payload)
+    known = rigid_torque(robot, motion, of_links * (not links), carried)
 
     size = np.sqrt(np.mean(signals.tau**2, axis=0)) + 1e-9
     largest = np.maximum(np.abs(motion.dq).max(axis=0), STANDS)
@@ -148,7 +144,7 @@ def _moving(dq: np.ndarray, dead: np.ndarray, signals: Signals) -> np.ndarray:
     """Where a joint surely slides, and did and will for as long as the filter feels; all of a joint that stands."""
     stands = np.abs(dq).max(axis=0) <= STANDS
     slow = (np.abs(dq) < dead) & ~stands
-    reach = int(0.5 * signals.settled)
+    reach = signals.settled
     near = np.apply_along_axis(lambda column: np.convolve(column, np.ones(2 * reach + 1), "same"), 0, slow * 1.0) > 0.5
     counts = ~near
     counts[: signals.settled] = counts[len(counts) - signals.settled :] = False
