@@ -19,7 +19,8 @@ def excite(
     harmonics: Annotated[int, typer.Option(help="Multiples of the base frequency.")] = 10,
     share: Annotated[float, typer.Option(help="Of the limits that is used at most.")] = 0.8,
     acceleration: Annotated[
-        float | None, typer.Option(help="The largest [rad/s²]; three times the largest velocity per second if not given.")
+        float | None,
+        typer.Option(help="The largest [rad/s²]; three times the largest velocity per second if not given."),
     ] = None,
     payload: Annotated[float, typer.Option(help="The largest mass [kg] that the torque limits must allow.")] = 0.0,
     links: Annotated[bool, typer.Option("--links", help="Show the links' inertial parameters, too.")] = False,
@@ -36,11 +37,12 @@ def excite(
     with errors_as_lines():
         prepare()
         from slidax import identification
+        from slidax._errors import as_array
         from slidax.robots import Payload
         from slidax.scenarios import named_robot
 
         arm, _ = named_robot(robot, tip=tip)
-        carried = Payload(mass=payload) if payload else None
+        carried = Payload(mass=as_array(payload)) if payload else None
         found = identification.excite(
             arm,
             seed=seed,

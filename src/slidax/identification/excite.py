@@ -53,8 +53,7 @@ class Excitation:
     - `joints`: names of the joints.
     - `t`: times [k], s.
     - `motion`: positions, velocities, accelerations at them.
-    - `share`: the largest share of the limits of position range, velocity, acceleration and torque that each joint takes,
-      [4 n].
+    - `share`: of the limits of position range, velocity, acceleration and torque, what each joint takes at most [4 n].
     - `information`: `½ log₂ det(1 + S A S)`, the bits by which a log of it says more of the unknown numbers than was
       believed before.
     """
@@ -158,9 +157,10 @@ def excite(
         score = search.score(search.fitted(series, one, POINTS))
         if score > best:
             best, where = score, one
-    size, tried = 0.5, 0
-    for tried in range(STEPS):
-        one = where + size * series.random(rng, robot.joints) * (rng.random(where.shape[0]) < 0.3)[:, None]
+    size = 0.5
+    for _ in range(STEPS):
+        changed = rng.random((robot.joints, 1)) < 0.3
+        one = where + size * series.random(rng, robot.joints) * changed
         score = search.score(search.fitted(series, one, POINTS))
         if score > best:
             best, where, size = score, one, min(1.0, 1.3 * size)
@@ -172,7 +172,8 @@ def excite(
         joint = int(np.argmax(torque))
         raise DefinitionError(
             f"no motion was found that joint `{robot.joint_names[joint]}` has the torque for: it takes "
-            f"{torque[joint]:.3g} of its limit; give a `center` where it carries less, a larger `share`, or less payload"
+            f"{torque[joint]:.3g} of its share; give a `center` where it carries less, a larger `share`, or less "
+            "payload"
         )
     twice = Motion(*(np.concatenate([part, part, part[:1]]) for part in motion))
     t = np.arange(2 * rows + 1) * (duration / (2 * rows))
@@ -206,7 +207,10 @@ class _Search:
         self.torque = _finite(limits.torque, UNLIMITED_TORQUE)
         self.robot, self.share, self.links = robot, share, links
         # Plain numbers: the search asks for them many times.
-        self.known, self.armature, self.masses = parameters_of_links(robot), *map(np.asarray, (robot.armature, robot.masses))
+        self.known, self.armature, self.masses = (
+            parameters_of_links(robot),
+            *map(np.asarray, (robot.armature, robot.masses)),
+        )
         self.carried = parameters_of_payload(payload)
 
     def fitted(self, series: Fourier, coefficients: np.ndarray, points: int) -> Motion:
@@ -274,7 +278,8 @@ class _Search:
         )
 
     def _torque(self, motion: Motion) -> np.ndarray:
-        return rigid_torque(self.robot, motion, self.known, self.carried) + motion.ddq * self.armature
+        torque: np.ndarray = rigid_torque(self.robot, motion, self.known, self.carried) + motion.ddq * self.armature
+        return torque
 
 
 _BODY = np.array([1.0, *3 * (REACH,), *6 * (REACH**2,)])

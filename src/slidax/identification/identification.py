@@ -61,8 +61,9 @@ class Identification:
     - `lag`, `lag_error`: by how much the torques come after the positions, and its standard error [s].
     - `t`, `measured`, `predicted`: torques in the filter's band, over time [k n].
     - `split`: from which of these samples on the log was held out.
-    - `fit_rms`, `held_out_rms`, `measured_rms`: of prediction errors in both parts, and of what was measured, all in the
+    - `fit_rms`, `held_out_rms`, `measured_rms`: of prediction errors in both parts, and of what was measured, in the
       filter's band [n], N m or N.
+    - `seconds`: that it took.
     """
 
     robot: Articulated
@@ -80,6 +81,7 @@ class Identification:
     fit_rms: np.ndarray
     held_out_rms: np.ndarray
     measured_rms: np.ndarray
+    seconds: float
 
     @property
     def unseen(self) -> tuple[Estimated, ...]:

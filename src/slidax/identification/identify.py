@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from pathlib import Path
 
 import numpy as np
@@ -56,6 +57,7 @@ def identify(
 
     Raises DefinitionError if the log cannot be read or used.
     """
+    started = time.perf_counter()
     if not 0.0 < held_out <= 0.9:
         raise DefinitionError(f"`held_out` must be in (0, 0.9], the share of the log that is predicted; got {held_out}")
     if not isinstance(log, Log):
@@ -93,7 +95,7 @@ def identify(
         parameters=estimates_of(robot, unknowns, found, theta),
         log=log,
         cut_off=signals.cut_off,
-        condition=float(found.gain[0] / max(found.gain[-1], np.finfo(float).tiny)),
+        condition=float(found.gain[0] / max(found.gain[-1], found.gain[0] * np.finfo(float).eps)),
         unseen_directions=int(np.sum(found.gain < 1.0)),
         lag=found.lag,
         lag_error=found.lag_error,
@@ -104,6 +106,7 @@ def identify(
         fit_rms=_rms((measured - torque)[edge:split]),
         held_out_rms=_rms((measured - torque)[split : len(torque) - edge]),
         measured_rms=_rms(measured),
+        seconds=time.perf_counter() - started,
     )
 
 
@@ -133,8 +136,8 @@ def _require_long_enough(signals: Signals, split: int, log: Log) -> None:
     fewest = max(FEWEST // 2, 8 * signals.settled)
     if min(split, len(signals.t) - split) < min(fewest, FEWEST // 2) or split < fewest:
         raise DefinitionError(
-            f"{log.source} is too short, {signals.t[-1] - signals.t[0]:.3g} s: in a band of {signals.cut_off:.3g} Hz the "
-            f"part that is fitted must have at least {fewest / signals.rate:.3g} s"
+            f"{log.source} is too short, {signals.t[-1] - signals.t[0]:.3g} s: in a band of {signals.cut_off:.3g} Hz "
+            f"the part that is fitted must have at least {fewest / signals.rate:.3g} s"
         )
 
 
@@ -152,4 +155,3 @@ def _inside(unknowns: Unknowns, theta: np.ndarray) -> np.ndarray:
 def _rms(values: np.ndarray) -> np.ndarray:
     rms: np.ndarray = np.sqrt(np.mean(values**2, axis=0))
     return rms
-

@@ -60,8 +60,9 @@ def _from_parquet(path: Path, joints: Sequence[str]) -> Log:
         import pyarrow as pa
         import pyarrow.parquet as pq
     except ImportError:
-        raise DefinitionError("reading the log needs pyarrow, which is not installed: pip install 'slidax[parquet]'")\
-            from None
+        raise DefinitionError(
+            "reading the log needs pyarrow, which is not installed: pip install 'slidax[parquet]'"
+        ) from None
     try:
         table = pq.read_table(path)
     except (OSError, pa.ArrowInvalid) as error:
@@ -78,7 +79,9 @@ def _from_parquet(path: Path, joints: Sequence[str]) -> Log:
 def _from_joint_states(path: Path, joints: Sequence[str]) -> Log:
     text = _text(path)
     try:
-        messages = json.loads(text) if text.lstrip().startswith("[") else [json.loads(x) for x in text.splitlines() if x]
+        messages = (
+            json.loads(text) if text.lstrip().startswith("[") else [json.loads(x) for x in text.splitlines() if x]
+        )
     except json.JSONDecodeError as error:
         raise DefinitionError(
             f"`{path.name}`, line {error.lineno}: not JSON: {error.msg}; a list of messages is needed, or one a line"

@@ -75,7 +75,9 @@ def rigid_torque(robot: Articulated, motion: Motion, phi: np.ndarray, payload: n
         wrench = _wrench(links.omega[body], links.alpha[body], links.rise[body])
         force, torque = (part @ phi[body * BODY :][:BODY, None] for part in wrench)
         if body == robot.tip_joint:
-            force, torque = (a + b @ payload[:, None] for a, b in zip((force, torque), _carried(robot, links), strict=True))
+            force, torque = (
+                a + b @ payload[:, None] for a, b in zip((force, torque), _carried(robot, links), strict=True)
+            )
         column[:] = 0.0
         _onto_joints(column, robot, links, body, force, torque)
         total += column[:, :, 0]

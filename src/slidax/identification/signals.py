@@ -18,7 +18,7 @@ ORDER = 4
 """Of the Butterworth filters, which run forwards and backwards, so that nothing is delayed."""
 
 WIDER = 4.0
-"""How many times wider the positions' filter is than that of the equations, so that it changes nothing in their band."""
+"""How many times wider the positions' filter is than that of the equations: in their band it changes nothing."""
 
 SNR = 10.0
 """The band ends where the positions' spectrum comes so near to their noise."""
@@ -169,6 +169,6 @@ def _require_same(log: Log, ours: np.ndarray, theirs: np.ndarray) -> None:
         if moving > 1e-2 and apart > 0.3 * moving:
             factor = float(np.sum(theirs[:, joint] * ours[:, joint]) / np.sum(ours[:, joint] ** 2))
             raise DefinitionError(
-                f"`dq` of {log.source} is not the slope of `q` for joint `{name}`: it is {factor:.3g} times it at best; "
-                "are the units rad and rad/s? Else leave `dq` out"
+                f"`dq` of {log.source} is not the slope of `q` for joint `{name}`: it is {factor:.3g} times it at "
+                "best; are the units rad and rad/s? Else leave `dq` out"
             )

@@ -236,10 +236,12 @@ class IdentifiedDescription(AbstractRobotDescription):
             found = TypeAdapter(RobotDescription).validate_python(given, context={"folder": folder})
         except ValidationError as error:
             first = error.errors(include_url=False)[0]
-            where = ".".join(["robot", *(str(part) for part in first["loc"] if part in str(given))])
+            where = ".".join(["robot", *(str(part) for part in first["loc"] if str(part) in str(given))])
             raise DefinitionError(f"`{where}` of the file `{self.file}`: {first['msg']}") from None
         if not isinstance(found, AbstractArticulated):
-            raise DefinitionError(f"the robot of the file `{self.file}` must be an arm of rigid links; got {found.kind}")
+            raise DefinitionError(
+                f"the robot of the file `{self.file}` must be an arm of rigid links; got {found.kind}"
+            )
         with located(f"file `{self.file}`"):
             said = {field: getattr(self.plant, field) for field in self.plant.model_fields_set}
             return found.model_copy(update={"plant": found.plant.model_copy(update=said)}).build()
