@@ -15,7 +15,7 @@ from .least_squares import Fit
 from .regressor import BODY, PAIRS, body_of_parameters
 from .unknowns import REACH, Unknowns
 
-SEEN = 0.3
+SEEN = 0.1
 """A number is seen if its standard error is less than this share of what it was believed to be off by."""
 
 UNITS = {

@@ -2,103 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from pathlib import Path
-from typing import Any
-
 import numpy as np
 
 from slidax._errors import DefinitionError
-from slidax.robots import Articulated, JointLimits, Payload
+from slidax.robots import Articulated, Payload
 
+from .excitation import Excitation
 from .fourier import Fourier
-from .regressor import (
-    BODY,
-    Motion,
-    links_regressor,
-    parameters_of_links,
-    parameters_of_payload,
-    payload_regressor,
-    rigid_torque,
-)
-from .unknowns import REACH
-
-POINTS = 100
-"""Times of a period at which torques are looked at during the search."""
-
-STARTS, STEPS = 60, 400
-"""Random motions of which the best is taken, and changes of it that are tried."""
-
-ALMOST = 0.97
-"""Of the torque that is allowed: between the times that the search looks at there is a little more."""
-
-NOISE = 0.01
-"""Of a joint's torque limit: what its torques are taken to be measured to."""
-
-OF_FASTEST = 3.0
-"""The largest acceleration, where none is given, over the largest velocity, 1/s."""
-
-UNLIMITED_TURN, UNLIMITED_SPEED, UNLIMITED_TORQUE = 1.5, 1.5, 50.0
-"""What is taken where the arm has no limit: rad about 0, rad/s, N m."""
-
-
-LIMITS = ("range", "velocity", "acceleration", "torque")
-"""Whose shares there are."""
-
-
-@dataclass(frozen=True, eq=False)
-class Excitation:
-    """A motion from rest to rest, in rows.
-
-    - `joints`: names of the joints.
-    - `t`: times [k], s.
-    - `motion`: positions, velocities, accelerations at them.
-    - `share`: of the limits of position range, velocity, acceleration and torque, what each joint takes at most [4 n].
-    - `information`: `½ log₂ det(1 + S A S)`, the bits by which a log of it says more of the unknown numbers than was
-      believed before.
-    """
-
-    joints: tuple[str, ...]
-    t: np.ndarray
-    motion: Motion
-    share: np.ndarray
-    information: float
-
-    def as_json(self) -> dict[str, Any]:
-        """What `slidax excite --json` prints."""
-        return {
-            "joints": list(self.joints),
-            "duration": float(self.t[-1]),
-            "start": self.motion.q[0].tolist(),
-            "share": dict(zip(LIMITS, self.share.tolist(), strict=True)),
-            "information": self.information,
-        }
-
-    def __str__(self) -> str:
-        width = max(map(len, self.joints))
-        lines = [f"{self.t[-1]:g} s from rest to rest, {self.information:.0f} bits; the largest share of each limit:"]
-        lines.append(f"{'':<{width}}  {'  '.join(f'{name:>12}' for name in LIMITS)}  {'start':>9}")
-        for joint, name in enumerate(self.joints):
-            shares = "  ".join(f"{100 * value:>10.0f} %" for value in self.share[:, joint])
-            lines.append(f"{name:<{width}}  {shares}  {self.motion.q[0, joint]:>9.4f}")
-        return "\n".join(lines)
-
-    __repr__ = __str__
-
-    def write(self, path: str | Path) -> None:
-        """Writes it as the CSV file that `trajectory: {kind: csv, file: ...}` and `Tabulated.from_csv` read.
-
-        - `path`: where to.
-
-        Raises DefinitionError if the file cannot be written.
-        """
-        names = [*self.joints, *(f"{n}.velocity" for n in self.joints), *(f"{n}.acceleration" for n in self.joints)]
-        rows = np.column_stack([self.t, self.motion.q, self.motion.dq, self.motion.ddq])
-        lines = [",".join(["time", *names])] + [",".join(f"{value:.10g}" for value in row) for row in rows]
-        try:
-            Path(path).write_text("\n".join(lines) + "\n", encoding="utf-8")
-        except OSError as error:
-            raise DefinitionError(f"cannot write the file `{path}`: {error.strerror}") from None
+from .regressor import Motion
+from .search import Search
 
 
 def excite(
@@ -146,26 +58,12 @@ def excite(
             raise DefinitionError(f"`{name}` of a motion that excites must be {rule}; got {value}")
     if center is not None and np.shape(center) != (robot.joints,):
         raise DefinitionError(f"`center` must have one position for each of the {robot.joints} joints; got {center}")
-    search = _Search(robot, share, acceleration, center, payload or robot.payload, links)
+    search = Search(robot, share, acceleration, center, payload or robot.payload, links)
     rng = np.random.default_rng(seed)
     series = Fourier(duration / 2.0, harmonics)
     # The rows are where the table will have them, so that limits hold at each.
     rows = max(2, round(duration * rate / 2.0))
-    best, where = -np.inf, series.random(rng, robot.joints)
-    for _ in range(STARTS):
-        one = series.random(rng, robot.joints)
-        score = search.score(search.fitted(series, one, POINTS))
-        if score > best:
-            best, where = score, one
-    size = 0.5
-    for _ in range(STEPS):
-        changed = rng.random((robot.joints, 1)) < 0.3
-        one = where + size * series.random(rng, robot.joints) * changed
-        score = search.score(search.fitted(series, one, POINTS))
-        if score > best:
-            best, where, size = score, one, min(1.0, 1.3 * size)
-        else:
-            size = max(0.02, 0.97 * size)
+    where, best = search.best(series, rng)
     motion = search.fitted(series, where, rows)
     torque = search.torque_share(motion)
     if torque.max() > 1.0 + 1e-9:
@@ -178,114 +76,3 @@ def excite(
     twice = Motion(*(np.concatenate([part, part, part[:1]]) for part in motion))
     t = np.arange(2 * rows + 1) * (duration / (2 * rows))
     return Excitation(robot.joint_names, t, twice, search.shares(motion), best)
-
-
-class _Search:
-    """What a motion is worth, and how large it may be."""
-
-    def __init__(
-        self,
-        robot: Articulated,
-        share: float,
-        acceleration: float | None,
-        center: np.ndarray | None,
-        payload: Payload,
-        links: bool,
-    ) -> None:
-        limits: JointLimits = robot.limits
-        lower, upper = np.asarray(limits.lower), np.asarray(limits.upper)
-        self.center = center
-        self.lower = np.where(np.isfinite(lower), lower, -UNLIMITED_TURN)
-        self.upper = np.where(np.isfinite(upper), upper, UNLIMITED_TURN)
-        if center is None:
-            # A joint that turns freely begins near 0, as all others do if their range allows it.
-            self.lower, self.upper = np.maximum(self.lower, -np.pi), np.minimum(self.upper, np.pi)
-        elif ((center < self.lower) | (center > self.upper)).any():
-            raise DefinitionError(f"`center` must be within the joints' limits; got {list(center)}")
-        self.velocity = _finite(limits.velocity, UNLIMITED_SPEED)
-        self.acceleration = OF_FASTEST * self.velocity if acceleration is None else acceleration + 0.0 * self.velocity
-        self.torque = _finite(limits.torque, UNLIMITED_TORQUE)
-        self.robot, self.share, self.links = robot, share, links
-        # Plain numbers: the search asks for them many times.
-        self.known, self.armature, self.masses = (
-            parameters_of_links(robot),
-            *map(np.asarray, (robot.armature, robot.masses)),
-        )
-        self.carried = parameters_of_payload(payload)
-
-    def fitted(self, series: Fourier, coefficients: np.ndarray, points: int) -> Motion:
-        """The motion over one period, each joint's as large as its limits allow."""
-        shape, speed, change = series.motion(coefficients, points)
-        low, high = shape.min(axis=0), shape.max(axis=0)
-        half = 0.5 * self.share * (self.upper - self.lower)
-        middle = 0.5 * (self.upper + self.lower)
-        if self.center is None:
-            room = 2.0 * half / np.maximum(high - low, 1e-9)
-        else:
-            middle = self.center
-            inside = self.share * np.minimum(self.upper - middle, middle - self.lower)
-            room = inside / np.maximum(np.maximum(high, -low), 1e-9)
-        factor = np.minimum.reduce(
-            [
-                room,
-                self.share * self.velocity / np.maximum(np.abs(speed).max(axis=0), 1e-9),
-                self.share * self.acceleration / np.maximum(np.abs(change).max(axis=0), 1e-9),
-            ]
-        )
-        if self.center is None:
-            # About any place at which it stays inside: the series' own last number says which.
-            free = np.maximum(half - 0.5 * factor * (high - low), 0.0)
-            middle = middle - 0.5 * factor * (high + low) + free * np.tanh(coefficients[:, -1])
-        return Motion(middle + factor * shape, factor * speed, factor * change)
-
-    def torque_share(self, motion: Motion) -> np.ndarray:
-        """The largest torque over what is allowed, [n]."""
-        torque = self._torque(motion)
-        share: np.ndarray = np.abs(torque).max(axis=0) / (self.share * self.torque)
-        return share
-
-    def score(self, motion: Motion) -> float:
-        """Bits of information, less what the torque limits are passed by."""
-        n = self.robot.joints
-        bodies = [payload_regressor(self.robot, motion)]
-        weigh = max(float(np.sum(self.masses)), 0.1)
-        sizes = [weigh * _BODY]
-        if self.links:
-            bodies = [links_regressor(self.robot, motion)]
-            sizes = [max(0.5 * float(mass), 0.01 * weigh) * _BODY for mass in self.masses]
-        else:
-            bodies = [payload_regressor(self.robot, motion)]
-        drives = [motion.ddq, np.sign(motion.dq), motion.dq, np.ones_like(motion.dq)]
-        units = [self.acceleration, np.ones(n), self.velocity, np.ones(n)]
-        columns = np.concatenate([*bodies, *(drive[:, :, None] * np.eye(n) for drive in drives)], axis=2)
-        scale = np.concatenate([*sizes, *(self.torque / unit for unit in units)])
-        scaled = columns * scale / (NOISE * self.torque[:, None])
-        flat = scaled.reshape(-1, scaled.shape[2])
-        _, size = np.linalg.slogdet(np.eye(len(scale)) + flat.T @ flat)
-        # Weighed so that no bits can pay for it.
-        over = np.maximum(self.torque_share(motion) - ALMOST, 0.0).sum()
-        return float(0.5 * size / np.log(2.0) - 1000.0 * over)
-
-    def shares(self, motion: Motion) -> np.ndarray:
-        """The largest share of each limit, [4 n]."""
-        return np.stack(
-            [
-                (motion.q.max(axis=0) - motion.q.min(axis=0)) / (self.upper - self.lower),
-                np.abs(motion.dq).max(axis=0) / self.velocity,
-                np.abs(motion.ddq).max(axis=0) / self.acceleration,
-                self.torque_share(motion) * self.share,
-            ]
-        )
-
-    def _torque(self, motion: Motion) -> np.ndarray:
-        torque: np.ndarray = rigid_torque(self.robot, motion, self.known, self.carried) + motion.ddq * self.armature
-        return torque
-
-
-_BODY = np.array([1.0, *3 * (REACH,), *6 * (REACH**2,)])
-assert len(_BODY) == BODY
-
-
-def _finite(limit: object, otherwise: float) -> np.ndarray:
-    values = np.asarray(limit)
-    return np.where(np.isfinite(values), values, otherwise)

@@ -86,6 +86,9 @@ def identify(
     theta = consistent(
         found.theta, found.information, unknowns.bodies, unknowns.positive, _inside(unknowns, found.theta)
     )
+    # On its bound, where the barrier ends just above it.
+    errors = np.sqrt(np.diag(found.covariance))
+    theta = np.where(unknowns.positive & (theta < 1e-3 * errors), 0.0, theta)
     torque = unknowns.known + unknowns.columns @ theta
     torque = signals.filtered(torque - found.lag * np.gradient(torque, 1.0 / signals.rate, axis=0))
     measured = signals.filtered(signals.tau)
