@@ -49,9 +49,13 @@ def recorded(
     offset: float = 0.0,
     lag: float = 0.0,
     still: tuple[int, ...] = (),
+    given: tuple[np.ndarray, Motion] | None = None,
 ) -> Log:
-    """Positions to 1e-5 and torques with noise, a share of their root mean square; joints that stand are `still`."""
-    t, motion = moved(seconds, rate, arm.joints)
+    """Positions to 1e-5, and torques with noise, a share of their root mean square.
+
+    Joints that stand are `still`; `given` is another motion.
+    """
+    t, motion = given or moved(seconds, rate, arm.joints)
     for joint in still:
         for part in motion:
             part[:, joint] = 0.0

@@ -236,7 +236,8 @@ class IdentifiedDescription(AbstractRobotDescription):
             found = TypeAdapter(RobotDescription).validate_python(given, context={"folder": folder})
         except ValidationError as error:
             first = error.errors(include_url=False)[0]
-            where = ".".join(["robot", *(str(part) for part in first["loc"] if str(part) in str(given))])
+            # The first is the kind, which pydantic puts before the keys.
+            where = ".".join(["robot", *map(str, first["loc"][1:])])
             raise DefinitionError(f"`{where}` of the file `{self.file}`: {first['msg']}") from None
         if not isinstance(found, AbstractArticulated):
             raise DefinitionError(
