@@ -8,8 +8,9 @@
     run = scenario.simulate()
 
 The rooms are `trajectories`, `robots`, `disturbances`, `sensors`, `actuators` (the world); `performance`,
-`transformations`, `surfaces`, `reaching`, `estimators`, `controllers` (the law); `simulation` (the loop); `scenarios`;
-`metrics`, `figures`, `papers`, `reports` (the judgement). Each is imported when it is first used.
+`transformations`, `surfaces`, `reaching`, `estimators`, `controllers` (the law); `simulation` (the loop);
+`identification` (an arm's numbers from a log); `scenarios`; `metrics`, `figures`, `papers`, `reports` (the judgement).
+Each is imported when it is first used.
 """
 
 from __future__ import annotations
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     from . import disturbances as disturbances
     from . import estimators as estimators
     from . import figures as figures
+    from . import identification as identification
     from . import metrics as metrics
     from . import numerics as numerics
     from . import papers as papers
