@@ -9,7 +9,8 @@
 
 The rooms are `trajectories`, `robots`, `disturbances`, `sensors`, `actuators` (the world); `performance`,
 `transformations`, `surfaces`, `reaching`, `estimators`, `adaptation`, `controllers` (the law); `simulation` (the loop);
-`scenarios`; `metrics`, `figures`, `papers`, `reports` (the judgement). Each is imported when it is first used.
+`identification` (an arm's numbers from a log); `scenarios`; `metrics`, `figures`, `papers`, `reports`, `diagnosis` (the
+judgement). Each is imported when it is first used.
 """
 
 from __future__ import annotations
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
     from . import disturbances as disturbances
     from . import estimators as estimators
     from . import figures as figures
+    from . import identification as identification
     from . import metrics as metrics
     from . import numerics as numerics
     from . import papers as papers

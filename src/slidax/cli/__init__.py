@@ -9,7 +9,9 @@ from typing import Annotated
 import typer
 
 from .compare import compare
+from .excite import excite
 from .export import export_c
+from .identify import identify
 from .listing import list_, schema
 from .reproduce import reproduce
 from .run import run
@@ -29,6 +31,8 @@ app.add_typer(export, name="export")
 app.command(epilog="Example:  slidax reproduce --out reproduction")(reproduce)
 app.command(epilog="Example:  slidax run example-4.1 --set disturbance.scale=0 --set scheme.surface.k1=0.4")(run)
 app.command(epilog="Example:  slidax compare example-4.1 --schemes cftsmppc,ftsmc,sfsmc --out comparison")(compare)
+app.command(epilog="Example:  slidax excite panda --seed 1 --out motion.csv")(excite)
+app.command(epilog="Example:  slidax identify log.csv --robot panda --out arm.yaml --report report")(identify)
 app.command("list", epilog="Example:  slidax list scenarios")(list_)
 app.command(epilog="Example:  slidax schema > scenario.schema.json")(schema)
 export.command("c", epilog="Example:  slidax export c example-4.1-1khz --out law")(export_c)

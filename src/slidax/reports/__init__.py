@@ -1,6 +1,7 @@
 """Pages that a person reads: one self-contained HTML file each, with its figures beside it as SVG."""
 
 from .comparison import write_comparison as write_comparison
+from .identification_report import write_identification_report as write_identification_report
 from .machine import machine as machine
 from .machine import versions as versions
 from .numbers import significant as significant

@@ -6,6 +6,7 @@ from .description import ScenarioDescription as ScenarioDescription
 from .load import load as load
 from .load import names as names
 from .load import parse as parse
+from .named_robot import named_robot as named_robot
 from .scenario import Scenario as Scenario
 from .schema import SCHEMA_FILE as SCHEMA_FILE
 from .schema import schema as schema

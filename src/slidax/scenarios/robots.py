@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, NamedTuple,
 
 import equinox as eqx
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array
-from pydantic import Field, create_model, model_validator
+from pydantic import Field, TypeAdapter, ValidationError, create_model, model_validator
 
 from slidax import robots
 from slidax._errors import DefinitionError, as_array, known, located
@@ -18,6 +17,8 @@ from slidax.robots import AbstractRobot, Articulated, JointLimits, Load, Mismatc
 
 from .base import AbstractDescription, FileName, Numbers, same
 from .derived import PartDescription, plain_of, title_of
+from .links import LinksDescription, inertia_of
+from .robot_file import read_robot
 
 RENAMED = {"mass": "mass_factor", "inertia": "inertia_factor"}
 """Earlier names of what a true arm differs by, which files may still have."""
@@ -70,14 +71,14 @@ class LoadDescription(AbstractDescription):
 
     mass: float = same(Payload, "mass", required=True)
     center: Annotated[list[float], Field(min_length=3, max_length=3)] = same(Payload, "center")
-    inertia: float | Annotated[list[float], Field(min_length=3, max_length=3)] = 0.0
-    """About the centre of mass: one number for a ball, or the moments about the tip's axes [kg m²]."""
+    inertia: float | Annotated[list[float], Field(min_length=3, max_length=6)] = 0.0
+    """About the centre of mass [kg m²]: one number for a ball, the moments xx, yy, zz, or these with xy, xz, yz."""
     attached: float = same(Load, "attached")
     released: float | None = same(Load, "released", default=None, source="never let go")
 
     def build(self) -> Load:
         """The load."""
-        inertia = as_array(np.diag(self.inertia) if isinstance(self.inertia, list) else self.inertia)
+        inertia = as_array(inertia_of(self.inertia) if isinstance(self.inertia, list) else self.inertia)
         payload = Payload(mass=as_array(self.mass), center=as_array(self.center), inertia=inertia)
         if self.released is None:
             return Load(payload, as_array(self.attached))
@@ -111,6 +112,8 @@ class NominalArm(AbstractDescription):
     armature: Numbers | None = same(Articulated, "armature", default=None, source="the arm's description")
     load: LoadDescription | None = None
     """What the law knows to be at the tip from the start to the end, such as a gripper."""
+    links: LinksDescription | None = None
+    """What the links weigh, in place of the arm's description, as from an identification."""
     gravity: Annotated[list[float], Field(min_length=3, max_length=3)] | None = same(
         Articulated, "gravity_vector", default=None, source="the arm's description"
     )
@@ -124,6 +127,9 @@ class NominalArm(AbstractDescription):
         """
         if self.armature is not None:
             robot = eqx.tree_at(lambda arm: arm.armature, robot, self._armature(robot.joints))
+        if self.links is not None:
+            with located("links"):
+                robot = self.links.applied(robot)
         if self.gravity is not None:
             robot = eqx.tree_at(lambda arm: arm.gravity_vector, robot, as_array(self.gravity))
         if self.load is not None:
@@ -214,6 +220,34 @@ class MjcfDescription(AbstractFile):
         return from_mjcf(self.file, **self._how())
 
 
+class IdentifiedDescription(AbstractRobotDescription):
+    """An arm from a file with a mapping `robot`, as `slidax identify` writes it."""
+
+    kind: Literal["identified"]
+    file: FileName
+    """Its path, from the folder of the scenario file."""
+    plant: TrueArm = TrueArm()
+    """How the arm that moves differs from that of the file; what is not given is as it says there."""
+
+    def build(self) -> Arms:
+        """The true robot, the nominal one, and what the true one carries."""
+        given, folder = read_robot(self.file)
+        try:
+            found = TypeAdapter(RobotDescription).validate_python(given, context={"folder": folder})
+        except ValidationError as error:
+            first = error.errors(include_url=False)[0]
+            # The first is the kind, which pydantic puts before the keys.
+            where = ".".join(["robot", *map(str, first["loc"][1:])])
+            raise DefinitionError(f"`{where}` of the file `{self.file}`: {first['msg']}") from None
+        if not isinstance(found, AbstractArticulated):
+            raise DefinitionError(
+                f"the robot of the file `{self.file}` must be an arm of rigid links; got {found.kind}"
+            )
+        with located(f"file `{self.file}`"):
+            said = {field: getattr(self.plant, field) for field in self.plant.model_fields_set}
+            return found.model_copy(update={"plant": found.plant.model_copy(update=said)}).build()
+
+
 def _of_numbers(kind: str, part: type[AbstractRobot]) -> type[NumbersDescription]:
     true = plain_of(part, f"{part.__name__}.plant", doc="The arm that moves.")
     nominal = plain_of(part, f"{part.__name__}.nominal", optional=True, doc="What the law believes of it.")
@@ -244,7 +278,7 @@ else:
         Union[  # noqa: UP007
             tuple(_of_numbers(kind, part) for kind, part in MADE_OF_NUMBERS.items())
             + tuple(_ready(name) for name in ready.names())
-            + (UrdfDescription, MjcfDescription)
+            + (UrdfDescription, MjcfDescription, IdentifiedDescription)
         ],
         Field(discriminator="kind"),
     ]

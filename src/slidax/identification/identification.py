@@ -1,0 +1,146 @@
+"""What a log says of an arm."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy import stats
+
+from slidax.robots import Articulated
+
+from .log import Log
+
+
+@dataclass(frozen=True)
+class Estimated:
+    """One number of an arm.
+
+    - `name`: such as `armature` or `payload.mass`.
+    - `joint`: its joint's name; empty where it belongs to none.
+    - `path`: where it stands in the description of a robot; empty where nothing there depends on it.
+    - `unit`: of the value.
+    - `value`: what fits best.
+    - `standard_error`: of the value.
+    - `seen`: whether the log says more of it than was believed before.
+    """
+
+    name: str
+    joint: str
+    path: str
+    unit: str
+    value: float
+    standard_error: float
+    seen: bool
+
+    @property
+    def title(self) -> str:
+        """Name and joint: `armature of panda_joint1`."""
+        return f"{self.name} of {self.joint}" if self.joint else self.name
+
+    def interval(self, confidence: float = 0.95) -> tuple[float, float]:
+        """Between which the truth is with this probability, if the model's form is right.
+
+        - `confidence`: in (0, 1).
+        """
+        half = float(stats.norm.ppf(0.5 + 0.5 * confidence)) * self.standard_error
+        return self.value - half, self.value + half
+
+
+@dataclass(frozen=True, eq=False)
+class Identification:
+    """An arm as a log shows it.
+
+    - `robot`: with rotors, friction, payload and links as identified.
+    - `parameters`: each number with its standard error.
+    - `log`: what was read.
+    - `cut_off`: of the filter of the equations [Hz].
+    - `condition`: of the weighted regressor, over what was believed before: the largest gain over the least.
+    - `unseen_directions`: how many combinations of the numbers the log does not show.
+    - `lag`, `lag_error`: by how much the torques come after the positions, and its standard error [s].
+    - `t`, `measured`, `predicted`: torques in the filter's band, over time [k n].
+    - `split`: from which of these samples on the log was held out.
+    - `fit_rms`, `held_out_rms`, `measured_rms`: of prediction errors in both parts, and of what was measured, in the
+      filter's band [n], N m or N.
+    - `seconds`: that it took.
+    """
+
+    robot: Articulated
+    parameters: tuple[Estimated, ...]
+    log: Log
+    cut_off: float
+    condition: float
+    unseen_directions: int
+    lag: float
+    lag_error: float
+    t: np.ndarray
+    measured: np.ndarray
+    predicted: np.ndarray
+    split: int
+    fit_rms: np.ndarray
+    held_out_rms: np.ndarray
+    measured_rms: np.ndarray
+    seconds: float
+
+    @property
+    def unseen(self) -> tuple[Estimated, ...]:
+        """The numbers of which this log says nothing, or too little."""
+        return tuple(one for one in self.parameters if not one.seen)
+
+    def values(self, name: str) -> np.ndarray:
+        """All numbers of a name, in the order of the joints.
+
+        - `name`: such as `armature`.
+        """
+        return np.array([one.value for one in self.parameters if one.name == name])
+
+    def standard_errors(self, name: str) -> np.ndarray:
+        """Their standard errors.
+
+        - `name`: such as `armature`.
+        """
+        return np.array([one.standard_error for one in self.parameters if one.name == name])
+
+    def as_json(self) -> dict[str, Any]:
+        """What `slidax identify --json` prints."""
+        return {
+            "parameters": [
+                {
+                    "name": one.name,
+                    "joint": one.joint or None,
+                    "path": one.path or None,
+                    "unit": one.unit,
+                    "value": one.value,
+                    "standard_error": one.standard_error,
+                    "seen": one.seen,
+                }
+                for one in self.parameters
+            ],
+            "torque_rms": {"fit": self.fit_rms.tolist(), "held_out": self.held_out_rms.tolist()},
+            "measured_rms": self.measured_rms.tolist(),
+            "cut_off": self.cut_off,
+            "condition": self.condition,
+            "unseen_directions": self.unseen_directions,
+            "lag": {"value": self.lag, "standard_error": self.lag_error},
+        }
+
+    def __str__(self) -> str:
+        width = max(len(one.title) for one in self.parameters)
+        lines = [f"{self.robot.name} from {self.log.source}: {len(self.log.t)} samples, band {self.cut_off:.3g} Hz"]
+        for one in self.parameters:
+            half = 0.5 * (one.interval()[1] - one.interval()[0])
+            end = "" if one.seen else "  not seen in this log"
+            lines.append(f"{one.title:<{width}}  {one.value:>10.4g} ± {half:<8.2g} {one.unit}{end}")
+        lines.append(f"torque [rms] measured     {_listed(self.measured_rms)}")
+        lines.append(f"             error, fit   {_listed(self.fit_rms)}")
+        lines.append(f"             held out     {_listed(self.held_out_rms)}")
+        if self.unseen_directions:
+            lines.append(f"{self.unseen_directions} combinations of these numbers do not show in this log")
+        return "\n".join(lines)
+
+    __repr__ = __str__
+
+
+def _listed(values: np.ndarray) -> str:
+    return " ".join(f"{value:8.3g}" for value in values)

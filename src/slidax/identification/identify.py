@@ -1,0 +1,160 @@
+"""From a log to an arm's numbers."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+import numpy as np
+from scipy import signal
+
+from slidax._errors import DefinitionError
+from slidax.robots import Articulated
+
+from .consistent import consistent
+from .estimates import estimates_of, identified_robot
+from .identification import Identification
+from .least_squares import Fit, fit
+from .log import FEWEST, Log
+from .read_log import read_log
+from .regressor import BODY
+from .signals import LEAST, Signals, signals_of
+from .unknowns import Unknowns, unknowns_of
+
+EXPLAINED = 0.5
+"""The band ends where the model leaves more of the torque's power than this."""
+
+
+def identify(
+    log: Log | str | Path,
+    robot: Articulated,
+    *,
+    rotors: bool = True,
+    payload: bool | None = None,
+    links: bool = False,
+    asymmetric: bool = False,
+    cut_off: float | None = None,
+    held_out: float = 0.25,
+) -> Identification:
+    """Rotor inertia, friction, payload and, if asked for, the links' inertial parameters, from positions and torques.
+
+        found = identify("log.csv", sx.robots.panda())
+        print(found)
+
+    The torque is linear in all of them, `τ = Y(q,q̇,q̈) φ + J q̈ + f_c sign(q̇) + f_v q̇ + f_o`, so this is weighted least
+    squares on signals that all pass the same zero-phase filter, with physically consistent bodies (`consistent`). What
+    was believed before is taken as very uncertain, so that it decides only what the log does not show; that is said by
+    name.
+
+    - `log`: a `Log`, or the path of a file that `read_log` reads.
+    - `robot`: the arm as it is known; what is identified takes the place of its numbers.
+    - `rotors`: whether their inertia is unknown; torques measured behind the gears do not show it.
+    - `payload`: whether what the tip carries is unknown; if not given, unless `links` are, which it is a part of then.
+    - `links`: whether the links' inertial parameters are unknown: their believed values are within half of the mass.
+    - `asymmetric`: whether viscous friction may differ between the two directions.
+    - `cut_off`: of the filter [Hz]; chosen from the data if not given.
+    - `held_out`: the last share of the log, which is not fitted but predicted, in (0, 0.9].
+
+    Raises DefinitionError if the log cannot be read or used.
+    """
+    started = time.perf_counter()
+    if not 0.0 < held_out <= 0.9:
+        raise DefinitionError(f"`held_out` must be in (0, 0.9], the share of the log that is predicted; got {held_out}")
+    if not isinstance(log, Log):
+        log = read_log(log, robot.joint_names)
+    if len(log.joints) != robot.joints:
+        raise DefinitionError(f"{log.source} has {len(log.joints)} joints, but {robot.name} has {robot.joints}")
+    if payload is None:
+        payload = not links
+
+    def equation(signals: Signals) -> Unknowns:
+        asked = {"rotors": rotors, "payload": payload, "links": links, "asymmetric": asymmetric}
+        return unknowns_of(robot, signals, **asked)
+
+    signals = signals_of(log, cut_off)
+    split = int((1.0 - held_out) * len(signals.t))
+    _require_long_enough(signals, split, log)
+    unknowns = equation(signals)
+    found = fit(unknowns, signals, slice(0, split))
+    if cut_off is None:
+        band = explained_band(unknowns, signals, found, slice(0, split))
+        if band < 0.8 * signals.cut_off:
+            signals = signals_of(log, band)
+            _require_long_enough(signals, split, log)
+            unknowns = equation(signals)
+            found = fit(unknowns, signals, slice(0, split))
+    theta = consistent(
+        found.theta, found.information, unknowns.bodies, unknowns.positive, _inside(unknowns, found.theta)
+    )
+    # On its bound, where the barrier ends just above it.
+    errors = np.sqrt(np.diag(found.covariance))
+    theta = np.where(unknowns.positive & (theta < 1e-3 * errors), 0.0, theta)
+    torque = unknowns.known + unknowns.columns @ theta
+    torque = signals.filtered(torque - found.lag * np.gradient(torque, 1.0 / signals.rate, axis=0))
+    measured = signals.filtered(signals.tau)
+    edge = signals.settled
+    return Identification(
+        robot=identified_robot(robot, unknowns, theta),
+        parameters=estimates_of(robot, unknowns, found, theta),
+        log=log,
+        cut_off=signals.cut_off,
+        condition=float(found.gain[0] / max(found.gain[-1], found.gain[0] * np.finfo(float).eps)),
+        unseen_directions=int(np.sum(found.gain < 1.0)),
+        lag=found.lag,
+        lag_error=found.lag_error,
+        t=signals.t,
+        measured=measured,
+        predicted=torque,
+        split=split,
+        fit_rms=_rms((measured - torque)[edge:split]),
+        held_out_rms=_rms((measured - torque)[split : len(torque) - edge]),
+        measured_rms=_rms(measured),
+        seconds=time.perf_counter() - started,
+    )
+
+
+def explained_band(unknowns: Unknowns, signals: Signals, found: Fit, rows: slice) -> float:
+    """The frequency [Hz] up to which the model explains at least half of the torque's power, in the median joint.
+
+    Above it there is noise, or what the model does not have, such as gears that give way.
+
+    - `unknowns`, `signals`: the equation and the log.
+    - `found`: parameters of a first fit in a wider band.
+    - `rows`: the part of the log that is fitted.
+    """
+    left = (signals.tau - unknowns.known)[rows] - unknowns.columns[rows] @ found.theta
+    samples = min(len(left), int(4 * signals.rate))
+    spectra = [signal.welch(x, signals.rate, nperseg=samples, axis=0) for x in (left, signals.tau[rows])]
+    f, (of_rest, of_all) = spectra[0][0], (power for _, power in spectra)
+    octave = [(f >= high / 2) & (f <= high) for high in f[2:]]
+    ends = []
+    for joint in range(left.shape[1]):
+        shares = [of_rest[band, joint].sum() / max(of_all[band, joint].sum(), 1e-300) for band in octave]
+        bad = np.nonzero((np.array(shares) > EXPLAINED) & (f[2:] > LEAST))[0]
+        ends.append(f[2 + bad[0]] if len(bad) else f[-1])
+    return float(np.clip(np.median(ends), 2.0 * LEAST, signals.cut_off))
+
+
+def _require_long_enough(signals: Signals, split: int, log: Log) -> None:
+    fewest = max(FEWEST // 2, 8 * signals.settled)
+    if min(split, len(signals.t) - split) < min(fewest, FEWEST // 2) or split < fewest:
+        raise DefinitionError(
+            f"{log.source} is too short, {signals.t[-1] - signals.t[0]:.3g} s: in a band of {signals.cut_off:.3g} Hz "
+            f"the part that is fitted must have at least {fewest / signals.rate:.3g} s"
+        )
+
+
+def _inside(unknowns: Unknowns, theta: np.ndarray) -> np.ndarray:
+    """Some θ with positive drives, and bodies that are spheres about where the best fit has them."""
+    inside = np.where(unknowns.positive, np.maximum(theta, 1e-3 * unknowns.scale), theta)
+    for start in unknowns.bodies:
+        mass = max(theta[start], 1e-2 * unknowns.scale[start])
+        inside[start : start + BODY] = 0.0
+        inside[start] = mass
+        inside[start + 4 : start + 7] = mass * 1e-2
+    return inside
+
+
+def _rms(values: np.ndarray) -> np.ndarray:
+    rms: np.ndarray = np.sqrt(np.mean(values**2, axis=0))
+    return rms

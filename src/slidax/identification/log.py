@@ -1,0 +1,64 @@
+"""What was measured on an arm: positions and torques over time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from slidax._errors import DefinitionError
+
+FEWEST = 200
+"""Samples that a log must have."""
+
+
+@dataclass(frozen=True, eq=False)
+class Log:
+    """Positions and torques of all joints over time.
+
+    - `source`: what it was read from, for messages.
+    - `joints`: their names, in the arm's order.
+    - `t`: times [k], s.
+    - `q`: positions [k n], rad or m.
+    - `tau`: torques [k n], N m or N.
+    - `dq`: velocities [k n], rad/s or m/s; None if they were not measured.
+
+    Raises DefinitionError if sizes differ, there are less than 200 samples, the times do not increase, or a number is
+    not finite.
+    """
+
+    source: str
+    joints: tuple[str, ...]
+    t: np.ndarray
+    q: np.ndarray
+    tau: np.ndarray
+    dq: np.ndarray | None = None
+
+    def __post_init__(self) -> None:
+        k, n = len(self.t), len(self.joints)
+        if k < FEWEST:
+            raise DefinitionError(f"{self.source} has {k} samples: at least {FEWEST} are needed to identify anything")
+        for name, values in (("q", self.q), ("tau", self.tau), ("dq", self.dq)):
+            if values is None:
+                continue
+            if values.shape != (k, n):
+                raise DefinitionError(
+                    f"`{name}` of {self.source} must be {k} x {n} numbers; got shape {list(values.shape)}"
+                )
+            if not np.isfinite(values).all():
+                row, joint = (int(index[0]) for index in np.nonzero(~np.isfinite(values)))
+                raise DefinitionError(
+                    f"`{name}` of {self.source} is not finite for joint `{self.joints[joint]}` in sample {row + 1}: "
+                    "leave out such samples"
+                )
+        if not np.isfinite(self.t).all() or (np.diff(self.t) <= 0).any():
+            rows = np.nonzero(~(np.diff(self.t) > 0))[0]
+            raise DefinitionError(
+                f"the times of {self.source} must increase; sample {int(rows[0]) + 2} is at {self.t[rows[0] + 1]:g} s, "
+                f"the one before at {self.t[rows[0]]:g} s"
+            )
+
+    @property
+    def period(self) -> float:
+        """The median time between two samples [s]."""
+        return float(np.median(np.diff(self.t)))

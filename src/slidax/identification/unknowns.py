@@ -1,0 +1,151 @@
+"""What is to be identified: the columns of the regressor, with names, units and what was believed before."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from slidax.robots import Articulated
+
+from .regressor import (
+    BODY,
+    links_regressor,
+    parameters_of_links,
+    parameters_of_payload,
+    payload_regressor,
+    rigid_torque,
+)
+from .signals import Signals
+
+REACH = 0.2
+"""How far from its frame a body's mass may be believed to be, m: it makes a scale of moment and inertia."""
+
+WIDE = 3.0
+"""How many times larger than the log's own scale a parameter of a drive may be believed to be."""
+
+HALF = 0.5
+"""What a link's mass is believed to within, as a share of it, before the log is seen."""
+
+STANDS = 1e-3
+"""A velocity, rad/s or m/s, below which a joint does not move."""
+
+SLOW = 0.03
+"""Of a joint's largest velocity: where it is slower, dry friction may stick, and its equation does not count."""
+
+
+@dataclass(frozen=True, eq=False)
+class Unknowns:
+    """The equation `τ - known = columns @ θ`, at each time and joint, and what is believed of θ before.
+
+    - `names`, `joints`: of each column, `names` without the joint; the joint is -1 where there is none.
+    - `columns`: [k n p].
+    - `known`: torque that is not in question [k n].
+    - `prior`, `scale`: the θ believed before, and how far it may be off [p].
+    - `positive`: which cannot be negative [p].
+    - `bodies`: where the ten numbers of each body begin.
+    - `counts`: which equations count [k n].
+    """
+
+    names: tuple[str, ...]
+    joints: tuple[int, ...]
+    columns: np.ndarray
+    known: np.ndarray
+    prior: np.ndarray
+    scale: np.ndarray
+    positive: np.ndarray
+    bodies: tuple[int, ...]
+    counts: np.ndarray
+
+
+def unknowns_of(
+    robot: Articulated, signals: Signals, *, rotors: bool, payload: bool, links: bool, asymmetric: bool
+) -> Unknowns:
+    """The equation of an arm, `τ = Y φ + J q̈ + f_c sign(q̇) + f_v q̇ + f_a |q̇| + f_o`.
+
+    f_o is the offset: of the torque's measurement, or half of what friction differs by between the two directions,
+    which look the same. f_a is what viscous friction differs by, taken only if asked for.
+
+    - `robot`: the arm as it is known.
+    - `signals`: of the log.
+    - `rotors`, `payload`, `links`: whether rotors, payload, and the links' inertial parameters are unknown.
+    - `asymmetric`: whether viscous friction may differ between the two directions.
+    """
+    motion, n = signals.motion, robot.joints
+    names: list[str] = []
+    joints: list[int] = []
+    columns: list[np.ndarray] = []
+    prior: list[float] = []
+    scale: list[float] = []
+    positive: list[bool] = []
+    bodies: list[int] = []
+    of_links = parameters_of_links(robot)
+
+    def add_body(what: str, at: int, believed: np.ndarray, mass: float) -> None:
+        bodies.append(len(names))
+        for entry, size in zip(BODY_NAMES, (mass, *3 * (mass * REACH,), *6 * (mass * REACH**2,)), strict=True):
+            names.append(f"{what}.{entry}")
+            joints.append(at)
+            scale.append(size)
+        prior.extend(believed)
+        positive.extend(BODY * [False])
+
+    total = max(float(np.sum(robot.masses)), 0.1)
+    if links:
+        for i in range(n):
+            add_body("link", i, of_links[i * BODY :][:BODY], HALF * max(float(robot.masses[i]), 0.02 * total))
+        columns.append(links_regressor(robot, motion))
+    if payload:
+        add_body("payload", -1, np.zeros(BODY), total)
+        columns.append(payload_regressor(robot, motion))
+    # What is in question adds nothing to what is known.
+    carried = parameters_of_payload(robot.payload) * (not payload)
+    known = rigid_torque(robot, motion, of_links * (not links), carried)
+
+    size = np.sqrt(np.mean(signals.tau**2, axis=0)) + 1e-9
+    largest = np.maximum(np.abs(motion.dq).max(axis=0), STANDS)
+    dead = np.maximum(SLOW * largest, 4.0 * signals.noise)
+    drives = [
+        ("coulomb", np.sign(motion.dq), np.ones(n), True),
+        ("viscous", motion.dq, largest, True),
+        ("offset", np.ones_like(motion.dq), np.ones(n), False),
+    ]
+    if asymmetric:
+        drives.append(("asymmetry", np.abs(motion.dq), largest, False))
+    if rotors:
+        fastest = np.sqrt(np.mean(motion.ddq**2, axis=0)) + 1e-2
+        drives.insert(0, ("armature", motion.ddq, fastest, True))
+    else:
+        known += motion.ddq * np.asarray(robot.armature)
+    for name, basis, unit, nonnegative in drives:
+        columns.append(basis[:, :, None] * np.eye(n))
+        names.extend(n * [name])
+        joints.extend(range(n))
+        prior.extend(np.asarray(robot.armature) if name == "armature" else np.zeros(n))
+        scale.extend(WIDE * size / unit)
+        positive.extend(n * [nonnegative])
+    return Unknowns(
+        names=tuple(names),
+        joints=tuple(joints),
+        columns=np.concatenate(columns, axis=2),
+        known=known,
+        prior=np.array(prior),
+        scale=np.array(scale),
+        positive=np.array(positive),
+        bodies=tuple(bodies),
+        counts=_moving(motion.dq, dead, signals),
+    )
+
+
+BODY_NAMES = ("mass", "moment.x", "moment.y", "moment.z", "xx", "yy", "zz", "xy", "xz", "yz")
+
+
+def _moving(dq: np.ndarray, dead: np.ndarray, signals: Signals) -> np.ndarray:
+    """Where a joint surely slides, and did and will for as long as the filter feels; all of a joint that stands."""
+    stands = np.abs(dq).max(axis=0) <= STANDS
+    slow = (np.abs(dq) < dead) & ~stands
+    reach = signals.settled
+    near = np.apply_along_axis(lambda column: np.convolve(column, np.ones(2 * reach + 1), "same"), 0, slow * 1.0) > 0.5
+    counts = ~near
+    counts[: signals.settled] = counts[len(counts) - signals.settled :] = False
+    return counts

@@ -1,0 +1,97 @@
+"""Logs from files: CSV, our Parquet, messages of ROS."""
+
+import json
+
+import numpy as np
+import pytest
+
+import slidax as sx
+from slidax._errors import DefinitionError
+from slidax.identification import read_log
+from tests.identification.recorded import recorded
+
+ARM = sx.robots.ur5e()
+LOG = recorded(ARM, seconds=2.0)
+N = range(6)
+
+
+def table(titles, path):
+    values = np.column_stack([LOG.t, LOG.q, LOG.tau])
+    lines = [",".join(titles), *(",".join(f"{x:.17g}" for x in row) for row in values)]
+    path.write_text("\n".join(lines), encoding="utf-8")
+    return path
+
+
+@pytest.mark.parametrize(
+    "titles",
+    [
+        ["time", *(f"q{i + 1}" for i in N), *(f"tau{i + 1}" for i in N)],
+        ["t [s]", *(f"q_{i + 1} [rad]" for i in N), *(f"tau_{i + 1} [N m]" for i in N)],
+        ["time", *ARM.joint_names, *(f"{name}.effort" for name in ARM.joint_names)],
+        ["time", *(f"{name}.position" for name in ARM.joint_names), *(f"{name}.torque" for name in ARM.joint_names)],
+    ],
+    ids=["numbers", "units", "names", "words"],
+)
+def test_a_table_is_read_by_the_names_of_its_columns(tmp_path, titles):
+    read = read_log(table(titles, tmp_path / "log.csv"), ARM.joint_names)
+    np.testing.assert_array_equal(read.q, LOG.q)
+    np.testing.assert_array_equal(read.tau, LOG.tau)
+    assert read.dq is None and read.period == pytest.approx(0.004)
+
+
+@pytest.mark.parametrize("lines", [True, False])
+def test_joint_states_are_read_in_the_arms_order(tmp_path, lines):
+    names = list(reversed(ARM.joint_names))
+    messages = [
+        {
+            "header": {"stamp": {"sec": 1700000000 + int(t), "nanosec": round(1e9 * (t % 1))}},
+            "name": [*names, "finger"],
+            "position": [*q[::-1], 0.0],
+            "velocity": [],
+            "effort": [*tau[::-1], 0.0],
+        }
+        for t, q, tau in zip(LOG.t, LOG.q.tolist(), LOG.tau.tolist(), strict=True)
+    ]
+    path = tmp_path / ("log.jsonl" if lines else "log.json")
+    path.write_text("\n".join(map(json.dumps, messages)) if lines else json.dumps(messages), encoding="utf-8")
+    read = read_log(path, ARM.joint_names)
+    np.testing.assert_array_equal(read.q, LOG.q)
+    np.testing.assert_array_equal(read.tau, LOG.tau)
+    np.testing.assert_allclose(read.t, LOG.t, atol=1e-6)
+
+
+def test_our_own_log_is_read(tmp_path):
+    pa, pq = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
+    dq = np.gradient(LOG.q, LOG.t, axis=0)
+    parts = {"q": LOG.q, "dq": dq, "q_d": LOG.q, "e": 0.0 * LOG.q, "tau": LOG.tau, "s": LOG.q}
+    columns = {f"{name}_{i + 1}": values[:, i] for name, values in parts.items() for i in N}
+    pq.write_table(pa.table({"k": np.arange(len(LOG.t)), "t": LOG.t, **columns}), tmp_path / "log.parquet")
+    read = read_log(tmp_path / "log.parquet", ARM.joint_names)
+    for found, given in ((read.q, LOG.q), (read.tau, LOG.tau), (read.dq, dq)):
+        np.testing.assert_array_equal(found, given)
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "words"),
+    [
+        ("log.txt", "", "a log ends in .csv, .parquet, .json, .jsonl"),
+        ("log.csv", "", "is empty"),
+        ("log.csv", "when,q1\n1,2", "no column of times"),
+        ("log.csv", "time,q1,q2,q3,q4,q5,q6\n", "no `tau` of joint `shoulder_pan_joint`"),
+        ("log.csv", "time,q1,q2,q3,q4,q5,q6,tau1\n", "no `tau` of joint `shoulder_lift_joint`"),
+        ("log.csv", ",".join(["time", *(f"q{i + 1},tau{i + 1}" for i in N)]) + "\n1,x\n", "not a table of numbers"),
+        ("log.json", "{", "not JSON"),
+        ("log.json", "[]", "has no messages"),
+        ("log.json", '[{"name": ["a"]}]', "there is no joint `shoulder_pan_joint`"),
+        ("log.json", "[3]", "has a list `name`"),
+    ],
+)
+def test_what_is_wrong_in_a_file_is_said(tmp_path, name, text, words):
+    (tmp_path / name).write_text(text, encoding="utf-8")
+    with pytest.raises(DefinitionError, match=words):
+        read_log(tmp_path / name, ARM.joint_names)
+
+
+def test_a_file_that_is_not_there_is_said(tmp_path):
+    with pytest.raises(DefinitionError, match="cannot read the file"):
+        read_log(tmp_path / "none.csv", ARM.joint_names)
