@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Literal
 
 from jaxtyping import Array
@@ -102,6 +102,13 @@ class SampledDataDescription(AbstractDescription):
     estimator: EstimatorDescription | None = None
     """From measurements to the state and the disturbance; if not given `measured`, with gains after the horizon, or
     `kalman` for encoders without a velocity sensor."""
+    delay: float | None = said(
+        "age of a measurement when its torque sets in, as the law believes it",
+        "periods",
+        "[0, 100]",
+        default=None,
+        source="as the sensor and the actuator say",
+    )
     recovery: RecoveryDescription | None = RecoveryDescription()
     """What to do outside the envelope; null: pull back to the drawn envelope as it is."""
     slopes: bool = True
@@ -115,6 +122,8 @@ class SampledDataDescription(AbstractDescription):
 
         Raises DefinitionError if the law has no such form.
         """
+        if self.delay is not None:
+            sampling = replace(sampling, delay=self.delay, dead_time=min(sampling.dead_time, self.delay))
         estimator: AbstractEstimator | None = None
         with located("estimator"):
             if self.estimator is not None:

@@ -1,0 +1,132 @@
+"""Why a run left its envelope: what its log shows, and what would have helped."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from slidax._errors import DefinitionError
+from slidax.scenarios import Scenario, altered
+from slidax.simulation import Run
+
+from .cause import AbstractCause, Finding, Remedy
+from .causes import (
+    Contact,
+    Delay,
+    Encoder,
+    Estimator,
+    Inertia,
+    Payload,
+    Period,
+    RobustTorque,
+    Substeps,
+    Torque,
+    TorqueRate,
+)
+from .record import Record
+
+CAUSES: tuple[AbstractCause, ...] = (
+    Inertia(),
+    Delay(),
+    Estimator(),
+    Encoder(),
+    Contact(),
+    Payload(),
+    Torque(),
+    TorqueRate(),
+    RobustTorque(),
+    Substeps(),
+    Period(),
+)
+"""All that are looked for."""
+
+MOST_TRIED = 4
+"""Causes whose remedies are tried: each trial is a run."""
+
+
+@dataclass(frozen=True)
+class Explained:
+    """A cause, with its remedy.
+
+    - `finding`: what the log shows.
+    - `remedy`: the first that made the run hold, or else the first; None if there is none.
+    - `tried`: whether a run was made with it.
+    - `holds`: whether that run kept its envelope.
+    """
+
+    finding: Finding
+    remedy: Remedy | None
+    tried: bool = False
+    holds: bool = False
+
+    def sentence(self) -> str:
+        """What it is and what to do, in one line."""
+        if self.remedy is None:
+            return f"{self.finding.evidence}."
+        sets = f": `{self.remedy.sets}`" if self.remedy.changes else ""
+        outcome = "tried, the run holds" if self.holds else "tried, not enough by itself" if self.tried else "not tried"
+        return f"{self.finding.evidence}. Remedy: {self.remedy.words}{sets} ({outcome})."
+
+    def as_json(self) -> dict[str, Any]:
+        """For programs; joints are counted from 1."""
+        finding, remedy = self.finding, self.remedy
+        return {
+            "name": finding.name,
+            "joint": None if finding.joint is None else finding.joint + 1,
+            "weight": round(finding.weight, 3),
+            "evidence": finding.evidence,
+            "numbers": dict(finding.numbers),
+            "remedy": None if remedy is None else remedy.words,
+            "changes": {} if remedy is None else dict(remedy.changes),
+            "tried": self.tried,
+            "holds": self.holds,
+        }
+
+
+def explain(scenario: Scenario, run: Run, *, tries: bool = True) -> list[Explained]:
+    """The causes that the log shows, most likely first; empty if it shows none.
+
+    They are weighed by what the log shows. The remedies of the likeliest are then tried in simulation, until the run
+    holds with one: that cause is the first of the answer.
+
+    - `scenario`: what was run.
+    - `run`: its run, with each sample in its log.
+    - `tries`: whether remedies are tried.
+
+    Raises DefinitionError if the log has not each sample, or the scheme is not in sampled-data form with an envelope.
+    """
+    record = Record.of(scenario, run)
+    found = [finding for finding in (cause.finding(record) for cause in CAUSES) if finding is not None]
+    found.sort(key=lambda finding: -finding.weight)
+    answers: list[Explained] = []
+    held = False
+    for finding in found:
+        may = tries and not held and len(answers) < MOST_TRIED and not scenario.changed
+        answer = _tried(scenario, finding) if may else Explained(finding, next(iter(finding.remedies), None))
+        held = held or answer.holds
+        answers.append(answer)
+    return sorted(answers, key=lambda answer: not answer.holds)
+
+
+def _tried(scenario: Scenario, finding: Finding) -> Explained:
+    tried = False
+    for remedy in finding.remedies:
+        if not remedy.changes:
+            continue
+        holds = _holds(scenario, remedy)
+        tried = tried or holds is not None
+        if holds:
+            return Explained(finding, remedy, tried=True, holds=True)
+    return Explained(finding, next(iter(finding.remedies), None), tried=tried)
+
+
+def _holds(scenario: Scenario, remedy: Remedy) -> bool | None:
+    """Whether the run keeps its envelope with the remedy; None if it cannot be run."""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            return altered(scenario, dict(remedy.changes)).simulate(log_every=None, progress=False).outcome.ok
+    except DefinitionError:
+        return None
