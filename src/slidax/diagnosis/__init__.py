@@ -3,7 +3,11 @@
 from .cause import AbstractCause as AbstractCause
 from .cause import Finding as Finding
 from .cause import Remedy as Remedy
-from .explain import CAUSES as CAUSES
-from .explain import Explained as Explained
-from .explain import explain as explain
+from .explained import CAUSES as CAUSES
+from .explained import Answer as Answer
+from .explained import explained as explained
+from .beforehand import beforehand as beforehand
+from .explained import first_line as first_line
 from .record import Record as Record
+from .record import require_explainable as require_explainable
+from .saved import read_saved as read_saved

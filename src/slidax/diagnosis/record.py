@@ -2,20 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
+import equinox as eqx
+import jax
 import numpy as np
 from scipy.signal import butter, sosfiltfilt
 
 from slidax._errors import DefinitionError
+from slidax._types import Envelope, Scalar
 from slidax.controllers import SampledData
 from slidax.robots import AbstractRobot
 from slidax.scenarios import Scenario
-from slidax.simulation import Run
+from slidax.simulation import Run, columns_of
 
 from .along import along
 from .linear_loop import LinearLoop
+from .loops import loops_of
 from .measured import as_measured
 from .seen import Seen, as_seen, late
 
@@ -27,6 +32,31 @@ SLOW = 20.0
 
 NARROW = 1.05
 """An envelope has reached its final width where it is at most so many times as wide as at the end."""
+
+
+EACH = "a diagnosis needs each sample of the log: set `simulation.log_every=1`"
+
+
+def require_explainable(scenario: Scenario) -> SampledData:
+    """The law of a scenario that can be diagnosed.
+
+    - `scenario`: any.
+
+    Raises DefinitionError if its scheme is not in sampled-data form, or has no envelope.
+    """
+    law, start = scenario.controller, scenario.state0
+    if isinstance(law, SampledData):
+
+        def envelope(t: Scalar) -> Envelope | None:
+            return law.envelope(t, law.init(t, start, scenario.trajectory.reference(t)))
+
+        # Only whether there is one: nothing is computed.
+        if eqx.filter_eval_shape(envelope, jax.ShapeDtypeStruct((), float)) is not None:
+            return law
+    raise DefinitionError(
+        "only a scheme in sampled-data form with an envelope can be diagnosed: give `scheme.sampled_data`, and a scheme "
+        "with `performance`"
+    )
 
 
 @dataclass(frozen=True)
@@ -70,32 +100,53 @@ class Record:
 
         Raises DefinitionError if the log is missing or has not each sample, or the scheme is not of that form.
         """
-        law, log = scenario.controller, run.log
-        if not isinstance(law, SampledData) or not run.has_envelope:
-            raise DefinitionError(
-                "only a scheme in sampled-data form with an envelope can be diagnosed: give `scheme.sampled_data` and "
-                "`scheme.performance`"
-            )
-        if log is None or log.envelope is None or len(log.t) < 3 or np.any(np.diff(log.k) != 1):
-            raise DefinitionError("a diagnosis needs each sample: set `simulation.log_every=1`")
-        true = np.asarray(log.state.q), np.asarray(log.state.dq)
+        if run.log is None:
+            raise DefinitionError(EACH)
+        numbered = [f"_{joint + 1}" for joint in range(run.joints)]
+        return cls.of_columns(scenario, {name: values for name, (values, _) in columns_of(run, numbered).items()})
+
+    @classmethod
+    def of_columns(cls, scenario: Scenario, columns: Mapping[str, np.ndarray]) -> Record:
+        """The record of a log as flat columns: `t`, `q_1`, ..., `tau_1`, the bounds, and the signals by name.
+
+        - `scenario`, as above.
+        - `columns`: as `slidax run --out` writes them.
+
+        Raises DefinitionError as above, and if a column is missing.
+        """
+        law = require_explainable(scenario)
+        n = law.joints
+
+        def wide(name: str) -> np.ndarray:
+            found = [columns.get(f"{name}_{joint + 1}") for joint in range(n)]
+            if any(one is None for one in found):
+                raise DefinitionError(f"the log has no columns `{name}_1` to `{name}_{n}`: is it of this scenario?")
+            return np.stack([np.asarray(one, float) for one in found], axis=1)
+
+        t = np.asarray(columns.get("t", ()), float)
+        if len(t) < 3 or np.any(np.abs(np.diff(t) / scenario.period - 1.0) > 0.01):
+            raise DefinitionError(EACH)
+        signals = {name: wide(name) for name in ("push", "residual")}
+        if "u" in columns:
+            signals["u"] = np.asarray(columns["u"], float)
+        true = wide("q"), wide("dq")
         q, fresh = as_measured(scenario.plant.sensor, *true, scenario.period)
         return cls(
             scenario=scenario,
             law=law,
-            t=np.asarray(log.t),
+            t=t,
             q=q,
             fresh=fresh,
-            tau=np.asarray(log.tau),
-            q_d=np.asarray(log.reference.q),
-            dq_d=np.asarray(log.reference.dq),
-            ddq_d=np.asarray(log.reference.ddq),
-            lower=np.asarray(log.envelope.lower),
-            upper=np.asarray(log.envelope.upper),
-            error=np.asarray(log.e),
-            signals={name: np.asarray(values) for name, values in log.signals.items()},
-            names=run.joint_names,
-            units=run.joint_units,
+            tau=wide("tau"),
+            q_d=wide("q_d"),
+            dq_d=wide("dq_d"),
+            ddq_d=wide("ddq_d"),
+            lower=wide("lower"),
+            upper=wide("upper"),
+            error=wide("e"),
+            signals=signals,
+            names=law.nominal.joint_names,
+            units=law.nominal.joint_units,
         )
 
     @property
@@ -122,6 +173,12 @@ class Record:
     def outside(self) -> np.ndarray:
         """Whether each joint is outside its envelope at each sample [N n]."""
         return (self.error <= self.lower) | (self.error >= self.upper)
+
+    @property
+    def kept(self) -> bool:
+        """Whether the run reached its end inside its envelope."""
+        whole = len(self.t) == round(self.scenario.t1 / self.period) + 1
+        return whole and not self.outside.any()
 
     @cached_property
     def left(self) -> int:
@@ -164,13 +221,7 @@ class Record:
     @cached_property
     def loops(self) -> tuple[LinearLoop | None, ...]:
         """Each joint's loop near its goal, with what the law believes; None where its estimator is not linear."""
-        sensor = self.scenario.description.sensor
-        differenced = sensor.instrument is None and sensor.velocity == "differenced"
-        cutoffs = np.broadcast_to(np.asarray(sensor.cutoff, float), self.joints)
-        return tuple(
-            LinearLoop.of(self.law, joint, float(cutoffs[joint]) if differenced else None)
-            for joint in range(self.joints)
-        )
+        return loops_of(self.scenario)
 
     @cached_property
     def before(self) -> slice:

@@ -36,7 +36,7 @@ class Encoder(AbstractCause):
             f"{noise[joint]:.2g} times the rate limit"
         )
         numbers = {"resolution": float(steps[joint]), "ratio": float(ratio[joint]), "noise": float(noise[joint])}
-        weight = 0.98 if ratio[joint] >= COARSE else 0.8
+        weight = 0.98 if ratio[joint] >= COARSE else min(0.4 + 0.1 * float(noise[joint]), 0.75)
         return Finding(self.name, joint, weight, evidence, numbers, _remedies(record, float(np.max(steps))))
 
 

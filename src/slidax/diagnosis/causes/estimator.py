@@ -12,8 +12,8 @@ from ..cause import AbstractCause, Finding, Remedy
 from ..record import Record
 from .encoder import noise_of
 
-SLOW, FAST = 0.25, 3.0
-"""ω H of an estimator that is slower or faster than a loop with that horizon can use; the defaults have .6 to 2."""
+SLOW, FAST = 0.25, 4.0
+"""ω H of an estimator that is slower or faster than a loop with that horizon can use; the built-in scenarios have .6 to 3."""
 
 ESTIMATOR = "scheme.sampled_data.estimator"
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import time
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -25,7 +27,7 @@ from .causes import (
     Torque,
     TorqueRate,
 )
-from .record import Record
+from .record import Record, require_explainable
 
 CAUSES: tuple[AbstractCause, ...] = (
     Inertia(),
@@ -47,7 +49,7 @@ MOST_TRIED = 4
 
 
 @dataclass(frozen=True)
-class Explained:
+class Answer:
     """A cause, with its remedy.
 
     - `finding`: what the log shows.
@@ -85,41 +87,59 @@ class Explained:
         }
 
 
-def explain(scenario: Scenario, run: Run, *, tries: bool = True) -> list[Explained]:
+def explained(scenario: Scenario, run: Run | Record, *, tries: bool = True, seconds: float = math.inf) -> list[Answer]:
     """The causes that the log shows, most likely first; empty if it shows none.
 
     They are weighed by what the log shows. The remedies of the likeliest are then tried in simulation, until the run
     holds with one: that cause is the first of the answer.
 
     - `scenario`: what was run.
-    - `run`: its run, with each sample in its log.
+    - `run`: its run, with each sample in its log, or the record of one.
     - `tries`: whether remedies are tried.
+    - `seconds`: after so many no further remedy is tried.
 
     Raises DefinitionError if the log has not each sample, or the scheme is not in sampled-data form with an envelope.
     """
-    record = Record.of(scenario, run)
+    until = time.monotonic() + seconds
+    record = run if isinstance(run, Record) else Record.of(scenario, run)
+    if record.kept:
+        return []
     found = [finding for finding in (cause.finding(record) for cause in CAUSES) if finding is not None]
     found.sort(key=lambda finding: -finding.weight)
-    answers: list[Explained] = []
+    answers: list[Answer] = []
     held = False
     for finding in found:
         may = tries and not held and len(answers) < MOST_TRIED and not scenario.changed
-        answer = _tried(scenario, finding) if may else Explained(finding, next(iter(finding.remedies), None))
+        answer = _tried(scenario, finding, until) if may else Answer(finding, next(iter(finding.remedies), None))
         held = held or answer.holds
         answers.append(answer)
     return sorted(answers, key=lambda answer: not answer.holds)
 
 
-def _tried(scenario: Scenario, finding: Finding) -> Explained:
+def first_line(scenario: Scenario, *, seconds: float) -> str:
+    """The likeliest cause and its remedy in one line; empty if none is found, or the scheme cannot be diagnosed.
+
+    - `scenario`: what left its envelope; it is run again with each sample in the log.
+    - `seconds`: after so many no further remedy is tried.
+    """
+    try:
+        require_explainable(scenario)
+        answers = explained(scenario, scenario.simulate(log_every=1, progress=False), seconds=seconds)
+    except DefinitionError:
+        return ""
+    return answers[0].sentence() if answers else ""
+
+
+def _tried(scenario: Scenario, finding: Finding, until: float) -> Answer:
     tried = False
     for remedy in finding.remedies:
-        if not remedy.changes:
+        if not remedy.changes or time.monotonic() > until:
             continue
         holds = _holds(scenario, remedy)
         tried = tried or holds is not None
         if holds:
-            return Explained(finding, remedy, tried=True, holds=True)
-    return Explained(finding, next(iter(finding.remedies), None), tried=tried)
+            return Answer(finding, remedy, tried=True, holds=True)
+    return Answer(finding, next(iter(finding.remedies), None), tried=tried)
 
 
 def _holds(scenario: Scenario, remedy: Remedy) -> bool | None:
