@@ -18,6 +18,9 @@ SUDDEN = 0.1
 FITS = 0.85
 """The share of a sudden torque that one force at the tip must explain."""
 
+HANGS, GRAVITY = 0.9, 9.81
+"""The cosine between a force and gravity's direction from which on it is a weight."""
+
 RARE = 4.0
 """Times the usual change in that time that it must be."""
 
@@ -60,7 +63,8 @@ class Contact(AbstractCause):
         return Finding(
             name=self.name,
             joint=None,
-            weight=0.9,
+            # What pulls down is more likely something that the arm took up, which it then has to carry.
+            weight=0.5 if force @ np.asarray(robot.gravity_vector) > HANGS * newtons * GRAVITY else 0.9,
             evidence=evidence,
             numbers={"t": float(record.t[middle]), "force": newtons, "explained": explained},
             remedies=_remedies(record),

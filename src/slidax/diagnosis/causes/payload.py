@@ -25,6 +25,9 @@ ARMS = (0.0, 0.2)
 SURE = 4.0
 """Standard errors that a mass must be, to be believed."""
 
+AROUND = (0.2, 2.0)
+"""How long after a run left its envelope it still tells of what it carried all along, and of what it took up [s]."""
+
 LEAST = 0.2
 """The least mass that is named [kg]."""
 
@@ -54,46 +57,65 @@ class Payload(AbstractCause):
 
         - `record`: the run.
         """
-        share = np.mean(np.abs(record.tau[record.before]) >= REACHED * record.torque_limits, axis=0)
-        joint = int(np.argmax(share))
-        if not isinstance(record.nominal, Articulated) or share[joint] < 0.1:
+        if not isinstance(record.nominal, Articulated) or not np.any(np.isfinite(record.torque_limits)):
             return None
         found = weighed(record, record.nominal)
-        if found.mass < max(SURE * found.spread, LEAST) or found.explained < 0.3 or found.most >= found.mass:
+        if found.mass < max(SURE * found.spread, LEAST) or found.explained < 0.3:
             return None
+        # From where it left on: before, u or the rate may have held the torque back.
+        share = np.mean(np.abs(record.tau[record.before.start :]) >= REACHED * record.torque_limits, axis=0)
+        joint = int(np.argmax(share))
         unit = record.torque_unit(joint)
         evidence = (
-            f"the tip carries about {found.mass:.2g} kg more than the law knows (± {2.0 * found.spread:.1g} kg), and the "
-            f"drives can follow the motion with at most {max(found.most, 0.0):.2g} kg; {record.named(joint)} is at its "
-            f"limit of {record.torque_limits[joint]:.4g} {unit} in {share[joint]:.0%} of the samples before"
+            f"the tip carries about {found.mass:.2g} kg more than the law knows (± {2.0 * found.spread:.1g} kg); by its "
+            f"torque limits alone the arm could follow the motion with {max(found.most, 0.0):.2g} kg, and "
+            f"{record.named(joint)} is at its limit of {record.torque_limits[joint]:.4g} {unit} in {share[joint]:.0%} of the "
+            "samples from there on"
         )
         return Finding(
             name=self.name,
             joint=joint,
-            weight=0.93 if np.all(record.torque_limits >= data_sheet(record, "torque")) else 0.7,
+            weight=self._weight(record, found),
             evidence=evidence,
             numbers={"mass": found.mass, "spread": found.spread, "most": found.most, "share": float(share[joint])},
             remedies=_remedies(record, found),
         )
 
 
+    def _weight(self, record: Record, found: Weighed) -> float:
+        """Beyond the limits it is the reason, unless those were lowered; else something that u can cover."""
+        if found.most >= found.mass:
+            return 0.62
+        return 0.93 if np.all(record.torque_limits >= data_sheet(record, "torque")) else 0.7
+
+
 def weighed(record: Record, nominal: Articulated) -> Weighed:
     """The mass at the tip that fits best what the model lacks, beside friction and a factor on the arm's own mass.
 
-    - `record`: the run, of which the part up to where it left counts.
+    Over the samples until it left, or over those from then on, if a mass explains more of them: it may have been taken
+    up then.
+
+    - `record`: the run.
     - `nominal`: the arm as the law knows it.
     """
+    short, long = (round(seconds / record.period) for seconds in AROUND)
+    until = slice(0, min(len(record.t), max(record.left + short, long // 2)))
+    after = slice(max(record.left - short // 4, 0), min(len(record.t), record.left + long))
+    fits = [_weighed(record, nominal, part) for part in (until, after) if part.stop - part.start > short]
+    return max(fits, key=lambda fit: fit.explained)
+
+
+def _weighed(record: Record, nominal: Articulated, part: slice) -> Weighed:
     h = record.period
-    end = min(len(record.t), max(record.left + round(0.2 / h), round(0.5 / h)))
     low = butter(2, min(SLOW, 0.5 * np.pi / h), fs=2.0 * np.pi / h, output="sos")
-    q = sosfiltfilt(low, record.q, axis=0)[:end]
+    q = sosfiltfilt(low, record.q, axis=0)[part]
     dq = np.gradient(q, h, axis=0)
     ddq = np.gradient(dq, h, axis=0)
     torques = [_torque(_carrying(nominal, arm), q, dq, ddq) - _torque(nominal, q, dq, ddq) for arm in ARMS]
     own = _torque(nominal, q, dq, ddq)
     n, scale = record.joints, np.where(np.isfinite(record.torque_limits), record.torque_limits, 1.0)
     friction = [np.where(np.arange(n) == joint, shape, 0.0) for shape in (np.tanh(dq / 0.02), dq) for joint in range(n)]
-    lacks = (record.unexplained[:end] / scale).ravel()
+    lacks = (record.unexplained[part] / scale).ravel()
     columns = np.stack([(one / scale).ravel() for one in (*torques, own, *friction)], axis=1)
     solved = np.linalg.lstsq(columns, lacks, rcond=1e-8)[0]
     without = np.linalg.lstsq(columns[:, 2:], lacks, rcond=1e-8)[0]
@@ -101,7 +123,7 @@ def weighed(record: Record, nominal: Articulated) -> Weighed:
     more = float(np.sum((lacks - columns[:, 2:] @ without) ** 2))
     mass = float(solved[0] + solved[1])
     # What is left over is slow: a sample counts as new only after as long as the filter remembers.
-    fresh = max(end * h * SLOW / np.pi * n, len(solved) + 1.0)
+    fresh = max(len(q) * h * SLOW / np.pi * n, len(solved) + 1.0)
     covariance = np.linalg.pinv(columns.T @ columns) * rest / fresh
     spread = float(np.sqrt(max(np.sum(covariance[:2, :2]), 0.0)))
     # Where it is, as far as that is seen; the drives follow the motion with it, or with less.
@@ -135,7 +157,7 @@ def _remedies(record: Record, found: Weighed) -> list[Remedy]:
     path = "robot.plant.load.mass"
     loaded = getattr(plant, "load", None) is not None
     remedies = []
-    for part in (0.95, 0.8, 0.6):
-        least = float(f"{max(part * found.most, 0.0):.2g}")
+    for part in (0.8, 0.65, 0.5, 0.35):
+        least = float(f"{part * min(found.mass, max(found.most, 0.0) / 0.8):.2g}")
         remedies.append(Remedy(f"carry at most {least:g} kg", {path: least} if loaded else {}))
     return remedies
