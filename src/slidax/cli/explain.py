@@ -38,7 +38,9 @@ def explain(
             print_json({"causes": [answer.as_json() for answer in answers]})
             return
         if not answers:
-            kept = "the run kept its envelope" if record.kept else "the log shows none of the causes that are looked for"
+            kept = (
+                "the run kept its envelope" if record.kept else "the log shows none of the causes that are looked for"
+            )
             typer.echo(f"Nothing to explain: {kept}.")
         for number, answer in enumerate(answers, 1):
             typer.echo(f"{number}. {answer.sentence()}")

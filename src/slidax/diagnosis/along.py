@@ -13,6 +13,7 @@ import numpy as np
 from slidax.codegen import NoNativeCodeError, llvm, trace
 from slidax.robots import AbstractRobot
 
+
 def along(robot: AbstractRobot, q: np.ndarray, dq: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """`M(q)` [N n n] and `C(q, q̇) q̇ + G(q)` [N n] at each of N samples, in the units of the robot.
 
@@ -32,4 +33,3 @@ def along(robot: AbstractRobot, q: np.ndarray, dq: np.ndarray) -> tuple[np.ndarr
             return mass, bias
     mass, bias = jax.jit(jax.vmap(at))(jnp.asarray(q), jnp.asarray(dq))
     return np.asarray(mass), np.asarray(bias)
-

@@ -78,7 +78,7 @@ class _Ahead:
             with_load = along(loaded, self.q, self.dq)
             mass = np.where(carried[:, None, None], with_load[0], mass)
             bias = np.where(carried[:, None], with_load[1], bias)
-        friction = np.asarray(jax.jit(lambda dq: self.plant.robot.friction(dq))(jnp.asarray(self.dq)))
+        friction = np.asarray(jax.jit(jax.vmap(lambda dq: self.plant.robot.friction(dq)))(jnp.asarray(self.dq)))
         return mass, bias + friction
 
     @cached_property
@@ -100,7 +100,8 @@ class _Ahead:
         if over[k, joint] >= 1.0:
             unit = "N m" if self.nominal.joint_units[joint] == "rad" else "N"
             yield (
-                f"the motion needs {abs(needed[k, joint]):.3g} {unit} of `{self.names[joint]}` at t = {self.t[k]:.3g} s, and "
+                f"the motion needs {abs(needed[k, joint]):.3g} {unit} of `{self.names[joint]}` at t = "
+                f"{self.t[k]:.3g} s, and "
                 f"its limit is {limit[joint]:.4g} {unit}: go slower, carry less, or allow more torque"
             )
 
@@ -124,7 +125,8 @@ class _Ahead:
         if worst is not None:
             _, joint, low, high, least, most = worst
             yield (
-                f"κ, nominal over true inertia, is {low:.2g} to {high:.2g} at `{self.names[joint]}`, and its loop bears "
+                f"κ, nominal over true inertia, is {low:.2g} to {high:.2g} at `{self.names[joint]}`, and its "
+                "loop bears "
                 f"{least:.2g} to {most:.2g}: tell the law the rotors' inertia (`robot.nominal.armature`)"
             )
 
@@ -136,7 +138,8 @@ class _Ahead:
         joint, loop = max(found, key=lambda one: one[1].radius())
         if loop.radius() >= 1.0:
             yield (
-                f"the loop of `{self.names[joint]}` is unstable with `{type(self.law.estimator).__name__}` even if all is as "
+                f"the loop of `{self.names[joint]}` is unstable with `{type(self.law.estimator).__name__}` "
+                "even if all is as "
                 f"the law believes (modulus {loop.radius():.3f} a period): take the Kalman filter"
             )
             return
@@ -146,12 +149,13 @@ class _Ahead:
         for joint, wrong in ((min(paces, key=paces.__getitem__), "slow"), (max(paces, key=paces.__getitem__), "fast")):
             if paces[joint] < SLOW if wrong == "slow" else paces[joint] > FAST:
                 yield (
-                    f"the estimator of `{self.names[joint]}` follows at {paces[joint]:.2g} times 1/H, too {wrong} for the "
+                    f"the estimator of `{self.names[joint]}` follows at {paces[joint]:.2g} times 1/H, too "
+                    f"{wrong} for the "
                     "horizon: change `torque_density`, the encoders or `horizon`"
                 )
 
     def cover(self) -> Iterator[str]:
-        """u against what the model lacks."""
+        """Whether u covers what the model lacks."""
         bound = getattr(self.law.step, "bound", None)
         if bound is None:
             return
@@ -163,7 +167,8 @@ class _Ahead:
         k = int(np.argmax(lacks / u))
         if lacks[k] > u[k]:
             yield (
-                f"u covers {u[k]:.3g} N m at t = {self.t[k]:.3g} s, and the model lacks {lacks[k]:.3g} N m there: enlarge "
+                f"u covers {u[k]:.3g} N m at t = {self.t[k]:.3g} s, and the model lacks {lacks[k]:.3g} N m "
+                "there: enlarge "
                 "`scheme.bound`, or tell the law more of the arm"
             )
 

@@ -63,7 +63,7 @@ class LinearLoop:
 
     @property
     def bandwidth(self) -> float:
-        """Of the Kalman filter [rad/s]: its push follows as a filter of third order with this frequency, `L3 h² = (ω h)³`.
+        """The ω of the estimator [rad/s]: a steady Kalman filter is of third order with `L3 h² = (ω h)³`.
 
         For `Measured`, `g/h`.
         """

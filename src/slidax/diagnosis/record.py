@@ -54,7 +54,8 @@ def require_explainable(scenario: Scenario) -> SampledData:
         if eqx.filter_eval_shape(envelope, jax.ShapeDtypeStruct((), float)) is not None:
             return law
     raise DefinitionError(
-        "only a scheme in sampled-data form with an envelope can be diagnosed: give `scheme.sampled_data`, and a scheme "
+        "only a scheme in sampled-data form with an envelope can be diagnosed: give `scheme.sampled_data`, "
+        "and a scheme "
         "with `performance`"
     )
 
@@ -152,11 +153,11 @@ class Record:
     @property
     def joints(self) -> int:
         """The number of joints."""
-        return self.q.shape[1]
+        return len(self.names)
 
     @property
     def period(self) -> float:
-        """h [s]."""
+        """The period h [s]."""
         return float(self.law.period)
 
     @property
@@ -183,14 +184,16 @@ class Record:
     @cached_property
     def left(self) -> int:
         """The first sample outside; the last one if none is."""
-        out = self.outside.any(axis=1)
-        return int(np.argmax(out)) if out.any() else len(out) - 1
+        out: np.ndarray = self.outside.any(axis=1)
+        first = int(np.argmax(out)) if out.any() else len(out) - 1
+        return first
 
     @cached_property
     def narrow(self) -> np.ndarray:
         """Whether the envelope has its final width [N]: until then larger errors are allowed for."""
         width = (self.upper - self.lower).min(axis=1)
-        return width <= NARROW * width[-1]
+        narrow: np.ndarray = width <= NARROW * width[-1]
+        return narrow
 
     @cached_property
     def torque_limits(self) -> np.ndarray:
@@ -211,7 +214,8 @@ class Record:
     @cached_property
     def lumped(self) -> np.ndarray:
         """`M0 w`, the torque by which the law makes up for what its model does not explain [N n]."""
-        return np.einsum("kij,kj->ki", self.mass_and_bias[0], self.signals["push"])
+        torque: np.ndarray = np.einsum("kij,kj->ki", self.mass_and_bias[0], self.signals["push"])
+        return torque
 
     @cached_property
     def seen(self) -> Seen:
@@ -231,7 +235,8 @@ class Record:
     @cached_property
     def room(self) -> np.ndarray:
         """What the envelope allows at its narrowest on its nearer side, ϑ ρ∞ [n], rad or m."""
-        return np.min(np.minimum(self.upper, -self.lower), axis=0)
+        room: np.ndarray = np.min(np.minimum(self.upper, -self.lower), axis=0)
+        return room
 
     @cached_property
     def missed(self) -> np.ndarray:

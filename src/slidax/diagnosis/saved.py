@@ -23,7 +23,8 @@ def read_saved(folder: Path) -> tuple[Scenario, dict[str, np.ndarray]]:
     for name in (SCENARIO, LOG):
         if not (folder / name).is_file():
             raise DefinitionError(
-                f"`{folder}` has no `{name}`: give the folder of a run that `slidax run SCENARIO --out FOLDER` has written"
+                f"`{folder}` has no `{name}`: give the folder of a run that `slidax run SCENARIO --out "
+                "FOLDER` has written"
             )
     try:
         import pyarrow as pa

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from .record import Record
 
 BAND = (20.0, 200.0)
-"""Of a loop's crossover [rad/s]: below it an unknown weight looks like a negative inertia, above it encoders are noise."""
+"""Of a loop's crossover [rad/s]: below it an unknown weight looks like a negative inertia, above it there is noise."""
 
 DELAYS = np.arange(0.0, 8.01, 0.25)
 """The delays that are tried [periods]."""
@@ -55,7 +55,7 @@ def as_seen(record: Record) -> Seen:
 
     - `record`: the run.
     """
-    h, n = record.period, record.joints
+    h = record.period
     high = min(BAND[1], 0.5 * np.pi / h)
     band = butter(2, (min(BAND[0], 0.2 * high), high), "bandpass", fs=2.0 * np.pi / h, output="sos")
     q, tau, count = record.q, record.tau, len(record.t)
@@ -104,7 +104,8 @@ def late(tau: np.ndarray, times: np.ndarray) -> np.ndarray:
     """
     whole = np.floor(times).astype(int)
     part = (times - whole)[:, None]
-    return (1.0 - part) * tau[np.maximum(whole, 0)] + part * tau[np.clip(whole + 1, 0, len(tau) - 1)]
+    torque: np.ndarray = (1.0 - part) * tau[np.maximum(whole, 0)] + part * tau[np.clip(whole + 1, 0, len(tau) - 1)]
+    return torque
 
 
 def _noise(record: Record, band: np.ndarray, count: int) -> np.ndarray:

@@ -56,8 +56,10 @@ class Contact(AbstractCause):
         x, y, z = force / max(newtons, 1e-300)
         place = ", ".join(f"{one:.3f}" for one in np.asarray(robot.tip(record.q[middle])))
         evidence = (
-            f"at t = {record.t[middle]:.3g} s the torque changed within {SUDDEN:g} s as a force of {newtons:.2g} N on the "
-            f"tip does, along ({x:.2f}, {y:.2f}, {z:.2f}), which explains {explained:.0%} of it: the tip at ({place}) m met "
+            f"at t = {record.t[middle]:.3g} s the torque changed within {SUDDEN:g} s as a force of "
+            f"{newtons:.2g} N on the "
+            f"tip does, along ({x:.2f}, {y:.2f}, {z:.2f}), which explains {explained:.0%} of it: the tip at "
+            f"({place}) m met "
             "something"
         )
         return Finding(

@@ -15,7 +15,7 @@ COARSE = 0.25
 
 
 class Encoder(AbstractCause):
-    """A step of the encoders is a good part of what the envelope allows, or their noise alone needs the drives' rate."""
+    """A step of the encoders is a good part of the envelope's room, or their noise alone needs the drives' rate."""
 
     name: ClassVar[str] = "encoder"
 
@@ -32,7 +32,8 @@ class Encoder(AbstractCause):
         unit = record.units[joint]
         evidence = (
             f"{record.named(joint)}: its encoder has steps of {steps[joint]:.2g} {unit}, {ratio[joint]:.2g} of the "
-            f"{record.room[joint]:.2g} {unit} that the envelope allows; their rounding alone asks for torque steps of "
+            f"{record.room[joint]:.2g} {unit} that the envelope allows; their rounding alone asks for torque "
+            "steps of "
             f"{noise[joint]:.2g} times the rate limit"
         )
         numbers = {"resolution": float(steps[joint]), "ratio": float(ratio[joint]), "noise": float(noise[joint])}

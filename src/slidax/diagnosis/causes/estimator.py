@@ -13,7 +13,8 @@ from ..record import Record
 from .encoder import noise_of
 
 SLOW, FAST = 0.25, 4.0
-"""ω H of an estimator that is slower or faster than a loop with that horizon can use; the built-in scenarios have .6 to 3."""
+"""ω H of an estimator that is slower or faster than a loop with that horizon can use; the built-in scenarios have .6 to
+3."""
 
 ESTIMATOR = "scheme.sampled_data.estimator"
 
@@ -36,7 +37,8 @@ class Estimator(AbstractCause):
         joint = int(np.argmax(radius))
         if radius[joint] >= 1.0:
             evidence = (
-                f"{record.named(joint)}: with exactly the believed inertia and delay, the loop with the estimator `{kind}` "
+                f"{record.named(joint)}: with exactly the believed inertia and delay, the loop with the "
+                f"estimator `{kind}` "
                 f"is unstable (modulus {radius[joint]:.3f} a period)"
             )
             numbers = {"radius": radius[joint]}
@@ -56,8 +58,10 @@ class Estimator(AbstractCause):
                 return None
             bandwidth = loops[fastest].bandwidth
             evidence = (
-                f"{record.named(fastest)}: the estimator follows at {bandwidth:.3g} rad/s, {pace[fastest]:.2g} times 1/H, "
-                f"so that the encoders' rounding alone asks for torque steps of {noise[fastest]:.2g} times the rate limit"
+                f"{record.named(fastest)}: the estimator follows at {bandwidth:.3g} rad/s, "
+                f"{pace[fastest]:.2g} times 1/H, "
+                f"so that the encoders' rounding alone asks for torque steps of {noise[fastest]:.2g} times "
+                "the rate limit"
             )
             numbers = {"bandwidth": bandwidth, "pace": pace[fastest], "noise": float(noise[fastest])}
             return Finding(self.name, fastest, 0.92, evidence, numbers, _remedies(record))

@@ -12,6 +12,9 @@ from ..record import Record
 SURE = 0.85
 """The share of a joint's torque in the band that its inertia must explain."""
 
+ADAPTATION = "adaptation"
+"""The field of `sampled_data` that says whether and how the law learns its arm's inertia, where there is one."""
+
 EDGE = 0.995
 """The largest modulus of a loop that is as good as unstable: it takes .2 s at 1 kHz to forget half of an error."""
 
@@ -69,11 +72,11 @@ def _learnt(record: Record) -> list[Remedy]:
     """Where a law can learn the inertia and its file says null: let it. Here, and nowhere else, is this said."""
     block = record.scenario.description.scheme.sampled_data
     field = {} if block is None else type(block).model_fields
-    if "adaptation" not in field or getattr(block, "adaptation") is not None:
+    if ADAPTATION not in field or getattr(block, ADAPTATION) is not None:
         return []
-    default = field["adaptation"].get_default(call_default_factory=True)
+    default = field[ADAPTATION].get_default(call_default_factory=True)
     value: Any = {} if default is None else default.model_dump(exclude_none=True)
-    return [Remedy("let it be learnt: remove `adaptation: null`", {"scheme.sampled_data.adaptation": value})]
+    return [Remedy("let it be learnt: remove `adaptation: null`", {f"scheme.sampled_data.{ADAPTATION}": value})]
 
 
 def _told(record: Record, told: np.ndarray) -> list[Remedy]:

@@ -67,9 +67,11 @@ class Payload(AbstractCause):
         joint = int(np.argmax(share))
         unit = record.torque_unit(joint)
         evidence = (
-            f"the tip carries about {found.mass:.2g} kg more than the law knows (± {2.0 * found.spread:.1g} kg); by its "
+            f"the tip carries about {found.mass:.2g} kg more than the law knows (± {2.0 * found.spread:.1g} "
+            "kg); by its "
             f"torque limits alone the arm could follow the motion with {max(found.most, 0.0):.2g} kg, and "
-            f"{record.named(joint)} is at its limit of {record.torque_limits[joint]:.4g} {unit} in {share[joint]:.0%} of the "
+            f"{record.named(joint)} is at its limit of {record.torque_limits[joint]:.4g} {unit} in "
+            f"{share[joint]:.0%} of the "
             "samples from there on"
         )
         return Finding(
@@ -80,7 +82,6 @@ class Payload(AbstractCause):
             numbers={"mass": found.mass, "spread": found.spread, "most": found.most, "share": float(share[joint])},
             remedies=_remedies(record, found),
         )
-
 
     def _weight(self, record: Record, found: Weighed) -> float:
         """Beyond the limits it is the reason, unless those were lowered; else something that u can cover."""

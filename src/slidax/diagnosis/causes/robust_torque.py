@@ -32,7 +32,8 @@ class RobustTorque(AbstractCause):
         lacks = float(np.percentile(np.linalg.norm(record.unexplained[: record.left + 1], axis=1), 99))
         covers = float(np.median(u))
         evidence = (
-            f"the estimate is held back by u in {share:.0%} of the samples before: the model lacks up to {lacks:.3g} N m, "
+            f"the estimate is held back by u in {share:.0%} of the samples before: the model lacks up to "
+            f"{lacks:.3g} N m, "
             f"and u covers {covers:.3g} N m"
         )
         return Finding(

@@ -38,7 +38,8 @@ class Substeps(AbstractCause):
         more = int(np.ceil(2.0 * ratio)) * simulation.substeps
         step = 1e3 * simulation.period / simulation.substeps
         evidence = (
-            f"{record.named(joint)}: a step of {step:.3g} ms is {ratio:.2g} times as long as the integrator needs to follow "
+            f"{record.named(joint)}: a step of {step:.3g} ms is {ratio:.2g} times as long as the integrator "
+            "needs to follow "
             "the simulated friction near rest"
         )
         return Finding(

@@ -35,7 +35,8 @@ class Torque(AbstractCause):
             return None
         needed, limit, unit = needed_torque(record), record.torque_limits, record.torque_unit(joint)
         evidence = (
-            f"{record.named(joint)}: its torque is at its limit of {limit[joint]:.4g} {unit} in {share[joint]:.0%} of the "
+            f"{record.named(joint)}: its torque is at its limit of {limit[joint]:.4g} {unit} in "
+            f"{share[joint]:.0%} of the "
             f"samples before; the motion needs up to {needed[joint]:.3g} {unit}"
         )
         weak = needed > limit
