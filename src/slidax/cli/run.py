@@ -5,14 +5,13 @@ from __future__ import annotations
 import shlex
 import sys
 import time
-import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from .options import AsJson, Changes, Engine, Named
-from .session import OUTCOME, errors_as_lines, parsed, prepare, print_json, say_where
+from .session import OUTCOME, errors_as_lines, parsed, prepare, print_json, say_warning, say_where
 
 if TYPE_CHECKING:
     from slidax.scenarios import Scenario
@@ -88,11 +87,10 @@ def run(
 
 def _warn_beforehand(parts: Scenario) -> None:
     """What is likely to go wrong, one line each."""
-    from slidax._errors import DefinitionWarning
     from slidax.diagnosis import beforehand
 
     for said in beforehand(parts):
-        warnings.warn(said, DefinitionWarning, stacklevel=2)
+        say_warning(said)
 
 
 def _say_why(parts: Scenario) -> None:
