@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import ClassVar
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 
 from slidax.robots import Articulated
@@ -46,7 +47,8 @@ class Contact(AbstractCause):
         at = near.start + int(np.argmax(size[near]))
         usual = float(np.median(size[: max(near.start, span)]))
         middle = at + span // 2
-        jacobian = np.asarray(jax.jacfwd(robot.tip)(record.q[middle]))
+        q = jnp.asarray(record.q[middle])
+        jacobian = np.asarray(jax.jacfwd(robot.tip)(q))
         force, *_ = np.linalg.lstsq(jacobian.T, -change[at], rcond=None)
         left = np.linalg.norm(change[at] + jacobian.T @ force) ** 2
         explained = 1.0 - float(left / max(size[at] ** 2, 1e-300))
@@ -54,7 +56,7 @@ class Contact(AbstractCause):
             return None
         newtons = float(np.linalg.norm(force))
         x, y, z = force / max(newtons, 1e-300)
-        place = ", ".join(f"{one:.3f}" for one in np.asarray(robot.tip(record.q[middle])))
+        place = ", ".join(f"{one:.3f}" for one in np.asarray(robot.tip(q)))
         evidence = (
             f"at t = {record.t[middle]:.3g} s the torque changed within {SUDDEN:g} s as a force of "
             f"{newtons:.2g} N on the "
