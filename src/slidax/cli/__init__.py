@@ -30,9 +30,7 @@ app.add_typer(export, name="export")
 app.command(epilog="Example:  slidax reproduce --out reproduction")(reproduce)
 app.command(epilog="Example:  slidax run example-4.1 --set disturbance.scale=0 --set scheme.surface.k1=0.4")(run)
 app.command(epilog="Example:  slidax compare example-4.1 --schemes cftsmppc,ftsmc,sfsmc --out comparison")(compare)
-app.command(
-    epilog="Example:  slidax explain bad  (after  slidax run panda-payload --set robot.plant.armature=0.02 --out bad)"
-)(explain)
+app.command(epilog="Example:  slidax explain bad  (after  slidax run SCENARIO --out bad)")(explain)
 app.command("list", epilog="Example:  slidax list scenarios")(list_)
 app.command(epilog="Example:  slidax schema > scenario.schema.json")(schema)
 export.command("c", epilog="Example:  slidax export c example-4.1-1khz --out law")(export_c)
