@@ -156,10 +156,11 @@ def in_a_fresh_interpreter(code):
 
 def test_every_package_of_the_source_is_imported_by_these_tests():
     assert {"parts", "codegen", "scenarios", "metrics", "figures", "papers", "reports", "views", "deploy"} <= set(ROOMS)
+    assert "diagnosis" in ROOMS
     assert {"codegen.trace", "robots.ready", "controllers.steps"} <= set(PACKAGES)
 
 
-DRAWING = {"cli", "deploy", "figures", "papers", "reports", "scenarios", "views"}
+DRAWING = {"cli", "deploy", "diagnosis", "figures", "papers", "reports", "scenarios", "views"}
 """Rooms that need other packages for what they are: to read files, to draw, to write pages."""
 
 

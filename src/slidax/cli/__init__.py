@@ -10,6 +10,7 @@ import typer
 
 from .compare import compare
 from .excite import excite
+from .explain import explain
 from .export import export_c
 from .identify import identify
 from .listing import list_, schema
@@ -33,6 +34,7 @@ app.command(epilog="Example:  slidax run example-4.1 --set disturbance.scale=0 -
 app.command(epilog="Example:  slidax compare example-4.1 --schemes cftsmppc,ftsmc,sfsmc --out comparison")(compare)
 app.command(epilog="Example:  slidax excite panda --seed 1 --out motion.csv")(excite)
 app.command(epilog="Example:  slidax identify log.csv --robot panda --out arm.yaml --report report")(identify)
+app.command(epilog="Example:  slidax explain bad  (after  slidax run SCENARIO --out bad)")(explain)
 app.command("list", epilog="Example:  slidax list scenarios")(list_)
 app.command(epilog="Example:  slidax schema > scenario.schema.json")(schema)
 export.command("c", epilog="Example:  slidax export c example-4.1-1khz --out law")(export_c)

@@ -11,11 +11,14 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from .options import AsJson, Changes, Engine, Named
-from .session import OUTCOME, errors_as_lines, parsed, prepare, print_json, say_where
+from .session import OUTCOME, errors_as_lines, parsed, prepare, print_json, say_warning, say_where
 
 if TYPE_CHECKING:
     from slidax.scenarios import Scenario
     from slidax.simulation import Run
+
+SECONDS = 20.0
+"""For remedies to be tried after a run that left its envelope."""
 
 STARTED = time.perf_counter()
 
@@ -38,6 +41,9 @@ def run(
     them; all else takes NAME's own defaults, which are the paper's where it prints any. Other `--set scheme.…` apply
     after that.
 
+    What is likely to go wrong is said before the run, and after one that left its envelope the likeliest reason with a
+    remedy; `slidax explain` has the others.
+
     Exit code 0: the run reached its end inside its envelope; 2: the scenario is invalid; 3: it left its envelope, also
     if it came back, or became infinite.
     """
@@ -50,16 +56,18 @@ def run(
         parts = load(scenario, parsed(changes or []) | chosen)
         if out is not None:
             from slidax.papers.indices import INDICES
-            from slidax.reports import parquet, write_run_report
+            from slidax.reports import parquet, write_run_report, write_scenario
 
             parquet.require_pyarrow()
         if view or recording is not None:
             _require_views(view, recording)
+        _warn_beforehand(parts)
         import_s = time.perf_counter() - STARTED
         finished = parts.simulate(log_every=0 if out is not None or view or recording is not None else None)
         summary = run_as_json(parts, finished, import_s)
         if out is not None:
             parquet.write_log(finished, out / "log.parquet")
+            write_scenario(parts.description, out / "scenario.yaml")
             command = shlex.join(["slidax", *sys.argv[1:]])
             write_run_report(parts, finished, out, also=INDICES, command=command)
         if json:
@@ -70,10 +78,28 @@ def run(
                 say_where(out)
         if not finished.outcome.ok:
             typer.echo(finished.outcome.message, err=True)
+            _say_why(parts)
         if recording is not None or view:
             _look(parts, finished, view, recording)
         if not finished.outcome.ok:
             raise typer.Exit(OUTCOME)
+
+
+def _warn_beforehand(parts: Scenario) -> None:
+    """What is likely to go wrong, one line each."""
+    from slidax.diagnosis import beforehand
+
+    for said in beforehand(parts):
+        say_warning(said)
+
+
+def _say_why(parts: Scenario) -> None:
+    """The likeliest cause; all of them are what `slidax explain` is for."""
+    from slidax.diagnosis import first_line
+
+    why = first_line(parts, seconds=SECONDS)
+    if why:
+        typer.echo(f"Most likely: {why}", err=True)
 
 
 def _require_views(view: bool, recording: Path | None) -> None:

@@ -57,9 +57,17 @@ def _say(message: str) -> None:
     typer.echo(f"slidax: {''.join(c if c.isprintable() else ascii(c)[1:-1] for c in message)}", err=True)
 
 
+def say_warning(message: str) -> None:
+    """One line about what may go wrong; the command goes on.
+
+    - `message`: what is said.
+    """
+    _say(f"warning: {message}")
+
+
 def _warn_in_a_line(message: Warning | str, *_: Any, **__: Any) -> None:
     """Without the line of code that it came from, which tells a user of the command nothing."""
-    _say(f"warning: {message}")
+    say_warning(str(message))
 
 
 def parsed(changes: list[str]) -> dict[str, Any]:

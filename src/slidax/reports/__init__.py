@@ -7,6 +7,7 @@ from .machine import versions as versions
 from .numbers import significant as significant
 from .numbers import typeset as typeset
 from .page import render as render
+from .parameters import write_scenario as write_scenario
 from .picture import Picture as Picture
 from .picture import picture as picture
 from .rival import Rival as Rival

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import io
+from pathlib import Path
 from typing import Any
 
 import equinox as eqx
@@ -21,6 +22,26 @@ def as_yaml(description: ScenarioDescription) -> str:
     - `description`: a validated scenario.
     """
     return _dumped(_shown(description))
+
+
+def write_scenario(description: ScenarioDescription, path: Path) -> None:
+    """Writes the scenario as a file that can be run again from anywhere: what it names is found by its whole path.
+
+    - `description`: a validated scenario.
+    - `path`: where to; its folder is made if it is not there.
+    """
+    path.parent.mkdir(parents=True, exist_ok=True)
+    parts = {name: _with_whole_paths(getattr(description, name)) for name in ("robot", "trajectory")}
+    path.write_text(as_yaml(description.model_copy(update=parts)), encoding="utf-8")
+
+
+def _with_whole_paths(part: Any) -> Any:
+    found: dict[str, Any] = {}
+    if isinstance(getattr(part, "file", None), str):
+        found["file"] = str(Path(part.file).resolve())
+    if getattr(part, "packages", None):
+        found["packages"] = [str(Path(package).resolve()) for package in part.packages]
+    return part.model_copy(update=found) if found else part
 
 
 def parameters(scenario: Scenario) -> dict[str, str]:

@@ -3,6 +3,7 @@
 from .catalogue import catalogue as catalogue
 from .catalogue import explained as explained
 from .description import ScenarioDescription as ScenarioDescription
+from .load import altered as altered
 from .load import load as load
 from .load import names as names
 from .load import parse as parse

@@ -45,6 +45,17 @@ def load(scenario: str | Path, changes: dict[str, Any] | None = None) -> Scenari
     return parse(text, changes, folder=_folder(scenario)).build(name)
 
 
+def altered(scenario: Scenario, changes: dict[str, Any]) -> Scenario:
+    """The same scenario with other values, as `load` would have built it.
+
+    - `scenario`: one that was loaded; what `replace` changed in it is not kept.
+    - `changes`: values by dotted path, as in `load`.
+
+    Raises DefinitionError if something is invalid then.
+    """
+    return validated(scenario.description.model_dump(exclude_unset=True), changes).build(scenario.name)
+
+
 def described(scenario: str | Path) -> ScenarioDescription:
     """What a scenario file says, validated but not built, which takes longer.
 

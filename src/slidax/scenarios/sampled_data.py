@@ -144,6 +144,13 @@ class SampledDataDescription(AbstractDescription):
     `kalman` for encoders without a velocity sensor."""
     adaptation: AdaptationDescription | None = JointLearningDescription()
     """What is learnt of the arm while it moves; null for nothing."""
+    delay: float | None = said(
+        "age of a measurement when its torque sets in, as the law believes it",
+        "periods",
+        "[0, 100]",
+        default=None,
+        source="as the sensor and the actuator say",
+    )
     recovery: RecoveryDescription | None = RecoveryDescription()
     """What to do outside the envelope; null: pull back to the drawn envelope as it is."""
     slopes: bool = True
@@ -173,6 +180,8 @@ class SampledDataDescription(AbstractDescription):
                     adaptation = self.adaptation.build()
                 # The estimator begins with what is believed of the inertia.
                 sampling = replace(sampling, mass=adaptation.mass_at_start(sampling.mass))
+        if self.delay is not None:
+            sampling = replace(sampling, delay=self.delay, dead_time=min(sampling.dead_time, self.delay))
         estimator: AbstractEstimator | None = None
         with located("estimator"):
             if self.estimator is not None:

@@ -1,0 +1,186 @@
+"""What is likely to go wrong, before a run: the plant is known then, as far as it is simulated."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import cached_property
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from slidax._errors import DefinitionError
+from slidax._types import State
+from slidax.controllers import SampledData
+from slidax.robots import AbstractRobot, Articulated
+from slidax.scenarios import Scenario
+from slidax.simulation import Plant
+
+from .along import along
+from .causes.estimator import FAST, SLOW
+from .causes.substeps import coarseness
+from .linear_loop import LinearLoop
+from .loops import loops_of
+from .record import require_explainable
+
+SAMPLES = 200
+"""Of the motion, at which is looked."""
+
+COMES = 0.02
+"""Of a run: a load that comes or goes is looked at so long after."""
+
+
+def beforehand(scenario: Scenario) -> list[str]:
+    """What is likely to make a run leave its envelope, a sentence each; empty for a scheme that cannot be told of.
+
+    Along the motion: the torque that it needs against the limits, the eigenvalues κ of `M⁻¹ M0` against those for which
+    the loop of a joint is stable, ω H of its estimator, u against what it must cover, and the integrator's steps
+    against the simulated friction.
+
+    - `scenario`: what is to be run.
+    """
+    try:
+        law = require_explainable(scenario)
+    except DefinitionError:
+        return []
+    ahead = _Ahead(scenario, law)
+    return [*ahead.torques(), *ahead.inertias(), *ahead.estimators(), *ahead.cover(), *ahead.steps()]
+
+
+class _Ahead:
+    """The motion as it is to be, with the true arm and as the law believes it to be."""
+
+    def __init__(self, scenario: Scenario, law: SampledData) -> None:
+        self.scenario, self.law = scenario, law
+        own = scenario.plant
+        self.plant: Plant = own if isinstance(own, Plant) else own.own
+        self.nominal: AbstractRobot = self.law.nominal
+        self.names = self.nominal.joint_names
+        until = min(scenario.t1, float(np.nan_to_num(scenario.trajectory.until, posinf=scenario.t1)))
+        self.t = np.linspace(0.0, max(until, scenario.period), SAMPLES)
+        reference = jax.jit(jax.vmap(lambda t: scenario.trajectory.reference(t)))(jnp.asarray(self.t))
+        self.q, self.dq, self.ddq = (np.asarray(one) for one in (reference.q, reference.dq, reference.ddq))
+
+    @cached_property
+    def believed(self) -> tuple[np.ndarray, np.ndarray]:
+        """M0 and the bias along the motion."""
+        return along(self.nominal, self.q, self.dq)
+
+    @cached_property
+    def true(self) -> tuple[np.ndarray, np.ndarray]:
+        """M and the bias with friction along the motion, with what the arm carries at each time."""
+        mass, bias = along(self.plant.robot, self.q, self.dq)
+        load = self.plant.load
+        if load is not None:
+            carried = (self.t >= float(load.attached)) & (self.t < float(load.released))
+            loaded = eqx.filter_jit(lambda load, robot: load.on(robot, load.attached + COMES))(load, self.plant.robot)
+            with_load = along(loaded, self.q, self.dq)
+            mass = np.where(carried[:, None, None], with_load[0], mass)
+            bias = np.where(carried[:, None], with_load[1], bias)
+        friction = np.asarray(jax.jit(jax.vmap(lambda dq: self.plant.robot.friction(dq)))(jnp.asarray(self.dq)))
+        return mass, bias + friction
+
+    @cached_property
+    def pushed(self) -> np.ndarray:
+        """Torque from outside along the motion."""
+        moving = State(q=jnp.asarray(self.q), dq=jnp.asarray(self.dq))
+        torque: np.ndarray = np.asarray(
+            jax.jit(jax.vmap(lambda t, state: self.plant.disturbance(t, state)))(jnp.asarray(self.t), moving)
+        )
+        return torque
+
+    def torques(self) -> Iterator[str]:
+        """The torque that the motion needs."""
+        mass, bias = self.true
+        needed = np.einsum("kij,kj->ki", mass, self.ddq) + bias - self.pushed
+        limit = np.broadcast_to(np.asarray(self.law.limits.torque), self.law.joints)
+        over = np.abs(needed) / limit
+        k, joint = np.unravel_index(int(np.argmax(over)), over.shape)
+        if over[k, joint] >= 1.0:
+            unit = "N m" if self.nominal.joint_units[joint] == "rad" else "N"
+            yield (
+                f"the motion needs {abs(needed[k, joint]):.3g} {unit} of `{self.names[joint]}` at t = "
+                f"{self.t[k]:.3g} s, and "
+                f"its limit is {limit[joint]:.4g} {unit}: go slower, carry less, or allow more torque"
+            )
+
+    def inertias(self) -> Iterator[str]:
+        """The κ of the stated mismatch."""
+        if not isinstance(self.nominal, Articulated):
+            return
+        values, vectors = np.linalg.eig(np.linalg.solve(self.true[0], self.believed[0]))
+        kappas, modes = np.real(values), np.argmax(np.abs(vectors), axis=1)
+        worst = None
+        for joint, loop in enumerate(self._loops):
+            if loop is None:
+                continue
+            least, most = loop.stable_range()
+            of_joint = kappas[modes == joint]
+            if not of_joint.size or np.isnan(least):
+                continue
+            beyond = max(least / of_joint.min(), of_joint.max() / most)
+            if beyond > 1.0 and (worst is None or beyond > worst[0]):
+                worst = beyond, joint, of_joint.min(), of_joint.max(), least, most
+        if worst is not None:
+            _, joint, low, high, least, most = worst
+            yield (
+                f"κ, nominal over true inertia, is {low:.2g} to {high:.2g} at `{self.names[joint]}`, and its "
+                "loop bears "
+                f"{least:.2g} to {most:.2g}: tell the law the rotors' inertia (`robot.nominal.armature`)"
+            )
+
+    def estimators(self) -> Iterator[str]:
+        """ω H, and whether the loop is stable if all is as believed."""
+        found = [(joint, loop) for joint, loop in enumerate(self._loops) if loop is not None]
+        if not found or self.law.horizon is None:
+            return
+        joint, loop = max(found, key=lambda one: one[1].radius())
+        if loop.radius() >= 1.0:
+            yield (
+                f"the loop of `{self.names[joint]}` is unstable with `{type(self.law.estimator).__name__}` "
+                "even if all is as "
+                f"the law believes (modulus {loop.radius():.3f} a period): take the Kalman filter"
+            )
+            return
+        if loop.measures_velocity:
+            return
+        paces = {joint: loop.bandwidth * float(self.law.horizon) for joint, loop in found}
+        for joint, wrong in ((min(paces, key=paces.__getitem__), "slow"), (max(paces, key=paces.__getitem__), "fast")):
+            if paces[joint] < SLOW if wrong == "slow" else paces[joint] > FAST:
+                yield (
+                    f"the estimator of `{self.names[joint]}` follows at {paces[joint]:.2g} times 1/H, too "
+                    f"{wrong} for the "
+                    "horizon: change `torque_density`, the encoders or `horizon`"
+                )
+
+    def cover(self) -> Iterator[str]:
+        """Whether u covers what the model lacks."""
+        bound = getattr(self.law.step, "bound", None)
+        if bound is None:
+            return
+        difference = np.einsum("kij,kj->ki", self.true[0] - self.believed[0], self.ddq)
+        lacks = np.linalg.norm(difference + self.true[1] - self.believed[1] - self.pushed, axis=1)
+        feedforward = np.einsum("kij,kj->ki", self.believed[0], self.ddq) + self.believed[1]
+        moving = State(q=jnp.asarray(self.q), dq=jnp.asarray(self.dq))
+        u = np.asarray(jax.jit(jax.vmap(lambda state, tau: bound(state, tau)))(moving, jnp.asarray(feedforward)))
+        k = int(np.argmax(lacks / u))
+        if lacks[k] > u[k]:
+            yield (
+                f"u covers {u[k]:.3g} N m at t = {self.t[k]:.3g} s, and the model lacks {lacks[k]:.3g} N m "
+                "there: enlarge "
+                "`scheme.bound`, or tell the law more of the arm"
+            )
+
+    def steps(self) -> Iterator[str]:
+        """The integrator's steps."""
+        found = coarseness(self.scenario)
+        if found is not None and found[0] > 1.0:
+            yield (
+                f"a step of the integrator is {found[0]:.2g} times too long for the simulated friction of "
+                f"`{self.names[found[1]]}`: raise `simulation.substeps`"
+            )
+
+    @cached_property
+    def _loops(self) -> tuple[LinearLoop | None, ...]:
+        return loops_of(self.scenario)

@@ -1,0 +1,81 @@
+"""The tip met something."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from slidax.robots import Articulated
+
+from ..cause import AbstractCause, Finding, Remedy
+from ..record import Record
+
+SUDDEN = 0.1
+"""Within which time a contact shows [s]."""
+
+FITS = 0.85
+"""The share of a sudden torque that one force at the tip must explain."""
+
+HANGS, GRAVITY = 0.9, 9.81
+"""The cosine between a force and gravity's direction from which on it is a weight."""
+
+RARE = 4.0
+"""Times the usual change in that time that it must be."""
+
+
+class Contact(AbstractCause):
+    """What the model lacks changes at once, and as a force at the tip would change it, `Jᵀ F`."""
+
+    name: ClassVar[str] = "contact"
+
+    def finding(self, record: Record) -> Finding | None:
+        """The force that fits the largest sudden change before the run left.
+
+        - `record`: the run.
+        """
+        robot = record.nominal
+        span = max(round(SUDDEN / record.period), 1)
+        if not isinstance(robot, Articulated) or record.joints < 5 or record.left < 4 * span:
+            return None
+        lacks = record.unexplained
+        change = lacks[span:] - lacks[:-span]
+        size = np.linalg.norm(change, axis=1)
+        near = slice(max(0, record.left - 4 * span), min(len(size), record.left + span))
+        at = near.start + int(np.argmax(size[near]))
+        usual = float(np.median(size[: max(near.start, span)]))
+        middle = at + span // 2
+        q = jnp.asarray(record.q[middle])
+        jacobian = np.asarray(jax.jacfwd(robot.tip)(q))
+        force, *_ = np.linalg.lstsq(jacobian.T, -change[at], rcond=None)
+        left = np.linalg.norm(change[at] + jacobian.T @ force) ** 2
+        explained = 1.0 - float(left / max(size[at] ** 2, 1e-300))
+        if explained < FITS or size[at] < RARE * usual:
+            return None
+        newtons = float(np.linalg.norm(force))
+        x, y, z = force / max(newtons, 1e-300)
+        place = ", ".join(f"{one:.3f}" for one in np.asarray(robot.tip(q)))
+        evidence = (
+            f"at t = {record.t[middle]:.3g} s the torque changed within {SUDDEN:g} s as a force of "
+            f"{newtons:.2g} N on the "
+            f"tip does, along ({x:.2f}, {y:.2f}, {z:.2f}), which explains {explained:.0%} of it: the tip at "
+            f"({place}) m met "
+            "something"
+        )
+        return Finding(
+            name=self.name,
+            joint=None,
+            # What pulls down is more likely something that the arm took up, which it then has to carry.
+            weight=0.5 if force @ np.asarray(robot.gravity_vector) > HANGS * newtons * GRAVITY else 0.9,
+            evidence=evidence,
+            numbers={"t": float(record.t[middle]), "force": newtons, "explained": explained},
+            remedies=_remedies(record),
+        )
+
+
+def _remedies(record: Record) -> list[Remedy]:
+    words = "keep the motion clear of it, or take it out of the way"
+    known = record.scenario.description.surroundings.table is not None
+    return [Remedy(words, {"surroundings.table": None} if known else {})]

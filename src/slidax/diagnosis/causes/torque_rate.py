@@ -1,0 +1,57 @@
+"""The drives cannot change their torque as fast as the motion needs."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import numpy as np
+
+from ..cause import AbstractCause, Finding, Remedy
+from ..record import Record
+from .motion import slower
+from .sheet import data_sheet
+from .torque import REACHED
+
+
+class TorqueRate(AbstractCause):
+    """A joint's torque changes at its limit when the run leaves its envelope."""
+
+    name: ClassVar[str] = "torque_rate"
+
+    def finding(self, record: Record) -> Finding | None:
+        """The joint that is at its limit for the longest part.
+
+        - `record`: the run.
+        """
+        limits = record.rate_limits
+        steps = np.abs(np.diff(record.tau[record.before], axis=0))
+        share = np.mean(steps >= REACHED * limits * record.period, axis=0) if len(steps) else np.zeros(record.joints)
+        joint = int(np.argmax(share))
+        if share[joint] < 0.3:
+            return None
+        unit = f"{record.torque_unit(joint)}/s"
+        evidence = (
+            f"{record.named(joint)}: its torque changes at its limit of {limits[joint]:.4g} {unit} in "
+            f"{share[joint]:.0%} of the samples before"
+        )
+        return Finding(
+            name=self.name,
+            joint=joint,
+            weight=0.4 + 0.45 * float(share[joint]),
+            evidence=evidence,
+            numbers={"share": float(share[joint]), "limit": float(limits[joint])},
+            remedies=_remedies(record),
+        )
+
+
+def _remedies(record: Record) -> list[Remedy]:
+    given, sheet = record.rate_limits, data_sheet(record, "torque_rate")
+    found = []
+    if np.any(sheet > given):
+        words = "allow the rate that the arm's data sheet has"
+        found.append(Remedy(words, {"actuator.rate": np.maximum(sheet, given).tolist()}))
+    found += slower(record)
+    for factor in (3.0, 10.0, 30.0):
+        words = f"take drives that are {factor:g} times as fast"
+        found.append(Remedy(words, {"actuator.rate": (factor * given).tolist()}))
+    return found

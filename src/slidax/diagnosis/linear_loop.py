@@ -1,0 +1,187 @@
+"""One joint's loop near its goal, linearised: is it stable, and what does noise do in it?"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import solve_discrete_lyapunov
+
+from slidax.controllers import SampledData
+from slidax.estimators import Kalman, Measured
+
+
+@dataclass(frozen=True)
+class LinearLoop:
+    """A joint with `q̈ = κ a`, where the law believes `q̈ = a`: κ is an eigenvalue of `M⁻¹ M0` (docs/sampled-data.md).
+
+    Near e = 0 with s⁺ = 0 and a steep surface the plan is `q̈ = -(y/H + v)/H`, `y = e + (H - h/2) v`, at the state that
+    is predicted over the believed delay with the commands under way and the estimate. The unit of time is the period.
+
+    - `h`: the period [s]; `horizon`: H in periods.
+    - `believed`: the delay that the law is told [periods].
+    - `gains`: of the Kalman filter (L1, L2 h, L3 h²), or of `Measured` (g, b, ahead).
+    - `measures_velocity`: whether the estimator is `Measured`.
+    - `follows`: the share `1 - e^{-c h}` of a differenced velocity that its low-pass takes on in a period; None for a
+      velocity sensor.
+    """
+
+    h: float
+    horizon: float
+    believed: float
+    gains: tuple[float, float, float]
+    measures_velocity: bool
+    follows: float | None = None
+
+    @classmethod
+    def of(cls, law: SampledData, joint: int, cutoff: float | None = None) -> LinearLoop | None:
+        """The loop of one joint; None for a law without a plan, or an estimator that is not linear.
+
+        - `law`: in sampled-data form.
+        - `joint`: its number, from 0.
+        - `cutoff`: c of the low-pass of differenced velocities [rad/s]; None for a velocity sensor.
+        """
+        estimator = law.estimator
+        if law.horizon is None or not isinstance(estimator, Kalman | Measured):
+            return None
+        if isinstance(estimator, Kalman):
+            numbers = np.broadcast_to(np.asarray(estimator.gains).reshape(3, -1), (3, law.joints))[:, joint]
+            numbers = numbers * float(law.period) ** np.arange(3)
+        else:
+            each = (estimator.gain, estimator.trend, estimator.ahead)
+            numbers = np.array([np.broadcast_to(np.asarray(one), law.joints)[joint] for one in each])
+        first, second, third = (float(number) for number in numbers)
+        return cls(
+            h=float(law.period),
+            horizon=float(law.horizon) / float(law.period),
+            believed=float(law.delay),
+            gains=(first, second, third),
+            measures_velocity=isinstance(estimator, Measured),
+            follows=None if cutoff is None else -math.expm1(-cutoff * float(law.period)),
+        )
+
+    @property
+    def bandwidth(self) -> float:
+        """The ω of the estimator [rad/s]: a steady Kalman filter is of third order with `L3 h² = (ω h)³`.
+
+        For `Measured`, `g/h`.
+        """
+        one, _, three = self.gains
+        return (one if self.measures_velocity else float(np.cbrt(three))) / self.h
+
+    def radius(self, kappa: float = 1.0, delay: float | None = None) -> float:
+        """The largest modulus of an eigenvalue over one period; below 1 the loop is stable.
+
+        - `kappa`: κ, nominal over true inertia.
+        - `delay`: the true one [periods]; as believed if None.
+        """
+        matrix, _, _ = self._matrices(kappa, self.believed if delay is None else delay)
+        return float(np.max(np.abs(np.linalg.eigvals(matrix))))
+
+    def stable_range(self, delay: float | None = None) -> tuple[float, float]:
+        """The κ around 1 for which the loop is stable, within [1/64, 64]; (nan, nan) if it is not at 1.
+
+        - `delay`: the true one [periods]; as believed if None.
+        """
+        ends = []
+        if self.radius(1.0, delay) >= 1.0:
+            return math.nan, math.nan
+        for direction in (-1.0, 1.0):
+            inside, outside = 0.0, 6.0
+            steps = np.linspace(0.0, 6.0, 61)
+            unstable = [x for x in steps if self.radius(2.0 ** (direction * x), delay) >= 1.0]
+            if not unstable:
+                ends.append(2.0 ** (6.0 * direction))
+                continue
+            outside, inside = unstable[0], unstable[0] - 0.1
+            for _ in range(12):
+                middle = 0.5 * (inside + outside)
+                if self.radius(2.0 ** (direction * middle), delay) < 1.0:
+                    inside = middle
+                else:
+                    outside = middle
+            ends.append(2.0 ** (direction * inside))
+        return ends[0], ends[1]
+
+    def noise(self, variance: float, kappa: float = 1.0) -> tuple[float, float]:
+        """Standard deviations of the position [rad or m] and of a command's step [rad/s² or m/s²]; inf if unstable.
+
+        - `variance`: of a measured position, white [rad² or m²].
+        - `kappa`: κ, nominal over true inertia.
+        """
+        matrix, enters, command = self._matrices(kappa, self.believed)
+        if np.max(np.abs(np.linalg.eigvals(matrix))) >= 1.0:
+            return math.inf, math.inf
+        covariance = solve_discrete_lyapunov(matrix, variance * np.outer(enters, enters))
+        # The step is the difference of this command and the last, which the noise of this sample enters as well.
+        row, own = command
+        step = row.copy()
+        step[2] -= 1.0
+        spread = step @ covariance @ step + variance * own * own
+        return math.sqrt(max(covariance[0, 0], 0.0)), math.sqrt(max(spread, 0.0)) / self.h**2
+
+    def _matrices(self, kappa: float, delay: float) -> tuple[np.ndarray, np.ndarray, tuple[np.ndarray, float]]:
+        """The map of one period, what a measurement's noise does to it, and the command as a row and a number."""
+        late, believed = math.ceil(delay), math.ceil(self.believed)
+        queue = max(1, late, believed)
+        # q, q̇, the commands (newest first), the prediction of q and q̇, the push, its rate, the last measurement.
+        size = 2 + queue + 6
+        columns = np.eye(size + 1)
+        state, noise = columns[:size], columns[size]
+        q, v, commands = state[0], state[1], list(state[2 : 2 + queue])
+        prior_q, prior_v, push, rate, last_q, last_v = state[2 + queue :]
+        read_q, read_v = q + noise, v
+        if self.follows is not None:
+            read_v = last_v + self.follows * (read_q - last_q - last_v)
+        estimate_q, estimate_v, push, rate = self._estimated(read_q, read_v, prior_q, prior_v, push, rate)
+        if self.follows is None or not self.measures_velocity:
+            # What is not used must not stay in the memory: it would count as a loop that never settles.
+            last_q, last_v = 0.0 * read_q, 0.0 * read_v
+        else:
+            last_q, last_v = read_q, read_v
+
+        whole, part = int(self.believed), self.believed % 1.0
+        now_q, now_v, following = estimate_q, estimate_v, None
+        if part > 0:
+            now_q, now_v = self._moved(now_q, now_v, commands[whole] + push, part)
+        if whole > 0:
+            following = self._moved(now_q, now_v, commands[whole - 1] + push, 1.0 - part)
+            now_q, now_v = self._moved(now_q, now_v, commands[whole - 1] + push, 1.0)
+        for i in range(whole - 1, 0, -1):
+            now_q, now_v = self._moved(now_q, now_v, commands[i - 1] + push, 1.0)
+        lead = self.horizon - 0.5
+        planned = -((now_q + lead * now_v) / self.horizon + now_v) / self.horizon
+        command = planned - push
+        if following is None:
+            following = self._moved(now_q, now_v, planned, 1.0 - part)
+
+        # The arm itself, under the commands that really are under way.
+        sent = [command, *commands]
+        whole, part = int(delay), delay % 1.0
+        if part > 0:
+            q, v = self._moved(q, v, kappa * sent[whole + 1], part)
+        q, v = self._moved(q, v, kappa * sent[whole], 1.0 - part)
+        after = np.array([q, v, *sent[:queue], *following, push, rate, last_q, last_v])
+        return after[:, :size], after[:, size], (command[:size], float(command[size]))
+
+    def _estimated(
+        self,
+        read_q: np.ndarray,
+        read_v: np.ndarray,
+        prior_q: np.ndarray,
+        prior_v: np.ndarray,
+        push: np.ndarray,
+        rate: np.ndarray,
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        one, two, three = self.gains
+        if not self.measures_velocity:
+            residual = read_q - prior_q
+            return prior_q + one * residual, prior_v + two * residual, push + three * residual, 0.0 * rate
+        grown = (1.0 - three) * rate
+        surprise = read_v - prior_v - grown
+        rate = rate + two * surprise
+        return read_q, read_v, push + grown + one * surprise + three * rate, rate
+
+    def _moved(self, q: np.ndarray, v: np.ndarray, a: np.ndarray, periods: float) -> tuple[np.ndarray, np.ndarray]:
+        return q + periods * v + 0.5 * periods * periods * a, v + periods * a

@@ -1,0 +1,275 @@
+"""What is known of a run without knowing the true arm: its log, and what its law believes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import equinox as eqx
+import jax
+import numpy as np
+from scipy.signal import butter, sosfiltfilt
+
+from slidax._errors import DefinitionError
+from slidax._types import Envelope, Scalar
+from slidax.controllers import SampledData
+from slidax.robots import AbstractRobot
+from slidax.scenarios import Scenario
+from slidax.simulation import Run, columns_of
+
+from .along import along
+from .linear_loop import LinearLoop
+from .loops import loops_of
+from .measured import as_measured
+from .seen import Seen, as_seen, late
+
+BEFORE = 0.3
+"""How long before a run left its envelope its reason is looked for [s]."""
+
+SLOW = 20.0
+"""Below it is what the model lacks, and above it the loop's own motion [rad/s]."""
+
+NARROW = 1.05
+"""An envelope has reached its final width where it is at most so many times as wide as at the end."""
+
+
+EACH = "a diagnosis needs each sample of the log: set `simulation.log_every=1`"
+
+
+def require_explainable(scenario: Scenario) -> SampledData:
+    """The law of a scenario that can be diagnosed.
+
+    - `scenario`: any.
+
+    Raises DefinitionError if its scheme is not in sampled-data form, or has no envelope.
+    """
+    law, start = scenario.controller, scenario.state0
+    if isinstance(law, SampledData):
+
+        def envelope(t: Scalar) -> Envelope | None:
+            return law.envelope(t, law.init(t, start, scenario.trajectory.reference(t)))
+
+        # Only whether there is one: nothing is computed.
+        if eqx.filter_eval_shape(envelope, jax.ShapeDtypeStruct((), float)) is not None:
+            return law
+    raise DefinitionError(
+        "only a scheme in sampled-data form with an envelope can be diagnosed: give `scheme.sampled_data`, "
+        "and a scheme "
+        "with `performance`"
+    )
+
+
+@dataclass(frozen=True)
+class Record:
+    """A run as a robot's own log would have it, and the law's side of its scenario; arrays of N samples, n joints.
+
+    - `scenario`: what was run; of its plant nothing is read here.
+    - `law`: its law in sampled-data form.
+    - `t`: time [s], [N].
+    - `q`: positions as they were measured, at the sample at which they arrived [N n]; `fresh`: whether they did [N].
+    - `tau`: torque that was set [N n], N m or N.
+    - `q_d`, `dq_d`, `ddq_d`: what the joints should do [N n].
+    - `lower`, `upper`: the envelope [N n].
+    - `error`: as the law's outcome counts it [N n].
+    - `signals`: of the law, by name.
+    - `names`, `units`: of the joints.
+    """
+
+    scenario: Scenario
+    law: SampledData
+    t: np.ndarray
+    q: np.ndarray
+    fresh: np.ndarray
+    tau: np.ndarray
+    q_d: np.ndarray
+    dq_d: np.ndarray
+    ddq_d: np.ndarray
+    lower: np.ndarray
+    upper: np.ndarray
+    error: np.ndarray
+    signals: dict[str, np.ndarray]
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+
+    @classmethod
+    def of(cls, scenario: Scenario, run: Run) -> Record:
+        """The record of a simulated run.
+
+        - `scenario`: what was run, in sampled-data form and with an envelope.
+        - `run`: its run, with each sample in its log.
+
+        Raises DefinitionError if the log is missing or has not each sample, or the scheme is not of that form.
+        """
+        if run.log is None:
+            raise DefinitionError(EACH)
+        numbered = [f"_{joint + 1}" for joint in range(run.joints)]
+        return cls.of_columns(scenario, {name: values for name, (values, _) in columns_of(run, numbered).items()})
+
+    @classmethod
+    def of_columns(cls, scenario: Scenario, columns: Mapping[str, np.ndarray]) -> Record:
+        """The record of a log as flat columns: `t`, `q_1`, ..., `tau_1`, the bounds, and the signals by name.
+
+        - `scenario`, as above.
+        - `columns`: as `slidax run --out` writes them.
+
+        Raises DefinitionError as above, and if a column is missing.
+        """
+        law = require_explainable(scenario)
+        n = law.joints
+
+        def wide(name: str) -> np.ndarray:
+            found = [columns.get(f"{name}_{joint + 1}") for joint in range(n)]
+            if any(one is None for one in found):
+                raise DefinitionError(f"the log has no columns `{name}_1` to `{name}_{n}`: is it of this scenario?")
+            return np.stack([np.asarray(one, float) for one in found], axis=1)
+
+        t = np.asarray(columns.get("t", ()), float)
+        if len(t) < 3 or np.any(np.abs(np.diff(t) / scenario.period - 1.0) > 0.01):
+            raise DefinitionError(EACH)
+        signals = {name: wide(name) for name in ("push", "residual")}
+        if "u" in columns:
+            signals["u"] = np.asarray(columns["u"], float)
+        true = wide("q"), wide("dq")
+        q, fresh = as_measured(scenario.plant.sensor, *true, scenario.period)
+        return cls(
+            scenario=scenario,
+            law=law,
+            t=t,
+            q=q,
+            fresh=fresh,
+            tau=wide("tau"),
+            q_d=wide("q_d"),
+            dq_d=wide("dq_d"),
+            ddq_d=wide("ddq_d"),
+            lower=wide("lower"),
+            upper=wide("upper"),
+            error=wide("e"),
+            signals=signals,
+            names=law.nominal.joint_names,
+            units=law.nominal.joint_units,
+        )
+
+    @property
+    def joints(self) -> int:
+        """The number of joints."""
+        return len(self.names)
+
+    @property
+    def period(self) -> float:
+        """The period h [s]."""
+        return float(self.law.period)
+
+    @property
+    def nominal(self) -> AbstractRobot:
+        """The arm as the law knows it."""
+        return self.law.nominal
+
+    @property
+    def horizon(self) -> float:
+        """H [s]; the period for a law that does not plan."""
+        return self.period if self.law.horizon is None else float(self.law.horizon)
+
+    @cached_property
+    def outside(self) -> np.ndarray:
+        """Whether each joint is outside its envelope at each sample [N n]."""
+        return (self.error <= self.lower) | (self.error >= self.upper)
+
+    @property
+    def kept(self) -> bool:
+        """Whether the run reached its end inside its envelope."""
+        whole = len(self.t) == round(self.scenario.t1 / self.period) + 1
+        return whole and not self.outside.any()
+
+    @cached_property
+    def left(self) -> int:
+        """The first sample outside; the last one if none is."""
+        out: np.ndarray = self.outside.any(axis=1)
+        first = int(np.argmax(out)) if out.any() else len(out) - 1
+        return first
+
+    @cached_property
+    def narrow(self) -> np.ndarray:
+        """Whether the envelope has its final width [N]: until then larger errors are allowed for."""
+        width = (self.upper - self.lower).min(axis=1)
+        narrow: np.ndarray = width <= NARROW * width[-1]
+        return narrow
+
+    @cached_property
+    def torque_limits(self) -> np.ndarray:
+        """That the law knows [n], N m or N."""
+        return np.broadcast_to(np.asarray(self.law.limits.torque), self.joints)
+
+    @cached_property
+    def rate_limits(self) -> np.ndarray:
+        """That the law knows [n], N m/s or N/s."""
+        return np.broadcast_to(np.asarray(self.law.limits.rate), self.joints)
+
+    @cached_property
+    def mass_and_bias(self) -> tuple[np.ndarray, np.ndarray]:
+        """The nominal arm's `M0` [N n n] and `C0 q̇ + G0` [N n] where it was."""
+        dq = np.gradient(self.q, self.period, axis=0)
+        return along(self.nominal, self.q, dq)
+
+    @cached_property
+    def lumped(self) -> np.ndarray:
+        """`M0 w`, the torque by which the law makes up for what its model does not explain [N n]."""
+        torque: np.ndarray = np.einsum("kij,kj->ki", self.mass_and_bias[0], self.signals["push"])
+        return torque
+
+    @cached_property
+    def seen(self) -> Seen:
+        """Each joint's inertia and delay as the log shows them."""
+        return as_seen(self)
+
+    @cached_property
+    def loops(self) -> tuple[LinearLoop | None, ...]:
+        """Each joint's loop near its goal, with what the law believes; None where its estimator is not linear."""
+        return loops_of(self.scenario)
+
+    @cached_property
+    def before(self) -> slice:
+        """The samples just before it left."""
+        return slice(max(0, self.left - round(BEFORE / self.period)), self.left + 1)
+
+    @cached_property
+    def room(self) -> np.ndarray:
+        """What the envelope allows at its narrowest on its nearer side, ϑ ρ∞ [n], rad or m."""
+        room: np.ndarray = np.min(np.minimum(self.upper, -self.lower), axis=0)
+        return room
+
+    @cached_property
+    def missed(self) -> np.ndarray:
+        """w̄ of the loop-rate rule, what the estimate misses [n]: while the envelope is narrow, rad/s² or m/s²."""
+        d = float(self.law.delay)
+        missed = np.abs(self.signals["residual"][1:]) + d * np.abs(np.diff(self.signals["push"], axis=0))
+        narrow = self.narrow[1:]
+        worst: np.ndarray = missed[narrow].max(axis=0) if narrow.any() else missed.max(axis=0)
+        return worst
+
+    @cached_property
+    def unexplained(self) -> np.ndarray:
+        """`τ̄ - M0 a - C0 q̇ - G0` below the loop's band [N n], N m or N: what the model lacks, whatever u covers."""
+        a = np.zeros_like(self.q)
+        a[1:-1] = np.diff(self.q, 2, axis=0) / self.period**2
+        mass, bias = self.mass_and_bias
+        delay = np.arange(len(self.t)) - float(self.law.delay)
+        torque = 0.5 * (late(self.tau, delay) + late(self.tau, delay - 1.0))
+        low = butter(2, min(SLOW, 0.5 * np.pi / self.period), fs=2.0 * np.pi / self.period, output="sos")
+        rest: np.ndarray = sosfiltfilt(low, torque - np.einsum("kij,kj->ki", mass, a) - bias, axis=0)
+        return rest
+
+    def named(self, joint: int) -> str:
+        """A joint for a sentence.
+
+        - `joint`: its number, from 0.
+        """
+        own = f"joint {joint + 1}"
+        return own if self.names[joint] == own else f"{own} (`{self.names[joint]}`)"
+
+    def torque_unit(self, joint: int) -> str:
+        """Of a joint's torque.
+
+        - `joint`: its number, from 0.
+        """
+        return "N m" if self.units[joint] == "rad" else "N"

@@ -1,0 +1,30 @@
+"""The named cause is the one that was put in, and its remedy makes the run hold."""
+
+from __future__ import annotations
+
+import pytest
+
+from slidax.diagnosis import explained
+
+from .seeded import SEEDED, seeded
+
+QUICK = ["too light a model", "too heavy a model", "robust torque", "coarse encoder"]
+
+
+def require_named(which: str) -> None:
+    scenario = seeded(which)
+    run = scenario.simulate(log_every=1)
+    assert not run.outcome.ok
+    first = explained(scenario, run)[0]
+    assert (first.finding.name, first.tried, first.holds) == (SEEDED[which][2], True, True), first.sentence()
+
+
+@pytest.mark.parametrize("which", QUICK)
+def test_the_cause_that_was_put_in_is_named_and_its_remedy_holds(which: str) -> None:
+    require_named(which)
+
+
+@pytest.mark.full
+@pytest.mark.parametrize("which", sorted(SEEDED.keys() - set(QUICK)))
+def test_so_are_the_others(which: str) -> None:
+    require_named(which)

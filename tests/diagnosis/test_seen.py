@@ -1,0 +1,92 @@
+"""What is read out of a log: inertia, delay, resolution, and the linearised loop."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from slidax._errors import DefinitionError
+from slidax.diagnosis import Record, beforehand, explained
+from slidax.diagnosis.linear_loop import LinearLoop
+from slidax.diagnosis.seen import resolution
+from slidax.scenarios import load, names
+
+from .seeded import UNLEARNT, seeded
+
+
+def test_the_inertia_of_a_joint_is_seen_in_the_log_within_a_few_percent() -> None:
+    scenario = seeded("too light a model")
+    record = Record.of(scenario, scenario.simulate(log_every=1))
+    true = scenario.plant.robot.mass(scenario.state0.q)[6, 6]
+    assert record.seen.inertia[6] == pytest.approx(float(true), rel=0.1)
+    assert record.seen.coherence[6] > 0.95
+
+
+def test_the_delay_is_seen_in_the_log() -> None:
+    scenario = seeded("delay")
+    record = Record.of(scenario, scenario.simulate(log_every=1))
+    assert abs(record.seen.delay - 4.0) <= 0.5
+
+
+def test_the_encoders_steps_are_found_in_their_readings() -> None:
+    q = np.cumsum(np.random.default_rng(0).normal(scale=5e-3, size=(500, 2)), axis=0)
+    q[:, 0] = 1e-3 * np.round(q[:, 0] / 1e-3)
+    np.testing.assert_allclose(resolution(q), [1e-3, 0.0], rtol=1e-9)
+
+
+def test_without_delay_and_estimate_the_loop_bears_what_the_derivation_says() -> None:
+    """`κ < 4/(r (4 - r))`, docs/sampled-data.md."""
+    for periods in (1.0, 3.0, 12.0):
+        loop = LinearLoop(h=1e-3, horizon=periods, believed=0.0, gains=(0.0, 0.0, 0.0), measures_velocity=True)
+        limit = 4.0 * periods**2 / (4.0 * periods - 1.0)
+        # The push that is not estimated stays as it is: one eigenvalue of 1 that says nothing.
+        matrix = loop._matrices(0.99 * limit, 0.0)[0]
+        assert np.sort(np.abs(np.linalg.eigvals(matrix)))[-3] < 1.0
+        assert loop.radius(1.01 * limit) > 1.0
+
+
+def test_an_exact_model_is_stable_with_the_kalman_filter_at_any_delay_that_is_known() -> None:
+    for delay in (0.0, 0.5, 1.0, 2.5, 4.0):
+        loop = LinearLoop(h=1e-3, horizon=7.0, believed=delay, gains=(0.2, 0.02, 0.001), measures_velocity=False)
+        assert loop.radius() < 1.0
+        assert loop.radius(1.0, delay + 8.0) > 1.0
+
+
+def test_a_run_that_holds_has_nothing_to_explain() -> None:
+    scenario = load("example-4.1-1khz", UNLEARNT | {"simulation.t1": 1.0})
+    assert explained(scenario, scenario.simulate(log_every=1)) == []
+
+
+def test_what_cannot_be_diagnosed_says_what_is_missing() -> None:
+    scenario = load("example-4.1-1khz", UNLEARNT | {"simulation.t1": 1.0})
+    with pytest.raises(DefinitionError, match="log_every=1"):
+        explained(scenario, scenario.simulate(log_every=10))
+    printed = load("example-4.1", {"simulation.t1": 0.01})
+    with pytest.raises(DefinitionError, match="sampled_data"):
+        explained(printed, printed.simulate(log_every=1))
+
+
+@pytest.mark.parametrize("name", ["example-4.1-1khz", "panda-payload"])
+def test_a_built_in_scenario_raises_no_doubt_before_its_run(name: str) -> None:
+    assert beforehand(load(name)) == []
+
+
+@pytest.mark.full
+@pytest.mark.parametrize("name", names())
+def test_nor_does_any_other(name: str) -> None:
+    assert beforehand(load(name)) == []
+
+
+@pytest.mark.parametrize(
+    ("which", "said"),
+    [
+        ("too light a model", "κ"),
+        ("too heavy a model", "κ"),
+        ("torque limit", "needs"),
+        ("robust torque", "u covers"),
+        ("coarse substeps", "simulation.substeps"),
+        ("slow estimator", "too slow"),
+    ],
+)
+def test_what_is_likely_to_go_wrong_is_said_before(which: str, said: str) -> None:
+    assert any(said in sentence for sentence in beforehand(seeded(which)))
