@@ -1,0 +1,83 @@
+"""What every adaptation must be: a pure function of arrays that believes in an arm that can be, whatever it sees."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from slidax._types import State
+from slidax.adaptation import Experience
+from slidax.adaptation.believed import with_rotors
+from slidax.controllers import sampled_data
+from slidax.robots import TwoLink
+from tests.adaptation.members import ADAPTATIONS
+from tests.adaptation.moved import LINKS, motion, swept, taught
+from tests.controllers.members import CONTROLLERS
+from tests.enrolled import every
+
+FIRST = State(q=jnp.array([0.1, -0.2]), dq=jnp.zeros(2))
+
+
+def experience(scale=1.0):
+    return Experience(
+        q=scale * jnp.array([0.1, -0.3]),
+        dq=scale * jnp.array([1.0, -2.0]),
+        tau=scale * jnp.array([5.0, 1.0]),
+        mass=jnp.asarray(LINKS) + 0.1 * jnp.eye(2),
+        bias=jnp.array([1.0, -1.0]),
+        period=jnp.asarray(1e-3),
+        missed=jnp.asarray(False),
+    )
+
+
+@every("adaptation", ADAPTATIONS)
+def test_the_memory_is_the_same_tree_after_a_sample(adaptation):
+    before = adaptation.init(FIRST)
+    after = adaptation(experience(), before)
+    assert jax.tree.structure(before) == jax.tree.structure(after)
+    shapes = [(leaf.shape, leaf.dtype) for leaf in jax.tree.leaves(before)]
+    assert shapes == [(leaf.shape, leaf.dtype) for leaf in jax.tree.leaves(after)]
+
+
+@every("adaptation", ADAPTATIONS)
+def test_the_believed_arm_can_be_whatever_was_seen(adaptation):
+    generator = np.random.default_rng(11)
+    torque = generator.choice([-30.0, 0.0, 30.0], (400, 2))
+    q, dq = motion(torque, 0.01, 1.0, generator.normal(0.0, 30.0, (400, 2)), fine=1)
+    _, learnt = taught(adaptation, q, dq, torque)
+    for rotor, coulomb in zip(np.asarray(learnt.rotor), np.asarray(learnt.coulomb), strict=True):
+        believed = with_rotors(jnp.asarray(LINKS) + jnp.diag(jnp.broadcast_to(adaptation.counted, 2)), rotor, adaptation.counted)
+        assert np.all(np.linalg.eigvalsh(believed) > 0) and np.all(coulomb >= 0)
+
+
+@every("adaptation", ADAPTATIONS)
+def test_eager_and_compiled_agree(adaptation):
+    q, dq = motion(swept(1.0, 0.02), 0.1, 0.2)
+    first = adaptation.init(State(q=jnp.asarray(q[0]), dq=jnp.asarray(dq[0])))
+    with jax.disable_jit():
+        eager = adaptation(experience(), first)
+    for one, other in zip(jax.tree.leaves(jax.jit(adaptation)(experience(), first)), jax.tree.leaves(eager), strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-12, atol=1e-300)
+
+
+@every("adaptation", ADAPTATIONS)
+def test_friction_opposes_the_motion_and_is_odd(adaptation):
+    memory = adaptation.init(FIRST)
+    dq = jnp.array([0.3, -0.1])
+    friction = adaptation.friction(memory, dq)
+    assert np.all(np.asarray(friction * dq) >= 0)
+    np.testing.assert_array_equal(adaptation.friction(memory, -dq), -friction)
+
+
+@every("adaptation", ADAPTATIONS)
+@every("law", CONTROLLERS[:2])
+def test_laws_can_have_it(adaptation, law):
+    if not isinstance(getattr(law, "nominal", None), TwoLink):
+        return
+    stepped = sampled_data(law, period=1e-3, adaptation=adaptation)
+    from slidax._types import Reference
+
+    reference = Reference(q=[0.1, 0.0])
+    memory = stepped.init(jnp.zeros(()), FIRST, reference)
+    command = stepped(jnp.zeros(()), FIRST, reference, reference, memory)
+    assert np.all(np.isfinite(command.tau)) and {"rotor", "coulomb"} <= command.signals.keys()
+    assert jax.tree.structure(command.memory) == jax.tree.structure(memory)
