@@ -11,6 +11,7 @@ import typer
 from .compare import compare
 from .export import export_c
 from .listing import list_, schema
+from .new import new
 from .reproduce import reproduce
 from .run import run
 
@@ -28,6 +29,7 @@ app.add_typer(export, name="export")
 
 app.command(epilog="Example:  slidax reproduce --out reproduction")(reproduce)
 app.command(epilog="Example:  slidax run example-4.1 --set disturbance.scale=0 --set scheme.surface.k1=0.4")(run)
+app.command(epilog="Example:  slidax new --robot my-arm.urdf --rate 500 --out my-arm.yaml")(new)
 app.command(epilog="Example:  slidax compare example-4.1 --schemes cftsmppc,ftsmc,sfsmc --out comparison")(compare)
 app.command("list", epilog="Example:  slidax list scenarios")(list_)
 app.command(epilog="Example:  slidax schema > scenario.schema.json")(schema)

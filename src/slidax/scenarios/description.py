@@ -13,6 +13,7 @@ from slidax.numerics import runge_kutta_4, semi_implicit_euler
 from slidax.simulation import MujocoPlant, Plant, Stepping, Table
 
 from .base import AbstractDescription, said, same
+from .default_bound import default_bound
 from .disturbances import DisturbanceDescription
 from .instruments import ActuatorDescription, SensorDescription
 from .robots import RobotDescription
@@ -141,7 +142,11 @@ class ScenarioDescription(AbstractDescription):
         with located("start"):
             state0 = self.start.build(true.joints)
         with located("scheme"):
-            controller = self.scheme.build(nominal=nominal)
+            sampled = self.scheme.sampled_data is not None
+            scheme = self.scheme.with_bound(
+                lambda: default_bound(true, nominal, arms.load, drive.limits(), sampled=sampled)
+            )
+            controller = scheme.build(nominal=nominal)
             if self.scheme.sampled_data is not None:
                 sampling = Sampling(
                     period=simulation.period,
