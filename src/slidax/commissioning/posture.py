@@ -54,12 +54,14 @@ def home_of(arm: Articulated, ratings: Ratings) -> Numbers:
         + 3.0 * np.minimum(below / reach, 1.0)
         + 0.5 * away
     )
-    return np.round(places[int(np.argmin(score))], 2)
+    best: Numbers = np.round(places[int(np.argmin(score))], 2)
+    return best
 
 
 def _dexterity(arm: Articulated, seen: States) -> Numbers:
     """The least over the largest singular value of the tip's Jacobian, lengths by the reach."""
-    assert seen.axes is not None and seen.places is not None
+    assert seen.axes is not None
+    assert seen.places is not None
     axes, points, tips = seen.axes, seen.places, seen.tip
     turns = np.array(arm.joint_units) == "rad"
     arms = (tips[:, None] - points) / max(np.abs(tips[:, None] - points).max(), 1e-9)

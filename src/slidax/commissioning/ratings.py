@@ -81,8 +81,8 @@ def ratings_of(arm: Articulated) -> Ratings:
         )
     elif len(velocity) > 2 and np.ptp(velocity) < 1e-9:
         notes.append(
-            f"all joints: {velocity[0]:g} {units[0]}/s on every joint, which may be a placeholder; the motion takes 40 % of it "
-            f"at most"
+            f"all joints: {velocity[0]:g} {units[0]}/s on every joint, which may be a placeholder; the motion takes "
+            f"40 % of it at most"
         )
     torque, said = _torques(arm, lower, upper)
     return Ratings(torque, velocity, lower, upper, (*notes, *said))

@@ -30,14 +30,14 @@ def default_bound(
 ) -> dict[str, float]:
     """The numbers of an `UncertaintyBound`, eqs. (19), (45) to (47), by 256 postures over the joints' ranges.
 
-    With the true M and `b = C q̇ + G`, the nominal M0 and b0, the lumped uncertainty is `(M0 M⁻¹ - I)(τ - b) - (b - b0)`.
-    Let `B = max‖b - b0‖` at rest, with friction at 1 rad/s, or 20 % of the weight if that is more. `b1 = 0`, as weight does
-    not grow with ‖q‖, and k is 12 % of the norm of the torque limits.
+    With the true M and `b = C q̇ + G`, the nominal M0 and b0, the lumped uncertainty is
+    `(M0 M⁻¹ - I)(τ - b) - (b - b0)`. Let `B = max‖b - b0‖` at rest, with friction at 1 rad/s, or 20 % of the weight if
+    that is more. `b1 = 0`, as weight does not grow with ‖q‖, and k is 12 % of the norm of the torque limits.
 
     - As it is printed: γ bounds `|κ - 1|` of the eigenvalues κ of `M⁻¹M0`, between .2 and .5; `m1, m2 = (1 ∓ γ) m` with
       `m = mean ‖M0⁻¹‖` have this γ by (46); `b0 = γ max‖G0‖ + (1 + γ) B`, and b2 is the same share of `C q̇` over ‖q̇‖².
-    - In sampled-data form the estimate follows what the inertia misses: `γ = 0` and `b2 = 0`; `b0 = B`, but `k + b0` is no
-      more than a quarter of the norm of the torque limits.
+    - In sampled-data form the estimate follows what the inertia misses: `γ = 0` and `b2 = 0`; `b0 = B`, but `k + b0` is
+      no more than a quarter of the norm of the torque limits.
 
     - `true`, `nominal`: the arm that moves, and as the law knows it.
     - `load`: what the true one carries.
@@ -78,7 +78,8 @@ def default_bound(
 def _carrying(true: AbstractRobot, load: Load | None) -> AbstractRobot:
     if load is None or not isinstance(true, Articulated):
         return true
-    return eqx.tree_at(lambda arm: arm.payload, true, load.payload)
+    carrying: Articulated = eqx.tree_at(lambda arm: arm.payload, true, load.payload)
+    return carrying
 
 
 def _box(robot: AbstractRobot) -> tuple[Numbers, Numbers]:
@@ -93,7 +94,8 @@ def _box(robot: AbstractRobot) -> tuple[Numbers, Numbers]:
 def _friction(robot: AbstractRobot) -> Numbers:
     """Of a joint at 1 rad/s or m/s [n]."""
     if isinstance(robot, Articulated):
-        return np.asarray(robot.coulomb) + np.asarray(robot.viscous)
+        friction: Numbers = np.asarray(robot.coulomb) + np.asarray(robot.viscous)
+        return friction
     return np.zeros(robot.joints)
 
 

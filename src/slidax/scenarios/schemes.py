@@ -34,7 +34,7 @@ RENAMED = {
 """Earlier names of a bound's numbers, which files may still have."""
 
 
-FOUND = {
+FOUND: dict[type[eqx.Module], dict[str, str]] = {
     UncertaintyBound: dict.fromkeys(
         (one.name for one in parameters_of(UncertaintyBound)), "the arm, its drives and the stated mismatch"
     )
