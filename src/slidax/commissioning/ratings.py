@@ -99,7 +99,7 @@ def _torques(arm: Articulated, lower: Numbers, upper: Numbers) -> tuple[Numbers,
     given, (needed, weight) = np.array(arm.limits.torque), _needed(arm, lower, upper)
     missing = ~np.isfinite(given)
     ratio = np.where(missing, 0.0, given / needed)
-    one_for_all = len(given) > 2 and not missing.any() and np.ptp(given) < 1e-9
+    one_for_all = bool(len(given) > 2 and not missing.any() and np.ptp(given) < 1e-9)
     far = (one_for_all and ratio.max() > EQUAL) | (ratio > FAR)
     far = np.broadcast_to(far, given.shape)
     weak = ~missing & (given < 0.5 * weight)

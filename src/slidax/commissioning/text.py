@@ -19,7 +19,7 @@ RADIUS = 5.0
 WIDTH = {"rad": 1.0, "m": 0.2}
 """Initial radius, rad or m; in m the final one is as much smaller."""
 
-HORIZON, PERIODS = 20e-3, 7
+HORIZON, PERIODS = 20e-3, 12
 """H is no less than so many s, and so many periods."""
 
 RATE = 20.0
@@ -28,7 +28,7 @@ RATE = 20.0
 RESOLUTION = 1e-5
 """Of the encoders, rad or m: 19 bits a turn."""
 
-DRIFT = 0.002
+DRIFT = 0.008
 """√(torque density) over the torque limit, 1/√s: the disturbance drifts by so much of it in a second."""
 
 SUBSTEPS = 10

@@ -14,7 +14,7 @@ POSTURES = 256
 LEAST, MOST = 0.2, 0.5
 """γ of the printed law is no less, as no model is better known, and no more: u grows as 1/(1 - γ)."""
 
-MARGIN = 0.12
+MARGIN = 0.2
 """k over the norm of the torque limits, or of the weight where there are none."""
 
 CEILING = 0.25
@@ -32,7 +32,7 @@ def default_bound(
 
     With the true M and `b = C q̇ + G`, the nominal M0 and b0, the lumped uncertainty is
     `(M0 M⁻¹ - I)(τ - b) - (b - b0)`. Let `B = max‖b - b0‖` at rest, with friction at 1 rad/s, or 20 % of the weight if
-    that is more. `b1 = 0`, as weight does not grow with ‖q‖, and k is 12 % of the norm of the torque limits.
+    that is more. `b1 = 0`, as weight does not grow with ‖q‖, and k is 20 % of the norm of the torque limits.
 
     - As it is printed: γ bounds `|κ - 1|` of the eigenvalues κ of `M⁻¹M0`, between .2 and .5; `m1, m2 = (1 ∓ γ) m` with
       `m = mean ‖M0⁻¹‖` have this γ by (46); `b0 = γ max‖G0‖ + (1 + γ) B`, and b2 is the same share of `C q̇` over ‖q̇‖².

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self, Union
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Union
 
 import equinox as eqx
 from pydantic import ConfigDict, Field, create_model, model_validator
@@ -79,7 +79,7 @@ class SchemeDescription(PartDescription):
                 data[name] = filled(given, value)
         return data
 
-    def with_bound(self, find: Callable[[], dict[str, float]]) -> Self:
+    def with_bound(self, find: Callable[[], dict[str, float]]) -> SchemeDescription:
         """The scheme with every number of its bound.
 
         - `find`: what the numbers are that the file does not give.
