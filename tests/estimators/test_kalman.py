@@ -205,12 +205,15 @@ def test_the_filter_of_an_arm_can_be_batched_and_differentiated_by_its_torque_de
         return Kalman.of_arm(MASS, variance=1e-11, period=1e-3, torque_density=density).gains
 
     densities, h = jnp.array([0.01, 0.05, 2.0]), 1e-5
-    for i, many in enumerate(jax.vmap(gains)(densities)):
-        np.testing.assert_allclose(many, gains(densities[i]), rtol=1e-12)
-    for density in densities:
-        difference = (gains(density * (1 + h)) - gains(density * (1 - h))) / (2 * h * density)
-        np.testing.assert_allclose(jax.jacfwd(gains)(density), difference, rtol=1e-7)
-        np.testing.assert_allclose(jax.jacrev(gains)(density), difference, rtol=1e-7)
+    value_and_slopes = jax.jit(lambda density: (gains(density), jax.jacfwd(gains)(density), jax.jacrev(gains)(density)))
+    for density, many in zip(densities, jax.jit(jax.vmap(gains))(densities), strict=True):
+        value, forward, reverse = value_and_slopes(density)
+        np.testing.assert_allclose(value, gains(density), rtol=1e-12)
+        np.testing.assert_allclose(many, value, rtol=1e-12)
+        up, down = (value_and_slopes(density * factor)[0] for factor in (1 + h, 1 - h))
+        difference = (up - down) / (2 * h * density)
+        np.testing.assert_allclose(forward, difference, rtol=1e-7)
+        np.testing.assert_allclose(reverse, difference, rtol=1e-7)
 
 
 def test_a_native_batch_over_the_torque_density_is_the_single_runs():

@@ -103,6 +103,8 @@ def sloped(case):
 
 
 EVERY = every("case", CONTROLLERS, full=LIKE_OTHERS, scope="module")
+# The law inside of it and the delay and dead time around it each have their slopes tried every day, in other members.
+SLOPED = every("case", CONTROLLERS, full=(*LIKE_OTHERS, "sampled_computed_torque"), scope="module")
 # Uncompiled, the search for a plan takes seconds; other sampled-data laws, with less to search, are tried every day.
 SLOW = "sampled_cftsmppc_4_1_layer_delay_and_recovery"
 
@@ -115,7 +117,7 @@ def test_compiled_and_eager_agree(case):
         np.testing.assert_allclose(a, b, rtol=1e-9, atol=1e-12)
 
 
-@EVERY
+@SLOPED
 def test_a_batch_over_any_gain_is_the_loop_over_it(case, sloped):
     point = at(case, 1.0, near(case, 1.0))
     looped = [compiled(scaled(case.controller, factor), point).tau for factor in FACTORS]
@@ -139,12 +141,12 @@ def test_every_gain_is_a_floating_array_leaf(case):
     assert all(isinstance(leaf, jax.Array) and leaf.dtype == float for leaf in leaves)
 
 
-@EVERY
+@SLOPED
 def test_gradients_by_all_gains_and_by_the_state_are_finite_also_without_any_error(case, sloped):
     assert all(np.all(np.isfinite(leaf)) for leaf in jax.tree.leaves(sloped))
 
 
-@EVERY
+@SLOPED
 def test_the_torque_is_not_indifferent_to_its_gains(case, sloped):
     """Wherever a gain stands idle at one state, it acts at another: here every leaf but a few at the start."""
     reference = case.trajectory.reference(jnp.zeros(()))
@@ -154,7 +156,7 @@ def test_the_torque_is_not_indifferent_to_its_gains(case, sloped):
     assert moved.count(False) <= case.idle
 
 
-@EVERY
+@SLOPED
 def test_the_gradient_by_each_gain_matches_differences(case, sloped):
     point = at(case, 1.0, near(case, 1.0))
     flat, treedef = jax.tree.flatten(case.controller)

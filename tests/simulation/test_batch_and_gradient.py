@@ -72,13 +72,14 @@ def test_a_run_inside_jit_is_the_run_outside():
 @pytest.mark.parametrize(
     ("sensor", "law", "gain", "step"),
     [
-        (Encoders(1e-4), law_4_1(), lambda law: law.surface.k1, 1e-4),
+        (Encoders(1e-4), SPRING, lambda law: law.stiffness, 1e-2),
         (DifferencedEncoders(1e-5), SPRING, lambda law: law.stiffness, 1e-2),
+        pytest.param(Encoders(1e-4), law_4_1(), lambda law: law.surface.k1, 1e-4, marks=pytest.mark.full),
     ],
-    ids=["encoders", "differenced"],
+    ids=["encoders", "differenced", "encoders and the paper's law"],
 )
 def test_the_gradient_through_encoders_is_that_of_the_loop_without_their_rounding(sensor, law, gain, step):
-    """Without the straight-through derivative it is off by 1.5 % and by a third."""
+    """Without the straight-through derivative it is off by 7 %, by a third, and by 1.5 %."""
 
     def squared_error(change, sensor):
         changed = eqx.tree_at(gain, law, gain(law) + change)

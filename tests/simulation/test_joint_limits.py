@@ -13,6 +13,7 @@ from slidax._errors import DefinitionError
 from slidax._types import State
 from slidax.simulation import motion_limits
 from slidax.trajectories import MinimumJerk, Sinusoid
+from tests.simulation.simple import Spring
 
 PANDA = scenarios.load("panda-payload").replace(t1=2.0, log_every=None)
 HOME = np.asarray(PANDA.trajectory.offset)
@@ -77,7 +78,8 @@ def test_a_limit_that_is_reached_exactly_is_kept():
 
 
 def test_who_means_it_may_go_beyond():
-    wild = swinging(amplitude=[0, 0, 1.1, 0, 0, 0, 0], phase=0.0).replace(state0=State(HOME), t1=0.01)
+    law = Spring(jnp.full(7, 10.0), jnp.full(7, 1.0), joints=7)
+    wild = swinging(amplitude=[0, 0, 1.1, 0, 0, 0, 0]).replace(controller=law, state0=State(HOME), t1=0.01)
     assert int(wild.replace(limits="ignore").simulate().tally.samples) > 0
     with pytest.raises(DefinitionError, match="panda_joint3"):
         wild.simulate()

@@ -15,11 +15,17 @@ from tests.paper import MOTION_4_1
 SCENARIO = scenarios.load("example-4.1-1khz")
 
 
-def run(law=SCENARIO.controller, shift=0.0, sensor=SCENARIO.plant.sensor, t1=0.3, **extra):
+HOW = {"period": 1e-3, "outside": "recover"}
+
+
+def loop(law=SCENARIO.controller, shift=0.0, sensor=SCENARIO.plant.sensor):
     start = State(q=SCENARIO.state0.q + shift, dq=SCENARIO.state0.dq)
     plant = Plant(SCENARIO.plant.robot, SCENARIO.plant.disturbance, sensor, SCENARIO.plant.actuator)
-    extra = {"period": 1e-3, "log_every": None, "outside": "recover"} | extra
-    return simulate(plant, law, MOTION_4_1, start, t1=t1, **extra)
+    return plant, law, MOTION_4_1, start
+
+
+def run(*law, t1=0.3, **changed):
+    return simulate(*loop(*law, **changed), t1=t1, log_every=None, **HOW)
 
 
 def assert_same(a, b, rtol):
@@ -27,16 +33,29 @@ def assert_same(a, b, rtol):
         np.testing.assert_allclose(x, y, rtol=rtol, atol=rtol)
 
 
-def test_a_batch_over_starts_and_seeds_is_the_single_runs_also_of_those_outside():
+# A batch inside `jit` is compiled by XLA; a simpler law is tried so every day in `test_batch_and_gradient.py`.
+@pytest.mark.parametrize("engine", ["native", pytest.param("xla", marks=pytest.mark.full)])
+def test_a_batch_over_starts_and_seeds_is_the_single_runs_also_of_those_outside(engine):
     shifts, seeds = jnp.array([[0.0, 0.0], [0.1, -0.2], [-0.9, 0.5], [0.0, 0.0]]), jnp.array([0, 0, 1, 2])
 
-    def outcome(shift, seed):
-        done = run(shift=shift, sensor=Lossy(Encoders(1e-6, 1e-6, 1e-4, seed), 0.1, seed=seed))
+    def lossy(seed):
+        return Lossy(Encoders(1e-6, 1e-6, 1e-4, seed), 0.1, seed=seed)
+
+    def single(shift, seed):
+        done = run(shift=shift, sensor=lossy(seed))
         return done.tally, done.excursion, done.state
 
-    many = jax.jit(jax.vmap(outcome))(shifts, seeds)
+    def batch():
+        if engine == "xla":
+            return jax.jit(jax.vmap(single))(shifts, seeds)
+        done = simulate_batch(
+            lambda x: loop(shift=x[0], sensor=lossy(x[1])), (shifts, seeds), t1=0.3, **HOW, engine="native"
+        )
+        return done.tally, done.excursion, done.state
+
+    many = batch()
     for i, (shift, seed) in enumerate(zip(shifts, seeds, strict=True)):
-        assert_same(jax.tree.map(lambda x, i=i: x[i], many), outcome(shift, seed), rtol=1e-7)
+        assert_same(jax.tree.map(lambda x, i=i: x[i], many), single(shift, seed), rtol=1e-7)
     assert np.array(many[0].violations > 0).tolist() == [False, False, True, False]
     assert np.array(many[1].first).tolist() == [-1, -1, 0, -1]
     # The first and the last differ in nothing but their seeds.
@@ -74,7 +93,7 @@ def with_gains(x):
 # The step itself is differentiated by XLA every day, too, in `tests/laws/test_controllers.py`.
 @pytest.mark.parametrize("engine", ["native", pytest.param("xla", marks=pytest.mark.full)])
 def test_the_gradient_by_a_gain_is_that_of_differences(engine):
-    how = {"t1": 0.1, "period": 1e-3, "outside": "recover"}
+    how = {"t1": 0.1, **HOW}
     goal = MOTION_4_1.position(jnp.asarray(0.1))
 
     def error(run):

@@ -51,6 +51,13 @@ class AbstractEstimator(AbstractPart):
         - `memory`: what `init` returned, or the call at the last measurement.
         """
 
+    def for_inertia(self, inertia: Vector) -> AbstractEstimator:
+        """The same estimator for joints of another inertia; itself where it does not depend on that.
+
+        - `inertia`: the diagonal of M̂ [n], kg m² or kg.
+        """
+        return self
+
 
 def reseated(
     measured: State, prior: Estimate, elapsed: Scalar, missed: Bool[Array, "..."], usual: Estimate

@@ -8,13 +8,17 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from slidax.parts import DefinitionError, Scalar, State, as_array, is_traced, parameter
+from slidax.parts import DefinitionError, Scalar, State, Vector, as_array, is_traced, parameter
 
 from .estimator import AbstractEstimator, Estimate, reseated
 from .steady_gains import steady_gains
 
 TORQUE_DENSITY = 0.05
 """Of the drift of a disturbance torque unless another is asked for, (N m/s)² s: in one second it drifts by .2 N m."""
+
+
+HIGHEST = 0.95
+"""Share of a residual that a position is corrected by, at most."""
 
 
 class Kalman(AbstractEstimator):
@@ -25,6 +29,10 @@ class Kalman(AbstractEstimator):
 
     gains: Float[Array, "3 ..."] = parameter(
         "L1, L2, L3, three numbers or three per joint; `steady` and `of_arm` find them", "1, 1/s or 1/s²", ">= 0"
+    )
+
+    inertia: Vector | None = parameter(
+        "for which the gains are, where they follow what is learnt of it", "kg m² or kg", "> 0", default=None
     )
 
     def __check_init__(self) -> None:
@@ -65,7 +73,25 @@ class Kalman(AbstractEstimator):
             raise DefinitionError(
                 f"`torque_density` of a Kalman filter must be > 0 (N m/s)² s and finite; got {torque_density}"
             )
-        return cls.steady(density=torque_density / (inertia * inertia), variance=variance, period=period)
+        gains = steady_gains(torque_density / (inertia * inertia), variance, period)
+        return cls(gains, inertia)
+
+    def for_inertia(self, inertia: Vector) -> Kalman:
+        """The gains for joints of another inertia: `L1 r`, `L2 r²`, `L3 r³` with `r = (I/Î)^(1/3)`.
+
+        The density of the push is that of the torque over Î², and a slow filter's bandwidth is its sixth root. L1 stays
+        below 1, where a measurement would be taken for the truth.
+
+        - `inertia`: Î, the diagonal of M̂ [n], kg m² or kg.
+        """
+        if self.inertia is None:
+            return self
+        ratio = jnp.exp(jnp.log(self.inertia / inertia) * (1.0 / 3.0))
+        first, second, third = self.gains
+        gains = jnp.stack(
+            [jnp.minimum(first * ratio, jnp.maximum(first, HIGHEST)), second * ratio**2, third * ratio**3]
+        )
+        return Kalman(gains, inertia)
 
     def init(self, measured: State) -> tuple[()]:
         """Nothing to keep.

@@ -6,10 +6,13 @@ from typing import Literal
 
 import equinox as eqx
 import jax
+import jax.numpy as jnp
+from jaxtyping import Array
 
 from slidax._errors import DefinitionError, as_array, located, require_joints
 from slidax._types import State
 from slidax.numerics import runge_kutta_4, semi_implicit_euler
+from slidax.robots import Articulated, JointLimits
 from slidax.simulation import MujocoPlant, Plant, Stepping, Table
 
 from .base import AbstractDescription, said, same
@@ -89,6 +92,12 @@ class SurroundingsDescription(AbstractDescription):
         return None if self.table is None else Table(as_array(self.table.height), as_array(self.table.friction))
 
 
+def _rated(torque: Array, limits: JointLimits | None, joints: int) -> Array:
+    """The rated torques of the joints: what the scenario says of the drives, else the arm's data sheet."""
+    rated = jnp.broadcast_to(torque, (joints,))
+    return rated if limits is None else jnp.where(jnp.isfinite(rated), rated, limits.torque)
+
+
 class ScenarioDescription(AbstractDescription):
     """One closed loop: the arm, its motion, its disturbance, its controller, and how it is simulated."""
 
@@ -156,6 +165,8 @@ class ScenarioDescription(AbstractDescription):
                     variance=self.sensor.variance(),
                     has_velocity=self.sensor.has_velocity,
                     mass=nominal.mass(state0.q),
+                    rotors=nominal.armature if isinstance(nominal, Articulated) else None,
+                    rated=_rated(drive.limits().torque, arms.limits, true.joints),
                 )
                 with located("sampled_data"):
                     controller = self.scheme.sampled_data.build(controller, sampling)

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, Literal
 
+import numpy as np
 from jaxtyping import Array
+from pydantic import field_validator
 
 from slidax._errors import as_array, located
 from slidax.actuators import TorqueLimits
+from slidax.adaptation import AbstractAdaptation, JointLearning
 from slidax.controllers import AbstractController, Recovery, sampled_data
 from slidax.estimators import AbstractEstimator, Kalman, Measured
 from slidax.estimators.kalman import TORQUE_DENSITY
@@ -28,6 +31,8 @@ class Sampling:
     - `variance`: of a measured position, one number or [n], rad² or m².
     - `has_velocity`: whether velocities are measured, too.
     - `mass`: inertia matrix of the nominal arm at the start [n n].
+    - `rotors`: rotor inertia that it has [n], kg m² or kg; None for an arm whose model has no rotors of its own.
+    - `rated`: rated torque of its joints [n], N m or N; infinite where it is not known.
     """
 
     period: float
@@ -37,6 +42,8 @@ class Sampling:
     variance: Array
     has_velocity: bool
     mass: Array
+    rotors: Array | None
+    rated: Array
 
 
 class MeasuredDescription(AbstractDescription):
@@ -81,12 +88,45 @@ class KalmanDescription(AbstractDescription):
         )
 
 
+class JointLearningDescription(AbstractDescription):
+    """Learns each joint's rotor inertia and Coulomb friction while the arm moves."""
+
+    kind: Literal["joint_learning"] = "joint_learning"
+    rotor: Numbers | None = same(
+        JointLearning, "rotor", default=None, source="the nominal arm's, or .002 kg m² per N m of rated torque"
+    )
+    rotor_min: Numbers | None = same(JointLearning, "rotor_min", default=None, source=".0005 kg m² per N m")
+    rotor_max: Numbers | None = same(JointLearning, "rotor_max", default=None, source=".1 kg m² per N m")
+    coulomb: Numbers = same(JointLearning, "coulomb")
+    coulomb_max: Numbers | None = same(JointLearning, "coulomb_max", default=None, source=".1 of the rated torque")
+    low: float = same(JointLearning, "low")
+    high: float | None = same(JointLearning, "high", default=None, source="200, or as low as 120 with coarse encoders")
+    gate: Numbers | None = same(JointLearning, "gate", default=None, source=".2, or three times the encoders' noise")
+    window: Numbers = same(JointLearning, "window")
+
+    def build(self, sampling: Sampling) -> AbstractAdaptation:
+        """The adaptation.
+
+        - `sampling`: how the arm is sampled.
+        """
+        return JointLearning.of_arm(
+            sampling.mass,
+            rotors=sampling.rotors,
+            torque=sampling.rated,
+            deviation=np.sqrt(np.asarray(sampling.variance)),
+            period=sampling.period,
+            **self.parameters(),
+        )
+
+
 if TYPE_CHECKING:
+    AdaptationDescription = PartDescription | JointLearningDescription
     EstimatorDescription = PartDescription
     RecoveryDescription = PartDescription
 else:
     RecoveryDescription = plain_of(Recovery, "RecoveryDescription")
     EstimatorDescription = union_of(AbstractEstimator, MeasuredDescription, KalmanDescription)
+    AdaptationDescription = union_of(AbstractAdaptation, JointLearningDescription)
 
 
 class SampledDataDescription(AbstractDescription):
@@ -102,10 +142,18 @@ class SampledDataDescription(AbstractDescription):
     estimator: EstimatorDescription | None = None
     """From measurements to the state and the disturbance; if not given `measured`, with gains after the horizon, or
     `kalman` for encoders without a velocity sensor."""
+    adaptation: AdaptationDescription | None = JointLearningDescription()
+    """What is learnt of the arm while it moves; null for nothing."""
     recovery: RecoveryDescription | None = RecoveryDescription()
     """What to do outside the envelope; null: pull back to the drawn envelope as it is."""
     slopes: bool = True
     """Whether the robust torque counts the slope part of tau1, as (45) prints it."""
+
+    @field_validator("adaptation", mode="before")
+    @classmethod
+    def _learns(cls, value: Any) -> Any:
+        """What says no kind is about the learning."""
+        return {"kind": "joint_learning", **value} if isinstance(value, dict) else value
 
     def build(self, law: AbstractController, sampling: Sampling) -> AbstractController:
         """The sampled-data form of a law.
@@ -115,6 +163,16 @@ class SampledDataDescription(AbstractDescription):
 
         Raises DefinitionError if the law has no such form.
         """
+        adaptation: AbstractAdaptation | None = None
+        if self.adaptation is not None:
+            with located("adaptation"):
+                self.adaptation.require_joints(sampling.mass.shape[0])
+                if isinstance(self.adaptation, JointLearningDescription):
+                    adaptation = self.adaptation.build(sampling)
+                else:
+                    adaptation = self.adaptation.build()
+                # The estimator begins with what is believed of the inertia.
+                sampling = replace(sampling, mass=adaptation.mass_at_start(sampling.mass))
         estimator: AbstractEstimator | None = None
         with located("estimator"):
             if self.estimator is not None:
@@ -137,4 +195,5 @@ class SampledDataDescription(AbstractDescription):
             delay=sampling.delay,
             dead_time=sampling.dead_time,
             slopes=self.slopes,
+            adaptation=adaptation,
         )

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import ClassVar
 
+import equinox as eqx
+
 from slidax._types import Envelope, Reference
 from slidax.numerics import solve_symmetric
 from slidax.parts import DefinitionError, Memory, Scalar, State, piece
@@ -55,7 +57,8 @@ class ExplicitStep(AbstractStep):
         """
         h, now = moment.period, moment.reference
         ahead = Reference(q=now.q + h * (now.dq + 0.5 * h * now.ddq), dq=now.dq + h * now.ddq, ddq=now.ddq)
-        command = self.law(moment.t, moment.state, now, ahead, memory)
+        law = eqx.tree_at(lambda law: law.nominal, self.law, moment.robot)
+        command = law(moment.t, moment.state, now, ahead, memory)
         return Decision(
             tau=command.tau,
             acceleration=solve_symmetric(moment.mass, command.tau - moment.bias),

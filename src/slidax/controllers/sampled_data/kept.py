@@ -8,6 +8,8 @@ from jaxtyping import Array, Bool, Float
 from slidax.estimators import Estimate
 from slidax.parts import Memory, Scalar, Vector
 
+from .adapted import Adapted
+
 
 class Kept(eqx.Module):
     """What the law keeps between two samples.
@@ -19,6 +21,7 @@ class Kept(eqx.Module):
     - `dq`: velocity that is planned for the next sample, [n].
     - `planned`: whether that plan can be relied on: no limit withheld any torque.
     - `step`: what the step keeps.
+    - `adapted`: what is kept of the adaptation; None without one.
     """
 
     t: Scalar
@@ -28,3 +31,4 @@ class Kept(eqx.Module):
     dq: Vector
     planned: Bool[Array, ""]
     step: Memory
+    adapted: Adapted | None = None

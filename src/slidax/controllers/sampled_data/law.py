@@ -9,6 +9,7 @@ from jaxtyping import Array, Bool
 
 from slidax._types import Command, Envelope, Reference
 from slidax.actuators import TorqueLimits
+from slidax.adaptation import AbstractAdaptation
 from slidax.estimators import AbstractEstimator, Estimate
 from slidax.numerics import matvec, nearest_in_box, once, solve_symmetric, vector_norm
 from slidax.parts import (
@@ -26,6 +27,7 @@ from slidax.robots import AbstractRobot
 
 from ..controller import AbstractController
 from ..steps import AbstractStep, Decision, Moment
+from .adapted import Adapted, acted, experienced
 from .kept import Kept
 from .prediction import commands_kept, free_acceleration, moved_on, predicted, reference_ahead
 
@@ -37,12 +39,15 @@ measurements that make no sense, the numbers after it stay finite."""
 class SampledData(AbstractController):
     """A law that decides once a period, for the time when its torque sets in: `τ = τ_step - M0 w`, within the limits.
 
+    With an adaptation M0 is M̂, and the friction that it has learnt is compensated at the reference's velocity.
+
     At each sample the estimator corrects the nominal arm's prediction, and says which acceleration w the model does not
     explain. From there the arm is moved on under the commands that are under way, the step decides for the state that
     it will be in, and w is compensated. Of all torques within the limits the one is set whose accelerations are nearest
     to the wanted ones. While samples are lost the last torque stands; at the next one the arm is predicted under it.
 
-    Signals: those of the step, and `push` (w), `residual` (the acceleration that the last prediction missed) [n].
+    Signals: those of the step, and `push` (w), `residual` (the acceleration that the last prediction missed) [n]; with
+    an adaptation `rotor` (J) and `coulomb` (f) [n].
     """
 
     step: AbstractStep = piece("what the law decides")
@@ -68,7 +73,10 @@ class SampledData(AbstractController):
         static=True,
     )
 
+    adaptation: AbstractAdaptation | None = piece("what is learnt of the arm; None for nothing", default=None)
+
     def __check_init__(self) -> None:
+        require_joints(self.adaptation, self.joints, type(self.nominal).__name__)
         require_joints(self.limits, self.joints, type(self.nominal).__name__)
         if self.step.plans != (self.horizon is not None):
             wrong = "must be given for a law that plans" if self.step.plans else "must be None for a law without a plan"
@@ -109,14 +117,17 @@ class SampledData(AbstractController):
         - `reference`: what the joints should do then.
         """
         held = self.nominal.bias(state.q, state.dq)
+        # To learn from a torque it must be known until what it did has been measured.
+        kept = commands_kept(self.delay) + (0 if self.adaptation is None else 2)
         return Kept(
             t=t - self.period,
             prior=Estimate(state=state, push=jnp.zeros(self.joints)),
             estimator=self.estimator.init(state),
-            torques=jnp.broadcast_to(held, (commands_kept(self.delay), self.joints)),
+            torques=jnp.broadcast_to(held, (kept, self.joints)),
             dq=state.dq,
             planned=jnp.zeros((), bool),
             step=self.step.init(t, state, reference, self.period, self.horizon),
+            adapted=None if self.adaptation is None else Adapted.init(self.adaptation, state, self.delay),
         )
 
     def __call__(
@@ -132,22 +143,37 @@ class SampledData(AbstractController):
         h = self.period
         elapsed = t - memory.t
         missed = elapsed > 1.5 * h
-        prior = jax.lax.cond(missed, lambda: self._after_gap(memory, elapsed - h), lambda: memory.prior)
-        estimate, estimator = self.estimator(state, prior, elapsed, missed, memory.estimator)
+        robot = self._robot(memory.adapted)
+        prior = jax.lax.cond(missed, lambda: self._after_gap(robot, memory, elapsed - h), lambda: memory.prior)
+        estimator = self.estimator
+        if self.adaptation is not None:
+            estimator = estimator.for_inertia(jnp.diagonal(robot.mass(prior.state.q)))
+        estimate, estimated = estimator(state, prior, elapsed, missed, memory.estimator)
         estimate = _within_reason(estimate)
         # While nothing arrived the last torque stood, so that it is the one that is under way.
         under_way = jnp.where(missed, memory.torques[-1], memory.torques)
+        net, adapted = under_way, memory.adapted
+        if self.adaptation is not None and adapted is not None:
+            experience = experienced(self.nominal, state, estimate, acted(under_way, self.delay), h, missed)
+            friction = jnp.where(missed, adapted.friction[-1], adapted.friction)
+            net = under_way[-friction.shape[0] :] - friction
+            adapted = Adapted(self.adaptation(experience, adapted.memory), friction)
+            # The push is a torque that is not explained: with another inertia it is another acceleration.
+            lumped = matvec(robot.mass(estimate.state.q), estimate.push)
+            robot = self._robot(adapted)
+            estimate = Estimate(estimate.state, solve_symmetric(robot.mass(estimate.state.q), lumped))
 
         # The state at which this sample's torque sets in, and what will be measured next, as far as it is settled now.
-        now, following = predicted(self.nominal, estimate, under_way, self.delay, h)
-        m0 = once(self.nominal.mass(now.q))
+        now, following = predicted(robot, estimate, net, self.delay, h)
+        m0 = once(robot.mass(now.q))
         planned = memory.planned & ~missed
         moment = Moment(
             t=t + self.dead_time * h,
             state=now,
             reference=reference_ahead(reference_now, reference_next, self.dead_time, h),
             mass=m0,
-            bias=self.nominal.bias(now.q, now.dq),
+            bias=robot.bias(now.q, now.dq),
+            robot=robot,
             limits=self.limits,
             period=h,
             horizon=self.horizon,
@@ -159,7 +185,12 @@ class SampledData(AbstractController):
         lumped = matvec(m0, estimate.push)
         share = self._share(lumped, decision)
         push = share * estimate.push
-        tau, withheld, free = self._within_limits(decision.tau - share * lumped, memory.torques[-1], m0)
+        wanted = decision.tau - share * lumped
+        if self.adaptation is not None and adapted is not None:
+            friction = self.adaptation.friction(adapted.memory, moment.reference.dq)
+            wanted = wanted + friction
+            adapted = Adapted(adapted.memory, jnp.concatenate([adapted.friction[1:], friction[None]]))
+        tau, withheld, free = self._within_limits(wanted, memory.torques[-1], m0)
         moved = decision.acceleration - withheld
         if following is None:
             following = moved_on(now, moved, (1.0 - self.delay % 1.0) * h)
@@ -169,13 +200,17 @@ class SampledData(AbstractController):
         kept = Kept(
             t=jnp.asarray(t, memory.t.dtype),
             prior=Estimate(state=following, push=push),
-            estimator=estimator,
+            estimator=estimated,
             torques=jnp.concatenate([under_way[1:], tau[None]]),
             dq=now.dq + h * moved,
             planned=free,
             step=step,
+            adapted=adapted,
         )
         signals = {**decision.signals, "push": push, "residual": jnp.where(planned, (now.dq - memory.dq) / h, 0.0)}
+        if self.adaptation is not None and adapted is not None:
+            learnt = self.adaptation.learnt(adapted.memory)
+            signals |= {"rotor": learnt.rotor, "coulomb": learnt.coulomb}
         return Command(tau=tau, memory=kept, signals=signals)
 
     def envelope(self, t: Scalar, memory: Kept) -> Envelope | None:
@@ -186,10 +221,18 @@ class SampledData(AbstractController):
         """
         return self.step.envelope(t, memory.step)
 
-    def _after_gap(self, memory: Kept, gap: Scalar) -> Estimate:
+    def _robot(self, adapted: Adapted | None) -> AbstractRobot:
+        """The arm as it is believed to be."""
+        if self.adaptation is None or adapted is None:
+            return self.nominal
+        return self.adaptation.robot(self.nominal, adapted.memory)
+
+    def _after_gap(self, robot: AbstractRobot, memory: Kept, gap: Scalar) -> Estimate:
         """The prediction for the first measurement after lost samples, under the torque that was held meanwhile."""
-        prior = memory.prior
-        acceleration = free_acceleration(self.nominal, prior.state, memory.torques[-1]) + prior.push
+        prior, net = memory.prior, memory.torques[-1]
+        if memory.adapted is not None:
+            net = net - memory.adapted.friction[-1]
+        acceleration = free_acceleration(robot, prior.state, net) + prior.push
         return Estimate(state=moved_on(prior.state, acceleration, gap), push=prior.push)
 
     def _share(self, lumped: Vector, decision: Decision) -> Scalar:

@@ -7,6 +7,7 @@ from typing import Any
 import jax.numpy as jnp
 
 from slidax.actuators import TorqueLimits
+from slidax.adaptation import AbstractAdaptation
 from slidax.estimators import AbstractEstimator, Measured
 from slidax.parts import DefinitionError, as_array
 
@@ -31,6 +32,7 @@ def sampled_data(
     delay: float = 0.0,
     dead_time: float = 0.0,
     slopes: bool = True,
+    adaptation: AbstractAdaptation | None = None,
 ) -> SampledData:
     """Any law at the arm's own rate: with an estimator, a prediction over the delay, and the limits of the drives.
 
@@ -49,6 +51,8 @@ def sampled_data(
     - `dead_time`: the part of it after the command, in periods.
     - `slopes`: whether u counts τ1's slopes, as (45) prints it; without them u, and with it the torque, is smaller.
 
+    - `adaptation`: what is learnt of the arm, such as `JointLearning.of_arm(...)`; None for nothing.
+
     Raises DefinitionError if something does not fit.
     """
     period = as_array(period)
@@ -66,4 +70,5 @@ def sampled_data(
         horizon=horizon if step.plans else None,
         delay=delay,
         dead_time=dead_time,
+        adaptation=adaptation,
     )

@@ -22,6 +22,7 @@ class Moment(eqx.Module):
     - `reference`: what the joints should do, with the mean acceleration over the period from there.
     - `mass`: M0 [n n].
     - `bias`: C0 q̇ + G0 [n], N m or N.
+    - `robot`: the arm that these are of, as it is believed to be.
     - `limits`: of torque and torque rate.
     - `period`: h [s].
     - `horizon`: H [s]; None for a law that decides for one period.
@@ -34,6 +35,7 @@ class Moment(eqx.Module):
     reference: Reference
     mass: Matrix
     bias: Vector
+    robot: AbstractRobot
     limits: TorqueLimits
     period: Scalar
     horizon: Scalar | None

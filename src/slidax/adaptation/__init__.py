@@ -1,0 +1,7 @@
+"""What a law learns of its arm while it moves: rotor inertia and Coulomb friction of each joint."""
+
+from .adaptation import AbstractAdaptation as AbstractAdaptation
+from .adaptation import Experience as Experience
+from .adaptation import Learnt as Learnt
+from .joint_learning import JointLearning as JointLearning
+from .known_joints import KnownJoints as KnownJoints

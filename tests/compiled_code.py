@@ -1,0 +1,48 @@
+"""What XLA has compiled in a run of the tests is kept for the next one, in pytest's own cache folder."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import tempfile
+import time
+from pathlib import Path
+
+import jax
+
+WEEK = 7 * 24 * 3600.0
+"""How long it is kept [s]."""
+
+
+def taken(kept: Path) -> Path:
+    """A folder of this process alone, with all that is kept.
+
+    JAX writes its files without a lock, so that a process could read half of what another one writes.
+
+    - `kept`: where it is kept.
+    """
+    for left in kept.iterdir():
+        if time.time() - left.stat().st_mtime > WEEK:
+            # A folder is that of a process which was killed.
+            shutil.rmtree(left, ignore_errors=True) if left.is_dir() else left.unlink(missing_ok=True)
+    own = Path(tempfile.mkdtemp(prefix="own-", dir=kept))
+    for file in kept.glob("*-cache"):
+        try:
+            os.link(file, own / file.name)
+        except OSError:
+            shutil.copy2(file, own / file.name)
+    jax.config.update("jax_compilation_cache_dir", str(own))
+    # Most of it is small, and there is much of it.
+    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
+    jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
+    return own
+
+
+def given_back(own: Path) -> None:
+    """Keeps what is in the folder of this process.
+
+    - `own`: as `taken` gave it.
+    """
+    for file in own.glob("*-cache"):
+        os.replace(file, own.parent / file.name)
+    shutil.rmtree(own, ignore_errors=True)
