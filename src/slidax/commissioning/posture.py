@@ -45,7 +45,7 @@ def home_of(arm: Articulated, ratings: Ratings) -> Numbers:
     up = -np.asarray(arm.gravity_vector)
     up = up / np.linalg.norm(up) if np.linalg.norm(up) > 0 else np.array([0.0, 0.0, 1.0])
     reach = np.abs(tips - points[:, 0]).max()
-    below = np.maximum(0.0, -(points @ up).min(axis=1), -(tips @ up))
+    below = np.maximum(0.0, -np.minimum((points @ up).min(axis=1), tips @ up))
     away = (np.abs(places - zero) / wide).mean(axis=1)
     score = (
         np.maximum(burden - HELD, 0.0) * 10.0
