@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from slidax import metrics, scenarios
-from slidax._errors import DefinitionError
+from slidax._errors import DefinitionError, DefinitionWarning
 from slidax.actuators import TorqueLimits
 from slidax.scenarios.default_bound import default_bound
 
@@ -53,3 +53,9 @@ def test_what_is_given_stays_and_only_the_rest_is_found() -> None:
 def test_m1_above_the_m2_that_is_found_is_refused_as_ever() -> None:
     with pytest.raises(DefinitionError, match=r"eq\. 47"):
         bound_of("panda-payload", {"scheme.bound.inverse_inertia_min": 1e6})
+
+
+@pytest.mark.parametrize(("margin", "said"), [(0.5, "ask for"), (500.0, "all drives together")])
+def test_a_bound_of_another_arm_is_noticed_with_numbers(margin: float, said: str) -> None:
+    with pytest.warns(DefinitionWarning, match=rf"scheme.bound gives u = {margin:g} N m .*{said}"):
+        scenarios.load("panda-payload", {"scheme.bound.margin": margin})

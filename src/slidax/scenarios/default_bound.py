@@ -2,10 +2,18 @@
 
 from __future__ import annotations
 
+import warnings
+from collections.abc import Callable
+from typing import Any
+
 import equinox as eqx
 import numpy as np
 
+from slidax._errors import DefinitionWarning
+from slidax._types import State
 from slidax.actuators import TorqueLimits
+from slidax.parts import kind_of
+from slidax.reaching import UncertaintyBound
 from slidax.robots import AbstractRobot, Articulated, JointLimits, Load
 from slidax.simulation.states import Numbers, spread, states_of
 
@@ -20,6 +28,9 @@ MARGIN = 0.2
 CEILING = 0.25
 """What a sampled-data law may make up for, over the norm of the torque limits: an estimate that asks for more while the
 drives are at their limits runs away. The Panda with 2 kg holds with .23, and not with .46."""
+
+FAR_BELOW = 0.1
+"""Of the norm of the torque limits: a bound above it is not looked at any closer."""
 
 RANGE = {"rad": np.pi, "m": 0.5}
 """To both sides, where the robot has no ends, rad or m."""
@@ -73,6 +84,36 @@ def default_bound(
         "margin": margin,
     }
     return {name: float(f"{value:.4g}") for name, value in found.items()}
+
+
+def warn_of_another_arms(
+    given: dict[str, Any], state: State, drives: TorqueLimits, find: Callable[[], dict[str, float]]
+) -> None:
+    """One DefinitionWarning, with numbers, if u at the start at rest cannot be meant for this arm.
+
+    That is above the norm of the torque limits, or below a tenth of it and also below a third of the `k + b0` that
+    would be found. Nothing is said of other kinds of bounds, nor without torque limits.
+
+    - `given`: the numbers of the bound, with its `kind`.
+    - `state`: the start.
+    - `drives`: their limits.
+    - `find`: the numbers that would be found.
+    """
+    torque = np.broadcast_to(np.asarray(drives.torque), state.q.shape)
+    least, most = given.get("inverse_inertia_min"), given.get("inverse_inertia_max")
+    if given["kind"] != kind_of(UncertaintyBound) or not np.isfinite(torque).all() or not least or not most:
+        return
+    gamma = (most - least) / (most + least)
+    u = (given["margin"] + given["b0"] + given["b1"] * float(np.linalg.norm(np.asarray(state.q)))) / (1.0 - gamma)
+    strength = float(np.linalg.norm(torque))
+    remedy = "leave `scheme.bound` out, and it is found for this arm"
+    if u > strength:
+        said = f"u = {u:.3g} N m at the start, more than all drives together can give (norm {strength:.3g} N m)"
+    elif u < FAR_BELOW * strength and (needed := sum(find()[name] for name in ("margin", "b0"))) > 3.0 * u:
+        said = f"u = {u:.3g} N m at the start, where this arm and its stated mismatch ask for {needed:.3g} N m"
+    else:
+        return
+    warnings.warn(f"scheme.bound gives {said}; is it another arm's? {remedy}", DefinitionWarning, stacklevel=2)
 
 
 def _carrying(true: AbstractRobot, load: Load | None) -> AbstractRobot:
