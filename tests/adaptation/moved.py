@@ -51,7 +51,11 @@ def _seen(adaptation: AbstractAdaptation, positions: Any, velocities: Any, torqu
 
 
 def taught(
-    adaptation: AbstractAdaptation, positions: np.ndarray, velocities: np.ndarray, torque: np.ndarray, missed: Any = False
+    adaptation: AbstractAdaptation,
+    positions: np.ndarray,
+    velocities: np.ndarray,
+    torque: np.ndarray,
+    missed: Any = False,
 ) -> Any:
     """The memory at the end, and what was learnt at each sample.
 

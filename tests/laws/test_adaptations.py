@@ -45,7 +45,9 @@ def test_the_believed_arm_can_be_whatever_was_seen(adaptation):
     q, dq = motion(torque, 0.01, 1.0, generator.normal(0.0, 30.0, (400, 2)), fine=1)
     _, learnt = taught(adaptation, q, dq, torque)
     for rotor, coulomb in zip(np.asarray(learnt.rotor), np.asarray(learnt.coulomb), strict=True):
-        believed = with_rotors(jnp.asarray(LINKS) + jnp.diag(jnp.broadcast_to(adaptation.counted, 2)), rotor, adaptation.counted)
+        believed = with_rotors(
+            jnp.asarray(LINKS) + jnp.diag(jnp.broadcast_to(adaptation.counted, 2)), rotor, adaptation.counted
+        )
         assert np.all(np.linalg.eigvalsh(believed) > 0) and np.all(coulomb >= 0)
 
 
@@ -55,7 +57,9 @@ def test_eager_and_compiled_agree(adaptation):
     first = adaptation.init(State(q=jnp.asarray(q[0]), dq=jnp.asarray(dq[0])))
     with jax.disable_jit():
         eager = adaptation(experience(), first)
-    for one, other in zip(jax.tree.leaves(jax.jit(adaptation)(experience(), first)), jax.tree.leaves(eager), strict=True):
+    for one, other in zip(
+        jax.tree.leaves(jax.jit(adaptation)(experience(), first)), jax.tree.leaves(eager), strict=True
+    ):
         np.testing.assert_allclose(one, other, rtol=1e-12, atol=1e-300)
 
 

@@ -222,7 +222,6 @@ def test_what_a_preset_cannot_be_is_refused(given: dict[str, Any], message: str)
         ({"scheme.surface.kind": "linar"}, r"^scheme.surface.kind: unknown `linar`; did you mean `linear`\?"),
         ({"scheme.surface.kind": "linear"}, r"^scheme.surface.rate: is missing"),
         ({"scheme.name": "anftsmc", "scheme.alpha": 0.2}, r"the .2 of Table 2 is singular"),
-        ({"scheme.name": "ftsmc", "scheme.bound": {}}, r"scheme.bound.inverse_inertia_min: is missing"),
         ({"scheme": 3, "scheme.name": "ftsmc"}, r"^scheme: .*got 3"),
     ],
 )

@@ -14,6 +14,7 @@ from .explain import explain
 from .export import export_c
 from .identify import identify
 from .listing import list_, schema
+from .new import new
 from .reproduce import reproduce
 from .run import run
 
@@ -31,6 +32,7 @@ app.add_typer(export, name="export")
 
 app.command(epilog="Example:  slidax reproduce --out reproduction")(reproduce)
 app.command(epilog="Example:  slidax run example-4.1 --set disturbance.scale=0 --set scheme.surface.k1=0.4")(run)
+app.command(epilog="Example:  slidax new --robot my-arm.urdf --rate 500 --out my-arm.yaml")(new)
 app.command(epilog="Example:  slidax compare example-4.1 --schemes cftsmppc,ftsmc,sfsmc --out comparison")(compare)
 app.command(epilog="Example:  slidax excite panda --seed 1 --out motion.csv")(excite)
 app.command(epilog="Example:  slidax identify log.csv --robot panda --out arm.yaml --report report")(identify)

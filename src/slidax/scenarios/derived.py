@@ -60,16 +60,19 @@ def description_of(part: type) -> type[PartDescription]:
     return _model(part, part.__name__, {"kind": (Literal[kind], Field(description="Which part it is."))})
 
 
-def preset_of(part: type, owner: str, values: Mapping[str, Any], source: str) -> type[PartDescription]:
+def preset_of(
+    part: type, owner: str, values: Mapping[str, Any], source: str, found: Mapping[str, str] = {}
+) -> type[PartDescription]:
     """The description of a part of a preset: its kind, and the numbers that the preset has, need not be given.
 
     - `part`: its class.
     - `owner`: what the preset is called.
     - `values`, `source`: its numbers, and where they come from.
+    - `found`: numbers that the scenario finds if they are not given, and from what.
     """
     kind = kind_of(part)
     fields = {"kind": (Literal[kind], Field(default=kind, description="Which part it is."))}
-    return _model(part, f"{owner}.{part.__name__}", fields, values, source)
+    return _model(part, f"{owner}.{part.__name__}", fields, values, source, found=found)
 
 
 def plain_of(part: type, name: str, *, optional: bool = False, doc: str = "") -> type[PartDescription]:
@@ -124,6 +127,7 @@ def _model(
     values: Mapping[str, Any] = {},
     source: str = "",
     doc: str = "",
+    found: Mapping[str, str] = {},
 ) -> type[PartDescription]:
     fields = dict(first)
     for one in parameters_of(part):
@@ -131,6 +135,8 @@ def _model(
         if annotation is None:
             continue
         has = {"default": values[one.name], "source": source} if one.name in values else {}
+        if not has and one.name in found:
+            has = {"default": None, "source": found[one.name]}
         if has.get("default", one.default) in (None, math.inf):
             # JSON has no infinity: what is left out takes it.
             annotation, has = annotation | None, {**has, "default": None}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Literal
 
 import equinox as eqx
@@ -16,6 +17,7 @@ from slidax.robots import Articulated, JointLimits
 from slidax.simulation import MujocoPlant, Plant, Stepping, Table
 
 from .base import AbstractDescription, said, same
+from .default_bound import default_bound, warn_of_another_arms
 from .disturbances import DisturbanceDescription
 from .instruments import ActuatorDescription, SensorDescription
 from .robots import RobotDescription
@@ -150,7 +152,13 @@ class ScenarioDescription(AbstractDescription):
         with located("start"):
             state0 = self.start.build(true.joints)
         with located("scheme"):
-            controller = self.scheme.build(nominal=nominal)
+            sampled = self.scheme.sampled_data is not None
+            find = partial(default_bound, true, nominal, arms.load, drive.limits(), sampled=sampled)
+            scheme = self.scheme.with_bound(find)
+            given = getattr(self.scheme, "bound", None)
+            if given is not None and all(value is not None for _, value in given):
+                warn_of_another_arms(given.model_dump(), state0, drive.limits(), find)
+            controller = scheme.build(nominal=nominal)
             if self.scheme.sampled_data is not None:
                 sampling = Sampling(
                     period=simulation.period,

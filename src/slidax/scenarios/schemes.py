@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Union
 
 import equinox as eqx
@@ -10,6 +11,7 @@ from pydantic import ConfigDict, Field, create_model, model_validator
 from slidax import controllers
 from slidax.controllers import AbstractController, Given, Preset
 from slidax.parts import kind_of, parameters_of
+from slidax.reaching import UncertaintyBound
 from slidax.transformations import PrescribedPerformance
 
 from .base import described
@@ -32,11 +34,20 @@ RENAMED = {
 """Earlier names of a bound's numbers, which files may still have."""
 
 
+FOUND: dict[type[eqx.Module], dict[str, str]] = {
+    UncertaintyBound: dict.fromkeys(
+        (one.name for one in parameters_of(UncertaintyBound)), "the arm, its drives and the stated mismatch"
+    )
+}
+"""Numbers of parts that a scenario finds by itself where a file does not give them, and from what."""
+
+
 def _for_editors(schema: dict[str, Any], model: type[SchemeDescription]) -> None:
     """What a file may leave out, since the preset has it, and what may stand in the scheme itself."""
     for name, given in model.preset.given.items():
         if isinstance(given, Given):
-            missing = [one for one in parameters_of(given.part) if one.required and one.name not in given.values]
+            known = {**given.values, **FOUND.get(given.part, {})}
+            missing = [one for one in parameters_of(given.part) if one.required and one.name not in known]
             if not missing or given.part is PrescribedPerformance:
                 schema["required"].remove(name)
     if "transformation" in schema["properties"]:
@@ -67,6 +78,21 @@ class SchemeDescription(PartDescription):
             if isinstance(given, Given) and isinstance(value, dict):
                 data[name] = filled(given, value)
         return data
+
+    def with_bound(self, find: Callable[[], dict[str, float]]) -> SchemeDescription:
+        """The scheme with every number of its bound.
+
+        - `find`: what the numbers are that the file does not give.
+        """
+        bound = getattr(self, "bound", None)
+        if not isinstance(bound, PartDescription) or bound.part is not UncertaintyBound:
+            return self
+        missing = [name for name, value in bound if value is None]
+        if not missing:
+            return self
+        found = find()
+        update = {name: found[name] for name in missing}
+        return self.model_copy(update={"bound": bound.model_copy(update=update)})
 
     def build(self, **more: Any) -> AbstractController:
         """The controller as it is printed.
@@ -198,7 +224,7 @@ def _described(name: str, preset: Preset) -> type[SchemeDescription]:
         if isinstance(hint, type) and issubclass(hint, eqx.Module):
             default = None
             if isinstance(given, Given):
-                default = preset_of(given.part, name, given.values, preset.source)
+                default = preset_of(given.part, name, given.values, preset.source, FOUND.get(given.part, {}))
             annotation, has = union_of(hint, default=default), {}
         else:
             annotation = type_of(one, hint, preset.law)

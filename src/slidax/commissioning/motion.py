@@ -1,0 +1,79 @@
+"""How an arm moves about its home: a sinusoid for each joint, within what the joint can do."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from slidax.robots import Articulated
+from slidax.simulation.states import Numbers, states_of
+
+from .loaded import loaded
+from .ratings import Ratings
+
+AMPLITUDE = {"rad": 0.4, "m": 0.08}
+"""Rad or m, where the range allows it."""
+
+FREQUENCY = (2.0, 2.4)
+"""Between the slowest and the fastest joint, rad/s; no two are alike, so that the joints meet in every way."""
+
+RANGE_SHARE, VELOCITY_SHARE, TORQUE_SHARE = 0.5, 0.4, 0.65
+"""Of what is left of the range at home, and of the limits, that the motion takes."""
+
+TIP_SHARE = 0.2
+"""Of the moving mass, carried at the tip while the torque is looked at."""
+
+START = 0.2
+"""How far from the motion the arm begins, rad; a fifth of it in m."""
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Sinusoids about the home.
+
+    - `amplitude`, `frequency`: [n], rad or m, rad/s.
+    - `start`: where the arm is at t = 0 [n].
+    - `burden`: the largest share of each torque limit that it takes, with 20 % of the arm's mass at the tip [n].
+    """
+
+    amplitude: Numbers
+    frequency: Numbers
+    start: Numbers
+    burden: Numbers
+
+
+def motion_about(arm: Articulated, ratings: Ratings, home: Numbers) -> Motion:
+    """The motion, slower and smaller until it fits.
+
+    - `arm`: as it is described.
+    - `ratings`: what its joints can do.
+    - `home`: the middle of the motion [n].
+    """
+    units = arm.joint_units
+    left = np.minimum(home - ratings.lower, ratings.upper - home)
+    amplitude = np.minimum([AMPLITUDE[unit] for unit in units], RANGE_SHARE * left)
+    frequency = np.linspace(*FREQUENCY, arm.joints) if arm.joints > 1 else np.array(FREQUENCY[:1])
+    # Neighbours in the chain differ by more than a step.
+    frequency = np.concatenate([frequency[::2], frequency[1::2]])
+    slower = np.minimum(1.0, VELOCITY_SHARE * ratings.velocity / (amplitude * frequency))
+    frequency = frequency * slower
+    carrying = loaded(arm, TIP_SHARE)
+    times = np.linspace(0.0, 12.0, 600)[:, None]
+    held = np.abs(states_of(carrying, home[None]).bias[0]) / ratings.torque
+    allowed = np.maximum(TORQUE_SHARE, held.max() + 0.1)
+    pace = 1.0
+    for _ in range(12):
+        w = pace * frequency
+        angle = w * times
+        states = states_of(carrying, home + amplitude * np.sin(angle), amplitude * w * np.cos(angle))
+        burden = np.abs(states.torque(-amplitude * w**2 * np.sin(angle))).max(axis=0) / ratings.torque
+        if burden.max() <= allowed:
+            break
+        pace *= 0.9
+        amplitude = amplitude * 0.9
+    away = START * np.array([1.0 if unit == "rad" else 0.2 for unit in units])
+    sign = np.where(np.arange(arm.joints) % 2 == 0, 1.0, -1.0)
+    away = np.minimum(away, 0.8 * left) * sign
+    # To the side where the weight is less of a burden it would fall by itself: all the same here.
+    return Motion(np.round(amplitude, 2), np.round(pace * frequency, 2), np.round(home + away, 3), burden)

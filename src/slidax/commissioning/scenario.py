@@ -1,0 +1,95 @@
+"""A scenario for an arm that has none yet: what is chosen, and why, as a commented file."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from dataclasses import dataclass
+from os.path import relpath
+from pathlib import Path
+
+from slidax._errors import DefinitionError, nearest
+from slidax.robots import Articulated, from_mjcf, from_urdf, ready
+from slidax.robots.files.chain import Chain, chain_of
+
+from .motion import motion_about
+from .posture import home_of
+from .ratings import ratings_of
+from .text import Choices, written
+
+SLOWEST, FASTEST = 20.0, 20_000.0
+"""Of a loop, Hz."""
+
+FILES = {".urdf": "urdf", ".xml": "mjcf", ".mjcf": "mjcf"}
+
+
+@dataclass(frozen=True)
+class Drafted:
+    """A new scenario.
+
+    - `text`: of the file.
+    - `notes`: what had to be assumed, each a sentence.
+    """
+
+    text: str
+    notes: tuple[str, ...]
+
+
+def draft(robot: str | Path, rate: float = 1000.0, *, tip: str | None = None, folder: Path = Path()) -> Drafted:
+    """A scenario for an arm, to be changed by a person: it runs as it is.
+
+    - `robot`: a ready one by name, or the path of a URDF or MJCF file.
+    - `rate`: of the arm's loop, Hz.
+    - `tip`: the link, body or site at the end of the arm; else found.
+    - `folder`: where the scenario will be, so that it names the robot file from there.
+
+    Raises DefinitionError if there is no such robot, the file is not one arm, or the rate is none of an arm's.
+    """
+    if not (math.isfinite(rate) and SLOWEST <= rate <= FASTEST):
+        raise DefinitionError(f"the rate must be {SLOWEST:g} to {FASTEST:g} Hz; got {rate:g}")
+    arm, block, notes = _arm(str(robot), tip, folder)
+    ratings = ratings_of(arm)
+    home = home_of(arm, ratings)
+    motion = motion_about(arm, ratings, home)
+    notes = (*notes, *ratings.notes)
+    return Drafted(written(Choices(arm, block, rate, ratings, home, motion, notes)), notes)
+
+
+def _arm(robot: str, tip: str | None, folder: Path) -> tuple[Articulated, tuple[str, ...], tuple[str, ...]]:
+    """The arm, the lines of the scenario's `robot`, and what is to be said of it."""
+    if robot in ready.names():
+        if tip is not None:
+            raise DefinitionError(f"`{robot}` has its tip; `tip` is for robot files")
+        return ready.read(robot).robot, (f"kind: {robot}",), ()
+    path = Path(robot)
+    kind = FILES.get(path.suffix.lower())
+    if kind is None:
+        known = ", ".join(FILES)
+        raise DefinitionError(f"`{robot}` is no ready robot, nor a file ({known}); {nearest(robot, ready.names())}")
+    chain = chain_of(path, tip)
+    read = from_urdf if kind == "urdf" else from_mjcf
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        arm = read(path, tip=chain.tip, locked=chain.locked, inertias="nearest")
+    changed = [str(one.message) for one in said if "inertias are changed" in str(one.message)]
+    notes = [message.removeprefix(f"{path}: ").rpartition("; ")[2] for message in changed]
+    lines = [f"kind: {kind}", f"file: {_quoted(relpath(path, folder))}", f"tip: {_quoted(chain.tip)}"]
+    if chain.locked:
+        held = ", ".join(f"{_quoted(name)}: {value:.6g}" for name, value in chain.locked.items())
+        lines.append(f"locked: {{{held}}}")
+        notes.append(_held(chain))
+    if changed:
+        lines.append("inertias: nearest")
+    return arm, tuple(lines), tuple(notes)
+
+
+def _held(chain: Chain) -> str:
+    return f"{', '.join(chain.locked)}: not of the arm, whose tip is `{chain.tip}`; held where they are nearest to 0"
+
+
+def _quoted(name: str) -> str:
+    """A name in YAML."""
+    plain = name.replace("_", "").replace("-", "").replace("/", "").replace(".", "")
+    return (
+        name if plain.isalnum() and plain[0].isalpha() else '"' + name.replace("\\", "\\\\").replace('"', '\\"') + '"'
+    )

@@ -1,0 +1,199 @@
+"""Which joints of a robot file make its arm: the longest chain, without fingers, cameras, heads and wheels."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from slidax._errors import DefinitionError, located, nearest
+
+from .loader import mujoco, reading
+from .source import read
+from .urdf_tree import tree_of
+from .urdf_values import limits_of, number
+
+FINGER = re.compile(r"finger|grip|jaw|claw|knuckle|thumb", re.IGNORECASE)
+"""A joint of such a name opens or closes a hand."""
+
+TIP = ("tcp", "tool0", "end_effector", "ee_link", "tool", "flange", "ee", "hand")
+"""Words in the names of links where tools are held, the surest first."""
+
+SHORT = 2
+"""Joints one after the other in a finger, or in a head."""
+
+ARM = 3
+"""Joints one after the other that an arm has at least."""
+
+
+@dataclass(frozen=True)
+class Chain:
+    """The joints that move, from the base to the tip, and those that are held.
+
+    - `joints`: names, in order.
+    - `tip`: the link, or the body, at the end.
+    - `locked`: positions of the others [rad or m].
+    """
+
+    joints: tuple[str, ...]
+    tip: str
+    locked: dict[str, float]
+
+
+@dataclass(frozen=True)
+class _Hinge:
+    """A joint between two links; `held` is where it stays if it does not move, None for a fixed one."""
+
+    name: str
+    parent: str
+    child: str
+    held: float | None
+    follows: bool = False
+
+
+def chain_of(source: str | Path, tip: str | None = None) -> Chain:
+    """The arm in a robot file, URDF or MJCF.
+
+    A joint that follows another one, and one that is called a finger, is held where it is nearest to 0. So is what
+    branches off: at each branch the longest chain goes on, and where only fingers are left it ends.
+
+    - `source`: path of the file.
+    - `tip`: the link or body at its end; else found, at the last link that moves or fixed to it.
+
+    Raises DefinitionError if the file is not to be read, has no arm, or has several of one length.
+    """
+    is_urdf = Path(source).suffix.lower() != ".xml" or "<robot" in Path(source).read_text(errors="ignore")[:4000]
+    with located(str(source)):
+        hinges = _of_urdf(source) if is_urdf else _of_mjcf(source)
+        return _Tree(hinges).chain(tip)
+
+
+class _Tree:
+    def __init__(self, hinges: Sequence[_Hinge]) -> None:
+        self._hinges = hinges
+        self._below: dict[str, list[_Hinge]] = {}
+        for hinge in hinges:
+            self._below.setdefault(hinge.parent, []).append(hinge)
+        self._carrier = {hinge.child: hinge for hinge in hinges}
+
+    def chain(self, tip: str | None) -> Chain:
+        moving = self._to(tip) if tip is not None else self._longest()
+        if not moving:
+            raise DefinitionError("no joint moves the tip" if tip else "there is no joint of an arm")
+        end = tip if tip is not None else self._tip(moving[-1].child)
+        names = tuple(hinge.name for hinge in moving)
+        held = {one.name: one.held for one in self._hinges if one.held is not None and one.name not in names}
+        return Chain(names, end, held)
+
+    def _to(self, tip: str) -> list[_Hinge]:
+        if tip not in self._carrier:
+            raise DefinitionError(f"`tip` names `{tip}`, which no joint carries; {nearest(tip, self._carrier)}")
+        found: list[_Hinge] = []
+        while tip in self._carrier:
+            hinge = self._carrier[tip]
+            if hinge.held is not None:
+                found.append(hinge)
+            tip = hinge.parent
+        return found[::-1]
+
+    def _longest(self) -> list[_Hinge]:
+        roots = [hinge.parent for hinge in self._hinges if hinge.parent not in self._carrier]
+        link, found = roots[0], list[_Hinge]()
+        while True:
+            ways = sorted(self._below.get(link, ()), key=self._length, reverse=True)
+            ways = [hinge for hinge in ways if self._length(hinge) > 0]
+            if not ways or (len(found) >= ARM and len(ways) > 1 and self._length(ways[0]) <= SHORT):
+                return found
+            if len(ways) > 1 and self._length(ways[0]) == self._length(ways[1]) and self._length(ways[0]) >= ARM:
+                ends = ", ".join(f"`{self._tip(self._end(way))}`" for way in ways if self._length(way) >= ARM)
+                raise DefinitionError(f"there are several arms; say which by its tip: {ends}")
+            if ways[0].held is not None:
+                found.append(ways[0])
+            link = ways[0].child
+
+    def _end(self, hinge: _Hinge) -> str:
+        """The last link that moves, by the longest way."""
+        last = hinge.child
+        while True:
+            ways = sorted(self._below.get(hinge.child, ()), key=self._length, reverse=True)
+            if not ways or self._length(ways[0]) == 0:
+                return last
+            hinge = ways[0]
+            last = hinge.child if hinge.held is not None else last
+
+    def _length(self, hinge: _Hinge) -> int:
+        """How many joints of an arm are one after the other, from this one on."""
+        if hinge.held is not None and (hinge.follows or FINGER.search(hinge.name)):
+            return 0
+        further = max((self._length(one) for one in self._below.get(hinge.child, ())), default=0)
+        return further + (hinge.held is not None)
+
+    def _tip(self, link: str) -> str:
+        """The last link that moves, or one fixed to it that is called a tool's."""
+        fixed = [link]
+        for place in fixed:
+            fixed += [one.child for one in self._below.get(place, ()) if one.held is None]
+        for word in TIP:
+            for name in fixed:
+                if re.search(rf"(^|[_\-/]){word}([_\-/]|\d|$)", name, re.IGNORECASE):
+                    return name
+        return link
+
+
+def _of_urdf(source: str | Path) -> list[_Hinge]:
+    tree = tree_of(read(source, "robot", "from_mjcf reads <mujoco>").root)
+    moving = [name for name in tree.order if tree.joints[name].get("type") != "fixed"]
+    held = {name: _nearest_to_zero(limits_of(tree.joints[name])[0]) for name in moving}
+    follows = set()
+    for name in moving:
+        mimic = tree.joints[name].find("mimic")
+        if mimic is not None:
+            follows.add(name)
+            factor, offset = number(mimic, "multiplier"), number(mimic, "offset")
+            first = held.get(mimic.get("joint", ""), 0.0)
+            limits = limits_of(tree.joints[name])[0]
+            value = (1.0 if factor is None else factor) * first + (offset or 0.0)
+            held[name] = float(np.clip(value, limits.get("lower"), limits.get("upper")))
+    leads = {mimic.get("joint", "") for name in moving for mimic in tree.joints[name].findall("mimic")}
+    return [
+        _Hinge(name, tree.parents[name], tree.children[name], held.get(name), name in follows | leads)
+        for name in tree.order
+    ]
+
+
+def _of_mjcf(source: str | Path) -> list[_Hinge]:
+    with reading():
+        library = mujoco()
+        spec = library.MjSpec.from_file(str(source))
+        found = []
+        coupled = {name for one in spec.equalities for name in (one.name1, one.name2)}
+        for body in spec.bodies:
+            if body is spec.worldbody:
+                continue
+            parent = body.parent.name
+            for joint in body.joints:
+                limits = dict(zip(("lower", "upper"), map(float, joint.range), strict=True))
+                degrees = spec.compiler.degree and joint.type == library.mjtJoint.mjJNT_HINGE
+                limited = limits["lower"] < limits["upper"]
+                value = _nearest_to_zero(limits if limited else {})
+                found.append(
+                    _Hinge(
+                        joint.name,
+                        parent,
+                        body.name,
+                        float(np.deg2rad(value)) if degrees else value,
+                        joint.name in coupled,
+                    )
+                )
+                parent = body.name
+            if not body.joints:
+                found.append(_Hinge("", parent, body.name, None))
+        return found
+
+
+def _nearest_to_zero(limits: Mapping[str, Any]) -> float:
+    return float(np.clip(0.0, limits.get("lower"), limits.get("upper")))
