@@ -13,17 +13,21 @@ from slidax._types import State
 from slidax.adaptation import AbstractAdaptation, Experience
 
 PERIOD = 1e-3
-LINKS = np.array([[0.5, 0.1], [0.1, 0.02]])
+LINKS = np.array([[0.5, 0.08], [0.08, 0.02]])
 
 
-def motion(torque: Any, rotor: Any, coulomb: Any, weight: Any = 0.0, fine: int = 10) -> tuple[np.ndarray, np.ndarray]:
+def motion(
+    torque: Any, rotor: Any, coulomb: Any, weight: Any = 0.0, fine: int = 10, links: Any = LINKS
+) -> tuple[np.ndarray, np.ndarray]:
     """Positions and velocities of two joints with a constant inertia, `fine` Euler steps in each period.
 
     - `torque`: held from each sample to the next, [k 2].
     - `rotor`, `coulomb`: of the joints.
     - `weight`: a torque that nobody knows, [k 2] or a number.
+    - `fine`: steps in a period.
+    - `links`: their inertia.
     """
-    inverse = np.linalg.inv(LINKS + np.diag(np.broadcast_to(rotor, 2)))
+    inverse = np.linalg.inv(links + np.diag(np.broadcast_to(rotor, 2)))
     push = np.broadcast_to(weight, np.shape(torque))
     q, dq, positions, velocities = np.zeros(2), np.zeros(2), [], []
     for now, outside in zip(torque, push, strict=True):

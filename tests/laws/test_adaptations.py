@@ -1,18 +1,19 @@
 """What every adaptation must be: a pure function of arrays that believes in an arm that can be, whatever it sees."""
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+import pytest
 
-from slidax._types import State
+from slidax._types import Reference, State
 from slidax.adaptation import Experience
 from slidax.adaptation.believed import with_rotors
-from slidax.controllers import sampled_data
-from slidax.robots import TwoLink
+from slidax.controllers import ComputedTorque, sampled_data
 from tests.adaptation.members import ADAPTATIONS
 from tests.adaptation.moved import LINKS, motion, swept, taught
-from tests.controllers.members import CONTROLLERS
 from tests.enrolled import every
+from tests.paper import TWO_LINK, law_4_1
 
 FIRST = State(q=jnp.array([0.1, -0.2]), dq=jnp.zeros(2))
 
@@ -44,11 +45,9 @@ def test_the_believed_arm_can_be_whatever_was_seen(adaptation):
     torque = generator.choice([-30.0, 0.0, 30.0], (400, 2))
     q, dq = motion(torque, 0.01, 1.0, generator.normal(0.0, 30.0, (400, 2)), fine=1)
     _, learnt = taught(adaptation, q, dq, torque)
-    for rotor, coulomb in zip(np.asarray(learnt.rotor), np.asarray(learnt.coulomb), strict=True):
-        believed = with_rotors(
-            jnp.asarray(LINKS) + jnp.diag(jnp.broadcast_to(adaptation.counted, 2)), rotor, adaptation.counted
-        )
-        assert np.all(np.linalg.eigvalsh(believed) > 0) and np.all(coulomb >= 0)
+    mass = jnp.asarray(LINKS) + jnp.diag(jnp.broadcast_to(adaptation.counted, 2))
+    believed = jax.vmap(lambda rotor: with_rotors(mass, rotor, adaptation.counted))(jnp.asarray(learnt.rotor))
+    assert np.all(np.linalg.eigvalsh(np.asarray(believed)) > 0) and np.all(np.asarray(learnt.coulomb) >= 0)
 
 
 @every("adaptation", ADAPTATIONS)
@@ -57,9 +56,8 @@ def test_eager_and_compiled_agree(adaptation):
     first = adaptation.init(State(q=jnp.asarray(q[0]), dq=jnp.asarray(dq[0])))
     with jax.disable_jit():
         eager = adaptation(experience(), first)
-    for one, other in zip(
-        jax.tree.leaves(jax.jit(adaptation)(experience(), first)), jax.tree.leaves(eager), strict=True
-    ):
+    compiled = eqx.filter_jit(adaptation)(experience(), first)
+    for one, other in zip(jax.tree.leaves(compiled), jax.tree.leaves(eager), strict=True):
         np.testing.assert_allclose(one, other, rtol=1e-12, atol=1e-300)
 
 
@@ -73,13 +71,10 @@ def test_friction_opposes_the_motion_and_is_odd(adaptation):
 
 
 @every("adaptation", ADAPTATIONS)
-@every("law", CONTROLLERS[:2])
-def test_laws_can_have_it(adaptation, law):
-    if not isinstance(getattr(law, "nominal", None), TwoLink):
-        return
+@pytest.mark.parametrize("explicit", [False, True])
+def test_laws_with_a_model_can_have_it(adaptation, explicit):
+    law = ComputedTorque(TWO_LINK, 100.0, 20.0) if explicit else law_4_1()
     stepped = sampled_data(law, period=1e-3, adaptation=adaptation)
-    from slidax._types import Reference
-
     reference = Reference(q=[0.1, 0.0])
     memory = stepped.init(jnp.zeros(()), FIRST, reference)
     command = stepped(jnp.zeros(()), FIRST, reference, reference, memory)

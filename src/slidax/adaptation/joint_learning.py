@@ -7,7 +7,7 @@ from typing import Any
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from slidax.parts import PerJoint, Scalar, State, Vector, parameter
 
@@ -29,7 +29,8 @@ class Learning(eqx.Module):
 
     - `positions`: the last two measured positions, the newest first.
     - `tau`: torque of the period before the last measurement [n].
-    - `seen`: samples since the start or the last gap, up to 3.
+    - `seen`: time since the start or the last gap, until the filter has settled [s].
+    - `begun`: whether there was a sample before.
     - `stages`: of the band-pass, for torque, acceleration and direction of motion.
     - `information`: `∫φ²`, `∫φ c`, `∫c²` [3 n]: of inertia, of both, of friction.
     - `rotor`, `coulomb`: what is learnt [n].
@@ -39,6 +40,7 @@ class Learning(eqx.Module):
     positions: Float[Array, "2 n"]
     tau: Vector
     seen: Scalar
+    begun: Bool[Array, ""]
     stages: Float[Array, "5 3 n"]
     information: Float[Array, "3 n"]
     rotor: Vector
@@ -75,7 +77,7 @@ class JointLearning(AbstractAdaptation):
     rotor_min: PerJoint = parameter("least rotor inertia", "kg m² or kg", ">= 0", default=0.0)
     rotor_max: PerJoint = parameter("largest rotor inertia", "kg m² or kg", ">= rotor_min", default=10.0)
     coulomb_max: PerJoint = parameter("largest Coulomb friction; 0 to learn none", "N m or N", ">= 0", default=0.0)
-    low: Scalar = parameter("lower end of the band", "rad/s", "> 0", default=20.0)
+    low: Scalar = parameter("lower end of the band", "rad/s", "> 0", default=15.0)
     high: Scalar = parameter("upper end of the band", "rad/s", "> low", default=200.0)
     gate: PerJoint = parameter(
         "least acceleration in the band that teaches inertia", "rad/s² or m/s²", ">= 0", default=0.2
@@ -98,6 +100,7 @@ class JointLearning(AbstractAdaptation):
             positions=jnp.stack([measured.q, measured.q]),
             tau=nothing,
             seen=jnp.zeros((), nothing.dtype),
+            begun=jnp.zeros((), bool),
             stages=jnp.zeros((band.STAGES, 3, *nothing.shape), nothing.dtype),
             information=jnp.stack([nothing + self.prior, nothing, nothing + self.coulomb_prior]),
             rotor=nothing + self.rotor,
@@ -113,7 +116,10 @@ class JointLearning(AbstractAdaptation):
         return Learnt(rotor=memory.rotor, coulomb=memory.coulomb)
 
     def __call__(self, experience: Experience, memory: Learning) -> Learning:
-        """The memory after a sample. After a gap the first two samples only fill what a second difference needs.
+        """The memory after a sample.
+
+        After a gap the filter goes on where it was, once a second difference is whole. Until it has settled nothing is
+        learnt: a position's noise that sets in at once looks like a jump of the velocity.
 
         - `experience`: what the sample shows.
         - `memory`: what `init` or the last sample returned.
@@ -122,15 +128,18 @@ class JointLearning(AbstractAdaptation):
         newest, before = memory.positions
         ddq = jnp.clip((experience.q - 2.0 * newest + before) / (h * h), -FASTEST, FASTEST)
         others = jnp.sum(jnp.where(jnp.eye(ddq.size, dtype=bool), 0.0, mass) * ddq[None, :], axis=1)
-        torque = 0.5 * (experience.tau + memory.tau) - experience.bias - others
+        torque = 0.5 * (experience.tau + memory.tau) - experience.bias
         direction = jnp.tanh(experience.dq / self.smoothing)
-        signals = jnp.stack([jnp.clip(torque, -STRONGEST, STRONGEST), ddq, direction])
+        signals = jnp.stack([jnp.clip(torque - others, -STRONGEST, STRONGEST), ddq, direction])
 
-        seen = jnp.where(experience.missed, 0.0, jnp.minimum(memory.seen + 1.0, 3.0))
-        whole, first = seen > 2.5, memory.seen < 2.5
-        stages = jnp.where(first, band.started(signals), memory.stages)
+        settled = self.recent + 2.0 * h
+        seen = jnp.where(experience.missed, 0.0, jnp.minimum(memory.seen + h, settled + h))
+        whole = seen > 2.5 * h
+        # An arm that is switched on is held: it does not accelerate, and its torque has been as it is for long.
+        held = jnp.stack([jnp.clip(torque, -STRONGEST, STRONGEST), jnp.zeros_like(ddq), direction])
+        stages = jnp.where(memory.begun, memory.stages, band.started(held))
         stages = jnp.where(whole, band.through(stages, signals, self.low, self.high, h), stages)
-        return self._regressed(experience, memory, stages, jnp.where(whole, h, 0.0), seen)
+        return self._regressed(experience, memory, stages, jnp.where(seen > settled, h, 0.0), seen)
 
     def _regressed(
         self, experience: Experience, memory: Learning, stages: Float[Array, "5 3 n"], weight: Scalar, seen: Scalar
@@ -159,6 +168,7 @@ class JointLearning(AbstractAdaptation):
             positions=jnp.stack([experience.q, memory.positions[0]]),
             tau=experience.tau,
             seen=seen,
+            begun=jnp.ones((), bool),
             stages=stages,
             information=jnp.stack(
                 [of_rotor * keep_rotor**2, of_both * keep_rotor * keep_coulomb, of_coulomb * keep_coulomb**2]
@@ -194,7 +204,7 @@ class JointLearning(AbstractAdaptation):
         rated = np.broadcast_to(np.asarray(torque, float), inertia.shape)
         rated = np.where(np.isfinite(rated), rated, USUAL_ACCELERATION * inertia)
         worst = float(np.max(deviation))
-        low, high = float(given.get("low", 20.0)), 200.0
+        low, high = float(given.get("low", 15.0)), 200.0
         while high > 120.0 and CLEAR * band.noise_of(worst, low, high, period) > GATE:
             high -= 5.0
         high = float(given.get("high", high))

@@ -102,7 +102,12 @@ class JointLearningDescription(AbstractDescription):
     low: float = same(JointLearning, "low")
     high: float | None = same(JointLearning, "high", default=None, source="200, or as low as 120 with coarse encoders")
     gate: Numbers | None = same(JointLearning, "gate", default=None, source=".2, or three times the encoders' noise")
+    coherence: float = same(JointLearning, "coherence")
+    recent: float = same(JointLearning, "recent")
+    prior: Numbers = same(JointLearning, "prior")
     window: Numbers = same(JointLearning, "window")
+    coulomb_prior: Numbers = same(JointLearning, "coulomb_prior")
+    coulomb_window: Numbers = same(JointLearning, "coulomb_window")
 
     def build(self, sampling: Sampling) -> AbstractAdaptation:
         """The adaptation.
