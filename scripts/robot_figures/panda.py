@@ -28,7 +28,7 @@ AS_PRINTED = {"scheme.sampled_data": None, "scheme.reaching.layer": 0.05, "simul
 
 RIVALS = (COMPUTED_TORQUE, SLOTINE_LI, SUPER_TWISTING)
 
-SAME = "same estimator, prediction, limits"
+SAME = "same estimator, learning, prediction, limits"
 """The form of a rival that has all that the sampled-data law has but its envelope and its reaching law."""
 
 COLUMNS = 240

@@ -97,6 +97,7 @@ def tuned(
                 period=like.period,
                 horizon=like.horizon,
                 estimator=like.estimator,
+                adaptation=like.adaptation,
                 limits=like.limits,
                 delay=like.delay,
                 dead_time=like.dead_time,

@@ -10,7 +10,7 @@ from slidax.actuators import TorqueLimits
 from slidax.controllers import AbstractController, Moment, sampled_data
 from slidax.controllers.steps.plan import Barrier, Plan
 from slidax.estimators import AbstractEstimator, Estimate
-from tests.paper import MOTION_4_1, MOTION_4_2, START_4_2, TWO_LINK_NOMINAL
+from tests.paper import MOTION_4_1, MOTION_4_2, SCARA, START_4_2, TWO_LINK_NOMINAL
 from tests.rivals import anftsmc_4_2, computed_torque_4_1, super_twisting_4_2
 
 H, PERIOD = 0.012, 1e-3
@@ -28,7 +28,7 @@ def test_the_super_twisting_step_solves_its_inclusion_and_is_exactly_zero_where_
         zero, one = jnp.zeros(3), jnp.ones(())
         state, reference = State(zero, zero), Reference(zero, zero, zero)
         times = {"t": one, "period": jnp.asarray(PERIOD), "horizon": jnp.asarray(H), "planned": jnp.ones((), bool)}
-        arm = {"mass": jnp.eye(3), "bias": zero, "limits": TorqueLimits(), "expected": zero}
+        arm = {"mass": jnp.eye(3), "bias": zero, "limits": TorqueLimits(), "expected": zero, "robot": SCARA}
         moment = Moment(state=state, reference=reference, **times, **arm)
         frame = law.transformation.frame(one, one, one, ())
         plan = Plan.near(Barrier(frame, law.surface, times["horizon"]), zero, zero, s, zero)

@@ -11,6 +11,10 @@ from .seeded import SEEDED, seeded
 QUICK = ["too light a model", "too heavy a model", "robust torque", "coarse encoder"]
 
 
+# A bound that is far too small is what one of them is about.
+pytestmark = pytest.mark.filterwarnings("ignore:scheme.bound")
+
+
 def require_named(which: str) -> None:
     scenario = seeded(which)
     run = scenario.simulate(log_every=1)

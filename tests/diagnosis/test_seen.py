@@ -77,6 +77,7 @@ def test_nor_does_any_other(name: str) -> None:
     assert beforehand(load(name)) == []
 
 
+@pytest.mark.filterwarnings("ignore:scheme.bound")
 @pytest.mark.parametrize(
     ("which", "said"),
     [

@@ -139,7 +139,7 @@ def test_presets_say_where_their_numbers_come_from() -> None:
     assert rows["surface.k1"]["default"] == 0.2
     assert rows["surface.k1"]["source"] == "Table 1"
     assert "(eq. 40)" in rows["surface.k1"]["range"]
-    assert rows["bound.b0"]["required"]
+    assert rows["transformation.overshoot"]["required"]
 
 
 def test_a_name_of_several_is_asked_for_with_its_kind() -> None:

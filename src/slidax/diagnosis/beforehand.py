@@ -106,8 +106,8 @@ class _Ahead:
             )
 
     def inertias(self) -> Iterator[str]:
-        """The κ of the stated mismatch."""
-        if not isinstance(self.nominal, Articulated):
+        """The κ of the stated mismatch, for a law that does not learn it."""
+        if not isinstance(self.nominal, Articulated) or self.law.adaptation is not None:
             return
         values, vectors = np.linalg.eig(np.linalg.solve(self.true[0], self.believed[0]))
         kappas, modes = np.real(values), np.argmax(np.abs(vectors), axis=1)
@@ -136,7 +136,8 @@ class _Ahead:
         if not found or self.law.horizon is None:
             return
         joint, loop = max(found, key=lambda one: one[1].radius())
-        if loop.radius() >= 1.0:
+        # One, but for rounding, is a loop whose horizon has endlessly many periods.
+        if loop.radius() > 1.0 + 1e-9:
             yield (
                 f"the loop of `{self.names[joint]}` is unstable with `{type(self.law.estimator).__name__}` "
                 "even if all is as "
