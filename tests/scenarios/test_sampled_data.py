@@ -65,7 +65,7 @@ ESTIMATORS: list[tuple[dict[str, Any], AbstractEstimator]] = [
 
 @pytest.mark.parametrize(("described", "estimator"), ESTIMATORS)
 def test_an_estimator_is_the_one_that_is_described(described: dict[str, Any], estimator: AbstractEstimator) -> None:
-    assert eqx.tree_equal(law({"estimator": described}).estimator, estimator)
+    assert eqx.tree_equal(law({"estimator": described, "adaptation": None}).estimator, estimator)
 
 
 def test_with_encoders_alone_the_estimator_is_a_kalman_filter_for_their_resolution_and_noise() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import jax.numpy as jnp
@@ -17,10 +18,6 @@ TORQUE_DENSITY = 0.05
 """Of the drift of a disturbance torque unless another is asked for, (N m/s)² s: in one second it drifts by .2 N m."""
 
 
-HIGHEST = 0.95
-"""Share of a residual that a position is corrected by, at most."""
-
-
 class Kalman(AbstractEstimator):
     """`q = q_predicted + L1 r`, `q̇ = q̇_predicted + L2 r`, `push⁺ = push + L3 r`, with `r = q' - q_predicted`.
 
@@ -33,6 +30,9 @@ class Kalman(AbstractEstimator):
 
     inertia: Vector | None = parameter(
         "for which the gains are, where they follow what is learnt of it", "kg m² or kg", "> 0", default=None
+    )
+    pace: Vector | None = parameter(
+        "d, the filter's bandwidth there times the period, (density h⁵/variance)^(1/6)", "", "> 0", default=None
     )
 
     def __check_init__(self) -> None:
@@ -73,25 +73,25 @@ class Kalman(AbstractEstimator):
             raise DefinitionError(
                 f"`torque_density` of a Kalman filter must be > 0 (N m/s)² s and finite; got {torque_density}"
             )
-        gains = steady_gains(torque_density / (inertia * inertia), variance, period)
-        return cls(gains, inertia)
+        density = torque_density / (inertia * inertia)
+        gains, h = steady_gains(density, variance, period), as_array(period)
+        pace = jnp.clip(density / as_array(variance) * h**5, 1e-18, 1e18) ** (1.0 / 6.0)
+        return cls(gains, inertia, pace)
 
     def for_inertia(self, inertia: Vector) -> Kalman:
-        """The gains for joints of another inertia: `L1 r`, `L2 r²`, `L3 r³` with `r = (I/Î)^(1/3)`.
+        """The gains for joints of another inertia.
 
-        The density of the push is that of the torque over Î², and a slow filter's bandwidth is its sixth root. L1 stays
-        below 1, where a measurement would be taken for the truth.
+        The density of the push is that of the torque over Î², and the pace d of a filter is the sixth root of its
+        density: it becomes `d (I/Î)^(1/3)`. The gains change as those of `paced` do: by `(I/Î)^(1/3)` and its square
+        and cube for a slow filter, and hardly for a fast one.
 
         - `inertia`: Î, the diagonal of M̂ [n], kg m² or kg.
         """
-        if self.inertia is None:
+        if self.inertia is None or self.pace is None:
             return self
         ratio = jnp.exp(jnp.log(self.inertia / inertia) * (1.0 / 3.0))
-        first, second, third = self.gains
-        gains = jnp.stack(
-            [jnp.minimum(first * ratio, jnp.maximum(first, HIGHEST)), second * ratio**2, third * ratio**3]
-        )
-        return Kalman(gains, inertia)
+        gains = self.gains * (paced(self.pace * ratio) / paced(self.pace))
+        return Kalman(gains, inertia, self.pace * ratio)
 
     def init(self, measured: State) -> tuple[()]:
         """Nothing to keep.
@@ -122,3 +122,21 @@ class Kalman(AbstractEstimator):
         # A gap that is shorter than what the filter remembers changes little of what it knows.
         forgotten = missed & (self.gains[1] * elapsed > 2.0)
         return reseated(measured, prior, elapsed, forgotten, usual), ()
+
+
+def paced(pace: Vector) -> Float[Array, "3 n"]:
+    """`L1, L2 h, L3 h²` of the filter whose errors have the poles `e^{-d}` and `e^{-d (1 ± i √3)/2}`, [3 n].
+
+    These are the poles of a slow steady filter (Butterworth's). Its characteristic polynomial is
+    `z³ + (L1 + L2 h + L3 h²/2 - 3) z² + (3 - 2 L1 - L2 h + L3 h²/2) z + L1 - 1`.
+
+    - `pace`: d [n].
+    """
+    real, half = jnp.exp(-pace), jnp.exp(-0.5 * pace)
+    turn = (0.5 * math.sqrt(3.0)) * pace
+    pair = 2.0 * half * jnp.cos(turn)
+    first = 1.0 - real * real
+    # (1 - z1)(1 - z2)(1 - z3), without a difference of numbers that are nearly equal.
+    away = jnp.square(jnp.expm1(-0.5 * pace)) + 4.0 * half * jnp.square(jnp.sin(0.5 * turn))
+    third = -jnp.expm1(-pace) * away
+    return jnp.stack([first, 3.0 - first - 0.5 * third - real - pair, third])

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Literal
 
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 from pydantic import field_validator
@@ -18,6 +19,10 @@ from slidax.estimators.kalman import TORQUE_DENSITY
 
 from .base import AbstractDescription, Numbers, said, same
 from .derived import PartDescription, plain_of, union_of
+
+FINEST = 2e-6
+"""rad: a Kalman filter beside an adaptation takes no encoder to be finer; the faster it is, the less wrong an inertia
+its loop bears (docs/learning.md)."""
 
 
 @dataclass(frozen=True)
@@ -183,8 +188,9 @@ class SampledDataDescription(AbstractDescription):
                     adaptation = self.adaptation.build(sampling)
                 else:
                     adaptation = self.adaptation.build()
-                # The estimator begins with what is believed of the inertia.
-                sampling = replace(sampling, mass=adaptation.mass_at_start(sampling.mass))
+                # The estimator begins with what is believed of the inertia, and stays slow enough to bear its errors.
+                variance = jnp.maximum(sampling.variance, FINEST**2 / 12.0)
+                sampling = replace(sampling, mass=adaptation.mass_at_start(sampling.mass), variance=variance)
         if self.delay is not None:
             sampling = replace(sampling, delay=self.delay, dead_time=min(sampling.dead_time, self.delay))
         estimator: AbstractEstimator | None = None
