@@ -31,8 +31,9 @@ HUNDREDTHS = re.compile(r"\b\d+\.\d\d\b")
 BARE = {
     "scheme.sampled_data.estimator": {"kind": "measured", "gain": 0.0, "trend": 0.0},
     "scheme.sampled_data.recovery": None,
+    "scheme.sampled_data.adaptation": None,
 }
-"""The sampled-data law without an estimate of the disturbance, and without a way back: the plain implicit step."""
+"""The sampled-data law without an estimate of the disturbance, learning, and a way back: the plain implicit step."""
 
 
 def loop(name: str, period: float, changes: dict[str, Any] | None = None, *, t1: float = 10.0) -> Scenario:
