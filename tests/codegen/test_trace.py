@@ -20,15 +20,6 @@ A = jnp.arange(12.0).reshape(3, 4) - 5.0
 B = X > 0
 
 
-@pytest.fixture(autouse=True)
-def _optimised():
-    """XLA's bits as users have them: without its optimisations a chain of roundings is another one."""
-    before = jax.config.values["jax_disable_most_optimizations"]
-    jax.config.update("jax_disable_most_optimizations", False)
-    yield
-    jax.config.update("jax_disable_most_optimizations", before)
-
-
 def computed(function, *args):
     """The function's arrays by machine code of our own, and by JAX."""
     program = trace(function, *args)
