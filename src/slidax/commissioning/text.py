@@ -54,6 +54,10 @@ class Choices:
     notes: tuple[str, ...]
 
 
+ROTORS = 0.002
+"""kg m² for each N m of rated torque: of the simulated arm, since no drive is without a rotor."""
+
+
 def written(chosen: Choices) -> str:
     """The file.
 
@@ -72,8 +76,9 @@ def written(chosen: Choices) -> str:
 {_comment("What had to be assumed:") + assumed if assumed else ""}
 robot:
 {block}
-  # What the arm that moves differs by; the law does not know it. For instance:
-  # plant: {{mass_factor: 0.85, coulomb: 0.5, load: {{mass: 1.0, center: [0.0, 0.0, 0.05]}}}}
+  # What the arm that moves differs by; the law does not know it. Its drives have rotors, {ROTORS:g} kg m² for each N m;
+  # also, for instance, mass_factor: 0.85, coulomb: 0.5, load: {{mass: 1.0, center: [0.0, 0.0, 0.05]}}
+  plant: {{armature: {_row(ROTORS * ratings.torque)}}}
   # Rotors (kg m², seen from the joint) that are known: nominal: {{armature: ...}}. Unknown ones are learnt.
 
 # Joints {", ".join(chosen.arm.joint_names)}: about a posture inside their ranges, away
