@@ -56,7 +56,7 @@ class AbstractDescription(BaseModel):
 
     def parameters(self) -> dict[str, Any]:
         """What the described part is made from: the fields that are given, but for the one that names its kind."""
-        return self.model_dump(exclude={"kind", "name"}, exclude_none=True)
+        return {name: value for name, value in self if name not in ("kind", "name") and value is not None}
 
 
 def described(one: Parameter, *, checked: bool = False, **said: Any) -> Any:

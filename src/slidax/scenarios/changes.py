@@ -25,7 +25,7 @@ def changed(data: dict[str, Any], changes: dict[str, Any]) -> dict[str, Any]:
     if isinstance(data.get("scheme"), dict):
         data["scheme"] = with_kinds(placed(data["scheme"]))
     for path, value in sorted(changes.items(), key=lambda change: not change[0].endswith(".kind")):
-        _set(data, _path(data, path), _found_from_here(path, value))
+        _set(data, path_in(data, path), _found_from_here(path, value))
     if isinstance(data.get("scheme"), dict):
         data["scheme"] = placed(data["scheme"])
     return data
@@ -36,8 +36,12 @@ def _found_from_here(path: str, value: Any) -> Any:
     return str(Path.cwd() / value) if path.endswith(".file") and isinstance(value, str) else value
 
 
-def _path(data: dict[str, Any], path: str) -> str:
-    """The path of a number of the scheme with the part that has it."""
+def path_in(data: dict[str, Any], path: str) -> str:
+    """The path of a number of the scheme with the part that has it; any other as it is.
+
+    - `data`: the mapping in the file.
+    - `path`: as of `--set`.
+    """
     parts = path.split(".")
     scheme = data.get("scheme")
     if parts[0] != "scheme" or len(parts) < 2 or not isinstance(scheme, dict):

@@ -3,28 +3,39 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import Literal
+from typing import Any, Literal, NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array
+from pydantic import Field, ValidationError
 
 from slidax._errors import DefinitionError, as_array, located, require_joints
 from slidax._types import State
+from slidax.controllers import AbstractController
 from slidax.numerics import runge_kutta_4, semi_implicit_euler
 from slidax.robots import Articulated, JointLimits
 from slidax.simulation import MujocoPlant, Plant, Stepping, Table
+from slidax.trajectories import AbstractTrajectory
 
 from .base import AbstractDescription, said, same
+from .changes import changed
 from .default_bound import default_bound, warn_of_another_arms
 from .disturbances import DisturbanceDescription
 from .instruments import ActuatorDescription, SensorDescription
-from .robots import RobotDescription
+from .mistakes import translated
+from .robots import Arms, RobotDescription
 from .sampled_data import Sampling
 from .scenario import Scenario
 from .schemes import AnyScheme
 from .trajectories import TrajectoryDescription, trajectory_of
+from .uncertainty.mapping import Uncertainty
+
+OF_THE_LAW = ("scheme", "simulation", "truth", "uncertainty", "title", "source")
+"""Blocks in which nothing can be true without the law knowing it."""
+
+TOLD = "write it under the scenario's own key"
 
 INTEGRATORS = {"rk4": runge_kutta_4, "semi_implicit_euler": semi_implicit_euler}
 
@@ -99,6 +110,21 @@ def _rated(torque: Array, limits: JointLimits | None, joints: int) -> Array:
     return rated if limits is None else jnp.where(jnp.isfinite(rated), rated, limits.torque)
 
 
+class Moving(NamedTuple):
+    """A closed loop without its law.
+
+    - `arms`: as it is, and as the law knows it.
+    - `drive`: how it is driven, with its limits as numbers.
+    - `plant`, `trajectory`, `state0`: as in `simulate`.
+    """
+
+    arms: Arms
+    drive: ActuatorDescription
+    plant: Plant | MujocoPlant
+    trajectory: AbstractTrajectory
+    state0: State
+
+
 class ScenarioDescription(AbstractDescription):
     """One closed loop: the arm, its motion, its disturbance, its controller, and how it is simulated."""
 
@@ -125,63 +151,34 @@ class ScenarioDescription(AbstractDescription):
     simulation: SimulationDescription
     """How time passes."""
 
+    truth: dict[str, Any] = Field(default={})
+    """What is otherwise than the rest of the file says, by path, and the law does not know, as in one case of a study."""
+    uncertainty: Uncertainty = Field(default={})
+    """What is not known: a set of values by path. Studies draw from it; one run takes the file's own numbers."""
+
     def build(self, name: str) -> Scenario:
-        """The scenario with all its parts.
+        """The scenario with all its parts; its law knows nothing of `truth`.
 
         - `name`: what to call it.
 
         Raises DefinitionError, with the path of the field, if a part is invalid.
         """
-        with located("robot"):
-            arms = self.robot.build()
-            true, nominal = arms.true, arms.nominal
-        with located("trajectory"):
-            trajectory = trajectory_of(self.trajectory, arms.limits, true.joints)
-            followed = eqx.filter_eval_shape(trajectory.position, jax.ShapeDtypeStruct((), float)).shape
-            if followed != (true.joints,):
-                raise DefinitionError(f"moves {followed[0]} joints, but the robot has {true.joints}")
-        with located("disturbance"):
-            disturbance = self.disturbance.build()
-            require_joints(disturbance, true.joints, type(true).__name__)
+        believed = self.moving()
+        actual = believed
+        if self.truth:
+            changed_so = self.as_it_is()
+            with located("truth"):
+                actual = changed_so.moving()
         simulation = self.simulation
-        with located("sensor"):
-            sensor = self.sensor.build(simulation.period, true.joints)
-        with located("actuator"):
-            drive = self.actuator.of_robot(arms.limits)
-            actuator = drive.build(true.joints)
-        with located("start"):
-            state0 = self.start.build(true.joints)
-        with located("scheme"):
-            sampled = self.scheme.sampled_data is not None
-            find = partial(default_bound, true, nominal, arms.load, drive.limits(), sampled=sampled)
-            scheme = self.scheme.with_bound(find)
-            given = getattr(self.scheme, "bound", None)
-            if given is not None and all(value is not None for _, value in given):
-                warn_of_another_arms(given.model_dump(), state0, drive.limits(), find)
-            controller = scheme.build(nominal=nominal)
-            if self.scheme.sampled_data is not None:
-                sampling = Sampling(
-                    period=simulation.period,
-                    delay=self.sensor.delay + self.actuator.dead_time,
-                    dead_time=self.actuator.dead_time,
-                    limits=drive.limits(),
-                    variance=self.sensor.variance(),
-                    has_velocity=self.sensor.has_velocity,
-                    mass=nominal.mass(state0.q),
-                    rotors=nominal.armature if isinstance(nominal, Articulated) else None,
-                    rated=_rated(drive.limits().torque, arms.limits, true.joints),
-                )
-                with located("sampled_data"):
-                    controller = self.scheme.sampled_data.build(controller, sampling)
         return Scenario(
             name=name,
             robot=self.robot.kind,
             scheme=self.scheme.name,
             description=self,
-            plant=self._plant(Plant(true, disturbance, sensor, actuator, arms.load)),
-            controller=controller,
-            trajectory=trajectory,
-            state0=state0,
+            plant=actual.plant,
+            controller=self.law(believed),
+            trajectory=actual.trajectory,
+            state0=actual.state0,
             t1=simulation.t1,
             stepping=Stepping(
                 period=simulation.period,
@@ -194,6 +191,86 @@ class ScenarioDescription(AbstractDescription):
             ),
             log_every=simulation.log_every,
         )
+
+    def as_it_is(self) -> ScenarioDescription:
+        """The same with what `truth` says in its place.
+
+        Raises DefinitionError if that is invalid.
+        """
+        if not self.truth:
+            return self
+        of_robot = any(path.startswith("robot.") for path in self.truth)
+        resolved = self.model_copy(update={"robot": self.robot.resolved()}) if of_robot else self
+        data = resolved.model_dump(exclude_unset=True, exclude={"truth", "uncertainty"})
+        with located("truth"):
+            unseen = [path for path in self.truth if path.split(".")[0] in OF_THE_LAW]
+            if unseen:
+                message = f"is what the law is told, or how time passes, not what is true: {TOLD}"
+                raise DefinitionError(message, where=unseen[0])
+            data = changed(data, dict(self.truth))
+            try:
+                return type(self).model_validate(data)
+            except ValidationError as error:
+                raise translated(error, data) from None
+
+    def moving(self) -> Moving:
+        """All but the law.
+
+        Raises DefinitionError, with the path of the field, if a part is invalid.
+        """
+        with located("robot"):
+            arms = self.robot.build()
+            true = arms.true
+        with located("trajectory"):
+            trajectory = trajectory_of(self.trajectory, arms.limits, true.joints)
+            followed = eqx.filter_eval_shape(trajectory.position, jax.ShapeDtypeStruct((), float)).shape
+            if followed != (true.joints,):
+                raise DefinitionError(f"moves {followed[0]} joints, but the robot has {true.joints}")
+        with located("disturbance"):
+            disturbance = self.disturbance.build()
+            require_joints(disturbance, true.joints, type(true).__name__)
+        with located("sensor"):
+            sensor = self.sensor.build(self.simulation.period, true.joints)
+        with located("actuator"):
+            drive = self.actuator.of_robot(arms.limits)
+            actuator = drive.build(true.joints)
+        with located("start"):
+            state0 = self.start.build(true.joints)
+        plant = self._plant(Plant(true, disturbance, sensor, actuator, arms.load))
+        return Moving(arms, drive, plant, trajectory, state0)
+
+    def law(self, moving: Moving) -> AbstractController:
+        """The law, made for what it is told of the rest.
+
+        - `moving`: the rest.
+
+        Raises DefinitionError, with the path of the field, if it is invalid.
+        """
+        arms, drive, state0 = moving.arms, moving.drive, moving.state0
+        true, nominal = arms.true, arms.nominal
+        with located("scheme"):
+            sampled = self.scheme.sampled_data is not None
+            find = partial(default_bound, true, nominal, arms.load, drive.limits(), sampled=sampled)
+            scheme = self.scheme.with_bound(find)
+            given = getattr(self.scheme, "bound", None)
+            if given is not None and all(value is not None for _, value in given):
+                warn_of_another_arms(given.model_dump(), state0, drive.limits(), find)
+            controller: AbstractController = scheme.build(nominal=nominal)
+            if self.scheme.sampled_data is not None:
+                sampling = Sampling(
+                    period=self.simulation.period,
+                    delay=self.sensor.delay + self.actuator.dead_time,
+                    dead_time=self.actuator.dead_time,
+                    limits=drive.limits(),
+                    variance=self.sensor.variance(),
+                    has_velocity=self.sensor.has_velocity,
+                    mass=nominal.mass(state0.q),
+                    rotors=nominal.armature if isinstance(nominal, Articulated) else None,
+                    rated=_rated(drive.limits().torque, arms.limits, true.joints),
+                )
+                with located("sampled_data"):
+                    controller = self.scheme.sampled_data.build(controller, sampling)
+        return controller
 
     def _plant(self, own: Plant) -> Plant | MujocoPlant:
         with located("surroundings"):

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Array
 from pydantic import Field
 
-from slidax._errors import DefinitionError, as_array, known, located
+from slidax._errors import DefinitionError, as_array, is_traced, known, located
 from slidax.actuators import Actuator, TorqueLimits
 from slidax.robots import JointLimits
 from slidax.sensors import AbstractSensor, Delayed, DifferencedEncoders, Encoders, Exact, Lossy
@@ -71,7 +71,8 @@ class SensorDescription(AbstractDescription):
         self.require_joints(joints)
         resolution, position_noise = as_array(self.resolution), as_array(self.position_noise)
         velocity_noise = as_array(self.velocity_noise)
-        seed = jax.device_put(np.asarray(self.seed))
+        # A seed that varies is an array by then.
+        seed = self.seed if isinstance(self.seed, jax.Array) else jax.device_put(np.asarray(self.seed))
         sensor: AbstractSensor = Exact()
         if self.instrument is not None:
             both = [name for name in OF_ENCODERS if name in self.model_fields_set]
@@ -87,7 +88,7 @@ class SensorDescription(AbstractDescription):
                 message = "is that of a velocity sensor, which `velocity: differenced` has not; leave it out"
                 raise DefinitionError(f"{message}; got {self.velocity_noise}", where="velocity_noise")
             sensor = DifferencedEncoders(resolution, position_noise, as_array(self.cutoff), seed)
-        elif any(known(x).any() for x in (resolution, position_noise, velocity_noise)):
+        elif any(is_traced(x) or known(x).any() for x in (resolution, position_noise, velocity_noise)):
             sensor = Encoders(resolution, position_noise, velocity_noise, seed)
         if self.delay or self.jitter:
             sensor = Delayed(sensor, self.delay, self.jitter, seed)

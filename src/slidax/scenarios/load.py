@@ -8,20 +8,13 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from slidax._errors import DefinitionError, nearest, plain, shown
+from slidax._errors import DefinitionError, nearest, plain
 
 from .changes import changed
 from .description import ScenarioDescription
+from .mistakes import translated
 from .scenario import Scenario
 from .yaml_text import read_yaml, require_readable
-
-LIMITS = {
-    "greater_than": (">", "gt"),
-    "greater_than_equal": (">=", "ge"),
-    "less_than": ("<", "lt"),
-    "less_than_equal": ("<=", "le"),
-}
-"""Kinds of mistakes about a number's range: the sign, and the key under which pydantic has the limit."""
 
 BUILT_IN = resources.files("slidax.scenarios") / "built_in"
 
@@ -91,9 +84,11 @@ def validated(data: Any, changes: dict[str, Any] | None = None, *, folder: Path 
     require_readable(data)
     data = changed(data, changes or {})
     try:
-        return ScenarioDescription.model_validate(data, context={"folder": folder})
+        found = ScenarioDescription.model_validate(data, context={"folder": folder})
     except ValidationError as error:
-        raise _translated(error, data) from None
+        raise translated(error, data) from None
+    found.as_it_is()
+    return found
 
 
 def _folder(scenario: str | Path) -> Path:
@@ -113,58 +108,3 @@ def _read(scenario: str | Path) -> tuple[str, str]:
             f"unknown scenario `{plain(scenario)}`; {nearest(str(scenario), names())} (a file needs the ending .yaml)"
         )
     return str(scenario), (BUILT_IN / f"{scenario}.yaml").read_text(encoding="utf-8")
-
-
-def _translated(error: ValidationError, data: Any) -> DefinitionError:
-    """The first mistake as one sentence: what pydantic says is for programmers."""
-    mistakes = error.errors(include_url=False)
-    first = mistakes[0]
-    where = _path(first, data)
-    together = [mistake for mistake in mistakes if _path(mistake, data) == where]
-    kinds = {mistake["type"] for mistake in together}
-    context = first.get("ctx", {})
-    given = first.get("input")
-    if first["type"] == "missing":
-        message = "is missing"
-    elif first["type"] == "union_tag_not_found":
-        message = f"needs a {context['discriminator']}, one of the known kinds"
-    elif first["type"] == "union_tag_invalid":
-        known = [word.strip().strip("'") for word in context["expected_tags"].split(",")]
-        where = f"{where}.{context['discriminator'].strip(chr(39))}"
-        message = f"unknown `{plain(context['tag'])}`; {nearest(str(context['tag']), known)}"
-    elif first["type"] == "literal_error":
-        known = [word.strip().strip("'") for word in context["expected"].replace(" or ", ",").split(",")]
-        message = f"unknown `{plain(given)}`; {nearest(str(given), known)}"
-    elif "list_type" in kinds and kinds & {"float_type", "float_parsing"}:
-        message = f"must be a number or a list of numbers; got {shown(given)}"
-    elif first["type"] in ("float_type", "float_parsing"):
-        message = f"must be a number; got {shown(given)}"
-    elif first["type"] == "list_type":
-        message = f"must be a list; got {shown(given)}"
-    elif first["type"] in LIMITS:
-        sign, limit = LIMITS[first["type"]]
-        message = f"must be {sign} {context[limit]:g}; got {shown(given)}"
-    elif first["type"] in ("too_short", "too_long"):
-        sign, limit = (">=", "min_length") if first["type"] == "too_short" else ("<=", "max_length")
-        message = f"must have {sign} {context[limit]} entries; got {shown(given)}"
-    elif first["type"] == "unknown_key":
-        message = first["msg"]
-    else:
-        message = f"{first['msg'][0].lower()}{first['msg'][1:]}; got {shown(given)}"
-    return DefinitionError(message, where=where)
-
-
-def _path(mistake: Any, data: Any) -> str:
-    """The path as written in the file: pydantic puts the names of union members between the keys."""
-    loc: tuple[int | str, ...] = mistake["loc"]
-    absent = len(loc) - 1 if mistake["type"] == "missing" else -1
-    parts: list[str] = []
-    place = data
-    for depth, part in enumerate(loc):
-        if isinstance(place, dict) and (part in place or depth == absent):
-            place = place.get(part)
-            parts.append(str(part))
-        elif isinstance(place, list) and isinstance(part, int) and part < len(place):
-            place = place[part]
-            parts.append(str(part))
-    return ".".join(parts)

@@ -50,6 +50,10 @@ class AbstractRobotDescription(AbstractDescription):
     def build(self) -> Arms:
         """The true robot, the nominal one, and what the true one carries."""
 
+    def resolved(self) -> AbstractRobotDescription:
+        """The same with what a file says of it written out, so that each of its numbers has a path."""
+        return self
+
 
 class NumbersDescription(AbstractRobotDescription):
     """A robot that is made of a few numbers, as those of the paper."""
@@ -103,7 +107,7 @@ class TrueArm(plain_of(Mismatch, "Mismatch")):  # type: ignore[misc]  # made of 
         """
         with located("load"):
             load = None if self.load is None else self.load.build()
-        return Mismatch(**self.model_dump(exclude={"load"}, exclude_none=True), load=load)
+        return Mismatch(**{name: value for name, value in self.parameters().items() if name != "load"}, load=load)
 
 
 class NominalArm(AbstractDescription):
@@ -231,6 +235,14 @@ class IdentifiedDescription(AbstractRobotDescription):
 
     def build(self) -> Arms:
         """The true robot, the nominal one, and what the true one carries."""
+        with located(f"file `{self.file}`"):
+            return self.resolved().build()
+
+    def resolved(self) -> AbstractRobotDescription:
+        """As the file describes it, with what is said here of the true arm.
+
+        Raises DefinitionError if the file describes no arm of rigid links.
+        """
         given, folder = read_robot(self.file)
         try:
             found = TypeAdapter(RobotDescription).validate_python(given, context={"folder": folder})
@@ -243,9 +255,8 @@ class IdentifiedDescription(AbstractRobotDescription):
             raise DefinitionError(
                 f"the robot of the file `{self.file}` must be an arm of rigid links; got {found.kind}"
             )
-        with located(f"file `{self.file}`"):
-            said = {field: getattr(self.plant, field) for field in self.plant.model_fields_set}
-            return found.model_copy(update={"plant": found.plant.model_copy(update=said)}).build()
+        said = {field: getattr(self.plant, field) for field in self.plant.model_fields_set}
+        return found.model_copy(update={"plant": found.plant.model_copy(update=said)})
 
 
 def _of_numbers(kind: str, part: type[AbstractRobot]) -> type[NumbersDescription]:

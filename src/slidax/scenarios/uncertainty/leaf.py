@@ -1,0 +1,170 @@
+"""A number of a scenario, found by its path."""
+
+from __future__ import annotations
+
+import typing
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel
+
+from slidax._errors import DefinitionError, nearest, plain, shown
+
+Array: TypeAlias = NDArray[Any]
+
+NUMERIC = {float, int, list[float], list[list[float]]}
+
+ENDS = (("minimum", -np.inf), ("exclusiveMinimum", -np.inf)), (("maximum", np.inf), ("exclusiveMaximum", np.inf))
+
+
+@dataclass(frozen=True)
+class Leaf:
+    """A number, or some, of a scenario.
+
+    - `path`: where it stands.
+    - `own`: its value; None where it has none.
+    - `joints`: of the arm.
+    - `per_joint`: whether it may be one number for all joints, or one for each.
+    - `integer`: whether it is a whole number.
+    - `unit`: of one of its numbers.
+    - `ends`: of its range, as far as they are numbers.
+    - `envelope`: at the start, lower and upper positions [n]; raises DefinitionError where there is none.
+    """
+
+    path: str
+    own: Array | None
+    joints: int
+    per_joint: bool = False
+    integer: bool = False
+    unit: str = ""
+    ends: tuple[float, float] = (-np.inf, np.inf)
+    envelope: Callable[[], tuple[Array, Array]] = field(default=lambda: (np.zeros(0), np.zeros(0)), compare=False)
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Of its own value; of one number where it has none."""
+        return () if self.own is None else self.own.shape
+
+    @property
+    def shape_of_each(self) -> tuple[int, ...]:
+        """Of its numbers where each is by itself."""
+        return (self.joints,) if self.per_joint and self.shape == () else self.shape
+
+    @property
+    def size(self) -> int:
+        """How many numbers there are where each is by itself."""
+        return int(np.prod(self.shape_of_each, dtype=int))
+
+    def own_value(self, what: str) -> Array:
+        """Its own value.
+
+        - `what`: asks for it.
+
+        Raises DefinitionError if it has none.
+        """
+        if self.own is None:
+            raise DefinitionError(f"has no value of its own in the scenario, so that `{what}` means nothing: write one")
+        return self.own
+
+    def fitting(self, value: Any, what: str) -> Array:
+        """A value as an array that its own shape can take.
+
+        - `value`: one number, or as many as it has.
+        - `what`: where it stands.
+
+        Raises DefinitionError if it has another shape, or is not finite.
+        """
+        array = np.asarray(value, float)
+        allowed = {(), self.shape, self.shape_of_each}
+        if array.shape not in allowed and self.own is not None:
+            wanted = " or ".join("one number" if not shape else f"{list(shape)} numbers" for shape in sorted(allowed))
+            raise DefinitionError(f"`{what}` needs {wanted}; got {shown(value)}")
+        if not np.isfinite(array).all():
+            raise DefinitionError(f"`{what}` must be finite; got {shown(value)}")
+        return self.spread_out(array, False)
+
+    def spread_out(self, value: Array, each: bool) -> Array:
+        """A value in its own shape, or in that of each number by itself.
+
+        - `value`: one number, or more.
+        - `each`: whether each is by itself.
+        """
+        return np.broadcast_to(value, np.broadcast_shapes(value.shape, self.shape_of_each if each else self.shape))
+
+
+def leaf_of(description: BaseModel, path: str, joints: int, *, own: Any = None) -> Leaf:
+    """The number at a path of a description.
+
+    - `description`: a scenario's.
+    - `path`: dotted, as of `--set`.
+    - `joints`: of its arm.
+    - `own`: its own value, where that is not the one in the description.
+
+    Raises DefinitionError if there is none.
+    """
+    place: Any = description
+    kind: Any = None
+    said: Mapping[str, Any] = {}
+    for name in path.split("."):
+        if isinstance(place, BaseModel):
+            fields = type(place).model_fields
+            if name not in fields:
+                raise DefinitionError(f"there is no `{plain(name)}` here; {nearest(name, fields)}")
+            kind, extra = fields[name].annotation, fields[name].json_schema_extra
+            said = extra if isinstance(extra, dict) else {}
+            place = getattr(place, name)
+        elif isinstance(place, tuple | list) and name.isdigit() and int(name) < len(place):
+            place, kind = place[int(name)], float
+        else:
+            raise DefinitionError(f"`{plain(name)}` leads nowhere in {shown(place)}")
+    words = _words(kind)
+    if not words & NUMERIC or isinstance(place, BaseModel | str | bool):
+        raise DefinitionError(f"is not a number of the scenario; got {shown(place)}")
+    given = place if own is None else own
+    try:
+        array = None if given is None else np.asarray(given, int if words == {int} else float)
+    except (TypeError, ValueError):
+        raise DefinitionError(f"is not a number of the scenario; got {shown(given)}") from None
+    lower, upper = (next((said[key] for key, _ in end if key in said), end[0][1]) for end in ENDS)
+    return Leaf(
+        path,
+        array,
+        joints,
+        per_joint=float in words and list[float] in words,
+        integer=int in words and float not in words,
+        unit=str(said.get("unit", "")),
+        ends=(float(lower), float(upper)),
+    )
+
+
+def _words(kind: Any) -> set[Any]:
+    """The types that a union is of, without None and without what pydantic was told of them."""
+    if typing.get_origin(kind) is typing.Annotated:
+        return _words(typing.get_args(kind)[0])
+    if typing.get_origin(kind) in (None, list, tuple, typing.Literal):
+        return {kind} - {type(None)}
+    return set().union(*(_words(one) for one in typing.get_args(kind)))
+
+
+def with_values(description: Any, values: Mapping[str, Any]) -> Any:
+    """A description with other values, which may be traced and are not validated.
+
+    - `description`: a valid one, in which every path leads somewhere.
+    - `values`: by path.
+    """
+    for path, value in values.items():
+        description = _with(description, path.split("."), value)
+    return description
+
+
+def _with(place: Any, names: list[str], value: Any) -> Any:
+    if not names:
+        return value
+    name, *rest = names
+    if isinstance(place, BaseModel):
+        return place.model_copy(update={name: _with(getattr(place, name), rest, value)})
+    changed = [_with(one, rest, value) if k == int(name) else one for k, one in enumerate(place)]
+    return tuple(changed) if isinstance(place, tuple) else changed
