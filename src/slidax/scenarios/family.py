@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -12,6 +12,7 @@ import numpy as np
 
 from slidax._errors import DefinitionError, located
 from slidax._types import State
+from slidax.controllers import AbstractController
 from slidax.simulation import MujocoPlant, Parts
 
 from .changes import path_in
@@ -170,9 +171,16 @@ class Templates:
     built: Scenario
 
     @property
-    def controller(self) -> Any:
+    def controller(self) -> AbstractController:
         """Its law."""
         return self.built.controller
+
+    def with_engine(self, engine: str) -> Templates:
+        """The same, run by another engine.
+
+        - `engine`: as in `simulate`.
+        """
+        return replace(self, built=self.built.replace(engine=engine))
 
 
 def _space(base: ScenarioDescription, sets: Mapping[str, AbstractSet], *, law: bool) -> Space:

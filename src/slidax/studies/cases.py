@@ -1,0 +1,210 @@
+"""Many cases of a family of scenarios, run several at a time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import equinox as eqx
+import jax
+import numpy as np
+from numpy.typing import NDArray
+
+from slidax._errors import DefinitionError, is_traced
+from slidax.scenarios import Scenario
+from slidax.scenarios.family import Family, Templates
+from slidax.simulation import MujocoPlant, Parts, Run, simulate_batch
+
+from .table import Columns, columns_of, joined
+
+MOST_LOOPS = 64
+"""That are compiled for one study, each for other values of what cannot vary within a compiled loop."""
+
+Values = Mapping[str, NDArray[Any]]
+"""Values by path, each with the case as its first axis."""
+
+
+@dataclass(eq=False)
+class Cases:
+    """Runs cases of a family through compiled loops, which it keeps.
+
+    What leads to arrays of the loop varies within one; all else, such as a period, a delay, or a table of waypoints,
+    makes a loop of its own for each of its values. The bits of a case depend on no other case.
+
+    - `family`: of which they are.
+    - `engine`: as in `simulate`; the scenario's own if None.
+    - `threads`: of the native engine; None: as many as there are cores.
+    - `name`: what to call a scenario.
+    """
+
+    family: Family
+    engine: str | None = None
+    threads: int | None = None
+    name: str = "case"
+    _loops: dict[tuple[Any, ...], _Loop | None] = field(default_factory=dict)
+    _traceable: dict[str, bool] | None = None
+
+    def run(self, values: Values) -> Columns:
+        """The outcome and the metrics of cases, one row each.
+
+        - `values`: by path, of every path of the family.
+
+        Raises DefinitionError if a case is invalid, or they need too many loops.
+        """
+        rows = len(next(iter(values.values()))) if values else 1
+        found: list[tuple[NDArray[Any], Columns]] = []
+        for rows_of_one, key in self._groups(values, rows):
+            picked = {path: array[rows_of_one] for path, array in values.items()}
+            loop = self._loop(key, picked)
+            columns = self._each(picked, len(rows_of_one)) if loop is None else loop.run(picked, self.threads)
+            found.append((rows_of_one, columns))
+        return joined(found, rows)
+
+    def single(self, values: Values, log_every: int | None = 0) -> tuple[Scenario, Run]:
+        """One case as the batch runs it, with its log, and its scenario.
+
+        - `values`: by path, with one row.
+        - `log_every`: as in `Scenario.simulate`.
+        """
+        ((_, key),) = self._groups(values, 1)
+        loop = self._loop(key, values)
+        one = self._scenario({path: array[0] for path, array in values.items()})
+        every = one.log_every if log_every == 0 else log_every
+        if loop is None:
+            return one, one.simulate(log_every=every, progress=False)
+        return one, loop.simulated(values, self.threads, every)[0]
+
+    def _groups(self, values: Values, rows: int) -> list[tuple[NDArray[Any], tuple[Any, ...]]]:
+        """The rows of each loop."""
+        if self._traceable is None:
+            first = {path: array[0] for path, array in values.items()}
+            templates = self._templates(first)
+            batched = not isinstance(templates.built.plant, MujocoPlant)
+            some = {path: array[:2] for path, array in values.items()}
+            self._traceable = self.family.traceable(templates, some) if batched else dict.fromkeys(values, False)
+        fixed = [path for path, varies in self._traceable.items() if not varies]
+        if not fixed:
+            return [(np.arange(rows), ())]
+        flat = np.concatenate([values[path].reshape(rows, -1).astype(float) for path in fixed], axis=1)
+        each, which = np.unique(flat, axis=0, return_inverse=True)
+        which = which.reshape(-1)
+        return [(np.flatnonzero(which == k), tuple(key)) for k, key in enumerate(each.tolist())]
+
+    def _loop(self, key: tuple[Any, ...], values: Values) -> _Loop | None:
+        """The loop of a group; None if its cases are run one at a time."""
+        if key in self._loops:
+            return self._loops[key]
+        templates = self._templates({path: array[0] for path, array in values.items()})
+        if isinstance(templates.built.plant, MujocoPlant):
+            # Each is a scenario of its own, so that there is nothing to keep.
+            return None
+        if len(self._loops) >= MOST_LOOPS:
+            fixed = [path for path, varies in (self._traceable or {}).items() if not varies]
+            raise DefinitionError(
+                f"each value of {' and '.join(f'`{path}`' for path in fixed)} needs a loop of its own, and at most "
+                f"{MOST_LOOPS} are compiled: use `choice` with few values"
+            )
+        varying = [path for path, varies in (self._traceable or {}).items() if varies]
+        self._loops[key] = _Loop.of(self.family, templates, {path: values[path] for path in varying})
+        return self._loops[key]
+
+    def _each(self, values: Values, rows: int) -> Columns:
+        found = []
+        for row in range(rows):
+            one = self._scenario({path: array[row] for path, array in values.items()})
+            found.append((np.array([row]), columns_of(one.simulate(log_every=None, progress=False))))
+        return joined(found, rows)
+
+    def _templates(self, first: Mapping[str, Any]) -> Templates:
+        made = self.family.templates(first)
+        return made if self.engine is None else made.with_engine(self.engine)
+
+    def _scenario(self, first: Mapping[str, Any]) -> Scenario:
+        made = self.family.scenario(first, self.name)
+        return made if self.engine is None else made.replace(engine=self.engine)
+
+
+@dataclass(frozen=True, eq=False)
+class _Loop:
+    """One compiled loop, and how its arrays follow from values.
+
+    - `scenario`: a case of it.
+    - `arrays`: from values to the arrays that vary.
+    - `define`: from these to the parts of a loop.
+    - `paths`: of the values.
+    """
+
+    scenario: Scenario
+    arrays: Callable[[Any], list[Any]]
+    define: Callable[[Any], Parts]
+    paths: tuple[str, ...]
+
+    @classmethod
+    def of(cls, family: Family, templates: Templates, values: Values) -> _Loop:
+        """The loop of a group.
+
+        - `family`: of the cases.
+        - `templates`: one of them.
+        - `values`: some of each path that varies.
+        """
+        varies: list[bool] = []
+
+        def leaves_of(given: Any) -> list[Any]:
+            # What does not depend on the given values is known, and checked, while this is traced.
+            with jax.ensure_compile_time_eval():
+                arrays, _ = eqx.partition(family.parts(templates, given), eqx.is_array)
+            return jax.tree.leaves(arrays)
+
+        def probe(given: Any) -> int:
+            varies[:] = [is_traced(leaf) for leaf in leaves_of(given)]
+            return 0
+
+        if values:
+            jax.vmap(probe)({path: np.asarray(array[:1]) for path, array in values.items()})
+        arrays, rest = eqx.partition(family.parts(templates, {}), eqx.is_array)
+        fixed, tree = jax.tree.flatten(arrays)
+        varies = varies or [False] * len(fixed)
+
+        def define(given: list[Any]) -> Parts:
+            found = iter(given)
+            leaves = [next(found) if one else leaf for leaf, one in zip(fixed, varies, strict=True)]
+            parts: Parts = eqx.combine(jax.tree.unflatten(tree, leaves), rest)
+            return parts
+
+        def varying(given: Any) -> list[Any]:
+            return [leaf for leaf, one in zip(leaves_of(given), varies, strict=True) if one]
+
+        return cls(templates.built, jax.jit(jax.vmap(varying)), define, tuple(values))
+
+    def run(self, values: Values, threads: int | None) -> Columns:
+        """Outcome and metrics of each case.
+
+        - `values`: by path.
+        - `threads`: of the native engine.
+        """
+        return columns_of(self.simulated(values, threads, None))
+
+    def simulated(self, values: Values, threads: int | None, log_every: int | None) -> Run:
+        """The runs.
+
+        - `values`, `threads`: as in `run`.
+        - `log_every`: one in so many samples; None logs none.
+        """
+        rows = len(next(iter(values.values()))) if values else 1
+        # A few sizes, so that little is compiled anew.
+        size = 1 << max(rows - 1, 0).bit_length()
+        given = {path: np.resize(values[path], (size, *values[path].shape[1:])) for path in self.paths}
+        varied = [np.asarray(leaf)[:rows] for leaf in self.arrays(given)] if self.paths else []
+        if not varied:
+            return _repeated(self.scenario.simulate(log_every=log_every, progress=False), rows)
+        one = self.scenario
+        return simulate_batch(
+            self.define, varied, t1=one.t1, stepping=one.stepping, log_every=log_every, threads=threads
+        )
+
+
+def _repeated(run: Run, rows: int) -> Run:
+    """One run as many that are alike."""
+    many: Run = jax.tree.map(lambda x: np.broadcast_to(np.asarray(x), (rows, *np.shape(x))), run)
+    return many
