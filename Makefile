@@ -79,7 +79,8 @@ verify: .venv/.installed .venv-3.11/.installed ## Test on both Pythons, the long
 COMPILE = .venv-lock/bin/uv pip compile pyproject.toml --quiet --universal --python-version 3.11 --generate-hashes \
 	--no-emit-index-url --no-emit-find-links --custom-compile-command "make lock"
 # All but cuda, which is for machines with a card.
-EXTRAS = --extra parquet --extra frame --extra native --extra robots --extra trajectories --extra view --extra film
+EXTRAS = --extra parquet --extra frame --extra native --extra robots --extra trajectories --extra view --extra film \
+	--extra studies
 lock: .venv-lock/bin/uv ## Renew requirements/*.txt after a change in pyproject.toml
 	@mkdir -p requirements
 	@$(COMPILE) --group dev $(EXTRAS) --output-file requirements/dev.txt $(ARGS)

@@ -1,6 +1,5 @@
 """The CUDA kernel: its text, that nvcc takes it, and by a C++ compiler on the processor what it computes."""
 
-import ctypes
 import shutil
 import subprocess
 from pathlib import Path
@@ -11,32 +10,13 @@ import pytest
 from slidax import DefinitionError
 from slidax.codegen import cuda
 from slidax.codegen.builder import Builder
-from slidax.codegen.cuda.arrays import collected, dtype_on_card, laid_out
+from slidax.codegen.cuda.arrays import laid_out
 
+from .card_on_the_processor import CardOnTheProcessor, needs_gxx
 from .random_programs import RandomProgram, random_arrays
 
 GOLDEN = Path(__file__).parent / "golden" / "pendulum.cu"
 RUNS, STEPS = 5, 40
-
-# What the compiler of the processor needs in the place of CUDA's own words; one thread at a time.
-ON_THE_PROCESSOR = """
-#include <cmath>
-#include <cstring>
-using std::isnan;
-using std::isfinite;
-#define __global__
-#define __device__
-static struct { long long x; } blockIdx, blockDim, threadIdx;
-static inline double __longlong_as_double(long long bits) { double x; std::memcpy(&x, &bits, 8); return x; }
-static inline float __int_as_float(int bits) { float x; std::memcpy(&x, &bits, 4); return x; }
-extern "C" void choose(long long block, long long threads, long long thread)
-{
-    blockIdx.x = block;
-    blockDim.x = threads;
-    threadIdx.x = thread;
-}
-"""
-
 
 def pendulum():
     """A damped pendulum by Euler's rule: a log of every fourth sample, and the end."""
@@ -78,26 +58,9 @@ def pendulum_by_numpy(start, damping, steps, every):
 
 
 def batch(program, inputs, runs, rows, folder, real="double"):
-    """What the kernel's text computes, thread by thread, in blocks of 4."""
-    source, library = folder / "kernel.cpp", folder / "kernel.so"
-    source.write_text(ON_THE_PROCESSOR + cuda.kernel(program, real=real))
-    options = ["-std=c++17", "-O1", "-ffp-contract=off", "-Wall", "-Wextra", "-Werror", "-fPIC", "-shared"]
-    subprocess.run(["g++", *options, str(source), "-o", str(library)], check=True)
-    code = ctypes.CDLL(str(library))
-    given = laid_out(program, inputs, runs, real)
-    left = [
-        np.zeros((rows if entry.values is None else 1, entry.size, runs), dtype_on_card(entry.type, real))
-        for entry in program.outputs
-    ]
-    places = [ctypes.c_void_p(array.ctypes.data) for array in (*given, *left)]
-    threads = 4
-    for run in range(-(-runs // threads) * threads):
-        code.choose(*[ctypes.c_longlong(k) for k in (run // threads, threads, run % threads)])
-        code.run_all(*places, ctypes.c_longlong(runs))
-    return collected(program, left)
+    return CardOnTheProcessor(program, folder, real).batch(inputs, runs, rows)
 
 
-needs_gxx = pytest.mark.skipif(not shutil.which("g++"), reason="g++ is not installed")
 needs_nvcc = pytest.mark.skipif(not shutil.which("nvcc"), reason="nvcc is not installed")
 
 

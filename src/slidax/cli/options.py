@@ -15,5 +15,5 @@ Changes = Annotated[
 
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
 
-Engine = StrEnum("Engine", ["auto", "native", "xla"])
+Engine = StrEnum("Engine", ["auto", "native", "xla", "cuda"])
 """What computes a run."""

@@ -82,8 +82,9 @@ class SimulationDescription(AbstractDescription):
     """What simulates the arm: our own equations, or MuJoCo, in held mode."""
     friction: Literal["smooth", "dry"] = "smooth"
     """With MuJoCo's plant: `smooth` as in ours, or `dry`, by which a joint really sticks."""
-    engine: Literal["auto", "native", "xla"] = "auto"
-    """What computes: `native` is machine code of our own, `xla` JAX's compiler; `auto` takes the fastest there is."""
+    engine: Literal["auto", "native", "xla", "cuda"] = "auto"
+    """What computes: `native` is machine code of our own, `xla` JAX's compiler; `auto` takes the fastest there is on
+    the processor; `cuda` is the same code on an NVIDIA card, for batches."""
 
 
 class TableDescription(AbstractDescription):

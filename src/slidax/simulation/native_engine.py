@@ -1,19 +1,20 @@
-"""The closed loop as machine code of its own, for single runs and for batches on the processor."""
+"""The closed loop as machine code of its own: single runs on the processor, batches there or on a card."""
 
 from __future__ import annotations
 
 import functools
 import time
-from collections.abc import Callable, Hashable
+from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Literal
 
 import equinox as eqx
 import jax
 import numpy as np
 
 from slidax._types import State
-from slidax.codegen import llvm
+from slidax.codegen import cuda, llvm
+from slidax.codegen.llvm.prepare import lowered_and_fused
 
 from .duals import duals
 from .loop import Begun, Inside, Loop
@@ -21,6 +22,9 @@ from .native_loop import Define, NativeLoop, batch_loop, lowered, single_loop
 from .progress import Progress
 from .run import Log, Timing
 from .signature import LoopSignature
+
+OurOwn = Literal["native", "cuda"]
+"""Where code of our own runs: on the processor, or on an NVIDIA card."""
 
 CHUNK = 1_000_000
 """About how many samples pass between two looks at the run, for its bar."""
@@ -86,6 +90,7 @@ def drive_batch(
     samples: int,
     every: int | None,
     threads: int | None,
+    on: OurOwn = "native",
 ) -> tuple[Any, Log | None]:
     """The same for many runs; every array has the run as its first axis, also the `Begun` that comes first.
 
@@ -95,12 +100,17 @@ def drive_batch(
     - `varied`: arrays with the run as their first axis.
     - `samples`: how many.
     - `every`: one in how many is logged; None logs none.
-    - `threads`: how many; None: as many as there are cores.
+    - `threads`: how many; None: as many as there are cores. A card has its own.
+    - `on`: where they run.
 
-    Raises NoNativeCodeError if there is no machine code for something in it.
+    Raises NoNativeCodeError if there is no machine code for something in it, DefinitionError if there is no card.
     """
-    known = _Known((task, *_form(one)), lambda: batch_loop(define, one, logged=every is not None), every is not None)
-    return _driven(known, [], _numbers(varied), samples, every, threads)
+    logged = every is not None
+    known = _Known((task, *_form(one)), lambda: batch_loop(define, one, logged=logged), logged)
+    if on == "native":
+        return _driven(known, [], _numbers(varied), samples, every, threads)
+    native, kernel = _compiled_for_card(known)
+    return _collected(native, kernel.batch(*_asked(native, _numbers(varied), samples, every)), every)
 
 
 def drive_duals(task: Hashable, define: Define, at: Any, directions: Any, samples: int, every: int | None) -> Any:
@@ -132,13 +142,23 @@ def _driven(
     threads: int | None,
 ) -> tuple[Any, Any]:
     native, kernel = _compiled_batch(known)
+    inputs, runs, rows = _asked(native, varied, samples, every, shared)
+    return _collected(native, kernel.batch(inputs, runs, rows, threads), every)
+
+
+def _asked(
+    native: NativeLoop,
+    varied: list[np.ndarray],
+    samples: int,
+    every: int | None,
+    shared: Sequence[np.ndarray] = (),
+) -> tuple[list[np.ndarray], int, int]:
+    """What a kernel is given: its inputs, how many runs, and how many rows of the log."""
     how = [np.asarray(samples), *([] if every is None else [np.asarray(every)])]
-    results = kernel.batch(
-        [*native.consts, *shared, *varied, *how],
-        runs=varied[0].shape[0],
-        rows=-(-samples // (every or 1)),
-        threads=threads,
-    )
+    return [*native.consts, *shared, *varied, *how], varied[0].shape[0], -(-samples // (every or 1))
+
+
+def _collected(native: NativeLoop, results: list[np.ndarray], every: int | None) -> tuple[Any, Any]:
     logged, left = _split(native, results)
     log = None if every is None else _unflattened(native.log, logged)
     ended = _unflattened(native.begun, jax.device_put(left))
@@ -163,6 +183,13 @@ class _Known:
 def _compiled_batch(known: _Known) -> tuple[NativeLoop, llvm.Kernel]:
     native = known.make()
     return native, llvm.compile(native.program, lanes=llvm.LANES)
+
+
+@functools.lru_cache(maxsize=64)
+def _compiled_for_card(known: _Known) -> tuple[NativeLoop, cuda.Kernel]:
+    """The program in the very operations that the processor gets, all of them exactly rounded, so in the same bits."""
+    native = known.make()
+    return native, cuda.compile(lowered_and_fused(native.program))
 
 
 @functools.lru_cache(maxsize=64)

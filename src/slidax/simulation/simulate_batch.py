@@ -18,7 +18,7 @@ from slidax.trajectories import AbstractTrajectory
 
 from . import native_engine
 from .define import define_loop, windows_of
-from .engine import engine_for, say_xla_instead
+from .engine import engine_for_batch, say_xla_instead
 from .loop import Loop
 from .mujoco_plant import MujocoPlant
 from .plant import Plant
@@ -52,21 +52,24 @@ def simulate_batch(
     - `define`: from what varies, for one run, to `(plant, controller, trajectory, state0)`; pure, and traced by JAX,
       so that its numbers are not checked: `run.outcomes` says what went wrong.
     - `varied`: a pytree of arrays with the run as their first axis.
-    - `t1`, `stepping`, `bands`, `changes`: as in `simulate`, the same for all; the engine "xla" is `jax.vmap`.
+    - `t1`, `stepping`, `bands`, `changes`: as in `simulate`, the same for all; the engine "xla" is `jax.vmap`, and
+      "cuda" an NVIDIA card, each run in a thread of its own.
     - `log_every`: log one in so many samples; None logs none. `run.log.valid` marks what is good.
     - `threads`: of the native engine; None: as many as there are cores.
 
-    Raises DefinitionError if the parts do not fit each other, or the arrays have not one first axis.
+    Raises DefinitionError if the parts do not fit each other, the arrays have not one first axis, or the engine is
+    "cuda" and CuPy or a card is missing.
     """
     varied = jax.tree.map(jnp.asarray, varied)
     _require_one_length(varied)
     task = Task(define, float(t1), Stepping.of(stepping, changes), log_every, tuple(bands))
     engine = task.stepping.engine
-    if not is_traced(varied) and engine_for(engine) == "native":
+    on = "xla" if is_traced(varied) else engine_for_batch(engine)
+    if on != "xla":
         try:
-            return _natively(task, varied, threads)
+            return _natively(task, varied, threads, on)
         except NoNativeCodeError as error:
-            if engine == "native":
+            if engine == on:
                 raise
             say_xla_instead(f"there is {error.message}")
     many = jax.vmap(task.simulated)
@@ -100,11 +103,11 @@ class Task:
         return loop, state0, samples, (plant.robot.joint_units, plant.robot.joint_names)
 
 
-def _natively(task: Task, varied: Any, threads: int | None) -> Run:
+def _natively(task: Task, varied: Any, threads: int | None, on: native_engine.OurOwn) -> Run:
     one = jax.tree.map(lambda x: jax.ShapeDtypeStruct(x.shape[1:], x.dtype), varied)
     *_, samples, (units, names) = eqx.filter_eval_shape(task.loop, one)
     (carry, envelope, *_), log = native_engine.drive_batch(
-        task, lambda given: task.loop(given)[:2], one, varied, samples, task.log_every, threads
+        task, lambda given: task.loop(given)[:2], one, varied, samples, task.log_every, threads, on
     )
     runs = jax.tree.leaves(varied)[0].shape[0]
     step = task.stepping.period

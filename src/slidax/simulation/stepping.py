@@ -51,7 +51,8 @@ class Stepping(AbstractPart):
         static=True,
     )
     engine: Engine = piece(
-        'what computes: "native" is machine code of our own, "xla" the reference; "auto" takes the first where it can',
+        'what computes: "native" is machine code of our own, "xla" the reference; "auto" takes the first where it can; '
+        '"cuda" is the same code on an NVIDIA card, for batches',
         default="auto",
         static=True,
     )

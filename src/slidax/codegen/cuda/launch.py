@@ -17,6 +17,9 @@ from .kernel import NAME, kernel
 THREADS = 128
 """Of a block: few, as a law fills many registers."""
 
+OPTIONS = ("--std=c++17", "--fmad=false")
+"""Products and sums are fused where the program says so and nowhere else, as on the processor."""
+
 
 class Kernel:
     """A program compiled for the card.
@@ -32,7 +35,7 @@ class Kernel:
         self.real = real
         self.text = kernel(program, real=real)
         self._cupy = _cupy()
-        self._run: Any = self._cupy.RawModule(code=self.text, options=("--std=c++17",)).get_function(NAME)
+        self._run: Any = self._cupy.RawModule(code=self.text, options=OPTIONS).get_function(NAME)
 
     def batch(self, inputs: Sequence[Any], runs: int, rows: int = 0) -> Arrays:
         """Many runs; returns their outputs, with a first axis for the runs.
@@ -67,10 +70,15 @@ def compile(program: Program, real: Real = "double") -> Kernel:
 def available() -> bool:
     """Whether there is CuPy, and a card."""
     try:
-        _cupy()
+        require_card()
     except DefinitionError:
         return False
     return True
+
+
+def require_card() -> None:
+    """Raises DefinitionError, which says what to install, unless there is CuPy, and a card."""
+    _cupy()
 
 
 def _cupy() -> Any:

@@ -1,0 +1,81 @@
+"""How much better one scheme is than another on the same cases, in a number such as the steady error."""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy import stats
+
+from slidax._errors import DefinitionError, shown
+
+from .interval import Interval, require_confidence
+
+RESAMPLES = 9999
+"""Of the bootstrap."""
+
+
+@dataclass(frozen=True)
+class PairedDifference:
+    """The difference of two on the same cases.
+
+    - `pairs`: in how many cases both have a number.
+    - `mean`, `median`: of the differences; None without pairs.
+    - `of_mean`: an interval by the bootstrap (BCa); None for fewer than two pairs.
+    - `of_median`: an interval that holds for every distribution, from the order of the differences; likewise.
+    - `p_value`: of Wilcoxon's signed-rank test that the differences are symmetric about 0; likewise.
+    """
+
+    pairs: int
+    mean: float | None
+    median: float | None
+    of_mean: Interval | None
+    of_median: Interval | None
+    p_value: float | None
+
+    @property
+    def significant(self) -> bool:
+        """Whether no difference of the means is out of the question."""
+        return self.of_mean is not None and 0.0 not in self.of_mean
+
+
+def paired_difference(one: Any, other: Any, confidence: float = 0.95, *, seed: int = 0) -> PairedDifference:
+    """`one - other`, case by case; cases in which one of them has no finite number are left out.
+
+    - `one`, `other`: a number for each case [cases].
+    - `confidence`: of the intervals.
+    - `seed`: of the bootstrap.
+
+    Raises DefinitionError if they have not the same cases, or the confidence is no share.
+    """
+    require_confidence(confidence)
+    one, other = np.asarray(one, float), np.asarray(other, float)
+    if one.shape != other.shape or one.ndim != 1:
+        raise DefinitionError(f"both need one number for each case; got shapes {shown(one.shape)}, {shown(other.shape)}")
+    known = np.isfinite(one) & np.isfinite(other)
+    d = one[known] - other[known]
+    if d.size == 0:
+        return PairedDifference(0, None, None, None, None, None)
+    mean, median = float(d.mean()), float(np.median(d))
+    if d.size == 1:
+        return PairedDifference(1, mean, median, None, None, None)
+    p_value = 1.0 if not d.any() else float(stats.wilcoxon(d).pvalue)
+    return PairedDifference(d.size, mean, median, _of_mean(d, confidence, seed), _of_median(d, confidence), p_value)
+
+
+def _of_mean(d: np.ndarray, confidence: float, seed: int) -> Interval:
+    """Bias-corrected and accelerated (B. Efron, JASA 82, 1987)."""
+    if np.all(d == d[0]):
+        return Interval(float(d[0]), float(d[0]), confidence)
+    with warnings.catch_warnings(action="ignore"):
+        found = stats.bootstrap(
+            (d,), np.mean, n_resamples=RESAMPLES, batch=200, confidence_level=confidence, rng=np.random.default_rng(seed)
+        ).confidence_interval
+    return Interval(float(found.low), float(found.high), confidence)
+
+
+def _of_median(d: np.ndarray, confidence: float) -> Interval | None:
+    found = stats.quantile_test(d, p=0.5).confidence_interval(confidence)
+    return Interval(float(found.low), float(found.high), confidence) if np.isfinite([*found]).all() else None
