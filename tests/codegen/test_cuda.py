@@ -18,6 +18,7 @@ from .random_programs import RandomProgram, random_arrays
 GOLDEN = Path(__file__).parent / "golden" / "pendulum.cu"
 RUNS, STEPS = 5, 40
 
+
 def pendulum():
     """A damped pendulum by Euler's rule: a log of every fourth sample, and the end."""
     b = Builder()

@@ -41,7 +41,8 @@ def assert_equal(one, other):
 @needs_gxx
 def test_a_batch_on_a_card_has_the_very_bits_of_the_native_engine(card):
     card_s, processor_s = (
-        simulate_batch(shifted, VARIED, t1=0.1, period=1e-3, log_every=20, engine=engine) for engine in ("cuda", "native")
+        simulate_batch(shifted, VARIED, t1=0.1, period=1e-3, log_every=20, engine=engine)
+        for engine in ("cuda", "native")
     )
     assert len(card) == 1
     assert_equal(card_s, processor_s)
@@ -91,6 +92,7 @@ def test_on_a_card_the_bits_are_those_of_the_native_engine():
     if not cuda.available():
         pytest.skip("CuPy or a card is missing")
     on_card, on_processor = (
-        simulate_batch(shifted, VARIED, t1=0.1, period=1e-3, log_every=20, engine=engine) for engine in ("cuda", "native")
+        simulate_batch(shifted, VARIED, t1=0.1, period=1e-3, log_every=20, engine=engine)
+        for engine in ("cuda", "native")
     )
     assert_equal(on_card, on_processor)

@@ -153,7 +153,7 @@ class ScenarioDescription(AbstractDescription):
     """How time passes."""
 
     truth: dict[str, Any] = Field(default={})
-    """What is otherwise than the rest of the file says, by path, and the law does not know, as in one case of a study."""
+    """What is otherwise than the rest of the file says, by path, unknown to the law, as in one case of a study."""
     uncertainty: Uncertainty = Field(default={})
     """What is not known: a set of values by path. Studies draw from it; one run takes the file's own numbers."""
 

@@ -131,9 +131,10 @@ class Family:
         - `template`: of one case.
         - `values`: some of each path, with the row first.
         """
-        known = jax.tree.structure((self.parts(template, {}),))
+        known: Any = jax.tree.structure((self.parts(template, {}),))
         found = {}
         for path, some in values.items():
+
             def probe(value: Any, path: str = path) -> Any:
                 made = jax.tree.structure((self.parts(template, {path: value}),))
                 if made != known:
@@ -215,16 +216,10 @@ def _leaf(own: ScenarioDescription, path: str, one: AbstractSet, joints: int) ->
         data = own.model_dump(exclude_unset=True, exclude={"truth", "uncertainty"})
         example = one.example
         there = leaf_of(validated(data, {path: example}) if example is not None else own, path, joints)
-        leaf = Leaf(path, None, joints, there.per_joint, there.integer, there.unit, there.ends, there.envelope)
-        if np.ndim(example):
-            leaf = Leaf(path, np.asarray(example, float), *_rest(leaf))
+        leaf = replace(there, own=np.asarray(example, float) if np.ndim(example) else None)
     if isinstance(one, Inside):
-        leaf = Leaf(path, leaf.own, *_rest(leaf)[:-1], envelope=lambda: _start_of(own))
+        leaf = replace(leaf, envelope=lambda: _start_of(own))
     return leaf
-
-
-def _rest(leaf: Leaf) -> tuple[Any, ...]:
-    return leaf.joints, leaf.per_joint, leaf.integer, leaf.unit, leaf.ends, leaf.envelope
 
 
 def _joints(base: ScenarioDescription) -> int:

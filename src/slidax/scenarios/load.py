@@ -46,7 +46,18 @@ def altered(scenario: Scenario, changes: dict[str, Any]) -> Scenario:
 
     Raises DefinitionError if something is invalid then.
     """
-    return validated(scenario.description.model_dump(exclude_unset=True), changes).build(scenario.name)
+    return altered_description(scenario.description, changes).build(scenario.name)
+
+
+def altered_description(description: ScenarioDescription, changes: dict[str, Any]) -> ScenarioDescription:
+    """The same description with other values.
+
+    - `description`: what a scenario file says.
+    - `changes`: values by dotted path, as in `load`.
+
+    Raises DefinitionError if something is invalid then.
+    """
+    return validated(description.model_dump(exclude_unset=True), changes)
 
 
 def described(scenario: str | Path) -> ScenarioDescription:

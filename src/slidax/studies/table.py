@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from slidax.metrics import metrics_of
+from slidax.metrics import METRICS, metrics_of
 from slidax.simulation import Run
 
 Columns: TypeAlias = dict[str, NDArray[Any]]
@@ -16,6 +16,19 @@ Columns: TypeAlias = dict[str, NDArray[Any]]
 
 OUTCOMES = ("ok", "left_envelope", "not_finite", "recovered")
 """What the number in the column `outcome` stands for."""
+
+COLUMNS = {
+    "row": "number of the case",
+    "outcome": f"place in {', '.join(OUTCOMES)}",
+    "t": "when it ended badly or left its envelope [s]",
+    "joint": "which joint did, from 1; that with the least margin in a run that is ok",
+    "margin": "least distance to the nearer bound over the envelope's width; negative if it was outside",
+    **{
+        one.key: f"{one.title}, of the worst joint [{one.unit.format(position='rad or m', torque='N m or N')}]"
+        for one in METRICS
+    },
+}
+"""What the columns of a table mean."""
 
 
 def columns_of(run: Run) -> Columns:
@@ -91,3 +104,12 @@ def joined(parts: Sequence[tuple[NDArray[Any], Columns]], rows: int) -> Columns:
                 array[where] = columns[name]
         whole[name] = array
     return whole
+
+
+def concatenated(parts: Mapping[int, Columns]) -> Columns:
+    """Chunks of rows as one table in the order of the rows.
+
+    - `parts`: by the number of their first row.
+    """
+    ordered = [parts[first] for first in sorted(parts)]
+    return {name: np.concatenate([columns[name] for columns in ordered]) for name in ordered[0]} if ordered else {}

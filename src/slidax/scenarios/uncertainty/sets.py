@@ -153,8 +153,9 @@ class Choice(AbstractSet):
         values = np.stack([np.broadcast_to(one, shape) for one in fitting])
         if leaf.integer and (values != np.round(values)).any():
             raise DefinitionError(f"needs whole numbers; got {shown(self.choice)}")
-        picked = np.take_along_axis(values[None], which.reshape(len(cube), 1, *u.shape[1:]), axis=1)[:, 0]
-        return picked.astype(int) if leaf.integer else picked
+        picked: Array = np.take_along_axis(values[None], which.reshape(len(cube), 1, *u.shape[1:]), axis=1)[:, 0]
+        whole: Array = picked.astype(int) if leaf.integer else picked
+        return whole
 
     def _weights(self, count: int) -> Array:
         weights = np.ones(count) if self.weights is None else np.asarray(self.weights, float)

@@ -39,9 +39,7 @@ class Space:
     @property
     def coordinates(self) -> list[str]:
         """What each coordinate of the unit cube is called."""
-        return [
-            path if width == 1 else f"{path}[{k}]" for path, width in self.widths.items() for k in range(width)
-        ]
+        return [path if width == 1 else f"{path}[{k}]" for path, width in self.widths.items() for k in range(width)]
 
     def values(self, cube: Array) -> dict[str, Array]:
         """The values at points of the unit cube, by path, with the point as their first axis.

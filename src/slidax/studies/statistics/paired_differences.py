@@ -53,7 +53,9 @@ def paired_difference(one: Any, other: Any, confidence: float = 0.95, *, seed: i
     require_confidence(confidence)
     one, other = np.asarray(one, float), np.asarray(other, float)
     if one.shape != other.shape or one.ndim != 1:
-        raise DefinitionError(f"both need one number for each case; got shapes {shown(one.shape)}, {shown(other.shape)}")
+        raise DefinitionError(
+            f"both need one number for each case; got shapes {shown(one.shape)}, {shown(other.shape)}"
+        )
     known = np.isfinite(one) & np.isfinite(other)
     d = one[known] - other[known]
     if d.size == 0:
@@ -71,7 +73,12 @@ def _of_mean(d: np.ndarray, confidence: float, seed: int) -> Interval:
         return Interval(float(d[0]), float(d[0]), confidence)
     with warnings.catch_warnings(action="ignore"):
         found = stats.bootstrap(
-            (d,), np.mean, n_resamples=RESAMPLES, batch=200, confidence_level=confidence, rng=np.random.default_rng(seed)
+            (d,),
+            np.mean,
+            n_resamples=RESAMPLES,
+            batch=200,
+            confidence_level=confidence,
+            rng=np.random.default_rng(seed),
         ).confidence_interval
     return Interval(float(found.low), float(found.high), confidence)
 

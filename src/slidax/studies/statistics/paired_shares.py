@@ -49,7 +49,9 @@ def paired_shares(one: Any, other: Any, confidence: float = 0.95) -> PairedShare
     require_confidence(confidence)
     one, other = np.asarray(one, bool), np.asarray(other, bool)
     if one.shape != other.shape or one.ndim != 1:
-        raise DefinitionError(f"both need one answer for each case; got shapes {shown(one.shape)}, {shown(other.shape)}")
+        raise DefinitionError(
+            f"both need one answer for each case; got shapes {shown(one.shape)}, {shown(other.shape)}"
+        )
     n, b, c = one.size, int(np.sum(one & ~other)), int(np.sum(other & ~one))
     if n == 0:
         return PairedShares(0, 0, 0, 0.0, None, 1.0)

@@ -30,8 +30,8 @@ def confidence_sequence(failures: int, runs: int, confidence: float = 0.95) -> I
     is a martingale with mean 1 if p is the rate, so that by Ville's inequality it ever reaches 1/α with a probability
     of α at most; the interval is `{p: Mₙ(p) < 1/α}` (the mixture method: H. Robbins, Ann. Math. Statist. 41, 1970).
     The weight w = 1/2 on p = 0 makes it sharp where nothing fails: its upper end is then that of `clopper_pearson`
-    at the same n and confidence, whose two tails cost the same factor of two. After failures it is the wider one: at 99 % and
-    n = 1000 the upper end is 1.5 times as high with one to three of them, 1.26 times with 30, and 1.05 with 500.
+    at the same n and confidence, whose two tails cost the same factor of two. After failures it is the wider one: at
+    99 % and n = 1000 the upper end is 1.5 times as high with one to three of them, 1.26 times with 30, and 1.05 with 500.
 
     - `failures`: k, up to now.
     - `runs`: n, up to now; of none nothing is known, [0, 1].
@@ -65,4 +65,3 @@ def log_evidence(failures: Any, runs: Any, p: Any) -> np.ndarray:
     beta = math.log1p(-NEVER) + betaln(k + SHAPE, n - k + SHAPE) - betaln(SHAPE, SHAPE)
     mixture = np.logaddexp(beta, np.where(k == 0, math.log(NEVER), -np.inf))
     return np.asarray(mixture - xlogy(k, p) - xlog1py(n - k, -np.asarray(p, float)))
-

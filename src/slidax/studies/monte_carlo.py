@@ -1,0 +1,262 @@
+"""How likely it is that a scenario keeps what it promises."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import Field
+
+from slidax.scenarios.base import AbstractDescription, said
+from slidax.scenarios.family import Family
+
+from .cases import Values
+from .points import points
+from .predicate import ENVELOPE, Predicate
+from .statistics import Interval, clopper_pearson, confidence_sequence
+from .study import AbstractStudy, How
+from .table import OUTCOMES, Columns, concatenated
+
+
+class UntilDescription(AbstractDescription):
+    """When to stop before all runs are done."""
+
+    probability: float = said("that is to be shown: at least so many of all cases hold", "", "(0, 1)")
+    failures: Annotated[int, Field(ge=1)] = 1
+    """Stop at so many failures."""
+
+
+class MonteCarlo(AbstractStudy):
+    """Runs cases that are drawn by their distribution, and counts how often something holds."""
+
+    study: Literal["monte_carlo"]
+    runs: int = said("how many; at most, with `until`", "", "[1, 1e9]")
+    holds: tuple[str, ...] = (ENVELOPE,)
+    """What is counted: `envelope`, or a metric, a sign and a number, such as `steady_error < 1e-3`. The first one is
+    what `until` is about."""
+    confidence: float = said("of the intervals", "", "(0, 1)", default=0.99)
+    until: UntilDescription | None = None
+    """Stops as soon as the first of `holds` is shown, or fails too often, by an interval that holds at any time."""
+
+    def run(self, how: How) -> MonteCarloResult:
+        """The rates with their intervals.
+
+        - `how`: where, and what is told on the way.
+        """
+        predicates = [Predicate(text) for text in self.holds]
+        self.require(bool(predicates), "holds", "must have an entry, such as `envelope`")
+        family = self.family()
+        self.require(
+            bool(family.space.sets),
+            "uncertainty",
+            "is empty, so that all runs would be the same; write what is not known, such as "
+            "`robot.plant.load.mass: {between: [0, 3]}`",
+        )
+        runner = self.runner(family, how)
+        how.begin(self.runs)
+        parts: dict[int, Columns] = {}
+        counted = Counted(self.until, self.confidence)
+        for first, columns in runner.stream(self._chunks(family, runner.chunk)):
+            parts[first] = columns
+            if counted.enough(parts, predicates[0]):
+                break
+        table = concatenated(parts)
+        if self.until is not None:
+            table = {name: values[: counted.runs] for name, values in table.items()}
+        path = None if runner.store is None else runner.store.finish(counted.stored(parts))
+        rates = tuple(self._rate(one, table) for one in predicates)
+        return MonteCarloResult(
+            self, family, table, rates, counted.ended(self.runs), path, runner.computed, runner.seconds
+        )
+
+    def values(self, family: Family, first: int, rows: int) -> Values:
+        """The values of some rows.
+
+        - `family`: of scenarios.
+        - `first`: number of the first row.
+        - `rows`: how many.
+        """
+        return family.space.values(points(self.seed, first, rows, family.space.dimensions))
+
+    def _chunks(self, family: Family, chunk: int) -> Iterator[tuple[int, Values]]:
+        for first in range(0, self.runs, chunk):
+            yield first, self.values(family, first, min(chunk, self.runs - first))
+
+    def _rate(self, predicate: Predicate, table: Columns) -> Rate:
+        held = predicate.holds(table)
+        failures, runs = int((~held).sum()), len(held)
+        if self.until is None:
+            return Rate(predicate.text, runs, failures, clopper_pearson(failures, runs, self.confidence), False)
+        return Rate(predicate.text, runs, failures, confidence_sequence(failures, runs, self.confidence), True)
+
+
+@dataclass(frozen=True)
+class Rate:
+    """How often something failed.
+
+    - `holds`: what was asked for.
+    - `runs`, `failures`: how many.
+    - `failing`: interval of the rate of failures.
+    - `anytime`: whether it is a confidence sequence, which holds whenever one stops, or that of Clopper and Pearson.
+    """
+
+    holds: str
+    runs: int
+    failures: int
+    failing: Interval
+    anytime: bool
+
+    @property
+    def holding(self) -> Interval:
+        """Interval of the probability that it holds."""
+        one = self.failing
+        return Interval(1.0 - one.upper, 1.0 - one.lower, one.confidence)
+
+
+class Counted:
+    """Looks at the rows in order, and says when there are enough.
+
+    - `until`: when that is; None: never.
+    - `confidence`: of the sequence.
+    """
+
+    def __init__(self, until: UntilDescription | None, confidence: float) -> None:
+        self.until = until
+        self.confidence = confidence
+        self.runs = 0
+        self._failures = 0
+        self._shown = False
+
+    def enough(self, parts: dict[int, Columns], predicate: Predicate) -> bool:
+        """Whether to stop; it looks at the rows that have none missing before them, one after the other.
+
+        - `parts`: the rows that are done, by the number of the first.
+        - `predicate`: what is counted.
+        """
+        if self.until is None:
+            return False
+        while (part := next((p for f, p in parts.items() if f <= self.runs < f + len(p["row"])), None)) is not None:
+            held = predicate.holds(part)[self.runs - int(part["row"][0]) :]
+            for one in held.tolist():
+                self.runs += 1
+                self._failures += not one
+                if self._failures >= self.until.failures:
+                    return True
+                if one and self._is_shown():
+                    self._shown = True
+                    return True
+        return False
+
+    def _is_shown(self) -> bool:
+        if self.until is None:
+            return False
+        # So few runs cannot show it, whatever they are: the search for the interval is spared.
+        if self.runs * (1.0 - self.until.probability) < 1.0:
+            return False
+        return 1.0 - confidence_sequence(self._failures, self.runs, self.confidence).upper >= self.until.probability
+
+    def stored(self, parts: dict[int, Columns]) -> int:
+        """How many rows there are without one missing before them.
+
+        - `parts`: the rows that are done.
+        """
+        count = 0
+        while count in parts:
+            count += len(parts[count]["row"])
+        return count
+
+    def ended(self, runs: int) -> str:
+        """Why it ended.
+
+        - `runs`: how many there were to be.
+        """
+        if self.until is None:
+            return f"all {runs} runs are done"
+        if self._shown:
+            return f"shown after {self.runs} runs"
+        if self._failures >= self.until.failures:
+            return f"stopped at failure {self._failures}, in run {self.runs}"
+        return f"not decided by all {runs} runs"
+
+
+@dataclass(frozen=True)
+class MonteCarloResult:
+    """What a Monte Carlo study found.
+
+    - `study`, `family`: what was asked.
+    - `table`: the rows.
+    - `rates`: of each predicate.
+    - `ended`: why it did.
+    - `path`: of the table; None if it was not kept.
+    - `computed`, `seconds`: rows that were not stored before, and the time that they took.
+    """
+
+    study: MonteCarlo
+    family: Family
+    table: Columns
+    rates: tuple[Rate, ...]
+    ended: str
+    path: Any
+    computed: int
+    seconds: float
+
+    @property
+    def runs(self) -> int:
+        """How many there were."""
+        return self.rates[0].runs
+
+    @property
+    def worst(self) -> int:
+        """The row with the least margin; that with the largest steady error where there is no envelope."""
+        margin = self.table["margin"]
+        if np.isnan(margin).all():
+            return int(np.nanargmax(self.table["steady_error"]))
+        return int(np.nanargmin(margin))
+
+    @property
+    def causes(self) -> list[tuple[str, int, int]]:
+        """How runs failed: outcome, joint, and how many, the most common first."""
+        return causes_of(self.table)
+
+    def as_json(self) -> dict[str, Any]:
+        """The result for a program."""
+        first = self.rates[0]
+        margin = float(self.table["margin"][self.worst])
+        return {
+            "kind": "monte_carlo",
+            "runs": first.runs,
+            "failures": first.failures,
+            "probability": {
+                "lower": first.holding.lower,
+                "upper": first.holding.upper,
+                "confidence": first.holding.confidence,
+                "anytime": first.anytime,
+            },
+            "ended": self.ended,
+            "holds": [
+                {
+                    "holds": one.holds,
+                    "failures": one.failures,
+                    "lower": one.holding.lower,
+                    "upper": one.holding.upper,
+                }
+                for one in self.rates
+            ],
+            "causes": [{"outcome": kind, "joint": joint, "runs": count} for kind, joint, count in self.causes],
+            "worst": {"row": self.worst, "margin": margin if np.isfinite(margin) else None},
+        }
+
+
+def causes_of(table: Columns) -> list[tuple[str, int, int]]:
+    """How runs failed: outcome, joint, and how many, the most common first.
+
+    - `table`: the rows.
+    """
+    bad = table["outcome"] > 0
+    kinds, counts = np.unique(
+        np.stack([table["outcome"][bad], table["joint"][bad]], axis=1).astype(int), axis=0, return_counts=True
+    )
+    found = [(OUTCOMES[kind], int(joint), int(n)) for (kind, joint), n in zip(kinds.tolist(), counts, strict=True)]
+    return sorted(found, key=lambda one: -one[2])

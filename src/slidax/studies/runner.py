@@ -1,0 +1,144 @@
+"""Runs the rows of a study chunk by chunk: from what is stored, here, or on a cluster."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+
+from slidax._errors import DefinitionError
+
+from .cases import Values
+from .store import Store
+from .table import Columns
+from .task import Task, flat
+
+SAMPLES = 4_000_000
+"""About how many samples a chunk has: some seconds, so that little is lost and the bar moves."""
+
+LEAST, MOST = 64, 8192
+"""Rows of a chunk."""
+
+
+class Pool(Protocol):
+    """Where chunks are computed."""
+
+    def each(self, task: Task, chunks: Iterator[tuple[int, Values]]) -> Iterator[tuple[int, Values, Columns]]:
+        """The rows of each chunk, as they become ready.
+
+        - `task`: what they are of.
+        - `chunks`: number of the first row, and values.
+        """
+
+
+class Here:
+    """In this process.
+
+    - `threads`: of the native engine; None: as many as there are cores.
+    """
+
+    def __init__(self, threads: int | None = None) -> None:
+        self.threads = threads
+
+    def each(self, task: Task, chunks: Iterator[tuple[int, Values]]) -> Iterator[tuple[int, Values, Columns]]:
+        """The rows of each chunk, in order.
+
+        - `task`: what they are of.
+        - `chunks`: number of the first row, and values.
+        """
+        for first, values in chunks:
+            yield first, values, task.run(values, self.threads)
+
+
+@dataclass
+class Runner:
+    """Turns values into rows, each row once.
+
+    - `task`: what the rows are of.
+    - `chunk`: rows that are computed, and kept, together.
+    - `store`: where they are kept; None keeps them in memory alone.
+    - `pool`: where they are computed.
+    - `seen`: called with the number of rows that are new, after each chunk.
+    """
+
+    task: Task
+    chunk: int
+    store: Store | None = None
+    pool: Pool = field(default_factory=Here)
+    seen: Callable[[int], None] = lambda rows: None
+    computed: int = 0
+    seconds: float = 0.0
+
+    @staticmethod
+    def rows_of_chunk(samples: int) -> int:
+        """How many rows a chunk has: a power of two.
+
+        - `samples`: of one run.
+        """
+        return int(np.clip(2 ** round(np.log2(max(SAMPLES / max(samples, 1), 1.0))), LEAST, MOST))
+
+    def rows(self, first: int, values: Values) -> Columns:
+        """The rows of some values: the values as columns, and outcome and metrics.
+
+        - `first`: number of the first row.
+        - `values`: by path, with the row first.
+
+        Raises DefinitionError if rows are stored whose values are others.
+        """
+        total = len(next(iter(values.values())))
+        chunks = [
+            (first + k, {path: array[k : k + self.chunk] for path, array in values.items()})
+            for k in range(0, total, self.chunk)
+        ]
+        found: dict[int, Columns] = {}
+        for start, columns in self.stream(iter(chunks)):
+            found[start] = columns
+        ordered = [found[start] for start, _ in chunks]
+        return {name: np.concatenate([columns[name] for columns in ordered]) for name in ordered[0]}
+
+    def stream(self, chunks: Iterator[tuple[int, Values]]) -> Iterator[tuple[int, Columns]]:
+        """The rows of each chunk, as they become ready; those that are stored come as they are asked for.
+
+        - `chunks`: number of the first row, and values.
+
+        Raises DefinitionError if rows are stored whose values are others.
+        """
+        stored: list[tuple[int, Columns]] = []
+
+        def missing() -> Iterator[tuple[int, Values]]:
+            for first, values in chunks:
+                known = None if self.store is None else self.store.read(first, len(next(iter(values.values()))))
+                if known is None:
+                    yield first, values
+                    continue
+                _require_same(first, flat(values), known)
+                stored.append((first, known))
+
+        started = time.perf_counter()
+        for first, values, outcome in self.pool.each(self.task, missing()):
+            columns = {"row": np.arange(first, first + len(outcome["outcome"])), **flat(values), **outcome}
+            if self.store is not None:
+                self.store.write(first, columns)
+            self.computed += len(columns["row"])
+            self.seconds = time.perf_counter() - started
+            yield from self._told(stored)
+            self.seen(len(columns["row"]))
+            yield first, columns
+        yield from self._told(stored)
+
+    def _told(self, stored: list[tuple[int, Columns]]) -> Iterator[tuple[int, Columns]]:
+        while stored:
+            first, columns = stored.pop(0)
+            self.seen(len(columns["row"]))
+            yield first, columns
+
+
+def _require_same(first: int, values: Columns, stored: Columns) -> None:
+    for name, array in values.items():
+        if name not in stored or not np.array_equal(stored[name], array):
+            raise DefinitionError(
+                f"row {first} is stored with another `{name}`: the rows are of another study; write to another folder"
+            )

@@ -1,0 +1,123 @@
+"""What every study has: a scenario, what is uncertain of it, and a seed."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import Field
+
+from slidax._errors import DefinitionError, located
+from slidax.scenarios.base import AbstractDescription
+from slidax.scenarios.description import ScenarioDescription
+from slidax.scenarios.family import Family
+from slidax.scenarios.load import altered_description, described
+from slidax.scenarios.uncertainty import AbstractSet
+from slidax.scenarios.uncertainty.mapping import Uncertainty
+
+from .runner import Here, Pool, Runner
+from .store import Store
+from .table import COLUMNS
+from .task import Task
+
+Seen = Callable[[int], None]
+
+
+@dataclass
+class How:
+    """How a study is run.
+
+    - `out`: folder of its rows; None keeps them in memory.
+    - `resume`: whether to go on with rows that are there.
+    - `pool`: where rows are computed.
+    - `begin`: called with the number of rows there will be at most, and what one costs [samples].
+    - `seen`: called with the number of new rows.
+    - `made_by`: software and machine, for the folder.
+    """
+
+    out: Path | None = None
+    resume: bool = False
+    pool: Pool = field(default_factory=Here)
+    begin: Callable[[int], None] = lambda rows: None
+    seen: Seen = lambda rows: None
+    made_by: dict[str, Any] = field(default_factory=dict)
+
+
+class AbstractStudy(AbstractDescription):
+    """What every study is."""
+
+    study: Any
+    title: str = ""
+    """One line for a person."""
+    scenario: str
+    """Name of a built-in scenario, or path of a file, from the folder of the study."""
+    changes: dict[str, Any] = Field(default={})
+    """Values of the scenario by path, as `--set` has them."""
+    uncertainty: Uncertainty = Field(default={})
+    """Sets by path, on top of those of the scenario."""
+    seed: Annotated[int, Field(ge=0, lt=2**63)] = 0
+    """Another seed draws other cases."""
+    engine: Literal["auto", "native", "xla", "cuda"] | None = None
+    """What computes; the scenario's own if not given."""
+
+    @abstractmethod
+    def run(self, how: How) -> Any:
+        """Runs it.
+
+        - `how`: where, and what is told on the way.
+        """
+
+    def described(self) -> ScenarioDescription:
+        """The scenario with its changes."""
+        with located("scenario"):
+            base = described(self.scenario)
+        if not self.changes:
+            return base
+        with located("changes"):
+            return altered_description(base, self.changes)
+
+    def sets(self, base: ScenarioDescription) -> dict[str, AbstractSet]:
+        """All that is uncertain.
+
+        - `base`: the scenario.
+        """
+        return {**base.uncertainty, **self.uncertainty}
+
+    def family(self, varied: dict[str, AbstractSet] | None = None) -> Family:
+        """The scenarios that it is about.
+
+        - `varied`: sets of what the law is told, too.
+
+        Raises DefinitionError, with the path, if a set is empty, or a value out of its range.
+        """
+        base = self.described()
+        return Family.of(base, self.sets(base), varied or {})
+
+    def runner(self, family: Family, how: How) -> Runner:
+        """What runs the rows.
+
+        - `family`: of scenarios.
+        - `how`: as in `run`.
+        """
+        task = Task.of(family, self.engine)
+        simulation = family.base.simulation
+        chunk = Runner.rows_of_chunk(round(simulation.t1 / simulation.period))
+        store = None
+        if how.out is not None:
+            said = self.model_dump(mode="json", exclude_unset=True, exclude={"scenario", "changes", "uncertainty"})
+            identity = {**said, **task.said, "chunk": chunk, "made_by": how.made_by}
+            store = Store(how.out, identity, resume=how.resume, notes=COLUMNS)
+        return Runner(task, chunk, store, how.pool, how.seen)
+
+    def require(self, holds: bool, where: str, message: str) -> None:
+        """Raises DefinitionError at a field unless something holds.
+
+        - `holds`: whether it does.
+        - `where`: the field.
+        - `message`: what must hold, and what is given.
+        """
+        if not holds:
+            raise DefinitionError(message, where=where)

@@ -1,0 +1,99 @@
+"""What the rows of a study depend on, as text that another process can compute them from."""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import jax
+import numpy as np
+from pydantic import TypeAdapter
+
+from slidax.scenarios.family import Family
+from slidax.scenarios.load import validated
+from slidax.scenarios.uncertainty.mapping import Uncertainty
+
+from .cases import Cases, Values
+from .table import Columns
+
+
+@dataclass(frozen=True)
+class Task:
+    """A family of scenarios as text.
+
+    - `text`: JSON with the scenario's description, its sets, and the engine.
+    """
+
+    text: str
+
+    @classmethod
+    def of(cls, family: Family, engine: str | None = None) -> Task:
+        """The task of a family.
+
+        - `family`: the scenarios.
+        - `engine`: as in `simulate`; the scenario's own if None.
+        """
+        base = family.base.model_dump(mode="json", exclude_unset=True, exclude={"uncertainty"})
+        sets = [
+            {path: one.model_dump(mode="json", exclude_unset=True) for path, one in space.sets.items()}
+            for space in (family.uncertain, family.varied)
+        ]
+        said = {"scenario": base, "uncertain": sets[0], "varied": sets[1], "engine": engine}
+        return cls(json.dumps(said, sort_keys=False, ensure_ascii=False))
+
+    @property
+    def said(self) -> dict[str, Any]:
+        """What the text says."""
+        found: dict[str, Any] = json.loads(self.text)
+        return found
+
+    @property
+    def digest(self) -> str:
+        """A short name of all that the rows depend on, but for their values."""
+        return hashlib.sha256(self.text.encode()).hexdigest()[:16]
+
+    def cases(self, threads: int | None = None) -> Cases:
+        """What runs them; the same object for the same text, so that a process compiles once.
+
+        - `threads`: of the native engine.
+        """
+        return _cases(self.text, threads)
+
+    def run(self, values: Values, threads: int | None = None) -> Columns:
+        """Outcome and metrics of cases, wherever this is called.
+
+        - `values`: by path, with the case first.
+        - `threads`: of the native engine.
+        """
+        jax.config.update("jax_enable_x64", True)
+        return self.cases(threads).run(values)
+
+
+@functools.lru_cache(maxsize=8)
+def _cases(text: str, threads: int | None) -> Cases:
+    said = json.loads(text)
+    sets = TypeAdapter(Uncertainty)
+    family = Family.of(
+        validated(said["scenario"]), sets.validate_python(said["uncertain"]), sets.validate_python(said["varied"])
+    )
+    return Cases(family, said["engine"], threads)
+
+
+def flat(values: Mapping[str, Any]) -> Columns:
+    """Values as columns, one for each number: `robot.plant.coulomb[0]`.
+
+    - `values`: by path, with the case first.
+    """
+    columns: Columns = {}
+    for path, array in values.items():
+        given = np.asarray(array)
+        if given.ndim == 1:
+            columns[path] = given
+            continue
+        for place in np.ndindex(given.shape[1:]):
+            columns[f"{path}[{','.join(map(str, place))}]"] = given[(slice(None), *place)]
+    return columns
