@@ -23,6 +23,10 @@ LEAST, MOST = 64, 8192
 """Rows of a chunk."""
 
 
+def _unheard(rows: int) -> None:
+    pass
+
+
 class Pool(Protocol):
     """Where chunks are computed."""
 
@@ -68,7 +72,7 @@ class Runner:
     chunk: int
     store: Store | None = None
     pool: Pool = field(default_factory=Here)
-    seen: Callable[[int], None] = lambda rows: None
+    seen: Callable[[int], None] = _unheard
     computed: int = 0
     seconds: float = 0.0
 

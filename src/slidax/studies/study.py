@@ -26,6 +26,10 @@ from .task import Task
 Seen = Callable[[int], None]
 
 
+def _unheard(rows: int) -> None:
+    pass
+
+
 @dataclass
 class How:
     """How a study is run.
@@ -33,7 +37,7 @@ class How:
     - `out`: folder of its rows; None keeps them in memory.
     - `resume`: whether to go on with rows that are there.
     - `pool`: where rows are computed.
-    - `begin`: called with the number of rows there will be at most, and what one costs [samples].
+    - `begin`: called with the number of rows there will be at most.
     - `seen`: called with the number of new rows.
     - `made_by`: software and machine, for the folder.
     """
@@ -41,8 +45,8 @@ class How:
     out: Path | None = None
     resume: bool = False
     pool: Pool = field(default_factory=Here)
-    begin: Callable[[int], None] = lambda rows: None
-    seen: Seen = lambda rows: None
+    begin: Seen = _unheard
+    seen: Seen = _unheard
     made_by: dict[str, Any] = field(default_factory=dict)
 
 

@@ -31,7 +31,7 @@ class Leaf:
     - `integer`: whether it is a whole number.
     - `unit`: of one of its numbers.
     - `ends`: of its range, as far as they are numbers.
-    - `envelope`: at the start, lower and upper positions [n]; raises DefinitionError where there is none.
+    - `envelope`: at the start, gives lower and upper positions [n]; None where it is not asked for.
     """
 
     path: str
@@ -41,7 +41,7 @@ class Leaf:
     integer: bool = False
     unit: str = ""
     ends: tuple[float, float] = (-np.inf, np.inf)
-    envelope: Callable[[], tuple[Array, Array]] = field(default=lambda: (np.zeros(0), np.zeros(0)), compare=False)
+    envelope: Callable[[], tuple[Array, Array]] | None = field(default=None, compare=False)
 
     @property
     def shape(self) -> tuple[int, ...]:

@@ -186,7 +186,8 @@ class StandardError(AbstractSet):
         if not (np.isfinite(error) & (error >= 0)).all():
             raise DefinitionError(f"`standard_error` must be >= 0 and finite; got {shown(self.standard_error)}")
         reach = cut_normal(cube.reshape(len(cube), *own.shape), self.sigmas)
-        return np.clip(own + error * reach, *leaf.ends)
+        values: Array = np.clip(own + error * reach, *leaf.ends)
+        return values
 
 
 class Inside(AbstractSet):
@@ -199,6 +200,8 @@ class Inside(AbstractSet):
 
     def values(self, cube: Array, leaf: Leaf) -> Array:
         """Positions that are inside."""
+        if leaf.envelope is None:
+            raise DefinitionError("`inside` is for `start`")
         lower, upper = leaf.envelope()
         middle, half = 0.5 * (lower + upper), 0.5 * (upper - lower)
         return middle + self.share * half * (2.0 * self._spread(cube, leaf) - 1.0)
