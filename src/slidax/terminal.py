@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from slidax.reports import Rival
     from slidax.scenarios import Scenario
     from slidax.simulation import Run
+    from slidax.studies import AbstractResult, Section
 
 OUTSIDE = envelope_violations.title
 WIDTH = 9
@@ -150,3 +151,34 @@ def _cell(value: float | None, best: bool = False) -> Text:
 def _titled(title: str, units: list[str]) -> str:
     said = ", ".join(dict.fromkeys(unit for unit in units if unit))
     return f"{title} [{said}]" if said else title
+
+
+def print_study(found: AbstractResult) -> None:
+    """The answer of a study, and its tables.
+
+    - `found`: what was found.
+    """
+    console = Console(highlight=False)
+    console.print(Text(found.lead), soft_wrap=True)
+    for section in found.sections():
+        if section.head:
+            console.print()
+            console.print(Text(section.title, style="bold"))
+            if section.note:
+                console.print(Text(section.note), soft_wrap=True)
+            console.print(_section(section))
+
+
+def _section(section: Section) -> Table:
+    table = Table(box=None, pad_edge=False)
+    for k, name in enumerate(section.head):
+        table.add_column(name, justify="left" if k == 0 or not name else "right")
+    for row in section.rows:
+        table.add_row(*(Text(_written(cell)) for cell in row))
+    return table
+
+
+def _written(cell: str | float | int | None) -> str:
+    if cell is None:
+        return "–"
+    return f"{cell:.4g}" if isinstance(cell, float) else str(cell)

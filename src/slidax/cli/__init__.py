@@ -17,6 +17,7 @@ from .listing import list_, schema
 from .new import new
 from .reproduce import reproduce
 from .run import run
+from .study import study
 
 app = typer.Typer(
     name="slidax",
@@ -37,6 +38,7 @@ app.command(epilog="Example:  slidax compare example-4.1 --schemes cftsmppc,ftsm
 app.command(epilog="Example:  slidax excite panda --seed 1 --out motion.csv")(excite)
 app.command(epilog="Example:  slidax identify log.csv --robot panda --out arm.yaml --report report")(identify)
 app.command(epilog="Example:  slidax explain bad  (after  slidax run SCENARIO --out bad)")(explain)
+app.command(epilog="Example:  slidax study cases.yaml --out cases  (docs/studies.md has such files)")(study)
 app.command("list", epilog="Example:  slidax list scenarios")(list_)
 app.command(epilog="Example:  slidax schema > scenario.schema.json")(schema)
 export.command("c", epilog="Example:  slidax export c example-4.1-1khz --out law")(export_c)

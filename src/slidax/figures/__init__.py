@@ -9,7 +9,9 @@ from .compared_tip_paths import compared_tip_paths as compared_tip_paths
 from .compared_torques import compared_torques as compared_torques
 from .compared_velocity_errors import compared_velocity_errors as compared_velocity_errors
 from .error_sizes import error_sizes as error_sizes
+from .histograms import histograms as histograms
 from .identified_torques import identified_torques as identified_torques
+from .margin_over import margin_over as margin_over
 from .metric_bars import metric_bars as metric_bars
 from .performance import performance as performance
 from .style import STYLE as STYLE

@@ -15,4 +15,5 @@ from .run_report import write_run_report as write_run_report
 from .standings import Row as Row
 from .standings import results as results
 from .standings import standings as standings
+from .study_report import write_study_report as write_study_report
 from .tip_paths import tip_paths as tip_paths

@@ -16,10 +16,10 @@ from slidax.scenarios import Scenario, ScenarioDescription
 from slidax.scenarios.base import AbstractDescription
 
 
-def as_yaml(description: ScenarioDescription) -> str:
-    """The scenario with all its values, as YAML that can be run again.
+def as_yaml(description: AbstractDescription) -> str:
+    """A scenario or a study with all its values, as YAML that can be run again.
 
-    - `description`: a validated scenario.
+    - `description`: a validated one.
     """
     return _dumped(_shown(description))
 
@@ -79,4 +79,6 @@ def _shown(value: Any) -> Any:
     if isinstance(value, AbstractDescription):
         defaults = {name: field.default for name, field in type(value).model_fields.items()}
         return {name: _shown(part) for name, part in value if part is not None or defaults[name] is not None}
+    if isinstance(value, dict):
+        return {name: _shown(part) for name, part in value.items()}
     return [_shown(part) for part in value] if isinstance(value, list | tuple) else value

@@ -1,1 +1,16 @@
-"""Many runs: what could happen, the worst of it, and the gains that are best for all of it."""
+"""What could happen: many runs of a scenario whose numbers are not known, or are still to be chosen."""
+
+from .cases import Cases as Cases
+from .file import AnyStudy as AnyStudy
+from .file import read_study as read_study
+from .file import study_of as study_of
+from .monte_carlo import MonteCarlo as MonteCarlo
+from .monte_carlo import MonteCarloResult as MonteCarloResult
+from .predicate import Predicate as Predicate
+from .result import AbstractResult as AbstractResult
+from .result import Drawn as Drawn
+from .result import Section as Section
+from .runner import Here as Here
+from .store import read_rows as read_rows
+from .study import AbstractStudy as AbstractStudy
+from .study import How as How

@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Field
 
 from slidax.scenarios.base import AbstractDescription, said
+from slidax.scenarios.description import ScenarioDescription
 from slidax.scenarios.family import Family
 
 from .cases import Values
+from .overview import overview, share, why_it_failed
 from .points import points
 from .predicate import ENVELOPE, Predicate
+from .result import AbstractResult, Section
 from .statistics import Interval, clopper_pearson, confidence_sequence
 from .study import AbstractStudy, How
 from .table import OUTCOMES, Columns, concatenated
@@ -67,9 +70,11 @@ class MonteCarlo(AbstractStudy):
             table = {name: values[: counted.runs] for name, values in table.items()}
         path = None if runner.store is None else runner.store.finish(counted.stored(parts))
         rates = tuple(self._rate(one, table) for one in predicates)
-        return MonteCarloResult(
+        found = MonteCarloResult(
             self, family, table, rates, counted.ended(self.runs), path, runner.computed, runner.seconds
         )
+        every = rates[0].failures == rates[0].runs
+        return replace(found, why=why_it_failed(family, found.case(found.worst))) if every else found
 
     def values(self, family: Family, first: int, rows: int) -> Values:
         """The values of some rows.
@@ -182,7 +187,7 @@ class Counted:
 
 
 @dataclass(frozen=True)
-class MonteCarloResult:
+class MonteCarloResult(AbstractResult):
     """What a Monte Carlo study found.
 
     - `study`, `family`: what was asked.
@@ -191,6 +196,7 @@ class MonteCarloResult:
     - `ended`: why it did.
     - `path`: of the table; None if it was not kept.
     - `computed`, `seconds`: rows that were not stored before, and the time that they took.
+    - `why`: the likeliest reason in the worst run, if every run failed.
     """
 
     study: MonteCarlo
@@ -201,6 +207,7 @@ class MonteCarloResult:
     path: Any
     computed: int
     seconds: float
+    why: str = ""
 
     @property
     def runs(self) -> int:
@@ -214,6 +221,54 @@ class MonteCarloResult:
         if np.isnan(margin).all():
             return int(np.nanargmax(self.table["steady_error"]))
         return int(np.nanargmin(margin))
+
+    @property
+    def good(self) -> bool:
+        """Whether what was asked first held in every run."""
+        return not self.rates[0].failures
+
+    @property
+    def lead(self) -> str:
+        """The answer in a sentence."""
+        first, holding = self.rates[0], self.rates[0].holding
+        what = "the envelope holds" if first.holds == ENVELOPE else f"`{first.holds}` holds"
+        failed = "none failed" if not first.failures else f"{first.failures} failed"
+        return (
+            f"{first.runs} runs, {failed}: with {100 * holding.confidence:g} % confidence {what} with a probability "
+            f"between {share(holding.lower)} and {share(holding.upper)} ({self.ended})."
+        )
+
+    def scenarios(self) -> dict[str, ScenarioDescription]:
+        """The worst case."""
+        return {"worst": self.family.case(self.case(self.worst))}
+
+    def case(self, row: int) -> dict[str, Any]:
+        """The values of a row, by path.
+
+        - `row`: its number.
+        """
+        return {path: array[0] for path, array in self.study.values(self.family, row, 1).items()}
+
+    def sections(self) -> list[Section]:
+        """Rates, how runs failed, metrics, the worst case."""
+        rates = [
+            (one.holds, one.runs, one.failures, share(one.holding.lower), share(one.holding.upper))
+            for one in self.rates
+        ]
+        interval = "A confidence sequence, which holds whenever one stops" if self.rates[0].anytime else "Exact"
+        found = [
+            Section(
+                "How often it holds",
+                f"{interval}, at {100 * self.study.confidence:g} % confidence.",
+                ("Asked", "runs", "failed", "holds at least", "holds at most"),
+                rates,
+            )
+        ]
+        if self.causes:
+            rows = [(kind.replace("_", " "), joint, count) for kind, joint, count in self.causes]
+            note = f"Every run failed, most likely since {self.why}" if self.why else "By outcome and joint."
+            found.append(Section("How runs failed", note, ("Outcome", "joint", "runs"), rows))
+        return [*found, *overview(self.family, self.table, self.case(self.worst), self.worst)]
 
     @property
     def causes(self) -> list[tuple[str, int, int]]:
@@ -245,6 +300,7 @@ class MonteCarloResult:
                 for one in self.rates
             ],
             "causes": [{"outcome": kind, "joint": joint, "runs": count} for kind, joint, count in self.causes],
+            **({"why": self.why} if self.why else {}),
             "worst": {"row": self.worst, "margin": margin if np.isfinite(margin) else None},
         }
 

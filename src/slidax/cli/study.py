@@ -1,0 +1,151 @@
+"""`slidax study`."""
+
+from __future__ import annotations
+
+import shlex
+import sys
+import time
+from contextlib import suppress
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from .options import AsJson, Engine
+from .session import errors_as_lines, prepare, print_json, say_where
+
+if TYPE_CHECKING:
+    from slidax.studies import AbstractResult, AbstractStudy, How
+
+INTERRUPTED = 130
+"""Exit code after Ctrl-C, as a shell has it."""
+
+
+def study(
+    file: Annotated[Path, typer.Argument(help="The study, a YAML file.")],
+    out: Annotated[Path | None, typer.Option(help="Write rows, results and a report there.")] = None,
+    resume: Annotated[bool, typer.Option("--resume", help="Go on with the rows that are in that folder.")] = False,
+    cluster: Annotated[
+        str | None, typer.Option(help="Where rows are computed: `local:2`, or the address of a Dask scheduler.")
+    ] = None,
+    runs: Annotated[int | None, typer.Option(help="In place of the file's.", min=1)] = None,
+    seed: Annotated[int | None, typer.Option(help="In place of the file's.", min=0)] = None,
+    engine: Annotated[Engine | None, typer.Option(help="The engine; the study's own if not given.")] = None,
+    json: AsJson = False,
+) -> None:
+    """Many runs: probabilities, maps, the worst case, sensitivities, tuning, comparisons.
+
+    With `--out` each row is kept as soon as it is computed. Ctrl-C ends a study, and `--resume` goes on where it was,
+    on this machine or another one.
+
+    Exit code 0: whatever was found; 2: the study is invalid; 130: it was interrupted.
+    """
+    with errors_as_lines():
+        prepare()
+        from slidax.studies import How, read_study
+
+        changes = {"runs": runs, "seed": seed, "engine": None if engine is None else engine.value}
+        asked = read_study(file, {key: value for key, value in changes.items() if value is not None})
+        if resume and out is None:
+            from slidax._errors import DefinitionError
+
+            raise DefinitionError("`--resume` needs the folder that it goes on with: --out DIR")
+        started = time.perf_counter()
+        with Bar() as bar, suppress(KeyboardInterrupt):
+            how = How(out, resume, begin=bar.begin, seen=bar.seen, made_by=_made_by())
+            found = _run(asked, how, cluster)
+            bar.close()
+            _tell(asked, found, out, time.perf_counter() - started, json)
+            return
+        kept = f"; go on with: {shlex.join(_again())}" if out is not None else ", and nothing is kept without --out"
+        typer.echo(f"Interrupted{kept}", err=True)
+        raise typer.Exit(INTERRUPTED)
+
+
+def _run(asked: AbstractStudy, how: How, cluster: str | None) -> AbstractResult:
+    if cluster is None:
+        found: AbstractResult = asked.run(how)
+        return found
+    from slidax.studies.cluster import Cluster
+
+    with Cluster(cluster) as pool:
+        how.pool = pool
+        return asked.run(how)  # type: ignore[no-any-return]  # each kind has its own result
+
+
+def _tell(asked: AbstractStudy, found: AbstractResult, out: Path | None, seconds: float, json: bool) -> None:
+    from slidax.terminal import print_study
+
+    if out is not None:
+        from slidax.reports import write_study_report
+
+        write_study_report(asked, found, out, seconds=seconds, command=shlex.join(["slidax", *sys.argv[1:]]))
+    answer = found.as_json()
+    if out is not None and "worst" in answer and (out / "worst.yaml").exists():
+        answer["worst"]["scenario"] = str(out / "worst.yaml")
+    if json:
+        print_json(answer)
+        return
+    print_study(found)
+    if out is not None:
+        say_where(out)
+
+
+def _again() -> list[str]:
+    words = ["slidax", *sys.argv[1:]]
+    return words if "--resume" in words else [*words, "--resume"]
+
+
+def _made_by() -> dict[str, str]:
+    from slidax.reports import machine, versions
+
+    return {**versions(), **machine()}
+
+
+class Bar:
+    """Rows that are done, how fast, and the time that is left; on a terminal alone."""
+
+    def __init__(self) -> None:
+        from rich.console import Console
+        from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+        console = Console(stderr=True)
+        columns = (
+            TextColumn("{task.description}"),
+            BarColumn(),
+            MofNCompleteColumn(),
+            TextColumn("{task.fields[rate]}"),
+            TimeRemainingColumn(),
+        )
+        self._bar = Progress(*columns, console=console, transient=True, disable=not console.is_terminal)
+        self._task = self._bar.add_task("compiling", total=None, rate="")
+        self._started = 0.0
+        self._rows = 0
+
+    def __enter__(self) -> Bar:
+        self._bar.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def begin(self, rows: int) -> None:
+        """Rows there will be.
+
+        - `rows`: how many at most.
+        """
+        self._bar.update(self._task, total=rows)
+        self._started = time.perf_counter()
+
+    def seen(self, rows: int) -> None:
+        """Rows are done.
+
+        - `rows`: how many are new.
+        """
+        self._rows += rows
+        rate = self._rows / max(time.perf_counter() - self._started, 1e-6)
+        self._bar.update(self._task, advance=rows, description="simulating", rate=f"{rate:.0f} runs/s")
+
+    def close(self) -> None:
+        """Takes it off the terminal."""
+        self._bar.stop()
