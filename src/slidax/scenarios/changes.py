@@ -13,13 +13,13 @@ from .schemes import PRESETS, owner_of, placed, renamed, switched, with_kinds
 def changed(data: dict[str, Any], changes: dict[str, Any]) -> dict[str, Any]:
     """A scenario with other values, each number of its scheme under the part that has it.
 
-    - `data`: the mapping in the file, which is changed.
+    - `data`: the mapping in the file, which stays as it is.
     - `changes`: values by dotted path. Names and kinds come first: what else is set belongs to what they name. A `kind`
       that is not the file's own drops what the file says of the other one.
 
     Raises DefinitionError if a path leads nowhere.
     """
-    changes = dict(changes)
+    data, changes = _with_lists(data), dict(changes)
     if "scheme.name" in changes:
         data["scheme"] = switched(data.get("scheme"), changes.pop("scheme.name"))
     if isinstance(data.get("scheme"), dict):
@@ -29,6 +29,13 @@ def changed(data: dict[str, Any], changes: dict[str, Any]) -> dict[str, Any]:
     if isinstance(data.get("scheme"), dict):
         data["scheme"] = placed(data["scheme"])
     return data
+
+
+def _with_lists(value: Any) -> Any:
+    """What a description was made of has tuples, whose entries could not be set."""
+    if isinstance(value, dict):
+        return {key: _with_lists(part) for key, part in value.items()}
+    return [_with_lists(part) for part in value] if isinstance(value, list | tuple) else value
 
 
 def _found_from_here(path: str, value: Any) -> Any:

@@ -80,12 +80,28 @@ class Family:
         """Raises DefinitionError, with the path, if a scenario at an end of the sets is invalid."""
         for where, space in (("uncertainty", self.uncertain), ("varied", self.varied)):
             with located(where):
-                for values in space.ends() if space.sets else ():
-                    case = self.case(values)
-                    if space is self.varied:
-                        case.build("end")
-                    else:
-                        case.as_it_is().moving()
+                ends = space.ends() if space.sets else []
+            for values in ends:
+                try:
+                    self._require_buildable(values, space)
+                except DefinitionError as error:
+                    raise self._blamed(where, space, values, error) from None
+
+    def _require_buildable(self, values: Mapping[str, Any], space: Space) -> None:
+        case = self.case(values)
+        if space is self.varied:
+            case.build("end")
+        else:
+            case.as_it_is().moving()
+
+    def _blamed(self, where: str, space: Space, values: Mapping[str, Any], error: DefinitionError) -> DefinitionError:
+        """The same mistake with the path of the set that makes it by itself, if one does."""
+        for path, value in values.items():
+            try:
+                self._require_buildable({path: value}, space)
+            except DefinitionError as found:
+                return DefinitionError(found.message, where=f"{where}.{path}")
+        return DefinitionError(f"some of its values do not go together: {error}", where=where)
 
     def case(self, values: Mapping[str, Any]) -> ScenarioDescription:
         """The scenario with these values, which a file can hold.
@@ -148,7 +164,7 @@ class Family:
                 found[path] = False
         return found
 
-    def templates(self, values: Mapping[str, Array]) -> Templates:
+    def templates(self, values: Mapping[str, Any]) -> Templates:
         """A case in which every path leads somewhere.
 
         - `values`: of all paths, of one case.
@@ -207,19 +223,30 @@ def _space(base: ScenarioDescription, sets: Mapping[str, AbstractSet], *, law: b
 
 
 def _leaf(own: ScenarioDescription, path: str, one: AbstractSet, joints: int) -> Leaf:
+    """What the file does not have gets its form from the set."""
+    example = one.example
     try:
         leaf = leaf_of(own, path, joints)
     except DefinitionError:
-        leaf = None
-    if leaf is None or (leaf.own is None and one.example is not None):
-        # What the file does not have gets its form from the set.
-        data = own.model_dump(exclude_unset=True, exclude={"truth", "uncertainty"})
-        example = one.example
-        there = leaf_of(validated(data, {path: example}) if example is not None else own, path, joints)
-        leaf = replace(there, own=np.asarray(example, float) if np.ndim(example) else None)
-    if isinstance(one, Inside):
-        leaf = replace(leaf, envelope=lambda: _start_of(own))
-    return leaf
+        if example is None:
+            raise
+        written = _written(own, path, example, joints)
+        if written is None:
+            raise
+        leaf = written
+    if leaf.own is None and example is not None:
+        leaf = _written(own, path, example, joints) or leaf
+    return replace(leaf, envelope=lambda: _start_of(own)) if isinstance(one, Inside) else leaf
+
+
+def _written(own: ScenarioDescription, path: str, example: Any, joints: int) -> Leaf | None:
+    """The number as it is once a value is written there; None if it cannot be."""
+    data = own.model_dump(exclude_unset=True, exclude={"truth", "uncertainty"})
+    try:
+        there = leaf_of(validated(data, {path: example}), path, joints)
+    except DefinitionError:
+        return None
+    return replace(there, own=np.asarray(example, float) if np.ndim(example) else None)
 
 
 def _joints(base: ScenarioDescription) -> int:

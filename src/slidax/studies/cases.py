@@ -88,8 +88,13 @@ class Cases:
             return [(np.arange(rows), ())]
         flat = np.concatenate([values[path].reshape(rows, -1).astype(float) for path in fixed], axis=1)
         each, which = np.unique(flat, axis=0, return_inverse=True)
-        which = which.reshape(-1)
-        return [(np.flatnonzero(which == k), tuple(key)) for k, key in enumerate(each.tolist())]
+        which, keys = which.reshape(-1), [tuple(key) for key in each.tolist()]
+        if len(fixed) < len(values) and len(self._loops.keys() | set(keys)) > MOST_LOOPS:
+            raise DefinitionError(
+                f"each value of {' and '.join(f'`{path}`' for path in fixed)} needs a loop of its own, and at most "
+                f"{MOST_LOOPS} are compiled: use `choice` with few values"
+            )
+        return [(np.flatnonzero(which == k), key) for k, key in enumerate(keys)]
 
     def _loop(self, key: tuple[Any, ...], values: Values) -> _Loop | None:
         """The loop of a group; None if its cases are run one at a time."""
@@ -99,12 +104,6 @@ class Cases:
         if isinstance(templates.built.plant, MujocoPlant):
             # Each is a scenario of its own, so that there is nothing to keep.
             return None
-        if len(self._loops) >= MOST_LOOPS:
-            fixed = [path for path, varies in (self._traceable or {}).items() if not varies]
-            raise DefinitionError(
-                f"each value of {' and '.join(f'`{path}`' for path in fixed)} needs a loop of its own, and at most "
-                f"{MOST_LOOPS} are compiled: use `choice` with few values"
-            )
         varying = [path for path, varies in (self._traceable or {}).items() if varies]
         self._loops[key] = _Loop.of(self.family, templates, {path: values[path] for path in varying})
         return self._loops[key]

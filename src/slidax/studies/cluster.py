@@ -11,6 +11,7 @@ import numpy as np
 from slidax._errors import DefinitionError, plain
 
 from .cases import Values
+from .runner import AbstractPool
 from .table import Columns
 from .task import Task
 
@@ -24,7 +25,7 @@ PATIENCE = 30.0
 """For a scheduler to answer [s]."""
 
 
-class Cluster:
+class Cluster(AbstractPool):
     """Workers of Dask: each computes whole chunks, whose bits do not depend on which of them did.
 
     - `where`: `local:2` for two processes here, or the address of a scheduler, such as `tcp://10.0.0.1:8786`, whose
@@ -40,7 +41,7 @@ class Cluster:
             raise DefinitionError(
                 "a cluster needs Dask, which is not installed: pip install 'slidax[cluster]'"
             ) from None
-        self._dask = distributed
+        self._dask: Any = distributed
         kind, _, rest = where.partition(":")
         self._local: Any = None
         if kind == "local":

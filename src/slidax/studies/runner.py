@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import time
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
-from typing import Protocol
 
 import numpy as np
 
@@ -27,9 +27,10 @@ def _unheard(rows: int) -> None:
     pass
 
 
-class Pool(Protocol):
+class AbstractPool(ABC):
     """Where chunks are computed."""
 
+    @abstractmethod
     def each(self, task: Task, chunks: Iterator[tuple[int, Values]]) -> Iterator[tuple[int, Values, Columns]]:
         """The rows of each chunk, as they become ready.
 
@@ -38,7 +39,7 @@ class Pool(Protocol):
         """
 
 
-class Here:
+class Here(AbstractPool):
     """In this process.
 
     - `threads`: of the native engine; None: as many as there are cores.
@@ -71,7 +72,7 @@ class Runner:
     task: Task
     chunk: int
     store: Store | None = None
-    pool: Pool = field(default_factory=Here)
+    pool: AbstractPool = field(default_factory=Here)
     seen: Callable[[int], None] = _unheard
     computed: int = 0
     seconds: float = 0.0

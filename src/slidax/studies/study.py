@@ -6,7 +6,7 @@ from abc import abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field
 
@@ -18,7 +18,7 @@ from slidax.scenarios.load import altered_description, described
 from slidax.scenarios.uncertainty import AbstractSet
 from slidax.scenarios.uncertainty.mapping import Uncertainty
 
-from .runner import Here, Pool, Runner
+from .runner import AbstractPool, Here, Runner
 from .store import Store
 from .table import COLUMNS
 from .task import Task
@@ -44,7 +44,7 @@ class How:
 
     out: Path | None = None
     resume: bool = False
-    pool: Pool = field(default_factory=Here)
+    pool: AbstractPool = field(default_factory=Here)
     begin: Seen = _unheard
     seen: Seen = _unheard
     made_by: dict[str, Any] = field(default_factory=dict)
@@ -53,6 +53,8 @@ class How:
 class AbstractStudy(AbstractDescription):
     """What every study is."""
 
+    of_rows: ClassVar[tuple[str, ...]] = ("seed",)
+    """Fields that the values of rows depend on, beside the scenario and its sets."""
     study: Any
     title: str = ""
     """One line for a person."""
@@ -111,7 +113,7 @@ class AbstractStudy(AbstractDescription):
         chunk = Runner.rows_of_chunk(round(simulation.t1 / simulation.period))
         store = None
         if how.out is not None:
-            said = self.model_dump(mode="json", exclude_unset=True, exclude={"scenario", "changes", "uncertainty"})
+            said = self.model_dump(mode="json", include={"study", *self.of_rows})
             identity = {**said, **task.said, "chunk": chunk, "made_by": how.made_by}
             store = Store(how.out, identity, resume=how.resume, notes=COLUMNS)
         return Runner(task, chunk, store, how.pool, how.seen)

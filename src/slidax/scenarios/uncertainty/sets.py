@@ -100,7 +100,7 @@ class Around(AbstractSet):
         own = leaf.own_value("around")
         reach = np.abs(own) * _share(self.around) if isinstance(self.around, str) else self.around
         # What is the same for all joints may differ between them here.
-        lower, upper = (leaf.spread_out(own + sign * reach, bool(self.each)) for sign in (-1.0, 1.0))
+        lower, upper = (leaf.spread_out(np.asarray(own + sign * reach), bool(self.each)) for sign in (-1.0, 1.0))
         return shares(self._spread(cube, leaf), lower, upper, self.distribution, Cut())
 
 
@@ -177,7 +177,7 @@ class StandardError(AbstractSet):
 
     def coordinates(self, leaf: Leaf) -> int:
         """One for each number, as their errors are independent."""
-        return leaf.size
+        return int(np.prod(leaf.shape, dtype=int))
 
     def values(self, cube: Array, leaf: Leaf) -> Array:
         """Around the scenario's own value, in the parameter's range."""

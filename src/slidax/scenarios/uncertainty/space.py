@@ -58,17 +58,12 @@ class Space:
             first += width
         return found
 
-    def ends(self) -> list[dict[str, Array]]:
-        """Values at ends of the sets, for a check of them: all lowest, all highest, and each end by itself."""
-        below, above, middle = np.zeros(self.dimensions), np.full(self.dimensions, np.nextafter(1.0, 0.0)), 0.5
-        points, first = [below, above], 0
-        for width in self.widths.values():
-            for end in (below, above):
-                point = np.full(self.dimensions, middle)
-                point[first : first + width] = end[first : first + width]
-                points.append(point)
-            first += width
-        drawn = self.values(np.array(points))
+    def ends(self) -> list[dict[str, Any]]:
+        """Values at ends of the sets, for a check of them: all lowest, all highest, and by turns."""
+        low, high = 0.0, np.nextafter(1.0, 0.0)
+        turns = np.repeat(np.arange(len(self.widths)) % 2 == 0, list(self.widths.values()))
+        points = np.array([np.full(len(turns), low), np.full(len(turns), high), *np.where([turns, ~turns], low, high)])
+        drawn = self.values(points)
         return [{path: values[k] for path, values in drawn.items()} for k in range(len(points))]
 
 

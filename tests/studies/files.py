@@ -1,0 +1,39 @@
+"""Studies of the two-link arm, short enough to be run in tests."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from slidax.studies import AbstractStudy, How, MonteCarlo, study_of
+
+UNCERTAIN: dict[str, Any] = {
+    "robot.plant.masses": {"around": "20 %"},
+    "disturbance.scale": {"between": [0, 1]},
+    "start": {"inside": "envelope", "share": 0.5},
+}
+
+STUDY: dict[str, Any] = {
+    "study": "monte_carlo",
+    "scenario": "example-4.1-1khz",
+    "changes": {"simulation.t1": 0.2},
+    "uncertainty": UNCERTAIN,
+    "runs": 200,
+    "seed": 5,
+}
+
+FAILING: dict[str, Any] = {**STUDY, "uncertainty": {"disturbance.scale": {"between": [150, 200]}}, "runs": 64}
+"""A study in which every run fails: the push is stronger than the drives."""
+
+
+def study(**changes: Any) -> Any:
+    """The study with other values."""
+    found: AbstractStudy = study_of({**STUDY, **changes})
+    return found
+
+
+def ran(out: Path | None = None, *, resume: bool = False, **changes: Any) -> Any:
+    """What it finds."""
+    asked = study(**changes)
+    assert isinstance(asked, MonteCarlo)
+    return asked.run(How(out, resume))

@@ -1,0 +1,80 @@
+"""How often it holds: counted exactly, stopped in time, and told to a person and to a program."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.stats import binomtest
+
+from slidax import scenarios
+from slidax._errors import DefinitionError
+from slidax.reports import write_study_report
+from slidax.studies import Predicate, read_rows
+from slidax.studies.table import columns_of
+
+from .files import FAILING, ran, study
+
+
+def test_the_rate_is_that_of_the_rows_with_the_exact_interval(tmp_path: Path) -> None:
+    found = ran(tmp_path / "out", holds=["steady_error < 0.2", "envelope"])
+    rows = read_rows(tmp_path / "out")
+    held = rows["steady_error"] < 0.2
+    assert 0 < held.sum() < 200
+    first = found.rates[0]
+    assert first.failures == (~held).sum()
+    exact = binomtest(int(held.sum()), 200).proportion_ci(0.99, "exact")
+    assert (first.holding.lower, first.holding.upper) == pytest.approx((exact.low, exact.high), rel=1e-9)
+    assert found.as_json()["probability"]["confidence"] == 0.99
+    assert found.rates[1].failures == 0
+
+
+def test_the_sequential_stop_shows_what_was_asked_or_ends_at_a_failure() -> None:
+    shown = ran(runs=3000, until={"probability": 0.98})
+    assert "shown after" in shown.ended and shown.runs < 500
+    assert shown.rates[0].holding.lower >= 0.98
+    stopped = ran(runs=3000, holds=["steady_error < 0.2"], until={"probability": 0.999})
+    assert "stopped at failure 1" in stopped.ended
+    assert stopped.rates[0].failures == 1 and stopped.table["steady_error"][-1] >= 0.2
+    assert "not decided" in ran(runs=50, until={"probability": 0.999}).ended
+
+
+def test_the_worst_case_is_a_scenario_that_replays_it_bit_for_bit(tmp_path: Path) -> None:
+    found = ran()
+    page = write_study_report(study(), found, tmp_path, seconds=1.0, command="slidax study s.yaml")
+    again = columns_of(scenarios.load(tmp_path / "worst.yaml").simulate(log_every=None))
+    for name, value in again.items():
+        assert np.array_equal(value[0], found.table[name][found.worst], equal_nan=True), name
+    assert found.table["margin"][found.worst] == found.table["margin"].min()
+    text = page.read_text(encoding="utf-8")
+    assert "200 runs, none failed" in text and "robot.plant.masses" in text and "<svg" in text
+    assert json.loads((tmp_path / "results.json").read_text(encoding="utf-8"))["runs"] == 200
+
+
+def test_a_study_in_which_every_run_fails_says_why_once_with_counts() -> None:
+    found = ran(**FAILING)
+    assert found.rates[0].failures == 64
+    assert found.why
+    answer = found.as_json()
+    assert answer["why"] == found.why
+    assert sum(one["runs"] for one in answer["causes"]) == 64
+    assert sum(found.why in section.note for section in found.sections()) == 1
+
+
+def test_a_predicate_is_about_runs_that_reached_their_end() -> None:
+    columns = {"outcome": np.array([0, 1, 2, 3]), "margin": np.zeros(4), "steady_error": np.full(4, 1e-4)}
+    assert Predicate("steady_error < 1e-3").holds(columns).tolist() == [True, False, False, True]
+    assert Predicate("envelope").holds(columns).tolist() == [True, False, False, False]
+    assert Predicate("steady_error >= 1e-4").holds(columns).tolist() == [True, False, False, True]
+    for bad in ("steady_error", "steady_error = 3", "< 3", "steady_error < x", ""):
+        with pytest.raises(DefinitionError, match="steady_error < 1e-3"):
+            Predicate(bad)
+    with pytest.raises(DefinitionError, match="did you mean `steady_error`"):
+        Predicate("stedy_error < 1").holds(columns)
+
+
+def test_nothing_uncertain_is_refused() -> None:
+    with pytest.raises(DefinitionError, match="all runs would be the same"):
+        ran(uncertainty={})
