@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import pkgutil
 from pathlib import Path
 
 import jax
@@ -10,14 +9,11 @@ import pytest
 from hypothesis import HealthCheck, settings
 from jaxtyping import install_import_hook
 
-import slidax
-from tests import compiled_code
+from tests import array_modules, compiled_code
 
 jax.config.update("jax_enable_x64", True)
 jax.config.update("jax_numpy_dtype_promotion", "strict")
-# Not codegen: it works on numbers one by one, and to check the arguments of every call takes ten times as long as it.
-rooms = [room.name for room in pkgutil.iter_modules(slidax.__path__) if room.name != "codegen"]
-install_import_hook([f"slidax.{room}" for room in rooms], "beartype.beartype")
+install_import_hook(array_modules.names(), "beartype.beartype")
 
 settings.register_profile(
     "slidax",

@@ -7,6 +7,7 @@ import pytest
 
 from slidax._errors import DefinitionError
 from slidax.diagnosis import Record, beforehand, explained
+from slidax.diagnosis.causes.robust_torque import _remedies
 from slidax.diagnosis.linear_loop import LinearLoop
 from slidax.diagnosis.seen import resolution
 from slidax.scenarios import load, names
@@ -55,6 +56,14 @@ def test_an_exact_model_is_stable_with_the_kalman_filter_at_any_delay_that_is_kn
 def test_a_run_that_holds_has_nothing_to_explain() -> None:
     scenario = load("example-4.1-1khz", UNLEARNT | {"simulation.t1": 1.0})
     assert explained(scenario, scenario.simulate(log_every=1)) == []
+
+
+def test_a_margin_that_the_file_leaves_out_is_raised_from_what_was_found_for_the_arm() -> None:
+    scenario = load("panda-payload", {"scheme.bound.margin": None, "simulation.t1": 0.1})
+    record = Record.of(scenario, scenario.simulate(log_every=1))
+    first = _remedies(record, covers=10.0, lacks=20.0)[0]
+    found = float(record.law.step.bound.margin)
+    assert first.changes["scheme.bound.margin"] == pytest.approx(found + 20.0, rel=5e-3)
 
 
 def test_what_cannot_be_diagnosed_says_what_is_missing() -> None:

@@ -1,18 +1,21 @@
 """Logs from files: CSV, our Parquet, messages of ROS."""
 
 import json
+import sys
 
 import numpy as np
 import pytest
 
 import slidax as sx
 from slidax._errors import DefinitionError
+from slidax.diagnosis import read_saved
 from slidax.identification import read_log
 from tests.identification.recorded import recorded
 
 ARM = sx.robots.ur5e()
 LOG = recorded(ARM, seconds=2.0)
 N = range(6)
+TITLES = ["time", *(f"q{i + 1}" for i in N), *(f"tau{i + 1}" for i in N)]
 
 
 def table(titles, path):
@@ -25,7 +28,7 @@ def table(titles, path):
 @pytest.mark.parametrize(
     "titles",
     [
-        ["time", *(f"q{i + 1}" for i in N), *(f"tau{i + 1}" for i in N)],
+        TITLES,
         ["t [s]", *(f"q_{i + 1} [rad]" for i in N), *(f"tau_{i + 1} [N m]" for i in N)],
         ["time", *ARM.joint_names, *(f"{name}.effort" for name in ARM.joint_names)],
         ["time", *(f"{name}.position" for name in ARM.joint_names), *(f"{name}.torque" for name in ARM.joint_names)],
@@ -69,6 +72,32 @@ def test_our_own_log_is_read(tmp_path):
     read = read_log(tmp_path / "log.parquet", ARM.joint_names)
     for found, given in ((read.q, LOG.q), (read.tau, LOG.tau), (read.dq, dq)):
         np.testing.assert_array_equal(found, given)
+
+
+@pytest.mark.parametrize(
+    ("name", "made", "words"),
+    [
+        ("text", lambda pa: None, "cannot read the file .*text.parquet`: "),
+        ("twice", lambda pa: pa.table([[0.0], [1.0]], names=["t", "t"]), "Multiple matches for .*\\(t\\)"),
+        ("words", lambda pa: pa.table({name: ["a", "b"] for name in TITLES}), "has columns that are no numbers"),
+    ],
+)
+def test_what_is_wrong_in_a_parquet_file_is_said(tmp_path, name, made, words):
+    pa, pq = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
+    path = tmp_path / f"{name}.parquet"
+    table = made(pa)
+    path.write_text("no table", encoding="utf-8") if table is None else pq.write_table(table, path)
+    with pytest.raises(DefinitionError, match=words):
+        read_log(path, ARM.joint_names)
+
+
+@pytest.mark.parametrize("reader", [lambda path: read_log(path, ARM.joint_names), lambda path: read_saved(path.parent)])
+def test_a_parquet_file_without_pyarrow_says_what_to_install(tmp_path, monkeypatch, reader):
+    for name in ("log.parquet", "scenario.yaml"):
+        (tmp_path / name).touch()
+    monkeypatch.setitem(sys.modules, "pyarrow.parquet", None)
+    with pytest.raises(DefinitionError, match=r"reading the log needs pyarrow.*pip install 'slidax\[parquet\]'"):
+        reader(tmp_path / "log.parquet")
 
 
 @pytest.mark.parametrize(

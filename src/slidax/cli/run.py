@@ -57,8 +57,9 @@ def run(
         if out is not None:
             from slidax.papers.indices import INDICES
             from slidax.reports import parquet, write_run_report, write_scenario
+            from slidax.simulation import require_pyarrow
 
-            parquet.require_pyarrow()
+            require_pyarrow("writing the log")
         if view or recording is not None:
             _require_views(view, recording)
         _warn_beforehand(parts)

@@ -19,7 +19,7 @@ RADIUS = 5.0
 WIDTH = {"rad": 1.0, "m": 0.2}
 """Initial radius, rad or m; in m the final one is as much smaller."""
 
-HORIZON, PERIODS = 20e-3, 12
+HORIZON, PERIODS = 25e-3, 12
 """H is no less than so many s, and so many periods."""
 
 RATE = 20.0

@@ -8,6 +8,7 @@ import numpy as np
 
 from slidax._errors import DefinitionError
 from slidax.scenarios import Scenario, load
+from slidax.simulation import read_columns
 
 SCENARIO, LOG = "scenario.yaml", "log.parquet"
 """The files of a saved run."""
@@ -26,16 +27,5 @@ def read_saved(folder: Path) -> tuple[Scenario, dict[str, np.ndarray]]:
                 f"`{folder}` has no `{name}`: give the folder of a run that `slidax run SCENARIO --out "
                 "FOLDER` has written"
             )
-    try:
-        import pyarrow as pa
-        import pyarrow.parquet as pq
-    except ImportError:
-        raise DefinitionError(
-            "reading the log needs pyarrow, which is not installed: pip install 'slidax[parquet]'"
-        ) from None
-    try:
-        table = pq.read_table(folder / LOG)
-    except (OSError, pa.ArrowInvalid) as error:
-        raise DefinitionError(f"cannot read the log `{folder / LOG}`: {str(error).partition(chr(10))[0]}") from None
-    columns = {name: np.asarray(table.column(name)) for name in table.column_names}
+    columns = read_columns(folder / LOG)
     return load(folder / SCENARIO), columns

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from slidax._errors import DefinitionError, nearest, shown
+from slidax.simulation import read_columns
 
 from .columns import Columns
 from .log import Log
@@ -56,21 +57,11 @@ def _from_csv(path: Path, joints: Sequence[str]) -> Log:
 
 
 def _from_parquet(path: Path, joints: Sequence[str]) -> Log:
-    try:
-        import pyarrow as pa
-        import pyarrow.parquet as pq
-    except ImportError:
-        raise DefinitionError(
-            "reading the log needs pyarrow, which is not installed: pip install 'slidax[parquet]'"
-        ) from None
-    try:
-        table = pq.read_table(path)
-    except (OSError, pa.ArrowInvalid) as error:
-        raise DefinitionError(f"cannot read the file `{path}`: {getattr(error, 'strerror', None) or error}") from None
-    columns = Columns.found(table.column_names, joints, f"`{path.name}`")
+    table = read_columns(path)
+    columns = Columns.found(list(table), joints, f"`{path.name}`")
     wanted = [columns.time, *(title for titles in columns.of.values() for title in titles)]
     try:
-        read = {title: table[title].to_numpy().astype(float) for title in wanted}
+        read = {title: table[title].astype(float) for title in wanted}
     except (ValueError, TypeError):
         raise DefinitionError(f"`{path.name}` has columns that are no numbers") from None
     return columns.log(f"`{path.name}`", joints, read)

@@ -6,18 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from slidax._errors import DefinitionError
-from slidax.simulation import Run, columns_of
-
-
-def require_pyarrow() -> None:
-    """Raises a DefinitionError with the remedy if pyarrow, which writes Parquet, is not installed."""
-    try:
-        import pyarrow.parquet  # noqa: F401  (only whether it is there)
-    except ImportError:
-        raise DefinitionError(
-            "writing the log needs pyarrow, which is not installed: pip install 'slidax[parquet]'"
-        ) from None
+from slidax.simulation import Run, columns_of, require_pyarrow
 
 
 def columns(run: Run) -> dict[str, np.ndarray]:
@@ -39,7 +28,7 @@ def write_log(run: Run, path: Path) -> None:
 
     Raises DefinitionError if the run has no log or pyarrow is not installed.
     """
-    require_pyarrow()
+    require_pyarrow("writing the log")
     import pyarrow as pa
     import pyarrow.parquet as pq
 

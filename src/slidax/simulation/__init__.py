@@ -7,6 +7,8 @@ from .free_body import FreeBody as FreeBody
 from .mujoco_plant import MujocoPlant as MujocoPlant
 from .mujoco_plant import Table as Table
 from .outcome import Outcome as Outcome
+from .parquet import read_columns as read_columns
+from .parquet import require_pyarrow as require_pyarrow
 from .plant import Plant as Plant
 from .run import Log as Log
 from .run import Run as Run

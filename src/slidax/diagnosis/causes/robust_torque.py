@@ -48,11 +48,14 @@ class RobustTorque(AbstractCause):
 
 def _remedies(record: Record, covers: float, lacks: float) -> list[Remedy]:
     bound: Any = getattr(record.scenario.description.scheme, "bound", None)
+    # What the file leaves out was found for the arm, and is in the law.
+    made: Any = getattr(record.law.step, "bound", None)
     found = []
     for factor in (1.0, 2.0, 4.0):
         more = factor * max(SPARE * lacks - covers, 0.5 * covers)
         for name in ("margin", "size"):
             if hasattr(bound, name):
-                value = float(f"{getattr(bound, name) + more:.3g}")
+                now = getattr(bound, name)
+                value = float(f"{float(getattr(made, name) if now is None else now) + more:.3g}")
                 found.append(Remedy("let u cover it", {f"scheme.bound.{name}": value}))
     return found
