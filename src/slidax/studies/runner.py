@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 
@@ -27,6 +27,7 @@ def _unheard(rows: int) -> None:
     pass
 
 
+@runtime_checkable
 class Pool(Protocol):
     """Where chunks are computed."""
 
