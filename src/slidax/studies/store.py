@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from slidax._errors import DefinitionError
-from slidax.reports import parquet
+from slidax.simulation import parquet
 
 from .table import Columns
 
@@ -36,7 +36,7 @@ class Store:
     """
 
     def __init__(self, folder: Path, identity: Mapping[str, Any], *, resume: bool, notes: Mapping[str, str]) -> None:
-        parquet.require_pyarrow()
+        parquet.require_pyarrow("keeping the rows of a study")
         self.folder = folder
         self.notes = dict(notes)
         self._parts = folder / PARTS
@@ -126,7 +126,7 @@ def read_rows(path: str | Path) -> Columns:
 
     Raises DefinitionError if there is none.
     """
-    parquet.require_pyarrow()
+    parquet.require_pyarrow("keeping the rows of a study")
     path = Path(path) / ROWS if Path(path).is_dir() else Path(path)
     try:
         return _columns(path)
