@@ -1,0 +1,83 @@
+"""Chunks on a cluster of Dask: the same rows, whichever worker computed them, and whichever of them died."""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from slidax._errors import DefinitionError
+from slidax.studies import How
+from slidax.studies.cluster import Cluster
+
+from .files import ran, study
+from .test_store import assert_same_rows
+
+pytest.importorskip("distributed", reason="Dask is not installed")
+
+# A worker that was killed leaves sockets behind.
+pytestmark = pytest.mark.filterwarnings("ignore::ResourceWarning", "ignore::pytest.PytestUnraisableExceptionWarning")
+
+
+@pytest.mark.parametrize(
+    ("where", "said"),
+    [("local", "a number of processes"), ("local:x", "got `local:x`"), ("local:0", "number"), ("farm:8786", "tcp://")],
+)
+def test_an_address_that_is_none_is_one_line(where: str, said: str) -> None:
+    with pytest.raises(DefinitionError, match=said):
+        Cluster(where)
+
+
+@pytest.mark.full
+def test_a_scheduler_that_does_not_answer_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("slidax.studies.cluster.PATIENCE", 1.0)
+    with pytest.raises(DefinitionError, match="no Dask scheduler answers"), Cluster("tcp://127.0.0.1:1"):
+        pass
+
+
+def kill_workers(pool: Any, times: list[float], stop: threading.Event, killed: list[int]) -> None:
+    """Kills one worker after each of these times."""
+    random = np.random.default_rng(0)
+    for seconds in times:
+        if stop.wait(seconds):
+            return
+        workers = sorted(nanny.pid for nanny in pool._cluster.workers.values() if nanny.pid)
+        if workers:
+            pid = int(random.choice(workers))
+            os.kill(pid, signal.SIGKILL)
+            killed.append(pid)
+
+
+@pytest.mark.full
+@pytest.mark.parametrize("kills", [0, 20])
+def test_the_rows_are_those_of_one_process_whichever_worker_dies(
+    kills: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("LEAST", "MOST"):
+        monkeypatch.setattr(f"slidax.studies.runner.{name}", 64)
+    changes = {"runs": 6400 if kills else 640, "changes": {"simulation.t1": 1}}
+    ran(tmp_path / "here", **changes)
+    stop, killed = threading.Event(), []
+    times = np.random.default_rng(1).uniform(2.0, 8.0, kills).tolist()
+    with Cluster("local:2") as pool:
+        killer = threading.Thread(target=kill_workers, args=(pool, times, stop, killed))
+        killer.start()
+        try:
+            again = 0
+            # One study may be over before all have been killed: then the next one goes on.
+            while True:
+                out = tmp_path / f"there{again}"
+                study(**changes).run(How(out, pool=pool))
+                assert_same_rows(out, tmp_path / "here", changes["runs"])
+                again += 1
+                if not killer.is_alive():
+                    break
+        finally:
+            stop.set()
+            killer.join()
+    assert len(killed) == kills
