@@ -16,6 +16,8 @@ from tests.paper import MOTION_4_1, START_4_1, plant_4_1
 from tests.simulation.simple import SMOOTH_PLANT, SPRING, Spring, Tube
 from tests.simulation.test_simulate_batch import VARIED, shifted
 
+LOGGED = {"t1": 0.1, "period": 1e-3, "log_every": 20}
+
 
 @pytest.fixture
 def card(monkeypatch, tmp_path):
@@ -40,10 +42,7 @@ def assert_equal(one, other):
 
 @needs_gxx
 def test_a_batch_on_a_card_has_the_very_bits_of_the_native_engine(card):
-    card_s, processor_s = (
-        simulate_batch(shifted, VARIED, t1=0.1, period=1e-3, log_every=20, engine=engine)
-        for engine in ("cuda", "native")
-    )
+    card_s, processor_s = (simulate_batch(shifted, VARIED, **LOGGED, engine=engine) for engine in ("cuda", "native"))
     assert len(card) == 1
     assert_equal(card_s, processor_s)
 
@@ -91,8 +90,5 @@ def test_without_a_card_a_batch_says_what_is_missing():
 def test_on_a_card_the_bits_are_those_of_the_native_engine():
     if not cuda.available():
         pytest.skip("CuPy or a card is missing")
-    on_card, on_processor = (
-        simulate_batch(shifted, VARIED, t1=0.1, period=1e-3, log_every=20, engine=engine)
-        for engine in ("cuda", "native")
-    )
+    on_card, on_processor = (simulate_batch(shifted, VARIED, **LOGGED, engine=engine) for engine in ("cuda", "native"))
     assert_equal(on_card, on_processor)

@@ -31,7 +31,7 @@ def confidence_sequence(failures: int, runs: int, confidence: float = 0.95) -> I
     of α at most; the interval is `{p: Mₙ(p) < 1/α}` (the mixture method: H. Robbins, Ann. Math. Statist. 41, 1970).
     The weight w = 1/2 on p = 0 makes it sharp where nothing fails: its upper end is then that of `clopper_pearson`
     at the same n and confidence, whose two tails cost the same factor of two. After failures it is the wider one: at
-    99 % and n = 1000 the upper end is 1.5 times as high with one to three of them, 1.26 with 30, 1.05 with 500.
+    99 % and n = 1000 its upper end is 1.5 times as high with one to three of them, 1.26 times with 30, 1.05 with 500.
 
     - `failures`: k, up to now.
     - `runs`: n, up to now; of none nothing is known, [0, 1].

@@ -1,0 +1,100 @@
+"""All points that a search has asked for, and what is left of its budget."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+import numpy as np
+
+from slidax._errors import DefinitionError, shown
+
+from .found import Found, Stop, apart
+
+Objective = Callable[[np.ndarray], np.ndarray]
+"""From points of the unit cube [points dimension] to one number each [points]; what is not finite counts as +∞."""
+
+
+class Seen:
+    """Asks, and remembers.
+
+    - `objective`: what is asked.
+    - `evaluations`: at most so many points.
+    - `seconds`: no batch begins after so many; None: any number.
+    - `enough`: a value below which there is nothing more to look for; None: there is none.
+    """
+
+    def __init__(self, objective: Objective, evaluations: int, seconds: float | None, enough: float | None) -> None:
+        self._objective = objective
+        self._most = evaluations
+        self._until = None if seconds is None else time.monotonic() + seconds
+        self._enough = enough
+        self._points: list[np.ndarray] = []
+        self._values: list[np.ndarray] = []
+        self._history: list[tuple[int, float]] = []
+        self.evaluations = 0
+        self.lowest = np.inf
+
+    @property
+    def over(self) -> Stop | None:
+        """What ends the search now, if anything does."""
+        if self._enough is not None and self.lowest < self._enough:
+            return "enough"
+        if self.evaluations >= self._most:
+            return "evaluations"
+        if self._until is not None and time.monotonic() >= self._until:
+            return "seconds"
+        return None
+
+    @property
+    def left(self) -> int:
+        """How many evaluations."""
+        return self._most - self.evaluations
+
+    def ask(self, points: np.ndarray) -> np.ndarray:
+        """Their values, all asked for at once; one of +∞ for each beyond the budget.
+
+        - `points`: of the cube [points dimension]; those outside are asked for at the nearest point inside.
+        """
+        wanted = np.clip(points[: self.left], 0.0, 1.0)
+        values = np.full(len(points), np.inf)
+        if len(wanted):
+            got = np.asarray(self._objective(wanted), float)
+            if got.shape != (len(wanted),):
+                raise DefinitionError(f"an objective gives one number for each point, {len(wanted)}; got {got.shape}")
+            values[: len(wanted)] = np.where(np.isfinite(got), got, np.inf)
+            self._points.append(wanted)
+            self._values.append(values[: len(wanted)])
+            self.evaluations += len(wanted)
+            self.lowest = min(self.lowest, float(values.min()))
+            self._history.append((self.evaluations, self.lowest))
+        return values
+
+    @property
+    def all(self) -> tuple[np.ndarray, np.ndarray]:
+        """Every point [points dimension] and its value [points]."""
+        return np.concatenate(self._points), np.concatenate(self._values)
+
+    def found(self, keep: int, distance: float, stop: Stop) -> Found:
+        """The lowest of them.
+
+        - `keep`: how many at most.
+        - `distance`: by which they differ.
+        - `stop`: what ended the search.
+        """
+        points, values = self.all
+        chosen = apart(points, values, keep, distance)
+        chosen = chosen[np.isfinite(values[chosen])]
+        return Found(points[chosen], values[chosen], self.evaluations, np.array(self._history), stop)
+
+
+def require_budget(dimension: int, evaluations: int) -> None:
+    """Raises DefinitionError unless there is something to search, and something to search it with.
+
+    - `dimension`: of the cube.
+    - `evaluations`: of the search.
+    """
+    if dimension < 1:
+        raise DefinitionError(f"a search needs at least one number that is uncertain; got {shown(dimension)}")
+    if evaluations < 1:
+        raise DefinitionError(f"a search needs at least one evaluation; got {shown(evaluations)}")
