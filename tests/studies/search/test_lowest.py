@@ -1,5 +1,7 @@
 """Searches find what is there to be found, within their budget, and the same again with the same seed."""
 
+import sys
+
 import numpy as np
 import pytest
 from scipy.optimize import rosen
@@ -88,10 +90,8 @@ def test_points_without_a_number_are_as_high_as_can_be():
 
 
 def test_the_quasi_newton_steps_help_where_the_function_is_smooth(monkeypatch):
-    from slidax.studies.search import lowest as _  # noqa: F401
-
     with_steps = lowest(bowl, 8, evaluations=1200, seed=3).values[0]
-    monkeypatch.setattr("slidax.studies.search.lowest.refine", lambda seen, start: None)
+    monkeypatch.setattr(sys.modules[lowest.__module__], "refine", lambda seen, start: None)
     assert with_steps < 1e-2 * lowest(bowl, 8, evaluations=1200, seed=3).values[0]
 
 
@@ -102,7 +102,7 @@ def test_what_cannot_be_searched_is_refused(monkeypatch):
         lowest(bowl, 2, evaluations=0)
     with pytest.raises(DefinitionError, match="one number for each point"):
         lowest(lambda x: x, 2, evaluations=10)
-    monkeypatch.setitem(__import__("sys").modules, "cmaes", None)
+    monkeypatch.setitem(sys.modules, "cmaes", None)
     with pytest.raises(DefinitionError, match=r"slidax\[studies\]"):
         island_file.require_cmaes()
 

@@ -15,7 +15,9 @@ from .interval import Interval, require_confidence, require_counts
 def clopper_pearson(
     failures: int, runs: int, confidence: float = 0.95, side: Literal["both", "upper"] = "both"
 ) -> Interval:
-    """The rate p at which runs fail, by an interval that is exact for every p. With k of n failed,
+    """The rate p at which runs fail, by an interval that holds for every p as often as it says.
+
+    With k of n failed,
 
         Pr(X <= k | p = upper) = α/2,   Pr(X >= k | p = lower) = α/2,   α = 1 - confidence
 
