@@ -30,7 +30,9 @@ class Falsify(AbstractStudy):
 
     study: Literal["falsify"]
     runs: int = said("at most so many", "", "[1, 1e9]", default=3000)
-    seconds: float | None = said("after so many no batch begins; the rows then depend on the machine", "s", "> 0", default=None)
+    seconds: float | None = said(
+        "after so many no batch begins; the rows then depend on the machine", "s", "> 0", default=None
+    )
     worst: str = MARGIN
     """Of what the worst is searched: `margin`, or a metric such as `steady_error`."""
     until: Literal["violation"] | None = None
@@ -45,9 +47,13 @@ class Falsify(AbstractStudy):
         - `how`: where, and what is told on the way.
         """
         family = self.family()
-        self.require(bool(family.space.sets), "uncertainty", "is empty: there is nothing to search; write what is not known")
         self.require(
-            self.until is None or self.worst == MARGIN, "until", f"is for `worst: {MARGIN}`, where 0 is the envelope's bound"
+            bool(family.space.sets), "uncertainty", "is empty: there is nothing to search; write what is not known"
+        )
+        self.require(
+            self.until is None or self.worst == MARGIN,
+            "until",
+            f"is for `worst: {MARGIN}`, where 0 is the envelope's bound",
         )
         runner = self.runner(family, how)
         asked = Asked(runner, family.space)
@@ -66,7 +72,9 @@ class Falsify(AbstractStudy):
         values = badness(table, self.worst)
         rows = [int(np.flatnonzero(values == value)[0]) for value in found.values]
         files = _written(family, asked, rows, how.out)
-        return FalsifyResult(self, family, table, found, tuple(rows), files, asked.finish(), runner.computed, runner.seconds)
+        return FalsifyResult(
+            self, family, table, found, tuple(rows), files, asked.finish(), runner.computed, runner.seconds
+        )
 
 
 def badness(columns: Columns, of: str) -> np.ndarray:
@@ -85,7 +93,9 @@ def badness(columns: Columns, of: str) -> np.ndarray:
         raise DefinitionError(f"no run has a number for `{of}`: {remedy}", where="worst")
     if of == MARGIN:
         return np.where(np.isfinite(value), value, np.where(bad, -2.0, np.inf))
-    ended = (columns["outcome"] == OUTCOMES.index("left_envelope")) | (columns["outcome"] == OUTCOMES.index("not_finite"))
+    ended = (columns["outcome"] == OUTCOMES.index("left_envelope")) | (
+        columns["outcome"] == OUTCOMES.index("not_finite")
+    )
     early = -WORSE + np.nan_to_num(columns["t"])
     return np.where(ended, early, np.where(np.isfinite(value), -value, np.inf))
 
@@ -130,7 +140,7 @@ class FalsifyResult:
 
     @property
     def failures(self) -> int:
-        """How many of the runs left their envelope, or ended early; no probability, as the search goes where they are."""
+        """How many of the runs failed; it says nothing of a probability, as the search goes where they are."""
         return int(np.sum(self.table["outcome"] > 0))
 
     @property

@@ -11,10 +11,15 @@ from slidax._errors import DefinitionError, plain
 from slidax.scenarios.mistakes import translated
 from slidax.scenarios.yaml_text import read_yaml, require_readable
 
+from .compare import Compare
+from .falsify import Falsify
 from .monte_carlo import MonteCarlo
+from .sensitivity import Sensitivity
 from .study import AbstractStudy
+from .sweep import Sweep
+from .tune import Tune
 
-KINDS: tuple[type[AbstractStudy], ...] = (MonteCarlo,)
+KINDS: tuple[type[AbstractStudy], ...] = (MonteCarlo, Sweep, Falsify, Sensitivity, Tune, Compare)
 """The kinds of studies, in the order of their use."""
 
 if TYPE_CHECKING:

@@ -94,9 +94,7 @@ def point_of_own(space: Space) -> np.ndarray:
         middle = 0.5 * (low + high)
         rises = _below_own(space, middle)
         low, high = np.where(rises, middle, low), np.where(rises, high, middle)
-    known = np.concatenate(
-        [np.full(width, space.leaves[path].own is not None) for path, width in space.widths.items()]
-    )
+    known = np.concatenate([np.full(width, space.leaves[path].own is not None) for path, width in space.widths.items()])
     return np.where(known, 0.5 * (low + high), 0.5)
 
 

@@ -122,7 +122,7 @@ class Runner:
                 _require_same(first, flat(values), known)
                 stored.append((first, known))
 
-        started = time.perf_counter()
+        started = time.perf_counter() - self.seconds
         for first, values, outcome in self.pool.each(self.task, missing()):
             columns = {"row": np.arange(first, first + len(outcome["outcome"])), **flat(values), **outcome}
             if self.store is not None:

@@ -39,17 +39,21 @@ class Tune(AbstractStudy):
 
     study: Literal["tune"]
     gains: Annotated[Uncertainty, Field(min_length=1)]
-    """Sets by path of what may be chosen, such as `scheme.surface.k1: {between: [0.1, 2], distribution: log_uniform}`."""
+    """Sets by path of what may be chosen, such as `scheme.surface.k1: {between: [0.1, 2]}`."""
     aims: Annotated[tuple[str, ...], Field(min_length=1)] = AIMS
     """Metrics that are to be small, in the mean over the cases."""
     holds: tuple[str, ...] = (ENVELOPE,)
     """What must hold in every case: `envelope`, or a metric, a sign and a number."""
-    margin: float = said("the least margin that every case must have, so that others hold, too", "", "[0, 1)", default=0.0)
+    margin: float = said(
+        "the least margin that every case must have, so that others hold, too", "", "[0, 1)", default=0.0
+    )
     cases: Annotated[int, Field(ge=1, le=100_000)] = 16
     """On how many each candidate is judged; one if nothing is uncertain."""
     candidates: Annotated[int, Field(ge=1, le=10_000_000)] = 600
     """How many at most."""
-    seconds: float | None = said("after so many no batch begins; the rows then depend on the machine", "s", "> 0", default=None)
+    seconds: float | None = said(
+        "after so many no batch begins; the rows then depend on the machine", "s", "> 0", default=None
+    )
     held_out: Annotated[int, Field(ge=1, le=10_000_000)] = 200
     """Cases that the front is judged on afterwards."""
     keep: Annotated[int, Field(ge=1, le=1000)] = 12
@@ -166,7 +170,7 @@ class TuneResult:
     """What a search for gains found.
 
     - `study`, `family`: what was asked.
-    - `front`: the candidates that no other beats, in points of the gains' cube, with their aims on the cases of the search.
+    - `front`: the candidates that no other beats, with their aims on the cases of the search.
     - `gains`: of each of them, by path.
     - `before`: today's gains on the cases of the search.
     - `today`: the rows of today's gains on the held-out cases.

@@ -17,7 +17,8 @@ def ishigami(x):
 
 
 def found(function, dimension, base=1024, **how):
-    return sobol_indices(function(points_for_indices(dimension, base, seed=0)), dimension, **how)
+    alone = [1] * dimension
+    return sobol_indices(function(points_for_indices(alone, base, seed=0)), alone, **how)
 
 
 def test_known_indices_are_found_within_their_intervals():
@@ -37,6 +38,14 @@ def test_they_are_scipy_s():
     ours = found(ishigami, 3, base=4096)
     np.testing.assert_allclose(ours.first, theirs.first_order, atol=0.03)
     np.testing.assert_allclose(ours.total, theirs.total_order, atol=0.03)
+
+
+def test_numbers_that_belong_together_have_one_share():
+    groups = [2, 1]
+    points = points_for_indices(groups, 1024, seed=0)
+    assert points.shape == (1024 * 4, 3)
+    ours = sobol_indices(points[:, 0] + points[:, 1] + points[:, 2], groups)
+    np.testing.assert_allclose(ours.first, [2 / 3, 1 / 3], atol=0.05)
 
 
 def test_what_does_nothing_has_no_share_and_a_constant_none_at_all():
@@ -59,8 +68,8 @@ def test_more_confidence_is_a_wider_interval():
 
 def test_what_cannot_be_is_refused():
     with pytest.raises(DefinitionError, match="power of two"):
-        points_for_indices(2, 100)
+        points_for_indices([1, 1], 100)
     with pytest.raises(DefinitionError, match="1 of 40 results are not finite"):
-        sobol_indices(np.where(np.arange(40) == 3, np.inf, 1.0), 2)
+        sobol_indices(np.where(np.arange(40) == 3, np.inf, 1.0), [1, 1])
     with pytest.raises(DefinitionError, match="all points"):
-        sobol_indices(np.ones(41), 2)
+        sobol_indices(np.ones(41), [1, 1])

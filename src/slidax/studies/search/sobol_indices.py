@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,9 +15,9 @@ from slidax._errors import DefinitionError, shown
 class SobolIndices:
     """Shares of the variance of one result (I. M. Sobol', Math. Comput. Simul. 55, 2001).
 
-    - `first`: what each number does by itself [dimension].
-    - `total`: what it does by itself and together with others [dimension].
-    - `first_half`, `total_half`: half the widths of their intervals [dimension].
+    - `first`: what each group of numbers does by itself [groups].
+    - `total`: what it does by itself and together with others [groups].
+    - `first_half`, `total_half`: half the widths of their intervals [groups].
     - `confidence`: of the intervals.
     - `variance`: of the result; where it is 0 all shares are 0, too.
     """
@@ -29,10 +30,10 @@ class SobolIndices:
     variance: float
 
 
-def points_for_indices(dimension: int, base: int, *, seed: int = 0) -> np.ndarray:
-    """Points at which a result must be known, by Saltelli's rule [base (dimension + 2), dimension].
+def points_for_indices(groups: Sequence[int], base: int, *, seed: int = 0) -> np.ndarray:
+    """Points at which a result must be known, by Saltelli's rule [base (groups + 2), dimension].
 
-    - `dimension`: of the cube.
+    - `groups`: how many coordinates of the cube belong together, for each thing whose share is asked for.
     - `base`: a power of two, from some hundreds on.
     - `seed`: of the scrambling.
 
@@ -41,39 +42,50 @@ def points_for_indices(dimension: int, base: int, *, seed: int = 0) -> np.ndarra
     if base < 2 or base & (base - 1):
         raise DefinitionError(f"`base` must be a power of two, as 512; got {shown(base)}")
     salib = _salib()
-    points: np.ndarray = salib[0].sample(_problem(dimension), base, calc_second_order=False, scramble=True, seed=seed)
+    points: np.ndarray = salib[0].sample(_problem(groups), base, calc_second_order=False, scramble=True, seed=seed)
     return points
 
 
-def sobol_indices(results: np.ndarray, dimension: int, *, confidence: float = 0.95, seed: int = 0) -> SobolIndices:
+def sobol_indices(
+    results: np.ndarray, groups: Sequence[int], *, confidence: float = 0.95, seed: int = 0
+) -> SobolIndices:
     """The indices of one result, by SALib, with intervals from 100 resamples.
 
-    - `results`: at all `points_for_indices`, in their order [base (dimension + 2)].
-    - `dimension`: of the cube.
+    - `results`: at all `points_for_indices`, in their order [base (groups + 2)].
+    - `groups`: as there.
     - `confidence`: of the intervals.
     - `seed`: of the resamples.
 
     Raises DefinitionError if a result is missing or not finite, or SALib is not installed.
     """
     results = np.asarray(results, float)
-    if results.ndim != 1 or len(results) % (dimension + 2):
+    if results.ndim != 1 or len(results) % (len(groups) + 2):
         raise DefinitionError(f"`results` must be at all points of the design; got {shown(results.shape)}")
     wrong = int(np.sum(~np.isfinite(results)))
     if wrong:
         raise DefinitionError(f"{wrong} of {len(results)} results are not finite: indices need them all")
     if np.ptp(results) == 0.0:
-        nothing = np.zeros(dimension)
+        nothing = np.zeros(len(groups))
         return SobolIndices(nothing, nothing, nothing, nothing, confidence, 0.0)
     # SALib takes NumPy's global random numbers where its seed is 0.
     found = _salib()[1].analyze(
-        _problem(dimension), results, calc_second_order=False, conf_level=confidence, seed=seed + 1
+        _problem(groups), results, calc_second_order=False, conf_level=confidence, seed=seed + 1
     )
     first, total, first_half, total_half = (np.asarray(found[key]) for key in ("S1", "ST", "S1_conf", "ST_conf"))
     return SobolIndices(first, total, first_half, total_half, confidence, float(results.var()))
 
 
-def _problem(dimension: int) -> dict[str, Any]:
-    return {"num_vars": dimension, "names": [f"x{k}" for k in range(dimension)], "bounds": [[0.0, 1.0]] * dimension}
+def _problem(groups: Sequence[int]) -> dict[str, Any]:
+    """What SALib calls so; the coordinates of a group are drawn anew together."""
+    dimension = sum(groups)
+    found: dict[str, Any] = {
+        "num_vars": dimension,
+        "names": [f"x{k}" for k in range(dimension)],
+        "bounds": [[0.0, 1.0]] * dimension,
+    }
+    if dimension > len(groups):
+        found["groups"] = [f"group {k}" for k, width in enumerate(groups) for _ in range(width)]
+    return found
 
 
 def _salib() -> tuple[Any, Any]:

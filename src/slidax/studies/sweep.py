@@ -1,0 +1,169 @@
+"""Maps of the margin over one or two parameters."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import Field
+
+from slidax._errors import DefinitionError, nearest, plain
+from slidax.scenarios.base import said
+from slidax.scenarios.description import OF_THE_LAW
+from slidax.scenarios.family import Family
+from slidax.scenarios.uncertainty import AbstractSet
+from slidax.scenarios.uncertainty.mapping import Uncertainty
+from slidax.scenarios.uncertainty.sets import Choice
+
+from .asked import BELOW_ONE, Asked
+from .points import points
+from .study import AbstractStudy, How
+from .table import Columns
+
+MOST_AXES = 2
+
+
+class Sweep(AbstractStudy):
+    """Runs all combinations of values of one or two parameters, each with the same cases of what is uncertain."""
+
+    study: Literal["sweep"]
+    over: Annotated[Uncertainty, Field(min_length=1, max_length=MOST_AXES)]
+    """Sets by path of one or two parameters, such as `simulation.period: {choice: [5.0e-4, 1.0e-3]}`."""
+    law: Literal["told", "not told"] = "told"
+    """Whether the law is told the values of what is true of arm, drives and sensors, as by `--set`."""
+    points: Annotated[int, Field(ge=2, le=1000)] = 21
+    """Values of each parameter, from one end of its set to the other; a `choice` has its own."""
+    of: str = "margin"
+    """What is mapped: `margin`, or a metric such as `steady_error`; the worst of all cases."""
+    cases: Annotated[int, Field(ge=1, le=1_000_000)] = 1
+    """Of what is uncertain, the same at each point; with 1 the scenario's own values, and nothing is uncertain."""
+    confidence: float = said("of the intervals", "", "(0, 1)", default=0.95)
+
+    def run(self, how: How) -> SweepResult:
+        """The map.
+
+        - `how`: where, and what is told on the way.
+        """
+        family = self._family()
+        over = {path: _axis(family, path, one, self.points) for path, one in self.over.items()}
+        cases = family.uncertain.sets if self.cases > 1 else {}
+        others = {path: one for path, one in cases.items() if path not in over}
+        self.require(
+            self.cases == 1 or bool(others),
+            "cases",
+            "is for a scenario with `uncertainty`; there is none besides `over`",
+        )
+        grid = np.meshgrid(*[np.arange(len(axis)) for axis in over.values()], indexing="ij")
+        shape = grid[0].shape
+        drawn = family.space.values(points(self.seed, 0, self.cases, family.space.dimensions)) if others else {}
+        values = {
+            path: np.repeat(axis[one.ravel()], self.cases, axis=0)
+            for (path, axis), one in zip(over.items(), grid, strict=True)
+        }
+        values |= {path: np.concatenate([drawn[path]] * grid[0].size) for path in others}
+        runner = self.runner(family, how)
+        asked = Asked(runner, family.space)
+        how.begin(grid[0].size * self.cases)
+        table = asked.values(values)
+        if self.of not in table:
+            raise DefinitionError(f"there is no metric `{plain(self.of)}`; {nearest(self.of, table)}", where="of")
+        return SweepResult(self, family, table, over, shape, asked.finish(), runner.computed, runner.seconds)
+
+    def _family(self) -> Family:
+        """What is swept is told to the law, or is one of the things that are true without its knowing."""
+        base = self.described()
+        own = self.sets(base) if self.cases > 1 else {}
+        hidden = {path: one for path, one in self.over.items() if self._is_hidden(path)}
+        told = {path: one for path, one in self.over.items() if path not in hidden}
+        return Family.of(base, {**{path: one for path, one in own.items() if path not in told}, **hidden}, told)
+
+    def _is_hidden(self, path: str) -> bool:
+        return self.law == "not told" and path.split(".")[0] not in OF_THE_LAW and not path.startswith("robot.nominal")
+
+
+def _axis(family: Family, path: str, one: AbstractSet, count: int) -> np.ndarray:
+    """Values of one parameter: those of a choice, or from one end to the other by its distribution."""
+    space = family.space
+    # The path as the family has it: the file may have a shorter one.
+    full = next((known for known in space.sets if space.sets[known] is one), path)
+    if space.widths[full] != 1:
+        raise DefinitionError("takes several numbers: sweep one for all joints, without `each`", where=f"over.{path}")
+    places = list(space.widths)
+    count = len(one.choice) if isinstance(one, Choice) and one.choice != "any" else count
+    shares = (np.arange(count) + 0.5) / count if isinstance(one, Choice) else np.linspace(0.0, BELOW_ONE, count)
+    cube = np.full((count, space.dimensions), 0.5)
+    first = sum(space.widths[name] for name in places[: places.index(full)])
+    cube[:, first] = shares
+    return space.values(cube)[full]
+
+
+@dataclass(frozen=True)
+class SweepResult:
+    """A map.
+
+    - `study`, `family`: what was asked.
+    - `table`: the rows, the last parameter's values first, and of each point all cases.
+    - `axes`: the values of each parameter, by its path.
+    - `shape`: how many there are of each.
+    - `path`: of the table; None if it was not kept.
+    - `computed`, `seconds`: rows that were not stored before, and the time that they took.
+    """
+
+    study: Sweep
+    family: Family
+    table: Columns
+    axes: dict[str, np.ndarray]
+    shape: tuple[int, ...]
+    path: Any
+    computed: int
+    seconds: float
+
+    @property
+    def runs(self) -> int:
+        """How many there were."""
+        return len(self.table["row"])
+
+    @property
+    def ended(self) -> str:
+        """What there is."""
+        return f"all {self.runs} runs are done"
+
+    @property
+    def worst(self) -> np.ndarray:
+        """The least margin, or the largest value of a metric, at each point [values of each parameter]."""
+        numbers = self.table[self.study.of].reshape(*self.shape, -1)
+        if self.study.of == "margin":
+            bad = self.table["outcome"].reshape(numbers.shape) > 0
+            numbers = np.where(np.isnan(numbers) & bad, -1.0, numbers)
+            return np.asarray(numbers.min(axis=-1))
+        return np.asarray(numbers.max(axis=-1))
+
+    @property
+    def failing(self) -> np.ndarray:
+        """The share of cases that left their envelope or ended early, at each point."""
+        return np.asarray((self.table["outcome"] > 0).reshape(*self.shape, -1).mean(axis=-1))
+
+    def as_json(self) -> dict[str, Any]:
+        """The result for a program."""
+        margin = self.table["margin"]
+        row = int(np.nanargmin(margin)) if np.isfinite(margin).any() else None
+        return {
+            "kind": "sweep",
+            "runs": self.runs,
+            "failures": int(np.sum(self.table["outcome"] > 0)),
+            "probability": None,
+            "ended": self.ended,
+            "worst": None if row is None else {"row": row, "margin": float(margin[row]), "scenario": None},
+            "of": self.study.of,
+            "axes": {path: axis.tolist() for path, axis in self.axes.items()},
+            "map": _known(self.worst),
+            "failing": self.failing.tolist(),
+        }
+
+
+def _known(numbers: np.ndarray) -> Any:
+    """Lists of numbers, with None for what is not known."""
+    plain = numbers.astype(object)
+    plain[~np.isfinite(numbers)] = None
+    return plain.tolist()
