@@ -4,6 +4,7 @@ Figures draw what they are given and compute nothing. No pyplot, no state that s
 `save` for a small SVG.
 """
 
+from .aims_front import aims_front as aims_front
 from .compared_errors import compared_errors as compared_errors
 from .compared_tip_paths import compared_tip_paths as compared_tip_paths
 from .compared_torques import compared_torques as compared_torques
@@ -11,9 +12,12 @@ from .compared_velocity_errors import compared_velocity_errors as compared_veloc
 from .error_sizes import error_sizes as error_sizes
 from .histograms import histograms as histograms
 from .identified_torques import identified_torques as identified_torques
+from .intervals import intervals as intervals
 from .margin_over import margin_over as margin_over
 from .metric_bars import metric_bars as metric_bars
+from .parameter_map import parameter_map as parameter_map
 from .performance import performance as performance
+from .search_history import search_history as search_history
 from .style import STYLE as STYLE
 from .svg import inline as inline
 from .svg import save as save
@@ -21,4 +25,5 @@ from .svg import to_svg as to_svg
 from .tip_path import tip_path as tip_path
 from .torque import torque as torque
 from .tracking_error import tracking_error as tracking_error
+from .variance_shares import variance_shares as variance_shares
 from .velocity_error import velocity_error as velocity_error

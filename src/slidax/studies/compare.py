@@ -9,13 +9,17 @@ import numpy as np
 from pydantic import Field, field_validator
 
 from slidax._errors import DefinitionError, located, nearest, plain
+from slidax.figures import intervals
 from slidax.scenarios.base import said
 from slidax.scenarios.family import Family
 from slidax.scenarios.load import altered_description
+from slidax.scenarios.uncertainty import AbstractSet
+from slidax.scenarios.uncertainty.sets import Between, Inside
 
-from .cases import Values
+from .overview import share
 from .points import points
 from .predicate import ENVELOPE, Predicate
+from .result import AbstractResult, Cell, Drawn, Section, interval_of, worst_of
 from .statistics import Interval, PairedDifference, PairedShares, clopper_pearson, paired_difference, paired_shares
 from .study import AbstractStudy, How
 from .table import Columns
@@ -32,7 +36,7 @@ class Compare(AbstractStudy):
     runs: int = said("cases for each scheme", "", "[1, 1e9]", default=500)
     of: Annotated[tuple[str, ...], Field(min_length=1)] = OF
     """Metrics that are compared."""
-    holds: tuple[str, ...] = (ENVELOPE,)
+    holds: Annotated[tuple[str, ...], Field(min_length=1)] = (ENVELOPE,)
     """Properties whose shares are compared: `envelope`, or a metric, a sign and a number."""
     confidence: float = said("of the intervals", "", "(0, 1)", default=0.95)
 
@@ -50,16 +54,17 @@ class Compare(AbstractStudy):
         - `how`: where, and what is told on the way.
         """
         holds = [Predicate(text) for text in self.holds]
-        families = {name: self._family(name, changes) for name, changes in self.schemes.items()}
+        families = self._families()
         first = next(iter(families.values()))
         self.require(bool(first.space.sets), "uncertainty", "is empty, so that all cases would be the same")
+        cases = first.space.values(points(self.seed, 0, self.runs, first.space.dimensions))
         how.begin(self.runs * len(families))
         tables: dict[str, Columns] = {}
         computed, seconds = 0, 0.0
         for name, family in families.items():
             own = how if how.out is None else replace(how, out=how.out / name)
             runner = self.runner(family, own)
-            tables[name] = runner.rows(0, self._cases(family))
+            tables[name] = runner.rows(0, cases)
             computed, seconds = computed + runner.computed, seconds + runner.seconds
             if runner.store is not None:
                 runner.store.finish(self.runs)
@@ -73,17 +78,32 @@ class Compare(AbstractStudy):
                 predicate.holds(table)
         return CompareResult(self, first, tables, how.out, computed, seconds)
 
-    def _family(self, name: str, changes: dict[str, Any]) -> Family:
-        with located(f"schemes.{name}"):
-            base = altered_description(self.described(), changes) if changes else self.described()
-        return Family.of(base, self.sets(base))
+    def _families(self) -> dict[str, Family]:
+        """One for each scheme, with the same sets: a start inside the envelope is one inside that of the first."""
+        base = self.described()
+        sets = self.sets(base)
+        found: dict[str, Family] = {}
+        for name, changes in self.schemes.items():
+            with located(f"schemes.{name}"):
+                own = altered_description(base, changes) if changes else base
+                found[name] = Family.of(own, sets)
+            if len(found) == 1:
+                sets = dict(_box(path, one, found[name]) for path, one in sets.items())
+        return found
 
-    def _cases(self, family: Family) -> Values:
-        return family.space.values(points(self.seed, 0, self.runs, family.space.dimensions))
+
+def _box(path: str, one: AbstractSet, family: Family) -> tuple[str, AbstractSet]:
+    """The set, in numbers where it depends on the scheme."""
+    if not isinstance(one, Inside):
+        return path, one
+    path = path if path in family.space.leaves else "start.q"
+    leaf = family.space.leaves[path]
+    ends = [one.values(np.full((1, one.coordinates(leaf)), u), leaf)[0].tolist() for u in (0.0, 1.0)]
+    return path, Between(between=ends, each=one.each)
 
 
 @dataclass(frozen=True)
-class CompareResult:
+class CompareResult(AbstractResult):
     """Schemes on the same cases.
 
     - `study`: what was asked.
@@ -147,19 +167,71 @@ class CompareResult:
         failing = clopper_pearson(failures, len(self.tables[name]["row"]), self.study.confidence)
         return failures, Interval(1.0 - failing.upper, 1.0 - failing.lower, failing.confidence)
 
+    @property
+    def good(self) -> bool:
+        """Whether no run of any scheme failed."""
+        return not any(np.any(table["outcome"] > 0) for table in self.tables.values())
+
+    @property
+    def lead(self) -> str:
+        """The answer in a sentence."""
+        said = []
+        for name in list(self.tables)[1:]:
+            better = [of for of in self.study.of if _is_below(self.difference(name, of))]
+            worse = [of for of in self.study.of if _is_below(self.difference(name, of), -1.0)]
+            words = [f"{word} in {', '.join(ofs)}" for word, ofs in (("better", better), ("worse", worse)) if ofs]
+            said.append(f"{name} is {' and '.join(words) or 'not told apart'}")
+        return f"{len(self._cases)} cases for each scheme; beside {self.reference}, {'; '.join(said)}."
+
+    @property
+    def _cases(self) -> np.ndarray:
+        return self.tables[self.reference]["row"]
+
+    def sections(self) -> list[Section]:
+        """Shares, means, and differences with their intervals."""
+        rates: list[list[Cell]] = []
+        for name in self.tables:
+            for holds in self.study.holds:
+                failures, holding = self.rate(name, holds)
+                p_value = None if name == self.reference else self.shares(name, holds).p_value
+                rates.append([name, holds, failures, share(holding.lower), share(holding.upper), p_value])
+        note = f"Of {len(self._cases)} cases; intervals at {self.study.confidence:.0%}; p by McNemar's exact test."
+        head = ("Scheme", "asked", "failed", "holds at least", "holds at most", "p, beside the first")
+        found = [Section("How often it holds", note, head, rates)]
+        others = list(self.tables)[1:]
+        rows: list[list[Cell]] = []
+        drawn = {}
+        for of in self.study.of:
+            ends = []
+            for name in others:
+                one = self.difference(name, of)
+                low, high = (one.of_mean.lower, one.of_mean.upper) if one.of_mean else (None, None)
+                rows.append([name, of, one.pairs, self._mean(name, of), one.mean, low, high, one.median, one.p_value])
+                ends.append([np.nan if x is None else x for x in (low, one.mean, high)])
+            drawn[of.replace("_", " ")] = np.array(ends)
+        pictures = [
+            Drawn("differences", "Differences", "Of the means, with intervals.", intervals(others, drawn)),
+        ]
+        columns = ("Scheme", "metric", "pairs", "mean", "difference", "at least", "at most", "median", "p, Wilcoxon")
+        first = ", ".join(f"{of} {_shown(self._mean(self.reference, of))}" for of in self.study.of)
+        note = f"Case by case, less that of {self.reference}, whose means are {first}; < 0 is better."
+        return [*found, Section("Differences", note, columns, rows, pictures)]
+
+    def _mean(self, name: str, of: str) -> float | None:
+        numbers = self.tables[name][of][_to_the_end(self.tables[name])]
+        known = numbers[np.isfinite(numbers)]
+        return float(known.mean()) if known.size else None
+
     def as_json(self) -> dict[str, Any]:
         """The result for a program."""
-        table = self.tables[self.reference]
-        failures, holding = self.rate(self.reference, self.study.holds[0]) if self.study.holds else (None, None)
-        known = np.isfinite(table["margin"])
-        row = int(np.nanargmin(table["margin"])) if known.any() else None
+        failures, holding = self.rate(self.reference, self.study.holds[0])
         return {
             "kind": "compare",
             "runs": self.runs,
             "failures": failures,
-            "probability": _interval(holding),
+            "probability": interval_of(holding),
             "ended": self.ended,
-            "worst": None if row is None else {"row": row, "margin": float(table["margin"][row]), "scenario": None},
+            "worst": worst_of(self.tables[self.reference]),
             "reference": self.reference,
             "schemes": {name: self._said(name) for name in self.tables},
         }
@@ -169,19 +241,19 @@ class CompareResult:
         whole = _to_the_end(table)
         found: dict[str, Any] = {
             "ended_early": int(np.sum(~whole)),
-            "means": {of: float(table[of][whole].mean()) if whole.any() else None for of in self.study.of},
+            "means": {of: self._mean(name, of) for of in self.study.of},
             "holds": {},
         }
         for holds in self.study.holds:
             failures, holding = self.rate(name, holds)
-            found["holds"][holds] = {"failures": failures, "probability": _interval(holding)}
+            found["holds"][holds] = {"failures": failures, "probability": interval_of(holding)}
         if name != self.reference:
             found["differences"] = {of: self._compared(name, of) for of in self.study.of}
             for holds in self.study.holds:
                 shares = self.shares(name, holds)
                 found["holds"][holds] |= {
                     "difference": shares.difference,
-                    "interval": _interval(shares.interval),
+                    "interval": interval_of(shares.interval),
                     "p_value": shares.p_value,
                 }
         return found
@@ -191,9 +263,9 @@ class CompareResult:
         return {
             "pairs": one.pairs,
             "mean": one.mean,
-            "interval": _interval(one.of_mean),
+            "interval": interval_of(one.of_mean),
             "median": one.median,
-            "median_interval": _interval(one.of_median),
+            "median_interval": interval_of(one.of_median),
             "p_value": one.p_value,
         }
 
@@ -203,5 +275,12 @@ def _to_the_end(table: Columns) -> np.ndarray:
     return np.asarray((table["outcome"] == 0) | (table["outcome"] == 3))
 
 
-def _interval(one: Interval | None) -> dict[str, float] | None:
-    return None if one is None else {"lower": one.lower, "upper": one.upper, "confidence": one.confidence}
+def _is_below(one: PairedDifference, sign: float = 1.0) -> bool:
+    """Whether the interval of the mean is below 0, or with sign -1 above."""
+    if one.of_mean is None:
+        return False
+    return max(sign * one.of_mean.lower, sign * one.of_mean.upper) < 0.0
+
+
+def _shown(value: float | None) -> str:
+    return "unknown" if value is None else f"{value:.4g}"

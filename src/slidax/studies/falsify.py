@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Field
 
 from slidax._errors import DefinitionError, nearest, plain
-from slidax.reports import write_scenario
+from slidax.figures import search_history
 from slidax.scenarios.base import said
+from slidax.scenarios.description import ScenarioDescription
 from slidax.scenarios.family import Family
 
 from .asked import Asked
+from .overview import overview
+from .result import NOTHING, AbstractResult, Cell, Drawn, Section
 from .search import Found, lowest
 from .study import AbstractStudy, How
 from .table import OUTCOMES, Columns
@@ -71,9 +73,16 @@ class Falsify(AbstractStudy):
         table = asked.table
         values = badness(table, self.worst)
         rows = [int(np.flatnonzero(values == value)[0]) for value in found.values]
-        files = _written(family, asked, rows, how.out)
         return FalsifyResult(
-            self, family, table, found, tuple(rows), files, asked.finish(), runner.computed, runner.seconds
+            study=self,
+            family=family,
+            table=table,
+            found=found,
+            rows=tuple(rows),
+            cases=tuple(asked.values_of(row) for row in rows),
+            path=asked.finish(),
+            computed=runner.computed,
+            seconds=runner.seconds,
         )
 
 
@@ -100,25 +109,15 @@ def badness(columns: Columns, of: str) -> np.ndarray:
     return np.where(ended, early, np.where(np.isfinite(value), -value, np.inf))
 
 
-def _written(family: Family, asked: Asked, rows: list[int], out: Path | None) -> tuple[Path, ...]:
-    if out is None:
-        return ()
-    paths = [out / f"worst-{number}.yaml" for number in range(1, len(rows) + 1)]
-    for path, row in zip(paths, rows, strict=True):
-        case = family.case(asked.values_of(row))
-        write_scenario(case.model_copy(update={"title": f"{case.title} - row {row}"}), path)
-    return tuple(paths)
-
-
 @dataclass(frozen=True)
-class FalsifyResult:
+class FalsifyResult(AbstractResult):
     """What a search for the worst found.
 
     - `study`, `family`: what was asked.
     - `table`: the rows, in the order in which they were asked for.
     - `found`: the worst points of the unit cube.
     - `rows`: the numbers of their rows.
-    - `files`: their scenarios; none if the rows are not kept.
+    - `cases`: their values, by path.
     - `path`: of the table; None if it was not kept.
     - `computed`, `seconds`: rows that were not stored before, and the time that they took.
     """
@@ -128,7 +127,7 @@ class FalsifyResult:
     table: Columns
     found: Found
     rows: tuple[int, ...]
-    files: tuple[Path, ...]
+    cases: tuple[dict[str, Any], ...]
     path: Any
     computed: int
     seconds: float
@@ -151,31 +150,75 @@ class FalsifyResult:
             "seconds": f"the time was over after {self.runs} runs",
         }.get(self.found.stop, f"all {self.runs} runs are done")
 
-    def case(self, place: int) -> dict[str, Any]:
-        """One of the worst cases, for a program.
+    @property
+    def good(self) -> bool:
+        """Whether no run failed."""
+        return not self.failures
 
-        - `place`: 0 is the worst.
-        """
+    @property
+    def lead(self) -> str:
+        """The answer in a sentence."""
+        if not self.rows:
+            return f"No run has a number for `{self.study.worst}` ({self.ended})."
+        outcome = OUTCOMES[int(self.table["outcome"][self.rows[0]])].replace("_", " ")
+        value = float(self.table[self.study.worst][self.rows[0]])
+        said = "without a number" if not np.isfinite(value) else f"{value:.4g}"
+        found = "no run failed" if self.good else f"{self.failures} runs failed"
+        return f"{self.runs} runs, {found}: the worst {self.study.worst} is {said}, {outcome} ({self.ended})."
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the files of the worst cases, the worst first."""
+        return tuple("worst" if place == 0 else f"worst-{place + 1}" for place in range(len(self.rows)))
+
+    def scenarios(self) -> dict[str, ScenarioDescription]:
+        """The worst cases."""
+        return {name: self.family.case(case) for name, case in zip(self.names, self.cases, strict=True)}
+
+    def sections(self) -> list[Section]:
+        """The worst cases, the way of the search, what the margin depends on, and the worst case's values."""
+        head = ["File", self.study.worst, *(["margin"] if self.study.worst != MARGIN else []), "outcome", "row"]
+        rows: list[list[Cell]] = [
+            [
+                f"{name}.yaml",
+                float(self.table[self.study.worst][row]),
+                *([float(self.table[MARGIN][row])] if self.study.worst != MARGIN else []),
+                OUTCOMES[int(self.table["outcome"][row])].replace("_", " "),
+                row,
+            ]
+            for name, row in zip(self.names, self.rows, strict=True)
+        ]
+        sign = 1.0 if self.study.worst == MARGIN else -1.0
+        history = self.found.history * np.array([1.0, sign])
+        # A run that ended early has no number of its own.
+        history = history[np.abs(history[:, 1]) < 0.5 * WORSE]
+        label = f"worst {self.study.worst.replace('_', ' ')}"
+        bound = 0.0 if self.study.worst == MARGIN else None
+        way = Drawn("search", "The search", "The worst so far.", search_history(history, label, bound))
+        note = f"Each differs from the others by {self.study.apart:.0%} of its set in one number at least."
+        worst = Section("The worst cases", note, head, rows, [way])
+        if not self.rows:
+            return [worst]
+        return [worst, *overview(self.family, self.table, self.cases[0], self.rows[0])[1:]]
+
+    def _said(self, place: int) -> dict[str, Any]:
         row = self.rows[place]
-        margin = float(self.table[MARGIN][row])
-        said: dict[str, Any] = {"row": row, "margin": margin if np.isfinite(margin) else None}
-        if self.study.worst != MARGIN:
-            value = float(self.table[self.study.worst][row])
-            said[self.study.worst] = value if np.isfinite(value) else None
-        said["outcome"] = OUTCOMES[int(self.table["outcome"][row])]
-        said["scenario"] = str(self.files[place]) if self.files else None
-        return said
+        said: dict[str, Any] = {"row": row}
+        for key in dict.fromkeys([MARGIN, self.study.worst]):
+            value = float(self.table[key][row])
+            said[key] = value if np.isfinite(value) else None
+        return {**said, "outcome": OUTCOMES[int(self.table["outcome"][row])], "scenario": f"{self.names[place]}.yaml"}
 
     def as_json(self) -> dict[str, Any]:
         """The result for a program."""
-        cases = [self.case(place) for place in range(len(self.rows))]
+        cases = [self._said(place) for place in range(len(self.rows))]
         return {
             "kind": "falsify",
             "runs": self.runs,
             "failures": self.failures,
             "probability": None,
             "ended": self.ended,
-            "worst": cases[0] if cases else None,
+            "worst": {**cases[0], "scenario": None} if cases else NOTHING,
             "found": cases,
             "history": self.found.history.tolist(),
         }

@@ -7,9 +7,16 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, TypeAlias
 
+import numpy as np
 from matplotlib.figure import Figure
 
 from slidax.scenarios.description import ScenarioDescription
+
+from .statistics import Interval
+from .table import Columns
+
+NOTHING: dict[str, Any] = {"row": None, "margin": None, "scenario": None}
+"""The worst case of a study that has none."""
 
 Cell: TypeAlias = str | float | int | None
 """Of a table: text, or a number; None is shown as a dash."""
@@ -73,3 +80,23 @@ class AbstractResult(ABC):
     def scenarios(self) -> dict[str, ScenarioDescription]:
         """Scenarios that `slidax run` replays, by the names of their files without ending."""
         return {}
+
+
+def worst_of(table: Columns) -> dict[str, Any]:
+    """The row with the least margin, for a program.
+
+    - `table`: the rows.
+    """
+    margin = table["margin"]
+    if not np.isfinite(margin).any():
+        return NOTHING
+    row = int(np.nanargmin(margin))
+    return {"row": row, "margin": float(margin[row]), "scenario": None}
+
+
+def interval_of(one: Interval | None) -> dict[str, float] | None:
+    """An interval, for a program.
+
+    - `one`: the interval.
+    """
+    return None if one is None else {"lower": one.lower, "upper": one.upper, "confidence": one.confidence}

@@ -9,10 +9,12 @@ import numpy as np
 from pydantic import Field
 
 from slidax._errors import DefinitionError, nearest, plain
+from slidax.figures import variance_shares
 from slidax.scenarios.base import said
 from slidax.scenarios.family import Family
 
 from .asked import Asked
+from .result import AbstractResult, Cell, Drawn, Section, worst_of
 from .search import SobolIndices, points_for_indices, sobol_indices
 from .study import AbstractStudy, How
 from .table import Columns
@@ -66,7 +68,7 @@ class Sensitivity(AbstractStudy):
 
 
 @dataclass(frozen=True)
-class SensitivityResult:
+class SensitivityResult(AbstractResult):
     """Shares of variances.
 
     - `study`, `family`: what was asked.
@@ -99,18 +101,45 @@ class SensitivityResult:
         without = [f"{count} runs have no `{one}`, which has no indices" for one, count in self.missing.items()]
         return "; ".join([f"all {self.runs} runs are done", *without])
 
+    @property
+    def good(self) -> bool:
+        """Whether no run failed."""
+        return not np.any(self.table["outcome"] > 0)
+
+    @property
+    def lead(self) -> str:
+        """The answer in a sentence."""
+        said = [
+            f"of `{of}` {self.names[int(np.argmax(one.total))]} has {min(max(float(one.total.max()), 0.0), 1.0):.0%}"
+            for of, one in self.indices.items()
+            if one.variance > 0
+        ]
+        return f"{self.runs} runs: {'; '.join(said) or 'no result varies'} ({self.ended})."
+
+    def sections(self) -> list[Section]:
+        """The shares of each result."""
+        found = []
+        for of, one in self.indices.items():
+            rows: list[list[Cell]] = [
+                [name, *(float(share[k]) for share in (one.first, one.first_half, one.total, one.total_half))]
+                for k, name in enumerate(self.names)
+            ]
+            drawing = variance_shares(self.names, one.first, one.total, (one.first_half, one.total_half))
+            note = f"Shares of the variance, with half the widths of their {self.study.confidence:.0%} intervals."
+            picture = Drawn(f"shares-{of}", f"Shares of {of}", "By itself, and together with others.", drawing)
+            head = ("Uncertain", "by itself", "±", "in all", "±")
+            found.append(Section(f"What {of} depends on", note, head, rows, [picture]))
+        return found
+
     def as_json(self) -> dict[str, Any]:
         """The result for a program."""
-        margin = self.table["margin"]
-        known = np.isfinite(margin)
-        row = int(np.nanargmin(margin)) if known.any() else None
         return {
             "kind": "sensitivity",
             "runs": self.runs,
             "failures": int(np.sum(self.table["outcome"] > 0)),
             "probability": None,
             "ended": self.ended,
-            "worst": None if row is None else {"row": row, "margin": float(margin[row]), "scenario": None},
+            "worst": worst_of(self.table),
             "indices": {one: self._said(one) for one in self.indices},
             "missing": self.missing,
         }

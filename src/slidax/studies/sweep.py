@@ -9,7 +9,7 @@ import numpy as np
 from pydantic import Field
 
 from slidax._errors import DefinitionError, nearest, plain
-from slidax.scenarios.base import said
+from slidax.figures import parameter_map
 from slidax.scenarios.description import OF_THE_LAW
 from slidax.scenarios.family import Family
 from slidax.scenarios.uncertainty import AbstractSet
@@ -18,10 +18,14 @@ from slidax.scenarios.uncertainty.sets import Choice
 
 from .asked import BELOW_ONE, Asked
 from .points import points
+from .result import AbstractResult, Drawn, Section, worst_of
 from .study import AbstractStudy, How
 from .table import Columns
 
 MOST_AXES = 2
+
+MOST_ROWS = 20
+"""Of the table on the page; the file has all."""
 
 
 class Sweep(AbstractStudy):
@@ -38,7 +42,6 @@ class Sweep(AbstractStudy):
     """What is mapped: `margin`, or a metric such as `steady_error`; the worst of all cases."""
     cases: Annotated[int, Field(ge=1, le=1_000_000)] = 1
     """Of what is uncertain, the same at each point; with 1 the scenario's own values, and nothing is uncertain."""
-    confidence: float = said("of the intervals", "", "(0, 1)", default=0.95)
 
     def run(self, how: How) -> SweepResult:
         """The map.
@@ -99,7 +102,7 @@ def _axis(family: Family, path: str, one: AbstractSet, count: int) -> np.ndarray
 
 
 @dataclass(frozen=True)
-class SweepResult:
+class SweepResult(AbstractResult):
     """A map.
 
     - `study`, `family`: what was asked.
@@ -144,22 +147,70 @@ class SweepResult:
         """The share of cases that left their envelope or ended early, at each point."""
         return np.asarray((self.table["outcome"] > 0).reshape(*self.shape, -1).mean(axis=-1))
 
+    @property
+    def good(self) -> bool:
+        """Whether no run failed."""
+        return not np.any(self.table["outcome"] > 0)
+
+    @property
+    def lead(self) -> str:
+        """The answer in a sentence."""
+        size = " x ".join(map(str, self.shape))
+        held = int(np.sum(self.failing == 0))
+        known = self.worst[np.isfinite(self.worst)]
+        said = f"{self.study.of} from {known.min():.4g} to {known.max():.4g}" if known.size else f"no {self.study.of}"
+        return f"{size} points, {self.runs} runs: no run fails at {held} of {self.failing.size}; {said}."
+
+    def sections(self) -> list[Section]:
+        """The map, and the share of cases that fail if there are several."""
+        axes = {self._label(path): one_number(axis) for path, axis in self.axes.items()}
+        is_margin = self.study.of == "margin"
+        which = "Of the worst of all cases." if self.study.cases > 1 else "Of one case."
+        label = ("least " if is_margin else "largest ") + self.study.of.replace("_", " ")
+        maps = [Drawn("map", label, which, parameter_map(axes, self.worst, label, 0.0 if is_margin else None))]
+        if self.study.cases > 1:
+            share = "share of cases that fail"
+            maps.append(Drawn("failing", share, f"Of {self.study.cases}.", parameter_map(axes, self.failing, share)))
+        places = np.stack([one.ravel() for one in np.meshgrid(*axes.values(), indexing="ij")], axis=1)
+        rows = [
+            [*map(float, place), float(worst), float(failing)]
+            for place, worst, failing in zip(places, self.worst.ravel(), self.failing.ravel(), strict=True)
+        ]
+        head = (*axes, label, "failing")
+        if len(rows) <= MOST_ROWS:
+            return [Section("The map", "", head, rows, maps)]
+        order = np.argsort(self.worst.ravel() if is_margin else -self.worst.ravel(), kind="stable")[:MOST_ROWS]
+        note = f"The table has the worst {MOST_ROWS} of {len(rows)} points."
+        return [Section("The map", note, head, [rows[k] for k in order], maps)]
+
+    def _label(self, path: str) -> str:
+        known = self.family.space.leaves
+        unit = next((leaf.unit for name, leaf in known.items() if name == path or name.endswith(path)), "")
+        short = ".".join(path.split(".")[-2:])
+        return f"{short}  [{unit}]" if unit else short
+
     def as_json(self) -> dict[str, Any]:
         """The result for a program."""
-        margin = self.table["margin"]
-        row = int(np.nanargmin(margin)) if np.isfinite(margin).any() else None
         return {
             "kind": "sweep",
             "runs": self.runs,
             "failures": int(np.sum(self.table["outcome"] > 0)),
             "probability": None,
             "ended": self.ended,
-            "worst": None if row is None else {"row": row, "margin": float(margin[row]), "scenario": None},
+            "worst": worst_of(self.table),
             "of": self.study.of,
             "axes": {path: axis.tolist() for path, axis in self.axes.items()},
             "map": _known(self.worst),
             "failing": self.failing.tolist(),
         }
+
+
+def one_number(axis: np.ndarray) -> np.ndarray:
+    """The values of a parameter as one number each: that of the first joint where there are several.
+
+    - `axis`: the values, with the place first.
+    """
+    return np.asarray(axis, float).reshape(len(axis), -1)[:, 0]
 
 
 def _known(numbers: np.ndarray) -> Any:

@@ -1,0 +1,54 @@
+"""A result over one or two parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from .style import LIMIT, LINES, styled
+
+
+@styled
+def parameter_map(axes: Mapping[str, np.ndarray], values: np.ndarray, label: str, bound: float | None = None) -> Figure:
+    """A line over one parameter, or a map over two, with the line on which the result is at its bound.
+
+    - `axes`: values of one or two parameters, by their labels.
+    - `values`: the result at each of their combinations; what is not finite is left out.
+    - `label`: of the result, with the unit.
+    - `bound`: where it changes from good to bad; None for nowhere.
+    """
+    (first, x), *rest = axes.items()
+    shown = np.ma.masked_invalid(np.asarray(values, float))
+    if not rest:
+        figure = Figure(figsize=(4.6, 2.6), layout="constrained")
+        panel = figure.subplots()
+        panel.plot(x, shown, marker=".", markersize=4.0, **LINES[0])
+        if bound is not None:
+            panel.axhline(bound, **LIMIT)
+        panel.set_ylabel(label)
+        panel.margins(y=0.08)
+    else:
+        ((second, y),) = rest
+        figure = Figure(figsize=(4.9, 3.4), layout="constrained")
+        panel = figure.subplots()
+        mesh = panel.pcolormesh(x, y, shown.T, shading="nearest", cmap="cividis", rasterized=True)
+        if bound is not None and shown.count() and shown.min() < bound < shown.max() and min(shown.shape) > 1:
+            panel.contour(x, y, shown.T, levels=[bound], colors=LIMIT["color"], linewidths=1.2)
+        figure.colorbar(mesh, ax=panel, label=label)
+        panel.set_ylabel(second)
+        _logarithmic(y, panel.set_yscale)
+        panel.grid(False)
+    panel.set_xlabel(first)
+    _logarithmic(x, panel.set_xscale)
+    return figure
+
+
+def _logarithmic(numbers: np.ndarray, set_scale: Callable[[str], Any]) -> None:
+    """Where the steps between the values are rather factors than distances."""
+    if len(numbers) > 2 and np.min(numbers) > 0 and np.max(numbers) > 5 * np.min(numbers):
+        ratios, steps = np.diff(np.log(numbers)), np.diff(numbers)
+        if np.ptp(ratios) / abs(ratios.mean()) < np.ptp(steps) / abs(steps.mean()):
+            set_scale("log")
