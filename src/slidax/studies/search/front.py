@@ -40,17 +40,18 @@ def non_dominated(aims: np.ndarray) -> np.ndarray:
     return chosen
 
 
-def thinned(aims: np.ndarray, most: int) -> np.ndarray:
+def thinned(aims: np.ndarray, most: int, first: int = 0) -> np.ndarray:
     """Places of so many rows of a front, the best in each aim among them, and the others far from each other.
 
     - `aims`: of the front [rows aims].
     - `most`: how many.
+    - `first`: a row that is kept before all others.
     """
     if len(aims) <= most:
         return np.arange(len(aims))
     spans = np.ptp(aims, axis=0)
     scaled = aims / np.where(spans == 0.0, 1.0, spans)
-    chosen = list(dict.fromkeys(int(k) for k in np.argmin(aims, axis=0)))[:most]
+    chosen = list(dict.fromkeys([first, *map(int, np.argmin(aims, axis=0))]))[:most]
     far = np.min(np.linalg.norm(scaled[:, None] - scaled[chosen], axis=2), axis=1)
     while len(chosen) < most:
         chosen.append(int(np.argmax(far)))

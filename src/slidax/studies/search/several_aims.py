@@ -55,7 +55,8 @@ def several_aims(
 
         maxᵢ wᵢ (log fᵢ - log fᵢ*) + 0.05 Σᵢ wᵢ (log fᵢ - log fᵢ*),  fᵢ* the best seen that holds the condition
 
-    (V. J. Bowman, 1976; the sum keeps it from points that are only just not dominated). A point that breaks the
+    (V. J. Bowman, 1976; the sum keeps it from points that are only just not dominated), and if the start holds the
+    condition one more for the least `maxᵢ (log fᵢ - log fᵢ(start))`, which is better than it in all aims alike. A point that breaks the
     condition is worse than any that holds it, the more the more it is broken. The points of all are judged in one
     batch; one that has settled begins again from the point that is best for its weights.
 
@@ -77,7 +78,9 @@ def several_aims(
         raise DefinitionError(f"`start` must be a point of the unit cube of dimension {dimension}; got {shown(begin)}")
     archive = _Archive(judge, evaluations, seconds)
     archive.ask(begin[None])
-    weights = _weights(archive.aims.shape[1], directions)
+    weights: list[np.ndarray | None] = [*_weights(archive.aims.shape[1], directions)]
+    if archive.holds[0]:
+        weights.append(None)
     seeds = iter(np.random.SeedSequence(seed).generate_state(10_000))
     size = population(dimension)
     islands = [Island(begin, SIZE, size, int(next(seeds))) for _ in weights]
@@ -127,13 +130,16 @@ class _Archive:
     def holds(self) -> np.ndarray:
         return np.asarray(self.broken <= 0.0)
 
-    def scalar(self, weight: np.ndarray) -> np.ndarray:
-        """One number for each point, for one weight."""
+    def scalar(self, weight: np.ndarray | None) -> np.ndarray:
+        """One number for each point, for one weight; beside the start for None."""
         holds = self.holds
         value = np.where(np.isfinite(self.broken), 1e6 + self.broken, np.inf)
         if holds.any():
             logs = np.log(self.aims[holds])
-            above = weight * (logs - logs.min(axis=0) + SLACK)
+            if weight is None:
+                above = logs - np.log(self.aims[0])
+            else:
+                above = weight * (logs - logs.min(axis=0) + SLACK)
             value[holds] = above.max(axis=1) + 0.05 * above.sum(axis=1)
         return value
 
@@ -142,7 +148,9 @@ class _Archive:
         chosen = holding[non_dominated(self.aims[holding])] if holding.size else holding
         if chosen.size:
             chosen = chosen[np.argsort(self.aims[chosen, 0], kind="stable")]
-            chosen = chosen[thinned(self.aims[chosen], most)]
+            reference = self.aims[0] if self.holds[0] else self.aims[chosen].min(axis=0)
+            best = int(np.argmin(np.max(self.aims[chosen] / reference, axis=1)))
+            chosen = chosen[thinned(self.aims[chosen], most, best)]
         start = self.aims[0] if self.holds[0] else None
         return Front(self.points[chosen], self.aims[chosen], start, len(self.points), int(holding.size))
 
