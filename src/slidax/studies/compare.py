@@ -75,7 +75,8 @@ class Compare(AbstractStudy):
                 )
         for predicate in holds:
             for table in tables.values():
-                predicate.holds(table)
+                if _can_be_asked(predicate.text, table):
+                    predicate.holds(table)
         return CompareResult(self, first, tables, how.out, computed, seconds)
 
     def _families(self) -> dict[str, Family]:
@@ -147,22 +148,30 @@ class CompareResult(AbstractResult):
             np.where(whole, one[of], np.nan), other[of], self.study.confidence, seed=self.study.seed
         )
 
-    def shares(self, name: str, holds: str) -> PairedShares:
+    def shares(self, name: str, holds: str) -> PairedShares | None:
         """In what share of the cases something holds, less the share in which it does for the reference.
+
+        None where one of them draws no envelope that could hold.
 
         - `name`: of the scheme.
         - `holds`: what holds.
         """
+        if not all(_can_be_asked(holds, self.tables[each]) for each in (name, self.reference)):
+            return None
         predicate = Predicate(holds)
         one, other = (predicate.holds(self.tables[each]) for each in (name, self.reference))
         return paired_shares(one, other, self.study.confidence)
 
-    def rate(self, name: str, holds: str) -> tuple[int, Interval]:
+    def rate(self, name: str, holds: str) -> tuple[int | None, Interval | None]:
         """In how many cases something fails, and an interval of the probability that it holds.
+
+        None and None for the envelope of a scheme that draws none.
 
         - `name`: of the scheme.
         - `holds`: what.
         """
+        if not _can_be_asked(holds, self.tables[name]):
+            return None, None
         failures = int(np.sum(~Predicate(holds).holds(self.tables[name])))
         failing = clopper_pearson(failures, len(self.tables[name]["row"]), self.study.confidence)
         return failures, Interval(1.0 - failing.upper, 1.0 - failing.lower, failing.confidence)
@@ -193,8 +202,9 @@ class CompareResult(AbstractResult):
         for name in self.tables:
             for holds in self.study.holds:
                 failures, holding = self.rate(name, holds)
-                p_value = None if name == self.reference else self.shares(name, holds).p_value
-                rates.append([name, holds, failures, share(holding.lower), share(holding.upper), p_value])
+                ends = (None, None) if holding is None else (share(holding.lower), share(holding.upper))
+                both = None if name == self.reference else self.shares(name, holds)
+                rates.append([name, holds, failures, *ends, None if both is None else both.p_value])
         note = f"Of {len(self._cases)} cases; intervals at {self.study.confidence:.0%}; p by McNemar's exact test."
         head = ("Scheme", "asked", "failed", "holds at least", "holds at most", "p, beside the first")
         found = [Section("How often it holds", note, head, rates)]
@@ -251,11 +261,12 @@ class CompareResult(AbstractResult):
             found["differences"] = {of: self._compared(name, of) for of in self.study.of}
             for holds in self.study.holds:
                 shares = self.shares(name, holds)
-                found["holds"][holds] |= {
-                    "difference": shares.difference,
-                    "interval": interval_of(shares.interval),
-                    "p_value": shares.p_value,
-                }
+                if shares is not None:
+                    found["holds"][holds] |= {
+                        "difference": shares.difference,
+                        "interval": interval_of(shares.interval),
+                        "p_value": shares.p_value,
+                    }
         return found
 
     def _compared(self, name: str, of: str) -> dict[str, Any]:
@@ -268,6 +279,11 @@ class CompareResult(AbstractResult):
             "median_interval": interval_of(one.of_median),
             "p_value": one.p_value,
         }
+
+
+def _can_be_asked(holds: str, table: Columns) -> bool:
+    """Whether runs can have the property: an envelope can only hold where one is drawn."""
+    return holds != ENVELOPE or bool(np.isfinite(table["margin"]).any())
 
 
 def _to_the_end(table: Columns) -> np.ndarray:
