@@ -53,7 +53,7 @@ def test_a_metric_can_be_searched():
     worst = found("falsify", runs=160, worst="peak_torque")
     assert worst.table["peak_torque"][worst.rows[0]] == worst.table["peak_torque"].max()
     assert worst.as_json()["worst"]["peak_torque"] == worst.table["peak_torque"].max()
-    assert "peak_torque" in worst.lead and worst.found.stop == "evaluations" or worst.found.stop == "settled"
+    assert ("peak_torque" in worst.lead and worst.found.stop == "evaluations") or worst.found.stop == "settled"
 
 
 def test_a_search_that_was_stopped_goes_on_where_it_was(tmp_path):

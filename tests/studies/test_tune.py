@@ -59,9 +59,7 @@ def test_what_must_hold_in_every_case_does(tuned):
     limit = float(np.median(tuned.table["peak_torque"][: 80 * 4].reshape(80, 4).max(axis=1)))
     strict = found("tune", **HOW, holds=["envelope", f"peak_torque < {limit}"])
     assert 0 < strict.front.holding < 80
-    assert strict.front.holding == sum(
-        strict.table["peak_torque"][: 80 * 4].reshape(80, 4).max(axis=1) < limit
-    )
+    assert strict.front.holding == sum(strict.table["peak_torque"][: 80 * 4].reshape(80, 4).max(axis=1) < limit)
     nothing = found("tune", **HOW, holds=["peak_torque < 1e-3"])
     assert nothing.best is None and "none of 80 candidates" in nothing.lead
     assert nothing.as_json()["best"] is None and nothing.scenarios() == {} and nothing.sections()
