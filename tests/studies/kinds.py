@@ -19,7 +19,7 @@ WEAK = {
     "start.q": {"around": 0.06, "each": "joint"},
     "start.dq": {"between": [-0.03, 0.03], "each": "joint"},
 }
-"""Of an arm whose drives are too weak if its second link is short, both are heavy, and the start is low, all at once."""
+"""Of an arm whose drives may be too weak: where its second link is short, its masses are large, its start is low."""
 
 
 def found(kind, **said):

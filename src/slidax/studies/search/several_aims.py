@@ -136,10 +136,8 @@ class _Archive:
         value = np.where(np.isfinite(self.broken), 1e6 + self.broken, np.inf)
         if holds.any():
             logs = np.log(self.aims[holds])
-            if weight is None:
-                above = logs - np.log(self.aims[0])
-            else:
-                above = weight * (logs - logs.min(axis=0) + SLACK)
+            ideal = logs.min(axis=0) - SLACK
+            above = logs - np.log(self.aims[0]) if weight is None else weight * (logs - ideal)
             value[holds] = above.max(axis=1) + 0.05 * above.sum(axis=1)
         return value
 
