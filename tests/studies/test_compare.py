@@ -45,7 +45,7 @@ def test_a_slower_scheme_is_found_to_be_worse_case_by_case(compared):
     assert slower.pairs == 24 and slower.of_mean.lower > 0.0
     ours, theirs = (compared.tables[name]["steady_error"] for name in ("slower", "ours"))
     assert slower.mean == pytest.approx(np.mean(ours - theirs))
-    assert "slower is worse in steady_error" in compared.lead
+    assert "slower is better in peak_torque and worse in steady_error" in compared.lead
 
 
 def test_a_scheme_without_an_envelope_is_compared_in_the_rest(compared):

@@ -5,6 +5,7 @@ import pytest
 
 from slidax import scenarios
 from slidax._errors import DefinitionError
+from slidax.studies.sweep import one_number
 from slidax.studies.table import columns_of
 
 from .kinds import SHORT, found
@@ -23,7 +24,7 @@ def swept():
 
 def test_each_point_of_the_map_is_the_run_with_its_values(swept):
     assert swept.worst.shape == swept.shape == (3, 2)
-    finals, scales = swept.axes.values()
+    finals, scales = map(one_number, swept.axes.values())
     np.testing.assert_allclose(finals, [5e-4, 1e-3, 2e-3], rtol=1e-12)
     assert scales.tolist() == [0.0, 1.0]
     for i, j in ((0, 1), (2, 0)):

@@ -56,10 +56,11 @@ def test_a_scenario_of_the_front_has_the_numbers_that_are_said_of_it(tuned, tmp_
 
 
 def test_what_must_hold_in_every_case_does(tuned):
-    limit = float(np.median(tuned.table["peak_torque"][: 80 * 4].reshape(80, 4).max(axis=1)))
-    strict = found("tune", **HOW, holds=["envelope", f"peak_torque < {limit}"])
-    assert 0 < strict.front.holding < 80
-    assert strict.front.holding == sum(strict.table["peak_torque"][: 80 * 4].reshape(80, 4).max(axis=1) < limit)
+    errors = tuned.table["steady_error"][: 80 * 4].reshape(80, 4).max(axis=1)
+    limit = float(np.median(errors))
+    strict = found("tune", **HOW, holds=["envelope", f"steady_error < {limit}"])
+    errors = strict.table["steady_error"][: 80 * 4].reshape(80, 4).max(axis=1)
+    assert 0 < strict.front.holding == np.sum(errors < limit) < 80
     nothing = found("tune", **HOW, holds=["peak_torque < 1e-3"])
     assert nothing.best is None and "none of 80 candidates" in nothing.lead
     assert nothing.as_json()["best"] is None and nothing.scenarios() == {} and nothing.sections()
