@@ -15,6 +15,8 @@ jax.config.update("jax_enable_x64", True)
 jax.config.update("jax_numpy_dtype_promotion", "strict")
 install_import_hook(array_modules.names(), "beartype.beartype")
 
+from slidax.codegen.llvm import machine  # noqa: E402  (once its shapes are checked)
+
 settings.register_profile(
     "slidax",
     derandomize=True,
@@ -29,12 +31,14 @@ OWN = pytest.StashKey[Path]()
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Most of a day's run goes into XLA's compiler: so it does little, and what it has done is kept for the next run.
+    """Most of a day's run goes into compilers: so they do little, and what XLA has done is kept for the next run.
 
-    The long version compiles everything anew, and as a user does.
+    Bits are the same at any level of LLVM, which tests/codegen shows. The long version compiles everything anew, and
+    as a user does.
     """
     if config.getoption("markexpr") == "not full":
         jax.config.update("jax_disable_most_optimizations", True)
+        machine.OPTIMISED = 0
         if config.pluginmanager.has_plugin("cacheprovider"):
             config.stash[OWN] = compiled_code.taken(config.cache.mkdir("xla"))
 

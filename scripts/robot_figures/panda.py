@@ -33,6 +33,9 @@ SAME = "same estimator, learning, prediction, limits"
 
 COLUMNS = 240
 
+FIRST: dict[str, Any] = {"color": "#C00000", "marker": "o", "linestyle": "none", "markersize": 4}
+"""Where an error leaves the envelope."""
+
 
 @dataclass(frozen=True)
 class Line:
@@ -109,6 +112,7 @@ def draw(shown: list[Line]) -> Figure:
     bounds, t = ours.log.envelope, np.asarray(ours.log.t)
     widest = np.max(np.abs([np.asarray(bounds.lower), np.asarray(bounds.upper)]), axis=(0, 2))
     narrowest = np.min(np.abs([np.asarray(bounds.lower), np.asarray(bounds.upper)]), axis=(0, 2))
+    marks: list[Line2D] = []
     by_name = {(line.name.split(" (")[0], line.form): line.run for line in shown}
     titles = {
         "CFTSMPPC, sampled-data": ("CFTSMPPC", "sampled-data"),
@@ -131,7 +135,8 @@ def draw(shown: list[Line]) -> Figure:
         over = outside(run, ours)
         if over.any():
             first = int(np.argmax(over))
-            axes.plot(times[first], errors[first].max(), "o", color="#C00000", markersize=4, zorder=4)
+            axes.plot(times[first], errors[first].max(), **FIRST, zorder=4)
+            marks = [Line2D([], [], **FIRST, label="first sample outside")]
         axes.set_title(title)
         if run.log.t[-1] < t[-1]:
             axes.axvspan(float(times[-1]), float(t[-1]), facecolor="1", edgecolor="none", alpha=0.72, zorder=3)
@@ -148,7 +153,7 @@ def draw(shown: list[Line]) -> Figure:
             Line2D([], [], color=LINES[0]["color"], linewidth=0.8, label="error, seven joints"),
             envelope_patch("envelope, its narrowest side"),
             Line2D([], [], **NARROW, label="its widest side"),
-            Line2D([], [], color="#C00000", marker="o", linestyle="none", markersize=4, label="first sample outside"),
+            *marks,
         ],
     )
     return figure

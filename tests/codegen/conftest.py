@@ -3,11 +3,20 @@
 import jax
 import pytest
 
+from slidax.codegen.llvm import machine
+
+USUAL = 2
+"""LLVM's level as users have it."""
+
 
 @pytest.fixture(autouse=True)
-def _optimised():
-    """XLA's bits as users have them: without its optimisations a chain of roundings is another one."""
+def _optimised(monkeypatch):
+    """As users have it: XLA's bits, since without its optimisations roundings are others; LLVM's code."""
     before = jax.config.values["jax_disable_most_optimizations"]
     jax.config.update("jax_disable_most_optimizations", False)
-    yield
+    with monkeypatch.context() as usual:
+        usual.setattr(machine, "OPTIMISED", USUAL)
+        machine.host.cache_clear()
+        yield
+    machine.host.cache_clear()
     jax.config.update("jax_disable_most_optimizations", before)

@@ -111,3 +111,20 @@ def test_the_check_is_quick():
     started = time.process_time()
     motion_limits.require_within_limits(PANDA.plant.robot, motion, PANDA.state0, 8000, PANDA.stepping)
     assert time.process_time() - started < 0.25
+
+
+@pytest.mark.parametrize("to", [0.1, 9.0])
+def test_a_motion_that_a_batch_shares_is_checked_while_the_batch_is_traced(to):
+    """Its end is a time that is computed from its own, which are known."""
+    motion = MinimumJerk.through([0.0, 1.0], [HOME, moved(6, to)])
+
+    def one(start):
+        robot, state = PANDA.plant.robot, State(q=start)
+        motion_limits.require_within_limits(robot, motion, state, 2000, PANDA.stepping)
+        return start
+
+    if to < 1.0:
+        jax.eval_shape(one, jnp.asarray(HOME))
+        return
+    with pytest.raises(DefinitionError, match="beyond its|above its limit"):
+        jax.eval_shape(one, jnp.asarray(HOME))

@@ -47,8 +47,10 @@ def require_within_limits(
         found = _beyond(robot, np.asarray(state0.q)[None], np.asarray(state0.dq)[None])
         if found is not None:
             raise DefinitionError(f"`state0` is beyond the robot's limits: {found[1]}; {REMEDY}")
-    # Once it stands still, it has shown what there is.
-    last = int(min(steps, np.ceil(float(trajectory.until) / stepping.period) + 1))
+    # Once it stands still, it has shown what there is. It is known, also where a batch of other things is traced.
+    with jax.ensure_compile_time_eval():
+        until = float(trajectory.until)
+    last = int(min(steps, np.ceil(until / stepping.period) + 1))
     for first in range(0, last, CHUNK):
         times = np.arange(first, min(first + CHUNK, last) + 1) * stepping.period
         q = _positions(trajectory, times)

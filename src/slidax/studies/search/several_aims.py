@@ -55,10 +55,10 @@ def several_aims(
 
         maxᵢ wᵢ (log fᵢ - log fᵢ*) + 0.05 Σᵢ wᵢ (log fᵢ - log fᵢ*),  fᵢ* the best seen that holds the condition
 
-    (V. J. Bowman, 1976; the sum keeps it from points that are only just not dominated), and if the start holds the
-    condition one more for the least `maxᵢ (log fᵢ - log fᵢ(start))`, which is better than it in all aims alike. A point that breaks the
-    condition is worse than any that holds it, the more the more it is broken. The points of all are judged in one
-    batch; one that has settled begins again from the point that is best for its weights.
+    (V. J. Bowman, 1976; the sum keeps it from points that are only just not dominated). If the start holds the
+    condition, one more searches for the least `maxᵢ (log fᵢ - log fᵢ(start))`: to be better than it in all aims. A
+    point that breaks the condition is worse than any that holds it, the more the more it is broken. The points of all
+    are judged in one batch; one that has settled begins again from the point that is best for its weights.
 
     - `judge`: from points [points dimension] to their aims and whether the condition holds.
     - `dimension`: of the cube.
@@ -136,10 +136,8 @@ class _Archive:
         value = np.where(np.isfinite(self.broken), 1e6 + self.broken, np.inf)
         if holds.any():
             logs = np.log(self.aims[holds])
-            if weight is None:
-                above = logs - np.log(self.aims[0])
-            else:
-                above = weight * (logs - logs.min(axis=0) + SLACK)
+            ideal = logs.min(axis=0) - SLACK
+            above = logs - np.log(self.aims[0]) if weight is None else weight * (logs - ideal)
             value[holds] = above.max(axis=1) + 0.05 * above.sum(axis=1)
         return value
 

@@ -1,0 +1,221 @@
+"""What a comparison of schemes found."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from slidax.figures import intervals
+from slidax.scenarios.family import Family
+
+from .overview import share
+from .predicate import ENVELOPE, Predicate
+from .result import AbstractResult, Cell, Drawn, Section, interval_of, worst_of
+from .statistics import Interval, PairedDifference, PairedShares, clopper_pearson, paired_difference, paired_shares
+from .table import Columns
+
+
+@dataclass(frozen=True)
+class Compared(AbstractResult):
+    """Schemes on the same cases.
+
+    - `of`, `holds`, `confidence`, `seed`: what was asked.
+    - `family`: that of the first scheme.
+    - `tables`: the rows of each scheme, by its name; the same row is the same case.
+    - `path`: the folder that has a table for each; None if they were not kept.
+    - `computed`, `seconds`: rows that were not stored before, and the time that they took.
+    """
+
+    of: tuple[str, ...]
+    holds: tuple[str, ...]
+    confidence: float
+    seed: int
+    family: Family
+    tables: dict[str, Columns]
+    path: Any
+    computed: int
+    seconds: float
+
+    @property
+    def runs(self) -> int:
+        """How many there were, of all schemes."""
+        return sum(len(table["row"]) for table in self.tables.values())
+
+    @property
+    def ended(self) -> str:
+        """What there is."""
+        return f"all {self.runs} runs are done"
+
+    @property
+    def reference(self) -> str:
+        """The scheme that the others are compared with."""
+        return next(iter(self.tables))
+
+    def difference(self, name: str, of: str) -> PairedDifference:
+        """By how much a metric is above that of the reference, over the cases that both ran to the end.
+
+        - `name`: of the scheme.
+        - `of`: key of the metric.
+        """
+        one, other = self.tables[name], self.tables[self.reference]
+        whole = _to_the_end(one) & _to_the_end(other)
+        return paired_difference(np.where(whole, one[of], np.nan), other[of], self.confidence, seed=self.seed)
+
+    def shares(self, name: str, holds: str) -> PairedShares | None:
+        """In what share of the cases something holds, less the share in which it does for the reference.
+
+        None where one of them draws no envelope that could hold.
+
+        - `name`: of the scheme.
+        - `holds`: what holds.
+        """
+        if not all(can_be_asked(holds, self.tables[each]) for each in (name, self.reference)):
+            return None
+        predicate = Predicate(holds)
+        one, other = (predicate.holds(self.tables[each]) for each in (name, self.reference))
+        return paired_shares(one, other, self.confidence)
+
+    def rate(self, name: str, holds: str) -> tuple[int | None, Interval | None]:
+        """In how many cases something fails, and an interval of the probability that it holds.
+
+        None and None for the envelope of a scheme that draws none.
+
+        - `name`: of the scheme.
+        - `holds`: what.
+        """
+        if not can_be_asked(holds, self.tables[name]):
+            return None, None
+        failures = int(np.sum(~Predicate(holds).holds(self.tables[name])))
+        failing = clopper_pearson(failures, len(self.tables[name]["row"]), self.confidence)
+        return failures, Interval(1.0 - failing.upper, 1.0 - failing.lower, failing.confidence)
+
+    @property
+    def good(self) -> bool:
+        """Whether no run of any scheme failed."""
+        return not any(np.any(table["outcome"] > 0) for table in self.tables.values())
+
+    @property
+    def lead(self) -> str:
+        """The answer in a sentence."""
+        said = []
+        for name in list(self.tables)[1:]:
+            better = [of for of in self.of if _is_below(self.difference(name, of))]
+            worse = [of for of in self.of if _is_below(self.difference(name, of), -1.0)]
+            words = [f"{word} in {', '.join(ofs)}" for word, ofs in (("better", better), ("worse", worse)) if ofs]
+            said.append(f"{name} is {' and '.join(words) or 'not told apart'}")
+        return f"{len(self._cases)} cases for each scheme; beside {self.reference}, {'; '.join(said)}."
+
+    @property
+    def _cases(self) -> np.ndarray:
+        return self.tables[self.reference]["row"]
+
+    def sections(self) -> list[Section]:
+        """Shares, means, and differences with their intervals."""
+        rates: list[list[Cell]] = []
+        for name in self.tables:
+            for holds in self.holds:
+                failures, holding = self.rate(name, holds)
+                bounds = (None, None) if holding is None else (share(holding.lower), share(holding.upper))
+                both = None if name == self.reference else self.shares(name, holds)
+                rates.append([name, holds, failures, *bounds, None if both is None else both.p_value])
+        note = f"Of {len(self._cases)} cases; intervals at {self.confidence:.0%}; p by McNemar's exact test."
+        head = ("Scheme", "asked", "failed", "holds at least", "holds at most", "p, beside the first")
+        found = [Section("How often it holds", note, head, rates)]
+        others = list(self.tables)[1:]
+        rows: list[list[Cell]] = []
+        drawn = {}
+        for of in self.of:
+            ends = []
+            for name in others:
+                one = self.difference(name, of)
+                low, high = (one.of_mean.lower, one.of_mean.upper) if one.of_mean else (None, None)
+                rows.append([name, of, one.pairs, self._mean(name, of), one.mean, low, high, one.median, one.p_value])
+                ends.append([np.nan if x is None else x for x in (low, one.mean, high)])
+            drawn[of.replace("_", " ")] = np.array(ends)
+        pictures = [
+            Drawn("differences", "Differences", "Of the means, with intervals.", intervals(others, drawn)),
+        ]
+        columns = ("Scheme", "metric", "pairs", "mean", "difference", "at least", "at most", "median", "p, Wilcoxon")
+        first = ", ".join(f"{of} {_shown(self._mean(self.reference, of))}" for of in self.of)
+        note = f"Case by case, less that of {self.reference}, whose means are {first}; < 0 is better."
+        return [*found, Section("Differences", note, columns, rows, pictures)]
+
+    def _mean(self, name: str, of: str) -> float | None:
+        numbers = self.tables[name][of][_to_the_end(self.tables[name])]
+        known = numbers[np.isfinite(numbers)]
+        return float(known.mean()) if known.size else None
+
+    def as_json(self) -> dict[str, Any]:
+        """The result for a program."""
+        failures, holding = self.rate(self.reference, self.holds[0])
+        return {
+            "kind": "compare",
+            "runs": self.runs,
+            "failures": failures,
+            "probability": interval_of(holding),
+            "ended": self.ended,
+            "worst": worst_of(self.tables[self.reference]),
+            "reference": self.reference,
+            "schemes": {name: self._said(name) for name in self.tables},
+        }
+
+    def _said(self, name: str) -> dict[str, Any]:
+        table = self.tables[name]
+        whole = _to_the_end(table)
+        found: dict[str, Any] = {
+            "ended_early": int(np.sum(~whole)),
+            "means": {of: self._mean(name, of) for of in self.of},
+            "holds": {},
+        }
+        for holds in self.holds:
+            failures, holding = self.rate(name, holds)
+            found["holds"][holds] = {"failures": failures, "probability": interval_of(holding)}
+        if name != self.reference:
+            found["differences"] = {of: self._compared(name, of) for of in self.of}
+            for holds in self.holds:
+                shares = self.shares(name, holds)
+                if shares is not None:
+                    found["holds"][holds] |= {
+                        "difference": shares.difference,
+                        "interval": interval_of(shares.interval),
+                        "p_value": shares.p_value,
+                    }
+        return found
+
+    def _compared(self, name: str, of: str) -> dict[str, Any]:
+        one = self.difference(name, of)
+        return {
+            "pairs": one.pairs,
+            "mean": one.mean,
+            "interval": interval_of(one.of_mean),
+            "median": one.median,
+            "median_interval": interval_of(one.of_median),
+            "p_value": one.p_value,
+        }
+
+
+def can_be_asked(holds: str, table: Columns) -> bool:
+    """Whether runs can have the property: an envelope can only hold where one is drawn.
+
+    - `holds`: the property.
+    - `table`: the rows.
+    """
+    return holds != ENVELOPE or bool(np.isfinite(table["margin"]).any())
+
+
+def _to_the_end(table: Columns) -> np.ndarray:
+    """Runs that reached their end, inside the envelope or not."""
+    return np.asarray((table["outcome"] == 0) | (table["outcome"] == 3))
+
+
+def _is_below(one: PairedDifference, sign: float = 1.0) -> bool:
+    """Whether the interval of the mean is below 0, or with sign -1 above."""
+    if one.of_mean is None:
+        return False
+    return max(sign * one.of_mean.lower, sign * one.of_mean.upper) < 0.0
+
+
+def _shown(value: float | None) -> str:
+    return "unknown" if value is None else f"{value:.4g}"

@@ -1,0 +1,17 @@
+"""The studies that the documentation shows can be asked."""
+
+from pathlib import Path
+
+import pytest
+
+from slidax.studies import read_study
+
+FILES = sorted((Path(__file__).parents[2] / "examples" / "studies").glob("*.yaml"))
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
+def test_an_example_is_a_study_of_sets_that_exist(path):
+    study = read_study(path)
+    assert study.title
+    family = study.family(study.gains) if study.study == "tune" else study.family()
+    assert family.space.dimensions > 3
