@@ -23,3 +23,5 @@ from .names import short_names as short_names
 from .summary import METRICS as METRICS
 from .summary import metrics_of as metrics_of
 from .summary import summary as summary
+from .tube import tube_margin as tube_margin
+from .tube import tube_violations as tube_violations

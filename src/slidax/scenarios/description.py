@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import equinox as eqx
 import jax
@@ -18,10 +18,12 @@ from slidax.numerics import runge_kutta_4, semi_implicit_euler
 from slidax.robots import Articulated, JointLimits
 from slidax.simulation import MujocoPlant, Plant, Stepping, Table
 from slidax.trajectories import AbstractTrajectory
+from slidax.transformations import PrescribedPerformance
 
 from .base import AbstractDescription, said, same
 from .changes import changed
 from .default_bound import default_bound, warn_of_another_arms
+from .derived import PartDescription, plain_of
 from .disturbances import DisturbanceDescription
 from .instruments import ActuatorDescription, SensorDescription
 from .mistakes import translated
@@ -32,7 +34,7 @@ from .schemes import AnyScheme
 from .trajectories import TrajectoryDescription, trajectory_of
 from .uncertainty.mapping import Uncertainty
 
-OF_THE_LAW = ("scheme", "simulation", "truth", "uncertainty", "title", "source")
+OF_THE_LAW = ("scheme", "simulation", "tube", "truth", "uncertainty", "title", "source")
 """Blocks in which nothing can be true without the law knowing it."""
 
 TOLD = "write it under the scenario's own key"
@@ -94,6 +96,14 @@ class TableDescription(AbstractDescription):
     friction: float = same(Table, "friction")
 
 
+if TYPE_CHECKING:
+    TubeDescription = PartDescription
+else:
+    TubeDescription = plain_of(
+        PrescribedPerformance, "TubeDescription", doc="Bounds of the error, drawn as an envelope is."
+    )
+
+
 class SurroundingsDescription(AbstractDescription):
     """What stands around the arm, for a plant that MuJoCo moves."""
 
@@ -151,6 +161,8 @@ class ScenarioDescription(AbstractDescription):
     """The control scheme."""
     simulation: SimulationDescription
     """How time passes."""
+    tube: TubeDescription | None = None
+    """What a run is judged by, whatever its scheme promises; nothing if not given."""
 
     truth: dict[str, Any] = Field(default={})
     """What is otherwise than the rest of the file says, by path, unknown to the law, as in one case of a study."""
@@ -171,6 +183,11 @@ class ScenarioDescription(AbstractDescription):
             with located("truth"):
                 actual = changed_so.moving()
         simulation = self.simulation
+        tube = None
+        if self.tube is not None:
+            with located("tube"):
+                tube = self.tube.build()
+                require_joints(tube, believed.arms.true.joints, type(believed.arms.true).__name__)
         return Scenario(
             name=name,
             robot=self.robot.kind,
@@ -191,6 +208,7 @@ class ScenarioDescription(AbstractDescription):
                 engine=simulation.engine,
             ),
             log_every=simulation.log_every,
+            tube=tube,
         )
 
     def as_it_is(self) -> ScenarioDescription:
@@ -252,7 +270,7 @@ class ScenarioDescription(AbstractDescription):
         with located("scheme"):
             sampled = self.scheme.sampled_data is not None
             find = partial(default_bound, true, nominal, arms.load, drive.limits(), sampled=sampled)
-            scheme = self.scheme.with_bound(find)
+            scheme = self.scheme.with_bound(find).with_limit(drive.limits().torque)
             given = getattr(self.scheme, "bound", None)
             if given is not None and all(value is not None for _, value in given):
                 warn_of_another_arms(given.model_dump(), state0, drive.limits(), find)
