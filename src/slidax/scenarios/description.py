@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import equinox as eqx
 import jax
@@ -18,12 +18,10 @@ from slidax.numerics import runge_kutta_4, semi_implicit_euler
 from slidax.robots import Articulated, JointLimits
 from slidax.simulation import MujocoPlant, Plant, Stepping, Table
 from slidax.trajectories import AbstractTrajectory
-from slidax.transformations import PrescribedPerformance
 
 from .base import AbstractDescription, said, same
 from .changes import changed
 from .default_bound import default_bound, warn_of_another_arms
-from .derived import PartDescription, plain_of
 from .disturbances import DisturbanceDescription
 from .instruments import ActuatorDescription, SensorDescription
 from .mistakes import translated
@@ -32,6 +30,7 @@ from .sampled_data import Sampling
 from .scenario import Scenario
 from .schemes import AnyScheme
 from .trajectories import TrajectoryDescription, trajectory_of
+from .tube import TubeDescription, tube_of
 from .uncertainty.mapping import Uncertainty
 
 OF_THE_LAW = ("scheme", "simulation", "tube", "truth", "uncertainty", "title", "source")
@@ -94,14 +93,6 @@ class TableDescription(AbstractDescription):
 
     height: float = same(Table, "height")
     friction: float = same(Table, "friction")
-
-
-if TYPE_CHECKING:
-    TubeDescription = PartDescription
-else:
-    TubeDescription = plain_of(
-        PrescribedPerformance, "TubeDescription", doc="Bounds of the error, drawn as an envelope is."
-    )
 
 
 class SurroundingsDescription(AbstractDescription):
@@ -183,11 +174,6 @@ class ScenarioDescription(AbstractDescription):
             with located("truth"):
                 actual = changed_so.moving()
         simulation = self.simulation
-        tube = None
-        if self.tube is not None:
-            with located("tube"):
-                tube = self.tube.build()
-                require_joints(tube, believed.arms.true.joints, type(believed.arms.true).__name__)
         return Scenario(
             name=name,
             robot=self.robot.kind,
@@ -208,7 +194,7 @@ class ScenarioDescription(AbstractDescription):
                 engine=simulation.engine,
             ),
             log_every=simulation.log_every,
-            tube=tube,
+            tube=tube_of(self.tube, believed.arms.true),
         )
 
     def as_it_is(self) -> ScenarioDescription:

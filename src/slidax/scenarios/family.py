@@ -11,7 +11,7 @@ import jax
 import numpy as np
 
 from slidax._errors import DefinitionError, located
-from slidax._types import State
+from slidax._types import Envelope, State
 from slidax.controllers import AbstractController
 from slidax.simulation import MujocoPlant, Parts
 
@@ -139,7 +139,9 @@ class Family:
         actual: Moving = with_values(template.actual, values).moving()
         if isinstance(actual.plant, MujocoPlant):
             raise DefinitionError("MuJoCo moves one arm at a time")
-        return actual.plant, controller, actual.trajectory, actual.state0
+        parts = actual.plant, controller, actual.trajectory, actual.state0
+        tube = template.built.tube
+        return parts if tube is None else (*parts, tube)
 
     def traceable(self, template: Templates, values: Mapping[str, Array]) -> dict[str, bool]:
         """Which paths lead to arrays of the loop, so that many values of them go through one compiled loop.
@@ -255,12 +257,16 @@ def _joints(base: ScenarioDescription) -> int:
 
 
 def _start_of(own: ScenarioDescription) -> tuple[Array, Array]:
-    """The lowest and highest positions at t = 0 that are inside the envelope."""
+    """The lowest and highest positions at t = 0 that are inside the envelope, or the tube if there is one."""
     made = own.build("start")
     t = jax.numpy.zeros(())
     reference = made.trajectory.reference(t)
     state = State(q=reference.q, dq=reference.dq)
-    envelope = made.controller.envelope(t, made.controller.init(t, state, reference))
+    envelope: Envelope | None
+    if made.tube is not None:
+        envelope = made.tube.envelope(t, made.tube.init(t, jax.numpy.zeros_like(reference.q)))
+    else:
+        envelope = made.controller.envelope(t, made.controller.init(t, state, reference))
     if envelope is None:
         raise DefinitionError("the scheme draws no envelope: write `start.q: {around: 0.1}`")
     q = np.asarray(reference.q)
