@@ -115,7 +115,7 @@ class Family:
         true = {path: value for path, value in given.items() if path in self.uncertain.sets}
         data = self.base.model_dump(exclude_unset=True, exclude={"uncertainty"})
         data["truth"] = {**self.base.truth, **true}
-        return validated(data, told)
+        return validated(data, told, form=type(self.base))
 
     def scenario(self, values: Mapping[str, Any], name: str) -> Scenario:
         """The same, built.
@@ -245,7 +245,7 @@ def _written(own: ScenarioDescription, path: str, example: Any, joints: int) -> 
     """The number as it is once a value is written there; None if it cannot be."""
     data = own.model_dump(exclude_unset=True, exclude={"truth", "uncertainty"})
     try:
-        there = leaf_of(validated(data, {path: example}), path, joints)
+        there = leaf_of(validated(data, {path: example}, form=type(own)), path, joints)
     except DefinitionError:
         return None
     return replace(there, own=np.asarray(example, float) if np.ndim(example) else None)

@@ -227,7 +227,12 @@ def switched(scheme: Any, name: Any) -> Any:
     return new
 
 
-def _described(name: str, preset: Preset) -> type[SchemeDescription]:
+def described_scheme(name: str, preset: Preset) -> type[SchemeDescription]:
+    """The description of a scheme.
+
+    - `name`: what it is called in files.
+    - `preset`: its law, parts and numbers.
+    """
     fields: dict[str, Any] = {"name": (Literal[name], Field(description="Which scheme it is."))}
     for one in parameters_of(preset.law):
         if one.name == "nominal":
@@ -250,7 +255,7 @@ def _described(name: str, preset: Preset) -> type[SchemeDescription]:
     return model
 
 
-SCHEMES = {name: _described(name, preset) for name, preset in PRESETS.items()}
+SCHEMES = {name: described_scheme(name, preset) for name, preset in PRESETS.items()}
 """The descriptions of the schemes by their names."""
 
 if TYPE_CHECKING:
