@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Literal
@@ -98,14 +99,34 @@ class Entry:
         return "performance" in needed
 
 
-def entries(schemes: list[str] | None = None, forms: tuple[Form, ...] = FORMS) -> list[Entry]:
+def entries(
+    schemes: Sequence[str] | None = None, more: Sequence[str] = (), forms: Sequence[Form] = FORMS
+) -> list[Entry]:
     """Who takes part.
 
     - `schemes`: names; all complete presets of the package if None.
+    - `more`: others, by `package.module:Name`.
     - `forms`: in which.
+
+    Raises DefinitionError if there is no such scheme, or nothing of it can be tuned.
     """
     listed = [name for name, preset in PRESETS.items() if preset.complete] if schemes is None else schemes
-    found = [Entry(name, form) for form in forms for name in listed]
+    found = [Entry(name, form) for form in forms for name in dict.fromkeys([*listed, *more])]
     for one in found:
         one.gains()
+    return found
+
+
+def forms_of(word: str) -> tuple[Form, ...]:
+    """The forms that a word asks for.
+
+    - `word`: one of them, or `both`.
+
+    Raises DefinitionError if it is none.
+    """
+    if word == "both":
+        return FORMS
+    found = tuple(form for form in FORMS if form == word)
+    if not found:
+        raise DefinitionError(f"there is no form `{plain(word)}`; {nearest(word, [*FORMS, 'both'])}")
     return found

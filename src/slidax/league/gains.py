@@ -9,7 +9,7 @@ from importlib import resources
 from typing import Any, Literal
 
 import numpy as np
-from pydantic import TypeAdapter
+from pydantic import Field, TypeAdapter
 
 from slidax._errors import DefinitionError
 from slidax.controllers import Given, Preset
@@ -40,13 +40,13 @@ class SchemeGains(AbstractDescription):
 
     tuned: dict[str, GainDescription]
     """By path in the scheme."""
-    printed: dict[str, GainDescription] = {}
+    printed: dict[str, GainDescription] = Field(default={})
     """In that form alone."""
-    sampled_data: dict[str, GainDescription] = {}
+    sampled_data: dict[str, GainDescription] = Field(default={})
     """In that form alone."""
-    fixed: dict[str, Any] = {}
+    fixed: dict[str, Any] = Field(default={})
     """What is set, and not tuned."""
-    fixed_sampled_data: dict[str, Any] = {}
+    fixed_sampled_data: dict[str, Any] = Field(default={})
     """The same in that form alone."""
 
 

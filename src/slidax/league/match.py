@@ -36,7 +36,7 @@ class Match:
     """What came of a scheme on a task.
 
     - `gains`: as they were tuned, by path.
-    - `cost`: on the training cases, eq. of `costs`, on average.
+    - `cost`: as in `costs`, on average over the training cases.
     - `inside`: by held-out case, whether it never left the tube [cases].
     - `failed`: whether it was lost: not finite, or ended farther away than it may have begun [cases].
     - `metrics`: `KEPT`, by name [cases].
@@ -133,7 +133,8 @@ def inside_of(columns: Columns) -> NDArray[np.bool_]:
 
     - `columns`: of outcomes and metrics.
     """
-    return (columns["tube_violations"] == 0) & ~np.isin(columns["outcome"], ENDED)
+    found: NDArray[np.bool_] = (columns["tube_violations"] == 0) & ~np.isin(columns["outcome"], ENDED)
+    return found
 
 
 def failed_of(columns: Columns, scale: Scale) -> NDArray[np.bool_]:
@@ -149,8 +150,8 @@ def costs(columns: Columns, scale: Scale) -> NDArray[Any]:
     """What the tuner lowers, of each case.
 
     Inside the tube `½ √(e/ρ∞) + ½ √(Δτ/τ_max)`, below 1, with the steady error and the steady torque step of the worst
-    joint. Outside `1 + min(8, -m) + v`, with the margin m and the share v of samples outside: at most 10. For a run
-    that ended at t `20 - 10 t/t1`.
+    joint. Outside `1 + min(8, -m) + n/(n + 100)`, with the margin m and n samples outside: below 10. For a run that
+    ended at t `20 - t/(1 s + t)`.
 
     - `columns`: of outcomes and metrics.
     - `scale`: of the task.

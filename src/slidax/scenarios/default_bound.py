@@ -92,7 +92,7 @@ def warn_of_another_arms(
     """One DefinitionWarning, with numbers, if u at the start at rest cannot be meant for this arm.
 
     That is above the norm of the torque limits, or below a tenth of it and also below a third of the `k + b0` that
-    would be found. Nothing is said of other kinds of bounds, of numbers that are not known yet, nor without torque limits.
+    would be found. Nothing is said of other kinds of bounds, without torque limits, or of numbers not known yet.
 
     - `given`: the numbers of the bound, with its `kind`.
     - `state`: the start.

@@ -238,6 +238,9 @@ def _leaf(own: ScenarioDescription, path: str, one: AbstractSet, joints: int) ->
         leaf = written
     if leaf.own is None and example is not None:
         leaf = _written(own, path, example, joints) or leaf
+    if leaf.per_joint and leaf.shape == () and np.ndim(example):
+        # One number in the file, and one for each joint in the set.
+        leaf = replace(leaf, own=np.asarray(example, float))
     return replace(leaf, envelope=lambda: _start_of(own)) if isinstance(one, Inside) else leaf
 
 
