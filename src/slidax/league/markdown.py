@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from slidax._errors import DefinitionError
 from slidax.reports.numbers import significant
 
 from .entry import Entry
@@ -123,18 +122,3 @@ def _cells(one: Overall, tasks: int) -> list[str]:
         "–" if one.step is None else f"× {significant(one.step, 2)}",
         percent(one.failed),
     ]
-
-
-def put(text: str, table: str) -> str:
-    """A document with this table between its lines `<!-- table league -->` and `<!-- end -->`.
-
-    - `text`: the document.
-    - `table`: in Markdown.
-
-    Raises DefinitionError if it has no such place.
-    """
-    before, start, rest = text.partition("<!-- table league -->\n")
-    _, end, after = rest.partition("<!-- end -->")
-    if not start or not end:
-        raise DefinitionError("the document has no lines `<!-- table league -->` and `<!-- end -->`")
-    return f"{before}{start}\n{table.strip()}\n\n{end}{after}"

@@ -88,17 +88,20 @@ class Season:
     def _in_processes(
         self, left: list[tuple[str, Entry]], count: int, done: Callable[[tuple[str, Entry], Match | str], None]
     ) -> None:
-        pool = ProcessPoolExecutor(count, mp_context=get_context("spawn"))
-        jobs = {
-            pool.submit(_match, _text(self.tasks[name]), entry.scheme, entry.form, self.budget): (name, entry)
-            for name, entry in left
-        }
-        try:
-            for job in as_completed(jobs):
-                done(jobs[job], job.result())
-        finally:
-            # Also where one of them went wrong, or the user has enough.
-            pool.shutdown(wait=False, cancel_futures=True)
+        # A task after the other: what was compiled for an arm serves the next match on it, and takes memory.
+        for task in self.tasks:
+            pool = ProcessPoolExecutor(count, mp_context=get_context("spawn"))
+            jobs = {
+                pool.submit(_match, _text(self.tasks[name]), entry.scheme, entry.form, self.budget): (name, entry)
+                for name, entry in left
+                if name == task
+            }
+            try:
+                for job in as_completed(jobs):
+                    done(jobs[job], job.result())
+            finally:
+                # Also where one of them went wrong, or the user has enough.
+                pool.shutdown(wait=False, cancel_futures=True)
 
     def _identity(self, task: LeagueTask, entry: Entry) -> dict[str, Any]:
         gains = entry.gains()
