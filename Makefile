@@ -9,7 +9,7 @@ unexport PYTHONPATH PYTHONHOME
 # `pip install --user` is refused inside an environment, so that such a default must not reach it.
 export PIP_USER := 0
 
-.PHONY: help venv demo test lint format bench verify figures tables schema api lock clean
+.PHONY: help venv demo test lint format bench verify figures tables league schema api lock clean
 .DEFAULT_GOAL := help
 
 help: ## Show these targets
@@ -52,6 +52,9 @@ figures: .venv/.installed ## Renew the figures of the documentation, and the tab
 
 tables: .venv/.installed ## Renew the measured tables of docs/choosing.md
 	@.venv/bin/python scripts/write-tables
+
+league: .venv/.installed ## Play the league, and renew its table in README.md and docs/league.md
+	@.venv/bin/python scripts/write-league $(ARGS)
 
 schema: .venv/.installed ## Renew the JSON schema of scenario files
 	@.venv/bin/slidax schema > src/slidax/scenarios/scenario.schema.json

@@ -8,6 +8,7 @@ from slidax.controllers import (
     AdaptiveNonsingularFastTerminal,
     ComputedTorque,
     GravityCompensatedPD,
+    JointPID,
     NonsingularFastTerminal,
     SlidingMode,
     SlotineLi,
@@ -62,6 +63,11 @@ def computed_torque_4_1(**changes: Any) -> ComputedTorque:
 def gravity_pd_4_1(**changes: Any) -> GravityCompensatedPD:
     """PD with gravity compensation on the two-link arm; `changes` go to its class."""
     return GravityCompensatedPD(TWO_LINK_NOMINAL, **changes)
+
+
+def pid_4_1(**changes: Any) -> JointPID:
+    """A PID at each joint of the two-link arm; `changes` go to its class."""
+    return JointPID(TWO_LINK_NOMINAL, **changes)
 
 
 def slotine_li_4_1(

@@ -28,6 +28,7 @@ from tests.rivals import (
     ftsmppc_4_1,
     gravity_pd_4_1,
     nftsmc_4_2,
+    pid_4_1,
     sfsmc_4_2,
     slotine_li_4_1,
     super_twisting_4_2,
@@ -92,6 +93,8 @@ CONTROLLERS: list[tuple[str, Case]] = [
     ("sampled_computed_torque", two_link(sampled(computed_torque_4_1(), delay=1.5, dead_time=0.5), idle=11)),
     ("computed_torque", two_link(computed_torque_4_1())),
     ("gravity_pd", two_link(gravity_pd_4_1())),
+    # Idle as in gravity_pd, and the limit, and the gain of an integral that is still zero.
+    ("pid", two_link(pid_4_1(gravity=0.5, limit=1e4), idle=3)),
 ]
 
 LIKE_OTHERS = (

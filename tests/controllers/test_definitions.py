@@ -13,6 +13,7 @@ from tests.rivals import (
     ftsmppc_4_1,
     gravity_pd_4_1,
     nftsmc_4_2,
+    pid_4_1,
     sfsmc_4_2,
     slotine_li_4_1,
     super_twisting_4_2,
@@ -82,6 +83,8 @@ WRONG = [
     (computed_torque_4_1, "kd", [20.0, NAN], "must be > 0 1/s", "got nan for joint 2"),
     (gravity_pd_4_1, "kp", -1.0, "the posture is stable", "got -1"),
     (gravity_pd_4_1, "kd", 0.0, "the posture is stable", "got 0"),
+    (pid_4_1, "ki", [1.0, -1.0], "the joint is stable", "got -1 for joint 2"),
+    (pid_4_1, "limit", 0.0, "must be > 0", "got 0"),
 ]
 
 
@@ -116,6 +119,7 @@ def test_a_wrong_parameter_is_refused_by_field_rule_value_and_joint(make, field,
         (computed_torque_4_1, {"kp": [1.0, 1.0, 1.0]}),
         (computed_torque_4_1, {"kd": np.eye(2)}),
         (gravity_pd_4_1, {"kd": [1.0, 1.0, 1.0]}),
+        (pid_4_1, {"limit": [1.0, 1.0, 1.0]}),
     ],
 )
 def test_gains_of_the_wrong_shape_are_refused(make, change):

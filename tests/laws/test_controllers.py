@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from slidax._types import Reference, State
-from slidax.controllers import GravityCompensatedPD
+from slidax.controllers import GravityCompensatedPD, JointPID
 from slidax.estimators import Kalman
 from tests.controllers.members import CONTROLLERS, LIKE_OTHERS
 from tests.enrolled import every
@@ -227,13 +227,15 @@ def feed_forward(nominal, state, ddq):
 
 @every("case", IMMEDIATE, full=LIKE_OTHERS[1:], scope="module")
 def test_without_any_error_the_torque_is_the_feed_forward_of_the_nominal_arm(case):
-    """At e = ė = 0 every law is `M0 q̈_d + C0 q̇ + G0`; PD with gravity compensation knows the last of them only."""
+    """At e = ė = 0 every law is `M0 q̈_d + C0 q̇ + G0`; a PD knows the last of them only, a PID its share of it."""
     for t in (0.5, 1.5, 8.0):
         point = at(case, t, on_reference(case, t))
         reference = point.now
         motion, gravity = feed_forward(case.controller.nominal, point.state, reference.ddq)
-        if isinstance(case.controller, GravityCompensatedPD):
+        if isinstance(case.controller, GravityCompensatedPD | JointPID):
             motion = 0.0
+        if isinstance(case.controller, JointPID):
+            gravity = case.controller.gravity * gravity
         # A law that plans over a period takes the mean acceleration, so the motion goes on evenly here.
         ahead = Reference(reference.q + 1e-3 * reference.dq, reference.dq + 1e-3 * reference.ddq, reference.ddq)
         given = compiled(case.controller, point._replace(start=on_reference(case, 0.0), ahead=ahead))

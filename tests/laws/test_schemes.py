@@ -25,10 +25,15 @@ GAINS: dict[tuple[str, str], dict[str, Any]] = {
         "kp": [800.0, 1500.0, 600.0, 600.0, 80.0, 80.0, 60.0],
         "kd": [80.0, 150.0, 60.0, 60.0, 8.0, 8.0, 6.0],
     },
+    ("panda", "pid"): {
+        "kp": [229.0, 680.0, 453.0, 362.0, 50.0, 53.0, 42.0],
+        "ki": [2290.0, 6800.0, 4530.0, 3620.0, 500.0, 530.0, 420.0],
+        "kd": [22.9, 68.0, 45.3, 36.2, 5.0, 5.3, 4.2],
+    },
 }
 
-LAG = {"gravity_pd": 0.01}
-"""The steady error that a scheme may have [rad or m]: this one does not know the motion's torques."""
+LAG = {"gravity_pd": 0.01, "pid": 0.01}
+"""The steady error that a scheme may have [rad or m]: these do not know the motion's torques."""
 
 COMPENSATED = {"two_link": 2e-5, "scara": 1e-4, "panda": 1e-3}
 """The steady error that is left where the disturbance is estimated and made up for [rad or m]."""

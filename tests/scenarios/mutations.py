@@ -79,7 +79,7 @@ def loaded() -> dict[str, dict[str, Any]]:
     for estimator in ESTIMATORS:
         scheme = {**sampled["scheme"], "sampled_data": {"horizon": 0.012, "estimator": estimator}}
         found[f"estimator {estimator['kind']}"] = {**sampled, "scheme": scheme, "sensor": SENSOR}
-    for scheme in ("ftsmc", "ftsmppc", "sfsmc", "computed_torque", "gravity_pd", "slotine_li", "super_twisting"):
+    for scheme in ("ftsmc", "ftsmppc", "sfsmc", "computed_torque", "gravity_pd", "pid", "slotine_li", "super_twisting"):
         found[f"scheme {scheme}"] = {**plain, "scheme": {"name": scheme}}
     return found
 

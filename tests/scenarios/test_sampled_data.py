@@ -108,7 +108,7 @@ def test_every_scheme_keeps_the_block_but_for_what_only_plans_have() -> None:
     estimator = {"kind": "kalman"}
     scheme = {"name": "cftsmppc", "sampled_data": {"horizon": 0.02, "slopes": False, "estimator": estimator}}
     for name in set(SCHEMES) - {"cftsmppc"}:
-        plans = name not in ("anftsmc", "computed_torque", "gravity_pd", "nftsmc")
+        plans = name not in ("anftsmc", "computed_torque", "gravity_pd", "nftsmc", "pid")
         kept = scheme["sampled_data"] if plans else {"estimator": estimator}
         assert switched(scheme, name) == {"name": name, "sampled_data": kept}
     built = scenarios.load("panda-payload", {"scheme.name": "computed_torque"}).controller

@@ -26,6 +26,7 @@ from tests.rivals import (
     ftsmppc_4_1,
     gravity_pd_4_1,
     nftsmc_4_2,
+    pid_4_1,
     sfsmc_4_2,
     slotine_li_4_1,
 )
@@ -42,6 +43,7 @@ BY_HAND = [
     ("example-4.2", "anftsmc", {}, anftsmc_4_2()),
     ("example-4.1", "computed_torque", {}, computed_torque_4_1()),
     ("example-4.1", "gravity_pd", {}, gravity_pd_4_1()),
+    ("example-4.1", "pid", {"actuator.torque": 60.0, "simulation.mode": "held"}, pid_4_1(limit=60.0)),
     ("example-4.1", "slotine_li", {"scheme.damping": [20, 10], "scheme.gain": [20, 15]}, slotine_li_4_1()),
 ]
 

@@ -13,6 +13,7 @@ from .excite import excite
 from .explain import explain
 from .export import export_c
 from .identify import identify
+from .league import league
 from .listing import list_, schema
 from .new import new
 from .reproduce import reproduce
@@ -39,6 +40,7 @@ app.command(epilog="Example:  slidax excite panda --seed 1 --out motion.csv")(ex
 app.command(epilog="Example:  slidax identify log.csv --robot panda --out arm.yaml --report report")(identify)
 app.command(epilog="Example:  slidax explain bad  (after  slidax run SCENARIO --out bad)")(explain)
 app.command(epilog="Example:  slidax study cases.yaml --out cases  (docs/studies.md has such files)")(study)
+app.command(epilog="Example:  slidax league --tasks scara-slow --schemes cftsmppc,pid --out league")(league)
 app.command("list", epilog="Example:  slidax list scenarios")(list_)
 app.command(epilog="Example:  slidax schema > scenario.schema.json")(schema)
 export.command("c", epilog="Example:  slidax export c example-4.1-1khz --out law")(export_c)

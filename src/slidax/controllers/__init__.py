@@ -7,6 +7,7 @@ from .controller import AbstractController as AbstractController
 from .ftsmc import ftsmc as ftsmc
 from .ftsmppc import ftsmppc as ftsmppc
 from .gravity_compensated_pd import GravityCompensatedPD as GravityCompensatedPD
+from .joint_pid import JointPID as JointPID
 from .model_based import AbstractModelBased as AbstractModelBased
 from .model_based import AbstractSurfaceBased as AbstractSurfaceBased
 from .nonsingular_fast_terminal import NonsingularFastTerminal as NonsingularFastTerminal
@@ -28,6 +29,7 @@ from .table_2 import anftsmc as anftsmc
 from .table_2 import nftsmc as nftsmc
 from .textbook import computed_torque as computed_torque
 from .textbook import gravity_pd as gravity_pd
+from .textbook import pid as pid
 from .textbook import sliding_mode as sliding_mode
 from .textbook import slotine_li as slotine_li
 from .textbook import slotine_li_ppc as slotine_li_ppc

@@ -7,6 +7,7 @@ from slidax.transformations import PrescribedPerformance, Unconstrained
 
 from .computed_torque import ComputedTorque
 from .gravity_compensated_pd import GravityCompensatedPD
+from .joint_pid import JointPID
 from .preset import Given, Preset
 from .sliding_mode import SlidingMode
 from .slotine_li import SlotineLi
@@ -51,6 +52,28 @@ super_twisting = Preset(
     k2=70.0,
 )
 
-computed_torque = Preset(ComputedTorque, "Computed torque with PD feedback.", source=OURS, kp=100.0, kd=20.0)
+computed_torque = Preset(
+    ComputedTorque,
+    """Computed torque with PD feedback.
+
+    In sampled-data form the estimator makes it computed torque with a disturbance observer.
+    """,
+    source=OURS,
+    kp=100.0,
+    kd=20.0,
+)
 
 gravity_pd = Preset(GravityCompensatedPD, "PD feedback with gravity compensation.", source=OURS, kp=400.0, kd=100.0)
+
+pid = Preset(
+    JointPID,
+    """A PID controller at each joint, which knows nothing of the arm.
+
+    As drives come: no model, no feed-forward; the integral stops where the drives' torque does.
+    """,
+    source=OURS,
+    kp=400.0,
+    ki=800.0,
+    kd=100.0,
+    gravity=0.0,
+)

@@ -21,5 +21,8 @@ from .metric import Metric as Metric
 from .metric import metric as metric
 from .names import short_names as short_names
 from .summary import METRICS as METRICS
+from .summary import OF_TUBES as OF_TUBES
 from .summary import metrics_of as metrics_of
 from .summary import summary as summary
+from .tube import tube_margin as tube_margin
+from .tube import tube_violations as tube_violations

@@ -9,12 +9,16 @@ from typing import Any
 from slidax.simulation import Run
 
 from . import effort, envelope, error
+from . import tube as tubes
 from .metric import Metric
 
 METRICS: tuple[Metric[Any], ...] = tuple(
     thing for module in (error, effort, envelope) for thing in vars(module).values() if isinstance(thing, Metric)
 )
-"""Every metric but the settling times, which depend on the bands of a run; in the order of tables."""
+"""Every metric in the order of tables; but for the settling times, which depend on a run's bands, and a tube's."""
+
+OF_TUBES: tuple[Metric[Any], ...] = (tubes.tube_violations, tubes.tube_margin)
+"""What a run with a tube has besides."""
 
 
 def metrics_of(run: Run) -> tuple[Metric[Any], ...]:
@@ -22,7 +26,7 @@ def metrics_of(run: Run) -> tuple[Metric[Any], ...]:
 
     - `run`: a finished run, or a batch.
     """
-    return (*error.settling_times(run), *METRICS)
+    return (*error.settling_times(run), *METRICS, *(OF_TUBES if run.tally.tube is not None else ()))
 
 
 def summary(run: Run, also: Sequence[Metric[Any]] = ()) -> dict[str, Any]:

@@ -9,7 +9,7 @@ from typing import Any
 import equinox as eqx
 import numpy as np
 
-from slidax._errors import DefinitionWarning
+from slidax._errors import DefinitionWarning, is_traced
 from slidax._types import State
 from slidax.actuators import TorqueLimits
 from slidax.parts import kind_of
@@ -92,7 +92,7 @@ def warn_of_another_arms(
     """One DefinitionWarning, with numbers, if u at the start at rest cannot be meant for this arm.
 
     That is above the norm of the torque limits, or below a tenth of it and also below a third of the `k + b0` that
-    would be found. Nothing is said of other kinds of bounds, nor without torque limits.
+    would be found. Nothing is said of other kinds of bounds, without torque limits, or of numbers not known yet.
 
     - `given`: the numbers of the bound, with its `kind`.
     - `state`: the start.
@@ -101,6 +101,8 @@ def warn_of_another_arms(
     """
     torque = np.broadcast_to(np.asarray(drives.torque), state.q.shape)
     least, most = given.get("inverse_inertia_min"), given.get("inverse_inertia_max")
+    if is_traced((given["margin"], least, most)):
+        return
     if given["kind"] != kind_of(UncertaintyBound) or not np.isfinite(torque).all() or not least or not most:
         return
     gamma = (most - least) / (most + least)

@@ -30,9 +30,10 @@ from .sampled_data import Sampling
 from .scenario import Scenario
 from .schemes import AnyScheme
 from .trajectories import TrajectoryDescription, trajectory_of
+from .tube import TubeDescription, tube_of
 from .uncertainty.mapping import Uncertainty
 
-OF_THE_LAW = ("scheme", "simulation", "truth", "uncertainty", "title", "source")
+OF_THE_LAW = ("scheme", "simulation", "tube", "truth", "uncertainty", "title", "source")
 """Blocks in which nothing can be true without the law knowing it."""
 
 TOLD = "write it under the scenario's own key"
@@ -151,6 +152,8 @@ class ScenarioDescription(AbstractDescription):
     """The control scheme."""
     simulation: SimulationDescription
     """How time passes."""
+    tube: TubeDescription | None = None
+    """What a run is judged by, whatever its scheme promises; nothing if not given."""
 
     truth: dict[str, Any] = Field(default={})
     """What is otherwise than the rest of the file says, by path, unknown to the law, as in one case of a study."""
@@ -191,6 +194,7 @@ class ScenarioDescription(AbstractDescription):
                 engine=simulation.engine,
             ),
             log_every=simulation.log_every,
+            tube=tube_of(self.tube, believed.arms.true),
         )
 
     def as_it_is(self) -> ScenarioDescription:
@@ -252,7 +256,7 @@ class ScenarioDescription(AbstractDescription):
         with located("scheme"):
             sampled = self.scheme.sampled_data is not None
             find = partial(default_bound, true, nominal, arms.load, drive.limits(), sampled=sampled)
-            scheme = self.scheme.with_bound(find)
+            scheme = self.scheme.with_bound(find).with_limit(drive.limits().torque)
             given = getattr(self.scheme, "bound", None)
             if given is not None and all(value is not None for _, value in given):
                 warn_of_another_arms(given.model_dump(), state0, drive.limits(), find)

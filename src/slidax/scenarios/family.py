@@ -11,7 +11,7 @@ import jax
 import numpy as np
 
 from slidax._errors import DefinitionError, located
-from slidax._types import State
+from slidax._types import Envelope, State
 from slidax.controllers import AbstractController
 from slidax.simulation import MujocoPlant, Parts
 
@@ -115,7 +115,7 @@ class Family:
         true = {path: value for path, value in given.items() if path in self.uncertain.sets}
         data = self.base.model_dump(exclude_unset=True, exclude={"uncertainty"})
         data["truth"] = {**self.base.truth, **true}
-        return validated(data, told)
+        return validated(data, told, form=type(self.base))
 
     def scenario(self, values: Mapping[str, Any], name: str) -> Scenario:
         """The same, built.
@@ -139,7 +139,9 @@ class Family:
         actual: Moving = with_values(template.actual, values).moving()
         if isinstance(actual.plant, MujocoPlant):
             raise DefinitionError("MuJoCo moves one arm at a time")
-        return actual.plant, controller, actual.trajectory, actual.state0
+        parts = actual.plant, controller, actual.trajectory, actual.state0
+        tube = template.built.tube
+        return parts if tube is None else (*parts, tube)
 
     def traceable(self, template: Templates, values: Mapping[str, Array]) -> dict[str, bool]:
         """Which paths lead to arrays of the loop, so that many values of them go through one compiled loop.
@@ -236,6 +238,9 @@ def _leaf(own: ScenarioDescription, path: str, one: AbstractSet, joints: int) ->
         leaf = written
     if leaf.own is None and example is not None:
         leaf = _written(own, path, example, joints) or leaf
+    if leaf.per_joint and leaf.shape == () and np.ndim(example):
+        # One number in the file, and one for each joint in the set.
+        leaf = replace(leaf, own=np.asarray(example, float))
     return replace(leaf, envelope=lambda: _start_of(own)) if isinstance(one, Inside) else leaf
 
 
@@ -243,7 +248,7 @@ def _written(own: ScenarioDescription, path: str, example: Any, joints: int) -> 
     """The number as it is once a value is written there; None if it cannot be."""
     data = own.model_dump(exclude_unset=True, exclude={"truth", "uncertainty"})
     try:
-        there = leaf_of(validated(data, {path: example}), path, joints)
+        there = leaf_of(validated(data, {path: example}, form=type(own)), path, joints)
     except DefinitionError:
         return None
     return replace(there, own=np.asarray(example, float) if np.ndim(example) else None)
@@ -255,12 +260,16 @@ def _joints(base: ScenarioDescription) -> int:
 
 
 def _start_of(own: ScenarioDescription) -> tuple[Array, Array]:
-    """The lowest and highest positions at t = 0 that are inside the envelope."""
+    """The lowest and highest positions at t = 0 that are inside the envelope, or the tube if there is one."""
     made = own.build("start")
     t = jax.numpy.zeros(())
     reference = made.trajectory.reference(t)
     state = State(q=reference.q, dq=reference.dq)
-    envelope = made.controller.envelope(t, made.controller.init(t, state, reference))
+    envelope: Envelope | None
+    if made.tube is not None:
+        envelope = made.tube.envelope(t, made.tube.init(t, jax.numpy.zeros_like(reference.q)))
+    else:
+        envelope = made.controller.envelope(t, made.controller.init(t, state, reference))
     if envelope is None:
         raise DefinitionError("the scheme draws no envelope: write `start.q: {around: 0.1}`")
     q = np.asarray(reference.q)

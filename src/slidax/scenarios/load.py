@@ -82,11 +82,18 @@ def parse(text: str, changes: dict[str, Any] | None = None, *, folder: Path = Pa
     return validated(read_yaml(text), changes, folder=folder)
 
 
-def validated(data: Any, changes: dict[str, Any] | None = None, *, folder: Path = Path()) -> ScenarioDescription:
+def validated(
+    data: Any,
+    changes: dict[str, Any] | None = None,
+    *,
+    folder: Path = Path(),
+    form: type[ScenarioDescription] = ScenarioDescription,
+) -> ScenarioDescription:
     """The validated description in what a YAML text became.
 
     - `data`: mappings, lists and values.
     - `changes`, `folder`: as in `parse`.
+    - `form`: what it describes, where that has other schemes.
 
     Raises DefinitionError with the path of the first field that is wrong.
     """
@@ -95,7 +102,7 @@ def validated(data: Any, changes: dict[str, Any] | None = None, *, folder: Path 
     require_readable(data)
     data = changed(data, changes or {})
     try:
-        found = ScenarioDescription.model_validate(data, context={"folder": folder})
+        found = form.model_validate(data, context={"folder": folder})
     except ValidationError as error:
         raise translated(error, data) from None
     found.as_it_is()

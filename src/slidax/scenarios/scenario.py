@@ -11,6 +11,7 @@ from slidax._types import State
 from slidax.controllers import AbstractController
 from slidax.simulation import MujocoPlant, Parts, Plant, Run, Stepping, require_fitting, simulate, simulate_batch
 from slidax.trajectories import AbstractTrajectory
+from slidax.transformations import PrescribedPerformance
 
 if TYPE_CHECKING:
     from .description import ScenarioDescription
@@ -25,6 +26,7 @@ class Scenario:
     - `description`: the validated file it was built from.
     - `plant`, `controller`, `trajectory`, `state0`: the parts.
     - `t1`, `stepping`, `log_every`: as in `simulate`.
+    - `tube`: what a run is judged by, whatever the scheme promises; None for nothing.
     - `changed`: what `replace` changed, so that it is no longer what `description` says.
     """
 
@@ -39,6 +41,7 @@ class Scenario:
     t1: float
     stepping: Stepping
     log_every: int | None = 1
+    tube: PrescribedPerformance | None = None
     changed: tuple[str, ...] = ()
 
     @property
@@ -65,13 +68,14 @@ class Scenario:
         stepping = Stepping.of(others.pop("stepping", self.stepping), steps)
         changed = tuple(dict.fromkeys([*self.changed, *changes]))
         made = replace(self, **others, stepping=stepping, changed=changed)
-        require_fitting(*made.parts, stepping)
+        require_fitting(*made.parts, stepping=stepping)
         return made
 
     @property
     def parts(self) -> Parts:
-        """Plant, controller, trajectory and start, in the order in which `simulate` takes them."""
-        return self.plant, self.controller, self.trajectory, self.state0
+        """Plant, controller, trajectory and start, in the order in which `simulate` takes them, and the tube if any."""
+        parts = self.plant, self.controller, self.trajectory, self.state0
+        return parts if self.tube is None else (*parts, self.tube)
 
     def simulate(self, *, log_every: int | None = 0, throw: bool = False, progress: bool | None = None) -> Run:
         """The run of this scenario.

@@ -6,10 +6,12 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Union
 
 import equinox as eqx
+import numpy as np
+from jaxtyping import Array
 from pydantic import ConfigDict, Field, create_model, model_validator
 
 from slidax import controllers
-from slidax.controllers import AbstractController, Given, Preset
+from slidax.controllers import AbstractController, Given, JointPID, Preset
 from slidax.parts import kind_of, parameters_of
 from slidax.reaching import UncertaintyBound
 from slidax.transformations import PrescribedPerformance
@@ -93,6 +95,16 @@ class SchemeDescription(PartDescription):
         found = find()
         update = {name: found[name] for name in missing}
         return self.model_copy(update={"bound": bound.model_copy(update=update)})
+
+    def with_limit(self, torque: Array) -> SchemeDescription:
+        """The scheme with the torque at which its integral stops.
+
+        - `torque`: the drives' limits, where the file does not say another, one number or [n], N m or N.
+        """
+        limited = issubclass(self.part, JointPID) and getattr(self, "limit", None) is None
+        if not limited or not np.isfinite(torque).all():
+            return self
+        return self.model_copy(update={"limit": np.asarray(torque).tolist()})
 
     def build(self, **more: Any) -> AbstractController:
         """The controller as it is printed.
@@ -215,7 +227,12 @@ def switched(scheme: Any, name: Any) -> Any:
     return new
 
 
-def _described(name: str, preset: Preset) -> type[SchemeDescription]:
+def described_scheme(name: str, preset: Preset) -> type[SchemeDescription]:
+    """The description of a scheme.
+
+    - `name`: what it is called in files.
+    - `preset`: its law, parts and numbers.
+    """
     fields: dict[str, Any] = {"name": (Literal[name], Field(description="Which scheme it is."))}
     for one in parameters_of(preset.law):
         if one.name == "nominal":
@@ -229,6 +246,8 @@ def _described(name: str, preset: Preset) -> type[SchemeDescription]:
         else:
             annotation = type_of(one, hint, preset.law)
             has = {"default": given, "source": preset.source} if given is not None else {}
+            if one.default is None:
+                annotation = annotation | None
         fields[one.name] = (annotation, described(one, **has))
     title = preset.title.strip().partition("\n")[0]
     model: type[SchemeDescription] = create_model(f"scheme.{name}", __base__=SchemeDescription, __doc__=title, **fields)
@@ -236,7 +255,7 @@ def _described(name: str, preset: Preset) -> type[SchemeDescription]:
     return model
 
 
-SCHEMES = {name: _described(name, preset) for name, preset in PRESETS.items()}
+SCHEMES = {name: described_scheme(name, preset) for name, preset in PRESETS.items()}
 """The descriptions of the schemes by their names."""
 
 if TYPE_CHECKING:

@@ -9,10 +9,11 @@ import jax
 import numpy as np
 from jaxtyping import Array
 
-from slidax._errors import DefinitionError, is_traced
+from slidax._errors import DefinitionError, is_traced, require_joints
 from slidax._types import Envelope, Reference, State
 from slidax.controllers import AbstractController, SampledData
 from slidax.trajectories import AbstractTrajectory
+from slidax.transformations import PrescribedPerformance
 
 from .loop import Loop
 from .motion_limits import require_within_limits
@@ -34,6 +35,7 @@ def define_loop(
     stepping: Stepping,
     log_every: int | None,
     bands: tuple[float, ...],
+    tube: PrescribedPerformance | None = None,
 ) -> tuple[Loop, int]:
     """The closed loop, and the number of its samples, once its parts are known to fit each other.
 
@@ -47,7 +49,7 @@ def define_loop(
         )
     if log_every is not None and not 1 <= log_every <= MOST_SAMPLES:
         raise DefinitionError(f"`log_every` must be in [1, {MOST_SAMPLES:.0e}], or None for no log; got {log_every}")
-    require_fitting(plant, controller, trajectory, state0, stepping)
+    require_fitting(plant, controller, trajectory, state0, tube, stepping=stepping)
     steps = _steps(float(t1), stepping.period)
     require_within_limits(plant.robot, trajectory, state0, steps, stepping)
     loop = Loop(
@@ -61,6 +63,7 @@ def define_loop(
         substeps=stepping.substeps,
         continuous=stepping.mode == "continuous",
         recover=stepping.outside == "recover",
+        tube=tube,
     )
     return loop, steps + 1
 
@@ -70,11 +73,13 @@ def require_fitting(
     controller: AbstractController,
     trajectory: AbstractTrajectory,
     state0: State,
+    tube: PrescribedPerformance | None = None,
+    *,
     stepping: Stepping,
 ) -> None:
     """Raises DefinitionError if the parts of a closed loop do not fit each other.
 
-    - `plant`, `controller`, `trajectory`, `state0`: its parts, as in `simulate`.
+    - `plant`, `controller`, `trajectory`, `state0`, `tube`: its parts, as in `simulate`.
     - `stepping`: how time passes.
     """
     n = plant.robot.joints
@@ -89,6 +94,8 @@ def require_fitting(
     shape = eqx.filter_eval_shape(trajectory.position, jax.ShapeDtypeStruct((), float)).shape
     if shape != (n,):
         raise DefinitionError(f"the trajectory gives {list(shape)} positions, but the plant has {n} joints")
+    if tube is not None:
+        require_joints(tube, n, "the plant")
     try:
         pushed = eqx.filter_eval_shape(plant.disturbance, jax.ShapeDtypeStruct((), float), state0).shape
     except (TypeError, ValueError) as error:
@@ -167,9 +174,18 @@ def require_start(loop: Loop, state0: State, envelope: Envelope | None, referenc
                 f"{needed[joint]:.4g} {unit} there, but its limit is {limit[joint]:g} {unit}; raise it, or start "
                 "in a posture that needs less"
             )
+    e = np.asarray(state0.q - reference.q)
+    if loop.tube is not None:
+        judged = loop.tube.envelope(constant(0.0), loop.tube.init(constant(0.0), state0.q - reference.q))
+        outside = (e <= np.asarray(judged.lower)) | (np.asarray(judged.upper) <= e)
+        if outside.any():
+            joint = int(np.argmax(outside))
+            raise DefinitionError(
+                f"the tube must hold the start, |e(0)| < rho0; got e(0) = {e[joint]:.4g} for joint {joint + 1}; "
+                "enlarge its initial radius or start nearer"
+            )
     if envelope is None or loop.recover:
         return
-    e = np.asarray(state0.q - reference.q)
     lower, upper = np.asarray(envelope.lower), np.asarray(envelope.upper)
     outside = ~((lower < e) & (e < upper))
     if outside.any():

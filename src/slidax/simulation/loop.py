@@ -12,6 +12,7 @@ from jaxtyping import Array, Float, Int
 from slidax._types import Envelope, Memory, Reference, Scalar, State, Vector
 from slidax.controllers import AbstractController
 from slidax.trajectories import AbstractTrajectory
+from slidax.transformations import PrescribedPerformance
 
 from .excursion import Excursion
 from .outcome import Fault
@@ -32,6 +33,7 @@ class Loop(eqx.Module):
     - `substeps`: steps of the plant per period, in held mode.
     - `continuous`: whether the law is evaluated at every stage of the integrator.
     - `recover`: whether the run goes on outside the envelope.
+    - `tube`: what judges the run, whatever the scheme promises; None for nothing.
     """
 
     plant: Plant
@@ -44,6 +46,7 @@ class Loop(eqx.Module):
     substeps: int = eqx.field(static=True)
     continuous: bool = eqx.field(static=True)
     recover: bool = eqx.field(static=True)
+    tube: PrescribedPerformance | None = None
 
 
 class Carry(eqx.Module):

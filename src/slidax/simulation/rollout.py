@@ -15,6 +15,7 @@ from .outcome import earlier, no_fault
 from .period import HeldTorque, decided, moved
 from .run import Log
 from .tally import Tally
+from .tube import Watched
 
 
 class Moving(eqx.Module):
@@ -44,12 +45,13 @@ def begin(loop: Loop, state: State) -> Begun:
         torque = held
     memory = loop.controller.init(t, measured, reference)
     joints = state.q.shape[0]
+    tube = None if loop.tube is None else Watched.begin(loop.tube, state.q - reference.q)
     carry = Carry(
         k=jnp.zeros((), int),
         state=state,
         good=state,
         memory=memory,
-        tally=Tally.empty(joints, loop.windows.bands.shape[0]),
+        tally=Tally.empty(joints, loop.windows.bands.shape[0], tube),
         fault=no_fault(),
         excursion=Excursion.none(joints) if loop.recover else None,
         sensor=sensor,
@@ -108,6 +110,8 @@ def _counted(
         seen = excursion.add(carry.k, e, now.envelope)
         tally = tally.with_violation(known & seen.outside)
         excursion = where(known, seen, excursion)
+    if loop.tube is not None:
+        tally = tally.watching(loop.tube, t, e, running)
     after = Carry(
         # The number grows in runs that are over, too: so a batch has one time, and shares what depends on time alone.
         k=carry.k + 1,

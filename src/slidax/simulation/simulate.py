@@ -12,6 +12,7 @@ from slidax._types import State
 from slidax.codegen import NoNativeCodeError
 from slidax.controllers import AbstractController
 from slidax.trajectories import AbstractTrajectory
+from slidax.transformations import PrescribedPerformance
 
 from . import native_engine, xla_engine
 from .define import constant, define_loop, require_start
@@ -34,6 +35,7 @@ def simulate(
     controller: AbstractController,
     trajectory: AbstractTrajectory,
     state0: State,
+    tube: PrescribedPerformance | None = None,
     *,
     t1: float,
     stepping: Stepping | None = None,
@@ -57,6 +59,7 @@ def simulate(
     - `controller`: the scheme.
     - `trajectory`: what the joints should do.
     - `state0`: state at t = 0.
+    - `tube`: what the run is judged by, whatever the scheme promises: `metrics.tube_margin`, `metrics.tube_violations`.
     - `t1`: end [s], a whole number of periods.
     - `stepping`: how time passes.
     - `log_every`: log one in so many samples; None logs none. Metrics count all samples whatever is logged.
@@ -74,7 +77,7 @@ def simulate(
     """
     stepping = Stepping.of(stepping, changes)
     own = plant.pushed if isinstance(plant, MujocoPlant) else plant
-    loop, samples = define_loop(own, controller, trajectory, state0, t1, stepping, log_every, bands)
+    loop, samples = define_loop(own, controller, trajectory, state0, t1, stepping, log_every, bands, tube)
     traced = is_traced((plant, loop, state0))
     if log_every is not None and not traced:
         require_room(loop, state0, -(-samples // log_every))

@@ -15,6 +15,7 @@ from slidax._types import State
 from slidax.codegen import NoNativeCodeError
 from slidax.controllers import AbstractController
 from slidax.trajectories import AbstractTrajectory
+from slidax.transformations import PrescribedPerformance
 
 from . import native_engine
 from .define import define_loop, windows_of
@@ -26,8 +27,11 @@ from .run import Run
 from .simulate import BANDS, simulate
 from .stepping import Stepping
 
-Parts = tuple[Plant | MujocoPlant, AbstractController, AbstractTrajectory, State]
-"""What a closed loop is made of: plant, controller, trajectory, state at t = 0."""
+Parts = (
+    tuple[Plant | MujocoPlant, AbstractController, AbstractTrajectory, State]
+    | tuple[Plant | MujocoPlant, AbstractController, AbstractTrajectory, State, PrescribedPerformance]
+)
+"""What a closed loop is made of: plant, controller, trajectory, state at t = 0, and perhaps the tube that judges it."""
 
 
 def simulate_batch(
@@ -49,8 +53,9 @@ def simulate_batch(
     and all of it if only gains vary: reference, envelope and disturbance. The bits of a run depend neither on the
     others nor on the number of threads.
 
-    - `define`: from what varies, for one run, to `(plant, controller, trajectory, state0)`; pure, and traced by JAX,
-      so that its numbers are not checked: `run.outcomes` says what went wrong.
+    - `define`: from what varies, for one run, to `(plant, controller, trajectory, state0)`, and if the runs have a tube
+      that as the fifth; pure, and traced by JAX, so that its numbers are not checked: `run.outcomes` says what went
+      wrong.
     - `varied`: a pytree of arrays with the run as their first axis.
     - `t1`, `stepping`, `bands`, `changes`: as in `simulate`, the same for all; the engine "xla" is `jax.vmap`, and
       "cuda" an NVIDIA card, each run in a thread of its own.
@@ -94,11 +99,11 @@ class Task:
 
     def loop(self, given: Any) -> tuple[Loop, State, int, tuple[tuple[str, ...], tuple[str, ...]]]:
         """The loop, the first state, how many samples, and the units and names of the joints."""
-        plant, controller, trajectory, state0 = self.define(given)
+        plant, controller, trajectory, state0, *tube = self.define(given)
         if isinstance(plant, MujocoPlant):
             raise DefinitionError("MuJoCo moves one arm at a time: give a `Plant`, or call `simulate` for each run")
         loop, samples = define_loop(
-            plant, controller, trajectory, state0, self.t1, self.stepping, self.log_every, self.bands
+            plant, controller, trajectory, state0, self.t1, self.stepping, self.log_every, self.bands, *tube
         )
         return loop, state0, samples, (plant.robot.joint_units, plant.robot.joint_names)
 

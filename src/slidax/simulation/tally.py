@@ -6,7 +6,10 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-from slidax._types import Envelope, Vector
+from slidax._types import Envelope, Scalar, Vector
+from slidax.transformations import PrescribedPerformance
+
+from .tube import Watched
 
 
 class Windows(eqx.Module):
@@ -39,6 +42,7 @@ class Tally(eqx.Module):
     - `torque_square`: sum of τ².
     - `torque_travel`: sum of |τ(k+1) - τ(k)|.
     - `margin`: min over time of the distance to the nearer bound, divided by the envelope's width; inf without one.
+    - `tube`: what was seen of the tube that judges the run; None without one.
     """
 
     samples: Int[Array, ""]
@@ -59,13 +63,15 @@ class Tally(eqx.Module):
     torque_square: Vector
     torque_travel: Vector
     margin: Vector
+    tube: Watched | None = None
 
     @staticmethod
-    def empty(joints: int, bands: int) -> Tally:
+    def empty(joints: int, bands: int, tube: Watched | None = None) -> Tally:
         """The tally before the first sample.
 
         - `joints`: number of joints.
         - `bands`: number of settling bands.
+        - `tube`: the tube that judges it, if there is one.
         """
         zero = jnp.zeros(joints)
         count = jnp.zeros((), int)
@@ -88,6 +94,7 @@ class Tally(eqx.Module):
             torque_square=zero,
             torque_travel=zero,
             margin=jnp.full(joints, jnp.inf),
+            tube=tube,
         )
 
     def add(self, k: Int[Array, ""], e: Vector, tau: Vector, envelope: Envelope | None, windows: Windows) -> Tally:
@@ -127,7 +134,18 @@ class Tally(eqx.Module):
             torque_square=self.torque_square + effort * effort,
             torque_travel=self.torque_travel + step,
             margin=margin,
+            tube=self.tube,
         )
+
+    def watching(self, tube: PrescribedPerformance, t: Scalar, e: Vector, running: Bool[Array, ""]) -> Tally:
+        """The tally with one more sample of the tube that judges the run; also where the law has no answer.
+
+        - `tube`, `t`, `e`, `running`: as in `Watched.add`.
+        """
+        if self.tube is None:
+            return self
+        watched: Tally = eqx.tree_at(lambda tally: tally.tube, self, self.tube.add(tube, t, e, running))
+        return watched
 
     def with_violation(self, outside: Bool[Array, ""]) -> Tally:
         """The tally with one more violation where `outside` is true.

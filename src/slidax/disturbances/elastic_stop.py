@@ -1,0 +1,29 @@
+"""A stiff surface that a joint meets from one side, such as a table below a vertical axis."""
+
+from __future__ import annotations
+
+import jax.numpy as jnp
+
+from slidax.parts import PerJoint, Scalar, State, Vector, parameter
+
+from .disturbance import AbstractDisturbance
+
+
+class ElasticStop(AbstractDisturbance):
+    """`τ_d = -k z max(0, 1 + c q̇)`, `z = max(0, q - a)`: pushes back, never pulls, and takes energy from an impact.
+
+    Source: Hunt and Crossley, Coefficient of restitution interpreted as damping in vibroimpact, 1975, with exponent 1.
+    """
+
+    stiffness: PerJoint = parameter("k; 0 for a joint that meets nothing", "N m/rad or N/m", ">= 0")
+    position: PerJoint = parameter("a, from which on the joint is in contact", "rad or m")
+    damping: PerJoint = parameter("c", "s/rad or s/m", ">= 0", default=0.0)
+
+    def __call__(self, t: Scalar, state: State) -> Vector:
+        """The force, [n], N m or N.
+
+        - `t`: time [s].
+        - `state`: positions and velocities.
+        """
+        deep = jnp.maximum(0.0, state.q - self.position)
+        return -self.stiffness * deep * jnp.maximum(0.0, 1.0 + self.damping * state.dq)

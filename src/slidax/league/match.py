@@ -1,0 +1,167 @@
+"""One scheme on one task: tuned on the training cases, then run on those held out."""
+
+from __future__ import annotations
+
+import time
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slidax._errors import DefinitionError
+from slidax.scenarios.family import Family
+from slidax.scenarios.uncertainty import Space
+from slidax.scenarios.uncertainty.space import as_changes
+from slidax.studies.cases import Cases, Values
+from slidax.studies.points import points
+from slidax.studies.table import OUTCOMES, Columns
+
+from .entry import Entry
+from .task import CasesDescription, LeagueTask
+
+ENDED = [OUTCOMES.index("left_envelope"), OUTCOMES.index("not_finite")]
+
+KEPT = ("steady_error", "peak_torque", "max_torque_step", "steady_torque_step", "torque_energy", "tube_margin")
+"""The metrics that are kept of each case on which a scheme is judged; each of its worst joint."""
+
+Tuner = Callable[[Callable[[NDArray[Any]], NDArray[Any]], int, int], NDArray[Any]]
+"""From an objective on points of the unit cube, its dimension and how many points may be asked for, to the best."""
+
+
+@dataclass(frozen=True)
+class Match:
+    """What came of a scheme on a task.
+
+    - `gains`: as they were tuned, by path.
+    - `cost`: as in `costs`, on average over the training cases.
+    - `inside`: by held-out case, whether it never left the tube [cases].
+    - `failed`: whether it was lost: not finite, or ended farther away than it may have begun [cases].
+    - `metrics`: `KEPT`, by name [cases].
+    - `seconds`: it took, in all.
+    """
+
+    gains: dict[str, Any]
+    cost: float
+    inside: NDArray[np.bool_]
+    failed: NDArray[np.bool_]
+    metrics: dict[str, NDArray[Any]]
+    seconds: float
+
+
+def played(entry: Entry, task: LeagueTask, tuner: Tuner, budget: int, threads: int | None = None) -> Match:
+    """A scheme on a task.
+
+    - `entry`: the scheme.
+    - `task`: what it is asked.
+    - `tuner`: finds its gains.
+    - `budget`: how many points it may ask for.
+    - `threads`: of the native engine.
+
+    Raises DefinitionError if they do not fit each other.
+    """
+    started = time.perf_counter()
+    with warnings.catch_warnings():
+        # Ends of a range of gains may well be another arm's.
+        warnings.simplefilter("ignore")
+        base = entry.described(task)
+        family = Family.of(base, task.uncertainty, entry.gains().sets(base))
+        cases = Cases(family, threads=threads, name=entry.file)
+        training, scale = drawn(family, task.training), Scale.of(family)
+
+        def objective(cube: NDArray[Any]) -> NDArray[Any]:
+            count, each = len(cube), task.training.cases
+            told = family.varied.values(cube)
+            values = {path: np.tile(array, (count, *[1] * (array.ndim - 1))) for path, array in training.items()}
+            values |= {path: np.repeat(array, each, axis=0) for path, array in told.items()}
+            return costs(cases.run(values), scale).reshape(count, each).mean(axis=1)
+
+        dimension = family.varied.dimensions
+        best = np.clip(tuner(objective, dimension, budget), 0.0, np.nextafter(1.0, 0.0))
+        gains = {path: array[0] for path, array in family.varied.values(best[None]).items()}
+        held = drawn(family, task.held_out)
+        told = {path: np.broadcast_to(array, (task.held_out.cases, *array.shape)) for path, array in gains.items()}
+        columns = cases.run({**held, **told})
+        cost = float(objective(best[None])[0])
+    inside, failed = inside_of(columns), failed_of(columns, scale)
+    kept = {name: np.asarray(columns[name], float) for name in KEPT}
+    return Match(as_changes(gains), cost, inside, failed, kept, time.perf_counter() - started)
+
+
+def drawn(family: Family, cases: CasesDescription) -> Values:
+    """What no law knows, of each case.
+
+    - `family`: of scenarios.
+    - `cases`: how many, and by which seed.
+    """
+    space: Space = family.uncertain
+    return space.values(points(cases.seed, 0, cases.cases, space.dimensions))
+
+
+@dataclass(frozen=True)
+class Scale:
+    """What numbers of a task are measured by, each the largest of all joints.
+
+    - `initial`, `final`: radii of the tube [rad or m].
+    - `torque`: of the drives [N m or N]; infinite without limits.
+    """
+
+    initial: float
+    final: float
+    torque: float
+
+    @classmethod
+    def of(cls, family: Family) -> Scale:
+        """Those of a family.
+
+        - `family`: whose scenarios have a tube.
+
+        Raises DefinitionError if they have none.
+        """
+        tube = family.base.tube
+        if tube is None:
+            raise DefinitionError("a task of the league needs a tube")
+        performance: Any = tube.build().performance
+        torque = family.base.moving().drive.limits().torque
+        return cls(*(float(np.max(np.asarray(one))) for one in (performance.initial, performance.final, torque)))
+
+
+def inside_of(columns: Columns) -> NDArray[np.bool_]:
+    """Which cases reached their end and never left the tube.
+
+    - `columns`: of outcomes and metrics.
+    """
+    found: NDArray[np.bool_] = (columns["tube_violations"] == 0) & ~np.isin(columns["outcome"], ENDED)
+    return found
+
+
+def failed_of(columns: Columns, scale: Scale) -> NDArray[np.bool_]:
+    """Which cases were lost: not finite, or farther from the motion in the last quarter than the tube begins.
+
+    - `columns`: of outcomes and metrics.
+    - `scale`: of the task.
+    """
+    return np.isin(columns["outcome"], ENDED) | ~(columns["steady_error"] <= scale.initial)
+
+
+def costs(columns: Columns, scale: Scale) -> NDArray[Any]:
+    """What the tuner lowers, of each case.
+
+    Inside the tube `½ √(e/ρ∞) + ½ √(Δτ/τ_max)`, below 1, with the steady error and the steady torque step of the worst
+    joint. Outside `1 + min(8, -m) + n/(n + 100)`, with the margin m and n samples outside: below 10. For a run that
+    ended at t `20 - t/(1 s + t)`.
+
+    - `columns`: of outcomes and metrics.
+    - `scale`: of the task.
+    """
+    error = np.sqrt(np.minimum(columns["steady_error"] / scale.final, 1.0))
+    step = np.sqrt(np.minimum(columns["steady_torque_step"] / scale.torque, 1.0))
+    good = 0.5 * np.nan_to_num(error, nan=1.0) + 0.5 * np.nan_to_num(step, nan=1.0)
+    depth = np.clip(-np.nan_to_num(columns["tube_margin"], nan=-8.0), 0.0, 8.0)
+    outside = columns["tube_violations"]
+    bad = 1.0 + depth + outside / (outside + 100.0)
+    ended = np.isin(columns["outcome"], ENDED)
+    found: NDArray[Any] = np.where(inside_of(columns), good, bad)
+    return np.where(ended, 20.0 - np.nan_to_num(columns["t"] / (1.0 + columns["t"]), nan=0.0), found)
