@@ -126,5 +126,5 @@ def test_a_motion_that_a_batch_shares_is_checked_while_the_batch_is_traced(to):
     if to < 1.0:
         jax.eval_shape(one, jnp.asarray(HOME))
         return
-    with pytest.raises(DefinitionError, match="beyond its|above its limit"):
+    with pytest.raises(DefinitionError, match=r"beyond its|above its limit"):
         jax.eval_shape(one, jnp.asarray(HOME))

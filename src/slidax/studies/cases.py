@@ -42,8 +42,8 @@ class Cases:
     engine: str | None = None
     threads: int | None = None
     name: str = "case"
-    _loops: dict[tuple[Any, ...], _Loop | None] = field(default_factory=dict)
-    _traceable: dict[str, bool] | None = None
+    _loops: dict[tuple[Any, ...], _Loop | None] = field(default_factory=dict, init=False)
+    _traceable: dict[str, bool] | None = field(default=None, init=False)
 
     def run(self, values: Values) -> Columns:
         """The outcome and the metrics of cases, one row each.

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Annotated, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
-from pydantic import Field
 
-from slidax.scenarios.base import AbstractDescription, said
+from slidax.scenarios.base import said
 from slidax.scenarios.description import ScenarioDescription
 from slidax.scenarios.family import Family
 
@@ -18,21 +17,17 @@ from .overview import overview, share, why_it_failed
 from .points import points
 from .predicate import ENVELOPE, Predicate
 from .result import AbstractResult, Section
+from .sequential_stop import Counted, UntilDescription
 from .statistics import Interval, clopper_pearson, confidence_sequence
 from .study import AbstractStudy, How
 from .table import OUTCOMES, Columns, concatenated
 
 
-class UntilDescription(AbstractDescription):
-    """When to stop before all runs are done."""
-
-    probability: float = said("that is to be shown: at least so many of all cases hold", "", "(0, 1)")
-    failures: Annotated[int, Field(ge=1)] = 1
-    """Stop at so many failures."""
-
-
 class MonteCarlo(AbstractStudy):
-    """Runs cases that are drawn by their distribution, and counts how often something holds."""
+    """Runs cases that are drawn by their distribution, and counts how often something holds.
+
+    - `study`: its kind.
+    """
 
     study: Literal["monte_carlo"]
     runs: int = said("how many; at most, with `until`", "", "[1, 1e9]")
@@ -118,72 +113,6 @@ class Rate:
         """Interval of the probability that it holds."""
         one = self.failing
         return Interval(1.0 - one.upper, 1.0 - one.lower, one.confidence)
-
-
-class Counted:
-    """Looks at the rows in order, and says when there are enough.
-
-    - `until`: when that is; None: never.
-    - `confidence`: of the sequence.
-    """
-
-    def __init__(self, until: UntilDescription | None, confidence: float) -> None:
-        self.until = until
-        self.confidence = confidence
-        self.runs = 0
-        self._failures = 0
-        self._shown = False
-
-    def enough(self, parts: dict[int, Columns], predicate: Predicate) -> bool:
-        """Whether to stop; it looks at the rows that have none missing before them, one after the other.
-
-        - `parts`: the rows that are done, by the number of the first.
-        - `predicate`: what is counted.
-        """
-        if self.until is None:
-            return False
-        while (part := next((p for f, p in parts.items() if f <= self.runs < f + len(p["row"])), None)) is not None:
-            held = predicate.holds(part)[self.runs - int(part["row"][0]) :]
-            for one in held.tolist():
-                self.runs += 1
-                self._failures += not one
-                if self._failures >= self.until.failures:
-                    return True
-                if one and self._is_shown():
-                    self._shown = True
-                    return True
-        return False
-
-    def _is_shown(self) -> bool:
-        if self.until is None:
-            return False
-        # So few runs cannot show it, whatever they are: the search for the interval is spared.
-        if self.runs * (1.0 - self.until.probability) < 1.0:
-            return False
-        return 1.0 - confidence_sequence(self._failures, self.runs, self.confidence).upper >= self.until.probability
-
-    def stored(self, parts: dict[int, Columns]) -> int:
-        """How many rows there are without one missing before them.
-
-        - `parts`: the rows that are done.
-        """
-        count = 0
-        while count in parts:
-            count += len(parts[count]["row"])
-        return count
-
-    def ended(self, runs: int) -> str:
-        """Why it ended.
-
-        - `runs`: how many there were to be.
-        """
-        if self.until is None:
-            return f"all {runs} runs are done"
-        if self._shown:
-            return f"shown after {self.runs} runs"
-        if self._failures >= self.until.failures:
-            return f"stopped at failure {self._failures}, in run {self.runs}"
-        return f"not decided by all {runs} runs"
 
 
 @dataclass(frozen=True)

@@ -24,7 +24,10 @@ LEAST, MOST = 64, 8192
 
 
 def _unheard(rows: int) -> None:
-    pass
+    """Nobody is told.
+
+    - `rows`: how many.
+    """
 
 
 class AbstractPool(ABC):

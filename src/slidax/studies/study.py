@@ -27,7 +27,10 @@ Seen = Callable[[int], None]
 
 
 def _unheard(rows: int) -> None:
-    pass
+    """Nobody is told.
+
+    - `rows`: how many.
+    """
 
 
 @dataclass
