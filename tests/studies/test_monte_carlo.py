@@ -11,8 +11,8 @@ from scipy.stats import binomtest
 
 from slidax import scenarios
 from slidax._errors import DefinitionError
-from slidax.reports import write_study_report
-from slidax.studies import Predicate, read_rows
+from slidax.reports import write_scenario, write_study_report
+from slidax.studies import Predicate, read_rows, scenario_of_row
 from slidax.studies.table import columns_of
 
 from .files import FAILING, ran, study
@@ -29,6 +29,16 @@ def test_the_rate_is_that_of_the_rows_with_the_exact_interval(tmp_path: Path) ->
     assert (first.holding.lower, first.holding.upper) == pytest.approx((exact.low, exact.high), rel=1e-9)
     assert found.as_json()["probability"]["confidence"] == 0.99
     assert found.rates[1].failures == 0
+
+
+def test_every_row_can_be_replayed_alone_bit_for_bit(tmp_path: Path) -> None:
+    found = ran(tmp_path / "out", runs=64)
+    write_scenario(scenario_of_row(tmp_path / "out", 41), tmp_path / "case.yaml")
+    again = columns_of(scenarios.load(tmp_path / "case.yaml").simulate(log_every=None))
+    for name, value in again.items():
+        assert np.array_equal(value[0], found.table[name][41], equal_nan=True), name
+    with pytest.raises(DefinitionError, match="rows 0 to 63"):
+        scenario_of_row(tmp_path / "out", 64)
 
 
 def test_the_sequential_stop_shows_what_was_asked_or_ends_at_a_failure() -> None:

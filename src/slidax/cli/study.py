@@ -31,6 +31,10 @@ def study(
     runs: Annotated[int | None, typer.Option(help="In place of the file's.", min=1)] = None,
     seed: Annotated[int | None, typer.Option(help="In place of the file's.", min=0)] = None,
     engine: Annotated[Engine | None, typer.Option(help="The engine; the study's own if not given.")] = None,
+    case: Annotated[
+        int | None,
+        typer.Option(metavar="ROW", help="Write a row of --out as a scenario, case-ROW.yaml there; run nothing."),
+    ] = None,
     json: AsJson = False,
 ) -> None:
     """Many runs: probabilities, maps, the worst case, sensitivities, tuning, comparisons.
@@ -50,6 +54,9 @@ def study(
             from slidax._errors import DefinitionError
 
             raise DefinitionError("`--resume` needs the folder that it goes on with: --out DIR")
+        if case is not None:
+            _write_case(out, case)
+            return
         started = time.perf_counter()
         with Bar() as bar, suppress(KeyboardInterrupt):
             how = How(out, resume, begin=bar.begin, seen=bar.seen, made_by=_made_by())
@@ -60,6 +67,18 @@ def study(
         kept = f"; go on with: {shlex.join(_again())}" if out is not None else ", and nothing is kept without --out"
         typer.echo(f"Interrupted{kept}", err=True)
         raise typer.Exit(INTERRUPTED)
+
+
+def _write_case(out: Path | None, row: int) -> None:
+    from slidax._errors import DefinitionError
+    from slidax.reports import write_scenario
+    from slidax.studies import scenario_of_row
+
+    if out is None:
+        raise DefinitionError("`--case` needs the folder that the row is in: --out DIR")
+    path = out / f"case-{row}.yaml"
+    write_scenario(scenario_of_row(out, row), path)
+    typer.echo(f"The scenario is in {path.resolve()}")
 
 
 def _run(asked: AbstractStudy, how: How, cluster: str | None) -> AbstractResult:

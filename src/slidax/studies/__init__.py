@@ -7,6 +7,7 @@ from .file import study_of as study_of
 from .monte_carlo import MonteCarlo as MonteCarlo
 from .monte_carlo import MonteCarloResult as MonteCarloResult
 from .predicate import Predicate as Predicate
+from .replay import scenario_of_row as scenario_of_row
 from .result import AbstractResult as AbstractResult
 from .result import Drawn as Drawn
 from .result import Section as Section
