@@ -27,7 +27,6 @@ if TYPE_CHECKING:
     from . import estimators as estimators
     from . import figures as figures
     from . import identification as identification
-    from . import league as league
     from . import metrics as metrics
     from . import numerics as numerics
     from . import papers as papers

@@ -144,7 +144,7 @@ def test_a_start_outside_the_envelope_is_refused_by_both():
 
 
 def test_an_unknown_engine_is_refused_with_the_names_of_those_there_are():
-    with pytest.raises(DefinitionError, match="`auto`, `native`, `xla`; got 'fast'"):
+    with pytest.raises(DefinitionError, match="`auto`, `native`, `xla`, `cuda`; got 'fast'"):
         engine_for("fast")
 
 

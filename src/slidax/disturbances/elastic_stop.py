@@ -17,7 +17,7 @@ class ElasticStop(AbstractDisturbance):
 
     stiffness: PerJoint = parameter("k; 0 for a joint that meets nothing", "N m/rad or N/m", ">= 0")
     position: PerJoint = parameter("a, from which on the joint is in contact", "rad or m")
-    damping: PerJoint = parameter("c", "s/rad or s/m", ">= 0", default=0.0)
+    damping: PerJoint = parameter("c, damping over stiffness", "s/rad or s/m", ">= 0", default=0.0)
 
     def __call__(self, t: Scalar, state: State) -> Vector:
         """The force, [n], N m or N.

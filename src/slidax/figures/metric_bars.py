@@ -13,7 +13,7 @@ from slidax._errors import DefinitionError
 from .overlay import LOOKS, legend_rows, require_looks
 from .style import WIDTH, legend_above, styled
 
-HATCHES = ("", "////", "----", "xxxx", "\\\\\\\\", "||||", "++++", "//", "--", "\\\\", "xx", "||")
+HATCHES = ("", "////", "----", "xxxx", "\\\\\\\\", "||||", "++++", "//", "--", "\\\\", "xx", "||", "-|")
 """Fillings of the first, second, ... scheme, told apart without colour; lines only, since dots make an SVG large."""
 
 

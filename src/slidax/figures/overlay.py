@@ -28,6 +28,7 @@ LOOKS: tuple[dict[str, Any], ...] = (
     {"color": "#6B7785", "linestyle": "-"},
     {"color": "#A50F15", "linestyle": (0, (5, 1.2, 1.2, 1.2, 1.2, 1.2))},
     {"color": "#00594C", "linestyle": (0, (3, 2.4))},
+    {"color": "#8C8C00", "linestyle": (0, (6, 1.2, 1.2, 1.2))},
 )
 """Colour and dashes of the first, second, ... run: enough for all schemes, told apart without colour too."""
 

@@ -101,7 +101,7 @@ def warn_of_another_arms(
     """
     torque = np.broadcast_to(np.asarray(drives.torque), state.q.shape)
     least, most = given.get("inverse_inertia_min"), given.get("inverse_inertia_max")
-    if is_traced((given["margin"], least, most)):
+    if is_traced((given.get("margin"), least, most)):
         return
     if given["kind"] != kind_of(UncertaintyBound) or not np.isfinite(torque).all() or not least or not most:
         return
