@@ -20,7 +20,12 @@ def histograms(values: Mapping[str, np.ndarray], limits: Mapping[str, float] = {
     - `limits`: where a line is drawn, by the same labels.
     """
     shown = {label: np.asarray(numbers)[np.isfinite(numbers)] for label, numbers in values.items()}
-    shown = {label: numbers for label, numbers in shown.items() if len(numbers)}
+    # What is the same in all runs needs no picture.
+    shown = {
+        label: numbers
+        for label, numbers in shown.items()
+        if len(numbers) and np.ptp(numbers) > 1e-9 * np.abs(numbers).max()
+    }
     figure = Figure(figsize=(WIDTH, 1.9 * max(-(-len(shown) // 2), 1)), layout="constrained")
     panels = figure.subplots(-(-max(len(shown), 1) // 2), 2, squeeze=False).ravel()
     for axes, (label, numbers) in zip(panels, shown.items(), strict=False):

@@ -38,7 +38,8 @@ def margin_over(margin: np.ndarray, values: Mapping[str, np.ndarray], names: str
         axes.plot(x[failed], margin[chosen][failed], "x", color="#A33B20", markersize=4.0, rasterized=True)
         if failed.any():
             axes.axhline(0.0, **LIMIT)
-        if len(x) and x.min() > 0 and x.max() > 30 * x.min():
+        # A logarithmic axis where values are spread so, and not where some are near zero by chance.
+        if len(x) and x.min() > 0 and x.max() > 30 * x.min() and np.median(x) < 0.25 * x.max():
             axes.set_xscale("log")
         axes.margins(x=0.03)
         axes.set_xlabel(label)
