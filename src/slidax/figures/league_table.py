@@ -59,6 +59,8 @@ def league_table(lines: Sequence[Line], share: str, error: str) -> Figure:
     left.set_xlabel(share)
     if any(line.error for line in lines):
         right.set_xscale("log")
+        right.margins(x=0.05)
+        right.autoscale_view()
     right.set_xlabel(error)
     for axes in (left, right):
         axes.grid(True, axis="x")
