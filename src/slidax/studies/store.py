@@ -83,9 +83,16 @@ class Store:
         unfinished.replace(path)
 
     def parts(self) -> Iterator[tuple[int, Path]]:
-        """The number of the first row, and the file, of each chunk that is done, in order."""
-        for path in sorted(self._parts.glob("*.parquet")):
-            yield int(path.stem.split("-")[0]), path
+        """The number of the first row, and the file, of each chunk that is done, in order.
+
+        The last chunk of a study that was given more runs later is there twice: the longer one counts.
+        """
+        longest: dict[int, tuple[int, Path]] = {}
+        for path in self._parts.glob("*.parquet"):
+            first, rows = map(int, path.stem.split("-"))
+            longest[first] = max(longest.get(first, (0, path)), (rows, path))
+        for first in sorted(longest):
+            yield first, longest[first][1]
 
     def finish(self, rows: int) -> Path:
         """Writes all rows as one table, part by part, and returns its path.

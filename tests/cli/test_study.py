@@ -1,0 +1,72 @@
+"""`slidax study`: the answer as a table and as JSON, the folder that it leaves, and what it refuses in one line."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from slidax.studies import monte_carlo
+
+from .commands import in_process
+
+TEXT = """
+study: monte_carlo
+scenario: example-4.1-1khz
+changes: {simulation.t1: 0.05}
+uncertainty: {disturbance.scale: {between: [0, 1]}}
+runs: 64
+"""
+
+
+def test_a_study_is_written_resumed_and_its_rows_become_scenarios(tmp_path: Path) -> None:
+    file, out = tmp_path / "study.yaml", tmp_path / "out"
+    file.write_text(TEXT, encoding="utf-8")
+    done = in_process("study", str(file), "--out", str(out), "--json")
+    assert done.exit_code == 0, done.output
+    answer = json.loads(done.stdout)
+    assert {"kind", "runs", "failures", "probability", "worst"} <= answer.keys()
+    assert (answer["runs"], answer["failures"]) == (64, 0)
+    assert answer["worst"]["scenario"] == str(out / "worst.yaml")
+    assert {"rows.parquet", "report.html", "results.json", "worst.yaml", "study.json"} <= {
+        p.name for p in out.iterdir()
+    }
+
+    again = in_process("study", str(file), "--out", str(out))
+    assert again.exit_code == 2 and "--resume" in again.stderr
+    resumed = in_process("study", str(file), "--out", str(out), "--resume", "--runs", "80")
+    assert resumed.exit_code == 0 and "80 runs, none failed" in resumed.stdout
+
+    assert in_process("study", str(file), "--out", str(out), "--case", "70").exit_code == 0
+    assert "truth" in (out / "case-70.yaml").read_text(encoding="utf-8")
+    assert in_process("study", str(file), "--out", str(out), "--case", "80").exit_code == 2
+
+
+def test_ctrl_c_says_how_to_go_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    file = tmp_path / "study.yaml"
+    file.write_text(TEXT, encoding="utf-8")
+
+    def interrupted(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(monte_carlo.MonteCarlo, "run", interrupted)
+    stopped = in_process("study", str(file), "--out", str(tmp_path / "out"))
+    assert stopped.exit_code == 130 and "--resume" in stopped.stderr
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["nothing.yaml"], "cannot read"),
+        (["{file}", "--resume"], "--out DIR"),
+        (["{file}", "--case", "3"], "--out DIR"),
+        (["{file}", "--cluster", "farm"], "local:2"),
+    ],
+)
+def test_what_cannot_be_done_is_one_line(tmp_path: Path, words: list[str], said: str) -> None:
+    file = tmp_path / "study.yaml"
+    file.write_text(TEXT, encoding="utf-8")
+    done = in_process("study", *(word.format(file=file) for word in words))
+    assert done.exit_code == 2 and said in done.stderr
+    assert done.stderr.count("\n") == 1 and "Traceback" not in done.output
