@@ -128,7 +128,7 @@ def test_a_folder_with_something_else_is_left_alone(tmp_path: Path) -> None:
 
 def test_more_runs_of_the_same_study_keep_those_that_are_done(tmp_path: Path) -> None:
     ran(tmp_path / "out", runs=64)
-    for runs in (80, 200):
+    for runs in (80, 200, 100):
         found = ran(tmp_path / "out", resume=True, runs=runs)
         assert found.runs == runs
         assert np.array_equal(read_rows(tmp_path / "out")["row"], np.arange(runs))

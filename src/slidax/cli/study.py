@@ -83,13 +83,12 @@ def _write_case(out: Path | None, row: int) -> None:
 
 def _run(asked: AbstractStudy, how: How, cluster: str | None) -> AbstractResult:
     if cluster is None:
-        found: AbstractResult = asked.run(how)
-        return found
+        return asked.run(how)
     from slidax.studies.cluster import Cluster
 
     with Cluster(cluster) as pool:
         how.pool = pool
-        return asked.run(how)  # type: ignore[no-any-return]  # each kind has its own result
+        return asked.run(how)
 
 
 def _tell(asked: AbstractStudy, found: AbstractResult, out: Path | None, seconds: float, json: bool) -> None:

@@ -108,9 +108,10 @@ class Store:
         expected, writer = 0, None
         try:
             for first, part in self.parts():
-                if first != expected:
+                # More may be there than is asked for, of a study that had more runs before, or that stopped since.
+                if first != expected or expected >= rows:
                     break
-                table = pq.read_table(part)
+                table = pq.read_table(part).slice(0, rows - expected)
                 writer = writer or pq.ParquetWriter(unfinished, table.schema, compression="zstd")
                 writer.write_table(table, row_group_size=max(table.num_rows, 1))
                 expected += table.num_rows

@@ -18,6 +18,7 @@ from slidax.scenarios.load import altered_description, described
 from slidax.scenarios.uncertainty import AbstractSet
 from slidax.scenarios.uncertainty.mapping import Uncertainty
 
+from .result import AbstractResult
 from .runner import AbstractPool, Here, Runner
 from .store import Store
 from .table import COLUMNS
@@ -73,7 +74,7 @@ class AbstractStudy(AbstractDescription):
     """What computes; the scenario's own if not given."""
 
     @abstractmethod
-    def run(self, how: How) -> Any:
+    def run(self, how: How) -> AbstractResult:
         """Runs it.
 
         - `how`: where, and what is told on the way.
