@@ -1,0 +1,81 @@
+"""What a certificate says: whether a promise holds, by how much, and under which assumptions."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+from slidax.diagnosis import Remedy
+
+Status = Literal["proved", "checked", "assumed", "fails"]
+"""Of an assumption: `proved` follows from the definitions, `checked` was computed here (the text says over what and
+how), `assumed` nothing was done for it, `fails` it was checked and is not so."""
+
+
+@dataclass(frozen=True)
+class Assumption:
+    """One thing that a promise stands on.
+
+    - `text`: a sentence that says what, and, if it was checked, how.
+    - `status`: how much is known of it.
+    - `value`: the number that was found, if there is one.
+    """
+
+    text: str
+    status: Status
+    value: float | None = None
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """One certificate's answer; never raised.
+
+    - `name`: of the certificate, the same for each scenario.
+    - `title`: the promise in a few words, for a table.
+    - `holds`: whether the promise stands; None where the certificate does not apply, which the statement explains.
+    - `margin`: by how much, as a share of what is allowed: positive if it holds; None where there is no number.
+    - `bound`: the certified numbers by name, scalars or one per joint, in SI.
+    - `assumptions`: what it stands on.
+    - `statement`: one sentence with the numbers and the equation.
+    - `remedies`: the smallest changes that would make it hold, the best first; empty if it holds.
+    """
+
+    name: str
+    title: str
+    holds: bool | None
+    margin: float | None
+    bound: Mapping[str, Any]
+    assumptions: Sequence[Assumption]
+    statement: str
+    remedies: Sequence[Remedy] = field(default=())
+
+    def __post_init__(self) -> None:
+        if self.holds and any(one.status == "fails" for one in self.assumptions):
+            raise AssertionError(f"the certificate `{self.name}` stands on an assumption that fails")
+
+    def as_json(self) -> dict[str, Any]:
+        """As `slidax certify --json` prints it; what is not finite is None."""
+        return {
+            "name": self.name,
+            "holds": self.holds,
+            "margin": _plain(self.margin),
+            "bound": {name: _plain(value) for name, value in self.bound.items()},
+            "assumptions": [
+                {"text": one.text, "status": one.status, "value": _plain(one.value)} for one in self.assumptions
+            ],
+            "statement": self.statement,
+            "remedy": [{"words": one.words, "set": dict(one.changes)} for one in self.remedies],
+        }
+
+
+def _plain(value: Any) -> Any:
+    """Numbers and arrays as JSON has them."""
+    if value is None or isinstance(value, bool | int | str):
+        return value
+    if isinstance(value, Mapping):
+        return {name: _plain(one) for name, one in value.items()}
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    return _plain(value.tolist()) if hasattr(value, "tolist") else [_plain(one) for one in value]
