@@ -6,7 +6,6 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import solve_discrete_lyapunov
 
 from slidax.controllers import SampledData
 from slidax.estimators import Kalman, Measured
@@ -110,6 +109,8 @@ class LinearLoop:
         - `variance`: of a measured position, white [rad² or m²].
         - `kappa`: κ, nominal over true inertia.
         """
+        from scipy.linalg import solve_discrete_lyapunov
+
         matrix, enters, command = self._matrices(kappa, self.believed)
         if np.max(np.abs(np.linalg.eigvals(matrix))) >= 1.0:
             return math.inf, math.inf

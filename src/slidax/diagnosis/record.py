@@ -9,7 +9,6 @@ from functools import cached_property
 import equinox as eqx
 import jax
 import numpy as np
-from scipy.signal import butter, sosfiltfilt
 
 from slidax._errors import DefinitionError
 from slidax._types import Envelope, Scalar
@@ -19,6 +18,7 @@ from slidax.scenarios import Scenario
 from slidax.simulation import Run, columns_of
 
 from .along import along
+from .filtered import low_passed
 from .linear_loop import LinearLoop
 from .loops import loops_of
 from .measured import as_measured
@@ -255,9 +255,7 @@ class Record:
         mass, bias = self.mass_and_bias
         delay = np.arange(len(self.t)) - float(self.law.delay)
         torque = 0.5 * (late(self.tau, delay) + late(self.tau, delay - 1.0))
-        low = butter(2, min(SLOW, 0.5 * np.pi / self.period), fs=2.0 * np.pi / self.period, output="sos")
-        rest: np.ndarray = sosfiltfilt(low, torque - np.einsum("kij,kj->ki", mass, a) - bias, axis=0)
-        return rest
+        return low_passed(torque - np.einsum("kij,kj->ki", mass, a) - bias, SLOW, self.period)
 
     def named(self, joint: int) -> str:
         """A joint for a sentence.

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.signal import butter, sosfiltfilt
+
+from .filtered import band_passed, within
 
 if TYPE_CHECKING:
     from .record import Record
@@ -56,14 +57,12 @@ def as_seen(record: Record) -> Seen:
     - `record`: the run.
     """
     h = record.period
-    high = min(BAND[1], 0.5 * np.pi / h)
-    band = butter(2, (min(BAND[0], 0.2 * high), high), "bandpass", fs=2.0 * np.pi / h, output="sos")
     q, tau, count = record.q, record.tau, len(record.t)
     mass, bias = (values[1:-1] for values in record.mass_and_bias)
     a = np.diff(q, 2, axis=0) / (h * h)
-    filtered = sosfiltfilt(band, a, axis=0)
-    noise = _noise(record, band, len(a))
-    coupled = sosfiltfilt(band, np.einsum("kij,kj->ki", mass, a) + bias, axis=0)
+    filtered = band_passed(a, BAND, h)
+    noise = _noise(record, len(a))
+    coupled = band_passed(np.einsum("kij,kj->ki", mass, a) + bias, BAND, h)
     own = np.einsum("kii->ki", mass)
     square = np.sum(filtered * filtered, axis=0)
     clean = square - len(a) * noise**2
@@ -75,7 +74,7 @@ def as_seen(record: Record) -> Seen:
     times = np.arange(1, count - 1)
     for delay in DELAYS:
         mean = 0.5 * (late(tau, times - delay) + late(tau, times - 1.0 - delay))
-        rest = sosfiltfilt(band, mean, axis=0) - coupled
+        rest = band_passed(mean, BAND, h) - coupled
         # What the encoders' noise adds to both sums is taken off both.
         more = (np.sum(rest * filtered, axis=0) + nominal * len(a) * noise**2) / safe
         left = rest - more * filtered
@@ -90,7 +89,7 @@ def as_seen(record: Record) -> Seen:
         gain = float(1.0 - np.mean(left[best]) / max(np.mean(left[believed]), 1e-300))
     chosen = extra[best]
     share = unexplained[best]
-    effective = max(len(a) * h * (high - BAND[0]) / np.pi, 2.0)
+    effective = max(len(a) * h * (within(BAND, h)[1] - BAND[0]) / np.pi, 2.0)
     spread = np.sqrt(share / effective) * np.abs(nominal + chosen)
     inertia = np.where(told, nominal + chosen, np.nan)
     return Seen(inertia, nominal, spread, 1.0 - share, float(DELAYS[best]) if left.size else float("nan"), gain)
@@ -108,10 +107,10 @@ def late(tau: np.ndarray, times: np.ndarray) -> np.ndarray:
     return torque
 
 
-def _noise(record: Record, band: np.ndarray, count: int) -> np.ndarray:
+def _noise(record: Record, count: int) -> np.ndarray:
     """Standard deviation of a's noise in the band [n], from the smallest steps that the encoders make."""
     chance = np.random.default_rng(0).standard_normal(count + 2)
-    factor = float(np.std(sosfiltfilt(band, np.diff(chance, 2))))
+    factor = float(np.std(band_passed(np.diff(chance, 2), BAND, record.period)))
     # At small speeds rounding is no white noise: half of a step, and not its standard deviation, is on the safe side.
     return factor / record.period**2 * resolution(record.q) / 2.0
 

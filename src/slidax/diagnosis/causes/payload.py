@@ -7,7 +7,6 @@ from typing import Any, ClassVar
 
 import equinox as eqx
 import numpy as np
-from scipy.signal import butter, sosfiltfilt
 
 from slidax._errors import as_array
 from slidax.robots import Articulated
@@ -15,6 +14,7 @@ from slidax.robots import Payload as Carried
 
 from ..along import along
 from ..cause import AbstractCause, Finding, Remedy
+from ..filtered import low_passed
 from ..record import SLOW, Record
 from .sheet import data_sheet
 from .torque import REACHED
@@ -108,8 +108,7 @@ def weighed(record: Record, nominal: Articulated) -> Weighed:
 
 def _weighed(record: Record, nominal: Articulated, part: slice) -> Weighed:
     h = record.period
-    low = butter(2, min(SLOW, 0.5 * np.pi / h), fs=2.0 * np.pi / h, output="sos")
-    q = sosfiltfilt(low, record.q, axis=0)[part]
+    q = low_passed(record.q, SLOW, h)[part]
     dq = np.gradient(q, h, axis=0)
     ddq = np.gradient(dq, h, axis=0)
     torques = [_torque(_carrying(nominal, arm), q, dq, ddq) - _torque(nominal, q, dq, ddq) for arm in ARMS]
