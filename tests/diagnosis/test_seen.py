@@ -7,6 +7,7 @@ import pytest
 
 from slidax._errors import DefinitionError
 from slidax.diagnosis import Record, beforehand, explained
+from slidax.diagnosis.causes.inertia import Inertia
 from slidax.diagnosis.causes.robust_torque import _remedies
 from slidax.diagnosis.linear_loop import LinearLoop
 from slidax.diagnosis.seen import resolution
@@ -21,6 +22,15 @@ def test_the_inertia_of_a_joint_is_seen_in_the_log_within_a_few_percent() -> Non
     true = scenario.plant.robot.mass(scenario.state0.q)[6, 6]
     assert record.seen.inertia[6] == pytest.approx(float(true), rel=0.1)
     assert record.seen.coherence[6] > 0.95
+
+
+def test_an_inertia_that_was_learnt_is_not_blamed() -> None:
+    """The model is 20 times too light, the law has learnt so, and it is what it learnt that counts."""
+    scenario = load("panda-payload", {"robot.nominal.armature": 0.0, "simulation.t1": 4.0})
+    record = Record.of(scenario, scenario.simulate(log_every=1))
+    assert record.seen.nominal[6] < 0.1 * record.seen.inertia[6]
+    assert record.believed[6] == pytest.approx(record.seen.inertia[6], rel=0.2)
+    assert Inertia().finding(record) is None
 
 
 def test_the_delay_is_seen_in_the_log() -> None:

@@ -130,6 +130,8 @@ class Record:
         signals = {name: wide(name) for name in ("push", "residual")}
         if "u" in columns:
             signals["u"] = np.asarray(columns["u"], float)
+        if law.adaptation is not None:
+            signals["rotor"] = wide("rotor")
         true = wide("q"), wide("dq")
         q, fresh = as_measured(scenario.plant.sensor, *true, scenario.period)
         return cls(
@@ -221,6 +223,17 @@ class Record:
     def seen(self) -> Seen:
         """Each joint's inertia and delay as the log shows them."""
         return as_seen(self)
+
+    @cached_property
+    def believed(self) -> np.ndarray:
+        """Each joint's inertia as the law believed it just before it left, with what it had learnt [n], kg m² or kg."""
+        own = self.seen.nominal
+        if self.law.adaptation is None:
+            return own
+        learnt = self.signals["rotor"][self.before].mean(axis=0) - np.asarray(self.law.adaptation.counted)
+        # A law never believes in a negative inertia: it scales the links instead.
+        believed: np.ndarray = np.maximum(own + learnt, 0.01 * own)
+        return believed
 
     @cached_property
     def loops(self) -> tuple[LinearLoop | None, ...]:

@@ -30,7 +30,8 @@ class Inertia(AbstractCause):
         - `record`: the run.
         """
         seen = record.seen
-        kappa = seen.kappa
+        believed = record.believed
+        kappa = np.divide(believed, seen.inertia, where=seen.inertia > 0, out=np.full_like(believed, np.nan))
         told = np.isfinite(kappa) & (seen.coherence > SURE)
         radius = np.array(
             [
@@ -46,11 +47,13 @@ class Inertia(AbstractCause):
         assert loop is not None
         factor = float(1.0 / kappa[joint])
         unit = "kg m²" if record.units[joint] == "rad" else "kg"
+        own = believed[joint] - seen.nominal[joint]
+        learnt = "" if record.law.adaptation is None else f", {own:.2g} of it learnt"
         compared = f"is {factor:.2g} times as heavy as" if factor > 1 else f"has {factor:.2g} of the inertia that"
         least, most = loop.stable_range()
         evidence = (
-            f"{record.named(joint)}: the arm {compared} the law believes (seen {seen.inertia[joint]:.3g}, nominal "
-            f"{seen.nominal[joint]:.3g} {unit}); its loop bears {1.0 / most:.2g} to {1.0 / least:.2g} times"
+            f"{record.named(joint)}: the arm {compared} the law believes (seen {seen.inertia[joint]:.3g}, believed "
+            f"{believed[joint]:.3g} {unit}{learnt}); its loop bears {1.0 / most:.2g} to {1.0 / least:.2g} times"
         )
         return Finding(
             name=self.name,
@@ -59,6 +62,7 @@ class Inertia(AbstractCause):
             evidence=evidence,
             numbers={
                 "seen": float(seen.inertia[joint]),
+                "believed": float(believed[joint]),
                 "nominal": float(seen.nominal[joint]),
                 "kappa": float(kappa[joint]),
                 "stable_from": least,
@@ -75,7 +79,7 @@ def _learnt(record: Record) -> list[Remedy]:
     if ADAPTATION not in field or getattr(block, ADAPTATION) is not None:
         return []
     default = field[ADAPTATION].get_default(call_default_factory=True)
-    value: Any = {} if default is None else default.model_dump(exclude_none=True)
+    value: Any = {} if default is None else {"kind": default.kind}
     return [Remedy("let it be learnt: remove `adaptation: null`", {f"scheme.sampled_data.{ADAPTATION}": value})]
 
 
