@@ -13,7 +13,7 @@ from pydantic import field_validator
 from slidax._errors import as_array, located
 from slidax.actuators import TorqueLimits
 from slidax.adaptation import AbstractAdaptation, JointLearning
-from slidax.controllers import AbstractController, Recovery, sampled_data
+from slidax.controllers import AbstractController, Monitor, Recovery, sampled_data
 from slidax.estimators import AbstractEstimator, Kalman, Measured
 from slidax.estimators.kalman import TORQUE_DENSITY
 
@@ -133,8 +133,10 @@ if TYPE_CHECKING:
     AdaptationDescription = PartDescription | JointLearningDescription
     EstimatorDescription = PartDescription
     RecoveryDescription = PartDescription
+    MonitorDescription = PartDescription
 else:
     RecoveryDescription = plain_of(Recovery, "RecoveryDescription")
+    MonitorDescription = plain_of(Monitor, "MonitorDescription")
     EstimatorDescription = union_of(AbstractEstimator, MeasuredDescription, KalmanDescription)
     AdaptationDescription = union_of(AbstractAdaptation, JointLearningDescription)
 
@@ -163,6 +165,8 @@ class SampledDataDescription(AbstractDescription):
     )
     recovery: RecoveryDescription | None = RecoveryDescription()
     """What to do outside the envelope; null: pull back to the drawn envelope as it is."""
+    monitor: MonitorDescription | None = None
+    """What says in every sample whether the envelope's promise still stands; null for nothing."""
     slopes: bool = True
     """Whether the robust torque counts the slope part of tau1, as (45) prints it."""
 
@@ -205,6 +209,10 @@ class SampledDataDescription(AbstractDescription):
         if self.recovery is not None:
             with located("recovery"):
                 recovery = self.recovery.build()
+        monitor = None
+        if self.monitor is not None:
+            with located("monitor"):
+                monitor = self.monitor.build()
         return sampled_data(
             law,
             period=sampling.period,
@@ -216,4 +224,5 @@ class SampledDataDescription(AbstractDescription):
             dead_time=sampling.dead_time,
             slopes=self.slopes,
             adaptation=adaptation,
+            monitor=monitor,
         )

@@ -2,4 +2,5 @@
 
 from .explicit_step import ExplicitStep as ExplicitStep
 from .law import SampledData as SampledData
+from .monitor import Monitor as Monitor
 from .recipe import sampled_data as sampled_data

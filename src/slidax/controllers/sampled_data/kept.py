@@ -9,6 +9,7 @@ from slidax.estimators import Estimate
 from slidax.parts import Memory, Scalar, Vector
 
 from .adapted import Adapted
+from .monitor import Watched
 
 
 class Kept(eqx.Module):
@@ -22,6 +23,7 @@ class Kept(eqx.Module):
     - `planned`: whether that plan can be relied on: no limit withheld any torque.
     - `step`: what the step keeps.
     - `adapted`: what is kept of the adaptation; None without one.
+    - `watched`: what is kept by the monitor; None without one.
     """
 
     t: Scalar
@@ -32,3 +34,4 @@ class Kept(eqx.Module):
     planned: Bool[Array, ""]
     step: Memory
     adapted: Adapted | None = None
+    watched: Watched | None = None

@@ -9,7 +9,7 @@ from jaxtyping import Array, Bool
 
 from slidax._types import Command, Envelope, Reference
 from slidax.actuators import TorqueLimits
-from slidax.adaptation import AbstractAdaptation
+from slidax.adaptation import AbstractAdaptation, Learnt
 from slidax.estimators import AbstractEstimator, Estimate
 from slidax.numerics import matvec, nearest_in_box, once, solve_symmetric, vector_norm
 from slidax.parts import (
@@ -29,6 +29,7 @@ from ..controller import AbstractController
 from ..steps import AbstractStep, Decision, Moment
 from .adapted import Adapted, acted, experienced
 from .kept import Kept
+from .monitor import Monitor, Watched
 from .prediction import commands_kept, free_acceleration, moved_on, predicted, reference_ahead
 
 FASTEST = 1e6
@@ -47,7 +48,7 @@ class SampledData(AbstractController):
     to the wanted ones. While samples are lost the last torque stands; at the next one the arm is predicted under it.
 
     Signals: those of the step, and `push` (w), `residual` (the acceleration that the last prediction missed) [n]; with
-    an adaptation `rotor` (J) and `coulomb` (f) [n].
+    an adaptation `rotor` (J) and `coulomb` (f) [n]; with a monitor `margin` and `assumption_violated`.
     """
 
     step: AbstractStep = piece("what the law decides")
@@ -74,13 +75,17 @@ class SampledData(AbstractController):
     )
 
     adaptation: AbstractAdaptation | None = piece("what is learnt of the arm; None for nothing", default=None)
+    monitor: Monitor | None = piece("says whether the promise still stands; None for nothing", default=None)
 
     def __check_init__(self) -> None:
         require_joints(self.adaptation, self.joints, type(self.nominal).__name__)
         require_joints(self.limits, self.joints, type(self.nominal).__name__)
+        require_joints(self.monitor, self.joints, type(self.nominal).__name__)
         if self.step.plans != (self.horizon is not None):
             wrong = "must be given for a law that plans" if self.step.plans else "must be None for a law without a plan"
             raise DefinitionError(f"`SampledData.horizon` {wrong}; got {self.horizon}")
+        if self.monitor is not None and not self.step.plans:
+            raise DefinitionError("`SampledData.monitor` follows a plan, and this law has none: leave it out")
         self._require_an_estimator_of_these_joints()
 
     def _require_an_estimator_of_these_joints(self) -> None:
@@ -128,6 +133,7 @@ class SampledData(AbstractController):
             planned=jnp.zeros((), bool),
             step=self.step.init(t, state, reference, self.period, self.horizon),
             adapted=None if self.adaptation is None else Adapted.init(self.adaptation, state, self.delay),
+            watched=None if self.monitor is None else self.monitor.init(state),
         )
 
     def __call__(
@@ -197,6 +203,8 @@ class SampledData(AbstractController):
         step = decision.memory
         if decision.limited is not None:
             step = jax.tree.map(lambda usual, limited: jnp.where(free, usual, limited), step, decision.limited)
+        learnt = None if self.adaptation is None or adapted is None else self.adaptation.learnt(adapted.memory)
+        watched, said = self._watched(t, now, decision, ~missed, learnt, memory)
         kept = Kept(
             t=jnp.asarray(t, memory.t.dtype),
             prior=Estimate(state=following, push=push),
@@ -206,10 +214,11 @@ class SampledData(AbstractController):
             planned=free,
             step=step,
             adapted=adapted,
+            watched=watched,
         )
-        signals = {**decision.signals, "push": push, "residual": jnp.where(planned, (now.dq - memory.dq) / h, 0.0)}
-        if self.adaptation is not None and adapted is not None:
-            learnt = self.adaptation.learnt(adapted.memory)
+        residual = jnp.where(planned, (now.dq - memory.dq) / h, 0.0)
+        signals = {**decision.signals, "push": push, "residual": residual, **said}
+        if learnt is not None:
             signals |= {"rotor": learnt.rotor, "coulomb": learnt.coulomb}
         return Command(tau=tau, memory=kept, signals=signals)
 
@@ -220,6 +229,18 @@ class SampledData(AbstractController):
         - `memory`: what `init` or a sample returned.
         """
         return self.step.envelope(t, memory.step)
+
+    def _watched(
+        self, t: Scalar, now: State, decision: Decision, fresh: Bool[Array, ""], learnt: Learnt | None, memory: Kept
+    ) -> tuple[Watched | None, dict[str, Array]]:
+        """What the monitor keeps and says."""
+        if self.monitor is None or memory.watched is None:
+            return None, {}
+        envelope = self.step.envelope(t, memory.step)
+        if envelope is None or self.horizon is None:
+            raise DefinitionError("`SampledData.monitor` watches an envelope, and this law has none: leave it out")
+        span = self.period, self.horizon
+        return self.monitor(now, decision.acceleration, fresh, envelope, learnt, span, memory.watched)
 
     def _robot(self, adapted: Adapted | None) -> AbstractRobot:
         """The arm as it is believed to be."""

@@ -15,6 +15,7 @@ from ..controller import AbstractController
 from ..steps import AbstractStep, Recovery
 from .explicit_step import ExplicitStep
 from .law import SampledData
+from .monitor import Monitor
 
 HORIZON = 0.012
 """The horizon unless another is asked for [s]: at 1 kHz long enough for a period of delay, rate limits and the noise of
@@ -33,6 +34,7 @@ def sampled_data(
     dead_time: float = 0.0,
     slopes: bool = True,
     adaptation: AbstractAdaptation | None = None,
+    monitor: Monitor | None = None,
 ) -> SampledData:
     """Any law at the arm's own rate: with an estimator, a prediction over the delay, and the limits of the drives.
 
@@ -52,6 +54,7 @@ def sampled_data(
     - `slopes`: whether u counts τ1's slopes, as (45) prints it; without them u, and with it the torque, is smaller.
 
     - `adaptation`: what is learnt of the arm, such as `JointLearning.of_arm(...)`; None for nothing.
+    - `monitor`: says in every sample whether the envelope's promise still stands; None for nothing.
 
     Raises DefinitionError if something does not fit.
     """
@@ -71,4 +74,5 @@ def sampled_data(
         delay=delay,
         dead_time=dead_time,
         adaptation=adaptation,
+        monitor=monitor,
     )
