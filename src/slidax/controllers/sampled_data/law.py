@@ -204,7 +204,7 @@ class SampledData(AbstractController):
         if decision.limited is not None:
             step = jax.tree.map(lambda usual, limited: jnp.where(free, usual, limited), step, decision.limited)
         learnt = None if self.adaptation is None or adapted is None else self.adaptation.learnt(adapted.memory)
-        watched, said = self._watched(t, now, decision, ~missed, learnt, memory)
+        watched, said = self._watched(moment, decision, ~missed, learnt, memory)
         kept = Kept(
             t=jnp.asarray(t, memory.t.dtype),
             prior=Estimate(state=following, push=push),
@@ -231,16 +231,19 @@ class SampledData(AbstractController):
         return self.step.envelope(t, memory.step)
 
     def _watched(
-        self, t: Scalar, now: State, decision: Decision, fresh: Bool[Array, ""], learnt: Learnt | None, memory: Kept
+        self, moment: Moment, decision: Decision, fresh: Bool[Array, ""], learnt: Learnt | None, memory: Kept
     ) -> tuple[Watched | None, dict[str, Array]]:
         """What the monitor keeps and says."""
         if self.monitor is None or memory.watched is None:
             return None, {}
-        envelope = self.step.envelope(t, memory.step)
+        envelope = None
+        if self.horizon is not None:
+            envelope = self.step.envelope(moment.t + self.horizon - 0.5 * self.period, memory.step)
         if envelope is None or self.horizon is None:
             raise DefinitionError("`SampledData.monitor` watches an envelope, and this law has none: leave it out")
+        desired = State(q=moment.reference.q, dq=moment.reference.dq)
         span = self.period, self.horizon
-        return self.monitor(now, decision.acceleration, fresh, envelope, learnt, span, memory.watched)
+        return self.monitor(moment.state, desired, decision.acceleration, fresh, envelope, learnt, span, memory.watched)
 
     def _robot(self, adapted: Adapted | None) -> AbstractRobot:
         """The arm as it is believed to be."""

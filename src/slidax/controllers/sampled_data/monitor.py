@@ -18,6 +18,9 @@ MISSED = 1.0
 INERTIA = 2.0
 """`assumption_violated`: what was learnt of a joint's inertia is outside of what the promise is for."""
 
+NO_ROOM = 4.0
+"""`assumption_violated`: the led error is nearer to its envelope than the promise allows: the error will follow it."""
+
 
 class Watched(eqx.Module):
     """What a monitor keeps between two samples.
@@ -41,11 +44,12 @@ class Monitor(AbstractPart):
         x⁺ = (1 - r) x + (q - q_planned) + c (q̇ - q̇_planned),
 
     with the state for which the step decides and the one for which the last step planned; torque that the limits
-    withheld counts as missed. The loop-rate rule promises that `|x| <= share ϑ ρ(t)`.
+    withheld counts as missed. The loop-rate rule promises that `|x| <= share ϑ ρ(t + c)`, and that y stays within `led`
+    times its own envelope, of which e is a mean: e cannot leave before y does.
 
-    Signals: `margin`, the least `1 - |x|/(share ϑ ρ(t))` of all joints, 1 where nothing is missed and negative where
-    the promise does not stand; `assumption_violated`, a sum of `1`: too much is missed, `2`: an inertia was learnt that
-    the promise is not for.
+    Signals: `margin`, the least `1 - |x|/(share ϑ ρ)` and `1 - |y|/(led ρ)` of all joints, negative where the promise
+    does not stand; `assumption_violated`, a sum of `1`: too much is missed, `2`: an inertia was learnt that the promise
+    is not for, `4`: y has no room left.
     """
 
     share: PerJoint = parameter(
@@ -53,6 +57,13 @@ class Monitor(AbstractPart):
         "",
         "(0, 1]",
         default=0.5,
+        source="docs/certificates/monitor.md",
+    )
+    led: PerJoint = parameter(
+        "of its envelope that may be taken up by the led error",
+        "",
+        "(0, 1]",
+        default=0.95,
         source="docs/certificates/monitor.md",
     )
     rotor_min: PerJoint | None = parameter(
@@ -81,6 +92,7 @@ class Monitor(AbstractPart):
     def __call__(
         self,
         now: State,
+        desired: State,
         wanted: Vector,
         fresh: Bool[Array, ""],
         envelope: Envelope,
@@ -91,9 +103,10 @@ class Monitor(AbstractPart):
         """What is kept, and the signals.
 
         - `now`: the state when this sample's torque sets in, as it is predicted.
+        - `desired`: where the joints should be then.
         - `wanted`: acceleration that the step decided for [n].
         - `fresh`: whether the last sample was one period ago.
-        - `envelope`: the drawn one.
+        - `envelope`: the drawn one, c later [rad or m].
         - `learnt`: what is believed of the joints; None if nothing is learnt.
         - `span`: h and H [s].
         - `memory`: what `init` or the last sample returned.
@@ -102,9 +115,11 @@ class Monitor(AbstractPart):
         lead = horizon - 0.5 * period
         revised = now.q - expected.q + lead * (now.dq - expected.dq)
         missed = (1.0 - period / horizon) * memory.missed + jnp.where(fresh & memory.begun, revised, 0.0)
-        room = self.share * jnp.minimum(envelope.upper, -envelope.lower)
-        margin = 1.0 - jnp.max(jnp.abs(missed) / room)
-        violated = jnp.where(margin < 0.0, MISSED, 0.0)
+        y = now.q - desired.q + lead * (now.dq - desired.dq)
+        of_room = jnp.max(jnp.abs(missed) / (self.share * jnp.minimum(envelope.upper, -envelope.lower)))
+        of_way = jnp.max(jnp.maximum(y / (self.led * envelope.upper), y / (self.led * envelope.lower)))
+        violated = jnp.where(of_room > 1.0, MISSED, 0.0) + jnp.where(of_way > 1.0, NO_ROOM, 0.0)
+        margin = 1.0 - jnp.maximum(of_room, of_way)
         if learnt is not None:
             violated = violated + jnp.where(self._unlike(learnt.rotor), INERTIA, 0.0)
         kept = Watched(begun=jnp.ones((), bool), missed=missed, expected=moved_on(now, wanted, period))
