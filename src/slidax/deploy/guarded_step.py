@@ -21,6 +21,7 @@ from .status import (
     MEASUREMENT_NOT_FINITE,
     MEASUREMENT_OUT_OF_RANGE,
     MISSED_PERIOD,
+    PROMISE_VOID,
     REFERENCE_NOT_FINITE,
     TORQUE_LIMITED,
     TORQUE_NOT_FINITE,
@@ -212,6 +213,7 @@ class GuardedStep(AbstractController):
             ),
             TORQUE_LIMITED: sound & limited,
             MISSED_PERIOD: (elapsed > 1.5 * period) | (elapsed <= 0),
+            PROMISE_VOID: command.signals.get("assumption_violated", jnp.zeros(())) > 0,
         }
         kept = StepMemory(
             started=memory.started,

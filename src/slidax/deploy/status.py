@@ -73,10 +73,18 @@ MISSED_PERIOD = Condition(
     "Samples were lost, or the loop was late. Once is harmless; look at the loop if it is not rare.",
 )
 
+PROMISE_VOID = Condition(
+    "PROMISE_VOID",
+    128,
+    "the law's monitor says that what the envelope's promise was computed for is not so; never set without a monitor",
+    False,
+    "The envelope may soon be left: slow down or brake. `assumption_violated` says what is not as it should be.",
+)
+
 CHECKED = (MEASUREMENT_NOT_FINITE, MEASUREMENT_OUT_OF_RANGE, REFERENCE_NOT_FINITE)
 """What can be wrong with a sample."""
 
-ANSWERED = (TORQUE_NOT_FINITE, ENVELOPE_LEFT, TORQUE_LIMITED, MISSED_PERIOD)
+ANSWERED = (TORQUE_NOT_FINITE, ENVELOPE_LEFT, TORQUE_LIMITED, MISSED_PERIOD, PROMISE_VOID)
 """What can be said of the answer to a good one."""
 
 CONDITIONS = (*CHECKED, *ANSWERED)

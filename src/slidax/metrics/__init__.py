@@ -20,7 +20,10 @@ from .error import steady_error as steady_error
 from .metric import Metric as Metric
 from .metric import metric as metric
 from .names import short_names as short_names
+from .promise import promise_margin as promise_margin
+from .promise import warned_at as warned_at
 from .summary import METRICS as METRICS
+from .summary import OF_MONITORS as OF_MONITORS
 from .summary import OF_TUBES as OF_TUBES
 from .summary import metrics_of as metrics_of
 from .summary import summary as summary

@@ -9,6 +9,7 @@ from typing import Any
 from slidax.simulation import Run
 
 from . import effort, envelope, error
+from . import promise as promises
 from . import tube as tubes
 from .metric import Metric
 
@@ -21,12 +22,20 @@ OF_TUBES: tuple[Metric[Any], ...] = (tubes.tube_violations, tubes.tube_margin)
 """What a run with a tube has besides."""
 
 
+OF_MONITORS: tuple[Metric[Any], ...] = (promises.promise_margin, promises.warned_at)
+"""What a run whose law has a monitor has besides."""
+
+
 def metrics_of(run: Run) -> tuple[Metric[Any], ...]:
     """Every metric of a run, the settling times first.
 
     - `run`: a finished run, or a batch.
     """
-    return (*error.settling_times(run), *METRICS, *(OF_TUBES if run.tally.tube is not None else ()))
+    besides = (
+        *(OF_TUBES if run.tally.tube is not None else ()),
+        *(OF_MONITORS if run.tally.promise is not None else ()),
+    )
+    return (*error.settling_times(run), *METRICS, *besides)
 
 
 def summary(run: Run, also: Sequence[Metric[Any]] = ()) -> dict[str, Any]:

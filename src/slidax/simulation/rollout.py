@@ -7,12 +7,14 @@ import jax
 import jax.numpy as jnp
 
 from slidax._types import Memory, Scalar, State, Vector
+from slidax.controllers import AbstractController
 
 from .evaluation import Evaluation, evaluate, where
 from .excursion import Excursion
 from .loop import Begun, Carry, Loop, Passed
 from .outcome import earlier, no_fault
 from .period import HeldTorque, decided, moved
+from .promise import Promise
 from .run import Log
 from .tally import Tally
 from .tube import Watched
@@ -51,7 +53,9 @@ def begin(loop: Loop, state: State) -> Begun:
         state=state,
         good=state,
         memory=memory,
-        tally=Tally.empty(joints, loop.windows.bands.shape[0], tube),
+        tally=Tally.empty(
+            joints, loop.windows.bands.shape[0], tube, Promise.begin() if _has_monitor(loop.controller) else None
+        ),
         fault=no_fault(),
         excursion=Excursion.none(joints) if loop.recover else None,
         sensor=sensor,
@@ -112,6 +116,7 @@ def _counted(
         excursion = where(known, seen, excursion)
     if loop.tube is not None:
         tally = tally.watching(loop.tube, t, e, running)
+    tally = tally.warned(carry.k, now.command.signals, good)
     after = Carry(
         # The number grows in runs that are over, too: so a batch has one time, and shares what depends on time alone.
         k=carry.k + 1,
@@ -136,6 +141,10 @@ def _counted(
         valid=good,
     )
     return after, log
+
+
+def _has_monitor(controller: AbstractController) -> bool:
+    return getattr(controller, "monitor", None) is not None
 
 
 def _continuous_step(loop: Loop, carry: Carry, t: Scalar) -> tuple[State, Passed, tuple[Evaluation, ...]]:

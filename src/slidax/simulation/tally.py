@@ -9,6 +9,7 @@ from jaxtyping import Array, Bool, Float, Int
 from slidax._types import Envelope, Scalar, Vector
 from slidax.transformations import PrescribedPerformance
 
+from .promise import Promise
 from .tube import Watched
 
 
@@ -43,6 +44,7 @@ class Tally(eqx.Module):
     - `torque_travel`: sum of |τ(k+1) - τ(k)|.
     - `margin`: min over time of the distance to the nearer bound, divided by the envelope's width; inf without one.
     - `tube`: what was seen of the tube that judges the run; None without one.
+    - `promise`: what the law's monitor said; None without one.
     """
 
     samples: Int[Array, ""]
@@ -64,14 +66,16 @@ class Tally(eqx.Module):
     torque_travel: Vector
     margin: Vector
     tube: Watched | None = None
+    promise: Promise | None = None
 
     @staticmethod
-    def empty(joints: int, bands: int, tube: Watched | None = None) -> Tally:
+    def empty(joints: int, bands: int, tube: Watched | None = None, promise: Promise | None = None) -> Tally:
         """The tally before the first sample.
 
         - `joints`: number of joints.
         - `bands`: number of settling bands.
         - `tube`: the tube that judges it, if there is one.
+        - `promise`: of a law with a monitor.
         """
         zero = jnp.zeros(joints)
         count = jnp.zeros((), int)
@@ -95,6 +99,7 @@ class Tally(eqx.Module):
             torque_travel=zero,
             margin=jnp.full(joints, jnp.inf),
             tube=tube,
+            promise=promise,
         )
 
     def add(self, k: Int[Array, ""], e: Vector, tau: Vector, envelope: Envelope | None, windows: Windows) -> Tally:
@@ -135,6 +140,7 @@ class Tally(eqx.Module):
             torque_travel=self.torque_travel + step,
             margin=margin,
             tube=self.tube,
+            promise=self.promise,
         )
 
     def watching(self, tube: PrescribedPerformance, t: Scalar, e: Vector, running: Bool[Array, ""]) -> Tally:
@@ -146,6 +152,18 @@ class Tally(eqx.Module):
             return self
         watched: Tally = eqx.tree_at(lambda tally: tally.tube, self, self.tube.add(tube, t, e, running))
         return watched
+
+    def warned(self, k: Int[Array, ""], signals: dict[str, Array], running: Bool[Array, ""]) -> Tally:
+        """The tally with one more answer of the law's monitor.
+
+        - `k`, `running`: as in `Promise.add`.
+        - `signals`: of the law.
+        """
+        if self.promise is None:
+            return self
+        said = self.promise.add(k, signals["margin"], running)
+        heard: Tally = eqx.tree_at(lambda tally: tally.promise, self, said)
+        return heard
 
     def with_violation(self, outside: Bool[Array, ""]) -> Tally:
         """The tally with one more violation where `outside` is true.
