@@ -1,0 +1,215 @@
+"""How much else is asked of the loops where the arm is beside its reference."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from slidax.simulation import Plant
+
+from .evaluated import Floats
+from .hull import Hull
+from .motion import Belief, Motion, needed, outer
+from .series import Grid
+
+STEP = 1e-4
+"""Of a difference quotient [rad or m]: Bernstein's inequality bounds its error by `D³ STEP²/6` of the largest value."""
+
+SPARE = 1e-6
+"""By which share difference quotients are taken larger, for their error."""
+
+
+@dataclass(frozen=True, eq=False)
+class Beside:
+    """`|w*(q_d + e, q̇_d + ė) - w*(q_d, q̇_d)|` for all `|e| <= r`, `|ė| <= v` and every member of a set.
+
+    With D the torque that the law lacks, friction aside, `M̂(q) (w - w_d) = D(q,q̇) - D_d - (M̂(q) - M̂_d) w_d + δ`, δ the
+    change of friction and outer forces. What is linear in e and ė is computed, the rest bounded: D and M̂ are
+    trigonometric polynomials, whose second derivatives Bernstein's inequality bounds. `M̂(q)⁻¹` follows from M̂_d⁻¹ by
+    Neumann's series (docs/certificates/arm.md).
+
+    - `motion`: along which.
+    - `plants`, `hull`: the members.
+    - `inverse`: |M̂⁻¹| along it [N n n].
+    - `along_q`, `along_dq`: bounds of the slopes of `D - M̂ w_d` [N n n].
+    - `mass_slope`: |∂M̂_ij/∂q_k| along it [N n n n].
+    - `mass`: bounds of |M̂| anywhere [n n].
+    - `curved`: bounds of `|D - M̂ w_d|` anywhere, at the reference's velocity [N n].
+    - `coriolis`: bounds of D's coefficients of q̇_j q̇_k anywhere [n n n].
+    - `rates`: D_j of Bernstein's inequality [n].
+    """
+
+    motion: Motion
+    plants: list[Plant]
+    hull: Hull
+    inverse: Floats
+    along_q: Floats
+    along_dq: Floats
+    mass_slope: Floats
+    mass: Floats
+    curved: Floats
+    coriolis: Floats
+    rates: Floats
+
+    def __call__(self, radius: Floats, speed: Floats) -> Floats:
+        """The bound [N n], rad/s² or m/s²; inf where the arm is so far away that none is known.
+
+        - `radius`: r, of each joint's error [n] or [N n], rad or m.
+        - `speed`: v, of its rate [n] or [N n], rad/s or m/s.
+        """
+        shape = self.motion.q.shape
+        r, v = np.broadcast_to(radius, shape), np.broadcast_to(speed, shape)
+        sigma = (r @ self.rates)[:, None]
+        dq = np.abs(self.motion.dq)
+        lacks = np.einsum("kij,kj->ki", self.along_q, r) + np.einsum("kij,kj->ki", self.along_dq, v)
+        # Never more than the way from one extreme to the other.
+        lacks += np.minimum(0.5 * sigma**2, 2.0) * self.curved
+        lacks += 2.0 * np.minimum(sigma, 2.0) * np.einsum("ijl,kj,kl->ki", self.coriolis, dq, v)
+        lacks += np.einsum("ijl,kj,kl->ki", self.coriolis, v, v)
+        lacks += self._outer(r, v)
+        moved = np.einsum("kijl,kl->kij", self.mass_slope, r) + np.minimum(0.5 * sigma**2, 2.0)[:, :, None] * self.mass
+        return _solved(self.inverse, moved, lacks)
+
+    def _outer(self, r: Floats, v: Floats) -> Floats:
+        """How much friction and outer forces can change [N n]: each falls or rises with its joint's own q and q̇."""
+        here = outer(self.plants, self.motion)
+        worst = np.zeros(r.shape)
+        still = np.zeros_like(r)
+        places = [still] if not _moves(self.plants, self.motion) else [-r, r]
+        for place in places:
+            for side in (-v, v):
+                corners, effects = self.hull.of(outer(self.plants, self.motion.beside(place, side)) - here)
+                worst = np.maximum(worst, np.abs(corners).max(axis=0) + np.abs(effects).sum(axis=0))
+        return worst
+
+
+def beside_of(belief: Belief, motion: Motion, plants: list[Plant], hull: Hull, push: Floats) -> Beside:
+    """The neighbourhood of a motion.
+
+    - `belief`: the arm as the law believes it to be.
+    - `motion`: along which.
+    - `plants`, `hull`: the members.
+    - `push`: w* of each of these along the motion [P N n].
+    """
+    masses, _ = belief.mass_and_bias(motion.t, motion.q, motion.dq)
+    along_q, along_dq, mass_slope = _slopes(belief, motion, plants, hull, push)
+    mass, difference, weight, coriolis, rates = _anywhere(belief, motion, plants, hull)
+    size = _largest(hull, push)
+    dq, ddq = np.abs(motion.dq), np.abs(motion.ddq)
+    curved = ddq @ difference.T + weight + np.einsum("ijl,kj,kl->ki", coriolis, dq, dq) + size @ mass.T
+    return Beside(
+        motion=motion,
+        plants=plants,
+        hull=hull,
+        inverse=np.abs(np.linalg.inv(masses)),
+        along_q=along_q,
+        along_dq=along_dq,
+        mass_slope=mass_slope,
+        mass=mass,
+        curved=curved,
+        coriolis=coriolis,
+        rates=rates,
+    )
+
+
+def _slopes(
+    belief: Belief, motion: Motion, plants: list[Plant], hull: Hull, push: Floats
+) -> tuple[Floats, Floats, Floats]:
+    """Bounds of |∂(D - M̂ w_d)/∂q|, |∂D/∂q̇| and |∂M̂/∂q| over the members along the motion."""
+    n = motion.joints
+    along_q, along_dq = np.zeros((2, *motion.q.shape, n))
+    mass_slope = np.zeros((*motion.q.shape, n, n))
+    still = np.zeros(n)
+    for joint in range(n):
+        step = np.where(np.arange(n) == joint, STEP, 0.0)
+        ends = []
+        for sign in (1.0, -1.0):
+            there = motion.beside(sign * step, still)
+            mass, bias = belief.mass_and_bias(there.t, there.q, there.dq)
+            known = np.einsum("kij,kj->ki", mass, there.ddq) + bias
+            lacks = known - needed(plants, there)[1] - np.einsum("kij,pkj->pki", mass, push)
+            ends.append((mass, lacks))
+        mass_slope[..., joint] = (1.0 + SPARE) * np.abs(ends[0][0] - ends[1][0]) / (2.0 * STEP)
+        along_q[..., joint] = (1.0 + SPARE) * _largest(hull, (ends[0][1] - ends[1][1]) / (2.0 * STEP))
+        faster = []
+        for sign in (1.0, -1.0):
+            there = motion.beside(still, sign * step / STEP)
+            known = belief.mass_and_bias(there.t, there.q, there.dq)[1]
+            faster.append(known - np.array(_bias(plants, there)))
+        # A quadratic form of the velocity: the difference quotient is its derivative, whatever the step.
+        along_dq[..., joint] = _largest(hull, 0.5 * (faster[0] - faster[1]))
+    return along_q, along_dq, mass_slope
+
+
+def _bias(plants: list[Plant], motion: Motion) -> Floats:
+    """C q̇ + G of each arm [P N n]."""
+    still = Motion(motion.t, motion.q, motion.dq, np.zeros_like(motion.ddq))
+    return needed(plants, still)[1]
+
+
+def _anywhere(
+    belief: Belief, motion: Motion, plants: list[Plant], hull: Hull
+) -> tuple[Floats, Floats, Floats, Floats, Floats]:
+    """Bounds over all postures and members of |M̂|, |M̂ - M| [n n], |G0 - G| [n], D's coefficients [n n n], and the D_j.
+
+    D's coefficients of `q̇_j q̇_k` are Christoffel's, `(∂_k D_ij + ∂_j D_ik - ∂_i D_jk)/2` of `M̂ - M`.
+    """
+
+    def at(q: Floats) -> tuple[Floats, Floats]:
+        # The weight of a load that comes or goes counts as carried.
+        loads = [float(plant.load.attached) for plant in plants if plant.load is not None]
+        there = Motion(np.full(len(q), max(loads, default=0.0)), q, np.zeros_like(q), np.zeros_like(q))
+        mass, weight = belief.mass_and_bias(there.t, q, there.dq)
+        masses, torques = needed(plants, there)
+        return (
+            np.concatenate([mass[None], mass[None] - masses]).swapaxes(0, 1),
+            (weight[None] - torques).swapaxes(0, 1),
+        )
+
+    def flat(q: Floats) -> Floats:
+        return np.concatenate([one.reshape(len(q), -1) for one in at(q)], axis=1)
+
+    reach = np.abs(motion.q).max(axis=0) + 1.0
+    grid = Grid.of(flat, belief.robot.joint_units, -reach, reach)
+    masses, weights = (values.swapaxes(0, 1) for values in at(grid.postures))
+    lacked = [grid.series(one) for part in hull.of(masses[1:]) for one in part]
+    corners = len(hull.corners)
+
+    def worst(bounds: list[Floats]) -> Floats:
+        found: Floats = np.max(bounds[:corners], axis=0) + np.sum(bounds[corners:], axis=0)
+        return found
+
+    difference = worst([one.bound() for one in lacked])
+    weight = worst([grid.series(one).bound() for part in hull.of(weights) for one in part])
+    slope = worst([one.slopes() for one in lacked])
+    coriolis = 0.5 * (slope + slope.transpose(0, 2, 1) + slope.transpose(2, 0, 1))
+    return grid.series(masses[0]).bound(), difference, weight, coriolis, grid.rates()
+
+
+def _largest(hull: Hull, values: Floats) -> Floats:
+    """The largest |value| over the members."""
+    corners, effects = hull.of(values)
+    found: Floats = np.abs(corners).max(axis=0) + np.abs(effects).sum(axis=0)
+    return found
+
+
+def _moves(plants: list[Plant], motion: Motion) -> bool:
+    """Whether what pushes from outside depends on where the joints are."""
+    few = Motion(motion.t[:8], motion.q[:8], motion.dq[:8], motion.ddq[:8])
+    far = few.beside(np.full(few.joints, 10.0), np.zeros(few.joints))
+    near = few.beside(np.full(few.joints, -10.0), np.zeros(few.joints))
+    here = outer(plants[:1], few)
+    return bool(np.any(outer(plants[:1], far) != here) or np.any(outer(plants[:1], near) != here))
+
+
+def _solved(inverse: Floats, moved: Floats, lacks: Floats) -> Floats:
+    """`(1 - |M̂_d⁻¹| |δM̂|)⁻¹ |M̂_d⁻¹| b` [N n]; inf where that series does not converge."""
+    n = lacks.shape[1]
+    matrix = inverse @ moved
+    found = np.full(lacks.shape, np.inf)
+    radius = np.abs(np.linalg.eigvals(matrix)).max(axis=1)
+    good = radius < 0.999
+    right = np.einsum("kij,kj->ki", inverse, lacks)
+    found[good] = np.linalg.solve(np.eye(n) - matrix[good], right[good][..., None])[..., 0]
+    return found

@@ -1,0 +1,194 @@
+"""Which arms and outer forces the uncertainty of a scenario allows."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import equinox as eqx
+import jax
+import numpy as np
+
+from slidax._errors import DefinitionError
+from slidax.scenarios import Scenario
+from slidax.scenarios.family import UNTRACEABLE, Family
+from slidax.scenarios.uncertainty import AbstractSet, Leaf, with_values
+from slidax.scenarios.uncertainty.sets import Ball
+from slidax.simulation import Plant
+
+from .evaluated import Floats
+
+MOVES = ("robot", "disturbance")
+"""The blocks of a scenario file that say what moves and pushes the arm."""
+
+
+@dataclass(frozen=True)
+class Axis:
+    """One number, or some that move together, from one end to the other.
+
+    - `path`: in the scenario file.
+    - `entry`: which of its numbers; None for all of them together.
+    - `lower`, `upper`: its ends, of the shape of the whole value.
+    """
+
+    path: str
+    entry: int | None
+    lower: Floats
+    upper: Floats
+
+    @property
+    def name(self) -> str:
+        """As it is called in a text."""
+        return self.path if self.entry is None else f"{self.path}[{self.entry}]"
+
+    def moved(self, value: Floats, share: Floats) -> Floats:
+        """The values [P ...] with this axis at shares of its way [P].
+
+        - `value`: before.
+        - `share`: 0 at the lower end, 1 at the upper one.
+        """
+        reached = self.lower + share.reshape(-1, *[1] * self.lower.ndim) * (self.upper - self.lower)
+        if self.entry is None:
+            return reached
+        here = np.arange(self.lower.size).reshape(self.lower.shape) == self.entry
+        return np.where(here, reached, value)
+
+
+@dataclass(frozen=True, eq=False)
+class Members:
+    """The true arms that a scenario allows: points of a box, one axis for each number that is uncertain.
+
+    - `scenario`: with the law that does not know which of them it moves.
+    - `family`: which arms; that of the scenario's own `uncertainty` if it was not given.
+    """
+
+    scenario: Scenario
+    family: Family
+
+    @classmethod
+    def of(cls, scenario: Scenario, family: Family | None = None) -> Members:
+        """The members of a scenario's set.
+
+        - `scenario`: whose.
+        - `family`: another set than that of the scenario's own `uncertainty`, such as a study's.
+
+        Raises DefinitionError if a set is invalid.
+        """
+        return cls(scenario, Family.of(scenario.description) if family is None else family)
+
+    @cached_property
+    def axes(self) -> tuple[Axis, ...]:
+        """What can be otherwise of the arm and of what pushes it."""
+        space = self.family.uncertain
+        found: list[Axis] = []
+        for path, one in space.sets.items():
+            if path.split(".")[0] in MOVES:
+                found += _axes(path, one, space.leaves[path])
+        return tuple(found)
+
+    @property
+    def beside(self) -> tuple[str, ...]:
+        """The paths of what is uncertain, and is neither of the arm nor of what pushes it: sensors, drives, start."""
+        return tuple(path for path in self.family.uncertain.sets if path.split(".")[0] not in MOVES)
+
+    @property
+    def plant(self) -> Plant:
+        """The scenario's own arm."""
+        plant = self.scenario.plant
+        return plant if isinstance(plant, Plant) else plant.own
+
+    def values(self, points: Floats) -> dict[str, Floats]:
+        """What a scenario file would have, by path, with the member as the first axis.
+
+        - `points`: of the box [P D], shares from 0 to 1.
+        """
+        found: dict[str, Floats] = {}
+        for k, axis in enumerate(self.axes):
+            before = found.get(axis.path, np.broadcast_to(axis.lower, (len(points), *axis.lower.shape)))
+            found[axis.path] = axis.moved(before, points[:, k])
+        return found
+
+    def plants(self, points: Floats) -> list[Plant]:
+        """The true arms.
+
+        - `points`: of the box [P D], shares from 0 to 1.
+
+        Raises DefinitionError if there is no such arm.
+        """
+        if not self.axes:
+            return [self.plant] * len(points)
+        values = self.values(np.asarray(points, float))
+        try:
+            arrays = jax.vmap(lambda given: eqx.filter(self._plant(given), eqx.is_array))(values)
+            rest = eqx.filter(self._plant({path: some[0] for path, some in values.items()}), eqx.is_array, inverse=True)
+        except UNTRACEABLE:
+            return [self._plant({path: some[k] for path, some in values.items()}) for k in range(len(points))]
+        numbers = jax.tree.map(np.asarray, arrays)
+        return [
+            eqx.combine(jax.tree.map(lambda leaf, k=k: leaf[k], numbers), rest)  # type: ignore[misc]
+            for k in range(len(points))
+        ]
+
+    @cached_property
+    def _actual(self) -> Any:
+        """The scenario as it is, with every path leading somewhere, and moved by our own equations."""
+        middle = self.values(np.full((1, len(self.axes)), 0.5))
+        actual = self.family.case({path: some[0] for path, some in middle.items()}).as_it_is()
+        own = actual.simulation.model_copy(update={"plant": "own", "friction": "smooth"})
+        fresh = type(actual).model_fields["surroundings"].get_default(call_default_factory=True)
+        return actual.model_copy(update={"simulation": own, "surroundings": fresh})
+
+    def _plant(self, values: dict[str, Any]) -> Plant:
+        plant = with_values(self._actual, values).moving().plant
+        assert isinstance(plant, Plant)
+        return plant
+
+
+SHARES = np.linspace(0.0, 1.0, 9)
+
+
+def _axes(path: str, one: AbstractSet, leaf: Leaf) -> list[Axis]:
+    """The axes of a set: a box that holds it, as long as it is no line."""
+    if isinstance(one, Ball):
+        own = leaf.own_value("ball")
+        lower, upper = own - one.ball, own + one.ball
+    else:
+        width = one.coordinates(leaf)
+        ends = np.where(SHARES < 1.0, SHARES, np.nextafter(1.0, 0.0))
+        drawn = np.asarray(one.values(np.repeat(ends[:, None], width, axis=1), leaf), float)
+        lower, upper = drawn.min(axis=0), drawn.max(axis=0)
+        if width == 1 and _is_a_line(drawn, lower, upper):
+            return [] if (lower == upper).all() else [Axis(path, None, *_of_a_line(drawn))]
+    flat_lower, flat_upper = lower.reshape(-1), upper.reshape(-1)
+    if leaf.integer:
+        raise DefinitionError("a whole number of the arm or its disturbance cannot be certified", where=path)
+    return [Axis(path, k, lower, upper) for k in np.flatnonzero(flat_lower < flat_upper).tolist()]
+
+
+def _of_a_line(drawn: Floats) -> tuple[Floats, Floats]:
+    """The ends of the values: where the first number that varies has its least and its largest."""
+    flat = drawn.reshape(len(drawn), -1)
+    varies = int(np.argmax(np.ptp(flat, axis=0) > 0))
+    return drawn[int(np.argmin(flat[:, varies]))], drawn[int(np.argmax(flat[:, varies]))]
+
+
+def _is_a_line(drawn: Floats, lower: Floats, upper: Floats) -> bool:
+    """Whether all of its numbers go from end to end together, each by the same share of its way."""
+    first, last = _of_a_line(drawn)
+    flat = drawn.reshape(len(drawn), -1)
+    width = (last - first).reshape(-1)
+    varies = np.abs(width) > 0
+    if (np.ptp(flat, axis=0)[~varies] > 0).any():
+        return False
+    shares = (flat - first.reshape(-1))[:, varies] / width[varies]
+    return bool((np.ptp(shares, axis=1) < 1e-9).all()) if varies.any() else True
+
+
+def points_of(axes: Sequence[Axis]) -> Floats:
+    """The middle of the box [1 D].
+
+    - `axes`: of the box.
+    """
+    return np.full((1, len(axes)), 0.5)

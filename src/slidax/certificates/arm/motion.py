@@ -1,0 +1,177 @@
+"""The scenario's motion, what its law believes along it, and which torque it lacks for a true arm."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from slidax._errors import DefinitionError
+from slidax._types import State
+from slidax.adaptation.believed import with_rotors
+from slidax.controllers import SampledData
+from slidax.robots import AbstractRobot, Articulated
+from slidax.scenarios import Scenario
+from slidax.simulation import Plant
+
+from .evaluated import Floats, friction, mass_and_bias, pushed, unloaded
+
+
+@dataclass(frozen=True, eq=False)
+class Belief:
+    """The arm as a law believes it to be at first: `M̂ = S (M0 + diag(J - J0)) S` and `F̂ = f tanh(q̇_d/v_s)`.
+
+    - `robot`: M0, C0 and G0.
+    - `rotor`, `counted`: J and J0 [n]; None for a law that learns nothing, where `M̂ = M0`.
+    - `coulomb`, `smoothing`: f and v_s [n].
+    - `like`: an arm whose machine code may do for this one.
+    """
+
+    robot: AbstractRobot
+    rotor: Floats | None
+    counted: Floats | None
+    coulomb: Floats
+    smoothing: Floats
+    like: Plant
+
+    @classmethod
+    def of(cls, scenario: Scenario, like: Plant) -> Belief:
+        """What a scenario's law believes before it has learnt anything.
+
+        - `scenario`: whose.
+        - `like`: an arm whose machine code may do for this one.
+
+        Raises DefinitionError for a law without a model.
+        """
+        law: Any = scenario.controller
+        robot = getattr(law, "nominal", None)
+        if not isinstance(robot, AbstractRobot):
+            raise DefinitionError(f"`{scenario.scheme}` has no model of the arm, so that nothing is asked of it")
+        n = robot.joints
+        adaptation = law.adaptation if isinstance(law, SampledData) else None
+        if adaptation is None:
+            return cls(robot, None, None, np.zeros(n), np.ones(n), like)
+        learnt = adaptation.learnt(adaptation.init(State(q=jnp.zeros(n), dq=jnp.zeros(n))))
+        rotor, counted, coulomb, smoothing = (
+            np.broadcast_to(np.asarray(one, float), n)
+            for one in (learnt.rotor, adaptation.counted, learnt.coulomb, adaptation.smoothing)
+        )
+        return cls(robot, rotor, counted, coulomb, smoothing, like)
+
+    def mass_and_bias(self, t: Floats, q: Floats, dq: Floats) -> tuple[Floats, Floats]:
+        """M̂ [N n n] and C0 q̇ + G0 [N n].
+
+        - `t`: times [N], s.
+        - `q`, `dq`: positions and velocities [N n].
+        """
+        mass, bias = mass_and_bias(self.robot, unloaded(self.robot, self.like), t, q, dq)
+        if self.rotor is not None:
+            assert self.counted is not None
+            mass = np.asarray(_with_rotors(mass, self.rotor, self.counted))
+        return mass, bias
+
+
+@jax.jit
+def _with_rotors(mass: Any, rotor: Any, counted: Any) -> Any:
+    return jax.vmap(with_rotors, in_axes=(0, None, None))(mass, rotor, counted)
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """States at times, with the acceleration that the law asks for there.
+
+    - `t`: times [N], s.
+    - `q`, `dq`, `ddq`: positions, velocities, and the mean acceleration over the period that begins [N n].
+    """
+
+    t: Floats
+    q: Floats
+    dq: Floats
+    ddq: Floats
+
+    @classmethod
+    def of(cls, scenario: Scenario) -> Motion:
+        """The scenario's reference at each sample from the start to its end.
+
+        - `scenario`: whose.
+        """
+        h, n = scenario.period, round(scenario.t1 / scenario.period)
+        t = h * np.arange(max(n, 1) + 1)
+        reference = _reference(scenario.trajectory, jnp.asarray(t))
+        q, dq = np.asarray(reference.q), np.asarray(reference.dq)
+        return cls(t[:-1], q[:-1], dq[:-1], np.diff(dq, axis=0) / h)
+
+    def beside(self, q: Floats, dq: Floats) -> Motion:
+        """The same at other states.
+
+        - `q`, `dq`: how far beside, [n] or [N n].
+        """
+        return Motion(self.t, self.q + q, self.dq + dq, self.ddq)
+
+    @cached_property
+    def joints(self) -> int:
+        """How many there are."""
+        return int(self.q.shape[1])
+
+
+@eqx.filter_jit
+def _reference(trajectory: Any, t: Any) -> Any:
+    return jax.vmap(trajectory.reference)(t)
+
+
+def needed(plants: list[Plant], motion: Motion) -> tuple[Floats, Floats]:
+    """M [P N n n], and `M q̈ + C q̇ + G` without friction and outer forces [P N n], of true arms along a motion.
+
+    Arms that differ in friction or in outer forces alone are evaluated once.
+
+    - `plants`: P arms.
+    - `motion`: N states.
+    """
+    done: dict[Any, tuple[Floats, Floats]] = {}
+    masses, torques = [], []
+    for plant in plants:
+        key = inertial_key(plant)
+        if key not in done:
+            mass, bias = mass_and_bias(plant.robot, plant.load, motion.t, motion.q, motion.dq)
+            done[key] = mass, np.einsum("kij,kj->ki", mass, motion.ddq) + bias
+        masses.append(done[key][0])
+        torques.append(done[key][1])
+    return np.array(masses), np.array(torques)
+
+
+def outer(plants: list[Plant], motion: Motion) -> Floats:
+    """`τ_d - F` of true arms along a motion [P N n], N m or N.
+
+    - `plants`: P arms.
+    - `motion`: N states.
+    """
+    done: dict[Any, Floats] = {}
+    found = []
+    for plant in plants:
+        key = _key(plant.disturbance)
+        if key not in done:
+            done[key] = pushed(plant, motion.t, motion.q, motion.dq)
+        found.append(done[key] - friction(plant.robot, motion.dq))
+    return np.array(found)
+
+
+def inertial_key(plant: Plant) -> Any:
+    """Equal for arms that differ in friction or outer forces alone.
+
+    - `plant`: the arm.
+    """
+    robot = plant.robot
+    if isinstance(robot, Articulated):
+        nothing = np.zeros(robot.joints)
+        robot = eqx.tree_at(lambda arm: (arm.coulomb, arm.viscous), robot, (nothing, nothing))
+    return _key((robot, plant.load))
+
+
+def _key(tree: Any) -> Any:
+    leaves, structure = jax.tree.flatten(tree)
+    return structure, tuple(np.asarray(leaf).tobytes() for leaf in leaves)
