@@ -10,7 +10,7 @@ from slidax.simulation import Plant
 
 from .evaluated import Floats
 from .hull import Hull
-from .motion import Belief, Motion, needed, outer
+from .motion import Belief, Motion, kinds_of, needed, outer
 from .series import Grid
 
 STEP = 1e-4
@@ -79,8 +79,7 @@ class Beside:
         places = [still] if not _moves(self.plants, self.motion) else [-r, r]
         for place in places:
             for side in (-v, v):
-                corners, effects = self.hull.of(outer(self.plants, self.motion.beside(place, side)) - here)
-                worst = np.maximum(worst, np.abs(corners).max(axis=0) + np.abs(effects).sum(axis=0))
+                worst = np.maximum(worst, self.hull.largest(outer(self.plants, self.motion.beside(place, side)) - here))
         return worst
 
 
@@ -93,9 +92,10 @@ def beside_of(belief: Belief, motion: Motion, plants: list[Plant], hull: Hull, p
     - `push`: w* of each of these along the motion [P N n].
     """
     masses, _ = belief.mass_and_bias(motion.t, motion.q, motion.dq)
-    along_q, along_dq, mass_slope = _slopes(belief, motion, plants, hull, push)
-    mass, difference, weight, coriolis, rates = _anywhere(belief, motion, plants, hull)
-    size = _largest(hull, push)
+    alike = kinds_of(plants)
+    along_q, along_dq, mass_slope = _slopes(belief, motion, alike, hull, push)
+    mass, difference, weight, coriolis, rates = _anywhere(belief, motion, alike[0], hull.merged(alike[1]))
+    size = hull.largest(push)
     dq, ddq = np.abs(motion.dq), np.abs(motion.ddq)
     curved = ddq @ difference.T + weight + np.einsum("ijl,kj,kl->ki", coriolis, dq, dq) + size @ mass.T
     return Beside(
@@ -114,38 +114,33 @@ def beside_of(belief: Belief, motion: Motion, plants: list[Plant], hull: Hull, p
 
 
 def _slopes(
-    belief: Belief, motion: Motion, plants: list[Plant], hull: Hull, push: Floats
+    belief: Belief, motion: Motion, members: tuple[list[Plant], list[int]], hull: Hull, push: Floats
 ) -> tuple[Floats, Floats, Floats]:
     """Bounds of |∂(D - M̂ w_d)/∂q|, |∂D/∂q̇| and |∂M̂/∂q| over the members along the motion."""
     n = motion.joints
-    along_q, along_dq = np.zeros((2, *motion.q.shape, n))
-    mass_slope = np.zeros((*motion.q.shape, n, n))
+    kinds, which = members
     still = np.zeros(n)
+    along_q = np.zeros((*motion.q.shape, n))
+    own_slope = np.zeros((*motion.q.shape, n, n))
+    lacked_slope = np.zeros((len(kinds), *motion.q.shape, n, n))
     for joint in range(n):
         step = np.where(np.arange(n) == joint, STEP, 0.0)
-        ends = []
-        for sign in (1.0, -1.0):
-            there = motion.beside(sign * step, still)
+        torques = []
+        for sign in (0.5 / STEP, -0.5 / STEP):
+            there = motion.beside(np.sign(sign) * step, still)
             mass, bias = belief.mass_and_bias(there.t, there.q, there.dq)
-            known = np.einsum("kij,kj->ki", mass, there.ddq) + bias
-            lacks = known - needed(plants, there)[1] - np.einsum("kij,pkj->pki", mass, push)
-            ends.append((mass, lacks))
-        mass_slope[..., joint] = (1.0 + SPARE) * np.abs(ends[0][0] - ends[1][0]) / (2.0 * STEP)
-        along_q[..., joint] = (1.0 + SPARE) * _largest(hull, (ends[0][1] - ends[1][1]) / (2.0 * STEP))
-        faster = []
-        for sign in (1.0, -1.0):
-            there = motion.beside(still, sign * step / STEP)
-            known = belief.mass_and_bias(there.t, there.q, there.dq)[1]
-            faster.append(known - np.array(_bias(plants, there)))
-        # A quadratic form of the velocity: the difference quotient is its derivative, whatever the step.
-        along_dq[..., joint] = _largest(hull, 0.5 * (faster[0] - faster[1]))
-    return along_q, along_dq, mass_slope
-
-
-def _bias(plants: list[Plant], motion: Motion) -> Floats:
-    """C q̇ + G of each arm [P N n]."""
-    still = Motion(motion.t, motion.q, motion.dq, np.zeros_like(motion.ddq))
-    return needed(plants, still)[1]
+            masses, needs = needed(kinds, there)
+            own_slope[..., joint] += sign * mass
+            lacked_slope[..., joint] += sign * (mass - masses)
+            torques.append(sign * (np.einsum("kij,kj->ki", mass, there.ddq) + bias - needs))
+        slope = torques[0] + torques[1]
+        lumped = np.einsum("kij,pkj->pki", own_slope[..., joint], push)
+        along_q[..., joint] = (1.0 + SPARE) * hull.largest(slope[which] - lumped)
+    # The bias is Γ_ijk q̇_j q̇_k, with Christoffel's Γ of the mass; its slope along q̇_j is 2 Γ_ijk q̇_k.
+    turned = np.einsum("pkijl,kl->pkij", lacked_slope, motion.dq)
+    turned += np.einsum("pkilj,kl->pkij", lacked_slope, motion.dq)
+    turned -= np.einsum("pkjli,kl->pkij", lacked_slope, motion.dq)
+    return along_q, (1.0 + SPARE) * hull.merged(which).largest(turned), (1.0 + SPARE) * np.abs(own_slope)
 
 
 def _anywhere(
@@ -185,13 +180,6 @@ def _anywhere(
     slope = worst([one.slopes() for one in lacked])
     coriolis = 0.5 * (slope + slope.transpose(0, 2, 1) + slope.transpose(2, 0, 1))
     return grid.series(masses[0]).bound(), difference, weight, coriolis, grid.rates()
-
-
-def _largest(hull: Hull, values: Floats) -> Floats:
-    """The largest |value| over the members."""
-    corners, effects = hull.of(values)
-    found: Floats = np.abs(corners).max(axis=0) + np.abs(effects).sum(axis=0)
-    return found
 
 
 def _moves(plants: list[Plant], motion: Motion) -> bool:

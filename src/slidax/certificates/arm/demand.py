@@ -6,7 +6,6 @@ from itertools import product
 
 import numpy as np
 
-from slidax._errors import DefinitionError
 from slidax.scenarios import Scenario
 from slidax.scenarios.family import Family
 
@@ -16,7 +15,7 @@ from .beside import beside_of
 from .evaluated import Floats
 from .hull import Hull, hull_of
 from .members import Members
-from .motion import Belief, Motion, needed, outer
+from .motion import Belief, Motion, kinds_of, needed, outer
 from .width import speed_within, width_along
 
 PROBES = 48
@@ -46,7 +45,8 @@ def demand(scenario: Scenario, family: Family | None = None) -> Demand:
     mass, bias = belief.mass_and_bias(motion.t, motion.q, motion.dq)
     believed = np.einsum("kij,kj->ki", mass, motion.ddq) + bias
     believed = believed + belief.coulomb * np.tanh(motion.dq / belief.smoothing)
-    lacks = believed - needed(plants, motion)[1] + outer(plants, motion)
+    kinds, which = kinds_of(plants)
+    lacks = believed - needed(kinds, motion)[1][which] + outer(plants, motion)
     push = np.linalg.solve(mass[None], lacks[..., None])[..., 0]
     corners, effects = hull.of(push)
     beside = beside_of(belief, motion, plants, hull, push)
@@ -72,7 +72,8 @@ def _probed(members: Members, points: Floats, scenario: Scenario) -> Floats:
     q, dq, ddq = random.normal(size=(3, PROBES, n))
     states = Motion(np.linspace(0.0, scenario.t1, PROBES), q, dq, ddq)
     plants = members.plants(points)
-    torque = needed(plants, states)[1] - outer(plants, states)
+    kinds, which = kinds_of(plants)
+    torque = needed(kinds, states)[1][which] - outer(plants, states)
     return torque.reshape(len(points), -1)
 
 
@@ -104,7 +105,7 @@ def _ends(members: Members, hull: Hull) -> Floats:
         shares[:2] = [[0.0] * len(acting), [1.0] * len(acting)]
     points = np.full((len(shares) + 1, count), 0.5)
     points[1:, acting] = shares.reshape(len(shares), len(acting))
-    return points
+    return points if acting else points[:1]
 
 
 def _is_inertial(members: Members, axis: int) -> bool:
@@ -136,11 +137,3 @@ def _assumptions(members: Members, hull: Hull, arms: int) -> list[Assumption]:
         found.append(Assumption("the arm meets nothing: what a table pushes is not counted", "assumed"))
     return found
 
-
-def require_a_model(scenario: Scenario) -> None:
-    """Raises DefinitionError for a law without a model of the arm.
-
-    - `scenario`: whose law.
-    """
-    if getattr(scenario.controller, "nominal", None) is None:
-        raise DefinitionError(f"`{scenario.scheme}` has no model of the arm")

@@ -65,7 +65,7 @@ def _kernel(leaves: list[Floats], tree: Any, rest: Any, joints: int) -> Callable
             kernel = llvm.compile(program)
 
             def native(t: Floats, q: Floats, dq: Floats, leaves: list[Floats]) -> tuple[Floats, Floats]:
-                mass, bias = kernel.batch([t, q, dq, *leaves], runs=len(t), threads=1)
+                mass, bias = kernel.batch([t, q, dq, *leaves], runs=len(t))
                 return mass, bias
 
             return native

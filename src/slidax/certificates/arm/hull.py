@@ -64,6 +64,30 @@ class Hull:
         found = [(weights @ flat).reshape(len(weights), *values.shape[1:]) for weights in (self.corners, self.effects)]
         return found[0], found[1]
 
+    def largest(self, values: Floats) -> Floats:
+        """The largest |value| over all members [...].
+
+        - `values`: of the members at `points` [P ...].
+        """
+        corners, effects = self.of(values)
+        found: Floats = np.abs(corners).max(axis=0) + np.abs(effects).sum(axis=0)
+        return found
+
+    def merged(self, which: Sequence[int]) -> Hull:
+        """The same where some of the members are alike, in terms of those that differ.
+
+        - `which`: the number of each member's kind [P].
+        """
+        kinds = max(which) + 1
+        gathered = np.zeros((len(which), kinds))
+        gathered[np.arange(len(which)), list(which)] = 1.0
+        corners = np.unique(self.corners @ gathered, axis=0)
+        effects = self.effects @ gathered
+        acting = np.abs(effects).max(axis=1) > 1e-12
+        first = [list(which).index(kind) for kind in range(kinds)]
+        axes = tuple(axis for axis, acts in zip(self.axes, acting, strict=True) if acts)
+        return Hull(self.points[first], corners, effects[acting], axes, self.sampled, self.without)
+
 
 def hull_of(evaluate: Callable[[Floats], Floats], dimensions: int) -> Hull:
     """The hull of what a box of members gives.

@@ -23,6 +23,9 @@ from .evaluated import Floats
 MOVES = ("robot", "disturbance")
 """The blocks of a scenario file that say what moves and pushes the arm."""
 
+CHUNK = 64
+"""Members that are built together."""
+
 
 @dataclass(frozen=True)
 class Axis:
@@ -93,11 +96,12 @@ class Members:
         """The paths of what is uncertain, and is neither of the arm nor of what pushes it: sensors, drives, start."""
         return tuple(path for path in self.family.uncertain.sets if path.split(".")[0] not in MOVES)
 
-    @property
+    @cached_property
     def plant(self) -> Plant:
-        """The scenario's own arm."""
+        """The scenario's own arm, with what it carries and what pushes it."""
         plant = self.scenario.plant
-        return plant if isinstance(plant, Plant) else plant.own
+        own = plant if isinstance(plant, Plant) else plant.own
+        return Plant(own.robot, own.disturbance, load=own.load)
 
     def values(self, points: Floats) -> dict[str, Floats]:
         """What a scenario file would have, by path, with the member as the first axis.
@@ -111,7 +115,7 @@ class Members:
         return found
 
     def plants(self, points: Floats) -> list[Plant]:
-        """The true arms.
+        """The true arms, with what they carry and what pushes them; no sensors, no drives.
 
         - `points`: of the box [P D], shares from 0 to 1.
 
@@ -121,29 +125,46 @@ class Members:
             return [self.plant] * len(points)
         values = self.values(np.asarray(points, float))
         try:
-            arrays = jax.vmap(lambda given: eqx.filter(self._plant(given), eqx.is_array))(values)
-            rest = eqx.filter(self._plant({path: some[0] for path, some in values.items()}), eqx.is_array, inverse=True)
+            numbers = [self._numbers({path: some[k : k + CHUNK] for path, some in values.items()}) for k in self._chunks(points)]
         except UNTRACEABLE:
             return [self._plant({path: some[k] for path, some in values.items()}) for k in range(len(points))]
-        numbers = jax.tree.map(np.asarray, arrays)
+        rest = eqx.filter(self._plant({path: some[0] for path, some in values.items()}), eqx.is_array, inverse=True)
         return [
-            eqx.combine(jax.tree.map(lambda leaf, k=k: leaf[k], numbers), rest)  # type: ignore[misc]
-            for k in range(len(points))
+            eqx.combine(jax.tree.map(lambda leaf, k=k: leaf[k], some), rest)  # type: ignore[misc]
+            for some in numbers
+            for k in range(len(jax.tree.leaves(some)[0]))
         ]
+
+    @staticmethod
+    def _chunks(points: Floats) -> range:
+        return range(0, len(points), CHUNK)
+
+    def _numbers(self, values: dict[str, Floats]) -> Any:
+        """The arrays of some arms, with the arm as their first axis."""
+        count = len(next(iter(values.values())))
+        # One size, so that it is compiled once.
+        filled = {path: np.resize(some, (CHUNK, *some.shape[1:])) for path, some in values.items()}
+        return jax.tree.map(lambda leaf: np.asarray(leaf)[:count], self._compiled(filled))
+
+    @cached_property
+    def _compiled(self) -> Any:
+        def one(given: dict[str, Any]) -> Any:
+            # What does not depend on the given values is known, and checked, while this is traced.
+            with jax.ensure_compile_time_eval():
+                return eqx.filter(self._plant(given), eqx.is_array)
+
+        return jax.jit(jax.vmap(one))
 
     @cached_property
     def _actual(self) -> Any:
-        """The scenario as it is, with every path leading somewhere, and moved by our own equations."""
+        """The scenario as it is, with every path leading somewhere."""
         middle = self.values(np.full((1, len(self.axes)), 0.5))
-        actual = self.family.case({path: some[0] for path, some in middle.items()}).as_it_is()
-        own = actual.simulation.model_copy(update={"plant": "own", "friction": "smooth"})
-        fresh = type(actual).model_fields["surroundings"].get_default(call_default_factory=True)
-        return actual.model_copy(update={"simulation": own, "surroundings": fresh})
+        return self.family.case({path: some[0] for path, some in middle.items()}).as_it_is()
 
     def _plant(self, values: dict[str, Any]) -> Plant:
-        plant = with_values(self._actual, values).moving().plant
-        assert isinstance(plant, Plant)
-        return plant
+        actual = with_values(self._actual, values)
+        arms = actual.robot.build()
+        return Plant(arms.true, actual.disturbance.build(), load=arms.load)
 
 
 SHARES = np.linspace(0.0, 1.0, 9)
@@ -185,10 +206,3 @@ def _is_a_line(drawn: Floats, lower: Floats, upper: Floats) -> bool:
     shares = (flat - first.reshape(-1))[:, varies] / width[varies]
     return bool((np.ptp(shares, axis=1) < 1e-9).all()) if varies.any() else True
 
-
-def points_of(axes: Sequence[Axis]) -> Floats:
-    """The middle of the box [1 D].
-
-    - `axes`: of the box.
-    """
-    return np.full((1, len(axes)), 0.5)

@@ -72,6 +72,8 @@ class Belief:
         mass, bias = mass_and_bias(self.robot, unloaded(self.robot, self.like), t, q, dq)
         if self.rotor is not None:
             assert self.counted is not None
+            if (self.rotor >= 0).all():
+                return mass + np.diag(self.rotor - self.counted), bias
             mass = np.asarray(_with_rotors(mass, self.rotor, self.counted))
         return mass, bias
 
@@ -124,24 +126,31 @@ def _reference(trajectory: Any, t: Any) -> Any:
     return jax.vmap(trajectory.reference)(t)
 
 
+def kinds_of(plants: list[Plant]) -> tuple[list[Plant], list[int]]:
+    """One arm of each inertia, and the number of each arm's kind: those that differ in friction or forces are alike.
+
+    - `plants`: P arms.
+    """
+    keys: dict[Any, int] = {}
+    kinds, which = [], []
+    for plant in plants:
+        key = _inertial_key(plant)
+        if key not in keys:
+            keys[key] = len(kinds)
+            kinds.append(plant)
+        which.append(keys[key])
+    return kinds, which
+
+
 def needed(plants: list[Plant], motion: Motion) -> tuple[Floats, Floats]:
     """M [P N n n], and `M q̈ + C q̇ + G` without friction and outer forces [P N n], of true arms along a motion.
-
-    Arms that differ in friction or in outer forces alone are evaluated once.
 
     - `plants`: P arms.
     - `motion`: N states.
     """
-    done: dict[Any, tuple[Floats, Floats]] = {}
-    masses, torques = [], []
-    for plant in plants:
-        key = inertial_key(plant)
-        if key not in done:
-            mass, bias = mass_and_bias(plant.robot, plant.load, motion.t, motion.q, motion.dq)
-            done[key] = mass, np.einsum("kij,kj->ki", mass, motion.ddq) + bias
-        masses.append(done[key][0])
-        torques.append(done[key][1])
-    return np.array(masses), np.array(torques)
+    found = [mass_and_bias(plant.robot, plant.load, motion.t, motion.q, motion.dq) for plant in plants]
+    masses = np.array([mass for mass, _ in found])
+    return masses, np.einsum("pkij,kj->pki", masses, motion.ddq) + np.array([bias for _, bias in found])
 
 
 def outer(plants: list[Plant], motion: Motion) -> Floats:
@@ -160,11 +169,7 @@ def outer(plants: list[Plant], motion: Motion) -> Floats:
     return np.array(found)
 
 
-def inertial_key(plant: Plant) -> Any:
-    """Equal for arms that differ in friction or outer forces alone.
-
-    - `plant`: the arm.
-    """
+def _inertial_key(plant: Plant) -> Any:
     robot = plant.robot
     if isinstance(robot, Articulated):
         nothing = np.zeros(robot.joints)
