@@ -26,8 +26,8 @@ PROBE = 0.29
 SAMPLED = 5
 """Points on the way of a number that enters as no polynomial of degree 2."""
 
-MOST_CORNERS = 48
-"""Of groups of numbers that are multiplied by each other; further ones are boxed in."""
+MOST_CORNERS = 96
+"""Of several groups of numbers that are multiplied by each other; further groups are boxed in."""
 
 MOST_POINTS = 243
 """Of one group."""
@@ -122,10 +122,10 @@ def hull_of(evaluate: Callable[[Floats], Floats], dimensions: int) -> Hull:
         effects.append(np.eye(total)[k] - base[0])
         axes.append(axis)
     corners = base
-    for first, matrix in sorted(controls, key=lambda one: len(one[1])):
+    for first, matrix in sorted(controls, key=lambda one: -len(one[1])):
         there = np.zeros((len(matrix), total))
         there[:, first : first + matrix.shape[1]] = matrix
-        if len(corners) * len(there) <= MOST_CORNERS:
+        if len(corners) == 1 or len(corners) * len(there) <= MOST_CORNERS:
             corners = (corners[:, None] + (there - base)[None]).reshape(-1, total)
         else:
             # A convex mean of points lies in their middle and half of each one's distance from it, to both sides.
