@@ -98,15 +98,23 @@ def approach_of(members: Members, longest: float = np.inf) -> Approach:
     periods = max(round(until / scenario.period), 2)
     short = scenario.replace(t1=periods * scenario.period, outside="recover", log_every=1)
     plants, starts = ends_of(members)
-    leaves = [jax.tree.flatten(eqx.filter((plant.robot, plant.disturbance, plant.load), eqx.is_array)) for plant in plants]
-    rest = eqx.filter((plants[0].robot, plants[0].disturbance, plants[0].load), eqx.is_array, inverse=True)
-    tree = leaves[0][1]
-    stacked = [np.stack([np.asarray(one[0][k], float) for one in leaves]) for k in range(len(leaves[0][0]))]
-    varied = stacked, np.stack([q for q, _ in starts]), np.stack([dq for _, dq in starts])
+    leaves = [jax.tree.leaves(_numbers(plant)) for plant in plants]
+    tree = jax.tree.structure(_numbers(plants[0]))
+    rest = eqx.filter(_moved(plants[0]), eqx.is_array, inverse=True)
+    stacked = [np.stack([np.asarray(one[k], float) for one in leaves]) for k in range(len(leaves[0]))]
+    # What is alike is known when the loop is compiled.
+    varies = [bool((some != some[:1]).any()) for some in stacked]
+    varied = (
+        [some for some, one in zip(stacked, varies, strict=True) if one],
+        np.stack([q for q, _ in starts]),
+        np.stack([dq for _, dq in starts]),
+    )
 
     def one(base: Scenario, given: Any) -> Scenario:
         numbers, q, dq = given
-        robot, disturbance, load = eqx.combine(jax.tree.unflatten(tree, list(numbers)), rest)
+        left = iter(numbers)
+        all_of = [next(left) if differs else some[0] for some, differs in zip(stacked, varies, strict=True)]
+        robot, disturbance, load = eqx.combine(jax.tree.unflatten(tree, all_of), rest)
         own: Any = base.plant if isinstance(base.plant, Plant) else base.plant.own
         plant = Plant(robot, disturbance, own.sensor, own.actuator, load)
         return base.replace(plant=plant, state0=State(q=q, dq=dq))
@@ -119,6 +127,14 @@ def approach_of(members: Members, longest: float = np.inf) -> Approach:
     t = scenario.period * np.arange(tau.shape[1])
     error, rate = np.asarray(log.e)[:, 0], np.asarray(log.de)[:, 0]
     return Approach(tau, t, np.abs(error).max(axis=0), np.abs(rate).max(axis=0), bool(valid[:, -1].all()))
+
+
+def _moved(plant: Plant) -> Any:
+    return plant.robot, plant.disturbance, plant.load
+
+
+def _numbers(plant: Plant) -> Any:
+    return eqx.filter(_moved(plant), eqx.is_array)
 
 
 def settled_at(scenario: Scenario) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -31,7 +32,7 @@ class Beside:
 
     - `motion`: along which.
     - `plants`, `hull`: the members.
-    - `inverse`: |M̂⁻¹| along it [N n n].
+    - `inverse`: |M̂⁻¹| along it, for each belief that there may be [B N n n].
     - `along_q`, `along_dq`: bounds of the slopes of `D - M̂ w_d` [N n n].
     - `mass_slope`: |∂M̂_ij/∂q_k| along it [N n n n].
     - `mass`: bounds of |M̂| anywhere [n n].
@@ -69,7 +70,8 @@ class Beside:
         lacks += np.einsum("ijl,kj,kl->ki", self.coriolis, v, v)
         lacks += self._outer(r, v)
         moved = np.einsum("kijl,kl->kij", self.mass_slope, r) + np.minimum(0.5 * sigma**2, 2.0)[:, :, None] * self.mass
-        return _solved(self.inverse, moved, lacks)
+        found: Floats = np.max([_solved(inverse, moved, lacks) for inverse in self.inverse], axis=0)
+        return found
 
     def _outer(self, r: Floats, v: Floats) -> Floats:
         """How much friction and outer forces can change [N n]: each falls or rises with its joint's own q and q̇."""
@@ -83,26 +85,32 @@ class Beside:
         return worst
 
 
-def beside_of(belief: Belief, motion: Motion, plants: list[Plant], hull: Hull, push: Floats) -> Beside:
+def beside_of(
+    belief: Belief, motion: Motion, plants: list[Plant], hull: Hull, push: Floats, learnt: Sequence[Belief] = ()
+) -> Beside:
     """The neighbourhood of a motion.
 
     - `belief`: the arm as the law believes it to be.
     - `motion`: along which.
     - `plants`, `hull`: the members.
-    - `push`: w* of each of these along the motion [P N n].
+    - `push`: w* of each of these along the motion [P N n]; with `learnt` a bound of all [1 N n].
+    - `learnt`: in place of `belief`, what each of some members is believed to be.
     """
-    masses, _ = belief.mass_and_bias(motion.t, motion.q, motion.dq)
+    beliefs = learnt or [belief]
     alike = kinds_of(plants)
-    along_q, along_dq, mass_slope = _slopes(belief, motion, alike, hull, push)
+    along_q, along_dq, mass_slope = _slopes(belief, motion, alike, hull, None if learnt else push)
     mass, difference, weight, coriolis, rates = _anywhere(belief, motion, alike[0], hull.merged(alike[1]))
-    size = hull.largest(push)
+    size = push[0] if learnt else hull.largest(push)
+    if learnt:
+        along_q = along_q + np.einsum("kijl,kj->kil", mass_slope, size)
     dq, ddq = np.abs(motion.dq), np.abs(motion.ddq)
     curved = ddq @ difference.T + weight + np.einsum("ijl,kj,kl->ki", coriolis, dq, dq) + size @ mass.T
+    masses = [one.mass_and_bias(motion.t, motion.q, motion.dq)[0] for one in beliefs]
     return Beside(
         motion=motion,
         plants=plants,
         hull=hull,
-        inverse=np.abs(np.linalg.inv(masses)),
+        inverse=np.abs(np.linalg.inv(np.array(masses))),
         along_q=along_q,
         along_dq=along_dq,
         mass_slope=mass_slope,
@@ -114,9 +122,9 @@ def beside_of(belief: Belief, motion: Motion, plants: list[Plant], hull: Hull, p
 
 
 def _slopes(
-    belief: Belief, motion: Motion, members: tuple[list[Plant], list[int]], hull: Hull, push: Floats
+    belief: Belief, motion: Motion, members: tuple[list[Plant], list[int]], hull: Hull, push: Floats | None
 ) -> tuple[Floats, Floats, Floats]:
-    """Bounds of |∂(D - M̂ w_d)/∂q|, |∂D/∂q̇| and |∂M̂/∂q| over the members along the motion."""
+    """Bounds of |∂(D - M̂ w_d)/∂q|, or of |∂D/∂q| without w_d, of |∂D/∂q̇| and |∂M̂/∂q| along the motion."""
     n = motion.joints
     kinds, which = members
     still = np.zeros(n)
@@ -134,8 +142,11 @@ def _slopes(
             lacked_slope[..., joint] += sign * (mass - masses)
             torques.append(sign * (np.einsum("kij,kj->ki", mass, there.ddq) + bias - needs))
         slope = torques[0] + torques[1]
-        lumped = np.einsum("kij,pkj->pki", own_slope[..., joint], push)
-        along_q[..., joint] = (1.0 + SPARE) * hull.largest(slope[which] - lumped)
+        if push is None:
+            along_q[..., joint] = (1.0 + SPARE) * hull.merged(which).largest(slope)
+        else:
+            lumped = np.einsum("kij,pkj->pki", own_slope[..., joint], push)
+            along_q[..., joint] = (1.0 + SPARE) * hull.largest(slope[which] - lumped)
     # The bias is Γ_ijk q̇_j q̇_k, with Christoffel's Γ of the mass; its slope along q̇_j is 2 Γ_ijk q̇_k.
     turned = np.einsum("pkijl,kl->pkij", lacked_slope, motion.dq)
     turned += np.einsum("pkilj,kl->pkij", lacked_slope, motion.dq)

@@ -11,7 +11,8 @@ from slidax.scenarios import Scenario
 
 from .evaluated import Floats
 from .members import Members
-from .motion import Belief, Motion
+from .motion import Belief, Motion, kinds_of, needed
+from .ratios import INSTANTS
 from .width import width_along
 
 ROOM = 1.6
@@ -57,15 +58,16 @@ def room_to_brake(scenario: Scenario, members: Members, limit: Floats, torque: F
     """What the drives leave: `a_i = (τ_max,i - max |τ_i|)/max M_ii` over motion and members.
 
     - `scenario`: whose law.
-    - `members`: of its set; the inertia is that of the scenario's own arm and of M0.
+    - `members`: of its set; the inertia is the largest at its ends, or M0's.
     - `limit`: of the torques [n].
     - `torque`: the largest along the motion over the set [n].
     """
     motion = Motion.of(scenario)
     belief = Belief.of(scenario, members.plant)
-    every = max(1, len(motion.t) // 200)
-    few = Motion(motion.t[::every], motion.q[::every], motion.dq[::every], motion.ddq[::every])
-    heaviest = np.diagonal(belief.mass_and_bias(few.t, few.q, few.dq)[0], axis1=1, axis2=2).max(axis=0)
+    few = motion.every(INSTANTS)
+    masses = [belief.mass_and_bias(few.t, few.q, few.dq)[0][None]]
+    masses.append(needed(kinds_of(members.plants(members.ends()))[0], few)[0])
+    heaviest = np.diagonal(np.concatenate(masses), axis1=2, axis2=3).max(axis=(0, 1))
     law = scenario.controller
     horizon = float(law.horizon) if isinstance(law, SampledData) and law.horizon is not None else scenario.period
     return Braking(np.maximum(limit - torque, 0.0) / heaviest, horizon - 0.5 * scenario.period)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import product
 from typing import Any
 
 import equinox as eqx
@@ -25,6 +26,9 @@ MOVES = ("robot", "disturbance")
 
 CHUNK = 64
 """Members that are built together."""
+
+MOST_ENDS = 256
+"""Corners of a box that are looked at, one by one."""
 
 
 @dataclass(frozen=True)
@@ -134,6 +138,30 @@ class Members:
             for some in numbers
             for k in range(len(jax.tree.leaves(some)[0]))
         ]
+
+    def ends(self, without: Sequence[int] = ()) -> Floats:
+        """The middle of the box, and its corners in what can change the inertia [P D], drawn at random if they are many.
+
+        - `without`: axes that change nothing.
+        """
+        count = len(self.axes)
+        acting = [k for k in range(count) if k not in without and self.is_inertial(k)]
+        if 2 ** len(acting) <= MOST_ENDS:
+            shares = np.array(list(product((0.0, 1.0), repeat=len(acting))))
+        else:
+            shares = np.random.default_rng(4).integers(0, 2, (MOST_ENDS, len(acting))).astype(float)
+            shares[:2] = [[0.0] * len(acting), [1.0] * len(acting)]
+        points = np.full((len(shares) + 1, count), 0.5)
+        points[1:, acting] = shares.reshape(len(shares), len(acting))
+        return points if acting else points[:1]
+
+    def is_inertial(self, axis: int) -> bool:
+        """Whether a number can change the inertia.
+
+        - `axis`: its number.
+        """
+        path = self.axes[axis].path
+        return path.startswith("robot.") and path.split(".")[-1] not in ("coulomb", "viscous", "gravity_acceleration")
 
     @staticmethod
     def _chunks(points: Floats) -> range:

@@ -63,6 +63,13 @@ class Belief:
         )
         return cls(robot, rotor, counted, coulomb, smoothing, like)
 
+    def friction(self, dq: Floats) -> Floats:
+        """F̂ [N n], N m or N, at the reference's velocities.
+
+        - `dq`: these [N n].
+        """
+        return self.coulomb * np.tanh(dq / self.smoothing)
+
     def mass_and_bias(self, t: Floats, q: Floats, dq: Floats) -> tuple[Floats, Floats]:
         """M̂ [N n n] and C0 q̇ + G0 [N n].
 
@@ -114,6 +121,14 @@ class Motion:
         - `q`, `dq`: how far beside, [n] or [N n].
         """
         return Motion(self.t, self.q + q, self.dq + dq, self.ddq)
+
+    def every(self, instants: int) -> Motion:
+        """Some of the states, equally far apart.
+
+        - `instants`: about how many.
+        """
+        step = max(1, len(self.t) // instants)
+        return Motion(self.t[::step], self.q[::step], self.dq[::step], self.ddq[::step])
 
     @cached_property
     def joints(self) -> int:
