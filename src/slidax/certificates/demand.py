@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -22,13 +22,19 @@ class Demand:
     ŵ its estimate, and `w* = M0⁻¹ ((M0 - M) q̈_r + n0 - n + d)` the push that makes the error vanish; n is everything
     of the arm but its inertia, d what pushes from outside.
 
+    Along the reference the push of each member is, as a signal,
+    `Σ λ_m (push_m + Σ x_k effects_mk)` with `λ >= 0`, `Σ λ = 1` and `|x_k| <= 1`, the same for all times and joints.
+
     - `times`: of the samples, a period apart [N], s.
     - `push`: w* along the reference, for each extreme member of the set [members N n], rad/s² or m/s².
-    - `stray`: a bound of what w* may be otherwise at a time and joint, without any smoothness: between the extreme
-      members, and since the arm is beside its reference [N n], rad/s² or m/s².
+    - `stray`: a bound of what w* may be otherwise at a time and joint, without any smoothness, where the arm is anywhere
+      in its envelope [N n], rad/s² or m/s²; `beside` gives less for a smaller error.
     - `kappa`: the least and the largest of K's diagonal [2 n].
     - `coupling`: bounds of what the other joints' accelerations do to a joint, |K_ij/K_jj| for i ≠ j [n n].
     - `assumptions`: what these numbers stand on.
+    - `effects`: what half the width of an uncertain number adds to each push [members numbers N n], rad/s² or m/s²; none
+      if not given.
+    - `beside`: from bounds of the error and of its rate, each [n] or [N n], to the same bound as `stray` [N n].
     """
 
     times: Floats
@@ -37,3 +43,18 @@ class Demand:
     kappa: Floats
     coupling: Floats
     assumptions: Sequence[Assumption]
+    effects: Floats | None = None
+    beside: Callable[[Floats, Floats], Floats] | None = field(default=None, repr=False)
+
+    def worst(self, through: Callable[[Floats], Floats]) -> Floats:
+        """The largest |value| that a linear map of the push can have over all members at each time and joint [N n].
+
+        It is attained by a member, though not by the same at each time.
+
+        - `through`: from signals [... N n] to such signals: the loops' answer, or the push itself by `lambda w: w`.
+        """
+        size = np.abs(through(self.push))
+        if self.effects is not None and self.effects.shape[1]:
+            size = size + np.abs(through(self.effects)).sum(axis=1)
+        largest: Floats = size.max(axis=0)
+        return largest

@@ -1,0 +1,8 @@
+"""What is certified of an arm and its set: constants, what its motion asks of the loops, and of the drives."""
+
+from .constants import ArmConstants as ArmConstants
+from .constants import arm_constants as arm_constants
+from .demand import demand as demand
+from .robust_torque import robust_torque as robust_torque
+from .torque_budget import torque_budget as torque_budget
+from .uncertainty_bound import uncertainty_bound as uncertainty_bound

@@ -1,0 +1,178 @@
+"""The way from the start to the reference, simulated for members and starts at ends of a set."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import equinox as eqx
+import jax
+import numpy as np
+
+from slidax._types import State
+from slidax.scenarios import Scenario
+from slidax.simulation import Plant
+
+from .evaluated import Floats
+from .members import Members
+from .width import width_along
+
+RUNS = 16
+"""Members and starts that are simulated; the first is the scenario's own."""
+
+SETTLED = 1.05
+"""Times the narrowest envelope: the way ends where it is as narrow, and a quarter later."""
+
+AT_LIMIT = 0.999
+"""Of a limit: a torque that is so large is at it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Approach:
+    """What was seen on the way.
+
+    - `tau`: torques that were set [R N n], N m or N; nan after the end of a run.
+    - `t`: times [N], s.
+    - `error`, `error_rate`: the largest of each joint at the start, [n].
+    - `ended`: whether every run came to its end.
+    """
+
+    tau: Floats
+    t: Floats
+    error: Floats
+    error_rate: Floats
+    ended: bool
+
+    @property
+    def runs(self) -> int:
+        """How many there were."""
+        return len(self.tau)
+
+    @property
+    def until(self) -> float:
+        """When they ended [s]."""
+        return float(self.t[-1])
+
+    @property
+    def peak(self) -> Floats:
+        """The largest |τ| of each joint [n]."""
+        found: Floats = np.nanmax(np.abs(self.tau), axis=(0, 1))
+        return found
+
+    @property
+    def step(self) -> Floats:
+        """The largest |τ(k+1) - τ(k)| of each joint [n]."""
+        found: Floats = np.nanmax(np.abs(np.diff(self.tau, axis=1)), axis=(0, 1))
+        return found
+
+    def reached(self, limit: Floats, change: Floats) -> Floats:
+        """Whether each joint was at a limit [n].
+
+        - `limit`: of the torque [n].
+        - `change`: of its change in a period [n].
+        """
+        return (self.peak >= AT_LIMIT * limit) | (self.step >= AT_LIMIT * change)
+
+    def free_after(self, limit: Floats, change: Floats) -> Floats:
+        """The time from which on each joint is at no limit [n], s.
+
+        - `limit`, `change`: as in `reached`.
+        """
+        with np.errstate(invalid="ignore"):
+            at = np.abs(self.tau) >= AT_LIMIT * limit
+            at[:, 1:] |= np.abs(np.diff(self.tau, axis=1)) >= AT_LIMIT * change
+        some = at.any(axis=0)
+        last = np.where(some.any(axis=0), len(self.t) - 1 - np.argmax(some[::-1], axis=0), -1)
+        found: Floats = np.where(last >= 0, self.t[np.minimum(last + 1, len(self.t) - 1)], 0.0)
+        return found
+
+
+def approach_of(members: Members, longest: float = np.inf) -> Approach:
+    """The way of members and starts at ends of a set.
+
+    - `members`: of the set.
+    - `longest`: at most so long [s].
+    """
+    scenario = members.scenario
+    until = min(settled_at(scenario), longest, scenario.t1)
+    periods = max(round(until / scenario.period), 2)
+    short = scenario.replace(t1=periods * scenario.period, outside="recover", log_every=1)
+    plants, starts = ends_of(members)
+    leaves = [jax.tree.leaves(_numbers(plant)) for plant in plants]
+    tree = jax.tree.structure(_numbers(plants[0]))
+    rest = eqx.filter(_moved(plants[0]), eqx.is_array, inverse=True)
+    stacked = [np.stack([np.asarray(one[k], float) for one in leaves]) for k in range(len(leaves[0]))]
+    # What is alike is known when the loop is compiled.
+    varies = [bool((some != some[:1]).any()) for some in stacked]
+    varied = (
+        [some for some, one in zip(stacked, varies, strict=True) if one],
+        np.stack([q for q, _ in starts]),
+        np.stack([dq for _, dq in starts]),
+    )
+
+    def one(base: Scenario, given: Any) -> Scenario:
+        numbers, q, dq = given
+        left = iter(numbers)
+        all_of = [next(left) if differs else some[0] for some, differs in zip(stacked, varies, strict=True)]
+        robot, disturbance, load = eqx.combine(jax.tree.unflatten(tree, all_of), rest)
+        own: Any = base.plant if isinstance(base.plant, Plant) else base.plant.own
+        plant = Plant(robot, disturbance, own.sensor, own.actuator, load)
+        return base.replace(plant=plant, state0=State(q=q, dq=dq))
+
+    run = short.simulate_batch(one, varied, log_every=1)
+    log = run.log
+    assert log is not None
+    valid = np.asarray(log.valid)
+    tau = np.where(valid[..., None], np.asarray(log.tau), np.nan)
+    t = scenario.period * np.arange(tau.shape[1])
+    error, rate = np.asarray(log.e)[:, 0], np.asarray(log.de)[:, 0]
+    return Approach(tau, t, np.abs(error).max(axis=0), np.abs(rate).max(axis=0), bool(valid[:, -1].all()))
+
+
+def _moved(plant: Plant) -> Any:
+    return plant.robot, plant.disturbance, plant.load
+
+
+def _numbers(plant: Plant) -> Any:
+    return eqx.filter(_moved(plant), eqx.is_array)
+
+
+def settled_at(scenario: Scenario) -> float:
+    """When the envelope is nearly as narrow as it will be, and a quarter later [s]; t1 for a scheme without one.
+
+    - `scenario`: whose.
+    """
+    t = np.linspace(0.0, scenario.t1, 400)
+    width = width_along(scenario, t)
+    if width is None:
+        return scenario.t1
+    narrow = (width <= SETTLED * width[-1]).all(axis=1)
+    return float(min(1.25 * t[int(np.argmax(narrow))] + 0.1, scenario.t1))
+
+
+def ends_of(members: Members) -> tuple[list[Plant], list[tuple[Floats, Floats]]]:
+    """Members at ends of the set, and starts at ends of theirs: the scenario's own first, then drawn at random.
+
+    - `members`: of the set.
+    """
+    scenario, count = members.scenario, len(members.axes)
+    own = np.asarray(scenario.state0.q, float), np.asarray(scenario.state0.dq, float)
+    space = members.family.uncertain
+    free = [path for path in ("start.q", "start.dq") if path in space.sets]
+    random = np.random.default_rng(6)
+    runs = RUNS if count or free else 1
+    points = random.integers(0, 2, (runs, count)).astype(float)
+    # All heaviest and all lightest are among them, whatever is drawn.
+    points[1:3] = np.array([[1.0], [0.0]])[: max(runs - 1, 0)]
+    plants = members.plants(points)
+    plants[0] = members.plant
+    starts = [own]
+    for _ in range(1, runs):
+        drawn = {}
+        for path in free:
+            one, leaf = space.sets[path], space.leaves[path]
+            corner = random.integers(0, 2, (1, one.coordinates(leaf))).astype(float)
+            drawn[path] = np.asarray(one.values(np.minimum(corner, np.nextafter(1.0, 0.0)), leaf), float)[0]
+        q, dq = (drawn.get(path, value) for path, value in zip(("start.q", "start.dq"), own, strict=True))
+        starts.append((np.broadcast_to(q, own[0].shape), np.broadcast_to(dq, own[1].shape)))
+    return plants, starts

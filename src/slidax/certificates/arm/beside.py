@@ -1,0 +1,214 @@
+"""How much else is asked of the loops where the arm is beside its reference."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from slidax.simulation import Plant
+
+from .evaluated import Floats
+from .hull import Hull
+from .motion import Belief, Motion, kinds_of, needed, outer
+from .series import Grid
+
+STEP = 1e-4
+"""Of a difference quotient [rad or m]: Bernstein's inequality bounds its error by `D³ STEP²/6` of the largest value."""
+
+SPARE = 1e-6
+"""By which share difference quotients are taken larger, for their error."""
+
+
+@dataclass(frozen=True, eq=False)
+class Beside:
+    """`|w*(q_d + e, q̇_d + ė) - w*(q_d, q̇_d)|` for all `|e| <= r`, `|ė| <= v` and every member of a set.
+
+    With D the torque that the law lacks, friction aside, `M̂(q) (w - w_d) = D(q,q̇) - D_d - (M̂(q) - M̂_d) w_d + δ`, δ the
+    change of friction and outer forces. What is linear in e and ė is computed, the rest bounded: D and M̂ are
+    trigonometric polynomials, whose second derivatives Bernstein's inequality bounds. `M̂(q)⁻¹` follows from M̂_d⁻¹ by
+    Neumann's series (docs/certificates/arm.md).
+
+    - `motion`: along which.
+    - `plants`, `hull`: the members.
+    - `inverse`: |M̂⁻¹| along it, for each belief that there may be [B N n n].
+    - `along_q`, `along_dq`: bounds of the slopes of `D - M̂ w_d` [N n n].
+    - `mass_slope`: |∂M̂_ij/∂q_k| along it [N n n n].
+    - `mass`: bounds of |M̂| anywhere [n n].
+    - `curved`: bounds of `|D - M̂ w_d|` anywhere, at the reference's velocity [N n].
+    - `coriolis`: bounds of D's coefficients of q̇_j q̇_k anywhere [n n n].
+    - `rates`: D_j of Bernstein's inequality [n].
+    """
+
+    motion: Motion
+    plants: list[Plant]
+    hull: Hull
+    inverse: Floats
+    along_q: Floats
+    along_dq: Floats
+    mass_slope: Floats
+    mass: Floats
+    curved: Floats
+    coriolis: Floats
+    rates: Floats
+
+    def __call__(self, radius: Floats, speed: Floats) -> Floats:
+        """The bound [N n], rad/s² or m/s²; inf where the arm is so far away that none is known.
+
+        - `radius`: r, of each joint's error [n] or [N n], rad or m.
+        - `speed`: v, of its rate [n] or [N n], rad/s or m/s.
+        """
+        shape = self.motion.q.shape
+        r, v = np.broadcast_to(radius, shape), np.broadcast_to(speed, shape)
+        sigma = (r @ self.rates)[:, None]
+        dq = np.abs(self.motion.dq)
+        lacks = np.einsum("kij,kj->ki", self.along_q, r) + np.einsum("kij,kj->ki", self.along_dq, v)
+        # Never more than the way from one extreme to the other.
+        lacks += np.minimum(0.5 * sigma**2, 2.0) * self.curved
+        lacks += 2.0 * np.minimum(sigma, 2.0) * np.einsum("ijl,kj,kl->ki", self.coriolis, dq, v)
+        lacks += np.einsum("ijl,kj,kl->ki", self.coriolis, v, v)
+        lacks += self._outer(r, v)
+        moved = np.einsum("kijl,kl->kij", self.mass_slope, r) + np.minimum(0.5 * sigma**2, 2.0)[:, :, None] * self.mass
+        found: Floats = np.max([_solved(inverse, moved, lacks) for inverse in self.inverse], axis=0)
+        return found
+
+    def _outer(self, r: Floats, v: Floats) -> Floats:
+        """How much friction and outer forces can change [N n]: each falls or rises with its joint's own q and q̇."""
+        here = outer(self.plants, self.motion)
+        worst = np.zeros(r.shape)
+        still = np.zeros_like(r)
+        places = [still] if not _moves(self.plants, self.motion) else [-r, r]
+        for place in places:
+            for side in (-v, v):
+                worst = np.maximum(worst, self.hull.largest(outer(self.plants, self.motion.beside(place, side)) - here))
+        return worst
+
+
+def beside_of(
+    belief: Belief, motion: Motion, plants: list[Plant], hull: Hull, push: Floats, learnt: Sequence[Belief] = ()
+) -> Beside:
+    """The neighbourhood of a motion.
+
+    - `belief`: the arm as the law believes it to be.
+    - `motion`: along which.
+    - `plants`, `hull`: the members.
+    - `push`: w* of each of these along the motion [P N n]; with `learnt` a bound of all [1 N n].
+    - `learnt`: in place of `belief`, what each of some members is believed to be.
+    """
+    beliefs = learnt or [belief]
+    alike = kinds_of(plants)
+    along_q, along_dq, mass_slope = _slopes(belief, motion, alike, hull, None if learnt else push)
+    mass, difference, weight, coriolis, rates = _anywhere(belief, motion, alike[0], hull.merged(alike[1]))
+    size = push[0] if learnt else hull.largest(push)
+    if learnt:
+        along_q = along_q + np.einsum("kijl,kj->kil", mass_slope, size)
+    dq, ddq = np.abs(motion.dq), np.abs(motion.ddq)
+    curved = ddq @ difference.T + weight + np.einsum("ijl,kj,kl->ki", coriolis, dq, dq) + size @ mass.T
+    masses = [one.mass_and_bias(motion.t, motion.q, motion.dq)[0] for one in beliefs]
+    return Beside(
+        motion=motion,
+        plants=plants,
+        hull=hull,
+        inverse=np.abs(np.linalg.inv(np.array(masses))),
+        along_q=along_q,
+        along_dq=along_dq,
+        mass_slope=mass_slope,
+        mass=mass,
+        curved=curved,
+        coriolis=coriolis,
+        rates=rates,
+    )
+
+
+def _slopes(
+    belief: Belief, motion: Motion, members: tuple[list[Plant], list[int]], hull: Hull, push: Floats | None
+) -> tuple[Floats, Floats, Floats]:
+    """Bounds of |∂(D - M̂ w_d)/∂q|, or of |∂D/∂q| without w_d, of |∂D/∂q̇| and |∂M̂/∂q| along the motion."""
+    n = motion.joints
+    kinds, which = members
+    still = np.zeros(n)
+    along_q = np.zeros((*motion.q.shape, n))
+    own_slope = np.zeros((*motion.q.shape, n, n))
+    lacked_slope = np.zeros((len(kinds), *motion.q.shape, n, n))
+    for joint in range(n):
+        step = np.where(np.arange(n) == joint, STEP, 0.0)
+        torques = []
+        for sign in (0.5 / STEP, -0.5 / STEP):
+            there = motion.beside(np.sign(sign) * step, still)
+            mass, bias = belief.mass_and_bias(there.t, there.q, there.dq)
+            masses, needs = needed(kinds, there)
+            own_slope[..., joint] += sign * mass
+            lacked_slope[..., joint] += sign * (mass - masses)
+            torques.append(sign * (np.einsum("kij,kj->ki", mass, there.ddq) + bias - needs))
+        slope = torques[0] + torques[1]
+        if push is None:
+            along_q[..., joint] = (1.0 + SPARE) * hull.merged(which).largest(slope)
+        else:
+            lumped = np.einsum("kij,pkj->pki", own_slope[..., joint], push)
+            along_q[..., joint] = (1.0 + SPARE) * hull.largest(slope[which] - lumped)
+    # The bias is Γ_ijk q̇_j q̇_k, with Christoffel's Γ of the mass; its slope along q̇_j is 2 Γ_ijk q̇_k.
+    turned = np.einsum("pkijl,kl->pkij", lacked_slope, motion.dq)
+    turned += np.einsum("pkilj,kl->pkij", lacked_slope, motion.dq)
+    turned -= np.einsum("pkjli,kl->pkij", lacked_slope, motion.dq)
+    return along_q, (1.0 + SPARE) * hull.merged(which).largest(turned), (1.0 + SPARE) * np.abs(own_slope)
+
+
+def _anywhere(
+    belief: Belief, motion: Motion, plants: list[Plant], hull: Hull
+) -> tuple[Floats, Floats, Floats, Floats, Floats]:
+    """Bounds over all postures and members of |M̂|, |M̂ - M| [n n], |G0 - G| [n], D's coefficients [n n n], and the D_j.
+
+    D's coefficients of `q̇_j q̇_k` are Christoffel's, `(∂_k D_ij + ∂_j D_ik - ∂_i D_jk)/2` of `M̂ - M`.
+    """
+
+    def at(q: Floats) -> tuple[Floats, Floats]:
+        # The weight of a load that comes or goes counts as carried.
+        loads = [float(plant.load.attached) for plant in plants if plant.load is not None]
+        there = Motion(np.full(len(q), max(loads, default=0.0)), q, np.zeros_like(q), np.zeros_like(q))
+        mass, weight = belief.mass_and_bias(there.t, q, there.dq)
+        masses, torques = needed(plants, there)
+        return (
+            np.concatenate([mass[None], mass[None] - masses]).swapaxes(0, 1),
+            (weight[None] - torques).swapaxes(0, 1),
+        )
+
+    def flat(q: Floats) -> Floats:
+        return np.concatenate([one.reshape(len(q), -1) for one in at(q)], axis=1)
+
+    reach = np.abs(motion.q).max(axis=0) + 1.0
+    grid = Grid.of(flat, belief.robot.joint_units, -reach, reach)
+    masses, weights = (values.swapaxes(0, 1) for values in at(grid.postures))
+    lacked = [grid.series(one) for part in hull.of(masses[1:]) for one in part]
+    corners = len(hull.corners)
+
+    def worst(bounds: list[Floats]) -> Floats:
+        found: Floats = np.max(bounds[:corners], axis=0) + np.sum(bounds[corners:], axis=0)
+        return found
+
+    difference = worst([one.bound() for one in lacked])
+    weight = worst([grid.series(one).bound() for part in hull.of(weights) for one in part])
+    slope = worst([one.slopes() for one in lacked])
+    coriolis = 0.5 * (slope + slope.transpose(0, 2, 1) + slope.transpose(2, 0, 1))
+    return grid.series(masses[0]).bound(), difference, weight, coriolis, grid.rates()
+
+
+def _moves(plants: list[Plant], motion: Motion) -> bool:
+    """Whether what pushes from outside depends on where the joints are."""
+    few = Motion(motion.t[:8], motion.q[:8], motion.dq[:8], motion.ddq[:8])
+    far = few.beside(np.full(few.joints, 10.0), np.zeros(few.joints))
+    near = few.beside(np.full(few.joints, -10.0), np.zeros(few.joints))
+    here = outer(plants[:1], few)
+    return bool(np.any(outer(plants[:1], far) != here) or np.any(outer(plants[:1], near) != here))
+
+
+def _solved(inverse: Floats, moved: Floats, lacks: Floats) -> Floats:
+    """`(1 - |M̂_d⁻¹| |δM̂|)⁻¹ |M̂_d⁻¹| b` [N n]; inf where that series does not converge."""
+    n = lacks.shape[1]
+    matrix = inverse @ moved
+    found = np.full(lacks.shape, np.inf)
+    radius = np.abs(np.linalg.eigvals(matrix)).max(axis=1)
+    good = radius < 0.999
+    right = np.einsum("kij,kj->ki", inverse, lacks)
+    found[good] = np.linalg.solve(np.eye(n) - matrix[good], right[good][..., None])[..., 0]
+    return found

@@ -1,0 +1,196 @@
+"""How what is asked of the loops depends on uncertain numbers, and few points that hold all of it between them.
+
+Masses, rotors, friction, payloads and forces enter the torque linearly, centres of mass and lengths by their squares.
+A polynomial of degree 2 in a number lies in the convex hull of its three Bernstein coefficients, one of degree 1 in
+that of its ends, and the weights are the same for each time and joint. So the torque of every member, as a signal, is a
+convex mean of few signals.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import reduce
+from itertools import combinations
+
+import numpy as np
+
+from .evaluated import Floats
+
+ROUNDING = 1e-9
+"""Of the largest value: what is no more than this is rounding."""
+
+PROBE = 0.29
+"""A fourth point on the way of a number, at which a polynomial through three is checked."""
+
+SAMPLED = 5
+"""Points on the way of a number that enters as no polynomial of degree 2."""
+
+MOST_CORNERS = 96
+"""Of several groups of numbers that are multiplied by each other; further groups are boxed in."""
+
+MOST_POINTS = 243
+"""Of one group."""
+
+BERNSTEIN = np.array([[1.0, 0.0, 0.0], [-0.5, 2.0, -0.5], [0.0, 0.0, 1.0]])
+"""From the values at 0, 1/2, 1 to the coefficients: the middle one is `2 f(1/2) - (f(0) + f(1))/2`."""
+
+
+@dataclass(frozen=True)
+class Hull:
+    """All members as `corner + Σ x effect`, for a convex mean of corners and any x in [-1, 1] for each effect.
+
+    - `points`: of the box [P D], at which members are evaluated; the first is its middle.
+    - `corners`: each as weights of the evaluated members [K P].
+    - `effects`: the same, of what half a width of a number adds [E P].
+    - `axes`: the number of each effect's axis; -1 for one of a group that was boxed in.
+    - `sampled`: the axes that are no polynomials of degree 2, and were sampled.
+    - `without`: the axes that change nothing.
+    """
+
+    points: Floats
+    corners: Floats
+    effects: Floats
+    axes: tuple[int, ...]
+    sampled: tuple[int, ...]
+    without: tuple[int, ...]
+
+    def of(self, values: Floats) -> tuple[Floats, Floats]:
+        """Corners [K ...] and effects [E ...] of what was evaluated.
+
+        - `values`: of the members at `points` [P ...].
+        """
+        flat = values.reshape(len(values), -1)
+        found = [(weights @ flat).reshape(len(weights), *values.shape[1:]) for weights in (self.corners, self.effects)]
+        return found[0], found[1]
+
+    def largest(self, values: Floats) -> Floats:
+        """The largest |value| over all members [...].
+
+        - `values`: of the members at `points` [P ...].
+        """
+        corners, effects = self.of(values)
+        found: Floats = np.abs(corners).max(axis=0) + np.abs(effects).sum(axis=0)
+        return found
+
+    def merged(self, which: Sequence[int]) -> Hull:
+        """The same where some of the members are alike, in terms of those that differ.
+
+        - `which`: the number of each member's kind [P].
+        """
+        kinds = max(which) + 1
+        gathered = np.zeros((len(which), kinds))
+        gathered[np.arange(len(which)), list(which)] = 1.0
+        corners = np.unique(self.corners @ gathered, axis=0)
+        effects = self.effects @ gathered
+        acting = np.abs(effects).max(axis=1) > 1e-12
+        first = [list(which).index(kind) for kind in range(kinds)]
+        axes = tuple(axis for axis, acts in zip(self.axes, acting, strict=True) if acts)
+        return Hull(self.points[first], corners, effects[acting], axes, self.sampled, self.without)
+
+
+def hull_of(evaluate: Callable[[Floats], Floats], dimensions: int) -> Hull:
+    """The hull of what a box of members gives.
+
+    Of which degree each number enters, and with which others it is multiplied, is found from values at points drawn at
+    random: for polynomials an accidental agreement has the probability 0.
+
+    - `evaluate`: from points of the box [P D] to some values of each member [P F], which show all that depends on it.
+    - `dimensions`: D.
+    """
+    middle = np.full(dimensions, 0.5)
+    if dimensions == 0:
+        one = np.ones((1, 1))
+        return Hull(middle[None], one, np.zeros((0, 1)), (), (), ())
+    degrees = _degrees(evaluate, dimensions)
+    groups = _groups(evaluate, degrees)
+    points, sampled = [middle], [k for k, degree in enumerate(degrees) if degree > 2]
+    single: list[tuple[int, int]] = []
+    controls: list[tuple[int, Floats]] = []
+    for group in groups:
+        if len(group) == 1 and degrees[group[0]] == 1:
+            single.append((group[0], len(points)))
+            points.append(_with(middle, group, np.ones(1)))
+            continue
+        shares, matrix = _control(degrees, group)
+        controls.append((len(points), matrix))
+        points += [_with(middle, group, one) for one in shares]
+    total = len(points)
+    base = np.eye(total)[:1]
+    effects, axes = [], []
+    for axis, k in single:
+        effects.append(np.eye(total)[k] - base[0])
+        axes.append(axis)
+    corners = base
+    for first, matrix in sorted(controls, key=lambda one: -len(one[1])):
+        there = np.zeros((len(matrix), total))
+        there[:, first : first + matrix.shape[1]] = matrix
+        if len(corners) == 1 or len(corners) * len(there) <= MOST_CORNERS:
+            corners = (corners[:, None] + (there - base)[None]).reshape(-1, total)
+        else:
+            # A convex mean of points lies in their middle and half of each one's distance from it, to both sides.
+            corners = corners + there.mean(axis=0) - base
+            effects += list(0.5 * (there - there.mean(axis=0)))
+            axes += [-1] * len(there)
+    without = tuple(k for k, degree in enumerate(degrees) if degree == 0)
+    listed = np.array(effects).reshape(-1, total)
+    return Hull(np.array(points), corners, listed, tuple(axes), tuple(sampled), without)
+
+
+def _degrees(evaluate: Callable[[Floats], Floats], dimensions: int) -> list[int]:
+    """Of each axis: 0 to 2, or 3 for all that is neither."""
+    base = np.random.default_rng(1).uniform(0.1, 0.9, dimensions)
+    shares = (0.0, 0.5, 1.0, PROBE)
+    points = [_with(base, (k,), np.array([share])) for k in range(dimensions) for share in shares]
+    values = evaluate(np.array(points)).reshape(dimensions, len(shares), -1)
+    scale = ROUNDING * max(float(np.abs(values).max()), 1e-300)
+    found = []
+    for low, half, high, probe in values:
+        line = low + PROBE * (high - low)
+        bend = half - 0.5 * (low + high)
+        parabola = line + 4.0 * PROBE * (1.0 - PROBE) * bend
+        if max(np.abs(high - low).max(), np.abs(bend).max(), np.abs(probe - low).max()) <= scale:
+            found.append(0)
+        elif max(np.abs(bend).max(), np.abs(probe - line).max()) <= scale:
+            found.append(1)
+        else:
+            found.append(2 if np.abs(probe - parabola).max() <= scale else 3)
+    return found
+
+
+def _groups(evaluate: Callable[[Floats], Floats], degrees: Sequence[int]) -> list[list[int]]:
+    """The axes that are multiplied by each other, as sets that add up."""
+    acting = [k for k, degree in enumerate(degrees) if degree]
+    pairs = list(combinations(acting, 2))
+    group = {k: {k} for k in acting}
+    if not pairs:
+        return [[k] for k in acting]
+    base = np.random.default_rng(2).uniform(0.1, 0.9, len(degrees))
+    ends = [np.array(one) for one in ((0.0, 0.0), (0.0, 1.0), (1.0, 0.0), (1.0, 1.0))]
+    values = evaluate(np.array([_with(base, pair, end) for pair in pairs for end in ends]))
+    values = values.reshape(len(pairs), 4, -1)
+    scale = ROUNDING * max(float(np.abs(values).max()), 1e-300)
+    mixed = np.abs(values[:, 3] - values[:, 2] - values[:, 1] + values[:, 0]).max(axis=1)
+    for (i, j), size in zip(pairs, mixed, strict=True):
+        if size > scale and group[i] is not group[j]:
+            joined = group[i] | group[j]
+            for k in joined:
+                group[k] = joined
+    return [sorted(one) for one in {id(one): one for one in group.values()}.values()]
+
+
+def _control(degrees: Sequence[int], group: Sequence[int]) -> tuple[Floats, Floats]:
+    """Shares of a group's axes [P k], and the matrix from the values there to control values."""
+    nodes = {1: np.array([0.0, 1.0]), 2: np.array([0.0, 0.5, 1.0]), 3: np.linspace(0.0, 1.0, SAMPLED)}
+    matrices = {1: np.eye(2), 2: BERNSTEIN, 3: np.eye(SAMPLED)}
+    shares = np.stack(np.meshgrid(*(nodes[degrees[k]] for k in group), indexing="ij"), axis=-1).reshape(-1, len(group))
+    if len(shares) > MOST_POINTS:
+        raise ValueError(f"{len(group)} uncertain numbers that are multiplied by each other are too many")
+    return shares, reduce(np.kron, (matrices[degrees[k]] for k in group))
+
+
+def _with(point: Floats, axes: Sequence[int], shares: Floats) -> Floats:
+    """The point with other shares of some axes."""
+    found = point.copy()
+    found[list(axes)] = shares
+    return found

@@ -1,0 +1,128 @@
+"""What a set asks of the loops of a law that has learnt its arm."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from slidax.adaptation import JointLearning
+from slidax.controllers import SampledData
+from slidax.robots import Articulated
+from slidax.scenarios import Scenario
+from slidax.simulation import Plant
+
+from ..verdict import Assumption
+from .beside import Beside, beside_of
+from .evaluated import Floats
+from .hull import Hull, hull_of
+from .members import Members
+from .motion import Belief, Motion, needed, outer
+from .ratios import ratios
+
+MOST_ARMS = 16
+"""Members at ends of what changes the inertia, each with a belief of its own."""
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What is asked of the loops, as in `Demand`; `arms`: at how many members κ was looked at."""
+
+    push: Floats
+    effects: Floats
+    kappa: Floats
+    coupling: Floats
+    beside: Beside
+    arms: int
+    assumptions: Sequence[Assumption]
+
+
+def learns(scenario: Scenario) -> bool:
+    """Whether the law learns the inertia of its joints.
+
+    - `scenario`: whose law.
+    """
+    law = scenario.controller
+    return isinstance(law, SampledData) and isinstance(law.adaptation, JointLearning)
+
+
+def after_learning(members: Members, belief: Belief, hull: Hull, plants: list[Plant], motion: Motion) -> Asked:
+    """What is asked for once the law believes `M̂_ii = M_ii`, in the mean along the motion, and the true friction.
+
+    `M̂⁻¹` is not linear in what is uncertain, so that members between the ends of the set are not proved to ask for less.
+
+    - `members`: of the set.
+    - `belief`: the arm as the law believes it to be at first.
+    - `hull`, `plants`: how the set enters, and the arms of its points.
+    - `motion`: along which.
+    """
+    points = members.ends(hull.without)[: MOST_ARMS + 1]
+    arms = members.plants(points)
+    beliefs = [learnt_of(members.scenario, belief, arm, motion) for arm in arms]
+    free = [k for k in range(len(members.axes)) if not members.is_inertial(k)]
+
+    def rubbed(given: list[Plant]) -> Floats:
+        learned = [learnt_of(members.scenario, belief, one, motion) for one in given]
+        compensated = np.array([one.friction(motion.dq) for one in learned])
+        return outer(given, motion) + compensated
+
+    def at(shares: Floats) -> list[Plant]:
+        full = np.full((len(shares), len(members.axes)), 0.5)
+        full[:, free] = shares
+        return members.plants(full)
+
+    few = motion.every(64)
+    outside = hull_of(lambda shares: outer(at(shares), few).reshape(len(shares), -1), len(free))
+    sides, parts = outside.of(rubbed(at(outside.points)))
+    push, effects = [], []
+    for arm, known in zip(arms, beliefs, strict=True):
+        mass, bias = known.mass_and_bias(motion.t, motion.q, motion.dq)
+        lacks = np.einsum("kij,kj->ki", mass, motion.ddq) + bias - needed([arm], motion)[1][0]
+        push.append(np.linalg.solve(mass[None], (lacks + sides)[..., None])[..., 0])
+        one = np.linalg.solve(mass[None], parts[..., None])[..., 0] if len(parts) else parts
+        effects += [one] * len(sides)
+    kappa, coupling = ratios(arms, beliefs, motion)
+    pushes = np.concatenate(push)
+    largest = (np.abs(pushes) + np.abs(np.array(effects)).sum(axis=1)).max(axis=0)
+    texts = (
+        (
+            "the law has learnt: it believes each joint's mean inertia along the motion, and its Coulomb friction, within "
+            "the ends that it may learn",
+            "assumed",
+        ),
+        (f"the set between its ends in inertia: {len(arms)} members were looked at", "checked"),
+    )
+    return Asked(
+        push=pushes,
+        effects=np.array(effects),
+        kappa=kappa,
+        coupling=coupling,
+        beside=beside_of(belief, motion, plants, hull, largest[None], beliefs),
+        arms=len(arms),
+        assumptions=[Assumption(text, status) for text, status in texts],  # type: ignore[arg-type]
+    )
+
+
+def learnt_of(scenario: Scenario, belief: Belief, plant: Plant, motion: Motion) -> Belief:
+    """What the law believes of a member once it has learnt.
+
+    - `scenario`: whose law.
+    - `belief`: what it believes at first.
+    - `plant`: the member.
+    - `motion`: along which it learns.
+    """
+    law = scenario.controller
+    assert isinstance(law, SampledData) and isinstance(law.adaptation, JointLearning) and belief.counted is not None
+    learning, few = law.adaptation, motion.every(64)
+    known = replace(belief, rotor=None).mass_and_bias(few.t, few.q, few.dq)[0]
+    own = np.diagonal(known, axis1=1, axis2=2).mean(axis=0)
+    true = np.diagonal(needed([plant], few)[0][0], axis1=1, axis2=2).mean(axis=0)
+    links = own - belief.counted
+    rotor = np.clip(
+        belief.counted + true - own,
+        np.asarray(learning.rotor_min) - 0.6 * links,
+        np.asarray(learning.rotor_max) + links,
+    )
+    rubs = np.asarray(plant.robot.coulomb) if isinstance(plant.robot, Articulated) else np.zeros_like(own)
+    return replace(belief, rotor=rotor, coulomb=np.clip(rubs, 0.0, np.asarray(learning.coulomb_max)))

@@ -1,0 +1,236 @@
+"""Which arms and outer forces the uncertainty of a scenario allows."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import product
+from typing import Any
+
+import equinox as eqx
+import jax
+import numpy as np
+
+from slidax._errors import DefinitionError
+from slidax.scenarios import Scenario
+from slidax.scenarios.family import UNTRACEABLE, Family
+from slidax.scenarios.uncertainty import AbstractSet, Leaf, with_values
+from slidax.scenarios.uncertainty.sets import Ball
+from slidax.simulation import Plant
+
+from .evaluated import Floats
+
+MOVES = ("robot", "disturbance")
+"""The blocks of a scenario file that say what moves and pushes the arm."""
+
+CHUNK = 64
+"""Members that are built together."""
+
+MOST_ENDS = 256
+"""Corners of a box that are looked at, one by one."""
+
+
+@dataclass(frozen=True)
+class Axis:
+    """One number, or some that move together, from one end to the other.
+
+    - `path`: in the scenario file.
+    - `entry`: which of its numbers; None for all of them together.
+    - `lower`, `upper`: its ends, of the shape of the whole value.
+    """
+
+    path: str
+    entry: int | None
+    lower: Floats
+    upper: Floats
+
+    @property
+    def name(self) -> str:
+        """As it is called in a text."""
+        return self.path if self.entry is None else f"{self.path}[{self.entry}]"
+
+    def moved(self, value: Floats, share: Floats) -> Floats:
+        """The values [P ...] with this axis at shares of its way [P].
+
+        - `value`: before.
+        - `share`: 0 at the lower end, 1 at the upper one.
+        """
+        reached = self.lower + share.reshape(-1, *[1] * self.lower.ndim) * (self.upper - self.lower)
+        if self.entry is None:
+            return reached
+        here = np.arange(self.lower.size).reshape(self.lower.shape) == self.entry
+        return np.where(here, reached, value)
+
+
+@dataclass(frozen=True, eq=False)
+class Members:
+    """The true arms that a scenario allows: points of a box, one axis for each number that is uncertain.
+
+    - `scenario`: with the law that does not know which of them it moves.
+    - `family`: which arms; that of the scenario's own `uncertainty` if it was not given.
+    """
+
+    scenario: Scenario
+    family: Family
+
+    @classmethod
+    def of(cls, scenario: Scenario, family: Family | None = None) -> Members:
+        """The members of a scenario's set.
+
+        - `scenario`: whose.
+        - `family`: another set than that of the scenario's own `uncertainty`, such as a study's.
+
+        Raises DefinitionError if a set is invalid.
+        """
+        return cls(scenario, Family.of(scenario.description) if family is None else family)
+
+    @cached_property
+    def axes(self) -> tuple[Axis, ...]:
+        """What can be otherwise of the arm and of what pushes it."""
+        space = self.family.uncertain
+        found: list[Axis] = []
+        for path, one in space.sets.items():
+            if path.split(".")[0] in MOVES:
+                found += _axes(path, one, space.leaves[path])
+        return tuple(found)
+
+    @property
+    def beside(self) -> tuple[str, ...]:
+        """The paths of what is uncertain, and is neither of the arm nor of what pushes it: sensors, drives, start."""
+        return tuple(path for path in self.family.uncertain.sets if path.split(".")[0] not in MOVES)
+
+    @cached_property
+    def plant(self) -> Plant:
+        """The scenario's own arm, with what it carries and what pushes it."""
+        plant = self.scenario.plant
+        own = plant if isinstance(plant, Plant) else plant.own
+        return Plant(own.robot, own.disturbance, load=own.load)
+
+    def values(self, points: Floats) -> dict[str, Floats]:
+        """What a scenario file would have, by path, with the member as the first axis.
+
+        - `points`: of the box [P D], shares from 0 to 1.
+        """
+        found: dict[str, Floats] = {}
+        for k, axis in enumerate(self.axes):
+            before = found.get(axis.path, np.broadcast_to(axis.lower, (len(points), *axis.lower.shape)))
+            found[axis.path] = axis.moved(before, points[:, k])
+        return found
+
+    def plants(self, points: Floats) -> list[Plant]:
+        """The true arms, with what they carry and what pushes them; no sensors, no drives.
+
+        - `points`: of the box [P D], shares from 0 to 1.
+
+        Raises DefinitionError if there is no such arm.
+        """
+        if not self.axes:
+            return [self.plant] * len(points)
+        values = self.values(np.asarray(points, float))
+        try:
+            numbers = [self._numbers({path: some[k : k + CHUNK] for path, some in values.items()}) for k in self._chunks(points)]
+        except UNTRACEABLE:
+            return [self._plant({path: some[k] for path, some in values.items()}) for k in range(len(points))]
+        rest = eqx.filter(self._plant({path: some[0] for path, some in values.items()}), eqx.is_array, inverse=True)
+        return [
+            eqx.combine(jax.tree.map(lambda leaf, k=k: leaf[k], some), rest)  # type: ignore[misc]
+            for some in numbers
+            for k in range(len(jax.tree.leaves(some)[0]))
+        ]
+
+    def ends(self, without: Sequence[int] = ()) -> Floats:
+        """The middle of the box, and its corners in what can change the inertia [P D], drawn at random if they are many.
+
+        - `without`: axes that change nothing.
+        """
+        count = len(self.axes)
+        acting = [k for k in range(count) if k not in without and self.is_inertial(k)]
+        if 2 ** len(acting) <= MOST_ENDS:
+            shares = np.array(list(product((0.0, 1.0), repeat=len(acting))))
+        else:
+            shares = np.random.default_rng(4).integers(0, 2, (MOST_ENDS, len(acting))).astype(float)
+            shares[:2] = [[0.0] * len(acting), [1.0] * len(acting)]
+        points = np.full((len(shares) + 1, count), 0.5)
+        points[1:, acting] = shares.reshape(len(shares), len(acting))
+        return points if acting else points[:1]
+
+    def is_inertial(self, axis: int) -> bool:
+        """Whether a number can change the inertia.
+
+        - `axis`: its number.
+        """
+        path = self.axes[axis].path
+        return path.startswith("robot.") and path.split(".")[-1] not in ("coulomb", "viscous", "gravity_acceleration")
+
+    @staticmethod
+    def _chunks(points: Floats) -> range:
+        return range(0, len(points), CHUNK)
+
+    def _numbers(self, values: dict[str, Floats]) -> Any:
+        """The arrays of some arms, with the arm as their first axis."""
+        count = len(next(iter(values.values())))
+        # One size, so that it is compiled once.
+        filled = {path: np.resize(some, (CHUNK, *some.shape[1:])) for path, some in values.items()}
+        return jax.tree.map(lambda leaf: np.asarray(leaf)[:count], self._compiled(filled))
+
+    @cached_property
+    def _compiled(self) -> Any:
+        def one(given: dict[str, Any]) -> Any:
+            # What does not depend on the given values is known, and checked, while this is traced.
+            with jax.ensure_compile_time_eval():
+                return eqx.filter(self._plant(given), eqx.is_array)
+
+        return jax.jit(jax.vmap(one))
+
+    @cached_property
+    def _actual(self) -> Any:
+        """The scenario as it is, with every path leading somewhere."""
+        middle = self.values(np.full((1, len(self.axes)), 0.5))
+        return self.family.case({path: some[0] for path, some in middle.items()}).as_it_is()
+
+    def _plant(self, values: dict[str, Any]) -> Plant:
+        actual = with_values(self._actual, values)
+        arms = actual.robot.build()
+        return Plant(arms.true, actual.disturbance.build(), load=arms.load)
+
+
+SHARES = np.linspace(0.0, 1.0, 9)
+
+
+def _axes(path: str, one: AbstractSet, leaf: Leaf) -> list[Axis]:
+    """The axes of a set: a box that holds it, as long as it is no line."""
+    if isinstance(one, Ball):
+        own = leaf.own_value("ball")
+        lower, upper = own - one.ball, own + one.ball
+    else:
+        width = one.coordinates(leaf)
+        ends = np.where(SHARES < 1.0, SHARES, np.nextafter(1.0, 0.0))
+        drawn = np.asarray(one.values(np.repeat(ends[:, None], width, axis=1), leaf), float)
+        lower, upper = drawn.min(axis=0), drawn.max(axis=0)
+        if width == 1 and _is_a_line(drawn, lower, upper):
+            return [] if (lower == upper).all() else [Axis(path, None, *_of_a_line(drawn))]
+    flat_lower, flat_upper = lower.reshape(-1), upper.reshape(-1)
+    if leaf.integer:
+        raise DefinitionError("a whole number of the arm or its disturbance cannot be certified", where=path)
+    return [Axis(path, k, lower, upper) for k in np.flatnonzero(flat_lower < flat_upper).tolist()]
+
+
+def _of_a_line(drawn: Floats) -> tuple[Floats, Floats]:
+    """The ends of the values: where the first number that varies has its least and its largest."""
+    flat = drawn.reshape(len(drawn), -1)
+    varies = int(np.argmax(np.ptp(flat, axis=0) > 0))
+    return drawn[int(np.argmin(flat[:, varies]))], drawn[int(np.argmax(flat[:, varies]))]
+
+
+def _is_a_line(drawn: Floats, lower: Floats, upper: Floats) -> bool:
+    """Whether all of its numbers go from end to end together, each by the same share of its way."""
+    first, last = _of_a_line(drawn)
+    flat = drawn.reshape(len(drawn), -1)
+    width = (last - first).reshape(-1)
+    varies = np.abs(width) > 0
+    if (np.ptp(flat, axis=0)[~varies] > 0).any():
+        return False
+    shares = (flat - first.reshape(-1))[:, varies] / width[varies]
+    return bool((np.ptp(shares, axis=1) < 1e-9).all()) if varies.any() else True
+

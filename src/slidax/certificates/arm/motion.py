@@ -1,0 +1,197 @@
+"""The scenario's motion, what its law believes along it, and which torque it lacks for a true arm."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from slidax._errors import DefinitionError
+from slidax._types import State
+from slidax.adaptation.believed import with_rotors
+from slidax.controllers import SampledData
+from slidax.robots import AbstractRobot, Articulated
+from slidax.scenarios import Scenario
+from slidax.simulation import Plant
+
+from .evaluated import Floats, friction, mass_and_bias, pushed, unloaded
+
+
+@dataclass(frozen=True, eq=False)
+class Belief:
+    """The arm as a law believes it to be at first: `M̂ = S (M0 + diag(J - J0)) S` and `F̂ = f tanh(q̇_d/v_s)`.
+
+    - `robot`: M0, C0 and G0.
+    - `rotor`, `counted`: J and J0 [n]; None for a law that learns nothing, where `M̂ = M0`.
+    - `coulomb`, `smoothing`: f and v_s [n].
+    - `like`: an arm whose machine code may do for this one.
+    """
+
+    robot: AbstractRobot
+    rotor: Floats | None
+    counted: Floats | None
+    coulomb: Floats
+    smoothing: Floats
+    like: Plant
+
+    @classmethod
+    def of(cls, scenario: Scenario, like: Plant) -> Belief:
+        """What a scenario's law believes before it has learnt anything.
+
+        - `scenario`: whose.
+        - `like`: an arm whose machine code may do for this one.
+
+        Raises DefinitionError for a law without a model.
+        """
+        law: Any = scenario.controller
+        robot = getattr(law, "nominal", None)
+        if not isinstance(robot, AbstractRobot):
+            raise DefinitionError(f"`{scenario.scheme}` has no model of the arm, so that nothing is asked of it")
+        n = robot.joints
+        adaptation = law.adaptation if isinstance(law, SampledData) else None
+        if adaptation is None:
+            return cls(robot, None, None, np.zeros(n), np.ones(n), like)
+        learnt = adaptation.learnt(adaptation.init(State(q=jnp.zeros(n), dq=jnp.zeros(n))))
+        rotor, counted, coulomb, smoothing = (
+            np.broadcast_to(np.asarray(one, float), n)
+            for one in (learnt.rotor, adaptation.counted, learnt.coulomb, adaptation.smoothing)
+        )
+        return cls(robot, rotor, counted, coulomb, smoothing, like)
+
+    def friction(self, dq: Floats) -> Floats:
+        """F̂ [N n], N m or N, at the reference's velocities.
+
+        - `dq`: these [N n].
+        """
+        return self.coulomb * np.tanh(dq / self.smoothing)
+
+    def mass_and_bias(self, t: Floats, q: Floats, dq: Floats) -> tuple[Floats, Floats]:
+        """M̂ [N n n] and C0 q̇ + G0 [N n].
+
+        - `t`: times [N], s.
+        - `q`, `dq`: positions and velocities [N n].
+        """
+        mass, bias = mass_and_bias(self.robot, unloaded(self.robot, self.like), t, q, dq)
+        if self.rotor is not None:
+            assert self.counted is not None
+            if (self.rotor >= 0).all():
+                return mass + np.diag(self.rotor - self.counted), bias
+            mass = np.asarray(_with_rotors(mass, self.rotor, self.counted))
+        return mass, bias
+
+
+@jax.jit
+def _with_rotors(mass: Any, rotor: Any, counted: Any) -> Any:
+    return jax.vmap(with_rotors, in_axes=(0, None, None))(mass, rotor, counted)
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """States at times, with the acceleration that the law asks for there.
+
+    - `t`: times [N], s.
+    - `q`, `dq`, `ddq`: positions, velocities, and the mean acceleration over the period that begins [N n].
+    """
+
+    t: Floats
+    q: Floats
+    dq: Floats
+    ddq: Floats
+
+    @classmethod
+    def of(cls, scenario: Scenario) -> Motion:
+        """The scenario's reference at each sample from the start to its end.
+
+        - `scenario`: whose.
+        """
+        h, n = scenario.period, round(scenario.t1 / scenario.period)
+        t = h * np.arange(max(n, 1) + 1)
+        reference = _reference(scenario.trajectory, jnp.asarray(t))
+        q, dq = np.asarray(reference.q), np.asarray(reference.dq)
+        return cls(t[:-1], q[:-1], dq[:-1], np.diff(dq, axis=0) / h)
+
+    def beside(self, q: Floats, dq: Floats) -> Motion:
+        """The same at other states.
+
+        - `q`, `dq`: how far beside, [n] or [N n].
+        """
+        return Motion(self.t, self.q + q, self.dq + dq, self.ddq)
+
+    def every(self, instants: int) -> Motion:
+        """Some of the states, equally far apart.
+
+        - `instants`: about how many.
+        """
+        step = max(1, len(self.t) // instants)
+        return Motion(self.t[::step], self.q[::step], self.dq[::step], self.ddq[::step])
+
+    @cached_property
+    def joints(self) -> int:
+        """How many there are."""
+        return int(self.q.shape[1])
+
+
+@eqx.filter_jit
+def _reference(trajectory: Any, t: Any) -> Any:
+    return jax.vmap(trajectory.reference)(t)
+
+
+def kinds_of(plants: list[Plant]) -> tuple[list[Plant], list[int]]:
+    """One arm of each inertia, and the number of each arm's kind: those that differ in friction or forces are alike.
+
+    - `plants`: P arms.
+    """
+    keys: dict[Any, int] = {}
+    kinds, which = [], []
+    for plant in plants:
+        key = _inertial_key(plant)
+        if key not in keys:
+            keys[key] = len(kinds)
+            kinds.append(plant)
+        which.append(keys[key])
+    return kinds, which
+
+
+def needed(plants: list[Plant], motion: Motion) -> tuple[Floats, Floats]:
+    """M [P N n n], and `M q̈ + C q̇ + G` without friction and outer forces [P N n], of true arms along a motion.
+
+    - `plants`: P arms.
+    - `motion`: N states.
+    """
+    found = [mass_and_bias(plant.robot, plant.load, motion.t, motion.q, motion.dq) for plant in plants]
+    masses = np.array([mass for mass, _ in found])
+    return masses, np.einsum("pkij,kj->pki", masses, motion.ddq) + np.array([bias for _, bias in found])
+
+
+def outer(plants: list[Plant], motion: Motion) -> Floats:
+    """`τ_d - F` of true arms along a motion [P N n], N m or N.
+
+    - `plants`: P arms.
+    - `motion`: N states.
+    """
+    done: dict[Any, Floats] = {}
+    found = []
+    for plant in plants:
+        key = _key(plant.disturbance)
+        if key not in done:
+            done[key] = pushed(plant, motion.t, motion.q, motion.dq)
+        found.append(done[key] - friction(plant.robot, motion.dq))
+    return np.array(found)
+
+
+def _inertial_key(plant: Plant) -> Any:
+    robot = plant.robot
+    if isinstance(robot, Articulated):
+        nothing = np.zeros(robot.joints)
+        robot = eqx.tree_at(lambda arm: (arm.coulomb, arm.viscous), robot, (nothing, nothing))
+    return _key((robot, plant.load))
+
+
+def _key(tree: Any) -> Any:
+    leaves, structure = jax.tree.flatten(tree)
+    return structure, tuple(np.asarray(leaf).tobytes() for leaf in leaves)

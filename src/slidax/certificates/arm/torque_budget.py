@@ -1,0 +1,183 @@
+"""Whether the drives can give what the motion and the way to it ask for, in the worst case of the set."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from slidax._errors import DefinitionError
+from slidax.diagnosis import Remedy
+from slidax.scenarios import Scenario
+from slidax.scenarios.family import Family
+from slidax.scenarios.load import altered
+
+from ..demand import Demand
+from ..verdict import Assumption, Verdict
+from .approach import Approach, approach_of
+from .braking import room_to_brake
+from .demand import demand as demand_of
+from .evaluated import Floats
+from .members import Members
+from .motion import Belief, Motion
+
+NAME, TITLE = "torque_budget", "the drives can give it"
+
+LONGER = (1.5, 2.0, 3.0, 4.0)
+"""Times the deadline, in the search for one with which no limit is reached."""
+
+
+def torque_budget(scenario: Scenario, demand: Demand | None = None, family: Family | None = None) -> Verdict:
+    """Is the torque that the set can ask for, and its change from sample to sample, within the limits of the drives?
+
+    Along the motion it is computed: `τ = M̂ (q̈_r - w*) + n̂` of each member. On the way from the start to the reference
+    it is simulated, for members and starts at ends of the set. Where a limit is reached the proofs of the other
+    certificates do not apply until it is left again.
+
+    - `scenario`: with limits in `actuator`.
+    - `demand`: what its set asks for; found if not given.
+    - `family`: another set, such as a study's; the same as `demand` was found for.
+    """
+    members = Members.of(scenario, family)
+    n = members.plant.robot.joints
+    limit, rate = limits_of(scenario, n)
+    if not np.isfinite(limit).any() and not np.isfinite(rate).any():
+        said = "the drives have no limits: give `actuator.torque`, `actuator.rate`"
+        return Verdict(NAME, TITLE, None, None, {}, (), said)
+    demand = demand_of(scenario, family) if demand is None else demand
+    torque, step = along_the_motion(scenario, demand, members)
+    change = rate * scenario.period
+    approach = approach_of(members)
+    used = np.maximum(torque / limit, step / change)
+    reached = approach.reached(limit, change)
+    steady = float(used.max())
+    holds = bool(steady < 1.0 and not reached.any() and approach.ended)
+    share = max(steady, float(np.max(approach.peak / limit)), float(np.max(approach.step / change)))
+    braking = room_to_brake(scenario, members, limit, torque)
+    found: dict[str, Any] = {
+        "torque": torque,
+        "torque_step": step,
+        "approach_torque": approach.peak,
+        "approach_torque_step": approach.step,
+        "free_after": approach.free_after(limit, change),
+        "acceleration_left": braking.acceleration,
+        "recovery_room": braking.room(approach.error, approach.error_rate),
+        "braking_speed": braking.speed(scenario),
+    }
+    assumptions = [*demand.assumptions, _of_approach(approach, reached)]
+    return Verdict(
+        NAME,
+        TITLE,
+        holds,
+        1.0 - share,
+        found,
+        assumptions,
+        _statement(members, used, torque, limit, step, change, reached, found["free_after"]),
+        [] if holds else _remedies(scenario, family, steady, limit, change, torque, step),
+    )
+
+
+def along_the_motion(scenario: Scenario, demand: Demand, members: Members) -> tuple[Floats, Floats]:
+    """The largest torque, and the largest change of it in a period, of each joint over the set [n].
+
+    - `scenario`: whose motion.
+    - `demand`: what its set asks for.
+    - `members`: of the set.
+    """
+    belief, motion = Belief.of(scenario, members.plant), Motion.of(scenario)
+    mass, bias = belief.mass_and_bias(motion.t, motion.q, motion.dq)
+    known = np.einsum("kij,kj->ki", mass, motion.ddq) + bias + belief.coulomb * np.tanh(motion.dq / belief.smoothing)
+    torques = known - np.einsum("kij,mkj->mki", mass, demand.push)
+    parts = np.zeros((len(torques), 0, *known.shape))
+    if demand.effects is not None:
+        parts = np.einsum("kij,mekj->meki", mass, demand.effects)
+    torque = (np.abs(torques) + np.abs(parts).sum(axis=1)).max(axis=(0, 1))
+    steps = np.abs(np.diff(torques, axis=1)) + np.abs(np.diff(parts, axis=2)).sum(axis=1)
+    return torque, steps.max(axis=(0, 1)) if steps.shape[1] else np.zeros_like(torque)
+
+
+def limits_of(scenario: Scenario, joints: int) -> tuple[Floats, Floats]:
+    """Torque [n], N m or N, and its rate [n], N m/s or N/s, that the drives allow; inf without a limit.
+
+    - `scenario`: whose drives.
+    - `joints`: n.
+    """
+    actuator: Any = scenario.plant.actuator if hasattr(scenario.plant, "actuator") else scenario.plant.own.actuator
+    if actuator is None:
+        return np.full(joints, np.inf), np.full(joints, np.inf)
+    limits = actuator.limits
+    return tuple(np.broadcast_to(np.asarray(one, float), joints) for one in (limits.torque, limits.rate))  # type: ignore[return-value]
+
+
+def _of_approach(approach: Approach, reached: Floats) -> Assumption:
+    text = (
+        f"the way to the reference: {approach.runs} members and starts at ends of the set, simulated for "
+        f"{approach.until:.3g} s"
+    )
+    return Assumption(text, "fails" if reached.any() or not approach.ended else "checked")
+
+
+def _statement(
+    members: Members,
+    used: Floats,
+    torque: Floats,
+    limit: Floats,
+    step: Floats,
+    change: Floats,
+    reached: Floats,
+    free_after: Floats,
+) -> str:
+    robot = members.plant.robot
+    joint = int(np.argmax(used))
+    unit, name = robot.torque_units[joint], robot.joint_names[joint]
+    said = (
+        f"along the motion `{name}` uses {used[joint]:.0%} of its drive: up to {torque[joint]:.4g} of "
+        f"{limit[joint]:.4g} {unit}, and {step[joint]:.3g} of {change[joint]:.3g} {unit} a period"
+    )
+    if not reached.any():
+        return f"{said}; on the way to it no limit is reached"
+    first = int(np.argmax(np.where(reached, free_after, -1.0)))
+    return (
+        f"{said}; on the way to it limits are reached until t = {float(np.max(free_after)):.3g} s, the last by "
+        f"`{robot.joint_names[first]}`: the other certificates apply from then on"
+    )
+
+
+def _remedies(
+    scenario: Scenario,
+    family: Family | None,
+    steady: float,
+    limit: Floats,
+    change: Floats,
+    torque: Floats,
+    step: Floats,
+) -> list[Remedy]:
+    if steady >= 1.0:
+        enough = [float(f"{value:.3g}") for value in 1.15 * np.maximum(torque, limit / 1.15)]
+        faster = [float(f"{value:.3g}") for value in 1.15 * np.maximum(step, change / 1.15) / scenario.period]
+        changes: dict[str, Any] = {}
+        if (torque >= limit).any():
+            changes["actuator.torque"] = enough
+        if (step >= change).any():
+            changes["actuator.rate"] = faster
+        return [Remedy("take drives that give what the motion asks for, or go slower", changes)]
+    return _later(scenario, family, limit, change)
+
+
+def _later(scenario: Scenario, family: Family | None, limit: Floats, change: Floats) -> list[Remedy]:
+    """The shortest of some longer deadlines with which no limit is reached on the way."""
+    performance: Any = getattr(scenario.description.scheme, "performance", None)
+    deadline = getattr(performance, "deadline", None)
+    if deadline is None or family is not None or scenario.changed:
+        return []
+    for factor in LONGER:
+        value = (np.asarray(deadline, float) * factor).tolist()
+        try:
+            other = altered(scenario, {"scheme.performance.deadline": value})
+        except DefinitionError:
+            return []
+        approach = approach_of(Members.of(other), longest=scenario.t1)
+        if approach.ended and not approach.reached(limit, change).any():
+            said = "take more time for the way to the reference"
+            return [Remedy(said, {"scheme.performance.deadline": value})]
+    return []

@@ -1,0 +1,176 @@
+"""The smallest numbers of the uncertainty bound (19) that cover a set, by a linear program."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from slidax.controllers import SampledData
+from slidax.diagnosis import Remedy
+from slidax.reaching import StateBound, UncertaintyBound
+from slidax.scenarios import Scenario
+from slidax.scenarios.family import Family
+
+from ..verdict import Assumption, Verdict
+from .evaluated import Floats
+from .members import Members
+from .motion import Belief, Motion, needed, outer
+from .robust_torque import bound_of
+from .torque_budget import limits_of
+from .width import width_along
+
+NAME, TITLE = "uncertainty_bound", "b0, b1, b2 cover the set"
+
+MEMBERS, STATES = 32, 128
+"""Arms that are drawn, and states of each."""
+
+HELD_OUT = 4
+"""Times as many are drawn anew for a check."""
+
+SPARE = 1.02
+"""Beyond what was found, in a remedy."""
+
+
+@dataclass(frozen=True)
+class Samples:
+    """The lumped uncertainty (18) at states of members.
+
+    - `position`: ‖q‖ [S]; `speed`: ‖q̇‖² [S]; `torque`: ‖τ‖ [S].
+    - `lumped`: `‖(M0 M⁻¹ - I)(τ - b) - (b - b0)‖` [S], N m.
+    """
+
+    position: Floats
+    speed: Floats
+    torque: Floats
+    lumped: Floats
+
+
+def uncertainty_bound(scenario: Scenario, family: Family | None = None) -> Verdict:
+    """Do the law's b0, b1, b2 and γ bound the lumped uncertainty, `ρ <= b0 + b1‖q‖ + b2‖q̇‖² + γ‖τ‖` (19)?
+
+    ρ of (18) is `‖(M0 M⁻¹ - I)(τ - b) - (b - b0)‖`, b being weight, velocity forces and friction of the true arm less
+    what pushes it. The smallest b0, b1, b2 with the same γ, those with the least mean bound, follow from a linear program
+    over members and states drawn at random; others, drawn anew, check them.
+
+    - `scenario`: with a law that has such a bound.
+    - `family`: another set than the scenario's own, such as a study's.
+    """
+    bound = bound_of(scenario)
+    if not isinstance(bound, UncertaintyBound | StateBound):
+        return Verdict(NAME, TITLE, None, None, {}, (), f"`{scenario.scheme}` has no bound with b0, b1, b2")
+    gamma = float(bound.gamma) if isinstance(bound, UncertaintyBound) else 0.0
+    members = Members.of(scenario, family)
+    samples = samples_of(members, MEMBERS, seed=7)
+    least = smallest(samples, gamma)
+    fresh = samples_of(members, HELD_OUT * MEMBERS, seed=8)
+    missed = float(np.max(fresh.lumped - gamma * fresh.torque - _known(least, fresh)))
+    enough = least + np.array([max(missed, 0.0), 0.0, 0.0])
+    given = np.array([float(bound.b0), float(bound.b1), float(bound.b2)])
+    both = [
+        (one.lumped - gamma * one.torque) / np.maximum(_known(given, one), 1e-300) for one in (samples, fresh)
+    ]
+    share = float(max(one.max() for one in both))
+    numbers = {
+        "gamma": gamma,
+        "b0": float(enough[0]),
+        "b1": float(enough[1]),
+        "b2": float(enough[2]),
+        "held_out": max(missed, 0.0),
+        "share": share,
+    }
+    count = len(samples.lumped)
+    text = (
+        f"{MEMBERS} members of the set at {STATES} states each, and {HELD_OUT} times as many that were held out: errors "
+        "inside the envelope, speeds up to twice the motion's, torques within the limits"
+    )
+    found = (
+        f"b0 = {enough[0]:.4g} N m, b1 = {enough[1]:.4g} N m/rad, b2 = {enough[2]:.4g} N m s²/rad² with γ = {gamma:.3g} "
+        f"cover {(HELD_OUT + 1) * count} samples of (18)"
+    )
+    if isinstance(scenario.controller, SampledData):
+        said = f"in sampled-data form u need only cover what the model lacks on the motion (`robust_torque`); {found}"
+        return Verdict(NAME, TITLE, None, None, numbers, (Assumption(text, "checked"),), said)
+    holds = share <= 1.0
+    said = f"the law's b0, b1, b2 are {'enough' if holds else 'too small'} (19), {share:.0%} of them are needed; {found}"
+    return Verdict(
+        NAME,
+        TITLE,
+        holds,
+        1.0 - share,
+        numbers,
+        (Assumption(text, "checked"),),
+        said,
+        [] if holds else [_remedy(enough)],
+    )
+
+
+def samples_of(members: Members, count: int, seed: int) -> Samples:
+    """Members and states of a set, drawn at random, half of the members at ends of it.
+
+    - `members`: of the set.
+    - `count`: how many members.
+    - `seed`: of what is drawn.
+    """
+    scenario = members.scenario
+    random = np.random.default_rng(seed)
+    points = random.uniform(size=(count, len(members.axes)))
+    points[: count // 2] = np.round(points[: count // 2])
+    plants = members.plants(points)
+    motion = Motion.of(scenario)
+    belief = Belief.of(scenario, members.plant)
+    n = motion.joints
+    width = width_along(scenario, motion.t)
+    reach = np.zeros(n) if width is None else width
+    fastest = np.maximum(np.abs(motion.dq).max(axis=0), 1e-3)
+    limit, _ = limits_of(scenario, n)
+    found: list[list[Floats]] = []
+    for plant in plants:
+        k = random.integers(0, len(motion.t), STATES)
+        radius = reach if width is None else width[k]
+        q = motion.q[k] + random.uniform(-1.0, 1.0, (STATES, n)) * radius
+        dq = random.uniform(-2.0, 2.0, (STATES, n)) * fastest
+        ddq = random.uniform(-2.0, 2.0, (STATES, n)) * np.abs(motion.ddq).max(axis=0)
+        states = Motion(motion.t[k], q, dq, ddq)
+        mass, torque = (one[0] for one in needed([plant], states))
+        tau = torque - outer([plant], states)[0]
+        tau = np.clip(tau, -limit, limit)
+        b = torque - np.einsum("kij,kj->ki", mass, ddq) - outer([plant], states)[0]
+        m0, b0 = belief.mass_and_bias(states.t, q, dq)
+        acceleration = np.linalg.solve(mass, (tau - b)[..., None])[..., 0]
+        lumped = np.einsum("kij,kj->ki", m0, acceleration) - (tau - b) - (b - b0)
+        squares = (dq * dq).sum(axis=1)
+        norms = [np.linalg.norm(one, axis=1) for one in (q, tau, lumped)]
+        found.append([norms[0], squares, norms[1], norms[2]])
+    return Samples(*(np.concatenate([one[k] for one in found]) for k in range(4)))
+
+
+def smallest(samples: Samples, gamma: float) -> Floats:
+    """b0, b1, b2 >= 0 that cover all samples, with the least mean of `b0 + b1‖q‖ + b2‖q̇‖²`.
+
+    - `samples`: to be covered.
+    - `gamma`: γ.
+    """
+    from scipy.optimize import linprog
+
+    rows = np.stack([np.ones_like(samples.position), samples.position, samples.speed], axis=1)
+    solved = linprog(rows.mean(axis=0), A_ub=-rows, b_ub=gamma * samples.torque - samples.lumped, bounds=[(0, None)] * 3)
+    # There always is one: b0 alone can cover everything.
+    assert solved.success, solved.message
+    found: Floats = np.asarray(solved.x)
+    return found
+
+
+def _known(numbers: Floats, samples: Samples) -> Floats:
+    found: Floats = numbers[0] + numbers[1] * samples.position + numbers[2] * samples.speed
+    return found
+
+
+def _remedy(enough: Floats) -> Remedy:
+    changes: dict[str, Any] = {
+        f"scheme.bound.{name}": float(f"{SPARE * value:.3g}")
+        for name, value in zip(("b0", "b1", "b2"), enough, strict=True)
+    }
+    return Remedy("take the smallest that cover the set", changes)
+

@@ -1,0 +1,91 @@
+"""No posture of an arm exceeds its constants, and they are not far from what is attained."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from slidax.certificates.arm import arm_constants
+from slidax.robots import Scara, TwoLink, from_urdf, panda, ur5e
+
+STATES = 4000
+
+
+def worst(robot, seed):
+    random = np.random.default_rng(seed)
+    turns = np.array([unit == "rad" for unit in robot.joint_units])
+    q = np.where(turns, random.uniform(-np.pi, np.pi, (STATES, robot.joints)), random.uniform(-0.5, 0.5, (STATES, robot.joints)))
+    q, dq = jnp.asarray(q), jnp.asarray(random.normal(size=(STATES, robot.joints)))
+    mass = np.asarray(jax.jit(jax.vmap(robot.mass))(q))
+    weight = np.asarray(jax.jit(jax.vmap(robot.gravity))(q))
+    bias = np.asarray(jax.jit(jax.vmap(robot.bias))(q, dq))
+    values = np.linalg.eigvalsh(mass)
+    half = STATES // 2
+    apart = np.linalg.norm(np.asarray(q[:half] - q[half:]), axis=1)
+    return {
+        "largest": values.max(),
+        "least": values.min(),
+        "weight": np.abs(weight).max(axis=0),
+        "mass_slope": (np.linalg.norm(mass[:half] - mass[half:], ord=2, axis=(1, 2)) / apart).max(),
+        "weight_slope": (np.linalg.norm(weight[:half] - weight[half:], axis=1) / apart).max(),
+        "coriolis": (np.linalg.norm(bias - weight, axis=1) / (np.asarray(dq) ** 2).sum(axis=1)).max(),
+    }
+
+
+def require_bounded(robot, seed):
+    found, seen = arm_constants(robot), worst(robot, seed)
+    assert found.inertia_max >= seen["largest"] * (1 - 1e-12)
+    assert 0 <= found.inertia_min <= seen["least"] * (1 + 1e-12)
+    assert (found.weight >= seen["weight"] * (1 - 1e-12) - 1e-12).all()
+    assert found.mass_slope >= seen["mass_slope"] * (1 - 1e-12)
+    assert found.weight_slope >= seen["weight_slope"] * (1 - 1e-12)
+    assert found.coriolis >= seen["coriolis"] * (1 - 1e-12)
+    return found, seen
+
+
+def test_two_links_have_their_constants_to_a_thousandth():
+    robot = TwoLink(lengths=[1.0, 0.8], masses=[0.5, 1.5], inertias=[5.0, 5.0], gravity_acceleration=9.8)
+    found, seen = require_bounded(robot, 0)
+    mass = np.array([np.asarray(robot.mass(jnp.array([0.0, q]))) for q in np.linspace(0, np.pi, 181)])
+    values = np.linalg.eigvalsh(mass)
+    assert found.inertia_max == pytest.approx(values.max(), rel=1e-3)
+    assert found.inertia_min == pytest.approx(values.min(), rel=1e-3)
+    # G = [(m1 + m2) l1 g cos q1 + m2 l2 g cos(q1 + q2), ...]
+    assert found.weight == pytest.approx([2.0 * 9.8 + 1.2 * 9.8, 1.2 * 9.8], rel=2e-2)
+
+
+def test_an_arm_with_a_joint_that_slides_keeps_within_its_constants():
+    robot = Scara(lengths=[1.0, 0.8], masses=[0.5, 1.5, 1.0])
+    require_bounded(robot, 1)
+
+
+@pytest.mark.parametrize("arm", [panda, ur5e], ids=["panda", "ur5e"])
+def test_a_ready_arm_keeps_within_its_constants(arm):
+    found, seen = require_bounded(arm(), 2)
+    assert found.inertia_max < 1.6 * seen["largest"]
+
+
+LINK = """<link name="l{k}"><inertial><origin xyz="{c}" rpy="{r}"/><mass value="{m}"/>
+<inertia ixx="{i[0]}" iyy="{i[1]}" izz="{i[2]}" ixy="0" ixz="0" iyz="0"/></inertial></link>"""
+JOINT = """<joint name="j{k}" type="{kind}"><parent link="l{p}"/><child link="l{k}"/><origin xyz="{o}" rpy="{r}"/>
+<axis xyz="0 0 1"/><limit lower="-.5" upper=".5" effort="10" velocity="1"/></joint>"""
+
+
+def random_arm(folder, seed):
+    """A chain of one to seven joints, one in five of which slides."""
+    random = np.random.default_rng(seed)
+    numbers = lambda low, high: " ".join(f"{x:.4f}" for x in random.uniform(low, high, 3))  # noqa: E731
+    parts = ['<link name="l0"/>']
+    for k in range(1, int(random.integers(1, 8)) + 1):
+        kind = "prismatic" if random.uniform() < 0.2 else "revolute"
+        moments = random.uniform(0.01, 0.015, 3)
+        parts.append(LINK.format(k=k, c=numbers(-0.1, 0.1), r=numbers(-2, 2), m=random.uniform(0.2, 4.0), i=moments))
+        parts.append(JOINT.format(k=k, p=k - 1, kind=kind, o=numbers(-0.4, 0.4), r=numbers(-2, 2)))
+    path = folder / f"arm-{seed}.urdf"
+    path.write_text(f'<robot name="random">{"".join(parts)}</robot>')
+    return from_urdf(path)
+
+
+@pytest.mark.parametrize("seed", [*range(3), *(pytest.param(k, marks=pytest.mark.full) for k in range(3, 40))])
+def test_random_chains_keep_within_their_constants(tmp_path, seed):
+    require_bounded(random_arm(tmp_path, seed), seed)
