@@ -13,7 +13,7 @@ from slidax.transformations import Sides
 
 from ..demand import Demand
 from .cells import cells_of
-from .kernels import ERROR, LED, OUTPUTS, Kernels
+from .kernels import ACCELERATION, ERROR, LED, OUTPUTS, Kernels
 from .narrowing import Narrowing
 from .noise import Noise
 from .propagation import Bounds, Course, Passing, propagated
@@ -66,8 +66,8 @@ class Assembly:
         times = self.samples * law.joints * OUTPUTS
         self.noise_size = self.noise.size(h, self.kernels.noise, self.kernels.noise_square, times, chance)
         self.noise_start = self.noise.start(h, times, chance)
-        self.heavy, self.light = subject.inertia(self.set_in)
-        self._known: tuple[Floats, Floats, Floats] | None = None
+        self.heavy = subject.heavy(self.set_in)
+        self._known: tuple[Floats, Floats] | None = None
 
     @property
     def stable(self) -> bool:
@@ -87,69 +87,71 @@ class Assembly:
             drawn, self.sides, period=self.period, horizon=self.horizon, times=self.set_in
         )
         first, aims = self._first(narrowing)
-        known, bend = self._known_of(aims)
-        bounds = propagated(self._course(), self._passing(narrowing, known, bend), self.e, first)
+        bounds = propagated(self._course(), self._passing(narrowing, *self._known_of(aims)), self.e, first)
         share = self._share(bounds, drawn)
         return Certified(
             self.subject, narrowing, bounds, share, self.kappa, self.spread, np.max(self.noise_size[ERROR], axis=1)
         )
 
     def _first(self, narrowing: Narrowing) -> tuple[tuple[Floats, Floats], Floats]:
-        """Bounds of s and of p's spread at the first sample, and the p that is held in what is known."""
+        """Bounds of p's spread and of p - ŷ at the first sample, and the p that is held in what is known."""
         y = self.e + narrowing.lead * self.de
         noise = np.max(self.noise_size[LED], axis=1) + self.noise_start[0] + narrowing.lead * self.noise_start[1]
         now, ahead = narrowing.now[0], narrowing.ahead[0]
         sides = Sides(jnp.asarray(narrowing.lower), jnp.asarray(narrowing.upper))
-        found = []
-        for led in (y - noise, y, y + noise):
-            target = jnp.stack([jnp.maximum(-led, 0.0), jnp.maximum(led, 0.0)])
-            target = target + 0.0 * jnp.asarray(now)
-            _, place, _ = aimed(
-                self.subject.surface, sides, jnp.asarray(now), jnp.asarray(self.horizon), target, jnp.zeros_like(target)
-            )
-            frame = self.subject.drawn.frame(
-                jnp.asarray(self.set_in[0]), jnp.asarray(narrowing.lead), jnp.asarray(self.horizon), self.sides
-            )
-            pull = self.subject.surface.pull_and_slope(frame.transformed(jnp.asarray(led)))[0]
-            s = np.abs(self.de + (now - ahead) / (self.horizon * now) * led + np.asarray(pull))
-            found.append((np.asarray(place[1] - place[0]), s))
-        aims = ahead * found[1][0]
-        s = np.max([one[1] for one in found], axis=0) + 2.0 * self.noise_start[1] / self.period
-        cover, _ = self.subject.cover()
-        kept = 0.0 if np.isinf(cover) else np.linalg.norm(s) * np.sqrt(self.heavy[0] / self.light[0])
-        spread = ahead / now * (noise + self.horizon * kept)
-        return (s, np.minimum(spread, ahead * (narrowing.upper - narrowing.lower))), aims
+        both = jnp.stack([jnp.maximum(-jnp.asarray(y), 0.0), jnp.maximum(jnp.asarray(y), 0.0)])
+        surface, horizon = self.subject.surface, jnp.asarray(self.horizon)
+        place = aimed(surface, sides, jnp.asarray(now), horizon, both, jnp.zeros_like(both))[1]
+        aims = ahead * np.asarray(place[1] - place[0])
+        spread = ahead / now * (noise + self.horizon * self.subject.cover()[1])
+        spread = np.minimum(spread, ahead * (narrowing.upper - narrowing.lower))
+        return (spread, np.abs(aims - y) + spread + noise), aims
 
-    def _known_of(self, aims: Floats) -> tuple[Floats, Floats]:
-        """What the loops do with what is known, below and above zero [N 2 7 n j], and how it bends e [N n j]."""
-        if self._known is None or not np.array_equal(self._known[2], aims):
-            self._known = (*self._follow(aims), aims)
-        return self._known[0], self._known[1]
+    def _known_of(self, aims: Floats) -> tuple[Floats, Floats, Floats]:
+        """What the loops do with what is known, without p and with the first held [N 2 7 n j], and how e bends [N n j].
 
-    def _follow(self, aims: Floats) -> tuple[Floats, Floats]:
+        Below and above zero, in size.
+        """
+        if self._known is None:
+            self._known = self._pushed()
+        free, bend = self._known
+        alone = np.empty((self.samples, OUTPUTS, *self.kappa.shape))
+        nothing = np.zeros((1, 2))
+        for i, loop in enumerate(self.subject.loops):
+            still = np.zeros_like(self._begun(i))
+            for j, kappa in enumerate(self.kappa[i]):
+                found = followed(loop, kappa, nothing, aims[i], still, self.samples, self.subject.quiet)
+                alone[:, :, i, j] = found.outputs[:, 0].T
+        return free, free + alone[:, None] * np.array([-1.0, 1.0])[:, None, None, None], bend
+
+    def _pushed(self) -> tuple[Floats, Floats]:
+        """The loops from their start under the pushes, with noise."""
         h, (n, cells) = self.period, self.kappa.shape
         known = np.empty((self.samples, 2, OUTPUTS, n, cells))
         bend = np.empty((self.samples, n, cells))
-        start_q, start_v = self.noise_start
+        curve = 12.0 if self.subject.dead_time % 1.0 == 0 else 4.0
         for i, loop in enumerate(self.subject.loops):
-            push = self.demand.push[:, :, i] * h * h
-            begun = self._begun(i)
-            nothing = np.zeros((1, 2))
-            curve = 12.0 if self.subject.dead_time % 1.0 == 0 else 4.0
+            push, begun = self.demand.push[:, :, i] * h * h, self._begun(i)
             for j, kappa in enumerate(self.kappa[i]):
-                held, change = followed(loop, kappa, push, aims[i], begun, self.samples, self.subject.quiet)
-                free = followed(loop, kappa, push, 0.0, begun, self.samples, self.subject.quiet)[0][[LED, ERROR]]
-                held[[LED, ERROR]] = free
-                extra = self.noise_size[:, i, j, None]
-                for size, where in ((start_q[i], 2 + self._queue(i)), (start_v[i], 3 + self._queue(i))):
-                    if size:
-                        unit = np.zeros_like(begun)
-                        unit[where] = size
-                        extra = extra + np.abs(followed(loop, kappa, nothing, 0.0, unit, self.samples)[0][:, 0])
-                known[:, 0, :, i, j] = (np.max(-held, axis=1) + extra).T
-                known[:, 1, :, i, j] = (np.max(held, axis=1) + extra).T
-                bend[:, i, j] = kappa * np.max(change, axis=0) / curve
+                found = followed(loop, kappa, push, 0.0, begun, self.samples, self.subject.quiet)
+                extra = self.noise_size[:, i, j, None] + self._first_noise(i, kappa)
+                outputs = found.outputs.copy()
+                outputs[ACCELERATION] += kappa * found.least
+                known[:, 0, :, i, j] = (np.max(-outputs, axis=1) + extra).T
+                outputs[ACCELERATION] += kappa * (found.most - found.least)
+                known[:, 1, :, i, j] = (np.max(outputs, axis=1) + extra).T
+                bend[:, i, j] = kappa * np.max(found.change, axis=0) / curve
         return known, bend
+
+    def _first_noise(self, joint: int, kappa: float) -> Floats:
+        """What the noise of the first measurement does, since it is the first prediction as well [7 N]."""
+        loop, queue, found = self.subject.loops[joint], self._queue(joint), np.zeros((OUTPUTS, self.samples))
+        for k, size in enumerate(self.noise_start):
+            if size[joint]:
+                state = np.zeros_like(self._begun(joint))
+                state[2 + queue + k] = size[joint]
+                found += np.abs(followed(loop, kappa, np.zeros((1, 2)), 0.0, state, self.samples).outputs[:, 0])
+        return found
 
     def _queue(self, joint: int) -> int:
         return int(max(1, np.ceil(self.subject.loops[joint].believed)))
@@ -175,7 +177,6 @@ class Assembly:
     def _course(self) -> Course:
         found = self.kernels
         assert found is not None
-        cover, layer = self.subject.cover()
         arrays = (found.of_push, found.of_place, found.of_change)
         return Course(
             tuple(jnp.asarray(one) for one in table_of(self.subject.surface, self.sides)),
@@ -185,10 +186,11 @@ class Assembly:
             *(jnp.asarray(one[..., ::-1]) for one in arrays),
             tuple(jnp.asarray(one) for one in (found.push_tail, found.place_tail, found.change_tail)),
             jnp.asarray(found.fading),
-            *(jnp.asarray(one, float) for one in (self.spread, self.kappa, self.demand.coupling, cover, layer)),
+            *(jnp.asarray(one, float) for one in (self.spread, self.kappa, self.demand.coupling)),
+            jnp.asarray(self.subject.cover()[1], float),
         )
 
-    def _passing(self, narrowing: Narrowing, known: Floats, bend: Floats) -> Passing:
+    def _passing(self, narrowing: Narrowing, free: Floats, held: Floats, bend: Floats) -> Passing:
         push, first = self.demand.push, int(self.subject.dead_time)
         # Between two samples w* is off the line by an eighth of its second difference.
         curved = np.zeros(push.shape[1:])
@@ -198,7 +200,7 @@ class Assembly:
         stray = (np.broadcast_to(self.demand.stray, curved.shape) + curved) * self.period**2
         later = np.concatenate([stray, np.repeat(stray[-1:], 3, axis=0)])
         stray = np.max([later[first + k : first + k + self.samples] for k in range(3)], axis=0)
-        given = (narrowing.now, narrowing.ahead, known, stray, bend, self.heavy, self.light)
+        given = (narrowing.now, narrowing.ahead, free, held, stray, bend, self.heavy)
         return Passing(*(jnp.asarray(one) for one in given))
 
     def _share(self, bounds: Bounds, drawn: Any) -> Floats:

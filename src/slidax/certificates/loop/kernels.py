@@ -33,8 +33,8 @@ class Kernels:
 
     - `of_push`: the largest that an acceleration within [-1, 1] of one period does to each output, by the lag from
       when that period's torque was decided [7 n j L].
-    - `of_place`: what p does to ŷ and e, in size, by the lag from its decision [2 n j L].
-    - `of_change`: what a change of p does to each output, in size [7 n j L].
+    - `of_place`: what p does to each output, in size, by the lag from its decision; `of_change`: what a change of p
+      that lasts does [7 n j L].
     - `push_tail`, `place_tail`, `change_tail`: bounds of what is beyond L, times the largest that came in, each faded
       by `fading` a period.
     - `fading`: of what came in long ago [n j].
@@ -114,10 +114,10 @@ def _of_one(loop: LinearLoop, kappa: float, length: int) -> dict[str, Floats]:
     size_of_noise = np.sum(np.abs(by_noise), axis=2)
     return {
         "of_push": _largest(by_v, by_q),
-        "of_place": np.abs(placed[:2]),
+        "of_place": np.abs(placed),
         "of_change": np.abs(np.cumsum(placed, axis=1)),
         "push_tail": beyond(kick_v, length - whole) + beyond(kick_q, length - whole),
-        "place_tail": beyond(place, length)[:2],
+        "place_tail": beyond(place, length),
         "change_tail": beyond(held, length),
         "fading": np.asarray(max(beyond.left, 1e-300) ** (0.5 / length)),
         "noise": size_of_noise + noise_tail,

@@ -51,11 +51,14 @@ def aimed_at_most(table: tuple[Any, Any], radius: Any, horizon: Any, target: Any
     - `target`: in size, below and above zero [2 n j].
     """
     place, pull = table
-    sums = radius[None, :, None] * place + horizon * pull
-    found = jnp.zeros(target.shape, int)
+    # One row for each side and joint, so that a place is found by one index.
+    width = place.shape[-1]
+    row = width * jnp.arange(place.size // width).reshape(*place.shape[:-1], 1)
+    flat_place, flat_pull = place.reshape(-1), pull.reshape(-1)
+    found = jnp.zeros(target.shape, row.dtype)
     for k in reversed(range(STEPS)):
-        higher = found + 2**k
-        value = jnp.take_along_axis(sums, higher - 1, axis=2)
-        found = jnp.where(value < target, higher, found)
-    found = jnp.minimum(found, 2**STEPS - 1)
-    return jnp.take_along_axis(place, found, axis=2), jnp.take_along_axis(pull, found, axis=2)
+        at = row + found + (2**k - 1)
+        value = radius[None, :, None] * flat_place[at] + horizon * flat_pull[at]
+        found = jnp.where(value < target, found + 2**k, found)
+    at = row + jnp.minimum(found, width - 1)
+    return flat_place[at], flat_pull[at]

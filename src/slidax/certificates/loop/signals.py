@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -9,7 +10,7 @@ from numpy.typing import NDArray
 
 from slidax.diagnosis.linear_loop import LinearLoop, LoopMaps
 
-from .kernels import ACCELERATION, MISSED, OUTPUTS, outputs_of
+from .kernels import MISSED, OUTPUTS, outputs_of
 
 Floats = NDArray[np.floating[Any]]
 
@@ -17,12 +18,24 @@ BLOCK = 16
 """Samples that are computed at once."""
 
 
+@dataclass(frozen=True)
+class Followed:
+    """What a loop did.
+
+    - `outputs`: as of `kernels` [7 m N]; of the acceleration the commanded part `κ a`.
+    - `least`, `most`: w* in the period from when each torque sets in [m N]; `change`: within it, or a part of it.
+    """
+
+    outputs: Floats
+    least: Floats
+    most: Floats
+    change: Floats
+
+
 def followed(
     loop: LinearLoop, kappa: float, push: Floats, place: float, start: Floats, samples: int, quiet: int = 0
-) -> tuple[Floats, Floats]:
-    """The outputs of a loop that starts somewhere, while pushes act and p is constant [7 m N], and how w* changes [m N].
-
-    The acceleration is the largest within the period, `κ max |a + w*|`; the change of w* is that within the same.
+) -> Followed:
+    """A loop that starts somewhere, while pushes act and p is constant.
 
     - `loop`, `kappa`: whose; units of periods.
     - `push`: w* at each sample of the arm, linear in between [m K], K > N + delay + 2.
@@ -54,9 +67,8 @@ def followed(
     found[MISSED] -= place
     first = whole - quiet
     knots = [padded[:, first + k : first + k + samples] for k in range(2 + (loop.believed % 1.0 > 0))]
-    command = found[ACCELERATION]
-    found[ACCELERATION] = np.max([np.abs(command + kappa * knot) for knot in knots], axis=0)
-    return found, np.max([np.abs(later - now) for now, later in zip(knots, knots[1:], strict=False)], axis=0)
+    change = np.max([np.abs(later - now) for now, later in zip(knots, knots[1:], strict=False)], axis=0)
+    return Followed(found, np.min(knots, axis=0), np.max(knots, axis=0), change)
 
 
 class _Lifted:

@@ -76,8 +76,8 @@ class Subject:
         e, de = np.asarray(state.q) - np.asarray(reference.q), np.asarray(state.dq) - np.asarray(reference.dq)
         return e, de, np.asarray(reference.ddq)
 
-    def inertia(self, times: Floats) -> tuple[Floats, Floats]:
-        """The largest and least eigenvalue of the believed inertia along the reference [N], on a grid of it.
+    def heavy(self, times: Floats) -> Floats:
+        """The largest eigenvalue of the believed inertia along the reference [N], from 200 places of it.
 
         - `times`: [N], s.
         """
@@ -86,8 +86,8 @@ class Subject:
         mass = along(self.law.nominal, np.asarray(reference.q), np.asarray(reference.dq))[0]
         if self.law.adaptation is not None:
             mass = np.array([np.asarray(self.law.adaptation.mass_at_start(jnp.asarray(one))) for one in mass])
-        values = np.linalg.eigvalsh(mass)
-        return np.interp(times, grid, values[:, -1]), np.interp(times, grid, values[:, 0])
+        found: Floats = np.interp(times, grid, np.linalg.eigvalsh(mass)[:, -1])
+        return found
 
     def cover(self) -> tuple[float, float]:
         """The least u [N m], at rest at zero without torque, and s0; an infinite u where s⁺ does not depend on one."""
