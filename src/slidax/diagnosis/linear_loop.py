@@ -11,6 +11,31 @@ from slidax.controllers import SampledData
 from slidax.estimators import Kalman, Measured
 
 
+INPUTS = ("position noise", "velocity noise", "place", "push", "push at the end")
+"""What comes in from outside: noise of a measurement, the place `A ψ(ε)` that a plan aims at, and an acceleration of the
+arm, linear over the period."""
+
+ASKED = ("error", "velocity", "led", "predicted velocity", "command", "planned", "estimate")
+"""What is asked of a loop: e and ė of the arm when the period's new torque sets in or, with a fractional delay, so long
+after a sample; the led error ŷ and the velocity that are predicted; the acceleration that is commanded, with and
+without the estimate's compensation; and the estimate ŵ after this sample."""
+
+
+@dataclass(frozen=True)
+class LoopMaps:
+    """One period of a joint's loop: `x⁺ = step x + enters u`, `asked x + direct u`; u are `INPUTS`, rows are `ASKED`.
+
+    The unit of time is the period. The first two entries of x are e and ė of the arm.
+
+    - `step`: [m m]; `enters`: [m 5]; `asked`: [7 m]; `direct`: [7 5].
+    """
+
+    step: np.ndarray
+    enters: np.ndarray
+    asked: np.ndarray
+    direct: np.ndarray
+
+
 @dataclass(frozen=True)
 class LinearLoop:
     """A joint with `q̈ = κ a`, where the law believes `q̈ = a`: κ is an eigenvalue of `M⁻¹ M0` (docs/sampled-data.md).
@@ -75,8 +100,7 @@ class LinearLoop:
         - `kappa`: κ, nominal over true inertia.
         - `delay`: the true one [periods]; as believed if None.
         """
-        matrix, _, _ = self._matrices(kappa, self.believed if delay is None else delay)
-        return float(np.max(np.abs(np.linalg.eigvals(matrix))))
+        return float(np.max(np.abs(np.linalg.eigvals(self.maps(kappa, delay).step))))
 
     def stable_range(self, delay: float | None = None) -> tuple[float, float]:
         """The κ around 1 for which the loop is stable, within [1/64, 64]; (nan, nan) if it is not at 1.
@@ -111,28 +135,35 @@ class LinearLoop:
         """
         from scipy.linalg import solve_discrete_lyapunov
 
-        matrix, enters, command = self._matrices(kappa, self.believed)
+        maps = self.maps(kappa)
+        matrix, enters = maps.step, maps.enters[:, 0]
         if np.max(np.abs(np.linalg.eigvals(matrix))) >= 1.0:
             return math.inf, math.inf
         covariance = solve_discrete_lyapunov(matrix, variance * np.outer(enters, enters))
         # The step is the difference of this command and the last, which the noise of this sample enters as well.
-        row, own = command
+        row, own = maps.asked[4], float(maps.direct[4, 0])
         step = row.copy()
         step[2] -= 1.0
         spread = step @ covariance @ step + variance * own * own
         return math.sqrt(max(covariance[0, 0], 0.0)), math.sqrt(max(spread, 0.0)) / self.h**2
 
-    def _matrices(self, kappa: float, delay: float) -> tuple[np.ndarray, np.ndarray, tuple[np.ndarray, float]]:
-        """The map of one period, what a measurement's noise does to it, and the command as a row and a number."""
+    def maps(self, kappa: float = 1.0, delay: float | None = None) -> LoopMaps:
+        """One period of the loop, with all that comes in from outside and what is asked of it.
+
+        - `kappa`: κ, nominal over true inertia.
+        - `delay`: the true one [periods]; as believed if None.
+        """
+        delay = self.believed if delay is None else delay
         late, believed = math.ceil(delay), math.ceil(self.believed)
         queue = max(1, late, believed)
         # q, q̇, the commands (newest first), the prediction of q and q̇, the push, its rate, the last measurement.
         size = 2 + queue + 6
-        columns = np.eye(size + 1)
-        state, noise = columns[:size], columns[size]
+        columns = np.eye(size + len(INPUTS))
+        state = columns[:size]
+        noise_q, noise_v, place, pushed, pushed_next = columns[size:]
         q, v, commands = state[0], state[1], list(state[2 : 2 + queue])
         prior_q, prior_v, push, rate, last_q, last_v = state[2 + queue :]
-        read_q, read_v = q + noise, v
+        read_q, read_v = q + noise_q, v + noise_v
         if self.follows is not None:
             read_v = last_v + self.follows * (read_q - last_q - last_v)
         estimate_q, estimate_v, push, rate = self._estimated(read_q, read_v, prior_q, prior_v, push, rate)
@@ -152,19 +183,26 @@ class LinearLoop:
         for i in range(whole - 1, 0, -1):
             now_q, now_v = self._moved(now_q, now_v, commands[i - 1] + push, 1.0)
         lead = self.horizon - 0.5
-        planned = -((now_q + lead * now_v) / self.horizon + now_v) / self.horizon
+        led = now_q + lead * now_v
+        planned = ((place - led) / self.horizon - now_v) / self.horizon
         command = planned - push
         if following is None:
             following = self._moved(now_q, now_v, planned, 1.0 - part)
 
-        # The arm itself, under the commands that really are under way.
+        # The arm itself, under the commands that really are under way and a push that is linear over the period.
         sent = [command, *commands]
         whole, part = int(delay), delay % 1.0
+        change = pushed_next - pushed
+        within_q, within_v = q, v
         if part > 0:
             q, v = self._moved(q, v, kappa * sent[whole + 1], part)
+            within_q = q + part * part * (0.5 * pushed + part / 6.0 * change)
+            within_v = v + part * (pushed + 0.5 * part * change)
         q, v = self._moved(q, v, kappa * sent[whole], 1.0 - part)
+        q, v = q + 0.5 * pushed + change / 6.0, v + 0.5 * (pushed + pushed_next)
         after = np.array([q, v, *sent[:queue], *following, push, rate, last_q, last_v])
-        return after[:, :size], after[:, size], (command[:size], float(command[size]))
+        asked = np.array([within_q, within_v, led, now_v, command, planned, push])
+        return LoopMaps(after[:, :size], after[:, size:], asked[:, :size], asked[:, size:])
 
     def _estimated(
         self,

@@ -1,0 +1,195 @@
+"""How much of what comes into a joint's loop arrives where: impulse responses in size, with all that comes after."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slidax.diagnosis.linear_loop import LinearLoop, LoopMaps
+
+Floats = NDArray[np.floating[Any]]
+
+LED, ERROR, MISSED, SHIFT, SLIP, ACCELERATION, ESTIMATE = range(7)
+"""The outputs: ŷ; e where the torque sets in; ω of `ŷ⁺ = (1 - r) ŷ + r (p + ω)`; y - ŷ; by what the velocity misses its
+plan; the joint's acceleration `κ (a + w*)`; the estimate ŵ."""
+
+OUTPUTS = 7
+
+LENGTHS = (256, 512, 1024, 2048, 4096)
+"""Of impulse responses [periods]: the first after which little is left."""
+
+LITTLE = 0.05
+"""Of a loop's state, after one length."""
+
+
+@dataclass(frozen=True)
+class Kernels:
+    """Of the joints' loops, each for some κ; in units of periods. The last axis is the lag, in periods.
+
+    - `of_push`: the largest that an acceleration within [-1, 1] of one period does to each output, by the lag from
+      when that period's torque was decided [7 n j L].
+    - `of_place`: what p does to each output, in size, by the lag from its decision; `of_change`: what a change of p
+      that lasts does [7 n j L].
+    - `push_tail`, `place_tail`, `change_tail`: bounds of what is beyond L, times the largest that came in, each faded
+      by `fading` a period.
+    - `fading`: of what came in long ago [n j].
+    - `noise`: sums of the sizes of what a measurement's noise does [2 7 n j], position and velocity; `noise_square`:
+      of their squares.
+    """
+
+    of_push: Floats
+    of_place: Floats
+    of_change: Floats
+    push_tail: Floats
+    place_tail: Floats
+    change_tail: Floats
+    fading: Floats
+    noise: Floats
+    noise_square: Floats
+
+    @classmethod
+    def of(cls, loops: Sequence[LinearLoop], kappas: Floats) -> Kernels | None:
+        """Those of all joints; None if one is not stable.
+
+        - `loops`: of the joints.
+        - `kappas`: for which κ [n j].
+        """
+        every = [[(loop, float(kappa)) for kappa in row] for loop, row in zip(loops, kappas, strict=True)]
+        length = 0
+        for row in every:
+            for loop, kappa in row:
+                length = max(length, _length(loop.maps(kappa).step))
+        if length > LENGTHS[-1]:
+            return None
+        found = [[_of_one(loop, kappa, length) for loop, kappa in row] for row in every]
+        joined = {name: np.array([[one[name] for one in row] for row in found]) for name in found[0][0]}
+        # The output goes first, then joint and κ.
+        return cls(**{name: np.moveaxis(value, (0, 1), _places(name)) for name, value in joined.items()})
+
+
+def _places(name: str) -> tuple[int, int]:
+    return (0, 1) if name == "fading" else (2, 3) if name.startswith("noise") else (1, 2)
+
+
+def _length(step: Floats) -> int:
+    """After how many periods little is left of any state; more than the longest if that takes longer."""
+    for length in LENGTHS:
+        left = np.max(np.sum(np.abs(np.linalg.matrix_power(step, length)), axis=1))
+        if left < LITTLE:
+            return length
+    return LENGTHS[-1] + 1
+
+
+def _of_one(loop: LinearLoop, kappa: float, length: int) -> dict[str, Floats]:
+    maps = loop.maps(kappa)
+    size, whole = maps.step.shape[0], int(loop.believed)
+    steps = length + whole + 3
+    kick_q, kick_v = np.eye(size)[0], np.eye(size)[1]
+    place = maps.enters[:, 2]
+    # Of p held from some time on, less where it leads in the end.
+    held = -np.linalg.solve(np.eye(size) - maps.step, place)
+    noise = [maps.enters[:, i] for i in range(2)]
+    powers = np.empty((steps, size, 5))
+    powers[0] = np.stack([kick_q, kick_v, place, *noise], axis=1)
+    for i in range(1, steps):
+        powers[i] = maps.step @ powers[i - 1]
+    # raw[row, k, source]: k periods after it came; at 0 what goes through at once.
+    raw = np.concatenate([np.zeros((7, 1, 5)), np.einsum("rm,kms->rks", maps.asked, powers)], axis=1)
+    raw[:, 0, 2], raw[:, 0, 3], raw[:, 0, 4] = maps.direct[:, 2], maps.direct[:, 0], maps.direct[:, 1]
+
+    shifted = np.arange(length) - whole
+    by_q, by_v = (outputs_of(raw[:, :, i], shifted, whole, loop, kappa) for i in range(2))
+    placed = outputs_of(raw[:, :, 2], np.arange(length), whole, loop, kappa)
+    placed[MISSED, 0] -= 1.0
+    noisy = np.arange(-whole - 1, length)
+    by_noise = np.array([outputs_of(raw[:, :, i], noisy, whole, loop, kappa) for i in (3, 4)])
+
+    beyond = _Beyond(maps, loop, kappa, length)
+    noise_tail = np.array([beyond(one, length) for one in noise])
+    size_of_noise = np.sum(np.abs(by_noise), axis=2)
+    return {
+        "of_push": _largest(by_v, by_q),
+        "of_place": np.abs(placed),
+        "of_change": np.abs(np.cumsum(placed, axis=1)),
+        "push_tail": beyond(kick_v, length - whole) + beyond(kick_q, length - whole),
+        "place_tail": beyond(place, length),
+        "change_tail": beyond(held, length),
+        "fading": np.asarray(max(beyond.left, 1e-300) ** (0.5 / length)),
+        "noise": size_of_noise + noise_tail,
+        "noise_square": np.sum(by_noise**2, axis=2) + noise_tail**2,
+    }
+
+
+def outputs_of(raw: Floats, at: NDArray[np.integer[Any]], whole: int, loop: LinearLoop, kappa: float) -> Floats:
+    """The outputs [7 L] from the rows that a loop is asked for [7 K], from its sample 0 on; before it all is zero.
+
+    - `raw`: the rows.
+    - `at`: numbers of the decisions [L]; the torque of one sets in `whole` samples later.
+    - `whole`: whole periods of delay.
+    - `loop`, `kappa`: whose.
+    """
+    lead, r = loop.horizon - 0.5, 1.0 / loop.horizon
+
+    def row(i: int, k: NDArray[np.integer[Any]]) -> Floats:
+        return np.where(k >= 0, raw[i, np.maximum(k, 0)], 0.0)
+
+    led = row(2, at)
+    found = np.empty((OUTPUTS, at.size))
+    found[LED] = led
+    found[ERROR] = row(0, at + whole)
+    found[MISSED] = (row(2, at + 1) - (1.0 - r) * led) / r
+    found[SHIFT] = row(0, at + whole) + lead * row(1, at + whole) - led
+    found[SLIP] = row(3, at + 1) - row(3, at) - row(5, at)
+    found[ACCELERATION] = kappa * row(4, at)
+    found[ESTIMATE] = row(6, at)
+    return found
+
+
+def _largest(by_v: Floats, by_q: Floats) -> Floats:
+    """`∫ |a + b (1 - t)| dt` over a period: a for what a step of the velocity does, b for one of the position."""
+    end = by_v + by_q
+    same = by_v * end >= 0.0
+    gap = np.where(same, 1.0, np.abs(by_v) + np.abs(end))
+    return np.where(same, 0.5 * np.abs(by_v + end), 0.5 * (by_v**2 + end**2) / gap)
+
+
+class _Beyond:
+    """`Σ_{k >= K} |c step^k x| X_k` for each output's row c, by what one length of L periods leaves of a state, f.
+
+    The sum of one length is S, that of the b-th after it at most `f^b S`. With `D = max X_k f^(k/2L)` all of it is at
+    most `Σ_b f^b S f^(-b/2) D = S D/(1 - √f)`.
+    """
+
+    def __init__(self, maps: LoopMaps, loop: LinearLoop, kappa: float, length: int) -> None:
+        step, asked = maps.step, maps.asked
+        lead, r, whole = loop.horizon - 0.5, 1.0 / loop.horizon, int(loop.believed)
+        later = np.linalg.matrix_power(step, whole)
+        rows = np.empty((OUTPUTS, step.shape[0]))
+        rows[LED] = asked[2]
+        rows[ERROR] = asked[0] @ later
+        rows[MISSED] = (asked[2] @ step - (1.0 - r) * asked[2]) / r
+        rows[SHIFT] = (asked[0] + lead * asked[1]) @ later - asked[2]
+        rows[SLIP] = asked[3] @ step - asked[3] - asked[5]
+        rows[ACCELERATION] = kappa * asked[4]
+        rows[ESTIMATE] = asked[6]
+        self.step, self.length = step, length
+        self.weight = np.sum(np.abs(rows), axis=1)
+        self.left = float(np.max(np.sum(np.abs(np.linalg.matrix_power(step, length)), axis=1)))
+
+    def __call__(self, x: Floats, after: int) -> Floats:
+        """The bound for each output [7].
+
+        - `x`: the state.
+        - `after`: K, periods from when the state is x; an early output counts from one less.
+        """
+        now = np.linalg.matrix_power(self.step, max(after - 2, 0)) @ x
+        total = 0.0
+        for _ in range(self.length):
+            total += float(np.max(np.abs(now)))
+            now = self.step @ now
+        return self.weight * total / (1.0 - math.sqrt(self.left))

@@ -1,0 +1,91 @@
+"""What a joint's loop does with the pushes that are known: exactly, in blocks of samples."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slidax.diagnosis.linear_loop import LinearLoop, LoopMaps
+
+from .kernels import MISSED, OUTPUTS, outputs_of
+
+Floats = NDArray[np.floating[Any]]
+
+BLOCK = 16
+"""Samples that are computed at once."""
+
+
+@dataclass(frozen=True)
+class Followed:
+    """What a loop did.
+
+    - `outputs`: as of `kernels` [7 m N]; of the acceleration the commanded part `κ a`.
+    - `least`, `most`: w* in the period from when each torque sets in [m N]; `change`: within it, or a part of it.
+    """
+
+    outputs: Floats
+    least: Floats
+    most: Floats
+    change: Floats
+
+
+def followed(
+    loop: LinearLoop, kappa: float, push: Floats, place: float, start: Floats, samples: int, quiet: int = 0
+) -> Followed:
+    """A loop that starts somewhere, while pushes act and p is constant.
+
+    - `loop`, `kappa`: whose; units of periods.
+    - `push`: w* at each sample of the arm, linear in between [m K], K > N + delay + 2.
+    - `place`: p [rad or m].
+    - `start`: the loop's state [s].
+    - `samples`: N.
+    - `quiet`: periods before the first push.
+    """
+    maps, whole = loop.maps(kappa), int(loop.believed)
+    members, steps = push.shape[0], samples + whole + 2 - quiet
+    blocks = -(-steps // BLOCK)
+    padded = np.concatenate([push, np.repeat(push[:, -1:], max(blocks * BLOCK + 1 - push.shape[1], 0), axis=1)], axis=1)
+    lifted = _Lifted(maps, kappa)
+    state = np.repeat(start[:, None], members, axis=1)
+    rows = np.empty((7, quiet + blocks * BLOCK, members))
+    held = np.zeros((5, members))
+    held[2] = place
+    for k in range(quiet):
+        rows[:, k] = maps.asked @ state + maps.direct @ held
+        state = maps.step @ state + maps.enters @ held
+    for i in range(blocks):
+        given = np.concatenate([state, padded[:, i * BLOCK : (i + 1) * BLOCK + 1].T, np.full((1, members), place)])
+        rows[:, quiet + i * BLOCK : quiet + (i + 1) * BLOCK] = (lifted.outputs @ given).reshape(7, BLOCK, members)
+        state = lifted.state @ given
+    at = np.arange(samples)
+    found = np.empty((OUTPUTS, members, samples))
+    for member in range(members):
+        found[:, member] = outputs_of(rows[:, :, member], at, whole, loop, kappa)
+    found[MISSED] -= place
+    first = whole - quiet
+    knots = [padded[:, first + k : first + k + samples] for k in range(2 + (loop.believed % 1.0 > 0))]
+    change = np.max([np.abs(later - now) for now, later in zip(knots, knots[1:], strict=False)], axis=0)
+    return Followed(found, np.min(knots, axis=0), np.max(knots, axis=0), change)
+
+
+class _Lifted:
+    """A block of samples as one map, from the state, w* at its samples and its end, and p."""
+
+    def __init__(self, maps: LoopMaps, kappa: float) -> None:
+        size = maps.step.shape[0]
+        width = size + BLOCK + 2
+        state = np.zeros((size, width))
+        state[:, :size] = np.eye(size)
+        rows = []
+        for k in range(BLOCK):
+            given = np.zeros((5, width))
+            given[2, -1] = 1.0
+            given[3, size + k] = kappa
+            given[4, size + k + 1] = kappa
+            rows.append(maps.asked @ state + maps.direct @ given)
+            state = maps.step @ state + maps.enters @ given
+        self.outputs = np.stack(rows, axis=1).reshape(7 * BLOCK, width)
+        self.state = state
