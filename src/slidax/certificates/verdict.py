@@ -55,6 +55,22 @@ class Verdict:
         if self.holds and any(one.status == "fails" for one in self.assumptions):
             raise AssertionError(f"the certificate `{self.name}` stands on an assumption that fails")
 
+    @property
+    def answer(self) -> str:
+        """`yes`, `no`, or `-` where it does not apply."""
+        return "-" if self.holds is None else "yes" if self.holds else "no"
+
+    @property
+    def bound_in_words(self) -> list[str]:
+        """The certified numbers, "error 1.2e-05", those of all joints as the worst one; tables within are left out."""
+        words = []
+        for name, value in self.bound.items():
+            numbers = _plain(value)
+            flat = numbers if isinstance(numbers, list) else [numbers]
+            if flat and all(isinstance(one, int | float) for one in flat):
+                words.append(f"{name.replace('_', ' ')} {max(flat):.3g}")
+        return words
+
     def as_json(self) -> dict[str, Any]:
         """As `slidax certify --json` prints it; what is not finite is None."""
         return {
