@@ -15,6 +15,7 @@ from slidax.robots import Articulated
 from slidax.scenarios import Scenario
 
 from .each import Each
+from .envelope import draws_envelope
 from .extent import Extent, starts_of
 from .law_of import law_of
 from .members import Motion, members_of
@@ -80,7 +81,7 @@ def _start(scenario: Scenario) -> tuple[_Start | None, list[Assumption]]:
         return found.lower, found.upper
 
     reference = Motion(scenario).reference(np.zeros(1))[0][0]
-    if scenario_envelope(scenario) is None:
+    if not draws_envelope(scenario):
         return None, [Assumption("the scheme draws no envelope, so that any start will do", "proved")]
     compiled, still = Each(bounds), np.zeros_like(reference)
 
@@ -101,17 +102,6 @@ def _start(scenario: Scenario) -> tuple[_Start | None, list[Assumption]]:
             f"{start.share[joint]:.3g} times its bound (12)"
         )
     return start, [Assumption(text, "proved" if inside else "fails", float(start.share[joint]))]
-
-
-def scenario_envelope(scenario: Scenario) -> Envelope | None:
-    """The envelope at t = 0; None for a scheme without one.
-
-    - `scenario`: whose.
-    """
-    t = jnp.zeros(())
-    reference = scenario.trajectory.reference(t)
-    law = scenario.controller
-    return law.envelope(t, law.init(t, scenario.state0, reference))
 
 
 def _parameters(scenario: Scenario) -> list[Assumption]:

@@ -41,7 +41,12 @@ class Certificates:
     @property
     def holds(self) -> bool:
         """Whether each certificate that applies holds."""
-        return all(one.holds is not False for one in self.verdicts)
+        return not self.failing
+
+    @property
+    def failing(self) -> list[str]:
+        """The names of those that do not hold."""
+        return [one.name for one in self.verdicts if one.holds is False]
 
     def __getitem__(self, name: str) -> Verdict:
         for one in self.verdicts:

@@ -14,6 +14,10 @@ Status = Literal["proved", "checked", "assumed", "fails"]
 how), `assumed` nothing was done for it, `fails` it was checked and is not so."""
 
 
+OVER_TIME = ("times", "error_over_time")
+"""Bounds that a figure shows: times [N], s, and what |e| stays below then [N n], rad or m."""
+
+
 @dataclass(frozen=True)
 class Assumption:
     """One thing that a promise stands on.
@@ -62,9 +66,11 @@ class Verdict:
 
     @property
     def bound_in_words(self) -> list[str]:
-        """The certified numbers, "error 1.2e-05", those of all joints as the worst one; tables within are left out."""
+        """The certified numbers, "error 1.2e-05", the largest of all joints; what is given over time is left out."""
         words = []
         for name, value in self.bound.items():
+            if name in OVER_TIME:
+                continue
             numbers = _plain(value)
             flat = numbers if isinstance(numbers, list) else [numbers]
             if flat and all(isinstance(one, int | float) for one in flat):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json as json_text
 import shlex
 import sys
 import time
@@ -48,8 +47,6 @@ def certify(
             seconds = time.perf_counter() - started
             command = shlex.join(["slidax", *sys.argv[1:]])
             write_certificate_report(parts, found, out, seconds=seconds, command=command)
-            text = json_text.dumps(found.as_json(), indent=2, allow_nan=False, ensure_ascii=False)
-            (out / "certificate.json").write_text(text, encoding="utf-8")
         if json:
             print_json(found.as_json())
         else:
