@@ -11,6 +11,7 @@ from slidax.scenarios import Scenario
 
 from .admissibility import admissibility
 from .continuous import printed_period, settling_time, ultimate_bound
+from .members import family_of
 from .statistical import RUNS, statistical
 from .verdict import Assumption, Verdict
 
@@ -69,13 +70,16 @@ def certify(scenario: Scenario, *, runs: int = RUNS, seed: int = 0) -> Certifica
     - `runs`: of the statistical certificate; with 0 it is left out.
     - `seed`: of these runs.
 
-    Raises DefinitionError if the scenario was changed in Python, so that no file says what it is.
+    Raises DefinitionError if the scenario was changed in Python, so that no file says what it is, or its block
+    `uncertainty` is invalid.
     """
     if scenario.changed:
         raise DefinitionError(
             f"`{scenario.name}` was changed by `replace` ({', '.join(scenario.changed)}): certify a scenario as `load` "
             "or `altered` give it"
         )
+    # A set that is empty, or leads nowhere, is a mistake in the scenario and no answer of a certificate.
+    family_of(scenario)
     asked = [*((one.__name__, one) for one in CERTIFICATES)]
     if runs:
         asked.append((statistical.__name__, lambda one: statistical(one, runs, seed)))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
@@ -99,6 +99,7 @@ class Motion:
         return push(self.times, *self.states[:2])[0]
 
 
+@lru_cache(maxsize=4)
 def members_of(scenario: Scenario) -> Sequence[Scenario]:
     """The scenario, and the cases at four corners of its uncertain set: all lowest, all highest, and by turns.
 
@@ -113,6 +114,7 @@ def members_of(scenario: Scenario) -> Sequence[Scenario]:
     return [scenario, *(family.scenario(one, f"{scenario.name}, corner {k}") for k, one in enumerate(corners))]
 
 
+@lru_cache(maxsize=4)
 def family_of(scenario: Scenario) -> Family | None:
     """All that the scenario may be; None if it says nothing of what is uncertain.
 

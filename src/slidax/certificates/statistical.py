@@ -35,6 +35,12 @@ def statistical(scenario: Scenario, runs: int = RUNS, seed: int = 0, confidence:
 
     Raises DefinitionError if a set is empty or the search's package is not installed.
     """
+    if runs < 1:
+        return Verdict(NAME, TITLE, None, None, {}, (), "left out: no runs are asked for")
+    family = family_of(scenario)
+    if family is None or not family.space.dimensions:
+        text = "the scenario says of nothing that it is uncertain, so that all runs are the same: write `uncertainty`"
+        return Verdict(NAME, TITLE, None, None, {}, (), text)
     from slidax.studies import Predicate
     from slidax.studies.points import points
     from slidax.studies.predicate import ENVELOPE
@@ -42,12 +48,6 @@ def statistical(scenario: Scenario, runs: int = RUNS, seed: int = 0, confidence:
     from slidax.studies.statistics import clopper_pearson
     from slidax.studies.task import Task
 
-    if runs < 1:
-        return Verdict(NAME, TITLE, None, None, {}, (), "left out: no runs are asked for")
-    family = family_of(scenario)
-    if family is None or not family.space.dimensions:
-        text = "the scenario says of nothing that it is uncertain, so that all runs are the same: write `uncertainty`"
-        return Verdict(NAME, TITLE, None, None, {}, (), text)
     simulation = scenario.description.simulation
     samples = round(simulation.t1 / simulation.period)
     runner = Runner(Task.of(family, simulation.engine), Runner.rows_of_chunk(samples))

@@ -37,7 +37,8 @@ def certified_error(
     figure = Figure(figsize=(WIDTH, 1.9 * rows + 0.4), layout="constrained")
     panels = figure.subplots(rows, columns, squeeze=False, sharex=True)
     sizes = np.concatenate([radii.ravel(), *(one[1].ravel() for one in certified.values())])
-    use_size_axis(panels.ravel(), np.array([sizes[sizes > 0].min(), sizes.max()]))
+    # The axis leaves out what is rarely so small, and a bound is drawn for a part of the time only.
+    use_size_axis(panels.ravel(), np.append(np.full(99, sizes[sizes > 0].min()), sizes.max()))
     time = every_nth(t)
     handles: list[Artist] = [envelope_patch()]
     if np.any(radii[0] < radii[1]):
