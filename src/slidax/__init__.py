@@ -9,8 +9,8 @@
 
 The rooms are `trajectories`, `robots`, `disturbances`, `sensors`, `actuators` (the world); `performance`,
 `transformations`, `surfaces`, `reaching`, `estimators`, `adaptation`, `controllers` (the law); `simulation` (the loop);
-`identification` (an arm's numbers from a log); `scenarios`; `metrics`, `figures`, `papers`, `reports`, `diagnosis` (the
-judgement). Each is imported when it is first used.
+`identification` (an arm's numbers from a log); `scenarios`; `metrics`, `figures`, `papers`, `reports`, `diagnosis`,
+`certificates` (the judgement). Each is imported when it is first used.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from . import actuators as actuators
     from . import adaptation as adaptation
+    from . import certificates as certificates
     from . import controllers as controllers
     from . import disturbances as disturbances
     from . import estimators as estimators
@@ -49,6 +50,7 @@ if TYPE_CHECKING:
     from ._types import Envelope as Envelope
     from ._types import Reference as Reference
     from ._types import State as State
+    from .certificates import certify as certify
     from .simulation import MujocoPlant as MujocoPlant
     from .simulation import Plant as Plant
     from .simulation import Run as Run
@@ -61,6 +63,7 @@ __version__ = "0.1.0"
 _EXPORTED = {
     "_errors": ("DefinitionError", "DefinitionWarning", "OutcomeError"),
     "_types": ("Command", "Envelope", "Reference", "State"),
+    "certificates": ("certify",),
     "simulation": ("MujocoPlant", "Plant", "Run", "Stepping", "simulate", "simulate_batch"),
 }
 _ROOM_OF = {name: room for room, names in _EXPORTED.items() for name in names}

@@ -13,6 +13,7 @@ from slidax.metrics import envelope_violations, metrics_of, short_names, summary
 from slidax.papers.indices import INDICES
 
 if TYPE_CHECKING:
+    from slidax.certificates import Certificates
     from slidax.metrics import Metric
     from slidax.reports import Rival
     from slidax.scenarios import Scenario
@@ -182,3 +183,33 @@ def _written(cell: str | float | int | None) -> str:
     if cell is None:
         return "–"
     return f"{cell:.4g}" if isinstance(cell, float) else str(cell)
+
+
+def print_certificates(found: Certificates) -> None:
+    """What is promised in a table, then each certificate's statement, assumptions and remedies.
+
+    - `found`: the certificates.
+    """
+    console = Console(highlight=False)
+    table = Table(box=None, pad_edge=False)
+    for name in ("Promised", "holds", "margin", "bound"):
+        table.add_column(name, justify="right" if name == "margin" else "left", overflow="fold")
+    for one in found:
+        bound = "; ".join(one.bound_in_words)
+        table.add_row(Text(one.title), Text(one.answer, style=ANSWERS[one.answer]), _cell(one.margin), Text(bound))
+    console.print(Text(found.scenario, style="bold"))
+    console.print(table)
+    for one in found:
+        console.print()
+        console.print(Text(one.name, style="bold"), Text(one.answer, style=ANSWERS[one.answer]))
+        console.print(Text(f"  {one.statement}"), soft_wrap=True)
+        for assumption in one.assumptions:
+            style = "red" if assumption.status == "fails" else ""
+            console.print(Text(f"  {assumption.status:>8}  {assumption.text}", style=style), soft_wrap=True)
+        for remedy in one.remedies:
+            said = f": {remedy.sets}" if remedy.changes else ""
+            console.print(Text(f"    remedy  {remedy.words}{said}"), soft_wrap=True)
+
+
+ANSWERS = {"yes": "green", "no": "bold red", "-": ""}
+"""How each answer is written."""

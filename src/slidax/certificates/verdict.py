@@ -14,6 +14,10 @@ Status = Literal["proved", "checked", "assumed", "fails"]
 how), `assumed` nothing was done for it, `fails` it was checked and is not so."""
 
 
+OVER_TIME = ("times", "error_over_time")
+"""Bounds that a figure shows: times [N], s, and what |e| stays below then [N n], rad or m."""
+
+
 @dataclass(frozen=True)
 class Assumption:
     """One thing that a promise stands on.
@@ -54,6 +58,24 @@ class Verdict:
     def __post_init__(self) -> None:
         if self.holds and any(one.status == "fails" for one in self.assumptions):
             raise AssertionError(f"the certificate `{self.name}` stands on an assumption that fails")
+
+    @property
+    def answer(self) -> str:
+        """`yes`, `no`, or `-` where it does not apply."""
+        return "-" if self.holds is None else "yes" if self.holds else "no"
+
+    @property
+    def bound_in_words(self) -> list[str]:
+        """The certified numbers, "error 1.2e-05", the largest of all joints; what is given over time is left out."""
+        words = []
+        for name, value in self.bound.items():
+            if name in OVER_TIME:
+                continue
+            numbers = _plain(value)
+            flat = numbers if isinstance(numbers, list) else [numbers]
+            if flat and all(isinstance(one, int | float) for one in flat):
+                words.append(f"{name.replace('_', ' ')} {max(flat):.3g}")
+        return words
 
     def as_json(self) -> dict[str, Any]:
         """As `slidax certify --json` prints it; what is not finite is None."""

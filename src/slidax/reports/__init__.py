@@ -1,5 +1,6 @@
 """Pages that a person reads: one self-contained HTML file each, with its figures beside it as SVG."""
 
+from .certificate_report import write_certificate_report as write_certificate_report
 from .comparison import write_comparison as write_comparison
 from .identification_report import write_identification_report as write_identification_report
 from .machine import machine as machine

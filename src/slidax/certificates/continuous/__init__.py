@@ -1,0 +1,6 @@
+"""What is promised of a law in the form that its source prints, in continuous time or held over a period."""
+
+from .printed_period import printed_period as printed_period
+from .settling_time import settling_time as settling_time
+from .travel_time import two_power_time as two_power_time
+from .ultimate_bound import ultimate_bound as ultimate_bound

@@ -1,0 +1,224 @@
+"""The parts of a law with a surface, a reaching law and a bound, as it stands in a scenario."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+from numpy.typing import NDArray
+
+from slidax._types import State
+from slidax.controllers import SlidingMode
+from slidax.diagnosis.along import along
+from slidax.numerics import is_positive_definite
+from slidax.performance import AbstractPerformance
+from slidax.reaching import FixedTimeReaching, TwoPowerReaching
+from slidax.robots import AbstractRobot
+from slidax.scenarios import Scenario
+from slidax.surfaces import LinearCoreFixedTime, SingularityFree, SmoothFixedTime, sliding_variable
+from slidax.transformations import PrescribedPerformance, Sides
+from slidax.transformations.psi import psi
+
+from ..each import Each
+
+Floats = NDArray[np.floating[Any]]
+
+
+@dataclass(frozen=True)
+class PowerSurface:
+    """`k1 |ε|^p + k2 |ε|^q` for `|ε| >= δ`, per joint; each [n].
+
+    - `k1`, `p`: gain and exponent near zero.
+    - `k2`, `q`: gain and exponent far from zero.
+    - `delta`: half-width of the core, in which another function stands for the first power.
+    """
+
+    k1: Floats
+    p: Floats
+    k2: Floats
+    q: Floats
+    delta: Floats
+
+
+@dataclass(frozen=True)
+class PrintedLaw:
+    """A `SlidingMode` of a scenario with what its certificates ask for.
+
+    - `scenario`: whose.
+    - `law`: its law.
+    """
+
+    scenario: Scenario
+    law: SlidingMode
+
+    @classmethod
+    def of(cls, scenario: Scenario) -> PrintedLaw | None:
+        """The law, if it is one in printed form.
+
+        - `scenario`: whose law.
+        """
+        law = scenario.controller
+        return cls(scenario, law) if isinstance(law, SlidingMode) else None
+
+    @property
+    def joints(self) -> int:
+        """n."""
+        return self.law.joints
+
+    @property
+    def held(self) -> bool:
+        """Whether its torque is held over a period."""
+        return self.scenario.stepping.mode == "held"
+
+    @cached_property
+    def performance(self) -> AbstractPerformance | None:
+        """ρ(t), None for a law without an envelope."""
+        transformation = self.law.transformation
+        return transformation.performance if isinstance(transformation, PrescribedPerformance) else None
+
+    @cached_property
+    def sides(self) -> Sides | None:
+        """b and b̄ [n], by the error at the start; None without an envelope."""
+        transformation = self.law.transformation
+        if not isinstance(transformation, PrescribedPerformance):
+            return None
+        return transformation.init(jnp.zeros(()), jnp.asarray(self.start[0]))
+
+    @cached_property
+    def powers(self) -> PowerSurface | None:
+        """The surface's powers; None for a surface of another form."""
+        surface, n = self.law.surface, self.joints
+        if isinstance(surface, SmoothFixedTime | LinearCoreFixedTime):
+            parts = surface.k1, surface.p, surface.k2, surface.q, surface.delta
+        elif isinstance(surface, SingularityFree):
+            parts = surface.c1, surface.alpha, surface.c2, surface.beta, surface.delta
+        else:
+            return None
+        return PowerSurface(*(np.broadcast_to(np.asarray(one, float), n) for one in parts))
+
+    @property
+    def layer(self) -> float | None:
+        """s0; None for a reaching law without a unit vector."""
+        reaching = self.law.reaching
+        if not isinstance(reaching, FixedTimeReaching | TwoPowerReaching):
+            return None
+        return float(reaching.layer)
+
+    @property
+    def gain(self) -> tuple[Floats, float] | None:
+        """K0 [n n] and r of its power of s; None for a reaching law of another form."""
+        reaching, n = self.law.reaching, self.joints
+        if isinstance(reaching, FixedTimeReaching):
+            gain, exponent = reaching.gain, float(reaching.exponent)
+        elif isinstance(reaching, TwoPowerReaching):
+            gain, exponent = reaching.k1, float(reaching.v1)
+        else:
+            return None
+        array = np.asarray(gain, float)
+        return (array if array.ndim == 2 else np.diag(np.broadcast_to(array, n))), exponent
+
+    def pulls(self, eps: Floats) -> Floats:
+        """How hard the surface pulls, [N n], rad/s or m/s.
+
+        - `eps`: ε1 of all joints alike, [N].
+        """
+        return self._surface(np.broadcast_to(np.asarray(eps, float)[:, None], (len(eps), self.joints)))[0]
+
+    def slopes(self) -> Floats:
+        """The slope of the pull at zero, [n]."""
+        return self._surface(np.zeros((1, self.joints)))[1][0]
+
+    def pull_inverse(self, pull: float) -> Floats:
+        """The transformed errors at which the surface pulls so hard, no less than these by more than 1e-5, [n].
+
+        - `pull`: > 0, rad/s or m/s.
+        """
+        if pull <= 0.0:
+            return np.zeros(self.joints)
+        reach = np.asarray(self.law.surface.reach(jnp.full(self.joints, pull)), float) * np.ones(self.joints)
+        found = np.zeros(self.joints)
+        for joint in range(self.joints):
+            low, high = 1e-12 * reach[joint], reach[joint] * (1.0 + 1e-12)
+            for _ in range(2):
+                grid = np.geomspace(low, high, FINENESS)
+                enough = self.pulls(grid)[:, joint] >= pull
+                place = int(np.argmax(enough)) if enough.any() else FINENESS - 1
+                low, high = grid[max(place - 1, 0)], grid[place]
+            found[joint] = high
+        return found
+
+    def radius(self, t: Floats) -> Floats:
+        """ρ(t) [N n]; 1 without an envelope.
+
+        - `t`: times [N], s.
+        """
+        if self.performance is None:
+            return np.ones((len(t), self.joints))
+        return np.broadcast_to(self._radius(t)[0].reshape(len(t), -1), (len(t), self.joints))
+
+    def places(self, eps: Floats) -> Floats:
+        """`ψ(ε)` [N n]; ε itself without an envelope.
+
+        - `eps`: transformed errors [N n].
+        """
+        return np.asarray(eps, float) if self.sides is None else self._place(eps)[0]
+
+    @cached_property
+    def start(self) -> tuple[Floats, Floats, Floats]:
+        """e, s and ε1 at t = 0, [n]; the last two are not finite for a start outside of the envelope."""
+        scenario, law = self.scenario, self.law
+
+        def at(t: Any, q: Any, dq: Any) -> Any:
+            reference, state = scenario.trajectory.reference(t), State(q=q, dq=dq)
+            memory = law.init(t, state, reference)
+            found = sliding_variable(law.transformation, law.surface, t, state, reference, memory)
+            return q - reference.q, found.s, found.error.eps1
+
+        e, s, eps = Each(at)([0.0], [scenario.state0.q], [scenario.state0.dq])
+        return e[0], s[0], eps[0]
+
+    @cached_property
+    def _surface(self) -> Each:
+        return Each(self.law.surface.pull_and_slope)
+
+    @cached_property
+    def _radius(self) -> Each:
+        performance = self.performance
+        assert performance is not None
+        return Each(performance.radius)
+
+    @cached_property
+    def _place(self) -> Each:
+        return Each(lambda eps: psi(eps, self.sides))
+
+    def nominal_is_constant(self, samples: int = 64) -> float:
+        """How much M0 differs between random postures, relative to its size.
+
+        - `samples`: how many.
+        """
+        masses = masses_of(self.law.nominal, np.random.default_rng(0).uniform(-3, 3, (samples, self.joints)))
+        return float(np.max(np.abs(masses - masses[0])) / np.max(np.abs(masses[0])))
+
+    @property
+    def gain_is_diagonal(self) -> bool:
+        """Whether K0 is, and positive definite."""
+        found = self.gain
+        if found is None:
+            return False
+        return bool(np.all(found[0] == np.diag(np.diag(found[0])))) and is_positive_definite(found[0])
+
+
+FINENESS = 400
+"""Points of a grid on which a pull is looked up."""
+
+
+def masses_of(robot: AbstractRobot, q: Floats) -> Floats:
+    """`M(q)` at several positions, [N n n].
+
+    - `robot`: whose.
+    - `q`: positions [N n].
+    """
+    return along(robot, np.asarray(q, float), np.zeros_like(q))[0]

@@ -1,0 +1,75 @@
+"""The longest period over which the printed law's torque may be held."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from slidax._types import State
+from slidax.diagnosis import Remedy
+from slidax.reaching import TwoPowerReaching
+from slidax.scenarios import Scenario
+
+from ..each import Each
+from ..members import Motion, members_of
+from ..verdict import Assumption, Verdict
+from .law import PrintedLaw
+
+NAME, TITLE = "printed_period", "stable at its period"
+
+
+def printed_period(scenario: Scenario) -> Verdict:
+    """`h < 2/λmax(M⁻¹ (M0 Λ + (u/s0) I))`: the printed law near its goal, held over a period.
+
+    Near e = 0 it is `τ = -(M0 Λ + (u/s0) I) ė - ...` with Λ = slope(0) β, and a sampled double integrator with that
+    damping has an eigenvalue at -1 just where `h M⁻¹ (M0 Λ + (u/s0) I)` has one at 2. The two limits that are known
+    each by itself, `2/λmax(M⁻¹ M0 Λ)` of the surface and `2 s0 λmin(M)/u` of the layer, are those without the other.
+
+    - `scenario`: what is asked about.
+    """
+    printed = PrintedLaw.of(scenario)
+    layer = None if printed is None else printed.layer
+    if printed is None or layer is None:
+        return Verdict(NAME, TITLE, None, None, {}, (), "it is about a law in the form that its source prints")
+    if layer == 0.0 or isinstance(printed.law.reaching, TwoPowerReaching):
+        limits = {"period": 0.0, "surface": _limits(printed, scenario, np.inf)[1], "layer": 0.0}
+    else:
+        each = [_limits(printed, member, layer) for member in members_of(scenario)]
+        limits = dict(zip(("period", "surface", "layer"), map(min, zip(*each, strict=True)), strict=True))
+    limit, period = limits["period"], scenario.period
+    said = f"Held for less than {1e3 * limit:.3g} ms the loop is stable near its goal"
+    if limit == 0.0:
+        said = "A unit vector without a layer chatters at every period"
+    if not printed.held:
+        text = f"{said}; this scenario's torque follows the state at once, its period is the integrator's step."
+        return Verdict(NAME, TITLE, None, None, limits, (), text)
+    assumptions = (
+        Assumption("the loop is linear near its goal: e and s are small against ρ∞, δ and s0", "assumed"),
+        Assumption(f"M, M0 and u along the reference, at {len(Motion(scenario).times)} times", "checked"),
+    )
+    holds = period < limit
+    statement = f"{said}: h < 2/λmax(M⁻¹ (M0 Λ + (u/s0) I)); its period is {1e3 * period:.3g} ms."
+    margin = 1.0 - period / limit if limit > 0.0 else -1.0
+    remedies = [Remedy("the law in its sampled-data form", {"scheme.sampled_data": {}})]
+    if limit > 0.0:
+        remedies.insert(0, Remedy("a shorter period", {"simulation.period": float(f"{0.9 * limit:.2g}")}))
+    return Verdict(NAME, TITLE, holds, margin, limits, assumptions, statement, () if holds else remedies)
+
+
+def _limits(printed: PrintedLaw, member: Scenario, layer: float) -> tuple[float, float, float]:
+    """The limit of both together, of the surface and of the layer, s."""
+    law, motion, n = printed.law, Motion(member), printed.joints
+    mass, (mass0, bias0) = motion.truth[0], motion.of_arm(law.nominal)
+    steep = 1.0
+    if printed.sides is not None:
+        steep = 1.0 / -np.asarray(printed.sides.lower) + 1.0 / np.asarray(printed.sides.upper)
+    rate = printed.slopes() * steep / printed.radius(motion.times)
+    q, dq, ddq = motion.states
+    feedforward = np.einsum("kij,kj->ki", mass0, ddq) + bias0
+    u = Each(lambda q, dq, tau: law.bound(State(q=q, dq=dq), tau))(q, dq, feedforward)[0].reshape(-1)
+    surface = np.linalg.solve(mass, mass0 * rate[:, None, :])
+    edge = np.linalg.inv(mass) * (u / layer)[:, None, None]
+    return tuple(2.0 / max(_largest(one), 1e-300) for one in (surface + edge, surface, edge))  # type: ignore[return-value]
+
+
+def _largest(matrices: np.ndarray) -> float:
+    return float(np.max(np.abs(np.linalg.eigvals(matrices))))

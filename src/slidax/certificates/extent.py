@@ -1,0 +1,76 @@
+"""Between which positions all starts of a scenario lie."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slidax.scenarios import Scenario
+from slidax.scenarios.uncertainty import AbstractSet, Leaf
+from slidax.scenarios.uncertainty.sets import Ball, Choice
+
+from .members import family_of
+
+Floats = NDArray[np.floating[Any]]
+
+START = "start.q"
+
+
+@dataclass(frozen=True)
+class Extent:
+    """The least and largest value of each joint.
+
+    - `lower`, `upper`: [n], rad or m.
+    - `said`: what they are of, for a sentence.
+    """
+
+    lower: Floats
+    upper: Floats
+    said: str
+
+
+def starts_of(scenario: Scenario) -> Extent:
+    """The scenario's start, or, where it is uncertain, the box around all of them.
+
+    - `scenario`: with its block `uncertainty`.
+
+    Raises DefinitionError if a set is empty.
+    """
+    own = np.asarray(scenario.state0.q, float)
+    family = family_of(scenario)
+    sets = {} if family is None else family.space.sets
+    touching = [path for path in sets if path == START or path.startswith(f"{START}.")]
+    if family is None or not touching:
+        return Extent(own, own, "the start is")
+    lower, upper = own.copy(), own.copy()
+    for path in touching:
+        least, most = ends_of(sets[path], family.space.leaves[path])
+        where = slice(None) if path == START else int(path.rpartition(".")[2])
+        lower[where], upper[where] = least, most
+    return Extent(lower, upper, "all starts of the uncertain set are")
+
+
+def ends_of(one: AbstractSet, leaf: Leaf) -> tuple[Floats, Floats]:
+    """The least and the largest value of each number of a set.
+
+    All sets but these two are increasing in each of their coordinates, of which a number depends on one alone.
+
+    - `one`: the set.
+    - `leaf`: what it is of.
+    """
+    if isinstance(one, Ball):
+        own = leaf.own_value("ball")
+        return own - one.ball, own + one.ball
+    width = one.coordinates(leaf)
+    if isinstance(one, Choice) and one.choice != "any":
+        count = len(one.choice)
+        weights = np.ones(count) if one.weights is None else np.asarray(one.weights, float)
+        middles = np.cumsum(weights) / weights.sum() - 0.5 * weights / weights.sum()
+        cube = np.repeat(middles[weights > 0][:, None], width, axis=1)
+    else:
+        cube = np.array([np.zeros(width), np.full(width, np.nextafter(1.0, 0.0))])
+    values = one.values(cube, leaf)
+    return values.min(axis=0), values.max(axis=0)

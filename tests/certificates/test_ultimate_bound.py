@@ -1,0 +1,110 @@
+"""Where the layer of (51) leaves the error, and for how long the printed law may be held, against runs."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from slidax.certificates.continuous import printed_period, ultimate_bound
+from slidax.scenarios import Scenario, load
+
+from .example import constant
+
+
+def require_that_the_bound_holds(scenario: Scenario) -> None:
+    verdict = ultimate_bound(scenario)
+    assert verdict.holds, verdict.assumptions
+    run = scenario.simulate()
+    assert run.outcome.ok and run.log is not None
+    late = np.asarray(run.log.t) > 0.75 * scenario.t1
+    error = np.abs(np.asarray(run.log.e))[late].max(axis=0)
+    s = np.linalg.norm(np.asarray(run.log.signals["s"])[late], axis=1).max()
+    assert np.all(error <= verdict.bound["error"])
+    assert s <= verdict.bound["sliding_variable"]
+    # A bound that is never near says little: here it is within a few times, as M is constant.
+    if scenario.robot == "two_link":
+        assert s > 0.2 * verdict.bound["sliding_variable"]
+
+
+def layered(seed: int) -> Scenario:
+    rng = np.random.default_rng(seed)
+    term = {"kind": "harmonic", "amplitude": rng.uniform(0.5, 3, 2).tolist(), "frequency": float(rng.uniform(0.5, 5))}
+    return constant(seed, **{"scheme.reaching.layer": float(rng.uniform(0.01, 0.1)), "disturbance.terms": [term]})
+
+
+def scara(seed: int) -> Scenario:
+    rng = np.random.default_rng(seed)
+    changes: dict[str, Any] = {
+        "scheme.reaching.layer": float(rng.uniform(0.005, 0.05)),
+        "scheme.bound.margin": float(rng.uniform(1.0, 10.0)),
+        "disturbance.scale": float(rng.uniform(0.0, 1.2)),
+        "simulation.period": 5e-5,
+        "simulation.t1": 12.0,
+    }
+    return load("example-4.2", changes)
+
+
+def test_the_error_ends_below_its_bound() -> None:
+    require_that_the_bound_holds(layered(1))
+
+
+@pytest.mark.full
+def test_the_error_of_the_papers_scara_ends_below_its_bound() -> None:
+    require_that_the_bound_holds(load("example-4.2", {"simulation.t1": 9.0}))
+
+
+@pytest.mark.full
+@pytest.mark.parametrize("seed", range(60))
+def test_the_error_of_many_ends_below_its_bound(seed: int) -> None:
+    require_that_the_bound_holds(layered(seed) if seed % 3 else scara(seed))
+
+
+@pytest.mark.full
+def test_a_push_that_u_does_not_cover_is_named_with_what_would_do() -> None:
+    verdict = ultimate_bound(load("example-4.2", {"disturbance.scale": 8.0}))
+    assert verdict.holds is False and "error" not in verdict.bound
+    failing = [one for one in verdict.assumptions if one.status == "fails"]
+    assert len(failing) == 1 and "u covers" in failing[0].text and failing[0].value > 1.0
+    changes = dict(verdict.remedies[0].changes)
+    assert ultimate_bound(load("example-4.2", {"disturbance.scale": 8.0, **changes})).holds
+
+
+def test_a_wrong_model_is_named() -> None:
+    verdict = ultimate_bound(load("example-4.1"))
+    assert verdict.holds is False
+    assert [one.value for one in verdict.assumptions if one.status == "fails"] == [pytest.approx(0.2)]
+
+
+def chatter(period: float) -> float:
+    changes = {"simulation.mode": "held", "simulation.period": period, "simulation.t1": 7.5, "disturbance.scale": 0.0}
+    run = load("example-4.1", changes).simulate(log_every=1)
+    assert run.log is not None
+    tau = np.asarray(run.log.tau)
+    return float(np.abs(np.diff(tau[-len(tau) // 10 :], axis=0)).max())
+
+
+def test_a_sampled_double_integrator_is_unstable_from_the_printed_limit_on() -> None:
+    rng = np.random.default_rng(0)
+    for _ in range(300):
+        surface, layer = np.exp(rng.uniform(-2, 9, 2))
+        h = 2.0 / (surface + layer) * rng.uniform(0.5, 1.5)
+        feedback = np.array([[surface * layer, surface + layer]])
+        loop = np.array([[1, h], [0, 1]]) - np.array([[h * h / 2], [h]]) @ feedback
+        assert (np.abs(np.linalg.eigvals(loop)).max() < 1) == (h < 2.0 / (surface + layer))
+
+
+@pytest.mark.full
+def test_the_printed_law_is_refused_at_1_khz_and_the_remedies_hold() -> None:
+    verdict = printed_period(load("example-4.1", {"simulation.mode": "held", "simulation.period": 1e-3}))
+    assert verdict.holds is False and verdict.bound["period"] == pytest.approx(1.468e-4, rel=1e-3)
+    first, second = (dict(one.changes) for one in verdict.remedies)
+    assert printed_period(load("example-4.1", {"simulation.mode": "held", **first})).holds
+    assert printed_period(load("example-4.1", {"simulation.mode": "held", **second})).holds is None
+
+
+@pytest.mark.full
+def test_a_run_chatters_from_the_certified_period_on() -> None:
+    limit = printed_period(load("example-4.1")).bound["period"]
+    assert chatter(round(1.03 * limit, 7)) > 20 * chatter(round(0.97 * limit, 7))

@@ -1,0 +1,46 @@
+"""`slidax certify`: table, JSON, page and exit codes."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from .commands import in_process
+
+KEYS = {"name", "holds", "margin", "bound", "assumptions", "statement", "remedy"}
+
+
+def test_json_page_and_table_say_the_same_and_4_that_something_does_not_hold(tmp_path: Path) -> None:
+    words = ["certify", "example-4.2", "--runs", "0", "--set", "simulation.t1=8"]
+    done = in_process(*words, "--json", "--out", str(tmp_path))
+    assert done.exit_code == 4, done.output
+    answer = json.loads(done.stdout)
+    assert answer == json.loads((tmp_path / "certificate.json").read_text(encoding="utf-8"))
+    assert list(answer) == ["certificates"]
+    found = {one["name"]: one for one in answer["certificates"]}
+    assert {"admissibility", "settling_time", "ultimate_bound"} <= found.keys()
+    for one in found.values():
+        assert one.keys() == KEYS
+        assert all(said.keys() == {"text", "status", "value"} for said in one["assumptions"])
+        assert {said["status"] for said in one["assumptions"]} <= {"proved", "checked", "assumed", "fails"}
+        assert all(said.keys() == {"words", "set"} for said in one["remedy"])
+    assert (found["admissibility"]["holds"], found["settling_time"]["holds"]) == (True, False)
+    assert found["ultimate_bound"]["holds"] and len(found["ultimate_bound"]["bound"]["error"]) == 3
+    page = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert found["ultimate_bound"]["name"] in page.replace("_\u200b", "_") and "Not all promises hold" in page
+    assert (tmp_path / "figures" / "certified-error.svg").exists()
+
+
+def test_0_where_all_hold_and_a_table_for_a_person() -> None:
+    # At a period the statements about continuous time do not apply.
+    done = in_process("certify", "example-4.1-1khz", "--runs", "0", "--set", "simulation.t1=0.1")
+    assert "Promised" in done.stdout and "admissibility" in done.stdout and "proved" in done.stdout
+    assert done.exit_code == (4 if " no" in done.stdout.partition("\n\n")[0] else 0)
+
+
+def test_2_for_a_scenario_that_is_none_and_help_with_an_example() -> None:
+    bad = in_process("certify", "example-4.2", "--set", "scheme.surface.p=1")
+    assert bad.exit_code == 2 and "eq. 29" in bad.stderr and not bad.stdout
+    assert in_process("certify", "nothing").exit_code == 2
+    told = in_process("certify", "--help").stdout
+    assert "Example:" in told and "slidax certify example-4.2" in told
