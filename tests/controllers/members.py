@@ -98,13 +98,21 @@ CONTROLLERS: list[tuple[str, Case]] = [
 ]
 
 LIKE_OTHERS = (
+    "cftsmppc_4_2",
+    "cftsmppc_4_2_unit_vector",
+    "ftsmppc_4_1",
+    "ftsmc_4_1",
+    "sfsmc_4_2_inside_an_envelope",
+    "slotine_li",
+    "super_twisting_inside_an_envelope",
     "sampled_cftsmppc_4_1",
     "sampled_cftsmppc_4_2_recovery",
     "sampled_ftsmc_4_1",
     "sampled_sfsmc_4_2",
     "sampled_slotine_li",
+    "sampled_super_twisting",
     "sampled_anftsmc",
 )
-"""The sampled-data law with other parts, which are members of their own rooms: these run in the long version."""
+"""The same laws with other parts, which are members of their own rooms: these run in the long version."""
 
 RECOVERIES: list[tuple[str, Recovery]] = [("recovery", Recovery())]

@@ -17,3 +17,6 @@ ESTIMATORS: list[tuple[str, AbstractEstimator]] = [
     ("robust_differentiator", RobustDifferentiator(50.0)),
     ("robust_differentiator_per_joint", RobustDifferentiator([10.0, 1e4])),
 ]
+
+LIKE_OTHERS = ("measured", "measured_per_joint", "filtered_difference", "kalman", "robust_differentiator")
+"""The same classes with other numbers: these run in the long version."""

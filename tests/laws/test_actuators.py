@@ -21,6 +21,8 @@ ACTUATORS: list[tuple[str, Actuator]] = [
     ("long", Actuator(dead_time=4.75)),
     ("all_at_once", Actuator(TorqueLimits([20.0, 2.0], [500.0, 100.0]), [5e-3, 2e-2], 1.6)),
 ]
+# The others are parts of the last one, or the same with another dead time.
+EVERY = every("actuator", ACTUATORS, full=("limited", "lag", "one_period", "between_samples"))
 
 
 def uncompiled(actuator, commands=COMMANDS, period=PERIOD):
@@ -42,14 +44,14 @@ def assert_same(a, b, rtol=0.0):
         np.testing.assert_allclose(x, y, rtol=rtol, atol=rtol)
 
 
-@every("actuator", ACTUATORS)
+@EVERY
 def test_compiled_and_eager_agree(actuator):
     with jax.disable_jit():
         eager = uncompiled(actuator)
     assert_same(delivered(actuator), eager, rtol=1e-12)
 
 
-@every("actuator", ACTUATORS)
+@EVERY
 def test_a_batch_over_parameters_and_commands_is_the_loop_over_them(actuator):
     given = [jax.tree.map(lambda x, f=factor: x * f, (actuator, COMMANDS)) for factor in (0.5, 1.0, 2.0)]
     looped = [delivered(*each) for each in given]
@@ -57,12 +59,12 @@ def test_a_batch_over_parameters_and_commands_is_the_loop_over_them(actuator):
     assert_same(eqx.filter_jit(jax.vmap(uncompiled))(*many), looped, rtol=1e-12)
 
 
-@every("actuator", ACTUATORS)
+@EVERY
 def test_the_same_call_gives_the_same_bits(actuator):
     assert_same(delivered(actuator), delivered(actuator))
 
 
-@every("actuator", ACTUATORS)
+@EVERY
 def test_the_memory_keeps_its_tree_its_shapes_and_its_kinds(actuator):
     memory = actuator.init(jnp.zeros(2))
     after = actuator.set(COMMANDS[0], PERIOD, memory)[1]
@@ -71,7 +73,7 @@ def test_the_memory_keeps_its_tree_its_shapes_and_its_kinds(actuator):
         assert (old.shape, old.dtype) == (new.shape, new.dtype)
 
 
-@every("actuator", ACTUATORS)
+@EVERY
 def test_what_is_set_keeps_both_limits(actuator):
     tau = np.asarray(delivered(actuator)[0])
     changes = np.abs(np.diff(np.concatenate([np.zeros((1, 2)), tau]), axis=0))
@@ -79,7 +81,7 @@ def test_what_is_set_keeps_both_limits(actuator):
     assert np.all(changes <= np.asarray(actuator.limits.rate) * 1e-2 * (1 + 1e-12))
 
 
-@every("actuator", ACTUATORS)
+@EVERY
 def test_what_is_delivered_lies_between_commands_that_were_set(actuator):
     tau, moments = delivered(actuator)
     highest = np.maximum.accumulate(np.maximum(np.asarray(tau), 0.0))
@@ -88,7 +90,7 @@ def test_what_is_delivered_lies_between_commands_that_were_set(actuator):
         assert np.all(moment <= highest * (1 + 1e-12)) and np.all(moment >= lowest * (1 + 1e-12))
 
 
-@every("actuator", ACTUATORS)
+@EVERY
 def test_a_period_ends_where_the_next_begins_unless_a_command_takes_over_there(actuator):
     """With a lag always, and without one too if the dead time is not whole."""
     _, (start, _, end) = delivered(actuator)
@@ -97,14 +99,14 @@ def test_a_period_ends_where_the_next_begins_unless_a_command_takes_over_there(a
     assert np.all((gap < 1e-12) | ~continuous)
 
 
-@every("actuator", ACTUATORS)
+@EVERY
 def test_a_constant_command_is_delivered_in_the_end(actuator):
     _, moments = delivered(actuator, jnp.tile(jnp.array([7.0, -1.5]), (200, 1)))
     for moment in moments:
         np.testing.assert_allclose(moment[-1], [7.0, -1.5], rtol=1e-12)
 
 
-@every("actuator", ACTUATORS)
+@EVERY
 def test_the_future_has_no_influence(actuator):
     other = COMMANDS.at[10:].set(0.0)
     for a, b in zip(jax.tree.leaves(delivered(actuator)), jax.tree.leaves(delivered(actuator, other)), strict=True):
@@ -112,13 +114,13 @@ def test_the_future_has_no_influence(actuator):
 
 
 @pytest.mark.parametrize("size", [0.0, 5e-324, 1e-160, 1e150, 1e307])
-@every("actuator", ACTUATORS)
+@EVERY
 def test_whatever_is_commanded_the_torque_is_finite(actuator, size):
     commands = size * jnp.tile(jnp.array([[1.0, -1.0], [-1.0, 1.0]]), (10, 1))
     assert all(np.all(np.isfinite(leaf)) for leaf in jax.tree.leaves(delivered(actuator, commands)))
 
 
-@every("actuator", ACTUATORS)
+@EVERY
 def test_gradients_by_parameters_commands_and_period_are_finite(actuator):
     @eqx.filter_jit
     @eqx.filter_grad

@@ -103,13 +103,12 @@ def sloped(case):
 
 
 EVERY = every("case", CONTROLLERS, full=LIKE_OTHERS, scope="module")
-# The law inside of it and the delay and dead time around it each have their slopes tried every day, in other members.
-SLOPED = every("case", CONTROLLERS, full=(*LIKE_OTHERS, "sampled_computed_torque"), scope="module")
-# Uncompiled, the search for a plan takes seconds; other sampled-data laws, with less to search, are tried every day.
+# Uncompiled or with slopes, the search for a plan takes long; a sampled-data law with less to search has both every day.
 SLOW = "sampled_cftsmppc_4_1_layer_delay_and_recovery"
+SLOPED = every("case", CONTROLLERS, full=(*LIKE_OTHERS, SLOW), scope="module")
 
 
-@every("case", CONTROLLERS, full=(*LIKE_OTHERS, SLOW), scope="module")
+@SLOPED
 def test_compiled_and_eager_agree(case):
     point = at(case, 1.0, near(case, 1.0))
     eager = answer(case.controller, point)

@@ -10,11 +10,13 @@ from slidax._types import State
 from slidax.estimators import Estimate, FilteredDifference, Measured
 from tests.enrolled import every
 from tests.estimators.followed import accelerated, followed, predicted, swinging
-from tests.estimators.members import ESTIMATORS
+from tests.estimators.members import ESTIMATORS, LIKE_OTHERS
 
 PERIOD = jnp.asarray(1e-3)
 PUSH = jnp.array([4.0, -0.5])
-WITHOUT_PUSH = [("measured", Measured(0.0)), ("filtered_difference", FilteredDifference(200.0, 0.0))]
+OF_POSITIONS = [case for case in ESTIMATORS if not case[0].startswith("measured")]
+EVERY = every("estimator", ESTIMATORS, full=LIKE_OTHERS)
+WITHOUT_PUSH = [("measured_alone", Measured(0.0)), ("filtered_alone", FilteredDifference(200.0, 0.0))]
 
 
 def arrays_of(q, dq):
@@ -51,14 +53,14 @@ def assert_same(a, b, rtol=0.0):
         np.testing.assert_allclose(x, y, rtol=rtol, atol=rtol)
 
 
-@every("estimator", ESTIMATORS)
+@EVERY
 def test_compiled_and_eager_agree(estimator):
     with jax.disable_jit():
         eager = uncompiled(estimator)
     assert_same(answer(estimator), eager, rtol=1e-10)
 
 
-@every("estimator", ESTIMATORS)
+@EVERY
 def test_a_batch_over_parameters_is_the_loop_over_them(estimator):
     acceleration, given = jnp.array([400.0, -500.0]), []
     for factor in (0.25, 0.5, 1.0):
@@ -71,12 +73,12 @@ def test_a_batch_over_parameters_is_the_loop_over_them(estimator):
     assert np.all(np.ptp(looped.push, axis=0)[0] > 0)
 
 
-@every("estimator", ESTIMATORS)
+@EVERY
 def test_the_same_call_gives_the_same_bits(estimator):
     assert_same(answer(estimator), answer(estimator))
 
 
-@every("estimator", ESTIMATORS)
+@EVERY
 def test_the_memory_keeps_its_tree_its_shapes_and_its_kinds(estimator):
     memory, after = estimator.init(MEASURED), answer(estimator)[1]
     assert jax.tree.structure(after) == jax.tree.structure(memory)
@@ -86,7 +88,7 @@ def test_the_memory_keeps_its_tree_its_shapes_and_its_kinds(estimator):
 
 @pytest.mark.parametrize("missed", [False, True])
 @pytest.mark.parametrize("size", [0.0, 5e-324, 1e-160, 1e-3, 1e16, 1e150, 1e280])
-@every("estimator", ESTIMATORS)
+@EVERY
 def test_whatever_is_measured_the_estimate_is_finite(estimator, size, missed):
     for signs in ([1.0, -1.0], [-1.0, 1.0]):
         far = size * jnp.asarray(signs)
@@ -100,7 +102,7 @@ def test_whatever_is_measured_the_estimate_is_finite(estimator, size, missed):
             assert all(np.all(np.isfinite(leaf)) for leaf in jax.tree.leaves(found))
 
 
-@every("estimator", ESTIMATORS)
+@EVERY
 def test_gradients_by_parameters_measurements_and_predictions_are_finite(estimator):
     @eqx.filter_jit
     @eqx.filter_grad
@@ -113,13 +115,13 @@ def test_gradients_by_parameters_measurements_and_predictions_are_finite(estimat
         assert all(np.all(np.isfinite(leaf)) for leaf in jax.tree.leaves(found))
 
 
-@every("estimator", ESTIMATORS)
+@EVERY
 def test_numbers_are_arrays_that_a_batch_can_vary(estimator):
     leaves = jax.tree.leaves(estimator)
     assert leaves and all(isinstance(leaf, jax.Array) and leaf.dtype == float for leaf in leaves)
 
 
-@every("estimator", ESTIMATORS + WITHOUT_PUSH)
+@every("estimator", ESTIMATORS + WITHOUT_PUSH, full=LIKE_OTHERS)
 def test_what_was_predicted_is_believed(estimator):
     """A measurement that agrees with the prediction changes nothing."""
     last = Estimate(state=arrays_of([0.2, 0.1], [1.0, -2.0]), push=jnp.array([3.0, -1.0]))
@@ -129,7 +131,7 @@ def test_what_was_predicted_is_believed(estimator):
     np.testing.assert_allclose(found.push, last.push, rtol=1e-9)
 
 
-@every("estimator", ESTIMATORS + WITHOUT_PUSH)
+@every("estimator", ESTIMATORS + WITHOUT_PUSH, full=LIKE_OTHERS)
 def test_a_constant_velocity_is_followed_without_error(estimator):
     found = jax.tree.map(lambda x: x[:200], driven(estimator, jnp.zeros(2)))
     times = np.arange(1, 201)[:, None] * 1e-3
@@ -138,7 +140,7 @@ def test_a_constant_velocity_is_followed_without_error(estimator):
     np.testing.assert_allclose(found.push, 0.0, atol=1e-8)
 
 
-@every("estimator", ESTIMATORS)
+@EVERY
 def test_a_constant_push_is_found_and_then_all_is_exact(estimator):
     found = driven(estimator, PUSH)
     np.testing.assert_allclose(found.push[-1], PUSH, atol=1e-6)
@@ -146,7 +148,7 @@ def test_a_constant_push_is_found_and_then_all_is_exact(estimator):
     np.testing.assert_allclose(found.state.q[-1], [10.0, -5.0], atol=1e-10)
 
 
-@every("estimator", ESTIMATORS)
+@EVERY
 def test_a_constant_push_is_approached_and_not_overshot_by_half(estimator):
     found = np.asarray(driven(estimator, PUSH).push) / np.asarray(PUSH)
     assert np.all(found > -0.01) and np.all(found < 1.5)
@@ -157,7 +159,7 @@ def swung(estimator):
     return followed(estimator, swinging, 8000)
 
 
-@every("estimator", ESTIMATORS)
+@EVERY
 def test_a_slowly_changing_push_is_followed(estimator):
     found = swung(estimator)
     times = jnp.asarray(np.arange(1, 8001) * 1e-3)
@@ -173,14 +175,14 @@ def test_a_gain_of_zero_leaves_the_push_as_it_is(estimator):
     np.testing.assert_array_equal(found.push, 0.25)
 
 
-@every("estimator", ESTIMATORS)
+@EVERY
 def test_after_a_long_gap_the_push_stays_and_the_measured_position_is_believed(estimator):
     found, _ = answer(estimator, elapsed=jnp.asarray(1.0), missed=True)
     np.testing.assert_array_equal(found.push, PRIOR.push)
     np.testing.assert_allclose(found.state.q, MEASURED.q, rtol=1e-6)
 
 
-@every("estimator", ESTIMATORS)
+@EVERY
 def test_after_a_gap_with_a_push_that_nobody_knew_the_velocity_is_nearer_than_the_prediction(estimator):
     true = accelerated(PUSH)
     for elapsed in (jnp.asarray(0.002), jnp.asarray(0.02), jnp.asarray(0.5)):
@@ -191,14 +193,14 @@ def test_after_a_gap_with_a_push_that_nobody_knew_the_velocity_is_nearer_than_th
         assert np.all(np.abs(found.state.dq - measured.dq) < before)
 
 
-@every("estimator", ESTIMATORS)
+@EVERY
 def test_each_joint_is_estimated_by_itself(estimator):
     other = arrays_of([MEASURED.q[0], 7.0], [MEASURED.dq[0], -7.0])
     for a, b in zip(jax.tree.leaves(answer(estimator)), jax.tree.leaves(answer(estimator, other)), strict=True):
         assert a[0] == b[0]
 
 
-@every("estimator", [case for case in ESTIMATORS if not case[0].startswith("measured")])
+@every("estimator", OF_POSITIONS, full=LIKE_OTHERS)
 def test_estimators_of_positions_do_not_look_at_measured_velocities(estimator):
     other = arrays_of(MEASURED.q, [50.0, -50.0])
     assert_same(answer(estimator, other), answer(estimator))

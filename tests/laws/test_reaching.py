@@ -11,9 +11,10 @@ from slidax._types import State
 from slidax.numerics import matvec
 from slidax.reaching import FixedTimeReaching, SaturatedReaching
 from tests.enrolled import every
-from tests.reaching.members import BOUNDS, REACHING
+from tests.reaching.members import BOUNDS, LIKE_OTHERS, REACHING
 
 S = jnp.asarray(np.random.default_rng(0).normal(size=(200, 2)) * np.logspace(-6, 2, 200)[:, None])
+EVERY = every("reaching", REACHING, full=LIKE_OTHERS)
 
 
 @eqx.filter_jit
@@ -22,7 +23,7 @@ def terms(reaching, s):
     return jax.vmap(reaching.continuous_term)(s), jax.vmap(reaching.switching_direction)(s)
 
 
-@every("reaching", REACHING)
+@EVERY
 def test_power_and_direction_push_along_s(reaching):
     for pushed, opposite in zip(terms(reaching, S), terms(reaching, -S), strict=True):
         assert np.all(np.sum(np.asarray(S) * np.asarray(pushed), axis=1) > 0)
@@ -35,20 +36,20 @@ PARALLEL = [(name, member) for name, member in REACHING if not isinstance(member
 IMPLICIT = [(name, member) for name, member in REACHING if getattr(member, "gain", jnp.zeros(())).ndim < 2]
 
 
-@every("reaching", REACHING)
+@EVERY
 def test_the_direction_is_no_longer_than_one(reaching):
     direction = np.asarray(terms(reaching, S)[1])
     assert np.all(np.linalg.norm(direction, axis=1) <= 1 + 1e-15)
 
 
-@every("reaching", PARALLEL)
+@every("reaching", PARALLEL, full=LIKE_OTHERS)
 def test_the_direction_is_parallel_to_s(reaching):
     direction = np.asarray(terms(reaching, S)[1])
     cross = direction[:, 0] * np.asarray(S)[:, 1] - direction[:, 1] * np.asarray(S)[:, 0]
     np.testing.assert_allclose(cross, 0.0, atol=1e-14 * np.linalg.norm(S, axis=1).max())
 
 
-@every("reaching", REACHING)
+@EVERY
 def test_at_zero_both_are_zero_with_finite_gradients(reaching):
     assert all(isinstance(leaf, jax.Array) and leaf.dtype == float for leaf in jax.tree.leaves(reaching))
     for name in ("continuous_term", "switching_direction"):
@@ -80,7 +81,7 @@ def implicit(reaching, s=STARTS):
     return np.asarray(steps(reaching, METRICS, s, SIZES))
 
 
-@every("reaching", IMPLICIT)
+@every("reaching", IMPLICIT, full=LIKE_OTHERS)
 def test_the_implicit_step_solves_its_equation_in_every_case(reaching):
     """`A (s⁺ - s) + P(s⁺) ∈ -u N(s⁺)`: to 1e-12 where N is single-valued, within its set where it is not."""
     after = implicit(reaching)
@@ -102,7 +103,7 @@ def test_the_implicit_step_solves_its_equation_in_every_case(reaching):
     assert np.all(np.linalg.norm(rest[stuck], axis=1) <= np.asarray(SIZES)[stuck])
 
 
-@every("reaching", IMPLICIT)
+@every("reaching", IMPLICIT, full=LIKE_OTHERS)
 def test_the_implicit_step_stays_at_zero_exactly_where_the_push_is_within_u(reaching):
     if isinstance(reaching, SaturatedReaching) or reaching.layer > 0:
         np.testing.assert_array_equal(implicit(reaching, s=0.0 * STARTS), 0.0)
@@ -113,7 +114,7 @@ def test_the_implicit_step_stays_at_zero_exactly_where_the_push_is_within_u(reac
     assert 50 < stuck.sum() < 350
 
 
-@every("reaching", IMPLICIT)
+@every("reaching", IMPLICIT, full=LIKE_OTHERS)
 def test_the_implicit_step_brings_any_two_starts_together_in_the_metric(reaching):
     """The resolvent of a monotone map does not widen a distance: no step can overshoot."""
     first, second = implicit(reaching), implicit(reaching, s=-0.7 * STARTS[::-1])
@@ -132,7 +133,7 @@ def slopes(reaching, metric, s, u):
     return jax.jacrev(lambda law, s, u: law.implicit(metric, s, u), argnums=(1, 2, 0))(reaching, s, u)
 
 
-@every("reaching", IMPLICIT)
+@every("reaching", IMPLICIT, full=LIKE_OTHERS)
 def test_the_derivative_of_the_implicit_step_is_that_of_the_solution(reaching):
     """Against differences, away from the kinks, where there are two."""
     metric, s, u = jnp.array([[300.0, 40.0], [40.0, 200.0]]), jnp.array([0.5, -0.4]), jnp.asarray(20.0)

@@ -11,10 +11,10 @@ import pytest
 
 from slidax._types import State
 from tests.enrolled import every
-from tests.robots.members import LIKE_TREE, ROBOTS
+from tests.robots.members import LIKE_OTHERS, ROBOTS
 
 SAMPLES = 200
-EVERY = every("robot", ROBOTS, full=LIKE_TREE, scope="module")
+EVERY = every("robot", ROBOTS, full=LIKE_OTHERS, scope="module")
 
 
 def random_states(robot):

@@ -8,12 +8,14 @@ import pytest
 
 from slidax._types import State
 from tests.enrolled import every
-from tests.sensors.members import SENSORS
+from tests.sensors.members import LIKE_OTHERS, SENSORS
 from tests.sensors.sampled import moving, sampled
 
 PERIOD = jnp.asarray(1e-2)
 RANDOM = ("noisy", "unevenly", "by_chance", "all_at_once")
 SHIFTS = jnp.array([0.0, 0.3, 2.0])
+BY_CHANCE = [case for case in SENSORS if case[0].endswith(RANDOM)]
+EVERY = every("sensor", SENSORS, full=LIKE_OTHERS)
 
 
 def of_a_motion(sensor, shift):
@@ -63,20 +65,20 @@ def assert_same(a, b, rtol=0.0):
         np.testing.assert_allclose(x, y, rtol=rtol, atol=rtol)
 
 
-@every("sensor", SENSORS)
+@EVERY
 def test_compiled_and_eager_agree(sensor):
     """Over as many samples as it takes for everything to be late, and for those of the plans to be lost."""
     first = jax.tree.map(lambda x: x[:8], measured(sensor, SHIFTS[0]))
     assert_same(first, one_by_one(sensor, 8), rtol=1e-11)
 
 
-@every("sensor", SENSORS)
+@EVERY
 def test_a_batch_over_motions_is_the_loop_over_them(sensor):
     many = measured_of_many(stacked([sensor] * 3), SHIFTS)
     assert_same(many, stacked([measured(sensor, shift) for shift in SHIFTS]), rtol=1e-11)
 
 
-@every("sensor", [case for case in SENSORS if case[0].endswith(RANDOM)])
+@every("sensor", BY_CHANCE, full=(*LIKE_OTHERS, "all_at_once"))
 def test_a_batch_over_seeds_is_the_loop_over_them_and_each_seed_measures_otherwise(sensor):
     sensors = [eqx.tree_at(lambda sensor: sensor.seed, sensor, jnp.asarray(seed)) for seed in range(3)]
     looped = stacked([measured(sensor, SHIFTS[0]) for sensor in sensors])
@@ -85,12 +87,12 @@ def test_a_batch_over_seeds_is_the_loop_over_them_and_each_seed_measures_otherwi
         assert np.any(looped.state.q[a] != looped.state.q[b])
 
 
-@every("sensor", SENSORS)
+@EVERY
 def test_the_same_call_gives_the_same_bits(sensor):
     assert_same(measured(sensor, SHIFTS[0]), measured(sensor, SHIFTS[0]))
 
 
-@every("sensor", SENSORS)
+@EVERY
 def test_the_first_sample_arrives_and_is_near_the_truth(sensor):
     first = jax.tree.map(lambda x: x[0], measured(sensor, SHIFTS[0]))
     assert bool(first.fresh)
@@ -99,7 +101,7 @@ def test_the_first_sample_arrives_and_is_near_the_truth(sensor):
     np.testing.assert_allclose(first.state.dq, moving(jnp.zeros(())).dq, atol=0.02)
 
 
-@every("sensor", SENSORS)
+@EVERY
 def test_the_memory_keeps_its_tree_its_shapes_and_its_kinds(sensor):
     memory = sensor.init(moving(jnp.zeros(())))
     after = sensor(jnp.asarray(0), moving(jnp.zeros(())), PERIOD, memory)[1]
@@ -109,24 +111,24 @@ def test_the_memory_keeps_its_tree_its_shapes_and_its_kinds(sensor):
 
 
 @pytest.mark.parametrize("size", [0.0, 5e-324, 1e-160, 1e16, 1e150, 1e280])
-@every("sensor", SENSORS)
+@EVERY
 def test_whatever_the_state_the_measurement_is_finite(sensor, size):
     seen = measured_of_jumps(sensor, jnp.asarray(size))
     assert all(np.all(np.isfinite(leaf)) for leaf in jax.tree.leaves(seen))
 
 
-@every("sensor", SENSORS)
+@EVERY
 def test_gradients_by_parameters_and_states_are_finite(sensor):
     found = slopes((sensor, jnp.ones(())))
     assert all(np.all(np.isfinite(leaf)) for leaf in jax.tree.leaves(found))
 
 
-@every("sensor", SENSORS)
+@EVERY
 def test_numbers_are_arrays_that_a_batch_can_vary(sensor):
     assert all(isinstance(leaf, jax.Array) for leaf in jax.tree.leaves(sensor))
 
 
-@every("sensor", SENSORS)
+@EVERY
 def test_one_trace_serves_all_samples_and_seeds(sensor):
     traces = []
 

@@ -6,10 +6,11 @@ import numpy as np
 
 from slidax.surfaces import LinearCoreFixedTime
 from tests.enrolled import every
-from tests.surfaces.members import SURFACES
+from tests.surfaces.members import LIKE_OTHERS, SURFACES
 
 # The older surface has a kink: what holds only without one is asked of the others.
 SMOOTH = [(name, member) for name, member in SURFACES if not isinstance(member, LinearCoreFixedTime)]
+EVERY = every("surface", SURFACES, full=LIKE_OTHERS)
 GRID = np.concatenate([np.linspace(-3.0, 3.0, 1201), np.linspace(-0.02, 0.02, 801)])
 GRID.sort()
 
@@ -27,31 +28,31 @@ def over(function):
     return np.asarray(jax.jit(jax.vmap(function))(eps))
 
 
-@every("surface", SURFACES)
+@EVERY
 def test_the_pull_is_odd_and_nothing_at_zero(surface):
     np.testing.assert_allclose(over(lambda eps: pull(surface, eps)), -over(lambda eps: pull(surface, -eps)), rtol=1e-15)
     np.testing.assert_array_equal(pull(surface, jnp.zeros(2)), 0.0)
 
 
-@every("surface", SURFACES)
+@EVERY
 def test_the_pull_increases_with_the_error(surface):
     assert np.all(np.diff(over(lambda eps: pull(surface, eps)), axis=0)[np.diff(GRID) > 0] > 0)
     assert np.all(over(lambda eps: slope(surface, eps)) > 0)
 
 
-@every("surface", SURFACES)
+@EVERY
 def test_the_slope_is_the_derivative_of_the_pull(surface):
     derivative = over(jax.grad(lambda eps: jnp.sum(pull(surface, eps))))
     np.testing.assert_allclose(over(lambda eps: slope(surface, eps)), derivative, rtol=1e-11)
 
 
-@every("surface", SURFACES)
+@EVERY
 def test_joints_do_not_mix(surface):
     jacobian = jax.jit(jax.jacfwd(lambda eps: pull(surface, eps)))(jnp.array([0.3, -0.004]))
     np.testing.assert_array_equal(jacobian - np.diag(np.diagonal(jacobian)), 0.0)
 
 
-@every("surface", SMOOTH)
+@every("surface", SMOOTH, full=LIKE_OTHERS)
 def test_the_slope_is_continuous(surface):
     """Bisection towards the largest change would close in on a jump; without one the change goes to nothing."""
     at = jax.jit(lambda x: slope(surface, jnp.stack([x, x])))
@@ -64,7 +65,7 @@ def test_the_slope_is_continuous(surface):
         assert np.abs(at(high) - at(low)).max() <= 1e-3 * first
 
 
-@every("surface", SURFACES)
+@EVERY
 def test_all_gains_have_finite_gradients_also_at_zero_error(surface):
     assert all(isinstance(leaf, jax.Array) and leaf.dtype == float for leaf in jax.tree.leaves(surface))
 
@@ -77,7 +78,7 @@ def test_all_gains_have_finite_gradients_also_at_zero_error(surface):
             assert all(np.all(np.isfinite(leaf)) for leaf in jax.tree.leaves(gradient))
 
 
-@every("surface", SURFACES)
+@EVERY
 def test_where_the_pull_is_said_to_reach_a_size_it_has_reached_it(surface):
     sizes = jnp.asarray(np.logspace(-6, 6, 97))
     eps = jax.jit(jax.vmap(lambda size: surface.reach(jnp.stack([size, size]))))(sizes)

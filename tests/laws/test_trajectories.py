@@ -5,12 +5,13 @@ import jax.numpy as jnp
 import numpy as np
 
 from tests.enrolled import every
-from tests.trajectories.members import TRAJECTORIES
+from tests.trajectories.members import LIKE_OTHERS, TRAJECTORIES
 
 TIMES = jnp.asarray(np.random.default_rng(0).uniform(0.01, 4.0, 60))
+EVERY = every("trajectory", TRAJECTORIES, full=LIKE_OTHERS)
 
 
-@every("trajectory", TRAJECTORIES)
+@EVERY
 def test_velocity_and_acceleration_match_differences_of_the_position(trajectory):
     reference = jax.jit(jax.vmap(trajectory.reference))(TIMES)
     position = jax.jit(jax.vmap(trajectory.position))
@@ -21,7 +22,7 @@ def test_velocity_and_acceleration_match_differences_of_the_position(trajectory)
     np.testing.assert_allclose(reference.ddq, (after - 2 * now + before) / h**2, atol=2e-3)
 
 
-@every("trajectory", TRAJECTORIES)
+@EVERY
 def test_the_acceleration_is_the_derivative_of_the_velocity(trajectory):
     reference = jax.jit(jax.vmap(trajectory.reference))
     h = 1e-6
@@ -29,7 +30,7 @@ def test_the_acceleration_is_the_derivative_of_the_velocity(trajectory):
     np.testing.assert_allclose(reference(TIMES).ddq, difference, atol=1e-6)
 
 
-@every("trajectory", TRAJECTORIES)
+@EVERY
 def test_all_parameters_are_differentiable_leaves(trajectory):
     leaves = jax.tree.leaves(trajectory)
     assert leaves
@@ -38,7 +39,7 @@ def test_all_parameters_are_differentiable_leaves(trajectory):
     assert all(np.all(np.isfinite(leaf)) for leaf in jax.tree.leaves(gradient))
 
 
-@every("trajectory", TRAJECTORIES)
+@EVERY
 def test_the_motion_is_finite_from_the_start_to_long_after(trajectory):
     reference = jax.jit(jax.vmap(trajectory.reference))(jnp.array([0.0, 1e-12, 1.0, 1e3]))
     assert all(np.all(np.isfinite(leaf)) for leaf in jax.tree.leaves(reference))

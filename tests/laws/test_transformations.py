@@ -8,9 +8,10 @@ import pytest
 
 from slidax.transformations import Unconstrained
 from tests.enrolled import every
-from tests.transformations.members import TRANSFORMATIONS
+from tests.transformations.members import LIKE_OTHERS, TRANSFORMATIONS
 
 ENVELOPED = [(name, member) for name, member in TRANSFORMATIONS if not isinstance(member, Unconstrained)]
+EVERY = every("transformation", TRANSFORMATIONS, full=LIKE_OTHERS)
 STARTS = [jnp.array([0.3, 0.2]), jnp.array([-0.3, 0.2]), jnp.array([-0.3, -0.2]), jnp.zeros(2)]
 
 
@@ -31,7 +32,7 @@ def errors_and_rate(transformation, memory, t):
     return first, along(transformation, memory, t).eps2
 
 
-@every("transformation", TRANSFORMATIONS)
+@EVERY
 @pytest.mark.parametrize("start", STARTS)
 def test_the_second_error_is_the_time_derivative_of_the_first_along_any_motion(transformation, start):
     memory, h = transformation.init(jnp.asarray(0.0), start), 1e-6
@@ -42,7 +43,7 @@ def test_the_second_error_is_the_time_derivative_of_the_first_along_any_motion(t
         np.testing.assert_allclose(rate, (after - before) / (2 * h), rtol=1e-6, atol=1e-7)
 
 
-@every("transformation", TRANSFORMATIONS)
+@EVERY
 def test_the_rate_of_alpha_is_its_derivative(transformation):
     memory = transformation.init(jnp.asarray(0.0), STARTS[0])
 
@@ -71,7 +72,7 @@ def transformed(transformation, start, shares):
     return jax.vmap(eps)(shares)
 
 
-@every("transformation", ENVELOPED)
+@every("transformation", ENVELOPED, full=LIKE_OTHERS)
 @pytest.mark.parametrize("start", STARTS)
 def test_errors_at_the_bounds_go_to_plus_and_minus_infinity(transformation, start):
     grid = np.asarray(
@@ -82,7 +83,7 @@ def test_errors_at_the_bounds_go_to_plus_and_minus_infinity(transformation, star
     assert np.all(grid[-1] > 20)
 
 
-@every("transformation", TRANSFORMATIONS)
+@EVERY
 @pytest.mark.parametrize("start", STARTS)
 def test_zero_error_is_zero_transformed_error_and_lies_inside(transformation, start):
     memory = transformation.init(jnp.asarray(0.0), start)
@@ -95,7 +96,7 @@ def test_zero_error_is_zero_transformed_error_and_lies_inside(transformation, st
         assert np.all(np.asarray(envelope.upper) > 0)
 
 
-@every("transformation", ENVELOPED)
+@every("transformation", ENVELOPED, full=LIKE_OTHERS)
 def test_alpha_is_not_negative_and_beta_exceeds_twice_the_inverse_radius(transformation):
     """Proposition 5, at random errors inside the envelope and at random times."""
     rng = np.random.default_rng(0)
@@ -115,7 +116,7 @@ def test_alpha_is_not_negative_and_beta_exceeds_twice_the_inverse_radius(transfo
     assert np.all(np.asarray(beta) > 2.0 / np.asarray(transformation.performance.initial))
 
 
-@every("transformation", TRANSFORMATIONS)
+@EVERY
 def test_all_gains_have_finite_gradients_also_at_zero_error(transformation):
     assert all(isinstance(leaf, jax.Array) and leaf.dtype == float for leaf in jax.tree.leaves(transformation))
 
@@ -131,7 +132,7 @@ def test_all_gains_have_finite_gradients_also_at_zero_error(transformation):
         assert all(np.all(np.isfinite(leaf)) for leaf in jax.tree.leaves(gradient))
 
 
-@every("transformation", TRANSFORMATIONS)
+@EVERY
 def test_a_frame_maps_the_led_error_there_and_back(transformation):
     memory = transformation.init(jnp.asarray(0.0), STARTS[0])
     frame = transformation.frame(jnp.asarray(0.5), jnp.asarray(2e-3), jnp.asarray(3e-3), memory)
@@ -142,7 +143,7 @@ def test_a_frame_maps_the_led_error_there_and_back(transformation):
         np.testing.assert_allclose(slope, difference, rtol=1e-6, atol=1e-10)
 
 
-@every("transformation", ENVELOPED)
+@every("transformation", ENVELOPED, full=LIKE_OTHERS)
 @pytest.mark.parametrize("start", STARTS)
 def test_a_frame_is_the_envelope_led_by_its_rate_and_its_tangent(transformation, start):
     memory, t = transformation.init(jnp.asarray(0.0), start), jnp.asarray(0.5)
@@ -161,7 +162,7 @@ def test_a_frame_is_the_envelope_led_by_its_rate_and_its_tangent(transformation,
     np.testing.assert_allclose(frame.ahead * memory.upper, value + horizon * rate, rtol=1e-12)
 
 
-@every("transformation", TRANSFORMATIONS)
+@EVERY
 def test_a_frame_is_defined_for_every_finite_error(transformation):
     memory = transformation.init(jnp.asarray(0.0), STARTS[0])
     frame = transformation.frame(jnp.asarray(0.5), jnp.asarray(2e-3), jnp.asarray(3e-3), memory)

@@ -10,3 +10,6 @@ PERFORMANCES: list[tuple[str, AbstractPerformance]] = [
     ("exponential", Exponential([0.8, 0.6], 0.002, [1.0, 1.5])),
     ("finite_time", FiniteTime([0.8, 0.6], 0.002, [0.5, 0.4], 0.6)),
 ]
+
+LIKE_OTHERS = ("fixed_time_4_1", "fixed_time_4_2")
+"""The same classes with other numbers: these run in the long version."""

@@ -21,6 +21,9 @@ REACHING: list[tuple[str, AbstractReaching]] = [
     ("saturated_sign", SaturatedReaching(5.0, 0.7, 0.0)),
 ]
 
+LIKE_OTHERS = ("fixed_time_4_1", "two_power_4_2", "saturated_layer")
+"""The same classes with other numbers: these run in the long version."""
+
 BOUNDS: list[tuple[str, AbstractBound]] = [
     ("uncertainty_4_1", UncertaintyBound(0.09, 0.2, 12.0, 2.2, 2.8, 1.0)),
     ("state", StateBound(12.0, 2.2, 2.8)),

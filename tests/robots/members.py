@@ -2,15 +2,16 @@
 
 from slidax.robots import AbstractRobot, ready
 from tests.paper import SCARA, TWO_LINK, TWO_LINK_NOMINAL
-from tests.robots.trees import tree
+from tests.robots.trees import small_tree, tree
 
 ROBOTS: list[tuple[str, AbstractRobot]] = [
     ("two_link", TWO_LINK),
     ("two_link_nominal", TWO_LINK_NOMINAL),
     ("scara", SCARA),
+    ("small_tree", small_tree()),
     ("tree", tree()),
     *((name, ready.read(name).robot) for name in ready.names()),
 ]
 
-LIKE_TREE = tuple(ready.names())
-"""The same class with other numbers, and without branches and sliding joints: these run in the long version."""
+LIKE_OTHERS = ("two_link_nominal", "tree", *ready.names())
+"""The same classes with other numbers or more joints: these run in the long version."""

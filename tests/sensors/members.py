@@ -15,3 +15,15 @@ SENSORS: list[tuple[str, AbstractSensor]] = [
     ("lossy_by_plan", Lossy(Exact(), starts=[2, 5], counts=[2, 1])),
     ("all_at_once", Lossy(Delayed(Encoders(1e-5, 1e-5, 1e-3), 1.5, 0.5), 0.2, [4], [3])),
 ]
+
+LIKE_OTHERS = (
+    "encoders",
+    "encoders_noisy",
+    "differenced",
+    "delayed_one_period",
+    "delayed_between_samples",
+    "delayed_unevenly",
+    "lossy_by_chance",
+    "lossy_by_plan",
+)
+"""Parts of the others, by themselves: these run in the long version."""

@@ -11,3 +11,6 @@ SURFACES: list[tuple[str, AbstractSurface]] = [
     ("singularity_free_narrow", SingularityFree([1.0, 2.0], [0.5, 0.2], [0.7, 0.4], 1.2, [1.7, 2.5], [0.01, 2.0])),
     ("linear", Linear(rate=[5.0, 2.0])),
 ]
+
+LIKE_OTHERS = ("smooth_fixed_time_4_1", "linear_core_4_1", "singularity_free_narrow")
+"""The same classes with other numbers: these run in the long version."""

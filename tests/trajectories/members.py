@@ -30,3 +30,6 @@ TRAJECTORIES: list[tuple[str, AbstractTrajectory]] = [
         ),
     ),
 ]
+
+LIKE_OTHERS = ("minimum_jerk", "trapezoidal", "tabulated", "tabulated_with_velocities")
+"""The same classes with other numbers: these run in the long version."""

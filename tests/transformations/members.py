@@ -9,3 +9,6 @@ TRANSFORMATIONS: list[tuple[str, AbstractTransformation]] = [
     ("prescribed_performance_exponential", PrescribedPerformance(Exponential([0.8, 0.6], 0.002, 1.0), [0.5, 0.9])),
     ("unconstrained", Unconstrained()),
 ]
+
+LIKE_OTHERS = ("prescribed_performance_exponential",)
+"""The same class around another envelope: it runs in the long version."""
