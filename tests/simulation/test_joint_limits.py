@@ -90,7 +90,12 @@ def test_a_file_can_say_so_too():
     assert loaded.stepping.limits == "ignore"
 
 
-@pytest.mark.parametrize("name", scenarios.names())
+# Every scenario that is run at all is checked so on the way.
+DAILY = ("example-4.1", "panda-pick")
+NAMES = [pytest.param(name, marks=[] if name in DAILY else [pytest.mark.full]) for name in scenarios.names()]
+
+
+@pytest.mark.parametrize("name", NAMES)
 def test_the_built_in_scenarios_keep_their_robots_limits(name):
     made = scenarios.load(name)
     steps = round(made.t1 / made.period)

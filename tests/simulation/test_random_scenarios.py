@@ -69,7 +69,7 @@ def assert_both_agree(arm, changes):
 HOW = {"deadline": None, "derandomize": True, "suppress_health_check": list(HealthCheck)}
 
 
-@settings(max_examples=5, **HOW)
+@settings(max_examples=3, **HOW)
 @given(random_scenarios())
 def test_random_scenarios_agree(scenario):
     assert_both_agree(*scenario)

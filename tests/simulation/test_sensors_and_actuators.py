@@ -15,7 +15,7 @@ from slidax.simulation import Plant, simulate
 from slidax.trajectories import Constant as Still
 from tests.enrolled import every
 from tests.paper import MOTION_4_1, START_4_1, TWO_LINK
-from tests.sensors.members import SENSORS
+from tests.sensors.members import LIKE_OTHERS, SENSORS
 from tests.simulation.simple import SMOOTH_PLANT, SPRING, Pendulum, Spring, Tube, Witness
 
 PERIOD = 1e-2
@@ -46,7 +46,7 @@ def assert_same(a, b, rtol=0.0):
         np.testing.assert_allclose(x, y, rtol=rtol, atol=rtol)
 
 
-@every("sensor", SENSORS)
+@every("sensor", SENSORS, full=LIKE_OTHERS)
 def test_a_controller_sees_what_the_sensor_says(sensor):
     log = run(sensor).log
     said = measured(sensor, log)
@@ -55,7 +55,7 @@ def test_a_controller_sees_what_the_sensor_says(sensor):
     np.testing.assert_array_equal(log.signals["first"], np.broadcast_to(log.signals["q"][0], (SAMPLES, 2)))
 
 
-@every("sensor", SENSORS)
+@every("sensor", SENSORS, full=LIKE_OTHERS)
 def test_the_torque_follows_from_what_was_seen_where_a_sample_arrived_and_else_stays(sensor):
     log = run(sensor).log
     fresh = np.asarray(measured(sensor, log).fresh)
