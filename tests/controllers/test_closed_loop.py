@@ -8,7 +8,7 @@ import pytest
 from slidax._types import State
 from slidax.controllers import SlidingMode
 from slidax.reaching import TwoPowerReaching
-from tests.controllers.members import CONTROLLERS, Case
+from tests.controllers.members import CONTROLLERS, LIKE_OTHERS, Case
 from tests.enrolled import every
 from tests.paper import law_4_1
 
@@ -30,7 +30,7 @@ def power(reaching, s):
     return reaching.gain * jnp.abs(s) ** reaching.exponent * jnp.sign(s)
 
 
-@every("case", SLIDING)
+@every("case", SLIDING, full=LIKE_OTHERS)
 def test_with_the_exact_model_the_surface_follows_its_reaching_law(case):
     """(54): `M ṡ = -K0 Sig^r(s) - u s/(‖s‖ + s0)`, or with the powers of [24]; ṡ is taken along the true motion."""
     controller, robot, trajectory, start, _ = exact(case)
@@ -62,7 +62,7 @@ def test_with_the_exact_model_the_surface_follows_its_reaching_law(case):
         np.testing.assert_allclose(left, right, rtol=0, atol=1e-10 * scale)
 
 
-@every("case", SLIDING)
+@every("case", SLIDING, full=LIKE_OTHERS)
 def test_the_surface_shrinks_where_the_model_is_exact(case):
     """V = sᵀMs/2 falls; here by its sign at random states, Ṁ aside: `sᵀ(M ṡ) < 0` follows from (54)."""
     s = np.random.default_rng(3).normal(size=(100, case.robot.joints))

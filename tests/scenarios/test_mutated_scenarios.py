@@ -55,7 +55,7 @@ def survivors(label: str, cases: int, kinds: tuple[str, ...], *, simulated: bool
 
 
 def test_a_mutated_scenario_is_refused_in_a_line_or_built() -> None:
-    found = survivors("daily", 200, ANY)
+    found = survivors("daily", 60, ANY)
     assert found == {"refused before it was parsed", "refused before it was built", "built"}
 
 

@@ -114,7 +114,7 @@ def test_gradients_match_differences(mode):
     assert float(forward) == pytest.approx(difference, rel=1e-6)
 
 
-# Reverse mode by a few of the gains, and by the arm's mass, is tried every day in `test_value_and_gradient.py`.
+# Reverse mode through a whole run takes long to compile; with a simpler law it is tried every day, above.
 @pytest.mark.full
 def test_gradients_by_every_gain_at_once_are_finite_and_most_of_them_count():
     def final_error(k2):

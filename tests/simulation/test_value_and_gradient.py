@@ -57,11 +57,17 @@ def test_it_is_the_slope_that_differences_show(mode):
     assert_close(gradient, differences(last_error, None, mode=mode, **HOW), 1e-5)
 
 
-def test_both_engines_and_reverse_mode_give_the_same():
+def test_both_engines_give_the_same():
     native = value_and_gradient(last_error, define, AT, **HOW, engine="native")
     xla = value_and_gradient(last_error, define, AT, **HOW, engine="xla")
     assert float(native[0]) == pytest.approx(float(xla[0]), rel=1e-12)
     assert_close(native[1], xla[1], 1e-8)
+
+
+# Of a simpler law, reverse mode is tried every day, in `test_batch_and_gradient.py`.
+@pytest.mark.full
+def test_reverse_mode_gives_the_same():
+    native = value_and_gradient(last_error, define, AT, **HOW, engine="native")
     reverse = jax.jit(jax.grad(lambda x: last_error(simulate(*define(x), log_every=None, **HOW))))(AT)
     assert_close(native[1], reverse, 1e-8)
 

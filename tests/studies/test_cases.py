@@ -83,6 +83,8 @@ def test_an_arm_with_all_that_can_be_uncertain_about_it(scenario: str) -> None:
     assert same(table, 8, alone(of, values, 8))
 
 
+# XLA compiles it for long; `tests/simulation/test_simulate_batch.py` has a batch of both engines every day.
+@pytest.mark.full
 def test_both_engines_have_the_same_rows_up_to_rounding() -> None:
     changes = {**SHORT, "simulation.t1": 0.02}
     native = cases("example-4.1-1khz", UNCERTAIN, changes)
