@@ -24,7 +24,10 @@ def test_the_torque_of_c_is_that_of_python(pair, tmp_path):
     agree(pair, tmp_path)
 
 
-@pytest.mark.parametrize("pair", [("example-4.1", "cftsmppc", {}), ("example-4.2-1khz", "cftsmppc", {})], ids=named)
+BROKEN = [("example-4.1", "cftsmppc", {}), ("example-4.2-1khz", "cftsmppc", {})]
+
+
+@pytest.mark.parametrize("pair", in_full(BROKEN, "cftsmppc", "none"), ids=named)
 def test_bad_numbers_get_the_status_that_they_get_in_python_and_a_finite_torque_within_its_limits(pair, tmp_path):
     arm, scheme, changes = pair
     scenario = load(arm, {"scheme.name": scheme, "actuator.torque": 50.0, **changes})

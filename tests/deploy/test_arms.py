@@ -16,6 +16,7 @@ pytestmark = needs_a_compiler
 PARTS = ("header.h.j2", "step.c.j2", "scenario.h.j2", "scenario.c.j2")
 
 
+@pytest.mark.full
 def test_the_law_of_a_panda_and_the_panda_itself_are_c_without_a_warning(tmp_path):
     made = project(load("panda-payload"), name="law", with_golden=False)
     for template in PARTS:

@@ -38,7 +38,8 @@ def in_floats(tmp_path_factory):
     return folder
 
 
-@pytest.fixture(params=["exported", "in_floats"])
+# The sampled-data law is exported every day in `test_sampled_agreement.py`, and floats are in `test_agreement.py`.
+@pytest.fixture(params=["exported", pytest.param("in_floats", marks=pytest.mark.full)])
 def folder(request):
     found = request.getfixturevalue(request.param)
     return found[0] if isinstance(found, tuple) else found
