@@ -77,6 +77,6 @@ def test_laws_with_a_model_can_have_it(adaptation, explicit):
     stepped = sampled_data(law, period=1e-3, adaptation=adaptation)
     reference = Reference(q=[0.1, 0.0])
     memory = stepped.init(jnp.zeros(()), FIRST, reference)
-    command = eqx.filter_jit(stepped)(jnp.zeros(()), FIRST, reference, reference, memory)
+    command = stepped(jnp.zeros(()), FIRST, reference, reference, memory)
     assert np.all(np.isfinite(command.tau)) and {"rotor", "coulomb"} <= command.signals.keys()
     assert jax.tree.structure(command.memory) == jax.tree.structure(memory)
