@@ -27,13 +27,13 @@ class Demand:
 
     - `times`: of the samples, a period apart [N], s.
     - `push`: w* along the reference, for each extreme member of the set [members N n], rad/s² or m/s².
-    - `stray`: a bound of what w* may be otherwise at a time and joint, without any smoothness, where the arm is anywhere
-      in its envelope [N n], rad/s² or m/s²; `beside` gives less for a smaller error.
+    - `stray`: a bound of what w* may be otherwise at a time and joint, without any smoothness, where the arm is
+      anywhere in its envelope [N n], rad/s² or m/s²; inf where none is known; `beside` gives less for a smaller error.
     - `kappa`: the least and the largest of K's diagonal [2 n].
     - `coupling`: bounds of what the other joints' accelerations do to a joint, |K_ij/K_jj| for i ≠ j [n n].
     - `assumptions`: what these numbers stand on.
-    - `effects`: what half the width of an uncertain number adds to each push [members numbers N n], rad/s² or m/s²; none
-      if not given.
+    - `effects`: what half the width of an uncertain number adds to each push [members numbers N n], rad/s² or m/s²;
+      none if not given.
     - `beside`: from bounds of the error and of its rate, each [n] or [N n], to the same bound as `stray` [N n].
     """
 

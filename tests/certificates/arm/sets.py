@@ -2,6 +2,7 @@
 
 from typing import Any
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -28,14 +29,18 @@ def member(family: Family, seed: int) -> Any:
     return getattr(plant, "own", plant)
 
 
-def asked(scenario: Scenario, plant: Any, times: Any, q: Any, dq: Any) -> np.ndarray:
-    """w* of a member at times and states beside the reference by q and dq [N n]: each by solving once."""
+def asked_by(scenario: Scenario) -> Any:
+    """From a member, times and states beside the reference by q and dq to w* [N n]: each by solving once."""
     law, h = scenario.controller, scenario.period
     robot, rubbed = law.nominal, jnp.zeros(law.joints)
     adaptation = law.adaptation if isinstance(law, SampledData) else None
     memory = None if adaptation is None else adaptation.init(scenario.state0)
 
-    def at(t: Any, q: Any, dq: Any) -> Any:
+    @eqx.filter_jit
+    def answers(plant: Any, times: Any, q: Any, dq: Any) -> Any:
+        return jax.vmap(lambda *one: at(plant, *one))(times, q, dq)
+
+    def at(plant: Any, t: Any, q: Any, dq: Any) -> Any:
         now, later = (scenario.trajectory.reference(one) for one in (t, t + h))
         ddq = (later.dq - now.dq) / h
         believed, friction = robot, rubbed
@@ -47,4 +52,4 @@ def asked(scenario: Scenario, plant: Any, times: Any, q: Any, dq: Any) -> np.nda
         needed = true.mass(state.q) @ ddq + true.bias(state.q, state.dq) + true.friction(state.dq)
         return jnp.linalg.solve(believed.mass(state.q), known - needed + plant.disturbance(t, state))
 
-    return np.asarray(jax.jit(jax.vmap(at))(jnp.asarray(times), jnp.asarray(q), jnp.asarray(dq)))
+    return answers

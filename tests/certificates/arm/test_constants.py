@@ -14,7 +14,9 @@ STATES = 4000
 def worst(robot, seed):
     random = np.random.default_rng(seed)
     turns = np.array([unit == "rad" for unit in robot.joint_units])
-    q = np.where(turns, random.uniform(-np.pi, np.pi, (STATES, robot.joints)), random.uniform(-0.5, 0.5, (STATES, robot.joints)))
+    q = np.where(
+        turns, random.uniform(-np.pi, np.pi, (STATES, robot.joints)), random.uniform(-0.5, 0.5, (STATES, robot.joints))
+    )
     q, dq = jnp.asarray(q), jnp.asarray(random.normal(size=(STATES, robot.joints)))
     mass = np.asarray(jax.jit(jax.vmap(robot.mass))(q))
     weight = np.asarray(jax.jit(jax.vmap(robot.gravity))(q))
@@ -37,15 +39,15 @@ def require_bounded(robot, seed):
     assert found.inertia_max >= seen["largest"] * (1 - 1e-12)
     assert 0 <= found.inertia_min <= seen["least"] * (1 + 1e-12)
     assert (found.weight >= seen["weight"] * (1 - 1e-12) - 1e-12).all()
-    assert found.mass_slope >= seen["mass_slope"] * (1 - 1e-12)
-    assert found.weight_slope >= seen["weight_slope"] * (1 - 1e-12)
-    assert found.coriolis >= seen["coriolis"] * (1 - 1e-12)
+    assert found.mass_slope >= seen["mass_slope"] * (1 - 1e-9) - 1e-9
+    assert found.weight_slope >= seen["weight_slope"] * (1 - 1e-9) - 1e-9
+    assert found.coriolis >= seen["coriolis"] * (1 - 1e-9) - 1e-9
     return found, seen
 
 
 def test_two_links_have_their_constants_to_a_thousandth():
     robot = TwoLink(lengths=[1.0, 0.8], masses=[0.5, 1.5], inertias=[5.0, 5.0], gravity_acceleration=9.8)
-    found, seen = require_bounded(robot, 0)
+    found, _ = require_bounded(robot, 0)
     mass = np.array([np.asarray(robot.mass(jnp.array([0.0, q]))) for q in np.linspace(0, np.pi, 181)])
     values = np.linalg.eigvalsh(mass)
     assert found.inertia_max == pytest.approx(values.max(), rel=1e-3)

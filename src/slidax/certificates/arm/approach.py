@@ -13,7 +13,7 @@ from slidax._types import State
 from slidax.scenarios import Scenario
 from slidax.simulation import Plant
 
-from .evaluated import Floats
+from .evaluated import Flags, Floats
 from .members import Members
 from .width import width_along
 
@@ -65,13 +65,14 @@ class Approach:
         found: Floats = np.nanmax(np.abs(np.diff(self.tau, axis=1)), axis=(0, 1))
         return found
 
-    def reached(self, limit: Floats, change: Floats) -> Floats:
+    def reached(self, limit: Floats, change: Floats) -> Flags:
         """Whether each joint was at a limit [n].
 
         - `limit`: of the torque [n].
         - `change`: of its change in a period [n].
         """
-        return (self.peak >= AT_LIMIT * limit) | (self.step >= AT_LIMIT * change)
+        found: Flags = (self.peak >= AT_LIMIT * limit) | (self.step >= AT_LIMIT * change)
+        return found
 
     def free_after(self, limit: Floats, change: Floats) -> Floats:
         """The time from which on each joint is at no limit [n], s.
@@ -166,13 +167,10 @@ def ends_of(members: Members) -> tuple[list[Plant], list[tuple[Floats, Floats]]]
     points[1:3] = np.array([[1.0], [0.0]])[: max(runs - 1, 0)]
     plants = members.plants(points)
     plants[0] = members.plant
-    starts = [own]
-    for _ in range(1, runs):
-        drawn = {}
-        for path in free:
-            one, leaf = space.sets[path], space.leaves[path]
-            corner = random.integers(0, 2, (1, one.coordinates(leaf))).astype(float)
-            drawn[path] = np.asarray(one.values(np.minimum(corner, np.nextafter(1.0, 0.0)), leaf), float)[0]
-        q, dq = (drawn.get(path, value) for path, value in zip(("start.q", "start.dq"), own, strict=True))
-        starts.append((np.broadcast_to(q, own[0].shape), np.broadcast_to(dq, own[1].shape)))
-    return plants, starts
+    states = {path: np.tile(value, (runs, 1)) for path, value in zip(("start.q", "start.dq"), own, strict=True)}
+    for path in free:
+        one, leaf = space.sets[path], space.leaves[path]
+        corners = random.integers(0, 2, (runs, one.coordinates(leaf))).astype(float)
+        drawn = np.asarray(one.values(np.minimum(corners, np.nextafter(1.0, 0.0)), leaf), float)
+        states[path][1:] = drawn.reshape(runs, -1)[1:]
+    return plants, list(zip(states["start.q"], states["start.dq"], strict=True))

@@ -61,7 +61,7 @@ class Beside:
         """
         shape = self.motion.q.shape
         r, v = np.broadcast_to(radius, shape), np.broadcast_to(speed, shape)
-        sigma = (r @ self.rates)[:, None]
+        sigma: Floats = (r @ self.rates)[:, None]
         dq = np.abs(self.motion.dq)
         lacks = np.einsum("kij,kj->ki", self.along_q, r) + np.einsum("kij,kj->ki", self.along_dq, v)
         # Never more than the way from one extreme to the other.
@@ -69,7 +69,9 @@ class Beside:
         lacks += 2.0 * np.minimum(sigma, 2.0) * np.einsum("ijl,kj,kl->ki", self.coriolis, dq, v)
         lacks += np.einsum("ijl,kj,kl->ki", self.coriolis, v, v)
         lacks += self._outer(r, v)
-        moved = np.einsum("kijl,kl->kij", self.mass_slope, r) + np.minimum(0.5 * sigma**2, 2.0)[:, :, None] * self.mass
+        moved: Floats = (
+            np.einsum("kijl,kl->kij", self.mass_slope, r) + np.minimum(0.5 * sigma**2, 2.0)[:, :, None] * self.mass
+        )
         found: Floats = np.max([_solved(inverse, moved, lacks) for inverse in self.inverse], axis=0)
         return found
 

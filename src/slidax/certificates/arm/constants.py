@@ -61,9 +61,11 @@ def arm_constants(
     shifted = Series(grid, mass.coefficients - middle * np.eye(n) * (grid.degrees == 0).all(axis=1)[:, None, None])
     reach = supremum(shifted, 2, spectral, spectral_of_each)
     rotors = float(np.asarray(robot.armature).min()) if isinstance(robot, Articulated) else 0.0
-    weights = np.array(
+    weights: Floats = np.array(
         [
-            supremum(Series(grid, weight.coefficients[:, i : i + 1]), 1, lambda x: np.abs(x[:, 0]), lambda c: np.abs(c[:, 0])).upper
+            supremum(
+                Series(grid, weight.coefficients[:, i : i + 1]), 1, lambda x: np.abs(x[:, 0]), lambda c: np.abs(c[:, 0])
+            ).upper
             for i in range(n)
         ]
     )
@@ -95,7 +97,7 @@ def constants_of_all(plants: Sequence[Plant]) -> ArmConstants:
     return ArmConstants(
         inertia_max=max(one.inertia_max for one in each),
         inertia_min=min(one.inertia_min for one in each),
-        weight=np.max([one.weight for one in each], axis=0),
+        weight=np.array([one.weight for one in each]).max(axis=0),
         mass_slope=max(one.mass_slope for one in each),
         weight_slope=max(one.weight_slope for one in each),
         coriolis=max(one.coriolis for one in each),

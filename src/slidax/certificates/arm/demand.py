@@ -26,8 +26,8 @@ PROBES = 48
 def demand(scenario: Scenario, family: Family | None = None, *, learnt: bool = False) -> Demand:
     """What the estimators of the joints must follow along the scenario's motion, and how wrong M0 may be, in its set.
 
-    - `scenario`: a law with a model of the arm, its motion, and the set in `uncertainty`; without one the scenario's own
-      arm is the only member.
+    - `scenario`: a law with a model of the arm, its motion, and the set in `uncertainty`; without one the scenario's
+      own arm is the only member.
     - `family`: another set, such as a study's.
     - `learnt`: for a law that learns its arm, whether it has: it then believes the inertia and the friction of each
       member. Else it believes what it starts with.
@@ -108,9 +108,10 @@ def _assumptions(members: Members, hull: Hull, arms: int) -> list[Assumption]:
         found.append(Assumption(text, "checked"))
     if any(path.startswith("trajectory") for path in members.beside):
         found.append(Assumption("the motion is the scenario's own, though the set varies it", "fails"))
-    text = f"κ and the coupling: at {arms} members, ends of the set and its middle, at {INSTANTS} instants of the motion"
+    text = (
+        f"κ and the coupling: at {arms} members, ends of the set and its middle, at {INSTANTS} instants of the motion"
+    )
     found.append(Assumption(text, "checked"))
     if members.scenario.description.surroundings.table is not None:
         found.append(Assumption("the arm meets nothing: what a table pushes is not counted", "assumed"))
     return found
-

@@ -19,6 +19,7 @@ from slidax.robots import AbstractRobot, Articulated, Load
 from slidax.simulation import Plant
 
 Floats: TypeAlias = NDArray[np.floating[Any]]
+Flags: TypeAlias = NDArray[np.bool_]
 
 BLOCK = 65536
 """States at a time: so many inertia matrices of seven joints are 25 MB."""
@@ -26,9 +27,7 @@ BLOCK = 65536
 _kernels: dict[Any, Callable[..., tuple[Floats, Floats]]] = {}
 
 
-def mass_and_bias(
-    robot: AbstractRobot, load: Load | None, t: Floats, q: Floats, dq: Floats
-) -> tuple[Floats, Floats]:
+def mass_and_bias(robot: AbstractRobot, load: Load | None, t: Floats, q: Floats, dq: Floats) -> tuple[Floats, Floats]:
     """`M(q)` [N n n] and `C(q,q̇) q̇ + G(q)` [N n] with what the arm carries at each time.
 
     Arms of one structure share their machine code: their numbers are inputs of it.
@@ -84,7 +83,8 @@ def unloaded(robot: AbstractRobot, like: Plant) -> Load | None:
     - `robot`: which carries nothing.
     - `like`: the other, with its load.
     """
-    if like.load is None or jax.tree.structure(robot) != jax.tree.structure(like.robot):
+    alike = bool(jax.tree.structure(robot) == jax.tree.structure(like.robot))  # type: ignore[operator]
+    if like.load is None or not alike:
         return None
     nothing: Load = eqx.tree_at(lambda load: load.payload, like.load, like.load.payload.times(jnp.zeros(())))
     return nothing

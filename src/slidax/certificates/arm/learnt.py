@@ -50,7 +50,7 @@ def learns(scenario: Scenario) -> bool:
 def after_learning(members: Members, belief: Belief, hull: Hull, plants: list[Plant], motion: Motion) -> Asked:
     """What is asked for once the law believes `M̂_ii = M_ii`, in the mean along the motion, and the true friction.
 
-    `M̂⁻¹` is not linear in what is uncertain, so that members between the ends of the set are not proved to ask for less.
+    `M̂⁻¹` is not linear in what is uncertain, so that members between the set's ends are not proved to ask for less.
 
     - `members`: of the set.
     - `belief`: the arm as the law believes it to be at first.
@@ -65,7 +65,8 @@ def after_learning(members: Members, belief: Belief, hull: Hull, plants: list[Pl
     def rubbed(given: list[Plant]) -> Floats:
         learned = [learnt_of(members.scenario, belief, one, motion) for one in given]
         compensated = np.array([one.friction(motion.dq) for one in learned])
-        return outer(given, motion) + compensated
+        found: Floats = outer(given, motion) + compensated
+        return found
 
     def at(shares: Floats) -> list[Plant]:
         full = np.full((len(shares), len(members.axes)), 0.5)
@@ -87,8 +88,8 @@ def after_learning(members: Members, belief: Belief, hull: Hull, plants: list[Pl
     largest = (np.abs(pushes) + np.abs(np.array(effects)).sum(axis=1)).max(axis=0)
     texts = (
         (
-            "the law has learnt: it believes each joint's mean inertia along the motion, and its Coulomb friction, within "
-            "the ends that it may learn",
+            "the law has learnt: it believes each joint's mean inertia along the motion, and its Coulomb friction, "
+            "within the ends that it may learn",
             "assumed",
         ),
         (f"the set between its ends in inertia: {len(arms)} members were looked at", "checked"),
@@ -113,7 +114,9 @@ def learnt_of(scenario: Scenario, belief: Belief, plant: Plant, motion: Motion) 
     - `motion`: along which it learns.
     """
     law = scenario.controller
-    assert isinstance(law, SampledData) and isinstance(law.adaptation, JointLearning) and belief.counted is not None
+    assert isinstance(law, SampledData)
+    assert isinstance(law.adaptation, JointLearning)
+    assert belief.counted is not None
     learning, few = law.adaptation, motion.every(64)
     known = replace(belief, rotor=None).mass_and_bias(few.t, few.q, few.dq)[0]
     own = np.diagonal(known, axis1=1, axis2=2).mean(axis=0)

@@ -129,18 +129,21 @@ class Members:
             return [self.plant] * len(points)
         values = self.values(np.asarray(points, float))
         try:
-            numbers = [self._numbers({path: some[k : k + CHUNK] for path, some in values.items()}) for k in self._chunks(points)]
+            numbers = [
+                self._numbers({path: some[k : k + CHUNK] for path, some in values.items()})
+                for k in self._chunks(points)
+            ]
         except UNTRACEABLE:
             return [self._plant({path: some[k] for path, some in values.items()}) for k in range(len(points))]
         rest = eqx.filter(self._plant({path: some[0] for path, some in values.items()}), eqx.is_array, inverse=True)
         return [
-            eqx.combine(jax.tree.map(lambda leaf, k=k: leaf[k], some), rest)  # type: ignore[misc]
+            eqx.combine(jax.tree.map(lambda leaf, k=k: leaf[k], some), rest)
             for some in numbers
             for k in range(len(jax.tree.leaves(some)[0]))
         ]
 
     def ends(self, without: Sequence[int] = ()) -> Floats:
-        """The middle of the box, and its corners in what can change the inertia [P D], drawn at random if they are many.
+        """The middle of the box, and its corners in what can change the inertia, drawn at random if many [P D].
 
         - `without`: axes that change nothing.
         """
@@ -233,4 +236,3 @@ def _is_a_line(drawn: Floats, lower: Floats, upper: Floats) -> bool:
         return False
     shares = (flat - first.reshape(-1))[:, varies] / width[varies]
     return bool((np.ptp(shares, axis=1) < 1e-9).all()) if varies.any() else True
-

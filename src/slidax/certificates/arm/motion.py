@@ -147,7 +147,8 @@ def kinds_of(plants: list[Plant]) -> tuple[list[Plant], list[int]]:
     - `plants`: P arms.
     """
     keys: dict[Any, int] = {}
-    kinds, which = [], []
+    kinds: list[Plant] = []
+    which: list[int] = []
     for plant in plants:
         key = _inertial_key(plant)
         if key not in keys:

@@ -37,7 +37,7 @@ def robust_torque(
 
     - `scenario`: with a law that has a bound u.
     - `demand`: what its set asks for; found if not given.
-    - `radius`, `speed`: bounds of the error and of its rate, [n] or [N n], if they are known: what is asked for beside the
+    - `radius`, `speed`: bounds of the error and of its rate, [n] or [N n], if known: what is asked for beside the
       reference is then counted.
     """
     bound = bound_of(scenario)
@@ -49,7 +49,8 @@ def robust_torque(
     mass, bias = belief.mass_and_bias(motion.t, motion.q, motion.dq)
 
     def lumped(w: Floats) -> Floats:
-        return np.einsum("kij,...kj->...ki", mass, w)
+        found: Floats = np.einsum("kij,...kj->...ki", mass, w)
+        return found
 
     torque = demand.worst(lumped)
     if radius is not None and demand.beside is not None:

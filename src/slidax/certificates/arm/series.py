@@ -103,12 +103,14 @@ class Grid:
         angles = np.array(list(product(2.0 * np.pi * np.arange(POINTS) / POINTS, repeat=len(self.joints))))
         q = np.tile(self.middle, (len(angles), 1))
         for k, joint in enumerate(self.joints):
-            q[:, joint] = angles[:, k] if self.turns[joint] else self.middle[joint] + self.half[joint] * np.cos(angles[:, k])
+            q[:, joint] = (
+                angles[:, k] if self.turns[joint] else self.middle[joint] + self.half[joint] * np.cos(angles[:, k])
+            )
         return q
 
     @property
     def degrees(self) -> Floats:
-        """k of each coefficient [5^J J]."""
+        """The k of each coefficient [5^J J]."""
         harmonics = np.fft.fftfreq(POINTS, 1.0 / POINTS)
         return np.array(list(product(harmonics, repeat=len(self.joints)))).reshape(-1, len(self.joints))
 

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from .evaluated import Floats
+from .evaluated import Flags, Floats
 from .series import POINTS, Series
 
 MOST_NUMBERS = 6_000_000
@@ -48,9 +48,7 @@ class Supremum:
     factor: float
 
 
-def supremum(
-    series: Series, degree: int, size: Callable[[Floats], Floats], terms: Callable[[Any], Floats]
-) -> Supremum:
+def supremum(series: Series, degree: int, size: Callable[[Floats], Floats], terms: Callable[[Any], Floats]) -> Supremum:
     """A bound of `max_q ‖f(q)‖`.
 
     - `series`: f.
@@ -82,10 +80,10 @@ def supremum(
     return Supremum(upper, seen, points, factor)
 
 
-def _of(degrees: Floats, joints: Sequence[int]) -> Floats:
+def _of(degrees: Floats, joints: Sequence[int]) -> Flags:
     """Which coefficients are of these joints alone [K]."""
     others = [at for at in range(degrees.shape[1]) if at not in joints]
-    found: Floats = ~degrees[:, others].any(axis=1)
+    found: Flags = ~degrees[:, others].any(axis=1)
     return found
 
 
@@ -100,9 +98,7 @@ def _points(count: int, entries: int) -> int:
     return min(MOST_POINTS, int((MOST_NUMBERS / entries) ** (1.0 / count)))
 
 
-def _largest(
-    series: Series, terms: Floats, kept: Sequence[int], points: int, size: Callable[[Floats], Floats]
-) -> float:
+def _largest(series: Series, terms: Flags, kept: Sequence[int], points: int, size: Callable[[Floats], Floats]) -> float:
     """The largest size on the grid of some joints, of some terms in which the others take no part."""
     joints = len(series.grid.joints)
     shape = series.coefficients.shape[1:]

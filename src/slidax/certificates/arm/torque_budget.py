@@ -11,13 +11,14 @@ from slidax.diagnosis import Remedy
 from slidax.scenarios import Scenario
 from slidax.scenarios.family import Family
 from slidax.scenarios.load import altered
+from slidax.simulation import Plant
 
 from ..demand import Demand
 from ..verdict import Assumption, Verdict
 from .approach import Approach, approach_of
 from .braking import room_to_brake
 from .demand import demand as demand_of
-from .evaluated import Floats
+from .evaluated import Flags, Floats
 from .members import Members
 from .motion import Belief, Motion
 
@@ -102,14 +103,17 @@ def limits_of(scenario: Scenario, joints: int) -> tuple[Floats, Floats]:
     - `scenario`: whose drives.
     - `joints`: n.
     """
-    actuator: Any = scenario.plant.actuator if hasattr(scenario.plant, "actuator") else scenario.plant.own.actuator
+    own = scenario.plant if isinstance(scenario.plant, Plant) else scenario.plant.own
+    actuator = own.actuator
     if actuator is None:
         return np.full(joints, np.inf), np.full(joints, np.inf)
-    limits = actuator.limits
-    return tuple(np.broadcast_to(np.asarray(one, float), joints) for one in (limits.torque, limits.rate))  # type: ignore[return-value]
+    torque, rate = (
+        np.broadcast_to(np.asarray(one, float), joints) for one in (actuator.limits.torque, actuator.limits.rate)
+    )
+    return torque, rate
 
 
-def _of_approach(approach: Approach, reached: Floats) -> Assumption:
+def _of_approach(approach: Approach, reached: Flags) -> Assumption:
     text = (
         f"the way to the reference: {approach.runs} members and starts at ends of the set, simulated for "
         f"{approach.until:.3g} s"
@@ -124,7 +128,7 @@ def _statement(
     limit: Floats,
     step: Floats,
     change: Floats,
-    reached: Floats,
+    reached: Flags,
     free_after: Floats,
 ) -> str:
     robot = members.plant.robot

@@ -51,8 +51,8 @@ def uncertainty_bound(scenario: Scenario, family: Family | None = None) -> Verdi
     """Do the law's b0, b1, b2 and γ bound the lumped uncertainty, `ρ <= b0 + b1‖q‖ + b2‖q̇‖² + γ‖τ‖` (19)?
 
     ρ of (18) is `‖(M0 M⁻¹ - I)(τ - b) - (b - b0)‖`, b being weight, velocity forces and friction of the true arm less
-    what pushes it. The smallest b0, b1, b2 with the same γ, those with the least mean bound, follow from a linear program
-    over members and states drawn at random; others, drawn anew, check them.
+    what pushes it. The smallest b0, b1, b2 with the same γ, those with the least mean bound, follow from a linear
+    program over members and states drawn at random; others, drawn anew, check them.
 
     - `scenario`: with a law that has such a bound.
     - `family`: another set than the scenario's own, such as a study's.
@@ -68,9 +68,7 @@ def uncertainty_bound(scenario: Scenario, family: Family | None = None) -> Verdi
     missed = float(np.max(fresh.lumped - gamma * fresh.torque - _known(least, fresh)))
     enough = least + np.array([max(missed, 0.0), 0.0, 0.0])
     given = np.array([float(bound.b0), float(bound.b1), float(bound.b2)])
-    both = [
-        (one.lumped - gamma * one.torque) / np.maximum(_known(given, one), 1e-300) for one in (samples, fresh)
-    ]
+    both = [(one.lumped - gamma * one.torque) / np.maximum(_known(given, one), 1e-300) for one in (samples, fresh)]
     share = float(max(one.max() for one in both))
     numbers = {
         "gamma": gamma,
@@ -82,18 +80,20 @@ def uncertainty_bound(scenario: Scenario, family: Family | None = None) -> Verdi
     }
     count = len(samples.lumped)
     text = (
-        f"{MEMBERS} members of the set at {STATES} states each, and {HELD_OUT} times as many that were held out: errors "
-        "inside the envelope, speeds up to twice the motion's, torques within the limits"
+        f"{MEMBERS} members of the set at {STATES} states each, and {HELD_OUT} times as many that were held out: "
+        "errors inside the envelope, speeds up to twice the motion's, torques within the limits"
     )
     found = (
-        f"b0 = {enough[0]:.4g} N m, b1 = {enough[1]:.4g} N m/rad, b2 = {enough[2]:.4g} N m s²/rad² with γ = {gamma:.3g} "
-        f"cover {(HELD_OUT + 1) * count} samples of (18)"
+        f"b0 = {enough[0]:.4g} N m, b1 = {enough[1]:.4g} N m/rad, b2 = {enough[2]:.4g} N m s²/rad² with "
+        f"γ = {gamma:.3g} cover {(HELD_OUT + 1) * count} samples of (18)"
     )
     if isinstance(scenario.controller, SampledData):
         said = f"in sampled-data form u need only cover what the model lacks on the motion (`robust_torque`); {found}"
         return Verdict(NAME, TITLE, None, None, numbers, (Assumption(text, "checked"),), said)
     holds = share <= 1.0
-    said = f"the law's b0, b1, b2 are {'enough' if holds else 'too small'} (19), {share:.0%} of them are needed; {found}"
+    said = (
+        f"the law's b0, b1, b2 are {'enough' if holds else 'too small'} (19), {share:.0%} of them are needed; {found}"
+    )
     return Verdict(
         NAME,
         TITLE,
@@ -155,7 +155,9 @@ def smallest(samples: Samples, gamma: float) -> Floats:
     from scipy.optimize import linprog
 
     rows = np.stack([np.ones_like(samples.position), samples.position, samples.speed], axis=1)
-    solved = linprog(rows.mean(axis=0), A_ub=-rows, b_ub=gamma * samples.torque - samples.lumped, bounds=[(0, None)] * 3)
+    solved = linprog(
+        rows.mean(axis=0), A_ub=-rows, b_ub=gamma * samples.torque - samples.lumped, bounds=[(0, None)] * 3
+    )
     # There always is one: b0 alone can cover everything.
     assert solved.success, solved.message
     found: Floats = np.asarray(solved.x)
@@ -173,4 +175,3 @@ def _remedy(enough: Floats) -> Remedy:
         for name, value in zip(("b0", "b1", "b2"), enough, strict=True)
     }
     return Remedy("take the smallest that cover the set", changes)
-

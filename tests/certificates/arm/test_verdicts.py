@@ -1,0 +1,102 @@
+"""u, the drives and the uncertainty bound: what is certified holds, and what does not is refused with a remedy that does."""
+
+import numpy as np
+import pytest
+
+from slidax.certificates.arm import demand, robust_torque, torque_budget, uncertainty_bound
+from slidax.certificates.arm.members import Members
+from slidax.certificates.arm.torque_budget import along_the_motion
+from slidax.certificates.arm.uncertainty_bound import samples_of
+from slidax.scenarios import load
+from slidax.scenarios.load import altered
+
+from .sets import with_set
+
+SHORT = {"simulation.t1": 1.0}
+
+
+@pytest.fixture(scope="module")
+def two_links():
+    return with_set(
+        load("example-4.1-1khz"),
+        {"robot.plant.masses": {"around": "20 %"}, "disturbance.scale": {"between": [0, 1]}},
+        SHORT,
+    )
+
+
+@pytest.fixture(scope="module")
+def asked_of_two_links(two_links):
+    return demand(*two_links)
+
+
+def test_u_that_is_too_small_is_refused_and_the_remedy_covers(two_links, asked_of_two_links):
+    scenario, _ = two_links
+    good = robust_torque(scenario, asked_of_two_links)
+    assert good.holds and good.margin > 0.5
+    nothing = {f"scheme.bound.{name}": 0.0 for name in ("b0", "b1", "b2")} | {"scheme.bound.margin": 0.01}
+    weak = altered(scenario, nothing | {"scheme.bound.inverse_inertia_max": 0.09})
+    refused = robust_torque(weak, asked_of_two_links)
+    assert refused.holds is False
+    assert refused.bound["needed"] == pytest.approx(good.bound["needed"], rel=1.0)
+    enough = robust_torque(altered(weak, dict(refused.remedies[0].changes)), asked_of_two_links)
+    assert enough.holds
+
+
+def test_what_lies_beside_the_reference_counts_for_u(two_links, asked_of_two_links):
+    scenario, _ = two_links
+    on_it = robust_torque(scenario, asked_of_two_links)
+    beside = robust_torque(scenario, asked_of_two_links, radius=np.full(2, 1e-2), speed=np.full(2, 0.1))
+    assert beside.margin < on_it.margin
+
+
+def test_a_law_without_a_robust_torque_is_told_so():
+    scenario = load("example-4.1-1khz", {"scheme.name": "computed_torque", **SHORT})
+    assert robust_torque(scenario).holds is None
+
+
+def test_the_torque_along_the_motion_is_that_of_a_run_of_the_same_arm(two_links, asked_of_two_links):
+    scenario, _ = two_links
+    run = scenario.simulate(log_every=1, progress=False)
+    late = np.asarray(run.log.t) > 0.7
+    used = np.abs(np.asarray(run.log.tau)[late]).max(axis=0)
+    torque, _ = along_the_motion(scenario, asked_of_two_links, Members.of(scenario))
+    assert (torque > 0.95 * used).all()
+
+
+def test_drives_that_are_too_weak_for_the_motion_are_refused_and_the_remedy_is_enough(two_links, asked_of_two_links):
+    scenario, family = two_links
+    weak = altered(scenario, {"actuator.torque": 20.0})
+    refused = torque_budget(weak, asked_of_two_links, family)
+    assert refused.holds is False
+    assert (np.asarray(refused.bound["torque"]) > 20.0).any()
+    stronger = altered(weak, dict(refused.remedies[0].changes))
+    torque = torque_budget(stronger, asked_of_two_links, family).bound["torque"]
+    assert (torque < np.asarray(stronger.plant.actuator.limits.torque)).all()
+
+
+def test_a_start_on_the_reference_reaches_no_limit_and_one_far_from_it_does():
+    far = load("example-4.1-1khz", SHORT)
+    reference = far.trajectory.reference(0.0)
+    start = {"start.q": np.asarray(reference.q).tolist(), "start.dq": np.asarray(reference.dq).tolist()}
+    near = torque_budget(load("example-4.1-1khz", SHORT | start | {"disturbance.scale": 0.0}))
+    assert torque_budget(far).holds is False
+    assert near.holds, near.statement
+
+
+def test_drives_without_limits_have_no_budget():
+    scenario = load("example-4.1", {"simulation.t1": 0.01})
+    assert torque_budget(scenario).holds is None
+
+
+def test_the_smallest_bound_covers_fresh_samples_and_the_papers_is_enough():
+    scenario, family = with_set(load("example-4.1"), {"robot.plant.masses": {"around": "20 %"}}, {"simulation.t1": 2.0})
+    found = uncertainty_bound(scenario, family)
+    assert found.holds
+    fresh = samples_of(Members.of(scenario, family), 16, seed=99)
+    b0, b1, b2, gamma = (found.bound[name] for name in ("b0", "b1", "b2", "gamma"))
+    covered = b0 + b1 * fresh.position + b2 * fresh.speed + gamma * fresh.torque
+    assert np.mean(fresh.lumped > covered * (1 + 1e-9)) < 1e-3
+    half = {f"scheme.bound.{name}": 0.3 * found.bound[name] for name in ("b0", "b1", "b2")}
+    refused = uncertainty_bound(altered(scenario, half), family)
+    assert refused.holds is False
+    assert uncertainty_bound(altered(scenario, dict(refused.remedies[0].changes)), family).holds
