@@ -1,5 +1,6 @@
-"""u, the drives and the uncertainty bound: what is certified holds, and what does not is refused with a remedy that does."""
+"""u, the drives and the uncertainty bound: what does not hold is refused, with a remedy that does."""
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -13,6 +14,9 @@ from slidax.scenarios.load import altered
 from .sets import with_set
 
 SHORT = {"simulation.t1": 1.0}
+
+# Numbers that cannot be meant are what some of these tests are about.
+MEANT = pytest.mark.filterwarnings("ignore::slidax._errors.DefinitionWarning")
 
 
 @pytest.fixture(scope="module")
@@ -29,6 +33,7 @@ def asked_of_two_links(two_links):
     return demand(*two_links)
 
 
+@MEANT
 def test_u_that_is_too_small_is_refused_and_the_remedy_covers(two_links, asked_of_two_links):
     scenario, _ = two_links
     good = robust_torque(scenario, asked_of_two_links)
@@ -63,12 +68,13 @@ def test_the_torque_along_the_motion_is_that_of_a_run_of_the_same_arm(two_links,
     assert (torque > 0.95 * used).all()
 
 
+@MEANT
 def test_drives_that_are_too_weak_for_the_motion_are_refused_and_the_remedy_is_enough(two_links, asked_of_two_links):
     scenario, family = two_links
-    weak = altered(scenario, {"actuator.torque": 20.0})
+    weak = altered(scenario, {"actuator.torque": 30.0})
     refused = torque_budget(weak, asked_of_two_links, family)
     assert refused.holds is False
-    assert (np.asarray(refused.bound["torque"]) > 20.0).any()
+    assert (np.asarray(refused.bound["torque"]) > 30.0).any()
     stronger = altered(weak, dict(refused.remedies[0].changes))
     torque = torque_budget(stronger, asked_of_two_links, family).bound["torque"]
     assert (torque < np.asarray(stronger.plant.actuator.limits.torque)).all()
@@ -76,9 +82,9 @@ def test_drives_that_are_too_weak_for_the_motion_are_refused_and_the_remedy_is_e
 
 def test_a_start_on_the_reference_reaches_no_limit_and_one_far_from_it_does():
     far = load("example-4.1-1khz", SHORT)
-    reference = far.trajectory.reference(0.0)
+    reference = far.trajectory.reference(jnp.zeros(()))
     start = {"start.q": np.asarray(reference.q).tolist(), "start.dq": np.asarray(reference.dq).tolist()}
-    near = torque_budget(load("example-4.1-1khz", SHORT | start | {"disturbance.scale": 0.0}))
+    near = torque_budget(load("example-4.1-1khz", SHORT | start | {"disturbance.scale": 0.0, "actuator.rate": 1e6}))
     assert torque_budget(far).holds is False
     assert near.holds, near.statement
 
