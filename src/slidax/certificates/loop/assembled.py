@@ -74,6 +74,22 @@ class Assembly:
         """Whether all loops forget."""
         return self.kernels is not None
 
+    @property
+    def signed_error(self) -> Floats:
+        """What an acceleration that is constant over a period does to e, by the lag, for the middle κ [n L]."""
+        assert self.kernels is not None
+        length = self.kernels.of_push.shape[-1]
+        found = []
+        for loop, row in zip(self.subject.loops, self.kappa, strict=True):
+            maps = loop.maps(float(row[row.size // 2]))
+            state = maps.enters[:, 3] + maps.enters[:, 4]
+            errors = []
+            for _ in range(length):
+                errors.append(maps.asked[0] @ state)
+                state = maps.step @ state
+            found.append(errors)
+        return np.array(found)
+
     def certified(self, final: Floats | None = None) -> Certified:
         """The bounds.
 
