@@ -127,5 +127,7 @@ def errors(one: Scenario, inertias: np.ndarray, pushes: np.ndarray) -> np.ndarra
         return plant, one.controller, one.trajectory, one.state0
 
     stepping = one.replace(outside="recover", substeps=4).stepping
-    run = simulate_batch(define, (jnp.asarray(inertias), jnp.asarray(torques)), t1=one.t1, stepping=stepping, log_every=1)
+    run = simulate_batch(
+        define, (jnp.asarray(inertias), jnp.asarray(torques)), t1=one.t1, stepping=stepping, log_every=1
+    )
     return np.asarray(run.log.e)

@@ -31,7 +31,7 @@ def pushed(seen, surface, w, e, v=0.0):
     @jax.jit
     def place(y, radius):
         both = jnp.stack([jnp.maximum(-y, 0.0), jnp.maximum(y, 0.0)])[:, None]
-        share = aimed(surface, sides, radius, horizon, both, jnp.zeros((2, 1)))[1]
+        share = aimed(surface, sides, radius, jnp.asarray(horizon), both, jnp.zeros((2, 1)))[1]
         return (share[1] - share[0])[0]
 
     found = [e]

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from slidax.certificates.loop.assembled import Assembly
-from slidax.certificates.loop.kernels import ERROR
 from slidax.certificates.loop.subject import Subject
 from tests.certificates.loop.linear_arm import demand, errors, scenario
 
@@ -57,7 +56,11 @@ def judged(seed, delay, kalman, laws, runs):
         ratio = np.sqrt(np.max(np.diagonal(inertia)) / np.min(np.diagonal(inertia)))
         kappa = [(1.0, 1.0), (0.97, 1.03), (0.9, 1.15)][rng.integers(3)]
         coupling = 0.0 if kappa[0] == 1.0 else float(rng.uniform(0.0, 0.05))
-        stray = 0.3 * float(np.min(one.controller.step.transformation.performance.final)) / float(one.controller.horizon) ** 2
+        stray = (
+            0.3
+            * float(np.min(one.controller.step.transformation.performance.final))
+            / float(one.controller.horizon) ** 2
+        )
         subject = Subject.of(one)
         assert isinstance(subject, Subject)
         assembly = Assembly(subject, demand(one, stray=stray, kappa=kappa, coupling=coupling * ratio))
