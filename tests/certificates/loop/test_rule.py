@@ -12,6 +12,7 @@ from slidax.certificates.loop.rule import aimed, reached
 from slidax.performance import FixedTime
 from slidax.surfaces import Linear, SmoothFixedTime
 from slidax.transformations import PrescribedPerformance, Sides
+from slidax.transformations.psi import psi
 
 OVERSHOOT = 0.3
 SURFACE = SmoothFixedTime(0.5, 1.0, 0.5, 1.2, 0.01)
@@ -83,7 +84,11 @@ def test_no_push_within_the_bound_leads_beyond_it(fast):
 def test_the_closed_form_is_the_recursion_where_its_premises_hold():
     seen = narrowing(1e-3, 3e-3, 0.5, 5e-3, 0.25)
     assert not np.any(seen.slim[:240])
-    limit = OVERSHOOT * 5e-3 / seen.horizon**2
+    # H² w̄ = (ϑ - ψ(ε̄)) ρ∞ with pull(ε̄) = H w̄, by halving.
+    eps = np.geomspace(1e-6, 10.0, 20000)
+    pull = np.asarray(SURFACE.pull_and_slope(jnp.asarray(eps))[0])
+    place = np.asarray(psi(jnp.asarray(eps), Sides(jnp.array([-1.0]), jnp.array([OVERSHOOT]))))
+    limit = float(pull[np.argmin(np.abs(seen.horizon * pull - (OVERSHOOT - place) * 5e-3))]) / seen.horizon
     start = (np.array([0.1]), np.array([0.1]))
-    assert reached(seen, SURFACE, 0.97 * limit, start).holds[0]
+    assert reached(seen, SURFACE, 0.99 * limit, start).holds[0]
     assert not reached(seen, SURFACE, 1.01 * limit, start).holds[0]

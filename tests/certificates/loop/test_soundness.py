@@ -68,7 +68,7 @@ def judged(seed, delay, kalman, laws, runs):
         pushes = worst_pushes(rng, assembly, runs, stray)
         e = errors(one, arms(rng, inertia, runs, kappa, coupling), pushes)[:, : found.bounds.error.shape[0]]
         below, above = found.bounds.error[:, 0], found.bounds.error[:, 1]
-        shares.append(float(np.max(np.where(e > 0, e / above, -e / below))))
+        shares.append(float(np.max(np.abs(e) / np.maximum(np.where(e > 0, above, below), 1e-12))))
         late = slice(SAMPLES * 3 // 4, None)
         near.append(float(np.max(np.abs(e[:, late])) / np.max(found.bounds.error[late])))
     return np.array(shares), np.array(near)
