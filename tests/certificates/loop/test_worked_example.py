@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -87,7 +88,7 @@ def test_what_is_beyond_the_kernels_is_bounded_by_their_tails(scenario):
 def test_the_premises_of_the_closed_form_are_told_apart(scenario):
     law = scenario.controller
     drawn = law.step.transformation
-    sides = drawn.init(np.zeros(()), np.array([0.1, -0.1]))
+    sides = drawn.init(jnp.zeros(()), jnp.array([0.1, -0.1]))
     calm = Narrowing.of(drawn, sides, period=1e-3, horizon=3e-3, times=np.arange(4000) * 1e-3)
     assert not np.any(calm.slim) and not np.any(calm.unruly)
     hasty = Narrowing.of(drawn, sides, period=1e-3, horizon=1.0, times=np.arange(7000) * 1e-3)
