@@ -51,7 +51,7 @@ def test_without_delay_and_estimate_the_loop_bears_what_the_derivation_says() ->
         loop = LinearLoop(h=1e-3, horizon=periods, believed=0.0, gains=(0.0, 0.0, 0.0), measures_velocity=True)
         limit = 4.0 * periods**2 / (4.0 * periods - 1.0)
         # The push that is not estimated stays as it is: one eigenvalue of 1 that says nothing.
-        matrix = loop._matrices(0.99 * limit, 0.0)[0]
+        matrix = loop.maps(0.99 * limit, 0.0).step
         assert np.sort(np.abs(np.linalg.eigvals(matrix)))[-3] < 1.0
         assert loop.radius(1.01 * limit) > 1.0
 

@@ -10,10 +10,9 @@ import numpy as np
 from slidax.controllers import SampledData
 from slidax.estimators import Kalman, Measured
 
-
 INPUTS = ("position noise", "velocity noise", "place", "push", "push at the end")
-"""What comes in from outside: noise of a measurement, the place `A ψ(ε)` that a plan aims at, and an acceleration of the
-arm, linear over the period."""
+"""What comes in from outside: noise of a measurement, the place `A ψ(ε)` that a plan aims at, and an acceleration of
+the arm, linear over the period."""
 
 ASKED = ("error", "velocity", "led", "predicted velocity", "command", "planned", "estimate")
 """What is asked of a loop: e and ė of the arm when the period's new torque sets in or, with a fractional delay, so long

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Any
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
@@ -74,6 +75,22 @@ class Assembly:
         """Whether all loops forget."""
         return self.kernels is not None
 
+    @property
+    def signed_error(self) -> Floats:
+        """What an acceleration that is constant over a period does to e, by the lag, for the middle κ [n L]."""
+        assert self.kernels is not None
+        length = self.kernels.of_push.shape[-1]
+        found = []
+        for loop, row in zip(self.subject.loops, self.kappa, strict=True):
+            maps = loop.maps(float(row[row.size // 2]))
+            state = maps.enters[:, 3] + maps.enters[:, 4]
+            errors = []
+            for _ in range(length):
+                errors.append(maps.asked[0] @ state)
+                state = maps.step @ state
+            found.append(errors)
+        return np.array(found)
+
     def certified(self, final: Floats | None = None) -> Certified:
         """The bounds.
 
@@ -83,9 +100,7 @@ class Assembly:
         drawn = self.subject.drawn
         if final is not None:
             drawn = replace(drawn, performance=replace(drawn.performance, final=jnp.asarray(final)))
-        narrowing = Narrowing.of(
-            drawn, self.sides, period=self.period, horizon=self.horizon, times=self.set_in
-        )
+        narrowing = Narrowing.of(drawn, self.sides, period=self.period, horizon=self.horizon, times=self.set_in)
         first, aims = self._first(narrowing)
         bounds = propagated(self._course(), self._passing(narrowing, *self._known_of(aims)), self.e, first)
         share = self._share(bounds, drawn)
@@ -177,17 +192,21 @@ class Assembly:
     def _course(self) -> Course:
         found = self.kernels
         assert found is not None
-        arrays = (found.of_push, found.of_place, found.of_change)
+        tails = (found.push_tail, found.place_tail, found.change_tail)
         return Course(
-            tuple(jnp.asarray(one) for one in table_of(self.subject.surface, self.sides)),
-            jnp.asarray(self.period),
-            jnp.asarray(self.horizon / self.period),
-            jnp.asarray(self.subject.law.delay % 1.0),
-            *(jnp.asarray(one[..., ::-1]) for one in arrays),
-            tuple(jnp.asarray(one) for one in (found.push_tail, found.place_tail, found.change_tail)),
-            jnp.asarray(found.fading),
-            *(jnp.asarray(one, float) for one in (self.spread, self.kappa, self.demand.coupling)),
-            jnp.asarray(self.subject.cover()[1], float),
+            table=tuple(jnp.asarray(one) for one in table_of(self.subject.surface, self.sides)),
+            period=jnp.asarray(self.period),
+            horizon=jnp.asarray(self.horizon / self.period),
+            part=jnp.asarray(self.subject.law.delay % 1.0),
+            of_push=jnp.asarray(found.of_push[..., ::-1]),
+            of_place=jnp.asarray(found.of_place[..., ::-1]),
+            of_change=jnp.asarray(found.of_change[..., ::-1]),
+            tails=tuple(jnp.asarray(one) for one in tails),
+            fading=jnp.asarray(found.fading),
+            spread=jnp.asarray(self.spread),
+            kappa=jnp.asarray(self.kappa),
+            coupling=jnp.asarray(self.demand.coupling),
+            layer=jnp.asarray(self.subject.cover()[1], float),
         )
 
     def _passing(self, narrowing: Narrowing, free: Floats, held: Floats, bend: Floats) -> Passing:
@@ -213,8 +232,6 @@ class Assembly:
             off = bounds.acceleration[:-1, None] / 8.0
             error = np.maximum(error[:-1], error[1:]) + off
             times = (np.arange(error.shape[0]) + np.ceil(self.subject.dead_time)) * self.period
-        import jax
-
         radius = np.asarray(jax.vmap(lambda t: jnp.broadcast_to(drawn.performance.radius(t), self.e.shape))(times))
         sides = np.stack([-np.asarray(self.sides.lower), np.asarray(self.sides.upper)])
         found: Floats = np.max(error / (sides[None] * radius[:, None]), axis=1)

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from slidax.adaptation import JointLearning
 from slidax.controllers import SampledData
 from slidax.diagnosis import Remedy
-from slidax.diagnosis.linear_loop import LinearLoop
 from slidax.scenarios import Scenario
 
 from ..demand import Demand
@@ -51,7 +50,7 @@ def inertia_ratio(scenario: Scenario, demand: Demand) -> Verdict:
     joint = int(np.argmin(room))
     stable = bool(np.all(radius < 1.0) and np.all(room > 0.0))
     names = law.nominal.joint_names
-    learning = _learning(law, loops, demand, stable)
+    learning = _learning(law, stable)
     assumptions = [
         *demand.assumptions,
         Assumption(
@@ -71,11 +70,11 @@ def inertia_ratio(scenario: Scenario, demand: Demand) -> Verdict:
         says += "; what is learnt brings it there, which is not proved"
     margin = float(np.expm1(room[joint])) if np.isfinite(room[joint]) else None
     bound = {"kappa_from": low, "kappa_to": high, "stable_from": ranges[0], "stable_to": ranges[1], "radius": radius}
-    remedies = [] if stable else _remedies(scenario, law)
+    remedies = [] if stable else _remedies(law)
     return Verdict(NAME, TITLE, stable, margin, bound, assumptions, says, remedies)
 
 
-def _learning(law: SampledData, loops: tuple[LinearLoop, ...], demand: Demand, stable: bool) -> list[Assumption]:
+def _learning(law: SampledData, stable: bool) -> list[Assumption]:
     """What the law that learns asks for, before and afterwards."""
     learns = law.adaptation
     if not isinstance(learns, JointLearning):
@@ -89,20 +88,20 @@ def _learning(law: SampledData, loops: tuple[LinearLoop, ...], demand: Demand, s
     time = float(np.max(prior / gate**2))
     afterwards = Assumption(
         f"afterwards κ is nearer to 1: the joint must accelerate by more than {np.max(gate):.2g} rad/s² between "
-        f"{float(learns.low):.3g} and {float(learns.high):.3g} rad/s, coherently with its torque, until ∫φ² dt outweighs "
-        f"the first guess's {np.max(prior):.2g} (rad/s²)² s: {time:.2g} s of it at the gate, less with more",
+        f"{float(learns.low):.3g} and {float(learns.high):.3g} rad/s, coherently with its torque, until ∫φ² dt "
+        f"outweighs the first guess's {np.max(prior):.2g} (rad/s²)² s: {time:.2g} s of it at the gate, less with more",
         "assumed",
         time,
     )
-    del loops, demand
     return [before, afterwards]
 
 
-def _remedies(scenario: Scenario, law: SampledData) -> list[Remedy]:
+def _remedies(law: SampledData) -> list[Remedy]:
     found = []
     if law.adaptation is None:
         found.append(Remedy("let it be learnt", {"scheme.sampled_data.adaptation": {"kind": "joint_learning"}}))
     horizon = float(law.horizon)  # type: ignore[arg-type]
-    found.append(Remedy("a longer horizon, for a model that is too heavy", {"scheme.sampled_data.horizon": 2 * horizon}))
-    del scenario
+    found.append(
+        Remedy("a longer horizon, for a model that is too heavy", {"scheme.sampled_data.horizon": 2 * horizon})
+    )
     return found

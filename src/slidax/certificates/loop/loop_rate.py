@@ -56,7 +56,8 @@ def loop_rate(scenario: Scenario, demand: Demand, *, chance: float = 1e-3, remed
     statement = (
         f"the error of `{names[joint]}` reaches at most {worst[joint]:.2g} of its envelope's side, at "
         f"t = {found.narrowing.times[k]:.3g} s; there the plan misses at most "
-        f"{found.bounds.missed[k, joint] / assembly.horizon**2:.3g} {units[joint]}/s² (docs/certificates/loop-rate.md, (8))"
+        f"{found.bounds.missed[k, joint] / assembly.horizon**2:.3g} {units[joint]}/s² "
+        "(docs/certificates/loop-rate.md, (8))"
     )
     fixes: list[Remedy] = []
     if not holds and remedies:
@@ -114,7 +115,8 @@ def required_radius(assembly: Assembly, found: Certified) -> Floats:
         tried = assembly.certified(radius)
         holds = np.max(tried.share, axis=0) < 1.0
         if np.all(holds):
-            return np.fmin(best, radius)
+            smallest: Floats = np.fmin(best, radius)
+            return smallest
         radius = np.minimum(np.where(holds, radius, np.maximum(1.5 * radius, 1.05 * asked(tried))), 0.9 * initial)
     return np.asarray(best)
 
@@ -127,8 +129,8 @@ def _assumptions(assembly: Assembly, found: Certified, settled: int, chance: flo
         Assumption(
             "κ may change in any way within its range"
             if cells == 1
-            else f"κ of a joint stays within a factor {(1.0 + spread) ** 2:.3g} for as long as its loop remembers; which "
-            f"part of its range that is, is not assumed ({cells} parts)",
+            else f"κ of a joint stays within a factor {(1.0 + spread) ** 2:.3g} for as long as its loop remembers; "
+            f"which part of its range that is, is not assumed ({cells} parts)",
             "proved" if cells == 1 else "assumed",
             (1.0 + spread) ** 2,
         ),
@@ -162,8 +164,8 @@ def _covered(found: Certified, settled: int) -> Assumption:
         return Assumption(text, "fails", late)
     if over.size:
         text = (
-            f"s is reached and kept before t = {since:.3g} s, where u = {u:.3g} N m is not shown to cover what is missed; "
-            f"from then on it is ({late:.3g} N m)"
+            f"s is reached and kept before t = {since:.3g} s, where u = {u:.3g} N m is not shown to cover what is "
+            f"missed; from then on it is ({late:.3g} N m)"
         )
         return Assumption(text, "assumed", float(since))
     return Assumption(f"u covers {share}what is missed, {np.max(needed):.3g} of {u:.3g} N m", "checked", late)

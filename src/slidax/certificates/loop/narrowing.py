@@ -58,9 +58,9 @@ class Narrowing:
             moved = drawn.performance.radius_rate_curvature(t)
             return (*(jnp.broadcast_to(one, joints) for one in moved), frame.now, frame.ahead)
 
-        found = [np.asarray(one) for one in jax.vmap(at)(jnp.asarray(times))]
+        radius, rate, curvature, now, ahead = (np.asarray(one) for one in jax.vmap(at)(jnp.asarray(times)))
         lower, upper = np.asarray(sides.lower), np.asarray(sides.upper)
-        return cls(np.asarray(times), *found, lower, upper, lead, horizon, period)
+        return cls(np.asarray(times), radius, rate, curvature, now, ahead, lower, upper, lead, horizon, period)
 
     @property
     def slim(self) -> NDArray[np.bool_]:
@@ -89,8 +89,10 @@ class Narrowing:
 
     @property
     def unruly(self) -> NDArray[np.bool_]:
-        """For which joints the closed form is not proved [n]: where a radius is slim, or more than a millionth of the
-        final radius is lost."""
+        """For which joints the closed form is not proved [n].
+
+        Where a radius is slim, or more than a millionth of the final radius is lost.
+        """
         lost = np.sum(self.outgrown + self.sagging, axis=0)
         found: NDArray[np.bool_] = np.any(self.slim, axis=0) | (lost > 1e-6 * self.radius[-1])
         return found

@@ -49,9 +49,7 @@ class Course:
     layer: Any
 
 
-jax.tree_util.register_dataclass(
-    Course, data_fields=[name for name in Course.__dataclass_fields__], meta_fields=[]
-)  # fmt: skip
+jax.tree_util.register_dataclass(Course, data_fields=list(Course.__dataclass_fields__), meta_fields=[])
 
 
 @dataclass(frozen=True)
@@ -74,9 +72,7 @@ class Passing:
     heavy: Any
 
 
-jax.tree_util.register_dataclass(
-    Passing, data_fields=[name for name in Passing.__dataclass_fields__], meta_fields=[]
-)  # fmt: skip
+jax.tree_util.register_dataclass(Passing, data_fields=list(Passing.__dataclass_fields__), meta_fields=[])
 
 
 @dataclass(frozen=True)
@@ -226,4 +222,3 @@ def _scanned(course: Course, passing: Passing, start: Any, first: Any) -> Any:
         passing.heavy,
     )
     return jax.lax.scan(step, carry, inputs)[1]
-

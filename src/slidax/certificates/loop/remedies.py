@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -32,8 +33,8 @@ def found_remedies(scenario: Scenario, demand: Demand, radius: Floats, share: Sh
     """
     found = []
     if np.all(np.isfinite(radius)):
-        value = [float(f"{1.02 * one:.3g}") for one in radius]
-        found.append(Remedy("a wider final radius", {"scheme.performance.final": value}))
+        wider = [float(f"{1.02 * one:.3g}") for one in radius]
+        found.append(Remedy("a wider final radius", {"scheme.performance.final": wider}))
     law: Any = scenario.controller
     h, horizon = float(law.period), float(law.horizon)
     ways: list[tuple[str, str, float, float]] = [
@@ -46,7 +47,7 @@ def found_remedies(scenario: Scenario, demand: Demand, radius: Floats, share: Sh
         ways.append(("finer encoders", "sensor.resolution", resolution, 0.01 * resolution))
     if not scenario.changed:
         for words, path, now, end in ways:
-            value = _least(lambda value, path=path: _changed(scenario, demand, path, value, share), now, end)  # type: ignore[misc]
+            value = _least(partial(_changed, scenario, demand, share, path), now, end)
             if value is not None:
                 found.append(Remedy(f"{words}, {value:.3g}", {path: value}))
     part = _least(lambda part: share(scenario, scaled(demand, part)), 1.0, 0.05)
@@ -85,7 +86,7 @@ def resampled(demand: Demand, period: float) -> Demand:
     return replace(demand, times=times, push=push, stray=at(np.asarray(demand.stray)))
 
 
-def _changed(scenario: Scenario, demand: Demand, path: str, value: float, share: Share) -> float:
+def _changed(scenario: Scenario, demand: Demand, share: Share, path: str, value: float) -> float:
     base = scenario.description
     try:
         other = validated(base.model_dump(exclude_unset=True), {path: value}, form=type(base)).build(scenario.name)

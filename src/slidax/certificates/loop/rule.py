@@ -44,10 +44,10 @@ class Reach:
 def reached(
     narrowing: Narrowing,
     surface: AbstractSurface,
-    missed: Floats,
+    missed: Floats | float,
     start: tuple[Floats, Floats],
     delay: float = 0.0,
-    slip: Floats | float = 0.0,
+    noise: tuple[float, float] = (0.0, 0.0),
     s_next: Floats | float = 0.0,
 ) -> Reach:
     """The worst case of `y⁺ = (1 - r) y + r (A ψ(ε) + Q w)` and of e, over all w and s⁺ within their bounds.
@@ -59,11 +59,11 @@ def reached(
     - `missed`: w̄, what the estimate misses in the period from each sample [N n] or a number, rad/s² or m/s².
     - `start`: y and e at the first sample [n], rad or m.
     - `delay`: D [periods]; the law acts on a prediction that misses y and v by what w does meanwhile.
-    - `slip`: bound of what is measured wrongly of y, [N n] or a number, rad or m, with the velocity's part in it.
+    - `noise`: bounds of what is wrong in the position and the velocity that the step acts on, rad or m and a second's.
     - `s_next`: s̄, bound of s⁺, [N n] or a number, rad/s or m/s.
     """
     shape = narrowing.radius.shape
-    each = [jnp.asarray(np.broadcast_to(np.asarray(one, float), shape)) for one in (missed, slip, s_next)]
+    each = [jnp.asarray(np.broadcast_to(np.asarray(one, float), shape)) for one in (missed, s_next)]
     h, horizon, lead = narrowing.period, narrowing.horizon, narrowing.lead
     age = delay * h
     # What a prediction over the delay misses of y, and all that w does to y in a period, over r.
@@ -72,7 +72,8 @@ def reached(
     inputs = (jnp.asarray(narrowing.now), jnp.asarray(narrowing.ahead), *each)
     begun = tuple(jnp.maximum(jnp.stack([-jnp.asarray(one), jnp.asarray(one)]), 0.0) for one in start)
     sides = Sides(jnp.asarray(narrowing.lower), jnp.asarray(narrowing.upper))
-    numbers = tuple(jnp.asarray(one) for one in (h, horizon, foreseen, share))
+    seen = noise[0] + lead * noise[1]
+    numbers = tuple(jnp.asarray(one) for one in (h, horizon, foreseen, share, seen, seen + horizon * noise[1]))
     led, error = (np.asarray(one) for one in _scanned(surface, sides, numbers, inputs, begun))
     led, error = np.moveaxis(led, 1, 0), np.moveaxis(error, 1, 0)
     wide = np.stack([-narrowing.lower * narrowing.radius, narrowing.upper * narrowing.radius])
@@ -81,15 +82,15 @@ def reached(
 
 @functools.partial(jax.jit)
 def _scanned(surface: Any, sides: Sides, numbers: Any, inputs: Any, begun: Any) -> Any:
-    h, horizon, foreseen, share = numbers
+    h, horizon, foreseen, share, seen, taken = numbers
     r, eta = h / horizon, h / (2.0 * horizon - h)
 
     def step(carry: Any, now: Any) -> Any:
         led, error, eps = carry
-        radius, ahead, missed, slip, s_next = now
-        target = led + foreseen * missed + slip + horizon * s_next
+        radius, ahead, missed, s_next = now
+        target = led + foreseen * missed + seen + horizon * s_next
         eps, place, _ = aimed(surface, sides, radius, horizon, target, eps)
-        later = (1.0 - r) * led + r * (ahead * place + share * missed + slip)
+        later = (1.0 - r) * led + r * (ahead * place + share * missed + taken)
         after = ((1.0 - eta) * error + eta * (led + later)) / (1.0 + eta)
         return (later, after, eps), (led, error)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -67,7 +68,7 @@ def followed(
     found[MISSED] -= place
     first = whole - quiet
     knots = [padded[:, first + k : first + k + samples] for k in range(2 + (loop.believed % 1.0 > 0))]
-    change = np.max([np.abs(later - now) for now, later in zip(knots, knots[1:], strict=False)], axis=0)
+    change = np.max([np.abs(later - now) for now, later in pairwise(knots)], axis=0)
     return Followed(found, np.min(knots, axis=0), np.max(knots, axis=0), change)
 
 

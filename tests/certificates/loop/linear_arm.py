@@ -1,0 +1,133 @@
+"""An arm whose inertia is the same everywhere, the law itself on it, and pushes that change from period to period."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from slidax._types import Matrix, Scalar, State, Vector
+from slidax.certificates.demand import Demand
+from slidax.controllers import cftsmppc, sampled_data
+from slidax.disturbances import AbstractDisturbance
+from slidax.estimators import Kalman, Measured
+from slidax.performance import FixedTime
+from slidax.reaching import UncertaintyBound
+from slidax.robots import AbstractRobot
+from slidax.scenarios import Scenario, load
+from slidax.simulation import Plant, simulate_batch
+from slidax.trajectories import Constant
+
+
+class LinearArm(AbstractRobot):
+    """`M q̈ = τ + τ_d`."""
+
+    inertia: Matrix = eqx.field(converter=jnp.asarray)
+    joint_units: ClassVar[tuple[str, ...]] = ("rad", "rad")
+    joint_names: ClassVar[tuple[str, ...]] = ("one", "two")
+
+    def mass(self, q: Vector) -> Matrix:
+        return self.inertia
+
+    def bias(self, q: Vector, dq: Vector) -> Vector:
+        return 0.0 * dq
+
+    def friction(self, dq: Vector) -> Vector:
+        return 0.0 * dq
+
+    def potential(self, q: Vector) -> Scalar:
+        return 0.0 * q[0]
+
+    def tip(self, q: Vector) -> Float[Array, "3"]:
+        return jnp.zeros(3)
+
+
+class Changing(AbstractDisturbance):
+    """One torque for each period."""
+
+    torques: Float[Array, "k n"] = eqx.field(converter=jnp.asarray)
+    period: Scalar = eqx.field(converter=jnp.asarray)
+
+    def __call__(self, t: Scalar, state: State) -> Vector:
+        k = jnp.clip(jnp.floor(t / self.period + 1e-6).astype(int), 0, self.torques.shape[0] - 1)
+        return self.torques[k]
+
+
+def scenario(rng: np.random.Generator, *, delay: int, kalman: bool, resolution: float, samples: int) -> Scenario:
+    """A random law on a random arm of two joints that it knows.
+
+    - `rng`: the chance.
+    - `delay`: of the sensor [periods].
+    - `kalman`: whether velocities are estimated from positions.
+    - `resolution`: of the encoders [rad].
+    - `samples`: of the run.
+    """
+    h = float(10 ** rng.uniform(-3.3, -2.4))
+    horizon = h * rng.uniform(2.0, 8.0)
+    inertia = np.diag(10 ** rng.uniform(-1.0, 1.0, 2))
+    error = rng.choice([-1.0, 1.0], 2) * 10 ** rng.uniform(-6.0, -0.3, 2)
+    initial = np.abs(error) * rng.uniform(1.3, 3.0, 2) + 200.0 * resolution
+    final = np.minimum(10 ** rng.uniform(-3.0, -1.5, 2), 0.5 * initial)
+    law = cftsmppc(
+        LinearArm(inertia),
+        performance=FixedTime(initial, final, 0.6 * samples * h, 2.01),
+        overshoot=float(rng.uniform(0.2, 0.8)),
+        bound=UncertaintyBound(1.0, 1.0, 0.0, 0.0, 0.0, 1e9),
+        gain=0.1, exponent=1.2, layer=0.0,
+        k1=float(rng.uniform(0.2, 1.0)), k2=float(rng.uniform(0.3, 1.5)), p=0.5, q=1.2, delta=0.01,
+    )  # fmt: skip
+    measured = Measured.critical(min(0.5, 2.0 * h / horizon), delay + 1.0)
+    density = (0.3 / horizon) ** 6 * 1e-10 * h
+    estimator = Kalman.steady(density=density, variance=1e-10, period=h) if kalman else measured
+    made = sampled_data(law, period=h, horizon=horizon, estimator=estimator, delay=float(delay))
+    changes = {"sensor.delay": delay, "actuator": {}, "sensor.resolution": resolution, "simulation.period": h}
+    base = load("example-4.1-1khz", changes)
+    arm = Plant(LinearArm(inertia), Changing(np.zeros((1, 2)), h), base.plant.sensor)
+    start = State(q=error, dq=np.zeros(2))
+    return base.replace(
+        plant=arm, controller=made, trajectory=Constant(np.zeros(2)), state0=start, t1=samples * h, limits="ignore"
+    )
+
+
+def demand(one: Scenario, *, stray: float, kappa: tuple[float, float], coupling: float) -> Demand:
+    """Any push within a bound, and an inertia that is wrong by so much.
+
+    - `one`: the scenario.
+    - `stray`: w̄ [rad/s²].
+    - `kappa`: least and largest, of both joints.
+    - `coupling`: |K_ij/K_jj|.
+    """
+    times = np.arange(round(one.t1 / one.period) + 1) * one.period
+    n = one.controller.joints
+    return Demand(
+        times=times,
+        push=np.zeros((1, times.size, n)),
+        stray=np.full((times.size, n), stray),
+        kappa=np.array([[kappa[0]] * n, [kappa[1]] * n]),
+        coupling=coupling * (1.0 - np.eye(n)),
+        assumptions=(),
+    )
+
+
+def errors(one: Scenario, inertias: np.ndarray, pushes: np.ndarray) -> np.ndarray:
+    """e of many runs of the law itself [m N n].
+
+    - `one`: its scenario.
+    - `inertias`: of the true arms [m n n].
+    - `pushes`: w* in each period [m k n], rad/s².
+    """
+    torques = np.einsum("ij,mkj->mki", np.asarray(one.controller.nominal.inertia), pushes)
+
+    def define(given):
+        inertia, torque = given
+        plant = Plant(LinearArm(inertia), Changing(torque, one.period), one.plant.sensor)
+        return plant, one.controller, one.trajectory, one.state0
+
+    stepping = one.replace(outside="recover", substeps=4).stepping
+    run = simulate_batch(
+        define, (jnp.asarray(inertias), jnp.asarray(torques)), t1=one.t1, stepping=stepping, log_every=1
+    )
+    return np.asarray(run.log.e)

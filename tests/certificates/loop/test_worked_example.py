@@ -1,0 +1,95 @@
+"""The worked example of docs/certificates/loop-rate.md, and what a certificate refuses."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from slidax.certificates.demand import Demand
+from slidax.certificates.loop import inertia_ratio, loop_rate
+from slidax.certificates.loop.kernels import Kernels
+from slidax.certificates.loop.narrowing import Narrowing
+from slidax.diagnosis.loops import loops_of
+from slidax.scenarios import load
+
+
+def demand(scenario, *, until=5.5, ratio=1.2, amplitude=1.0, stray=0.05, coupling=0.05, members=4):
+    n, h = scenario.controller.joints, scenario.period
+    times = np.arange(round(until / h) + 1) * h
+    rng = np.random.default_rng(0)
+    push = [
+        amplitude * np.sin(rng.uniform(0.5, 4.0, n) * times[:, None] + rng.uniform(0.0, 6.0, n)) for _ in range(members)
+    ]
+    return Demand(
+        times=times,
+        push=np.stack(push),
+        stray=np.full((times.size, n), stray),
+        kappa=np.array([[1.0 / ratio] * n, [ratio] * n]),
+        coupling=coupling * (1.0 - np.eye(n)),
+        assumptions=(),
+    )
+
+
+@pytest.fixture(scope="module")
+def scenario():
+    return load("example-4.1-1khz")
+
+
+@pytest.mark.full
+def test_the_numbers_of_the_page_are_these(scenario):
+    verdict = loop_rate(scenario, demand(scenario))
+    assert verdict.holds
+    np.testing.assert_allclose(verdict.bound["share"], [0.809, 0.868], rtol=0.01)
+    np.testing.assert_allclose(verdict.bound["error_bound"], [7.1e-6, 8.3e-6], rtol=0.02)
+    np.testing.assert_allclose(verdict.bound["required_radius"], [3.6e-5, 4.2e-5], rtol=0.03)
+    np.testing.assert_allclose(verdict.bound["w_bar"], [0.23, 0.23], rtol=0.03)
+
+
+@pytest.mark.full
+def test_a_push_that_is_too_large_is_refused_with_a_change_that_would_do(scenario):
+    asked = demand(scenario, until=5.2, ratio=1.04, stray=3.0, coupling=0.0, members=1)
+    verdict = loop_rate(scenario, asked)
+    assert verdict.holds is False
+    wider = next(one for one in verdict.remedies if "scheme.performance.final" in one.changes)
+    again = load("example-4.1-1khz", dict(wider.changes))
+    assert float(np.max(loop_rate(again, asked, remedies=False).bound["share"])) < 1.0
+
+
+def test_laws_that_are_not_covered_are_not_judged(scenario):
+    asked = demand(scenario, until=0.5)
+    for changes in ({"sensor.jitter": 0.1}, {"actuator.time_constant": 0.01}, {"scheme.sampled_data.delay": 0.0}):
+        verdict = loop_rate(load("example-4.1-1khz", changes), asked)
+        assert verdict.holds is None and verdict.statement.startswith("not applicable")
+    assert loop_rate(load("example-4.1"), asked).holds is None
+
+
+def test_a_loop_that_does_not_bear_the_set_is_refused_by_both(scenario):
+    wide = replace(demand(scenario, until=0.5), kappa=np.array([[0.2, 0.2], [1.0, 1.0]]))
+    assert inertia_ratio(scenario, wide).holds is False
+    assert loop_rate(scenario, wide, remedies=False).holds is False
+    assert inertia_ratio(scenario, demand(scenario, until=0.5)).holds
+
+
+def test_what_is_beyond_the_kernels_is_bounded_by_their_tails(scenario):
+    loops = loops_of(load("panda-payload"))[:2]
+    kappa = np.array([[0.8, 1.2], [0.9, 1.1]])
+    found = Kernels.of(loops, kappa)
+    half = found.of_change.shape[-1] // 2
+    # A change of p that lasts asks for less and less: what is left after L is below its tail.
+    last = found.of_change[2:, ..., -half:].sum(axis=-1)
+    assert np.all(last < found.of_change[2:, ..., :half].sum(axis=-1))
+    assert np.all(found.of_change[2:, ..., -1] <= found.change_tail[2:])
+    assert np.all(found.push_tail >= 0.0) and np.all(np.isfinite(found.noise))
+
+
+def test_the_premises_of_the_closed_form_are_told_apart(scenario):
+    law = scenario.controller
+    drawn = law.step.transformation
+    sides = drawn.init(jnp.zeros(()), jnp.array([0.1, -0.1]))
+    calm = Narrowing.of(drawn, sides, period=1e-3, horizon=3e-3, times=np.arange(4000) * 1e-3)
+    assert not np.any(calm.slim) and not np.any(calm.unruly)
+    hasty = Narrowing.of(drawn, sides, period=1e-3, horizon=1.0, times=np.arange(7000) * 1e-3)
+    assert np.any(hasty.slim) and np.all(hasty.unruly)
