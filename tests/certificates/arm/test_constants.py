@@ -61,7 +61,9 @@ def test_an_arm_with_a_joint_that_slides_keeps_within_its_constants():
     require_bounded(robot, 1)
 
 
-@pytest.mark.parametrize("arm", [panda, ur5e], ids=["panda", "ur5e"])
+@pytest.mark.parametrize(
+    "arm", [pytest.param(panda, marks=pytest.mark.full, id="panda"), pytest.param(ur5e, id="ur5e")]
+)
 def test_a_ready_arm_keeps_within_its_constants(arm):
     found, seen = require_bounded(arm(), 2)
     assert found.inertia_max < 1.6 * seen["largest"]
@@ -88,6 +90,6 @@ def random_arm(folder, seed):
     return from_urdf(path)
 
 
-@pytest.mark.parametrize("seed", [*range(3), *(pytest.param(k, marks=pytest.mark.full) for k in range(3, 40))])
+@pytest.mark.parametrize("seed", [1, *(pytest.param(k, marks=pytest.mark.full) for k in range(2, 40))])
 def test_random_chains_keep_within_their_constants(tmp_path, seed):
     require_bounded(random_arm(tmp_path, seed), seed)

@@ -61,9 +61,9 @@ class Beside:
         """
         shape = self.motion.q.shape
         r, v = np.broadcast_to(radius, shape), np.broadcast_to(speed, shape)
-        sigma: Floats = (r @ self.rates)[:, None]
+        sigma: Floats = np.einsum("kj,j->k", r, self.rates)[:, None]
         dq = np.abs(self.motion.dq)
-        lacks = np.einsum("kij,kj->ki", self.along_q, r) + np.einsum("kij,kj->ki", self.along_dq, v)
+        lacks: Floats = np.einsum("kij,kj->ki", self.along_q, r) + np.einsum("kij,kj->ki", self.along_dq, v)
         # Never more than the way from one extreme to the other.
         lacks += np.minimum(0.5 * sigma**2, 2.0) * self.curved
         lacks += 2.0 * np.minimum(sigma, 2.0) * np.einsum("ijl,kj,kl->ki", self.coriolis, dq, v)
@@ -72,7 +72,7 @@ class Beside:
         moved: Floats = (
             np.einsum("kijl,kl->kij", self.mass_slope, r) + np.minimum(0.5 * sigma**2, 2.0)[:, :, None] * self.mass
         )
-        found: Floats = np.max([_solved(inverse, moved, lacks) for inverse in self.inverse], axis=0)
+        found: Floats = np.array([_solved(inverse, moved, lacks) for inverse in self.inverse]).max(axis=0)
         return found
 
     def _outer(self, r: Floats, v: Floats) -> Floats:
