@@ -162,7 +162,19 @@ def test_every_package_of_the_source_is_imported_by_these_tests():
     assert {"codegen.trace", "robots.ready", "controllers.steps"} <= set(PACKAGES)
 
 
-DRAWING = {"certificates", "cli", "deploy", "diagnosis", "figures", "league", "papers", "reports", "scenarios", "studies", "views"}
+DRAWING = {
+    "certificates",
+    "cli",
+    "deploy",
+    "diagnosis",
+    "figures",
+    "league",
+    "papers",
+    "reports",
+    "scenarios",
+    "studies",
+    "views",
+}
 """Rooms that need other packages for what they are: to read files, to draw, to write pages."""
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+
 from slidax.scenarios import Scenario, load
 
 INERTIA = 6.0

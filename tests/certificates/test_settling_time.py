@@ -24,14 +24,21 @@ def random_powers(rng: np.random.Generator) -> tuple[float, float, float, float]
     return float(a), float(rng.uniform(0.0, 0.95)), float(b), float(rng.uniform(1.05, 3.0))
 
 
+def integral(a: float, p: float, b: float, q: float, low: float, high: float) -> float:
+    """Over the logarithm, where the integrand is smooth and of one size."""
+
+    def integrand(y: float) -> float:
+        return 1.0 / (a * np.exp(y * (p - 1)) + b * np.exp(y * (q - 1)))
+
+    return float(quad(integrand, np.log(low), np.log(high), epsabs=0, limit=200)[0])
+
+
 def test_the_closed_form_is_the_integral_for_random_powers_and_ends() -> None:
     rng = np.random.default_rng(1)
     for _ in range(200):
         a, p, b, q = random_powers(rng)
         low, high = np.sort(np.exp(rng.uniform(-9, 9, 2)))
-        # Over the logarithm, where the integrand is smooth and of one size.
-        wanted = quad(lambda y: 1 / (a * np.exp(y * (p - 1)) + b * np.exp(y * (q - 1))), np.log(low), np.log(high),
-                      epsabs=0, limit=200)[0]  # fmt: skip
+        wanted = integral(a, p, b, q, low, high)
         assert two_power_time(a, p, b, q, high, low) == pytest.approx(wanted, rel=1e-7)
         whole = gamma((1 - p) / (q - p)) * gamma((q - 1) / (q - p)) / (a * (q - p)) * (a / b) ** ((1 - p) / (q - p))
         assert two_power_time(a, p, b, q) == pytest.approx(whole, rel=1e-12)

@@ -20,7 +20,7 @@ from .extent import Extent, starts_of
 from .law_of import law_of
 from .members import Motion, members_of
 from .numbers import listed
-from .verdict import Assumption, Verdict
+from .verdict import Assumption, Status, Verdict
 
 NAME, TITLE = "admissibility", "parameters, starts and motion are admissible"
 
@@ -59,8 +59,8 @@ class _Start:
     - `share`: of the room towards the nearer bound, [n]; 1 is the bound.
     """
 
-    def __init__(self, extent: Extent, reference: np.ndarray, envelope: Any) -> None:
-        low, high = extent.lower - reference, extent.upper - reference
+    def __init__(self, extent: Extent, references: np.ndarray, envelope: Any) -> None:
+        low, high = extent.lower - references.max(axis=0), extent.upper - references.min(axis=0)
         self.error = np.maximum(np.abs(low), np.abs(high))
         # Sides are drawn by the error's sign: the wide one is always towards the start.
         upper, lower = envelope(high)[1], envelope(low)[0]
@@ -80,19 +80,21 @@ def _start(scenario: Scenario) -> tuple[_Start | None, list[Assumption]]:
         assert found is not None
         return found.lower, found.upper
 
-    reference = Motion(scenario).reference(np.zeros(1))[0][0]
     if not draws_envelope(scenario):
         return None, [Assumption("the scheme draws no envelope, so that any start will do", "proved")]
-    compiled, still = Each(bounds), np.zeros_like(reference)
+    moving = members_of(scenario) if _moves_otherwise(scenario) else [scenario]
+    references = np.concatenate([Motion(one).reference(np.zeros(1))[0] for one in moving])
+    compiled, still = Each(bounds), np.zeros_like(references[0])
 
     def envelope(error: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         lower, upper = compiled([error], [still], [still])
         return lower[0], upper[0]
 
     extent = starts_of(scenario)
-    start = _Start(extent, reference, envelope)
+    start = _Start(extent, references, envelope)
     joint = int(np.argmax(start.share))
     of = extent.said
+    status: Status = "proved" if len(moving) == 1 else "checked"
     inside = bool(start.share[joint] < 1.0)
     if inside:
         text = f"{of} inside of the envelope, |e(0)| up to {listed(start.error)} (12)"
@@ -101,7 +103,7 @@ def _start(scenario: Scenario) -> tuple[_Start | None, list[Assumption]]:
             f"{of} outside of the envelope: joint {joint + 1} begins up to {start.error[joint]:.4g} off its reference, "
             f"{start.share[joint]:.3g} times its bound (12)"
         )
-    return start, [Assumption(text, "proved" if inside else "fails", float(start.share[joint]))]
+    return start, [Assumption(text, status if inside else "fails", float(start.share[joint]))]
 
 
 def _parameters(scenario: Scenario) -> list[Assumption]:
@@ -125,14 +127,14 @@ def _limits(scenario: Scenario) -> list[Assumption]:
         return [Assumption("the arm's description has no limits of position or speed to keep", "assumed")]
     limits = robot.limits
     lower, upper, fastest = (np.asarray(one) for one in (limits.lower, limits.upper, limits.velocity))
-    moving = [one for one in members_of(scenario) if one is scenario or _moves_otherwise(scenario)]
+    moving = members_of(scenario) if _moves_otherwise(scenario) else [scenario]
     room, speed = [], []
     for one in moving:
         motion = Motion(one)
         times = np.unique(np.append(motion.times, [0.0, scenario.t1]))
         q, dq, ddq = motion.reference(times)
         step = float(np.max(np.diff(times)))
-        # Between two samples a curve leaves the chord by no more than an eighth of its curvature times the step squared.
+        # Between two samples a curve leaves the chord by at most an eighth of its curvature times the step squared.
         slack = step**2 / 8.0 * np.abs(ddq).max(axis=0)
         jerk = np.abs(np.diff(ddq, axis=0) / np.diff(times)[:, None]).max(axis=0)
         span = np.where(np.isfinite(upper - lower), upper - lower, np.inf)

@@ -43,7 +43,9 @@ def envelope_of(scenario: Scenario, times: Floats) -> tuple[Floats, Floats] | No
         return found.lower, found.upper
 
     rows = len(times)
-    lower, upper = Each(at)(times, *(np.broadcast_to(np.asarray(one), (rows, law.joints)) for one in (state0.q, state0.dq)))
+    lower, upper = Each(at)(
+        times, *(np.broadcast_to(np.asarray(one), (rows, law.joints)) for one in (state0.q, state0.dq))
+    )
     return lower, upper
 
 

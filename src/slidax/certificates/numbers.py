@@ -8,7 +8,7 @@ import numpy as np
 
 
 def listed(values: Any, digits: int = 3) -> str:
-    """"1.2" for one number or equal ones, "1.2, 3.4, 5.6" for others.
+    """One number in a few digits, or several with commas where they differ: `1.2, 3.4, 5.6`.
 
     - `values`: one number or one per joint.
     - `digits`: that matter.

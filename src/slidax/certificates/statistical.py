@@ -70,15 +70,17 @@ def statistical(scenario: Scenario, runs: int = RUNS, seed: int = 0, confidence:
     holds = failures == 0 and worst > 0.0
     outside = "none" if not failures else str(failures)
     statement = (
-        f"Of {runs} runs of the set {outside} left the envelope, so that it is left with a probability below {upper:.2g} "
-        f"at {100 * confidence:g} % confidence; the worst of {searched} searched runs has a margin of {worst:.3g}."
+        f"Of {runs} runs of the set {outside} left the envelope, so that it is left with a probability below "
+        f"{upper:.2g} at {100 * confidence:g} % confidence; the worst of {searched} searched runs has a margin of {worst:.3g}."
     )
     if failures == 0 and worst <= 0.0:
         statement += " The search found a case that leaves it."
     assumptions = (
         Assumption("the arm is as it is simulated", "assumed"),
         Assumption("what is uncertain is distributed as the set says", "assumed"),
-        Assumption(f"the envelope is kept in {runs} runs that were drawn, seed {seed}", "fails" if failures else "checked"),
+        Assumption(
+            f"the envelope is kept in {runs} runs that were drawn, seed {seed}", "fails" if failures else "checked"
+        ),
         Assumption(
             f"the envelope is kept in {searched} runs of a search for the worst",
             "checked" if worst > 0.0 else "fails",

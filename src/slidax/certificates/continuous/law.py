@@ -65,7 +65,7 @@ class PrintedLaw:
 
     @property
     def joints(self) -> int:
-        """n."""
+        """N."""
         return self.law.joints
 
     @property
@@ -81,7 +81,7 @@ class PrintedLaw:
 
     @cached_property
     def sides(self) -> Sides | None:
-        """b and b̄ [n], by the error at the start; None without an envelope."""
+        """B and b̄ [n], by the error at the start; None without an envelope."""
         transformation = self.law.transformation
         if not isinstance(transformation, PrescribedPerformance):
             return None
@@ -129,7 +129,8 @@ class PrintedLaw:
 
     def slopes(self) -> Floats:
         """The slope of the pull at zero, [n]."""
-        return self._surface(np.zeros((1, self.joints)))[1][0]
+        slope: Floats = self._surface(np.zeros((1, self.joints)))[1][0]
+        return slope
 
     def pull_inverse(self, pull: float) -> Floats:
         """The transformed errors at which the surface pulls so hard, no less than these by more than 1e-5, [n].
@@ -192,7 +193,9 @@ class PrintedLaw:
 
     @cached_property
     def _place(self) -> Each:
-        return Each(lambda eps: psi(eps, self.sides))
+        sides = self.sides
+        assert sides is not None
+        return Each(lambda eps: psi(eps, sides))
 
     def nominal_is_constant(self, samples: int = 64) -> float:
         """How much M0 differs between random postures, relative to its size.

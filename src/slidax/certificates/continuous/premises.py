@@ -6,7 +6,7 @@ import numpy as np
 
 from slidax.actuators import TorqueLimits
 
-from ..verdict import Assumption
+from ..verdict import Assumption, Status
 from .law import PrintedLaw
 
 
@@ -40,6 +40,6 @@ def continuous_premises(printed: PrintedLaw, *, unit_vector: bool = True) -> tup
         found.append(Assumption("the torque stays within the drives' limits, see `torque_budget`", "assumed"))
     if printed.performance is not None:
         share = np.max(np.abs(printed.start[0]) / printed.radius(np.zeros(1))[0])
-        status = "proved" if share < 1.0 else "fails"
+        status: Status = "proved" if share < 1.0 else "fails"
         found.append(Assumption("the start is inside of the envelope, |e(0)| < ρ0", status, float(share)))
     return tuple(found)

@@ -77,7 +77,7 @@ class _Times:
 
     @property
     def excess(self) -> float:
-        """k."""
+        """K."""
         return float(self.bound.margin)
 
     @cached_property
@@ -91,7 +91,8 @@ class _Times:
         n = self.printed_law.joints
         if self.spread > 1e-12:
             return self.stated * np.eye(n)
-        return masses_of(self.printed_law.law.nominal, np.zeros((1, n)))[0]
+        found: Floats = masses_of(self.printed_law.law.nominal, np.zeros((1, n)))[0]
+        return found
 
     @property
     def stated(self) -> float:
@@ -146,7 +147,8 @@ class _Times:
         one = self.powers
         each = zip(one.k1, one.p, one.k2, one.q, one.delta, strict=True)
         sliding = np.array([two_power_time(k1, p, k2, q, lower=delta) for k1, p, k2, q, delta in each])
-        return self.reaching["supremum"] + 0.5 * self.radius * sliding
+        found: Floats = self.reaching["supremum"] + 0.5 * self.radius * sliding
+        return found
 
     @property
     def energy(self) -> float:
@@ -216,7 +218,9 @@ def _premises(times: _Times) -> tuple[Assumption, ...]:
         )
         found.append(Assumption(text, "fails", times.spread))
     found.append(
-        Assumption("what the model lacks is no more than b0 + b1‖q‖ + b2‖q̇‖² + γ‖τ‖ (19), see `robust_torque`", "assumed")
+        Assumption(
+            "what the model lacks is no more than b0 + b1‖q‖ + b2‖q̇‖² + γ‖τ‖ (19), see `robust_torque`", "assumed"
+        )
     )
     return tuple(found)
 

@@ -37,8 +37,9 @@ def ultimate_bound(scenario: Scenario) -> Verdict:
 
         ½ ‖Ṁ‖ σ² + (‖D‖ + ½ ‖Ṁ‖ s0 - u) σ + ‖D‖ s0 = 0.
 
-    So in the end `‖s‖ <= s̄ = √(λmax(M)/λmin(M)) σ1`, and by `ε̇1 = β (s - pull(ε1))` then
-    `|e| <= ρ max(ψ(ε̄), -ψ(-ε̄))` with `pull(ε̄) = s̄`. For `Ṁ = 0` it is `σ1 = s0 ‖D‖/(u - ‖D‖)`.
+    So a run with `‖s‖ <= s̄ = √(λmax(M)/λmin(M)) σ1`, if that is below σ2, keeps it, and by
+    `ε̇1 = β (s - pull(ε1))` then `|e| <= ρ max(ψ(ε̄), -ψ(-ε̄))` with `pull(ε̄) = s̄`. For `Ṁ = 0` it is
+    `σ1 = s0 ‖D‖/(u - ‖D‖)`.
 
     - `scenario`: what is asked about.
     """
@@ -54,10 +55,9 @@ def ultimate_bound(scenario: Scenario) -> Verdict:
         "estimate": max((member.estimate for member in members), key=lambda one: float(np.max(one))),
     }
     settled = [member.settled for member in members] if share < 1.0 and mismatch <= SAME else []
-    below = min((one.below for one in settled), default=None)
     assumptions = (
         *continuous_premises(printed, unit_vector=False),
-        *_premises(members, share, mismatch, below),
+        *_premises(printed, members, share, mismatch, settled),
     )
     holds = all(one.status != "fails" for one in assumptions)
     if holds:
@@ -79,7 +79,7 @@ class _Settled:
 
     - `size`: s̄.
     - `error`: of |e| [n].
-    - `below`: σ2 over the square root, from below which s falls to s̄.
+    - `below`: σ2, which s̄ must not exceed.
     """
 
     size: float
@@ -118,7 +118,8 @@ class _Member:
         mass, bias = self.motion.truth
         mass0 = self.motion.of_arm(self.printed.law.nominal)[0]
         reached = np.einsum("kij,kj->ki", mass0 - mass, self.motion.states[2])
-        return np.linalg.norm(reached + bias0 - bias + self.motion.pushed, axis=1)
+        left: Floats = np.linalg.norm(reached + bias0 - bias + self.motion.pushed, axis=1)
+        return left
 
     @property
     def largest(self) -> float:
@@ -181,7 +182,7 @@ class _Member:
             size = np.inf
         if not np.isfinite(size):
             return _Settled(np.inf, np.full(n, np.inf), 0.0)
-        return _Settled(size, self._error(size), high / spread)
+        return _Settled(size, self._error(size), high)
 
     def _error(self, size: float) -> Floats:
         """|e| that goes with `‖s‖ <= size`, [n]."""
@@ -190,7 +191,8 @@ class _Member:
             return np.full(n, np.inf)
         eps = law.pull_inverse(size)
         both = np.abs(law.places(np.stack([eps, -eps]))).max(axis=0)
-        return law.radius(np.array([self.scenario.t1]))[0] * both
+        error: Floats = law.radius(np.array([self.scenario.t1]))[0] * both
+        return error
 
 
 def _roots(u: Floats, left: Floats, rate: Floats, layer: float) -> tuple[float, float]:
@@ -204,22 +206,29 @@ def _roots(u: Floats, left: Floats, rate: Floats, layer: float) -> tuple[float, 
 
 
 def _premises(
-    members: list[_Member], share: float, mismatch: float, below: float | None
+    printed: PrintedLaw, members: list[_Member], share: float, mismatch: float, settled: list[_Settled]
 ) -> tuple[Assumption, ...]:
     over = f"along the reference, at {len(members[0].motion.times)} times"
     if len(members) > 1:
         over += f", for the scenario and {len(members) - 1} corners of its uncertain set"
-    same = mismatch <= SAME
+    same, diagonal = mismatch <= SAME, printed.gain_is_diagonal
     text = "the law's inertia is the arm's own"
     text += f", {over}" if same else f"; it differs by {100 * mismatch:.3g} %"
-    found = [Assumption(text, "checked" if same else "fails", mismatch)]
+    found = [
+        Assumption("K0 is diagonal and positive definite, so that it brakes", "proved" if diagonal else "fails"),
+        Assumption(text, "checked" if same else "fails", mismatch),
+    ]
     covered = share < 1.0
     text = f"u covers what is left of disturbance, friction and bias, {over}"
     found.append(Assumption(text, "checked" if covered else "fails", share))
-    if below is not None:
-        text = "there is a size of s at which the layer outweighs the disturbance and the arm's change of inertia"
-        found.append(Assumption(text, "checked" if below > 0.0 else "fails", below))
-        found.append(Assumption(f"‖s‖ comes below {below:.3g} rad/s, from where on it falls to its bound", "assumed"))
+    if settled:
+        room = min(one.below - one.size for one in settled)
+        enough = bool(np.isfinite(room) and room >= 0.0)
+        text = "at every size of s from σ1 to s̄ the layer outweighs the disturbance and the arm's change of inertia"
+        found.append(Assumption(text, "checked" if enough else "fails", room if np.isfinite(room) else None))
+        found.append(
+            Assumption("the run once comes as near to its reference as the bound; then it stays so", "assumed")
+        )
     return tuple(found)
 
 
