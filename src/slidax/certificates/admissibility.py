@@ -100,7 +100,7 @@ def _start(scenario: Scenario) -> tuple[_Start | None, list[Assumption]]:
         text = f"{of} inside of the envelope, |e(0)| up to {listed(start.error)} (12)"
     else:
         text = (
-            f"{of} outside of the envelope: joint {joint + 1} begins up to {start.error[joint]:.4g} off its reference, "
+            f"{extent.one} outside of the envelope: joint {joint + 1} begins up to {start.error[joint]:.4g} off its reference, "
             f"{start.share[joint]:.3g} times its bound (12)"
         )
     return start, [Assumption(text, status if inside else "fails", float(start.share[joint]))]

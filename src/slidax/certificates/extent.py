@@ -24,12 +24,13 @@ class Extent:
     """The least and largest value of each joint.
 
     - `lower`, `upper`: [n], rad or m.
-    - `said`: what they are of, for a sentence.
+    - `said`, `one`: all of them and one of them, for a sentence.
     """
 
     lower: Floats
     upper: Floats
     said: str
+    one: str
 
 
 def starts_of(scenario: Scenario) -> Extent:
@@ -44,13 +45,13 @@ def starts_of(scenario: Scenario) -> Extent:
     sets = {} if family is None else family.space.sets
     touching = [path for path in sets if path == START or path.startswith(f"{START}.")]
     if family is None or not touching:
-        return Extent(own, own, "the start is")
+        return Extent(own, own, "the start is", "the start is")
     lower, upper = own.copy(), own.copy()
     for path in touching:
         least, most = ends_of(sets[path], family.space.leaves[path])
         where = slice(None) if path == START else int(path.rpartition(".")[2])
         lower[where], upper[where] = least, most
-    return Extent(lower, upper, "all starts of the uncertain set are")
+    return Extent(lower, upper, "all starts of the uncertain set are", "a start of the uncertain set is")
 
 
 def ends_of(one: AbstractSet, leaf: Leaf) -> tuple[Floats, Floats]:

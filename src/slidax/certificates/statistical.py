@@ -71,7 +71,8 @@ def statistical(scenario: Scenario, runs: int = RUNS, seed: int = 0, confidence:
     outside = "none" if not failures else str(failures)
     statement = (
         f"Of {runs} runs of the set {outside} left the envelope, so that it is left with a probability below "
-        f"{upper:.2g} at {100 * confidence:g} % confidence; the worst of {searched} searched runs has a margin of {worst:.3g}."
+        f"{upper:.2g} at {100 * confidence:g} % confidence; the worst of {searched} searched runs has a margin of "
+        f"{worst:.3g}."
     )
     if failures == 0 and worst <= 0.0:
         statement += " The search found a case that leaves it."
