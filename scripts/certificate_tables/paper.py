@@ -6,6 +6,7 @@ import numpy as np
 from sampled_data_figures.loops import table, write_table
 
 from slidax import metrics
+from slidax.certificates.arm import uncertainty_bound
 from slidax.certificates.continuous import printed_period, settling_time, ultimate_bound
 from slidax.certificates.continuous.law import PrintedLaw
 from slidax.papers.cftsmppc.bounds import inverse_inertia
@@ -89,6 +90,11 @@ def _error(scale: float) -> list[str]:
     return [f"{scale:g}", *("-" if np.isnan(cell) else f"{cell:.2g}" for cell in cells)]
 
 
+def _bound(name: str) -> list[str]:
+    found = uncertainty_bound(load(name)).bound
+    return [f"`{name}`", *(f"{float(found[key]):.3g}" for key in ("gamma", "b0", "b1", "b2"))]
+
+
 def make() -> None:
     """Measures, and writes the tables."""
     head = ["example", "T_r printed", "T_max printed", "T_r unsplit", "unsplit", "this start", "T_i", "observed"]
@@ -99,3 +105,5 @@ def make() -> None:
     write_table(PAGE, "period", table(head, [_period(name) for name in EXAMPLES]))
     head = ["disturbance", "certified", "estimated", "observed"]
     write_table(PAGE, "error", table(head, [_error(scale) for scale in (0.5, 1.0, 2.0)]))
+    head = ["example", "γ", "b0 [N m]", "b1 [N m/rad]", "b2 [N m s²/rad²]"]
+    write_table(PAGE, "uncertainty", table(head, [_bound(name) for name in EXAMPLES]))

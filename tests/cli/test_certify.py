@@ -5,17 +5,27 @@ from __future__ import annotations
 import importlib
 import json
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from slidax.certificates import admissibility
+from slidax.certificates.continuous import settling_time, ultimate_bound
 
 from .commands import in_process
 
 KEYS = {"name", "holds", "margin", "bound", "assumptions", "statement", "remedy"}
 
 
-def test_json_page_and_table_say_the_same_and_4_that_something_does_not_hold(tmp_path: Path) -> None:
+def only(monkeypatch: pytest.MonkeyPatch, *certificates: Any) -> None:
+    """The others have tests of their own, and take longer."""
+    monkeypatch.setattr(importlib.import_module("slidax.certificates.certify"), "CERTIFICATES", certificates)
+
+
+def test_json_page_and_table_say_the_same_and_4_that_something_does_not_hold(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    only(monkeypatch, admissibility, settling_time, ultimate_bound)
     words = ["certify", "example-4.2", "--runs", "0", "--set", "simulation.t1=8"]
     done = in_process(*words, "--json", "--out", str(tmp_path))
     assert done.exit_code == 4, done.output
@@ -37,7 +47,7 @@ def test_json_page_and_table_say_the_same_and_4_that_something_does_not_hold(tmp
 
 
 def test_0_where_all_hold_and_a_table_for_a_person(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(importlib.import_module("slidax.certificates.certify"), "CERTIFICATES", (admissibility,))
+    only(monkeypatch, admissibility)
     words = ["certify", "example-4.1", "--runs", "0", "--set", "simulation.t1=0.1"]
     done = in_process(*words)
     assert done.exit_code == 0, done.output

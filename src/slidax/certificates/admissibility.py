@@ -100,8 +100,8 @@ def _start(scenario: Scenario) -> tuple[_Start | None, list[Assumption]]:
         text = f"{of} inside of the envelope, |e(0)| up to {listed(start.error)} (12)"
     else:
         text = (
-            f"{extent.one} outside of the envelope: joint {joint + 1} begins up to {start.error[joint]:.4g} off its reference, "
-            f"{start.share[joint]:.3g} times its bound (12)"
+            f"{extent.one} outside of the envelope: joint {joint + 1} begins up to {start.error[joint]:.4g} off its "
+            f"reference, {start.share[joint]:.3g} times its bound (12)"
         )
     return start, [Assumption(text, status if inside else "fails", float(start.share[joint]))]
 

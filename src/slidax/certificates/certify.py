@@ -4,19 +4,44 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import lru_cache, wraps
 from typing import Any
 
 from slidax._errors import DefinitionError
 from slidax.scenarios import Scenario
 
 from .admissibility import admissibility
+from .arm import demand, robust_torque, torque_budget, uncertainty_bound
 from .continuous import printed_period, settling_time, ultimate_bound
+from .demand import Demand
+from .loop import inertia_ratio, loop_rate
 from .members import family_of
 from .statistical import RUNS, statistical
 from .verdict import Assumption, Verdict
 
+
+@lru_cache(maxsize=2)
+def _demand(scenario: Scenario) -> Demand:
+    return demand(scenario)
+
+
+def _asking(certificate: Callable[..., Verdict]) -> Callable[[Scenario], Verdict]:
+    """A certificate of what a set of arms asks of the loops, which is found once for all of these."""
+
+    @wraps(certificate)
+    def asked(scenario: Scenario) -> Verdict:
+        return certificate(scenario, _demand(scenario))
+
+    return asked
+
+
 CERTIFICATES: tuple[Callable[[Scenario], Verdict], ...] = (
     admissibility,
+    _asking(inertia_ratio),
+    _asking(loop_rate),
+    _asking(robust_torque),
+    _asking(torque_budget),
+    uncertainty_bound,
     printed_period,
     settling_time,
     ultimate_bound,
