@@ -105,7 +105,7 @@ def test_speed_and_position_of_the_motion_are_looked_at() -> None:
     fast = {"trajectory.frequency": 5.4, "simulation.limits": "ignore", **NEAR}
     verdict = admissibility(load("panda-payload", fast))
     assert [one.text for one in verdict.assumptions if one.status == "fails"] == [
-        "speeds of the motion pass a limit of joint `joint7`"
+        "speeds of the motion pass a limit of joint `panda_joint7`"
     ]
     far = {"trajectory.offset": [2.7, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785], "simulation.limits": "ignore", **NEAR}
     verdict = admissibility(load("panda-payload", far))
