@@ -5,7 +5,8 @@ ARGS ?=
 SHELL := /bin/sh
 
 # Robotics set-ups (ROS) put whole package trees on PYTHONPATH, whose pytest plugins would join our test runs.
-unexport PYTHONPATH PYTHONHOME
+# What is set here would make every process compile the sources anew.
+unexport PYTHONPATH PYTHONHOME PYTHONDONTWRITEBYTECODE
 # `pip install --user` is refused inside an environment, so that such a default must not reach it.
 export PIP_USER := 0
 

@@ -66,6 +66,7 @@ def test_a_bad_end_is_a_row_and_no_failure_unless_all_end_so() -> None:
     assert "cftsmppc: " in result.stdout
 
 
+@pytest.mark.full
 def test_one_good_end_is_enough(tmp_path: Path) -> None:
     """An envelope that narrows too soon belongs to the one scheme; the other has none."""
     file, out = tmp_path / "hasty.yaml", tmp_path / "out"

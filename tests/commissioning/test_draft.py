@@ -36,6 +36,7 @@ def test_the_file_runs_inside_its_envelope_also_with_a_load_that_it_does_not_kno
     assert np.abs(run.log.e[np.asarray(run.log.t) > 2.0]).max() < radius
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("name", ["panda", "ur5e"])
 def test_a_ready_arm_moves_within_its_velocities_and_torques(tmp_path: Path, name: str) -> None:
     (tmp_path / "a.yaml").write_text(draft(name, 500.0).text)
@@ -92,6 +93,7 @@ def test_a_hand_is_held_and_the_tool_is_the_tip(tmp_path: Path) -> None:
     assert any("finger_left, finger_right" in note for note in made.notes)
 
 
+@pytest.mark.full
 def test_joints_without_ends_and_joints_that_slide_have_a_motion_of_their_size(tmp_path: Path) -> None:
     sliding = joint("lift", "base", "column", kind="prismatic", axis="0 0 1", limit=(0.0, 0.4, 0.2, 400.0), mass=2.0)
     turning = (

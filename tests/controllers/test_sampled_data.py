@@ -194,6 +194,7 @@ def test_at_a_hundred_hertz_nothing_leaves_with_or_without_a_disturbance_estimat
         assert np.all(metrics.steady_error(run) < (4.4e-4 if gain == 0 else 3e-6))
 
 
+@pytest.mark.full
 def test_a_delay_that_is_known_is_predicted_away():
     """With the true model and no disturbance, the run with a period of delay follows the one without."""
     law = mass_law()
@@ -227,6 +228,7 @@ def test_after_lost_samples_the_plan_is_made_anew_and_nothing_is_learnt_from_the
     np.testing.assert_array_equal(far.signals["residual"], 0.0)
 
 
+@pytest.mark.full
 def test_the_torque_limit_holds_from_the_first_sample_on_though_the_arm_was_held_by_more():
     """Its guards in exported code then have nothing left to limit."""
     limits = TorqueLimits(5.0, 4000.0)
@@ -281,6 +283,7 @@ def test_from_two_hundred_starts_outside_the_envelope_all_are_back_inside_in_tim
     assert np.all(np.asarray(peak) <= np.asarray(law.limits.torque))
 
 
+@pytest.mark.full
 def test_a_run_is_differentiable_in_its_gains():
     def final_error(k2):
         law = sampled_data(eqx.tree_at(lambda law: law.surface.k2, mass_law(), k2), period=2e-3)

@@ -83,6 +83,7 @@ def test_valgrind_finds_nothing(exported):
     run(folder, "valgrind", "--quiet", "--error-exitcode=1", "./plain")
 
 
+@pytest.mark.full
 @pytest.mark.skipif(not shutil.which("cmake"), reason="cmake is not here")
 def test_cmake_builds_and_tests_it(exported):
     folder, made = exported

@@ -157,6 +157,7 @@ def test_a_law_that_has_no_answer_outside_its_envelope_says_both():
     assert float(command.memory.t) == float(memory.t)
 
 
+@pytest.mark.full
 def test_a_law_that_has_one_goes_on_outside():
     guard = sampled()
     outside = State(q=NOW.q + jnp.array([0.9, 0.0]), dq=NOW.dq)
@@ -166,6 +167,7 @@ def test_a_law_that_has_one_goes_on_outside():
     assert float(command.memory.t) == float(T)
 
 
+@pytest.mark.full
 def test_a_measurement_that_is_late_is_compared_with_what_was_wanted_then():
     scenario = load("example-4.2-1khz")
     assert scenario.controller.delay == 1.0
@@ -216,6 +218,7 @@ def test_a_held_command_keeps_a_limit_that_was_lowered_since():
     np.testing.assert_allclose(jnp.abs(command.tau), limit)
 
 
+@pytest.mark.full
 def test_absurd_parameters_hold_the_last_command():
     guard = guarded()
     memory, t = after_one(guard)

@@ -33,6 +33,7 @@ def test_an_inertia_that_was_learnt_is_not_blamed() -> None:
     assert Inertia().finding(record) is None
 
 
+@pytest.mark.full
 def test_the_delay_is_seen_in_the_log() -> None:
     scenario = seeded("delay")
     record = Record.of(scenario, scenario.simulate(log_every=1))

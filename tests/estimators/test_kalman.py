@@ -85,6 +85,7 @@ def test_gains_per_joint_are_those_of_each_joint():
         np.testing.assert_allclose(both[:, joint], single, rtol=1e-12)
 
 
+@pytest.mark.full
 def test_gains_can_be_found_and_differentiated_inside_a_compiled_function():
     def gains(density):
         return Kalman.steady(density=density, variance=1e-10, period=1e-3).gains
@@ -200,6 +201,7 @@ def test_a_gap_shorter_than_its_memory_is_filtered_as_any_sample_is():
     np.testing.assert_array_equal(found.state.dq, usual.state.dq)
 
 
+@pytest.mark.full
 def test_the_filter_of_an_arm_can_be_batched_and_differentiated_by_its_torque_density():
     def gains(density):
         return Kalman.of_arm(MASS, variance=1e-11, period=1e-3, torque_density=density).gains

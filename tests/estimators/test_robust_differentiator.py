@@ -58,6 +58,7 @@ def test_within_the_selection_of_the_sign_the_measured_position_is_believed():
     assert 0 < step(lipschitz, 1.01 * edge, h)[0] < 1.01 * edge
 
 
+@pytest.mark.full
 def test_a_correction_grows_with_its_residual_and_is_odd():
     residuals = np.logspace(-12, 3, 400)
     steps = np.array([step(5.0, residual) for residual in residuals])

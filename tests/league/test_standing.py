@@ -1,6 +1,7 @@
 """Who is best, and how surely, from matches whose truth is known."""
 
 import numpy as np
+import pytest
 
 from slidax.league import Entry, Match, standing
 from slidax.league.markdown import percent, verdicts
@@ -36,6 +37,7 @@ def test_where_shares_may_be_the_same_the_error_decides_and_is_tested_case_by_ca
     assert [score.leads for score in table.scores] == [True, True, False]
 
 
+@pytest.mark.full
 def test_what_differs_by_chance_alone_is_rarely_called_significant():
     rng = np.random.default_rng(2)
     wrong = 0

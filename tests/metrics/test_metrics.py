@@ -85,6 +85,7 @@ def test_at_half_the_period_the_integrals_are_the_same_and_the_papers_sums_are_n
         assert np.all(index(half) > 1.9 * index(whole_period))
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("engine", ["native", "xla"])
 def test_each_run_of_a_batch_has_the_metrics_of_the_single_run(engine: str) -> None:
     """One run leaves its envelope before its last quarter, one after its first sample; one is good."""

@@ -39,6 +39,7 @@ def test_the_symmetric_solve_reads_the_lower_triangle_only():
     np.testing.assert_allclose(solve(spoilt, jnp.asarray(b)), np.linalg.solve(a, b), rtol=1e-9)
 
 
+@pytest.mark.full
 def test_the_symmetric_solve_has_the_gradient_of_the_inverse():
     a = positive_definite(np.random.default_rng(2).normal(size=(3, 3)))
     by_b = jax.jacfwd(lambda b: solve_symmetric(jnp.asarray(a), b))(jnp.ones(3))

@@ -128,6 +128,7 @@ FULL = pytest.mark.full
 READINGS = [("stated", False), pytest.param("stated", True, marks=FULL), pytest.param("off", True, marks=FULL)]
 
 
+@pytest.mark.full
 @pytest.mark.parametrize(("disturbance", "drawn"), READINGS)
 def test_one_reading_of_the_disturbance_makes_a_page_too(made, tmp_path, monkeypatch, disturbance, drawn) -> None:
     """With the figures of `made` every day: they are of the first reading there, too."""

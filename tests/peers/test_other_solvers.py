@@ -87,6 +87,7 @@ def orders(errors):
     return np.log2(np.array(errors[:-1]) / np.array(errors[1:]))
 
 
+@pytest.mark.full
 def test_diffrax_and_scipy_agree_with_each_other():
     rate, y0 = closed_loop(SMOOTH_PLANT, SPRING, MOTION_4_1, START_4_1)
     np.testing.assert_allclose(by_diffrax(rate, y0), exact(), atol=1e-9)
@@ -98,6 +99,7 @@ def test_runge_kutta_converges_to_them_at_fourth_order():
     assert errors[-1] < 1e-8
 
 
+@pytest.mark.full
 def test_semi_implicit_euler_converges_to_them_at_first_order():
     errors = [np.abs(simulated(END / n, semi_implicit_euler) - exact()).max() for n in (480, 960, 1920, 3840)]
     assert orders(errors) == pytest.approx([1.0] * 3, abs=0.1)
@@ -126,6 +128,7 @@ def exact_with_a_held_torque(periods):
     return y
 
 
+@pytest.mark.full
 def test_between_two_samples_the_plant_converges_at_fourth_order_in_the_substeps():
     exact_held = exact_with_a_held_torque(24)
     errors = [np.abs(simulated(END / 24, mode="held", substeps=m) - exact_held).max() for m in (1, 2, 4, 8)]
@@ -133,6 +136,7 @@ def test_between_two_samples_the_plant_converges_at_fourth_order_in_the_substeps
     assert errors[-1] < 1e-8
 
 
+@pytest.mark.full
 def test_between_two_samples_semi_implicit_euler_converges_at_first_order():
     exact_held = exact_with_a_held_torque(24)
     errors = [
@@ -141,6 +145,7 @@ def test_between_two_samples_semi_implicit_euler_converges_at_first_order():
     assert orders(errors) == pytest.approx([1.0] * 2, abs=0.1)
 
 
+@pytest.mark.full
 @pytest.mark.parametrize(
     ("plant", "law", "trajectory", "start"),
     [

@@ -13,5 +13,5 @@ ROBOTS: list[tuple[str, AbstractRobot]] = [
     *((name, ready.read(name).robot) for name in ready.names()),
 ]
 
-LIKE_OTHERS = ("two_link_nominal", "tree", *ready.names())
+LIKE_OTHERS = ("small_tree", "two_link_nominal", "tree", *ready.names())
 """The same classes with other numbers or more joints: these run in the long version."""

@@ -93,6 +93,7 @@ HUGE: dict[str, dict[str, Any]] = {
 }
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("words", HUGE)
 def test_a_list_that_is_too_long_is_refused_before_much_is_made_of_it(words: str) -> None:
     before = time.process_time()

@@ -55,6 +55,7 @@ def test_noise_comes_before_rounding():
     assert np.ptp(seen) > 0.5
 
 
+@pytest.mark.full
 def test_sensors_of_different_kinds_with_one_seed_are_not_correlated():
     def clock(t):
         return State(q=t[None], dq=jnp.ones(1))

@@ -77,6 +77,7 @@ def test_both_engines_give_the_same_run(name):
         assert (ours.shape, ours.dtype) == (theirs.shape, theirs.dtype)
 
 
+@pytest.mark.full
 def test_example_4_1_is_the_same_to_1e_9_over_its_whole_length_where_it_does_not_chatter():
     def run(engine):
         loop = plant_4_1(), law_4_1(), MOTION_4_1, START_4_1

@@ -191,6 +191,7 @@ def test_a_joint_stops_at_its_limit_if_it_is_asked_to():
     assert abs(end(True) - 0.2) < 1e-4
 
 
+@pytest.mark.full
 def test_both_engines_give_the_same_run_whatever_is_logged():
     loop = smooth_loop(TREE, load=LOAD, sensor=Encoders(resolution=1e-6), actuator=Actuator(time_constant=1e-3))
     plant = MujocoPlant.of(loop[0])

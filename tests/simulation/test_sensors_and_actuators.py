@@ -173,6 +173,7 @@ def test_the_same_seed_gives_the_same_bits_and_another_one_others():
     assert np.all(other.log.tau[1:] != again.log.tau[1:])
 
 
+@pytest.mark.full
 def test_a_batch_over_seeds_is_the_single_runs():
     def tally(seed):
         sensor = Lossy(Encoders(1e-4, 1e-4, 1e-2, seed), 0.2, seed=seed)

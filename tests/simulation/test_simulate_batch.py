@@ -35,6 +35,7 @@ def test_a_run_of_a_native_batch_has_the_very_bits_of_the_single_run():
             np.testing.assert_array_equal(np.asarray(a)[i], b)
 
 
+@pytest.mark.full
 def test_both_engines_give_the_same_batch():
     native, xla = (simulate_batch(shifted, VARIED, **HOW, log_every=20, engine=engine) for engine in ("native", "xla"))
     assert jax.tree.structure(native) == jax.tree.structure(xla)
@@ -75,6 +76,7 @@ def test_each_run_has_its_own_random_numbers():
     np.testing.assert_array_equal(native.tally.torque_travel[1], native.tally.torque_travel[2])
 
 
+@pytest.mark.full
 def test_a_batch_inside_jit_goes_by_xla():
     def error(gain):
         return simulate_batch(shifted, (gain, jnp.zeros(2)), t1=0.05, period=1e-3).tally.steady_error

@@ -57,6 +57,7 @@ def test_it_is_the_slope_that_differences_show(mode):
     assert_close(gradient, differences(last_error, None, mode=mode, **HOW), 1e-5)
 
 
+@pytest.mark.full
 def test_both_engines_give_the_same():
     native = value_and_gradient(last_error, define, AT, **HOW, engine="native")
     xla = value_and_gradient(last_error, define, AT, **HOW, engine="xla")
@@ -72,6 +73,7 @@ def test_reverse_mode_gives_the_same():
     assert_close(native[1], reverse, 1e-8)
 
 
+@pytest.mark.full
 def test_a_metric_may_read_the_log():
     def mean_square(run):
         return jnp.mean(run.log.e**2)
@@ -85,6 +87,7 @@ def test_nothing_to_differentiate_by_is_refused():
         value_and_gradient(last_error, lambda _: define(AT), {}, **HOW)
 
 
+@pytest.mark.full
 def test_what_has_no_native_code_is_differentiated_by_xla_with_a_word_about_it():
     def sorted_start(x):
         return SMOOTH_PLANT, SPRING, MOTION_4_1, eqx.tree_at(lambda s: s.q, START_4_1, jnp.sort(START_4_1.q * x))

@@ -26,6 +26,7 @@ def compared():
     return found("compare", schemes=SCHEMES, runs=24, uncertainty=inside)
 
 
+@pytest.mark.full
 def test_all_schemes_have_the_same_cases_also_where_they_depend_on_the_envelope_of_the_first(compared):
     tables = list(compared.tables.values())
     for name in ("robot.plant.masses[0]", "start.q[0]", "start.q[1]", "disturbance.scale"):

@@ -17,6 +17,7 @@ def shares():
     return found("sensitivity", base=64, of=["margin", "peak_torque"])
 
 
+@pytest.mark.full
 def test_the_margin_at_the_beginning_depends_on_the_start_alone(shares):
     assert shares.runs == 64 * (4 + 2)
     assert shares.names == ("robot.plant.masses", "robot.plant.inertias", "disturbance.scale", "start.q")

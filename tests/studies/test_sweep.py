@@ -41,11 +41,13 @@ def test_its_page_has_the_map_and_its_points(swept):
     assert swept.lead.startswith("3 x 2 points, 6 runs: no run fails at 6 of 6")
 
 
+@pytest.mark.full
 def test_a_period_is_swept_though_each_value_is_another_loop():
     periods = found("sweep", over={"simulation.period": {"choice": [1e-3, 2e-3]}}, of="steady_error", uncertainty={})
     assert periods.worst[0] != periods.worst[1] and np.isfinite(periods.worst).all()
 
 
+@pytest.mark.full
 def test_a_point_has_the_same_cases_as_any_other():
     over = {"robot.plant.inertias": {"between": [4.5, 5.5]}}
     maps = found("sweep", over=over, points=2, cases=4, law="not told")

@@ -28,6 +28,7 @@ def tuned():
     return found("tune", **HOW)
 
 
+@pytest.mark.full
 def test_the_best_gains_are_better_than_today_s_on_cases_that_the_search_has_not_seen(tuned):
     assert tuned.best is not None and tuned.good
     difference = tuned.difference(tuned.best, "steady_error")

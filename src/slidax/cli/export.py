@@ -26,5 +26,6 @@ def export_c(
         from slidax import deploy, scenarios
 
         parts = scenarios.load(scenario, parsed(changes or []))
+        out.mkdir(parents=True, exist_ok=True)
         made = deploy.export_c(parts, out, name=name, single=single, command=shlex.join(["slidax", *sys.argv[1:]]))
         typer.echo(f"{made.law} in {made.real}s, at most {made.stack} bytes of stack: {out.resolve() / 'README.md'}")

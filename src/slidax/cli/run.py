@@ -60,6 +60,8 @@ def run(
             from slidax.simulation import require_pyarrow
 
             require_pyarrow("writing the log")
+            # What cannot be written is said before the run, not after it.
+            out.mkdir(parents=True, exist_ok=True)
         if view or recording is not None:
             _require_views(view, recording)
         _warn_beforehand(parts)
