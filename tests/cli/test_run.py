@@ -68,7 +68,7 @@ def test_the_json_has_every_field_that_was_promised() -> None:
     assert list(answer["metrics"]["paper"]) == ["iae", "eci", "aice"]
 
 
-@pytest.mark.parametrize("mode", ["continuous", "held"])
+@pytest.mark.parametrize("mode", ["continuous", pytest.param("held", marks=pytest.mark.full)])
 def test_a_run_that_must_leave_its_envelope_exits_with_3_and_no_nan(mode: str) -> None:
     result = own_process(
         "run", "example-4.1", "--json", "--set", "simulation.period=1e-3", "--set", f"simulation.mode={mode}"

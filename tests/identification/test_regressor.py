@@ -19,7 +19,11 @@ from slidax.parts import as_array
 from tests.identification.recorded import PAYLOAD
 from tests.robots.members import ROBOTS
 
-ARMS = [pytest.param(arm, id=name) for name, arm in ROBOTS if isinstance(arm, sx.robots.Articulated)]
+ARMS = [
+    pytest.param(arm, id=name, marks=[] if name == "small_tree" else [pytest.mark.full])
+    for name, arm in ROBOTS
+    if isinstance(arm, sx.robots.Articulated)
+]
 
 
 @pytest.mark.parametrize("arm", ARMS)

@@ -104,8 +104,8 @@ def sloped(case):
 
 EVERY = every("case", CONTROLLERS, full=LIKE_OTHERS, scope="module")
 # Uncompiled or with slopes, a search for a plan takes long; a sampled-data law with less to search has both every day.
-SLOW = "sampled_cftsmppc_4_1_layer_delay_and_recovery"
-SLOPED = every("case", CONTROLLERS, full=(*LIKE_OTHERS, SLOW), scope="module")
+SLOW = ("sampled_cftsmppc_4_1_layer_delay_and_recovery", "nftsmc_4_2", "sfsmc_4_2")
+SLOPED = every("case", CONTROLLERS, full=(*LIKE_OTHERS, *SLOW), scope="module")
 
 
 @SLOPED

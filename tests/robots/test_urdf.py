@@ -20,7 +20,7 @@ EXAMPLES = Path(__file__).parents[2] / "examples" / "robots"
 STATES = np.random.default_rng(3).uniform(-3.0, 3.0, (2, 50, 3))
 PAPER = [
     pytest.param("two_link.urdf", {"gravity": (0.0, -9.8, 0.0), "armature": [5.0, 5.0]}, TWO_LINK, id="two-link"),
-    pytest.param("scara.urdf", {"gravity": (0.0, 0.0, -9.8)}, SCARA, id="SCARA"),
+    pytest.param("scara.urdf", {"gravity": (0.0, 0.0, -9.8)}, SCARA, id="SCARA", marks=pytest.mark.full),
 ]
 MIMIC = '<mimic joint="shoulder" multiplier="2" offset="0.5"/>'
 

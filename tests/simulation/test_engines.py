@@ -57,7 +57,7 @@ def both(name, **more):
 
 
 # Of those alike, one is for every day; `test_random_scenarios` has mixtures of all.
-DAILY = ("encoders with noise and lost samples", "anftsmc")
+DAILY = ("held, three joints", "anftsmc")
 
 
 @pytest.mark.parametrize("name", [pytest.param(n, marks=[] if n in DAILY else [pytest.mark.full]) for n in LOOPS])
