@@ -43,6 +43,16 @@ def pytest_configure(config: pytest.Config) -> None:
             config.stash[OWN] = compiled_code.taken(config.cache.mkdir("xla"))
 
 
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """What was measured to take long is for the long version (`scripts/write-long-tests`)."""
+    names = (Path(__file__).parent / "long_tests.txt").read_text(encoding="utf-8").splitlines()
+    long = set(names)
+    for item in items:
+        if item.nodeid in long:
+            item.add_marker(pytest.mark.full)
+
+
 def pytest_unconfigure(config: pytest.Config) -> None:
     if OWN in config.stash:
         compiled_code.given_back(config.stash[OWN])
