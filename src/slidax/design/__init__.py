@@ -1,0 +1,9 @@
+"""From requirements to a law: what the arm, its motion and its uncertainty ask for, or why it cannot be had."""
+
+from .design import Design as Design
+from .design import Designed as Designed
+from .design import Refused as Refused
+from .design import design as design
+from .requirements import Requirements as Requirements
+from .requirements import Wishes as Wishes
+from .requirements import read_requirements as read_requirements

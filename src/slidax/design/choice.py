@@ -1,0 +1,171 @@
+"""The numbers of a law that a design chooses, and the first of them in closed form."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slidax.commissioning.text import DRIFT, RADIUS, WIDTH
+from slidax.scenarios.description import Moving
+
+Floats = NDArray[np.floating[Any]]
+
+OVERSHOOT, EXPONENT = 0.9, 2.01
+
+HORIZONS = (6.0, 9.0, 14.0, 20.0, 28.0)
+"""H that are tried, in periods, or in ms where a period is shorter than that."""
+
+DRIFTS = (0.25, 1.0, 4.0)
+"""Times the drift of the disturbance that `slidax new` takes: the torque density goes with its square."""
+
+SLOPES = (1.0, 2.0, 4.0)
+"""Times k1 and k2 of `slidax new`."""
+
+K1, K2 = 0.5, 1.0
+
+ROOM = 1.6
+"""The envelope at the start over the largest error there."""
+
+UNRATED = 2.0
+"""A drive without a limit is taken for one of so many times the torque that holds and moves the arm."""
+
+
+@dataclass(frozen=True)
+class Choice:
+    """What a law is made of.
+
+    - `horizon`: H [s].
+    - `drift`: of the estimator's disturbance, as in `DRIFTS`; None with the `measured` estimator.
+    - `slope`: times k1 and k2.
+    - `final`: ρ∞ of each joint [n], rad or m.
+    - `deadline`: T [s].
+    - `margin`: u [N m]; None where the arm's own is taken.
+    """
+
+    horizon: float
+    drift: float | None
+    slope: float
+    final: Floats
+    deadline: float
+    margin: float | None = None
+
+
+@dataclass(frozen=True)
+class Frame:
+    """What all choices for an arm have in common.
+
+    - `initial`: ρ0 of each joint [n], rad or m.
+    - `shape`: ρ∞ of each joint for a radius of 1 [n].
+    - `torque`: rated, or what takes its place [n], N m or N.
+    - `period`: h [s]; `delay`: of measurement and command [periods].
+    - `has_velocity`: whether velocities are measured.
+    """
+
+    initial: Floats
+    shape: Floats
+    torque: Floats
+    period: float
+    delay: float
+    has_velocity: bool
+
+    @property
+    def radius(self) -> float:
+        """The radius that `slidax new` takes for this period."""
+        return RADIUS * self.period
+
+    @property
+    def horizons(self) -> tuple[float, ...]:
+        """H that are tried [s]: not shorter than what a delay leaves, `(2 + 2 D) h`."""
+        unit, least = max(self.period, 1e-3), (2.0 + 2.0 * self.delay) * self.period
+        return tuple(sorted({round(max(count * unit, least), 9) for count in HORIZONS}))
+
+    def density(self, drift: float) -> Floats:
+        """The torque density of the Kalman filter of each joint, `(drift √density)²` [n], (N m/s)² s.
+
+        - `drift`: times that of `slidax new`.
+        """
+        found: Floats = (drift * DRIFT * self.torque) ** 2
+        return found
+
+    def scheme(self, choice: Choice) -> dict[str, Any]:
+        """The law, as a scenario file has it.
+
+        - `choice`: its numbers.
+        """
+        sampled: dict[str, Any] = {"horizon": choice.horizon}
+        if choice.drift is not None:
+            sampled["estimator"] = {"kind": "kalman", "torque_density": rounded(self.density(choice.drift))}
+        sampled["monitor"] = {"share": 1.0, "led": 1.0}
+        scheme: dict[str, Any] = {
+            "name": "cftsmppc",
+            "performance": {
+                "kind": "fixed_time",
+                "initial": rounded(self.initial),
+                "final": rounded(choice.final),
+                "deadline": choice.deadline,
+                "exponent": EXPONENT,
+            },
+            "overshoot": OVERSHOOT,
+            "surface": {"k1": K1 * choice.slope, "k2": K2 * choice.slope, "p": 0.5, "q": 1.2, "delta": 0.01},
+            "reaching": {"gain": 0.1, "exponent": 1.2, "layer": 0.0},
+            "sampled_data": sampled,
+        }
+        if choice.margin is not None:
+            flat = {"inverse_inertia_min": 1.0, "inverse_inertia_max": 1.0, "b0": 0.0, "b1": 0.0, "b2": 0.0}
+            scheme["bound"] = {**flat, "margin": choice.margin}
+        return scheme
+
+    def values(self, choice: Choice) -> dict[str, Any]:
+        """The numbers of a choice by their paths in a scenario, but for u.
+
+        - `choice`: its numbers.
+        """
+        performance = "scheme.transformation.performance"
+        found: dict[str, Any] = {
+            "scheme.sampled_data.horizon": choice.horizon,
+            "scheme.surface.k1": K1 * choice.slope,
+            "scheme.surface.k2": K2 * choice.slope,
+            f"{performance}.final": np.asarray(rounded(choice.final)),
+            f"{performance}.deadline": choice.deadline,
+        }
+        if choice.drift is not None:
+            density = np.asarray(rounded(self.density(choice.drift)))
+            found["scheme.sampled_data.estimator.torque_density"] = density
+        return found
+
+
+def frame_of(
+    moving: Moving, starts: tuple[Floats, Floats], shape: Floats, *, period: float, delay: float, has_velocity: bool
+) -> Frame:
+    """What the arm and its starts ask for.
+
+    - `moving`: the closed loop without its law.
+    - `starts`: the least and the largest position of each joint at t = 0 [n].
+    - `shape`: ρ∞ of each joint for a radius of 1 [n].
+    - `period`: h [s]; `delay`: of measurement and command [periods].
+    - `has_velocity`: whether velocities are measured.
+    """
+    arm = moving.arms.nominal
+    n = arm.joints
+    reference = moving.trajectory.reference(np.zeros(()))
+    q, dq, ddq = (np.asarray(one, float) for one in (reference.q, reference.dq, reference.ddq))
+    away = np.maximum(np.abs(starts[0] - q), np.abs(starts[1] - q))
+    wide = np.array([WIDTH[unit] for unit in arm.joint_units])
+    limits = moving.drive.limits()
+    torque = np.broadcast_to(np.asarray(limits.torque, float), (n,))
+    mass, bias = np.asarray(arm.mass(moving.state0.q)), np.asarray(arm.bias(moving.state0.q, moving.state0.dq))
+    holds = np.abs(bias) + np.abs(mass) @ (np.abs(ddq) + np.abs(dq) + 1.0)
+    torque = np.where(np.isfinite(torque), torque, UNRATED * holds)
+    initial = np.maximum(wide, np.ceil(20.0 * ROOM * away) / 20.0)
+    return Frame(initial, shape, torque, period, delay, has_velocity)
+
+
+def rounded(values: Any) -> list[float]:
+    """Numbers as a file has them.
+
+    - `values`: [n].
+    """
+    return [float(f"{value:.4g}") for value in np.asarray(values, float)]

@@ -1,0 +1,229 @@
+"""From requirements to a law, or to the reason why there is none."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Literal
+
+import numpy as np
+
+from slidax._errors import DefinitionError
+from slidax.certificates import Verdict, statistical
+from slidax.certificates.extent import starts_of
+from slidax.commissioning.text import WIDTH
+from slidax.diagnosis import Remedy
+from slidax.scenarios import ScenarioDescription
+
+from .choice import EXPONENT, OVERSHOOT, Choice, Frame, frame_of
+from .proof import Asked, asked_of, of_the_rate, radius_of
+from .refusal import of_accuracy, of_deadline, of_torque, of_torque_step, unproved
+from .requirements import Requirements
+from .search import LEAST_MARGIN, MANY, SPARE, narrowest, searched
+from .trials import Trials, Worst
+
+RUNS = 128
+"""Random cases of the check at the end, and as many of a search for the worst."""
+
+WIDER, TIMES = 1.5, 3
+"""The final radius after a case of the check left, and how often that is tried."""
+
+U_OVER = 1.15
+"""u over what the model lacks."""
+
+LARGEST = 0.25
+"""Of the envelope at the start, that the final one may be at most."""
+
+
+@dataclass(frozen=True)
+class Designed:
+    """A law that does what is asked.
+
+    - `description`: the scenario with it.
+    - `proof`: `proved` where `loop_rate` certifies its envelope, else `checked`: in simulated cases alone.
+    - `frame`, `choice`: its numbers; `worst`: what the worst common case makes of them.
+    - `asked`: of the drives and of u; None where no bound was found.
+    - `rate`: what `loop_rate` says; None where it has no answer.
+    - `check`: of random cases and a search, as the certificate `statistical`.
+    - `runs`: that were simulated to find it.
+    """
+
+    description: ScenarioDescription
+    proof: Literal["proved", "checked"]
+    frame: Frame
+    choice: Choice
+    worst: Worst
+    asked: Asked | None
+    rate: Verdict | None
+    check: Verdict
+    runs: int
+
+
+@dataclass(frozen=True)
+class Refused:
+    """Why there is no such law.
+
+    - `reason`: one sentence with the joint, and the number against its limit.
+    - `would_do`: changes of the requirements with which there is one, each by itself.
+    """
+
+    reason: str
+    would_do: Sequence[Remedy]
+
+    def as_json(self) -> dict[str, Any]:
+        """As `slidax design --json` prints it."""
+        changes = [{"words": one.words, "set": dict(one.changes)} for one in self.would_do]
+        return {"designed": False, "reason": self.reason, "would_do": changes}
+
+
+Design = Designed | Refused
+Say = Callable[[str], None]
+
+
+def _unheard(_: str) -> None:
+    """Nobody is told."""
+
+
+def design(requirements: Requirements, *, runs: int = RUNS, say: Say = _unheard) -> Design:
+    """The law for an arm and its task, by the certificates where they have an answer, else by simulated cases.
+
+    In closed form: ρ0 from the starts, T as wished, u from `robust_torque`, H and the estimator's density in proportion
+    to the period, the delay and the drives. Then fifteen pairs of H and density and three surfaces on the same twelve
+    cases of the set, of which the calmest of the most exact is taken; ρ∞ from `loop_rate`, or the smallest that 48
+    cases held. Last, random cases that were not seen before and a search for the worst one, after which ρ∞ is widened
+    if one of them left.
+
+    - `requirements`: as `read_requirements` gives them.
+    - `runs`: random cases of the check at the end.
+    - `say`: is told what is done.
+
+    Raises DefinitionError if the requirements contradict themselves.
+    """
+    frame, first = _begin(requirements)
+    say("what the motion and the set ask of the drives")
+    asked = _asked(requirements, frame, first)
+    if asked is not None:
+        if (asked.torque >= asked.limit).any():
+            return of_torque(requirements, asked)
+        if asked.needed * U_OVER > asked.u:
+            first = replace(first, margin=float(f"{asked.needed * U_OVER:.4g}"))
+    say("horizon, estimator and surface on common cases")
+    trials, best = _best(requirements, frame, first)
+    wishes = requirements.wishes
+    if not best.holds:
+        return of_deadline(trials, best)
+    if wishes.torque_step is not None and best.step > wishes.torque_step:
+        return of_torque_step(trials, best, wishes.torque_step)
+    say("the final radius")
+    sized = _sized(requirements, trials, best)
+    if isinstance(sized, Refused):
+        return sized
+    return _checked(requirements, trials, sized, asked, runs, say)
+
+
+def _begin(requirements: Requirements) -> tuple[Frame, Choice]:
+    """What all choices have in common, and the first one."""
+    wishes, h = requirements.wishes, requirements.simulation.period
+    drawn = {"kind": "fixed_time", "initial": 1.0, "final": 0.1, "deadline": wishes.deadline, "exponent": EXPONENT}
+    base = requirements.scenario({"name": "cftsmppc", "performance": drawn, "overshoot": OVERSHOOT, "sampled_data": {}})
+    moving = base.moving()
+    units = moving.arms.nominal.joint_units
+    wide = np.array([WIDTH[unit] for unit in units])
+    shape = wide if wishes.accuracy == "best" else np.broadcast_to(np.asarray(wishes.accuracy, float), wide.shape)
+    starts = starts_of(base.build("start"))
+    frame = frame_of(
+        moving,
+        (np.asarray(starts.lower), np.asarray(starts.upper)),
+        np.asarray(shape, float),
+        period=h,
+        delay=requirements.sensor.delay + requirements.actuator.dead_time,
+        has_velocity=requirements.sensor.has_velocity,
+    )
+    if (frame.shape >= LARGEST * frame.initial).any() and wishes.accuracy != "best":
+        frame = replace(frame, initial=np.maximum(frame.initial, frame.shape / LARGEST))
+    drift = 1.0
+    return frame, Choice(frame.horizons[2 if len(frame.horizons) > 2 else -1], drift, 1.0, _provisional(frame), wishes.deadline)
+
+
+def _provisional(frame: Frame) -> Any:
+    """Final radii of the search, in which the steady error hardly depends on them."""
+    wide = frame.radius * np.where(frame.initial > 0, frame.initial / frame.initial.max(), 1.0)
+    return np.minimum(np.maximum(4.0 * wide, frame.shape if frame.shape.max() < 0.1 else 0.0), LARGEST * frame.initial)
+
+
+def _asked(requirements: Requirements, frame: Frame, first: Choice) -> Asked | None:
+    try:
+        return asked_of(requirements.scenario(frame.scheme(first)).build("asked"))
+    except DefinitionError:
+        return None
+
+
+def _best(requirements: Requirements, frame: Frame, first: Choice) -> tuple[Trials, Worst]:
+    """The best of both estimators, where velocities are measured."""
+    wishes = requirements.wishes
+    small = None if wishes.accuracy == "best" else float(np.min(frame.shape)) / (2.0 * SPARE)
+    how = (True, False) if frame.has_velocity else (True,)
+    found = []
+    for kalman in how:
+        trials = Trials(requirements, frame, first if kalman else replace(first, drift=None))
+        best, _ = searched(trials, kalman=kalman, step=wishes.torque_step, error=small)
+        found.append((trials, best))
+    held = [one for one in found if one[1].holds] or found
+    return min(held, key=lambda one: one[1].error * np.sqrt(max(one[1].step, 1e-12)))
+
+
+def _sized(requirements: Requirements, trials: Trials, best: Worst) -> Worst | Refused:
+    """The law with its final radius."""
+    frame = trials.frame
+    most = float(np.min(LARGEST * frame.initial / frame.shape))
+    if requirements.wishes.accuracy == "best":
+        held = narrowest(trials, best, most)
+        if held is None:
+            return of_accuracy(trials, best, None)
+        choice = replace(held.choice, final=np.minimum(SPARE * held.choice.final, most * frame.shape))
+        return replace(held, choice=choice)
+    (wished,) = trials.judged([replace(best.choice, final=frame.shape)], trials.cases(MANY))
+    if wished.holds and wished.margin >= LEAST_MARGIN:
+        return wished
+    return of_accuracy(trials, wished, narrowest(trials, best, most))
+
+
+def _checked(
+    requirements: Requirements, trials: Trials, worst: Worst, asked: Asked | None, runs: int, say: Say
+) -> Design:
+    """The same after its certificate and its check."""
+    frame, choice, best = trials.frame, worst.choice, requirements.wishes.accuracy == "best"
+    demand = None if asked is None else asked.demand
+    say("the certificate of the loops")
+    rate = of_the_rate(_described(requirements, frame, choice).build("design"), demand)
+    certified = radius_of(rate)
+    if certified is not None and best:
+        wider = np.maximum(choice.final, 1.02 * certified)
+        if (wider <= LARGEST * frame.initial).all():
+            choice = replace(choice, final=wider)
+            rate = of_the_rate(_described(requirements, frame, choice).build("design"), demand)
+    proved = rate is not None and bool(rate.holds)
+    if requirements.wishes.proof == "proved" and not proved:
+        return unproved(rate, certified)
+    for _ in range(TIMES):
+        say(f"{2 * runs} cases that were not seen before")
+        description = _described(requirements, frame, choice, worst)
+        check = statistical(description.build("design"), runs, seed=1)
+        if check.holds is not False:
+            found = "proved" if proved else "checked"
+            return Designed(description, found, frame, choice, worst, asked, rate, check, trials.runs)  # type: ignore[arg-type]
+        if not best:
+            break
+        choice = replace(choice, final=np.minimum(WIDER * choice.final, LARGEST * frame.initial))
+    return of_accuracy(trials, worst, None, check)
+
+
+def _described(
+    requirements: Requirements, frame: Frame, choice: Choice, worst: Worst | None = None
+) -> ScenarioDescription:
+    """The scenario with a law; its monitor is as strict as the common cases allow."""
+    scheme = frame.scheme(choice)
+    if worst is not None:
+        used = float(np.clip(1.25 * (1.0 - worst.promise), 0.3, 1.0))
+        scheme["sampled_data"]["monitor"] = {"share": float(f"{used:.2g}"), "led": float(f"{used:.2g}")}
+    return requirements.scenario(scheme)

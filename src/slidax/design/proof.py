@@ -1,0 +1,77 @@
+"""What the certificates say of a law, and what they ask of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slidax._errors import DefinitionError
+from slidax.certificates.arm import demand as demand_of
+from slidax.certificates.arm import robust_torque
+from slidax.certificates.arm.members import Members
+from slidax.certificates.arm.torque_budget import along_the_motion, limits_of
+from slidax.certificates.demand import Demand
+from slidax.certificates.loop import loop_rate
+from slidax.certificates.verdict import Verdict
+from slidax.scenarios import Scenario
+
+Floats = NDArray[np.floating[Any]]
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What the motion and the set ask of the drives and of u.
+
+    - `demand`: of the loops.
+    - `torque`: the largest along the motion [n]; `limit`: of the drives [n], N m or N.
+    - `u`: what the law has [N m]; `needed`: what it lacks at most, (44), (45).
+    """
+
+    demand: Demand
+    torque: Floats
+    limit: Floats
+    u: float
+    needed: float
+
+
+def asked_of(scenario: Scenario) -> Asked:
+    """What a scenario asks of its drives and of u, for all of its set.
+
+    - `scenario`: with some law.
+
+    Raises DefinitionError if there is no such bound for it.
+    """
+    demand = demand_of(scenario)
+    members = Members.of(scenario, None)
+    torque, _ = along_the_motion(scenario, demand, members)
+    limit, _ = limits_of(scenario, members.plant.robot.joints)
+    enough = robust_torque(scenario, demand).bound
+    return Asked(demand, torque, limit, float(enough["u"]), float(enough["needed"]))
+
+
+def of_the_rate(scenario: Scenario, demand: Demand | None) -> Verdict | None:
+    """The certificate `loop_rate`; None where it has no answer.
+
+    - `scenario`: with its law.
+    - `demand`: what its set asks for; None where that is not known.
+    """
+    if demand is None:
+        return None
+    try:
+        return loop_rate(scenario, demand, remedies=False)
+    except DefinitionError:
+        return None
+
+
+def radius_of(verdict: Verdict | None) -> Floats | None:
+    """The smallest final radius of each joint that is certified [n]; None where there is none.
+
+    - `verdict`: of `loop_rate`.
+    """
+    if verdict is None or "required_radius" not in verdict.bound:
+        return None
+    found = np.asarray(verdict.bound["required_radius"], float)
+    return found if np.isfinite(found).all() and (found > 0).all() else None

@@ -1,0 +1,187 @@
+"""Why there is no such law, and what would do: each change is tried before it is named."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from slidax._errors import DefinitionError
+from slidax.certificates.verdict import Verdict
+from slidax.diagnosis import Remedy
+
+from .proof import Asked
+from .requirements import Requirements
+from .search import LEAST_MARGIN, MANY, SPARE
+from .trials import Trials, Worst
+
+if TYPE_CHECKING:
+    from .design import Refused
+
+FASTER = (0.7, 0.5, 0.35)
+"""Times the period."""
+
+LESS = (0.75, 0.5, 0.25, 0.0)
+"""Of the width of a payload's set."""
+
+LATER = (1.25, 1.5, 2.0, 3.0)
+"""Times the deadline."""
+
+
+def refused(reason: str, would_do: list[Remedy]) -> Refused:
+    """A refusal.
+
+    - `reason`: a sentence without its full stop.
+    - `would_do`: what was found to do.
+    """
+    from .design import Refused
+
+    words = ", or ".join(one.words for one in would_do)
+    return Refused(f"{reason}.{f' {words[:1].upper()}{words[1:]} would do.' if words else ''}", would_do)
+
+
+def of_torque(requirements: Requirements, asked: Asked) -> Refused:
+    """The motion needs more than the drives have.
+
+    - `requirements`: which ask for it.
+    - `asked`: of the drives.
+    """
+    arm = requirements.robot.build().nominal
+    k = int(np.argmax(asked.torque / asked.limit))
+    name, unit = arm.joint_names[k], arm.torque_units[k]
+    reason = (
+        f"the motion cannot be had for all of the set: `{name}` needs up to {asked.torque[k]:.3g} {unit} along it "
+        f"(limit: {asked.limit[k]:.3g})"
+    )
+    enough = [float(f"{one:.3g}") for one in np.maximum(1.15 * asked.torque, asked.limit)]
+    words = f"drives of {enough[k]:.3g} {unit} at that joint"
+    return refused(reason, [Remedy(words, {"actuator.torque": enough})])
+
+
+def of_deadline(trials: Trials, best: Worst) -> Refused:
+    """No law keeps the envelope until its deadline.
+
+    - `trials`: on what.
+    - `best`: the best of them.
+    """
+    deadline, cases = best.choice.deadline, trials.cases(MANY)
+    later = [replace(best.choice, deadline=factor * deadline) for factor in LATER]
+    later = [one for one in later if one.deadline < 0.8 * trials.base.simulation.t1]
+    found = [one for one in (trials.judged(later, cases) if later else []) if one.holds]
+    would = []
+    if found:
+        soonest = found[0].choice.deadline
+        would.append(Remedy(f"a deadline of {soonest:.3g} s", {"wishes.deadline": soonest}))
+    reason = (
+        f"no law that was tried keeps its envelope at {1.0 / trials.frame.period:g} Hz with a deadline of "
+        f"{deadline:g} s: the best leaves it in {best.outside} of {best.cases} cases, first at {_joint(trials, best)}"
+    )
+    return refused(reason, [*would, *_payload(trials, best, cases)])
+
+
+def of_torque_step(trials: Trials, best: Worst, wished: float) -> Refused:
+    """The calmest law is not calm enough.
+
+    - `trials`: on what.
+    - `best`: the calmest.
+    - `wished`: largest change of torque from sample to sample [N m].
+    """
+    reason = (
+        f"a torque step of {wished:g} N m cannot be had at {1.0 / trials.frame.period:g} Hz: the calmest law that was "
+        f"tried has {best.step:.3g} N m in the worst of {best.cases} cases"
+    )
+    smallest = float(f"{1.15 * best.step:.2g}")
+    return refused(reason, [Remedy(f"{smallest:g} N m", {"wishes.torque_step": smallest})])
+
+
+def of_accuracy(trials: Trials, best: Worst, held: Worst | None, check: Verdict | None = None) -> Refused:
+    """The final radius is too small.
+
+    - `trials`: on what.
+    - `best`: the law with the radius that is wished.
+    - `held`: the smallest radius that held; None if none did.
+    - `check`: of cases that were not seen before, if that is why.
+    """
+    final = float(np.min(best.choice.final))
+    unit = trials.requirements.robot.build().nominal.joint_units[best.joint]
+    where = f"accuracy {final:.2g} {unit} at {1.0 / trials.frame.period:g} Hz"
+    if check is not None:
+        said = f"of {check.bound['runs']} random cases {check.bound['failures']} leave it"
+    else:
+        said = f"{best.outside} of {best.cases} cases leave it, first {_joint(trials, best)}"
+        if not best.outside:
+            said = f"{_joint(trials, best)} comes too near to it"
+    would = []
+    if held is not None:
+        wider = float(f"{SPARE * float(np.min(held.choice.final)):.2g}")
+        would.append(Remedy(f"{wider:g} {unit}", {"wishes.accuracy": _scaled(trials, wider / final)}))
+    would += [*_rates(trials, best), *_payload(trials, best, trials.cases(MANY))]
+    return refused(f"{where} cannot be had: {said}", would)
+
+
+def unproved(rate: Verdict | None, certified: Any) -> Refused:
+    """A proof is wished, and there is none.
+
+    - `rate`: what `loop_rate` says; None if nothing.
+    - `certified`: the smallest final radii that it certifies; None if there are none.
+    """
+    if rate is None:
+        return refused("a proof is wished, and `loop_rate` has no answer for this arm", _unproved())
+    if certified is None:
+        return refused(f"a proof is wished, and `loop_rate` does not give one: {rate.statement}", _unproved())
+    radius = [float(f"{1.05 * one:.2g}") for one in certified]
+    words = f"an accuracy of {max(radius):g}"
+    return refused(
+        f"a proof is wished, and `loop_rate` does not give one: {rate.statement}",
+        [Remedy(words, {"wishes.accuracy": radius}), *_unproved()],
+    )
+
+
+def _unproved() -> list[Remedy]:
+    return [Remedy("what is checked in simulation alone", {"wishes.proof": "checked"})]
+
+
+def _rates(trials: Trials, best: Worst) -> Iterator[Remedy]:
+    """The slowest faster loop with which it holds."""
+    for factor in FASTER:
+        period = float(f"{factor * trials.frame.period:.3g}")
+        horizon = float(f"{max(factor * best.choice.horizon, 2.0 * period):.4g}")
+        frame = replace(trials.frame, period=period)
+        first = replace(best.choice, horizon=horizon)
+        other = Trials(trials.requirements, frame, first, period)
+        try:
+            (tried,) = other.judged([first], other.cases(MANY))
+        except DefinitionError:
+            return
+        if tried.holds and tried.margin >= LEAST_MARGIN:
+            yield Remedy(f"{1.0 / period:.4g} Hz", {"simulation.period": period})
+            return
+
+
+def _payload(trials: Trials, best: Worst, cases: Any) -> Iterator[Remedy]:
+    """The largest payload with which it holds."""
+    path = trials.payload
+    if path is None:
+        return
+    for share in LESS:
+        less = trials.with_less({path: share})
+        given = less.cases(MANY)
+        (tried,) = less.judged([best.choice], given)
+        if tried.holds and tried.margin >= LEAST_MARGIN:
+            low, high = float(np.min(given[path])), float(np.max(given[path]))
+            yield Remedy(f"a payload of at most {high:.3g} kg", {f"uncertainty.{path}": {"between": [low, high]}})
+            return
+
+
+def _scaled(trials: Trials, factor: float) -> Any:
+    wished = trials.requirements.wishes.accuracy
+    if wished == "best":
+        return "best"
+    numbers = np.asarray(wished, float) * factor
+    return [float(f"{one:.2g}") for one in numbers] if numbers.ndim else float(f"{float(numbers):.2g}")
+
+
+def _joint(trials: Trials, worst: Worst) -> str:
+    return f"`{trials.requirements.robot.build().nominal.joint_names[worst.joint]}`"

@@ -1,0 +1,175 @@
+"""What a law must do, as a file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import Field, ValidationError
+
+from slidax._errors import DefinitionError, located, plain
+from slidax.scenarios import ScenarioDescription
+from slidax.scenarios.base import AbstractDescription, Numbers, said
+from slidax.scenarios.description import StartDescription
+from slidax.scenarios.disturbances import DisturbanceDescription
+from slidax.scenarios.instruments import ActuatorDescription, SensorDescription
+from slidax.scenarios.load import validated
+from slidax.scenarios.mistakes import translated
+from slidax.scenarios.robots import RobotDescription
+from slidax.scenarios.trajectories import TrajectoryDescription, trajectory_of
+from slidax.scenarios.uncertainty.mapping import Uncertainty
+from slidax.scenarios.yaml_text import read_yaml, require_readable
+
+from .workspace import WorkspaceDescription
+
+AFTER = 6.0
+"""A run goes on for so long after the deadline, s, so that the motion is seen as a whole."""
+
+
+class Wishes(AbstractDescription):
+    """What is asked of the law."""
+
+    deadline: float = said("from when on the error is within its final radius", "s", "> 0", default=2.0)
+    accuracy: Literal["best"] | Annotated[Numbers, Field()] = "best"
+    """The final radius that must be reached [rad or m], for all joints or each; `best`: the smallest one found."""
+    torque_step: float | None = said(
+        "largest change of the torque from sample to sample in steady state", "N m or N", "> 0", default=None
+    )
+    proof: Literal["checked", "proved"] = "checked"
+    """`proved` refuses what only simulation says, `checked` takes it and says so."""
+
+
+class TimeDescription(AbstractDescription):
+    """How the arm is commanded."""
+
+    period: float = said("time between two samples", "s", "> 0")
+    substeps: int = said("integrator steps a period", "", "[1, 10000]", default=10)
+    t1: float | None = said("end of the runs", "s", "> 0", default=None, source="6 s after the deadline")
+
+
+class Requirements(AbstractDescription):
+    """An arm, what it must do, what is not known of it, and what is wished."""
+
+    title: str = ""
+    """One line for a person."""
+    robot: RobotDescription
+    """The arm that moves, and the arm as the law knows it."""
+    trajectory: TrajectoryDescription | None = None
+    """What the joints should do."""
+    workspace: WorkspaceDescription | None = None
+    """Where and how fast the joints move, in place of a trajectory."""
+    disturbance: DisturbanceDescription = DisturbanceDescription()
+    """What pushes the joints from outside."""
+    sensor: SensorDescription = SensorDescription()
+    """What is measured of the state."""
+    actuator: ActuatorDescription = ActuatorDescription()
+    """What the drives can do."""
+    start: StartDescription | None = None
+    """The state at t = 0; on the motion if not given."""
+    simulation: TimeDescription
+    """How the arm is commanded."""
+    uncertainty: Uncertainty = Field(default={})
+    """What is not known: a set of values by path."""
+    wishes: Wishes = Wishes()
+    """What is asked of the law."""
+
+    @property
+    def t1(self) -> float:
+        """The end of its runs, a whole number of periods [s]."""
+        period = self.simulation.period
+        end = self.wishes.deadline + AFTER if self.simulation.t1 is None else self.simulation.t1
+        return float(round(end / period) * period)
+
+    def blocks(self) -> dict[str, Any]:
+        """What a scenario says of all but its law and its time.
+
+        Raises DefinitionError, with the path of the field, if the motion cannot be.
+        """
+        data = self.model_dump(exclude_unset=True, exclude={"title", "workspace", "wishes", "simulation"})
+        with located("robot"):
+            arms = self.robot.build()
+        if self.workspace is not None:
+            with located("workspace"):
+                data["trajectory"] = self.workspace.motion(arms)
+        if self.start is None:
+            with located("trajectory"):
+                moving = validated(self._moved(data)).trajectory
+                motion = trajectory_of(moving, arms.limits, arms.true.joints)
+                reference = motion.reference(np.zeros(()))
+            data["start"] = {"q": np.asarray(reference.q).tolist(), "dq": np.asarray(reference.dq).tolist()}
+        return data
+
+    def scenario(self, scheme: dict[str, Any], *, period: float | None = None) -> ScenarioDescription:
+        """The scenario of these requirements with a law.
+
+        - `scheme`: the law, as in a scenario file.
+        - `period`: in place of the stated one [s].
+
+        Raises DefinitionError, with the path of the field, if something is invalid.
+        """
+        h = self.simulation.period if period is None else period
+        time = {
+            "mode": "held",
+            "integrator": "semi_implicit_euler",
+            "period": h,
+            "substeps": self.simulation.substeps,
+            "t1": float(round(self.t1 / h) * h),
+            "outside": "recover",
+        }
+        title = self.title or f"{plain(self.robot.kind)} at {1.0 / h:g} Hz"
+        return validated({"title": title, **self.blocks(), "scheme": scheme, "simulation": time})
+
+    @staticmethod
+    def _moved(data: dict[str, Any]) -> dict[str, Any]:
+        """A scenario with this motion, to be read and not to be run."""
+        rest = {key: value for key, value in data.items() if key in ("robot", "trajectory")}
+        return {
+            "title": "motion",
+            **rest,
+            "start": {"q": [0.0]},
+            "scheme": {"name": "cftsmppc"},
+            "simulation": {"period": 1e-3, "t1": 1.0},
+        }
+
+
+def read_requirements(path: str | Path) -> Requirements:
+    """The requirements in a YAML file.
+
+    - `path`: of the file; files that it names are found from its folder.
+
+    Raises DefinitionError with the path of the first field that is wrong.
+    """
+    path = Path(path)
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        reason = getattr(error, "strerror", None) or "it is not UTF-8 text"
+        raise DefinitionError(f"cannot read the requirements `{plain(str(path))}`: {reason}") from None
+    data = read_yaml(text)
+    if not isinstance(data, dict):
+        raise DefinitionError("requirements are a mapping with the keys " + ", ".join(Requirements.model_fields))
+    require_readable(data)
+    try:
+        found = Requirements.model_validate(data, context={"folder": path.parent})
+    except ValidationError as error:
+        raise translated(error, data) from None
+    if (found.trajectory is None) == (found.workspace is None):
+        raise DefinitionError("needs either `trajectory` or `workspace`")
+    _require_accuracy(found)
+    if found.t1 <= found.wishes.deadline:
+        raise DefinitionError(f"must be after the deadline; got {found.t1:g}", where="simulation.t1")
+    return found
+
+
+def _require_accuracy(found: Requirements) -> None:
+    wished = found.wishes.accuracy
+    if wished == "best":
+        return
+    numbers = np.asarray(wished, float)
+    with located("wishes.accuracy"):
+        if not (np.isfinite(numbers).all() and (numbers > 0).all()):
+            raise DefinitionError(f"must be > 0, or `best`; got {plain(wished)}")
+        joints = found.robot.build().true.joints
+        if numbers.ndim and len(numbers) != joints:
+            raise DefinitionError(f"must be one number or one for each of the {joints} joints; got {len(numbers)}")

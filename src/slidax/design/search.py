@@ -1,0 +1,82 @@
+"""The best of some laws on common cases: horizon and estimator first, then the surface, then the final radius."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from .choice import DRIFTS, SLOPES, Choice
+from .trials import Trials, Worst
+
+FEW, MANY = 12, 48
+"""Cases in the search, and for the final radius."""
+
+NEAR = 1.3
+"""An error that is so many times the smallest one is as good, if its torque is calmer."""
+
+LADDER = (1.5, 2.2, 3.3, 5.0, 8.0, 14.0, 25.0)
+"""Final radii that are tried, times the largest steady error."""
+
+SPARE = 1.3
+"""The final radius over the smallest one that held in the common cases: others are farther off."""
+
+LEAST_MARGIN = 0.01
+"""Of an envelope's width, that must be left in every common case."""
+
+
+def searched(trials: Trials, *, kalman: bool, step: float | None, error: float | None) -> tuple[Worst, list[Worst]]:
+    """The best of all, and all of them: envelopes as wide as `slidax new` draws them.
+
+    - `trials`: on what.
+    - `kalman`: whether the estimator has a density.
+    - `step`: largest change of torque that is allowed [N m]; None for any.
+    - `error`: the steady error that is small enough [rad]; None for as small as it gets.
+    """
+    cases, first = trials.cases(FEW), trials.first
+    drifts = DRIFTS if kalman else (None,)
+    found = trials.judged(
+        [replace(first, horizon=H, drift=one) for H in trials.frame.horizons for one in drifts], cases
+    )
+    best = chosen(found, step, error)
+    steeper = [replace(best.choice, slope=one) for one in SLOPES if one != best.choice.slope]
+    found = [*found, *trials.judged(steeper, cases)]
+    return chosen(found, step, error), found
+
+
+def chosen(found: Sequence[Worst], step: float | None, error: float | None) -> Worst:
+    """Of those in which no case left: calm enough, then exact enough, then the calmest.
+
+    - `found`: some.
+    - `step`, `error`: as in `searched`.
+    """
+    held = [one for one in found if one.holds]
+    if not held:
+        return max(found, key=lambda one: (-one.outside, one.margin))
+    calm = [one for one in held if step is None or one.step <= 0.9 * step] or [min(held, key=lambda one: one.step)]
+    enough = NEAR * min(one.error for one in calm)
+    if error is not None:
+        enough = max(enough, error)
+    exact = [one for one in calm if one.error <= enough]
+    return min(exact, key=lambda one: (one.step, one.error))
+
+
+def narrowest(trials: Trials, best: Worst, most: float) -> Worst | None:
+    """The smallest final radius that no common case leaves, with some room; None if none up to the largest.
+
+    - `trials`: on what.
+    - `best`: the law.
+    - `most`: the largest radius that is tried.
+    """
+    base = max(best.error / float(np.min(trials.frame.shape)), 1e-9)
+    radii = sorted({min(base * factor, most) for factor in LADDER})
+    tried = trials.judged(
+        [replace(best.choice, final=radius * trials.frame.shape) for radius in radii], trials.cases(MANY)
+    )
+    held = None
+    for one in reversed(tried):
+        if not one.holds or one.margin < LEAST_MARGIN:
+            break
+        held = one
+    return held
