@@ -10,6 +10,7 @@ import typer
 
 from .certify import certify
 from .compare import compare
+from .design import design
 from .excite import excite
 from .explain import explain
 from .export import export_c
@@ -37,6 +38,7 @@ app.command(epilog="Example:  slidax reproduce --out reproduction")(reproduce)
 app.command(epilog="Example:  slidax run example-4.1 --set disturbance.scale=0 --set scheme.surface.k1=0.4")(run)
 app.command(epilog="Example:  slidax new --robot my-arm.urdf --rate 500 --out my-arm.yaml")(new)
 app.command(epilog="Example:  slidax certify example-4.2 --set scheme.bound.margin=2 --out certificate")(certify)
+app.command(epilog="Example:  slidax design requirements.yaml --out my-arm.yaml")(design)
 app.command(epilog="Example:  slidax compare example-4.1 --schemes cftsmppc,ftsmc,sfsmc --out comparison")(compare)
 app.command(epilog="Example:  slidax excite panda --seed 1 --out motion.csv")(excite)
 app.command(epilog="Example:  slidax identify log.csv --robot panda --out arm.yaml --report report")(identify)

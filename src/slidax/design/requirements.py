@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Field, ValidationError
+from pydantic import Field, TypeAdapter, ValidationError
 
 from slidax._errors import DefinitionError, located, plain
 from slidax.scenarios import ScenarioDescription
@@ -94,8 +94,8 @@ class Requirements(AbstractDescription):
                 data["trajectory"] = self.workspace.motion(arms)
         if self.start is None:
             with located("trajectory"):
-                moving = validated(self._moved(data)).trajectory
-                motion = trajectory_of(moving, arms.limits, arms.true.joints)
+                described = TypeAdapter(TrajectoryDescription).validate_python(data["trajectory"])
+                motion = trajectory_of(described, arms.limits, arms.true.joints)
                 reference = motion.reference(np.zeros(()))
             data["start"] = {"q": np.asarray(reference.q).tolist(), "dq": np.asarray(reference.dq).tolist()}
         return data
@@ -119,18 +119,6 @@ class Requirements(AbstractDescription):
         }
         title = self.title or f"{plain(self.robot.kind)} at {1.0 / h:g} Hz"
         return validated({"title": title, **self.blocks(), "scheme": scheme, "simulation": time})
-
-    @staticmethod
-    def _moved(data: dict[str, Any]) -> dict[str, Any]:
-        """A scenario with this motion, to be read and not to be run."""
-        rest = {key: value for key, value in data.items() if key in ("robot", "trajectory")}
-        return {
-            "title": "motion",
-            **rest,
-            "start": {"q": [0.0]},
-            "scheme": {"name": "cftsmppc"},
-            "simulation": {"period": 1e-3, "t1": 1.0},
-        }
 
 
 def read_requirements(path: str | Path) -> Requirements:

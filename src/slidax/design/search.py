@@ -10,14 +10,14 @@ import numpy as np
 from .choice import DRIFTS, SLOPES, Choice
 from .trials import Trials, Worst
 
-FEW, MANY = 12, 48
+FEW, MANY = 8, 48
 """Cases in the search, and for the final radius."""
 
 NEAR = 1.3
 """An error that is so many times the smallest one is as good, if its torque is calmer."""
 
-LADDER = (1.5, 2.2, 3.3, 5.0, 8.0, 14.0, 25.0)
-"""Final radii that are tried, times the largest steady error."""
+LADDER = ((1.5, 2.2, 3.3), (5.0, 8.0, 14.0), (25.0, 50.0, 100.0))
+"""Final radii that are tried, times the largest steady error: wider ones where the first do not hold."""
 
 SPARE = 1.3
 """The final radius over the smallest one that held in the common cases: others are farther off."""
@@ -69,14 +69,15 @@ def narrowest(trials: Trials, best: Worst, most: float) -> Worst | None:
     - `best`: the law.
     - `most`: the largest radius that is tried.
     """
-    base = max(best.error / float(np.min(trials.frame.shape)), 1e-9)
-    radii = sorted({min(base * factor, most) for factor in LADDER})
-    tried = trials.judged(
-        [replace(best.choice, final=radius * trials.frame.shape) for radius in radii], trials.cases(MANY)
-    )
-    held = None
-    for one in reversed(tried):
-        if not one.holds or one.margin < LEAST_MARGIN:
-            break
-        held = one
-    return held
+    base, cases = max(best.error / float(np.min(trials.frame.shape)), 1e-9), trials.cases(MANY)
+    for step in LADDER:
+        radii = sorted({min(base * factor, most) for factor in step})
+        tried = trials.judged([replace(best.choice, final=radius * trials.frame.shape) for radius in radii], cases)
+        held = [one.holds and one.margin >= LEAST_MARGIN for one in tried]
+        if held[-1]:
+            # The narrowest from which on all wider ones hold.
+            first = len(held) - next((k for k, one in enumerate(reversed(held)) if not one), len(held))
+            return tried[first]
+        if radii[-1] >= most:
+            return None
+    return None

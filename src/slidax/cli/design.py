@@ -1,0 +1,79 @@
+"""`slidax design`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from .certify import NOT_CERTIFIED
+from .options import AsJson
+from .session import errors_as_lines, prepare, print_json
+
+if TYPE_CHECKING:
+    from slidax.design import Designed
+
+
+def design(
+    requirements: Annotated[Path, typer.Argument(help="What the law must do, a YAML file.")],
+    out: Annotated[Path, typer.Option(help="Write the scenario there, as YAML, and its certificate beside it.")],
+    json: AsJson = False,
+    runs: Annotated[int, typer.Option(help="Random cases of the check, and as many of a search.", min=10)] = 128,
+) -> None:
+    """From an arm, its motion and what is not known of it to the numbers of a law, with a certificate; or why not.
+
+    What the certificates do not prove is checked in simulated cases of the set, and the file says which of both it is.
+
+    Exit code 0: designed; 4: refused, with the reason and what would do; 2: the requirements are invalid.
+    """
+    with errors_as_lines():
+        prepare()
+        from slidax._errors import DefinitionError
+        from slidax.design import Refused, read_requirements
+        from slidax.design import design as designed
+
+        if out.suffix not in (".yaml", ".yml"):
+            raise DefinitionError(f"a scenario file needs the ending .yaml; got `{out}`")
+        asked = read_requirements(requirements)
+        if out.exists() and out.samefile(requirements):
+            raise DefinitionError(f"`{out}` has the requirements; give another name")
+        found = designed(asked, runs=runs, say=lambda what: typer.echo(f"... {what}", err=True))
+        if isinstance(found, Refused):
+            if json:
+                print_json(found.as_json())
+            else:
+                typer.echo(f"Not designed: {found.reason}")
+            raise typer.Exit(NOT_CERTIFIED)
+        _tell(found, out, json)
+
+
+def _tell(found: Designed, out: Path, json: bool) -> None:
+    from slidax.certificates import Certificates, certify
+    from slidax.design.text import write_design, written
+    from slidax.scenarios import load
+
+    typer.echo("... all certificates", err=True)
+    out.parent.mkdir(parents=True, exist_ok=True)
+    out.write_text(written(found, out.parent), encoding="utf-8")
+    scenario = load(out)
+    certificates = Certificates(scenario.name, (*certify(scenario, runs=0), found.check))
+    beside = write_design(found, out, certificates)
+    if json:
+        answer = {
+            "designed": True,
+            "scenario": str(out),
+            "certificate": str(beside),
+            "proof": found.proof,
+            **certificates.as_json(),
+        }
+        print_json(answer)
+        return
+    how = "proved by `loop_rate`" if found.proof == "proved" else "checked in simulation, not proved"
+    final = ", ".join(f"{one:.3g}" for one in found.choice.final)
+    typer.echo(f"Designed, and {how}: the error is within {final} from {found.choice.deadline:g} s on.")
+    typer.echo(f"Steady error {found.worst.error:.2g}, torque step {found.worst.step:.2g} N m, in the worst common case.")
+    typer.echo(found.check.statement)
+    if certificates.failing:
+        typer.echo(f"Certificates that do not hold: {', '.join(certificates.failing)}.")
+    typer.echo(f"The scenario is in {out}, its certificates in {beside}; next: slidax certify {out}")

@@ -1,0 +1,142 @@
+"""A design as a file: the scenario with its law, each number with its reason."""
+
+from __future__ import annotations
+
+import io
+import json
+from os.path import relpath
+from pathlib import Path
+from textwrap import fill
+from typing import Any
+
+from ruamel.yaml import YAML
+
+from slidax.certificates import Certificates
+
+from .design import U_OVER, Designed
+from .search import MANY
+
+CERTIFICATE = ".certificate.json"
+"""Follows the scenario's own name."""
+
+
+def written(found: Designed, folder: Path) -> str:
+    """The scenario as YAML with comments, which runs as it is.
+
+    - `found`: the design.
+    - `folder`: where it will be, so that files are named from there.
+    """
+    data = found.description.model_dump(mode="json", exclude_unset=True)
+    scheme = data.pop("scheme")
+    time, sets = data.pop("simulation"), data.pop("uncertainty", {})
+    data = {name: _relative(value, folder) if name in ("robot", "trajectory") else value for name, value in data.items()}
+    title = data.pop("title")
+    blocks = "".join(f"{_yaml({name: value})}\n" for name, value in data.items())
+    uncertain = f"{_yaml({'uncertainty': sets})}\n" if sets else ""
+    return (
+        f"title: {json.dumps(title, ensure_ascii=False)}\n\n{_comment(_proof(found))}\n{blocks}{uncertain}"
+        f"scheme:\n  name: {scheme['name']}\n{_law(found, scheme)}\n{_yaml({'simulation': time})}"
+    )
+
+
+def write_design(found: Designed, out: Path, certificates: Certificates) -> Path:
+    """Writes the scenario and its certificate beside it, and returns the certificate's path.
+
+    - `found`: the design.
+    - `out`: the scenario's path.
+    - `certificates`: of the scenario.
+    """
+    out.parent.mkdir(parents=True, exist_ok=True)
+    out.write_text(written(found, out.parent), encoding="utf-8")
+    beside = out.with_name(out.stem + CERTIFICATE)
+    text = json.dumps(certificates.as_json(), indent=2, allow_nan=False, ensure_ascii=False)
+    beside.write_text(text + "\n", encoding="utf-8")
+    return beside
+
+
+def _proof(found: Designed) -> str:
+    check = found.check.bound
+    said = (
+        "Proved by `loop_rate`, under the assumptions that the certificate beside this file lists."
+        if found.proof == "proved"
+        else "Checked in simulation, not proved: `loop_rate` certifies no such envelope for this set."
+    )
+    if not check:
+        return f"{said} Nothing is uncertain, so that one run says all."
+    return (
+        f"{said} {check['runs']} random cases of the set and {check['searched']} of a search for the worst stay inside, "
+        f"the worst with {check['worst_margin']:.2g} of the envelope's width to spare."
+    )
+
+
+def _law(found: Designed, scheme: dict[str, Any]) -> str:
+    frame, choice = found.frame, found.choice
+    envelope, sampled = scheme.get("transformation", scheme), scheme["sampled_data"]
+    lines = [
+        _comment(
+            f"The error is within `final` from the deadline on. In the worst of {found.worst.cases} common cases the "
+            f"steady error is {found.worst.error:.2g}. `initial` has room for all starts.",
+            2,
+        ),
+        _inside("performance", envelope["performance"]),
+        f"  overshoot: {envelope['overshoot']:g}\n",
+        _comment("Steeper or flatter ones were not calmer at the same error.", 2),
+        _inside("surface", scheme["surface"]),
+        _inside("reaching", scheme["reaching"]),
+    ]
+    if choice.margin is not None and found.asked is not None:
+        over = (
+            f"u: {100 * (U_OVER - 1):.0f} % more than the {found.asked.needed:.3g} N m that the model lacks at most, (44)."
+        )
+        lines += [_comment(over, 2), _inside("bound", scheme["bound"])]
+    else:
+        lines.append(_comment("`bound` is not given: it follows from the arm, its drives and the mismatch above.", 2))
+    periods = choice.horizon / frame.period
+    lines += [
+        "  sampled_data:\n",
+        _comment(f"{periods:.3g} periods: the calmest of those whose error is near the smallest.", 4),
+        f"    horizon: {sampled['horizon']:.6g}\n",
+    ]
+    if choice.drift is not None:
+        drift = f"The disturbance drifts by {choice.drift * 0.8:.2g} % of the rated torque in a second."
+        lines += [_comment(drift, 4), _inside("estimator", sampled["estimator"], 4)]
+    lines += [
+        _comment(
+            f"Warns before the envelope is left: by what {MANY} common cases used of it, and a quarter more.", 4
+        ),
+        _inside("monitor", sampled["monitor"], 4),
+    ]
+    return "".join(lines)
+
+
+def _relative(block: dict[str, Any], folder: Path) -> dict[str, Any]:
+    found = dict(block)
+    if isinstance(found.get("file"), str):
+        found["file"] = relpath(found["file"], folder)
+    if found.get("packages"):
+        found["packages"] = [relpath(one, folder) for one in found["packages"]]
+    return found
+
+
+def _inside(name: str, value: Any, indent: int = 2) -> str:
+    flow = io.StringIO()
+    yaml = YAML(typ="safe", pure=True)
+    yaml.default_flow_style = True
+    yaml.width = 10_000
+    yaml.sort_base_mapping_type_on_output = False  # type: ignore[assignment]
+    yaml.dump(value, flow)
+    return f"{' ' * indent}{name}: {flow.getvalue().strip()}\n"
+
+
+def _yaml(value: Any) -> str:
+    yaml = YAML()
+    yaml.default_flow_style = None
+    yaml.width = 118
+    text = io.StringIO()
+    yaml.dump(value, text)
+    return text.getvalue()
+
+
+def _comment(text: str, indent: int = 0) -> str:
+    start = " " * indent + "# "
+    return fill(text, 118, initial_indent=start, subsequent_indent=start, break_on_hyphens=False) + "\n"
