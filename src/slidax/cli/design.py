@@ -72,7 +72,9 @@ def _tell(found: Designed, out: Path, json: bool) -> None:
     how = "proved by `loop_rate`" if found.proof == "proved" else "checked in simulation, not proved"
     final = ", ".join(f"{one:.3g}" for one in found.choice.final)
     typer.echo(f"Designed, and {how}: the error is within {final} from {found.choice.deadline:g} s on.")
-    typer.echo(f"Steady error {found.worst.error:.2g}, torque step {found.worst.step:.2g} N m, in the worst common case.")
+    typer.echo(
+        f"Steady error {found.worst.error:.2g}, torque step {found.worst.step:.2g} N m, in the worst common case."
+    )
     typer.echo(found.check.statement)
     if certificates.failing:
         typer.echo(f"Certificates that do not hold: {', '.join(certificates.failing)}.")

@@ -62,6 +62,7 @@ class Frame:
     - `torque`: rated, or what takes its place [n], N m or N.
     - `period`: h [s]; `delay`: of measurement and command [periods].
     - `has_velocity`: whether velocities are measured.
+    - `change`: the largest change of torque in a period that the drives allow [N m or N].
     """
 
     initial: Floats
@@ -70,6 +71,7 @@ class Frame:
     period: float
     delay: float
     has_velocity: bool
+    change: float
 
     @property
     def radius(self) -> float:
@@ -160,7 +162,7 @@ def frame_of(
     holds = np.abs(bias) + np.abs(mass) @ (np.abs(ddq) + np.abs(dq) + 1.0)
     torque = np.where(np.isfinite(torque), torque, UNRATED * holds)
     initial = np.maximum(wide, np.ceil(20.0 * ROOM * away) / 20.0)
-    return Frame(initial, shape, torque, period, delay, has_velocity)
+    return Frame(initial, shape, torque, period, delay, has_velocity, period * float(np.max(np.asarray(limits.rate))))
 
 
 def rounded(values: Any) -> list[float]:

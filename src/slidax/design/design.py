@@ -19,7 +19,7 @@ from .choice import EXPONENT, OVERSHOOT, Choice, Frame, frame_of
 from .proof import Asked, asked_of, of_the_rate, radius_of
 from .refusal import of_accuracy, of_deadline, of_torque, of_torque_step, unproved
 from .requirements import Requirements
-from .search import LEAST_MARGIN, MANY, SPARE, narrowest, searched
+from .search import LEAST_MARGIN, MANY, SPARE, cost, narrowest, searched
 from .trials import Trials, Worst
 
 RUNS = 128
@@ -142,7 +142,9 @@ def _begin(requirements: Requirements) -> tuple[Frame, Choice]:
     if (frame.shape >= LARGEST * frame.initial).any() and wishes.accuracy != "best":
         frame = replace(frame, initial=np.maximum(frame.initial, frame.shape / LARGEST))
     drift = 1.0
-    return frame, Choice(frame.horizons[2 if len(frame.horizons) > 2 else -1], drift, 1.0, _provisional(frame), wishes.deadline)
+    return frame, Choice(
+        frame.horizons[2 if len(frame.horizons) > 2 else -1], drift, 1.0, _provisional(frame), wishes.deadline
+    )
 
 
 def _provisional(frame: Frame) -> Any:
@@ -169,7 +171,7 @@ def _best(requirements: Requirements, frame: Frame, first: Choice) -> tuple[Tria
         best, _ = searched(trials, kalman=kalman, step=wishes.torque_step, error=small)
         found.append((trials, best))
     held = [one for one in found if one[1].holds] or found
-    return min(held, key=lambda one: one[1].error * np.sqrt(max(one[1].step, 1e-12)))
+    return min(held, key=lambda one: cost(one[1]))
 
 
 def _sized(requirements: Requirements, trials: Trials, best: Worst) -> Worst | Refused:

@@ -7,14 +7,19 @@ from dataclasses import replace
 
 import numpy as np
 
-from .choice import DRIFTS, SLOPES, Choice
+from slidax.studies.cases import Values
+
+from .choice import DRIFTS, SLOPES
 from .trials import Trials, Worst
 
 FEW, MANY = 8, 48
 """Cases in the search, and for the final radius."""
 
-NEAR = 1.3
-"""An error that is so many times the smallest one is as good, if its torque is calmer."""
+CALM = 0.9
+"""Of what is wished of the torque step, or of what the drives can change in a period: beyond it they are at their limit."""
+
+AGAIN = 3
+"""How often the ladder begins anew: a narrower envelope has a steeper surface, and a smaller error."""
 
 LADDER = ((1.5, 2.2, 3.3), (5.0, 8.0, 14.0), (25.0, 50.0, 100.0))
 """Final radii that are tried, times the largest steady error: wider ones where the first do not hold."""
@@ -35,6 +40,7 @@ def searched(trials: Trials, *, kalman: bool, step: float | None, error: float |
     - `error`: the steady error that is small enough [rad]; None for as small as it gets.
     """
     cases, first = trials.cases(FEW), trials.first
+    step = min(trials.frame.change, np.inf if step is None else step)
     drifts = DRIFTS if kalman else (None,)
     found = trials.judged(
         [replace(first, horizon=H, drift=one) for H in trials.frame.horizons for one in drifts], cases
@@ -45,8 +51,8 @@ def searched(trials: Trials, *, kalman: bool, step: float | None, error: float |
     return chosen(found, step, error), found
 
 
-def chosen(found: Sequence[Worst], step: float | None, error: float | None) -> Worst:
-    """Of those in which no case left: calm enough, then exact enough, then the calmest.
+def chosen(found: Sequence[Worst], step: float, error: float | None) -> Worst:
+    """Of those in which no case left: calm enough, then exact enough, then the calmest; else the least error times step.
 
     - `found`: some.
     - `step`, `error`: as in `searched`.
@@ -54,12 +60,19 @@ def chosen(found: Sequence[Worst], step: float | None, error: float | None) -> W
     held = [one for one in found if one.holds]
     if not held:
         return max(found, key=lambda one: (-one.outside, one.margin))
-    calm = [one for one in held if step is None or one.step <= 0.9 * step] or [min(held, key=lambda one: one.step)]
-    enough = NEAR * min(one.error for one in calm)
-    if error is not None:
-        enough = max(enough, error)
-    exact = [one for one in calm if one.error <= enough]
-    return min(exact, key=lambda one: (one.step, one.error))
+    calm = [one for one in held if one.step <= CALM * step] or [min(held, key=lambda one: one.step)]
+    enough = [one for one in calm if error is not None and one.error <= error]
+    if enough:
+        return min(enough, key=lambda one: (one.step, one.error))
+    return min(calm, key=cost)
+
+
+def cost(one: Worst) -> float:
+    """Error times torque step: half the error is worth twice the step.
+
+    - `one`: with both.
+    """
+    return one.error * max(one.step, 1e-12)
 
 
 def narrowest(trials: Trials, best: Worst, most: float) -> Worst | None:
@@ -69,15 +82,25 @@ def narrowest(trials: Trials, best: Worst, most: float) -> Worst | None:
     - `best`: the law.
     - `most`: the largest radius that is tried.
     """
-    base, cases = max(best.error / float(np.min(trials.frame.shape)), 1e-9), trials.cases(MANY)
+    held, cases = None, trials.cases(MANY)
+    for _ in range(AGAIN):
+        found = _climbed(trials, best, most, cases)
+        if found is None or (held is not None and found.choice.final[0] > 0.8 * held.choice.final[0]):
+            return held or found
+        held = best = found
+    return held
+
+
+def _climbed(trials: Trials, best: Worst, most: float, cases: Values) -> Worst | None:
+    """The smallest radius of the ladder above the error of a law."""
+    base = max(best.error / float(np.min(trials.frame.shape)), 1e-9)
     for step in LADDER:
         radii = sorted({min(base * factor, most) for factor in step})
         tried = trials.judged([replace(best.choice, final=radius * trials.frame.shape) for radius in radii], cases)
         held = [one.holds and one.margin >= LEAST_MARGIN for one in tried]
         if held[-1]:
             # The narrowest from which on all wider ones hold.
-            first = len(held) - next((k for k, one in enumerate(reversed(held)) if not one), len(held))
-            return tried[first]
+            return tried[len(held) - next((k for k, one in enumerate(reversed(held)) if not one), len(held))]
         if radii[-1] >= most:
             return None
     return None

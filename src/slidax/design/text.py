@@ -29,7 +29,9 @@ def written(found: Designed, folder: Path) -> str:
     data = found.description.model_dump(mode="json", exclude_unset=True)
     scheme = data.pop("scheme")
     time, sets = data.pop("simulation"), data.pop("uncertainty", {})
-    data = {name: _relative(value, folder) if name in ("robot", "trajectory") else value for name, value in data.items()}
+    data = {
+        name: _relative(value, folder) if name in ("robot", "trajectory") else value for name, value in data.items()
+    }
     title = data.pop("title")
     blocks = "".join(f"{_yaml({name: value})}\n" for name, value in data.items())
     uncertain = f"{_yaml({'uncertainty': sets})}\n" if sets else ""
@@ -85,9 +87,7 @@ def _law(found: Designed, scheme: dict[str, Any]) -> str:
         _inside("reaching", scheme["reaching"]),
     ]
     if choice.margin is not None and found.asked is not None:
-        over = (
-            f"u: {100 * (U_OVER - 1):.0f} % more than the {found.asked.needed:.3g} N m that the model lacks at most, (44)."
-        )
+        over = f"u: {100 * (U_OVER - 1):.0f} % more than the {found.asked.needed:.3g} N m that the model lacks at most, (44)."
         lines += [_comment(over, 2), _inside("bound", scheme["bound"])]
     else:
         lines.append(_comment("`bound` is not given: it follows from the arm, its drives and the mismatch above.", 2))
@@ -101,9 +101,7 @@ def _law(found: Designed, scheme: dict[str, Any]) -> str:
         drift = f"The disturbance drifts by {choice.drift * 0.8:.2g} % of the rated torque in a second."
         lines += [_comment(drift, 4), _inside("estimator", sampled["estimator"], 4)]
     lines += [
-        _comment(
-            f"Warns before the envelope is left: by what {MANY} common cases used of it, and a quarter more.", 4
-        ),
+        _comment(f"Warns before the envelope is left: by what {MANY} common cases used of it, and a quarter more.", 4),
         _inside("monitor", sampled["monitor"], 4),
     ]
     return "".join(lines)

@@ -64,7 +64,9 @@ class WorkspaceDescription(AbstractDescription):
             raise DefinitionError("a joint of this robot turns without end: give `low` and `high`", where="q")
         if (low >= high).any():
             joint = int(np.argmax(low >= high))
-            raise DefinitionError(f"low must be < high; joint {joint + 1} has {low[joint]:g}, {high[joint]:g}", where="q")
+            raise DefinitionError(
+                f"low must be < high; joint {joint + 1} has {low[joint]:g}, {high[joint]:g}", where="q"
+            )
         return low, high
 
     @staticmethod

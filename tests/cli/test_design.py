@@ -1,0 +1,87 @@
+"""`slidax design`: the file that it writes, JSON and exit codes."""
+
+from __future__ import annotations
+
+import importlib
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from ruamel.yaml import YAML
+
+from slidax.certificates import admissibility
+from slidax.design import search
+from slidax.scenarios import load
+from slidax.scenarios.family import Family
+from slidax.studies.points import points
+from slidax.studies.runner import Runner
+from slidax.studies.task import Task
+
+from .commands import in_process
+
+REQUIREMENTS = """
+robot:
+  kind: two_link
+  plant: {lengths: [1.0, 0.8], masses: [0.5, 1.5], inertias: [5.0, 5.0], gravity_acceleration: 9.8}
+  nominal: {masses: [0.6, 1.8], inertias: [6.0, 6.0]}
+trajectory: {kind: sinusoid, offset: [1.0, 1.0], amplitude: [0.3, 0.3], frequency: [2.0, 2.5]}
+sensor: {resolution: 1.0e-5, velocity: differenced}
+actuator: {torque: 60, rate: 4000}
+simulation: {period: 2.0e-3, substeps: 2, t1: 2.4}
+uncertainty: {robot.plant.masses: {around: 20 %, each: joint}, start.q: {around: 0.1, each: joint}}
+wishes: {deadline: 1.2, torque_step: 5}
+"""
+
+
+@pytest.fixture
+def requirements(tmp_path: Path) -> Path:
+    path = tmp_path / "requirements.yaml"
+    path.write_text(REQUIREMENTS, encoding="utf-8")
+    return path
+
+
+def test_what_it_writes_runs_as_it_is_and_holds_in_cases_that_it_has_not_seen(
+    requirements: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # Fewer of everything; the certificates have tests of their own.
+    monkeypatch.setattr(search, "SLOPES", (1.0,))
+    monkeypatch.setattr(importlib.import_module("slidax.certificates.certify"), "CERTIFICATES", (admissibility,))
+    monkeypatch.setattr(importlib.import_module("slidax.design.design"), "of_the_rate", lambda *_: None)
+    out = tmp_path / "law.yaml"
+    done = in_process("design", str(requirements), "--out", str(out), "--json", "--runs", "16")
+    assert done.exit_code == 0, done.output
+    answer = json.loads(done.stdout)
+    assert answer["designed"] is True and answer["proof"] == "checked"
+    assert [one["name"] for one in answer["certificates"]] == ["admissibility", "statistical"]
+    beside = json.loads((tmp_path / "law.certificate.json").read_text(encoding="utf-8"))
+    assert beside["certificates"] == answer["certificates"]
+    text = out.read_text(encoding="utf-8")
+    assert "# Checked in simulation, not proved" in text and "proved by" not in text.lower()
+    scenario = load(out)
+    assert scenario.period == 2e-3 and scenario.controller.monitor is not None
+    family = Family.of(scenario.description)
+    rows = Runner(Task.of(family, "auto"), 64).rows(0, family.space.values(points(9, 0, 64, family.space.dimensions)))
+    assert np.all(rows["margin"] > 0) and np.all(rows["steady_torque_step"] < 5)
+
+
+def test_4_and_a_reason_where_the_drives_are_too_weak(requirements: Path, tmp_path: Path) -> None:
+    data = YAML(typ="safe").load(REQUIREMENTS)
+    data["actuator"]["torque"] = 10
+    with requirements.open("w", encoding="utf-8") as file:
+        YAML(typ="safe").dump(data, file)
+    out = tmp_path / "law.yaml"
+    done = in_process("design", str(requirements), "--out", str(out), "--json")
+    assert done.exit_code == 4 and not out.exists()
+    answer = json.loads(done.stdout)
+    assert answer.keys() == {"designed", "reason", "would_do"} and answer["designed"] is False
+    assert "`joint 1` needs up to" in answer["reason"] and "(limit: 10)" in answer["reason"]
+    assert all(one.keys() == {"words", "set"} for one in answer["would_do"])
+
+
+def test_2_for_requirements_that_are_none(requirements: Path, tmp_path: Path) -> None:
+    requirements.write_text(REQUIREMENTS.replace("deadline: 1.2", "deadline: -1"), encoding="utf-8")
+    done = in_process("design", str(requirements), "--out", str(tmp_path / "law.yaml"))
+    assert done.exit_code == 2 and "wishes.deadline" in done.output
+    done = in_process("design", str(requirements), "--out", str(tmp_path / "law.json"))
+    assert done.exit_code == 2 and "ending .yaml" in done.output

@@ -1,0 +1,57 @@
+"""Which law is taken, and what is refused before any is tried."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from slidax.design import Refused, design, read_requirements
+from slidax.design.choice import Choice, Frame
+from slidax.design.search import chosen
+from slidax.design.trials import Worst
+
+from .test_requirements import changed
+
+
+def worst(error: float, step: float, outside: int = 0) -> Worst:
+    choice = Choice(0.01, 1.0, 1.0, np.array([0.01]), 1.0)
+    return Worst(choice, -0.1 if outside else 0.1, error, step, 0, 0.5, outside, 8)
+
+
+def test_of_those_that_hold_the_least_error_times_step_is_taken() -> None:
+    exact, calm, both, outside = worst(1.0, 9.0), worst(9.0, 1.0), worst(2.0, 2.0), worst(0.1, 0.1, outside=1)
+    assert chosen([exact, calm, both, outside], np.inf, None) is both
+    # A drive at its limit is no law, however small its error.
+    assert chosen([worst(1e-3, 10.0), calm], 10.0, None) is calm
+
+
+def test_with_an_accuracy_that_is_enough_the_calmest_is_taken() -> None:
+    exact, calm = worst(1.0, 2.0), worst(9.0, 1.9)
+    assert chosen([exact, calm], np.inf, 10.0) is calm
+    assert chosen([exact, calm], np.inf, 5.0) is exact
+
+
+def test_where_none_holds_the_one_with_the_fewest_outside_is_the_best() -> None:
+    assert chosen([worst(1, 1, 5), worst(9, 9, 2)], np.inf, None).outside == 2
+
+
+def test_horizons_go_with_the_period_and_leave_room_for_the_delay() -> None:
+    def horizons(period: float, delay: float) -> tuple[float, ...]:
+        one = np.ones(1)
+        return Frame(one, one, one, period, delay, False, np.inf).horizons
+
+    assert np.allclose(horizons(4e-3, 1.0), 4.0 * np.array(horizons(1e-3, 1.0)))
+    assert min(horizons(1e-3, 9.0)) == pytest.approx(20e-3)
+    assert horizons(1e-4, 0.0) == horizons(1e-3, 0.0)
+
+
+def test_a_motion_that_the_drives_cannot_give_is_refused_with_joint_number_and_limit(tmp_path: Path) -> None:
+    found = design(read_requirements(changed(tmp_path, actuator={"torque": [60, 12]})))
+    assert isinstance(found, Refused)
+    assert "`joint 2` needs up to" in found.reason and "(limit: 12)" in found.reason
+    (remedy,) = found.would_do
+    needed = float(found.reason.partition("needs up to ")[2].split()[0])
+    assert remedy.changes["actuator.torque"][0] == 60
+    assert remedy.changes["actuator.torque"][1] == pytest.approx(1.15 * needed, rel=0.01)
