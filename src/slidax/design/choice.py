@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from slidax._errors import as_array
 from slidax.commissioning.text import DRIFT, RADIUS, WIDTH
 from slidax.scenarios.description import Moving
 
@@ -152,7 +153,7 @@ def frame_of(
     """
     arm = moving.arms.nominal
     n = arm.joints
-    reference = moving.trajectory.reference(np.zeros(()))
+    reference = moving.trajectory.reference(as_array(0.0))
     q, dq, ddq = (np.asarray(one, float) for one in (reference.q, reference.dq, reference.ddq))
     away = np.maximum(np.abs(starts[0] - q), np.abs(starts[1] - q))
     wide = np.array([WIDTH[unit] for unit in arm.joint_units])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
@@ -12,12 +12,11 @@ from slidax._errors import DefinitionError
 from slidax.certificates import Verdict, statistical
 from slidax.certificates.extent import starts_of
 from slidax.commissioning.text import WIDTH
-from slidax.diagnosis import Remedy
 from slidax.scenarios import ScenarioDescription
 
 from .choice import EXPONENT, OVERSHOOT, Choice, Frame, frame_of
 from .proof import Asked, asked_of, of_the_rate, radius_of
-from .refusal import of_accuracy, of_deadline, of_torque, of_torque_step, unproved
+from .refusal import Refused, of_accuracy, of_deadline, of_torque, of_torque_step, unproved
 from .requirements import Requirements
 from .search import LEAST_MARGIN, MANY, SPARE, cost, narrowest, searched
 from .trials import Trials, Worst
@@ -57,23 +56,6 @@ class Designed:
     rate: Verdict | None
     check: Verdict
     runs: int
-
-
-@dataclass(frozen=True)
-class Refused:
-    """Why there is no such law.
-
-    - `reason`: one sentence with the joint, and the number against its limit.
-    - `would_do`: changes of the requirements with which there is one, each by itself.
-    """
-
-    reason: str
-    would_do: Sequence[Remedy]
-
-    def as_json(self) -> dict[str, Any]:
-        """As `slidax design --json` prints it."""
-        changes = [{"words": one.words, "set": dict(one.changes)} for one in self.would_do]
-        return {"designed": False, "reason": self.reason, "would_do": changes}
 
 
 Design = Designed | Refused

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -17,9 +17,6 @@ from .requirements import Requirements
 from .search import LEAST_MARGIN, MANY, SPARE
 from .trials import Trials, Worst
 
-if TYPE_CHECKING:
-    from .design import Refused
-
 FASTER = (0.7, 0.5, 0.35)
 """Times the period."""
 
@@ -30,14 +27,29 @@ LATER = (1.25, 1.5, 2.0, 3.0)
 """Times the deadline."""
 
 
+@dataclass(frozen=True)
+class Refused:
+    """Why there is no such law.
+
+    - `reason`: one sentence with the joint, and the number against its limit.
+    - `would_do`: changes of the requirements with which there is one, each by itself.
+    """
+
+    reason: str
+    would_do: Sequence[Remedy]
+
+    def as_json(self) -> dict[str, Any]:
+        """As `slidax design --json` prints it."""
+        changes = [{"words": one.words, "set": dict(one.changes)} for one in self.would_do]
+        return {"designed": False, "reason": self.reason, "would_do": changes}
+
+
 def refused(reason: str, would_do: list[Remedy]) -> Refused:
     """A refusal.
 
     - `reason`: a sentence without its full stop.
     - `would_do`: what was found to do.
     """
-    from .design import Refused
-
     words = ", or ".join(one.words for one in would_do)
     return Refused(f"{reason}.{f' {words[:1].upper()}{words[1:]} would do.' if words else ''}", would_do)
 

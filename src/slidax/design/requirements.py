@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field, TypeAdapter, ValidationError
 
-from slidax._errors import DefinitionError, located, plain
+from slidax._errors import DefinitionError, as_array, located, plain
 from slidax.scenarios import ScenarioDescription
 from slidax.scenarios.base import AbstractDescription, Numbers, said
 from slidax.scenarios.description import StartDescription
@@ -96,7 +96,7 @@ class Requirements(AbstractDescription):
             with located("trajectory"):
                 described = TypeAdapter(TrajectoryDescription).validate_python(data["trajectory"])
                 motion = trajectory_of(described, arms.limits, arms.true.joints)
-                reference = motion.reference(np.zeros(()))
+                reference = motion.reference(as_array(0.0))
             data["start"] = {"q": np.asarray(reference.q).tolist(), "dq": np.asarray(reference.dq).tolist()}
         return data
 

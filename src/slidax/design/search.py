@@ -52,7 +52,7 @@ def searched(trials: Trials, *, kalman: bool, step: float | None, error: float |
 
 
 def chosen(found: Sequence[Worst], step: float, error: float | None) -> Worst:
-    """Of those in which no case left: calm enough, then exact enough, then the calmest; else the least error times step.
+    """Of those in which no case left: calm, exact enough, then the calmest; else the least error times step.
 
     - `found`: some.
     - `step`, `error`: as in `searched`.

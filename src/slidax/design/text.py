@@ -66,8 +66,8 @@ def _proof(found: Designed) -> str:
     if not check:
         return f"{said} Nothing is uncertain, so that one run says all."
     return (
-        f"{said} {check['runs']} random cases of the set and {check['searched']} of a search for the worst stay inside, "
-        f"the worst with {check['worst_margin']:.2g} of the envelope's width to spare."
+        f"{said} {check['runs']} random cases of the set and {check['searched']} of a search for the worst stay "
+        f"inside, the worst with {check['worst_margin']:.2g} of the envelope's width to spare."
     )
 
 
@@ -87,7 +87,8 @@ def _law(found: Designed, scheme: dict[str, Any]) -> str:
         _inside("reaching", scheme["reaching"]),
     ]
     if choice.margin is not None and found.asked is not None:
-        over = f"u: {100 * (U_OVER - 1):.0f} % more than the {found.asked.needed:.3g} N m that the model lacks at most, (44)."
+        more = 100 * (U_OVER - 1)
+        over = f"u: {more:.0f} % more than the {found.asked.needed:.3g} N m that the model lacks at most, (44)."
         lines += [_comment(over, 2), _inside("bound", scheme["bound"])]
     else:
         lines.append(_comment("`bound` is not given: it follows from the arm, its drives and the mismatch above.", 2))
