@@ -16,7 +16,7 @@ FEW, MANY = 8, 48
 """Cases in the search, and for the final radius."""
 
 CALM = 0.9
-"""Of what is wished of the torque step, or of what the drives can change in a period: beyond it they are at their limit."""
+"""Of what is wished of the torque step, or of what the drives can change in a period, at which they are at their limit."""
 
 AGAIN = 3
 """How often the ladder begins anew: a narrower envelope has a steeper surface, and a smaller error."""
@@ -52,7 +52,7 @@ def searched(trials: Trials, *, kalman: bool, step: float | None, error: float |
 
 
 def chosen(found: Sequence[Worst], step: float, error: float | None) -> Worst:
-    """Of those in which no case left: calm, exact enough, then the calmest; else the least error times step.
+    """Of those in which no case left: calm, exact enough, then the calmest; else the most exact, or by `cost`.
 
     - `found`: some.
     - `step`, `error`: as in `searched`.
@@ -64,7 +64,7 @@ def chosen(found: Sequence[Worst], step: float, error: float | None) -> Worst:
     enough = [one for one in calm if error is not None and one.error <= error]
     if enough:
         return min(enough, key=lambda one: (one.step, one.error))
-    return min(calm, key=cost)
+    return min(calm, key=cost if error is None else lambda one: one.error)
 
 
 def cost(one: Worst) -> float:
