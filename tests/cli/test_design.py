@@ -41,11 +41,12 @@ def requirements(tmp_path: Path) -> Path:
     return path
 
 
+@pytest.mark.full
 def test_what_it_writes_runs_as_it_is_and_holds_in_cases_that_it_has_not_seen(
     requirements: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     # Fewer of everything; the certificates have tests of their own.
-    monkeypatch.setattr(search, "SLOPES", (1.0,))
+    monkeypatch.setattr(search, "SLOPES", (1.0, 2.0))
     monkeypatch.setattr(importlib.import_module("slidax.certificates.certify"), "CERTIFICATES", (admissibility,))
     monkeypatch.setattr(importlib.import_module("slidax.design.design"), "of_the_rate", lambda *_: None)
     out = tmp_path / "law.yaml"
@@ -76,7 +77,10 @@ def test_4_and_a_reason_where_the_drives_are_too_weak(requirements: Path, tmp_pa
     answer = json.loads(done.stdout)
     assert answer.keys() == {"designed", "reason", "would_do"} and answer["designed"] is False
     assert "`joint 1` needs up to" in answer["reason"] and "(limit: 10)" in answer["reason"]
-    assert all(one.keys() == {"words", "set"} for one in answer["would_do"])
+    (remedy,) = answer["would_do"]
+    assert remedy.keys() == {"words", "set"}
+    needed = float(answer["reason"].partition("needs up to ")[2].split()[0])
+    assert remedy["set"]["actuator.torque"][0] == pytest.approx(1.15 * needed, rel=0.01)
 
 
 def test_2_for_requirements_that_are_none(requirements: Path, tmp_path: Path) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from ruamel.yaml import YAML
@@ -64,7 +65,7 @@ def test_without_a_start_the_arm_begins_on_its_motion(tmp_path: Path) -> None:
             "sampled_data": {},
         }
     ).moving()
-    reference = built.trajectory.reference(np.zeros(()))
+    reference = built.trajectory.reference(jnp.zeros(()))
     assert np.allclose(built.state0.q, reference.q) and np.allclose(built.state0.dq, reference.dq)
 
 

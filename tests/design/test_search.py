@@ -1,18 +1,13 @@
-"""Which law is taken, and what is refused before any is tried."""
+"""Which law is taken of those that were tried."""
 
 from __future__ import annotations
-
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-from slidax.design import Refused, design, read_requirements
 from slidax.design.choice import Choice, Frame
 from slidax.design.search import chosen
 from slidax.design.trials import Worst
-
-from .test_requirements import changed
 
 
 def worst(error: float, step: float, outside: int = 0) -> Worst:
@@ -45,13 +40,3 @@ def test_horizons_go_with_the_period_and_leave_room_for_the_delay() -> None:
     assert np.allclose(horizons(4e-3, 1.0), 4.0 * np.array(horizons(1e-3, 1.0)))
     assert min(horizons(1e-3, 9.0)) == pytest.approx(20e-3)
     assert horizons(1e-4, 0.0) == horizons(1e-3, 0.0)
-
-
-def test_a_motion_that_the_drives_cannot_give_is_refused_with_joint_number_and_limit(tmp_path: Path) -> None:
-    found = design(read_requirements(changed(tmp_path, actuator={"torque": [60, 12]})))
-    assert isinstance(found, Refused)
-    assert "`joint 2` needs up to" in found.reason and "(limit: 12)" in found.reason
-    (remedy,) = found.would_do
-    needed = float(found.reason.partition("needs up to ")[2].split()[0])
-    assert remedy.changes["actuator.torque"][0] == 60
-    assert remedy.changes["actuator.torque"][1] == pytest.approx(1.15 * needed, rel=0.01)

@@ -16,7 +16,7 @@ FEW, MANY = 8, 48
 """Cases in the search, and for the final radius."""
 
 CALM = 0.9
-"""Of what is wished of the torque step, or of what the drives can change in a period, at which they are at their limit."""
+"""Of what is wished of the torque step, or of what the drives can change in a period, where they are at their limit."""
 
 AGAIN = 3
 """How often the ladder begins anew: a narrower envelope has a steeper surface, and a smaller error."""

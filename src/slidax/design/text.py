@@ -86,9 +86,9 @@ def _law(found: Designed, scheme: dict[str, Any]) -> str:
         _inside("surface", scheme["surface"]),
         _inside("reaching", scheme["reaching"]),
     ]
-    if choice.margin is not None and found.asked is not None:
-        more = 100 * (U_OVER - 1)
-        over = f"u: {more:.0f} % more than the {found.asked.needed:.3g} N m that the model lacks at most, (44)."
+    if choice.margin is not None:
+        lacks = "" if found.asked is None else f", {found.asked.needed:.3g} N m"
+        over = f"u: {100 * (U_OVER - 1):.0f} % more than what the model lacks at most{lacks}, (44), (45)."
         lines += [_comment(over, 2), _inside("bound", scheme["bound"])]
     else:
         lines.append(_comment("`bound` is not given: it follows from the arm, its drives and the mismatch above.", 2))

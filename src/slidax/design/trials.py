@@ -123,6 +123,8 @@ class Trials:
         - `choices`: all with the estimator of the first.
         - `cases`: as `cases` gives them.
         """
+        if not choices:
+            return []
         each = len(next(iter(cases.values()))) if cases else 1
         told = [self.frame.values(choice) for choice in choices]
         values = {path: np.concatenate([array] * len(choices)) for path, array in cases.items()}

@@ -1,0 +1,48 @@
+"""The file of a design: it is a scenario, says what is proved, and finds the arm's file from where it lies."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from slidax.certificates import Verdict
+from slidax.design import Designed, read_requirements
+from slidax.design.choice import Choice, Frame
+from slidax.design.text import written
+from slidax.scenarios import load
+
+from .test_requirements import changed
+from .test_search import worst
+
+
+def made(folder: Path) -> Designed:
+    requirements = read_requirements(changed(folder))
+    two = np.ones(2)
+    frame = Frame(two, two, 60.0 * two, 1e-3, 1.0, False, 4.0)
+    choice = Choice(0.009, 1.0, 2.0, np.array([2e-3, 3e-3]), 2.0, margin=12.5)
+    described = requirements.scenario(frame.scheme(choice))
+    check = {"runs": 128, "failures": 0, "searched": 128, "worst_margin": 0.2}
+    verdict = Verdict("statistical", "", True, 0.2, check, (), "")
+    return Designed(described, "checked", frame, choice, worst(1e-4, 0.1), None, None, verdict, 0)
+
+
+def test_it_runs_as_it_is_with_the_numbers_of_the_choice(tmp_path: Path) -> None:
+    found = made(tmp_path)
+    text = written(found, tmp_path)
+    (tmp_path / "law.yaml").write_text(text, encoding="utf-8")
+    scenario = load(tmp_path / "law.yaml")
+    law = scenario.controller
+    assert float(law.horizon) == 0.009 and law.monitor is not None
+    assert np.allclose(law.step.transformation.performance.final, [2e-3, 3e-3])
+    assert np.isclose(law.step.surface.k1, 1.0)
+    assert scenario.description.uncertainty.keys() == found.description.uncertainty.keys()
+    assert float(law.step.bound.margin) == 12.5
+
+
+def test_it_never_calls_proved_what_is_only_checked(tmp_path: Path) -> None:
+    found = made(tmp_path)
+    assert "# Checked in simulation, not proved" in written(found, tmp_path)
+    assert "Proved" not in written(found, tmp_path)
+    assert "# Proved by `loop_rate`" in written(replace(found, proof="proved"), tmp_path)
