@@ -58,7 +58,7 @@ def test_what_it_writes_runs_as_it_is_and_holds_in_cases_that_it_has_not_seen(
     beside = json.loads((tmp_path / "law.certificate.json").read_text(encoding="utf-8"))
     assert beside["certificates"] == answer["certificates"]
     text = out.read_text(encoding="utf-8")
-    assert "# Checked in simulation, not proved" in text and "proved by" not in text.lower()
+    assert "# Checked in simulation, not proved" in text and "certified by" not in text.lower()
     scenario = load(out)
     assert scenario.period == 2e-3 and scenario.controller.monitor is not None
     family = Family.of(scenario.description)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from slidax.certificates import Verdict
+from slidax.certificates import Assumption, Verdict
 from slidax.design import Designed, read_requirements
 from slidax.design.choice import Choice, Frame
 from slidax.design.text import written
@@ -41,8 +41,11 @@ def test_it_runs_as_it_is_with_the_numbers_of_the_choice(tmp_path: Path) -> None
     assert float(law.step.bound.margin) == 12.5
 
 
-def test_it_never_calls_proved_what_is_only_checked(tmp_path: Path) -> None:
+def test_it_never_calls_certified_what_is_only_checked_and_says_what_a_certificate_stands_on(tmp_path: Path) -> None:
     found = made(tmp_path)
     assert "# Checked in simulation, not proved" in written(found, tmp_path)
-    assert "Proved" not in written(found, tmp_path)
-    assert "# Proved by `loop_rate`" in written(replace(found, proof="proved"), tmp_path)
+    assert "Certified" not in written(found, tmp_path)
+    stands_on = [Assumption("", one) for one in ("proved", "checked", "assumed", "assumed")]
+    rate = Verdict("loop_rate", "", True, 0.2, {}, stands_on, "")
+    text = " ".join(written(replace(found, proof="certified", rate=rate), tmp_path).replace("#", "").split())
+    assert "Certified by `loop_rate`, which stands on 4 statements: 1 proved, 1 checked, 2 assumed" in text

@@ -69,7 +69,7 @@ def _tell(found: Designed, out: Path, json: bool) -> None:
         }
         print_json(answer)
         return
-    how = "proved by `loop_rate`" if found.proof == "proved" else "checked in simulation, not proved"
+    how = "certified by `loop_rate`" if found.proof == "certified" else "checked in simulation, not proved"
     final = ", ".join(f"{one:.3g}" for one in found.choice.final)
     typer.echo(f"Designed, and {how}: the error is within {final} from {found.choice.deadline:g} s on.")
     typer.echo(

@@ -39,7 +39,7 @@ class Designed:
     """A law that does what is asked.
 
     - `description`: the scenario with it.
-    - `proof`: `proved` where `loop_rate` certifies its envelope, else `checked`: in simulated cases alone.
+    - `proof`: `certified` where `loop_rate` holds for its envelope, else `checked`: in simulated cases alone.
     - `frame`, `choice`: its numbers; `worst`: what the worst common case makes of them.
     - `asked`: of the drives and of u; None where no bound was found.
     - `rate`: what `loop_rate` says; None where it has no answer.
@@ -48,7 +48,7 @@ class Designed:
     """
 
     description: ScenarioDescription
-    proof: Literal["proved", "checked"]
+    proof: Literal["certified", "checked"]
     frame: Frame
     choice: Choice
     worst: Worst
@@ -187,14 +187,14 @@ def _checked(
             choice = replace(choice, final=wider)
             rate = of_the_rate(_described(requirements, frame, choice).build("design"), demand)
     proved = rate is not None and bool(rate.holds)
-    if requirements.wishes.proof == "proved" and not proved:
+    if requirements.wishes.proof == "certified" and not proved:
         return unproved(rate, certified)
     for _ in range(TIMES):
         say(f"{2 * runs} cases that were not seen before")
         description = _described(requirements, frame, choice, worst)
         check = statistical(description.build("design"), runs, seed=1)
         if check.holds is not False:
-            found = "proved" if proved else "checked"
+            found = "certified" if proved else "checked"
             return Designed(description, found, frame, choice, worst, asked, rate, check, trials.runs)  # type: ignore[arg-type]
         if not best:
             break

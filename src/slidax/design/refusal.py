@@ -134,19 +134,19 @@ def of_accuracy(trials: Trials, best: Worst, held: Worst | None, check: Verdict 
 
 
 def unproved(rate: Verdict | None, certified: Any) -> Refused:
-    """A proof is wished, and there is none.
+    """A certificate is wished, and there is none.
 
     - `rate`: what `loop_rate` says; None if nothing.
     - `certified`: the smallest final radii that it certifies; None if there are none.
     """
     if rate is None:
-        return refused("a proof is wished, and `loop_rate` has no answer for this arm", _unproved())
+        return refused("a certificate is wished, and `loop_rate` has no answer for this arm", _unproved())
     if certified is None:
-        return refused(f"a proof is wished, and `loop_rate` does not give one: {rate.statement}", _unproved())
+        return refused(f"a certificate is wished, and `loop_rate` gives none: {rate.statement}", _unproved())
     radius = [float(f"{1.05 * one:.2g}") for one in certified]
     words = f"an accuracy of {max(radius):g}"
     return refused(
-        f"a proof is wished, and `loop_rate` does not give one: {rate.statement}",
+        f"a certificate is wished, and `loop_rate` gives none: {rate.statement}",
         [Remedy(words, {"wishes.accuracy": radius}), *_unproved()],
     )
 

@@ -36,8 +36,8 @@ class Wishes(AbstractDescription):
     torque_step: float | None = said(
         "largest change of the torque from sample to sample in steady state", "N m or N", "> 0", default=None
     )
-    proof: Literal["checked", "proved"] = "checked"
-    """`proved` refuses what only simulation says, `checked` takes it and says so."""
+    proof: Literal["checked", "certified"] = "checked"
+    """`certified` refuses what only simulation says, `checked` takes it and says so."""
 
 
 class TimeDescription(AbstractDescription):

@@ -59,8 +59,8 @@ def write_design(found: Designed, out: Path, certificates: Certificates) -> Path
 def _proof(found: Designed) -> str:
     check = found.check.bound
     said = (
-        "Proved by `loop_rate`, under the assumptions that the certificate beside this file lists."
-        if found.proof == "proved"
+        f"Certified by `loop_rate`{_counted(found)}; the file beside this one lists them."
+        if found.proof == "certified"
         else "Checked in simulation, not proved: `loop_rate` certifies no such envelope for this set."
     )
     if not check:
@@ -69,6 +69,15 @@ def _proof(found: Designed) -> str:
         f"{said} {check['runs']} random cases of the set and {check['searched']} of a search for the worst stay "
         f"inside, the worst with {check['worst_margin']:.2g} of the envelope's width to spare."
     )
+
+
+def _counted(found: Designed) -> str:
+    """How much of what a certificate stands on is known."""
+    statuses = [] if found.rate is None else [one.status for one in found.rate.assumptions]
+    if not statuses:
+        return ""
+    counted = [f"{statuses.count(one)} {one}" for one in ("proved", "checked", "assumed") if one in statuses]
+    return f", which stands on {len(statuses)} statements: {', '.join(counted)}"
 
 
 def _law(found: Designed, scheme: dict[str, Any]) -> str:
