@@ -41,6 +41,8 @@ def loop_rate(scenario: Scenario, demand: Demand, *, chance: float = 1e-3, remed
     assembly = Assembly(subject, demand, chance)
     if not assembly.stable:
         return _unstable(assembly)
+    if not np.isfinite(demand.stray).all():
+        return _unbounded(demand)
     found = assembly.certified()
     radius = required_radius(assembly, found)
     settled = settled_from(found)
@@ -72,6 +74,22 @@ def loop_rate(scenario: Scenario, demand: Demand, *, chance: float = 1e-3, remed
         "kappa": np.asarray(demand.kappa),
     }
     return Verdict(NAME, TITLE, holds, float(1.0 - np.max(worst)), bound, assumptions, statement, fixes)
+
+
+def _unbounded(demand: Demand) -> Verdict:
+    """Where the arm beside its reference may ask for anything, there is nothing to add up."""
+    since = demand.times[int(np.argmin(np.isfinite(demand.stray).all(axis=1)))]
+    text = (
+        "what is asked of the loops beside the reference has a finite bound over the width of the envelope: it has "
+        f"none at t = {since:.3g} s"
+    )
+    statement = (
+        "No bound of the error was found: while the envelope is wide the arm may be so far beside its reference that "
+        "what the model lacks there is not bounded (docs/certificates/loop-rate.md). Nothing is said of whether the "
+        "envelope holds; `statistical` has runs"
+    )
+    kappa = {"kappa": np.asarray(demand.kappa)}
+    return Verdict(NAME, TITLE, False, None, kappa, [*demand.assumptions, Assumption(text, "fails")], statement)
 
 
 def _kept(scenario: Scenario, demand: Demand) -> float:
