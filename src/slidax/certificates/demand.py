@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -45,6 +45,16 @@ class Demand:
     assumptions: Sequence[Assumption]
     effects: Floats | None = None
     beside: Callable[[Floats, Floats], Floats] | None = field(default=None, repr=False)
+
+    def boxed(self) -> Demand:
+        """The same with all effects in `stray`, by `|Σ x_k effects_k| <= Σ |effects_k|`, for what follows each push alone.
+
+        Larger than it need be, since then they may change in any way over time.
+        """
+        if self.effects is None or not self.effects.shape[1]:
+            return self
+        widened = self.stray + np.abs(self.effects).sum(axis=1).max(axis=0)
+        return replace(self, stray=widened, effects=None)
 
     def worst(self, through: Callable[[Floats], Floats]) -> Floats:
         """The largest |value| that a linear map of the push can have over all members at each time and joint [N n].

@@ -51,10 +51,11 @@ class Assembly:
     """All of a scenario's bounds but for the envelope, so that they can be found for many final radii."""
 
     def __init__(self, subject: Subject, demand: Demand, chance: float = 1e-3) -> None:
-        self.subject, self.demand = subject, demand
+        self.subject, self.demand = subject, demand.boxed()
         law = subject.law
+        assert law.horizon is not None
         h = self.period = float(law.period)
-        self.horizon = float(law.horizon)  # type: ignore[arg-type]
+        self.horizon = float(law.horizon)
         self.samples = demand.times.size - int(subject.dead_time) - 2
         self.set_in = (np.arange(self.samples) + subject.dead_time) * h
         self.e, self.de, self.ddq = subject.start()

@@ -100,7 +100,8 @@ def _remedies(law: SampledData) -> list[Remedy]:
     found = []
     if law.adaptation is None:
         found.append(Remedy("let it be learnt", {"scheme.sampled_data.adaptation": {"kind": "joint_learning"}}))
-    horizon = float(law.horizon)  # type: ignore[arg-type]
+    assert law.horizon is not None
+    horizon = float(law.horizon)
     found.append(
         Remedy("a longer horizon, for a model that is too heavy", {"scheme.sampled_data.horizon": 2 * horizon})
     )
