@@ -47,7 +47,7 @@ class Demand:
     beside: Callable[[Floats, Floats], Floats] | None = field(default=None, repr=False)
 
     def boxed(self) -> Demand:
-        """The same with all effects in `stray`, by `|Σ x_k effects_k| <= Σ |effects_k|`, for what takes each push alone.
+        """The same with all effects in `stray`, for what takes each push alone: `|Σ x_k effects_k| <= Σ |effects_k|`.
 
         Larger than it need be, since then they may change in any way over time.
         """
