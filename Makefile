@@ -10,7 +10,7 @@ unexport PYTHONPATH PYTHONHOME PYTHONDONTWRITEBYTECODE
 # `pip install --user` is refused inside an environment, so that such a default must not reach it.
 export PIP_USER := 0
 
-.PHONY: help venv demo test lint format bench verify figures tables league schema api lock clean
+.PHONY: help venv demo test lint format bench verify figures tables targets league schema api lock clean
 .DEFAULT_GOAL := help
 
 help: ## Show these targets
@@ -53,6 +53,9 @@ figures: .venv/.installed ## Renew the figures of the documentation, and the tab
 
 tables: .venv/.installed ## Renew the measured tables of docs/choosing.md
 	@.venv/bin/python scripts/write-tables
+
+targets: .venv/.installed ## Build and run the exported step on every target that is here, and renew docs/targets.md
+	@.venv/bin/python -m benchmarks.targets $(ARGS)
 
 league: .venv/.installed ## Play the league, and renew its table in README.md and docs/league.md
 	@.venv/bin/python scripts/write-league $(ARGS)

@@ -21,7 +21,7 @@ from .match import KEPT, Match, played
 from .task import VERSION, LeagueTask
 from .tuner import tuned
 
-BUDGET = 96
+BUDGET = 48
 """How many sets of gains the tuner may try for each scheme, form and task."""
 
 Seen = Callable[[str, Entry, float], None]

@@ -1,0 +1,50 @@
+"""Builds and runs every target that this machine has the tools for, and puts the table into docs/targets.md."""
+
+from __future__ import annotations
+
+import importlib
+import re
+import sys
+import tempfile
+from pathlib import Path
+
+from benchmarks import machine
+from benchmarks.targets import Row
+
+PAGE = Path(__file__).resolve().parents[2] / "docs" / "targets.md"
+MARK = re.compile(r"(<!-- table targets -->\n).*?(<!-- end -->)", re.DOTALL)
+TARGETS = ("micro", "franka", "ros2", "fmu")
+"""Modules beside this file, each with `rows(folder) -> list[Row]`."""
+
+
+def main() -> None:
+    """Prints the table, and writes it where the page has a place for it. Arguments: names of targets; all if none."""
+    found: list[Row] = []
+    for name in sys.argv[1:] or TARGETS:
+        print(f"building and running {name} ...", file=sys.stderr)
+        with tempfile.TemporaryDirectory() as folder:
+            found += importlib.import_module(f"benchmarks.targets.{name}").rows(Path(folder))
+    table = "\n".join([*_table(found), "", f"Machine: {machine.describe()}."])
+    print(table)
+    if not sys.argv[1:]:
+        page = PAGE.read_text(encoding="utf-8")
+        PAGE.write_text(MARK.sub(lambda match: f"{match[1]}\n{table}\n\n{match[2]}", page), encoding="utf-8")
+
+
+def _table(rows: list[Row]) -> list[str]:
+    lines = [
+        "| target | compiled by | run by | golden samples | code [B] | stack [B] | a step |",
+        "|---|---|---|---:|---:|---:|---|",
+    ]
+    for row in rows:
+        if row.missing:
+            lines.append(f"| {row.target} | not on this machine: {row.missing} | | | | | |")
+            continue
+        samples = "" if row.samples is None else f"{row.passed} of {row.samples}"
+        code, stack = ("" if size is None else f"{size:,}" for size in (row.code, row.stack))
+        lines.append(f"| {row.target} | {row.compiled_by} | {row.run_by} | {samples} | {code} | {stack} | {row.step} |")
+    return lines
+
+
+if __name__ == "__main__":
+    main()
