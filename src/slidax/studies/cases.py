@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slidax._errors import DefinitionError, is_traced
+from slidax.controllers import AbstractController
 from slidax.scenarios import Scenario
 from slidax.scenarios.family import Family, Templates
 from slidax.simulation import MujocoPlant, Parts, Run, simulate_batch
@@ -36,12 +37,14 @@ class Cases:
     - `engine`: as in `simulate`; the scenario's own if None.
     - `threads`: of the native engine; None: as many as there are cores.
     - `name`: what to call a scenario.
+    - `around`: from the law of each case to what is run in its place.
     """
 
     family: Family
     engine: str | None = None
     threads: int | None = None
     name: str = "case"
+    around: Callable[[Any], AbstractController] | None = None
     _loops: dict[tuple[Any, ...], _Loop | None] = field(default_factory=dict, init=False)
     _traceable: dict[str, bool] | None = field(default=None, init=False)
 
@@ -75,6 +78,22 @@ class Cases:
             return one, one.simulate(log_every=every, progress=False)
         return one, loop.simulated(values, self.threads, every)[0]
 
+    def logged(self, values: Values) -> list[Run]:
+        """The runs of cases with every sample in their logs.
+
+        - `values`: by path, of every path of the family; one case if there is none.
+        """
+        rows = len(next(iter(values.values()))) if values else 1
+        found: list[Run] = [None] * rows  # type: ignore[list-item]
+        for rows_of_one, key in self._groups(values, rows):
+            picked = {path: array[rows_of_one] for path, array in values.items()}
+            loop = self._loop(key, picked)
+            runs = None if loop is None else loop.simulated(picked, self.threads, 1)
+            for i, row in enumerate(rows_of_one):
+                one = {path: array[i] for path, array in picked.items()}
+                found[row] = self._scenario(one).simulate(log_every=1, progress=False) if runs is None else runs[i]
+        return found
+
     def _groups(self, values: Values, rows: int) -> list[tuple[NDArray[Any], tuple[Any, ...]]]:
         """The rows of each loop."""
         if self._traceable is None:
@@ -105,7 +124,7 @@ class Cases:
             # Each is a scenario of its own, so that there is nothing to keep.
             return None
         varying = [path for path, varies in (self._traceable or {}).items() if varies]
-        self._loops[key] = _Loop.of(self.family, templates, {path: values[path] for path in varying})
+        self._loops[key] = _Loop.of(self.family, templates, {path: values[path] for path in varying}, self.around)
         return self._loops[key]
 
     def _each(self, values: Values, rows: int) -> Columns:
@@ -121,6 +140,8 @@ class Cases:
 
     def _scenario(self, first: Mapping[str, Any]) -> Scenario:
         made = self.family.scenario(first, self.name)
+        if self.around is not None:
+            made = made.replace(controller=self.around(made.controller))
         return made if self.engine is None else made.replace(engine=self.engine)
 
 
@@ -140,12 +161,19 @@ class _Loop:
     paths: tuple[str, ...]
 
     @classmethod
-    def of(cls, family: Family, templates: Templates, values: Values) -> _Loop:
+    def of(
+        cls,
+        family: Family,
+        templates: Templates,
+        values: Values,
+        around: Callable[[Any], AbstractController] | None = None,
+    ) -> _Loop:
         """The loop of a group.
 
         - `family`: of the cases.
         - `templates`: one of them.
         - `values`: some of each path that varies.
+        - `around`: from the law to what is run in its place.
         """
         varies: list[bool] = []
 
@@ -169,12 +197,13 @@ class _Loop:
             found = iter(given)
             leaves = [next(found) if one else leaf for leaf, one in zip(fixed, varies, strict=True)]
             parts: Parts = eqx.combine(jax.tree.unflatten(tree, leaves), rest)
-            return parts
+            return parts if around is None else (parts[0], around(parts[1]), *parts[2:])
 
         def varying(given: Any) -> list[Any]:
             return [leaf for leaf, one in zip(leaves_of(given), varies, strict=True) if one]
 
-        return cls(templates.built, jax.jit(jax.vmap(varying)), define, tuple(values))
+        built = templates.built if around is None else templates.built.replace(controller=around(templates.controller))
+        return cls(built, jax.jit(jax.vmap(varying)), define, tuple(values))
 
     def run(self, values: Values, threads: int | None) -> Columns:
         """Outcome and metrics of each case.

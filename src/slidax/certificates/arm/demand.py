@@ -13,7 +13,7 @@ from ..verdict import Assumption
 from .beside import beside_of
 from .evaluated import Floats
 from .hull import Hull, hull_of
-from .learnt import Asked, after_learning, learns
+from .learnt import Asked, after_learning, held, learns
 from .members import Members
 from .motion import Belief, Motion, kinds_of, needed, outer
 from .ratios import INSTANTS, ratios
@@ -23,7 +23,9 @@ PROBES = 48
 """States drawn at random, by which is found how the numbers of a set enter."""
 
 
-def demand(scenario: Scenario, family: Family | None = None, *, learnt: bool = False) -> Demand:
+def demand(
+    scenario: Scenario, family: Family | None = None, *, learnt: bool = False, along: Motion | None = None
+) -> Demand:
     """What the estimators of the joints must follow along the scenario's motion, and how wrong M0 may be, in its set.
 
     - `scenario`: a law with a model of the arm, its motion, and the set in `uncertainty`; without one the scenario's
@@ -31,6 +33,8 @@ def demand(scenario: Scenario, family: Family | None = None, *, learnt: bool = F
     - `family`: another set, such as a study's.
     - `learnt`: for a law that learns its arm, whether it has: it then believes the inertia and the friction of each
       member. Else it believes what it starts with.
+    - `along`: another motion than the reference, at the scenario's samples, of an arm whose acceleration is constant
+      over each period. `stray` is then what w* does between the samples, of a law whose torque is held.
 
     Raises DefinitionError for a law without a model, or a set that is invalid.
     """
@@ -38,13 +42,16 @@ def demand(scenario: Scenario, family: Family | None = None, *, learnt: bool = F
     belief = Belief.of(scenario, members.plant)
     hull = hull_of(lambda points: _probed(members, points, scenario), len(members.axes))
     plants = members.plants(hull.points)
-    motion = Motion.of(scenario)
+    motion = Motion.of(scenario) if along is None else along
     if learnt and learns(scenario):
         found = after_learning(members, belief, hull, plants, motion)
     else:
         found = _before(members, belief, hull, plants, motion)
-    width = width_along(scenario, motion.t)
-    stray = found.beside(width, speed_within(scenario, width)) if width is not None else np.zeros_like(motion.q)
+    width = width_along(scenario, motion.t) if along is None else None
+    if along is not None:
+        stray = between_samples(found, along)
+    else:
+        stray = found.beside(width, speed_within(scenario, width)) if width is not None else np.zeros_like(motion.q)
     return Demand(
         times=motion.t,
         push=found.push,
@@ -60,9 +67,10 @@ def demand(scenario: Scenario, family: Family | None = None, *, learnt: bool = F
 def _before(members: Members, belief: Belief, hull: Hull, plants: list[Plant], motion: Motion) -> Asked:
     """What is asked for with what the law believes at first."""
     mass, bias = belief.mass_and_bias(motion.t, motion.q, motion.dq)
-    believed = np.einsum("kij,kj->ki", mass, motion.ddq) + bias + belief.friction(motion.dq)
+    believed = np.einsum("kij,kj->ki", mass, motion.ddq) + bias + belief.friction(motion.wanted_dq)
     kinds, which = kinds_of(plants)
-    lacks = believed - needed(kinds, motion)[1][which] + outer(plants, motion)
+    masses, torques = needed(kinds, motion)
+    lacks = believed - torques[which] + outer(plants, motion)
     push = np.linalg.solve(mass[None], lacks[..., None])[..., 0]
     corners, effects = hull.of(push)
     arms, _ = kinds_of(members.plants(members.ends(hull.without)))
@@ -74,8 +82,29 @@ def _before(members: Members, belief: Belief, hull: Hull, plants: list[Plant], m
         coupling=coupling,
         beside=beside_of(belief, motion, plants, hull, push),
         arms=len(arms),
+        lacking=hull.merged(which).largest(np.eye(motion.joints) - np.linalg.solve(mass[None], masses)),
+        held=held(belief, motion),
         assumptions=[],
     )
+
+
+def between_samples(asked: Asked, motion: Motion) -> Floats:
+    """By how much w* may be off the line between its values at two samples [N n], rad/s² or m/s².
+
+    An eighth of its second difference, as of any smooth function; what the acceleration's jump at the end of a period
+    adds there, `|1 - M̂⁻¹M| |Δq̈|`; and what M̂ and the bias change while the torque is held.
+
+    - `asked`: w* at the samples.
+    - `motion`: along which.
+    """
+    bend = np.zeros_like(motion.q)
+    for one in [*asked.push, *(part for each in asked.effects for part in each)]:
+        bend[1:-1] = np.maximum(bend[1:-1], np.abs(np.diff(one, 2, axis=0)) / 8.0)
+    bend[:-1] = np.maximum(bend[:-1], bend[1:])
+    jump = np.abs(np.diff(motion.ddq, axis=0, append=motion.ddq[-1:]))
+    jump[1:] = np.maximum(jump[1:], jump[:-1])
+    found: Floats = bend + np.einsum("kij,kj->ki", asked.lacking, jump) + asked.held
+    return found
 
 
 def _probed(members: Members, points: Floats, scenario: Scenario) -> Floats:

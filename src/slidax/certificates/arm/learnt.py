@@ -27,7 +27,12 @@ MOST_ARMS = 16
 
 @dataclass(frozen=True)
 class Asked:
-    """What is asked of the loops, as in `Demand`; `arms`: at how many members κ was looked at."""
+    """What is asked of the loops, as in `Demand`.
+
+    - `arms`: at how many members κ was looked at.
+    - `lacking`: bounds of `|1 - M̂⁻¹M|` along the motion [N n n].
+    - `held`: what the believed arm changes in a period in which the torque is held [N n], rad/s² or m/s².
+    """
 
     push: Floats
     effects: Floats
@@ -35,6 +40,8 @@ class Asked:
     coupling: Floats
     beside: Beside
     arms: int
+    lacking: Floats
+    held: Floats
     assumptions: Sequence[Assumption]
 
 
@@ -64,7 +71,7 @@ def after_learning(members: Members, belief: Belief, hull: Hull, plants: list[Pl
 
     def rubbed(given: list[Plant]) -> Floats:
         learned = [learnt_of(members.scenario, belief, one, motion) for one in given]
-        compensated = np.array([one.friction(motion.dq) for one in learned])
+        compensated = np.array([one.friction(motion.wanted_dq) for one in learned])
         found: Floats = outer(given, motion) + compensated
         return found
 
@@ -76,10 +83,12 @@ def after_learning(members: Members, belief: Belief, hull: Hull, plants: list[Pl
     few = motion.every(64)
     outside = hull_of(lambda shares: outer(at(shares), few).reshape(len(shares), -1), len(free))
     sides, parts = outside.of(rubbed(at(outside.points)))
-    push, effects = [], []
+    push, effects, lacking = [], [], np.zeros((*motion.q.shape, motion.joints))
     for arm, known in zip(arms, beliefs, strict=True):
         mass, bias = known.mass_and_bias(motion.t, motion.q, motion.dq)
-        lacks = np.einsum("kij,kj->ki", mass, motion.ddq) + bias - needed([arm], motion)[1][0]
+        masses, torques = needed([arm], motion)
+        lacks = np.einsum("kij,kj->ki", mass, motion.ddq) + bias - torques[0]
+        lacking = np.maximum(lacking, np.abs(np.eye(motion.joints) - np.linalg.solve(mass, masses[0])))
         push.append(np.linalg.solve(mass[None], (lacks + sides)[..., None])[..., 0])
         one = np.linalg.solve(mass[None], parts[..., None])[..., 0] if len(parts) else parts
         effects += [one] * len(sides)
@@ -101,8 +110,25 @@ def after_learning(members: Members, belief: Belief, hull: Hull, plants: list[Pl
         coupling=coupling,
         beside=beside_of(belief, motion, plants, hull, largest[None], beliefs),
         arms=len(arms),
+        lacking=lacking,
+        held=np.max([held(one, motion) for one in beliefs], axis=0),
         assumptions=[Assumption(text, status) for text, status in texts],  # type: ignore[arg-type]
     )
+
+
+def held(belief: Belief, motion: Motion) -> Floats:
+    """`|M̂⁻¹ Δ(M̂ q̈ + C0 q̇ + G0 + F̂)|` from each sample to the next [N n]: the torque is that of the first.
+
+    - `belief`: the arm as the law believes it to be.
+    - `motion`: along which.
+    """
+    mass, bias = belief.mass_and_bias(motion.t, motion.q, motion.dq)
+    bias = bias + belief.friction(motion.wanted_dq)
+    change = np.einsum("kij,kj->ki", np.diff(mass, axis=0), motion.ddq[:-1]) + np.diff(bias, axis=0)
+    found = np.zeros_like(bias)
+    found[:-1] = np.abs(np.linalg.solve(mass[:-1], change[..., None])[..., 0])
+    found[-1] = found[-2]
+    return found
 
 
 def learnt_of(scenario: Scenario, belief: Belief, plant: Plant, motion: Motion) -> Belief:

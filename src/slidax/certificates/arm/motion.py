@@ -96,12 +96,19 @@ class Motion:
 
     - `t`: times [N], s.
     - `q`, `dq`, `ddq`: positions, velocities, and the mean acceleration over the period that begins [N n].
+    - `wanted`: the reference's velocities, where they are others [N n].
     """
 
     t: Floats
     q: Floats
     dq: Floats
     ddq: Floats
+    wanted: Floats | None = None
+
+    @property
+    def wanted_dq(self) -> Floats:
+        """The reference's velocities [N n], at which a law compensates friction."""
+        return self.dq if self.wanted is None else self.wanted
 
     @classmethod
     def of(cls, scenario: Scenario) -> Motion:
@@ -120,7 +127,7 @@ class Motion:
 
         - `q`, `dq`: how far beside, [n] or [N n].
         """
-        return Motion(self.t, self.q + q, self.dq + dq, self.ddq)
+        return Motion(self.t, self.q + q, self.dq + dq, self.ddq, self.wanted_dq)
 
     def every(self, instants: int) -> Motion:
         """Some of the states, equally far apart.
@@ -128,7 +135,8 @@ class Motion:
         - `instants`: about how many.
         """
         step = max(1, len(self.t) // instants)
-        return Motion(self.t[::step], self.q[::step], self.dq[::step], self.ddq[::step])
+        wanted = self.wanted_dq[::step]
+        return Motion(self.t[::step], self.q[::step], self.dq[::step], self.ddq[::step], wanted)
 
     @cached_property
     def joints(self) -> int:

@@ -2,25 +2,29 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, TypeAlias
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
+from slidax.diagnosis.linear_loop import LinearLoop
 from slidax.transformations import Sides
+from slidax.transformations.psi import psi
 
 from ..demand import Demand
 from .cells import cells_of
+from .ideal import Ideal
 from .kernels import ACCELERATION, ERROR, LED, OUTPUTS, Kernels
 from .narrowing import Narrowing
 from .noise import Noise
-from .propagation import Bounds, Course, Passing, propagated
-from .pulls import table_of
+from .propagation import Bounds, Course, First, Passing, propagated
 from .rule import aimed
-from .signals import followed
+from .signals import entries, followed, steady
+from .sliding import Sliding
+from .slopes import Slopes
 from .subject import Subject
 
 Floats = NDArray[np.floating[Any]]
@@ -33,6 +37,7 @@ class Certified:
     - `subject`: whose.
     - `narrowing`: its envelope, when torques set in.
     - `bounds`: at these times.
+    - `error`: of e itself, below and above zero, in size [N 2 n].
     - `share`: the bound of the error over the envelope's side, at each sample of the run [N n]; below 1 it holds.
     - `kappa`, `spread`: for which κ [n j], and what around each is covered [n j].
     - `noise`: the noise's part in the bound of e [n], rad or m.
@@ -41,25 +46,47 @@ class Certified:
     subject: Subject
     narrowing: Narrowing
     bounds: Bounds
+    error: Floats
     share: Floats
     kappa: Floats
     spread: Floats
     noise: Floats
 
 
-class Assembly:
-    """All of a scenario's bounds but for the envelope, so that they can be found for many final radii."""
+Known: TypeAlias = tuple[Floats, Floats, Floats]
+"""Responses without p and with some p held [N 2 8 n j] each, and how e bends [N n j]."""
 
-    def __init__(self, subject: Subject, demand: Demand, chance: float = 1e-3) -> None:
+Since: TypeAlias = tuple[Ideal, tuple[Floats, Floats]]
+"""The ideal arm, and by how much others may differ from it when it begins: `Entry.box` and `Entry.slid`."""
+
+
+class Assembly:
+    """All of a scenario's bounds but for what the arm asks for beside its motion, so that they can be found for more.
+
+    - `subject`: the law on its task.
+    - `demand`: what a set of arms asks of its loops: along `ideal`, or else along the reference.
+    - `chance`: that normal noise is larger than is counted at some sample of the run.
+    - `since`: the run that the law plans, and where the arms of the set are when it begins; without it all is bounded
+      from the start and the reference on, and s taken as reached.
+    """
+
+    def __init__(
+        self, subject: Subject, demand: Demand, chance: float = 1e-3, since: Since | None = None
+    ) -> None:
         self.subject, self.demand = subject, demand.boxed()
+        self.ideal, self.box = (None, None) if since is None else since
         law = subject.law
         assert law.horizon is not None
         h = self.period = float(law.period)
         self.horizon = float(law.horizon)
-        self.samples = demand.times.size - int(subject.dead_time) - 2
-        self.set_in = (np.arange(self.samples) + subject.dead_time) * h
+        # From the first sample of the arm that is followed to when the first torque sets in.
+        quiet = 0 if since is None else subject.quiet
+        self.late = quiet + int(subject.dead_time)
+        self.samples = demand.times.size - self.late - 2
+        self.set_in = demand.times[0] + (np.arange(self.samples) + quiet + subject.dead_time) * h
         self.e, self.de, self.ddq = subject.start()
         self.sides: Any = subject.drawn.init(jnp.zeros(()), jnp.asarray(self.e))
+        self.quiet = subject.quiet if since is None else 0
         self.kappa, self.spread = cells_of(demand.kappa)
         self.kernels = Kernels.of(subject.loops, self.kappa)
         if self.kernels is None:
@@ -68,8 +95,12 @@ class Assembly:
         times = self.samples * law.joints * OUTPUTS
         self.noise_size = self.noise.size(h, self.kernels.noise, self.kernels.noise_square, times, chance)
         self.noise_start = self.noise.start(h, times, chance)
-        self.heavy = subject.heavy(self.set_in)
-        self._known: tuple[Floats, Floats] | None = None
+        self.narrowing = Narrowing.of(
+            subject.drawn, self.sides, period=h, horizon=self.horizon, times=self.set_in
+        )
+        self.sliding = Sliding.of(subject, self.ideal, self.set_in)
+        self.course = self._course()
+        self.known, self.first = self._started() if since is None else self._entered()
 
     @property
     def stable(self) -> bool:
@@ -92,51 +123,92 @@ class Assembly:
             found.append(errors)
         return np.array(found)
 
-    def certified(self, final: Floats | None = None) -> Certified:
+    def certified(self, more: Floats | None = None) -> Certified:
         """The bounds.
 
-        - `final`: another ρ∞ of the envelope [n], rad or m.
+        - `more`: what w* may be otherwise at each sample of the arm, beyond `demand.stray` [N n], rad/s² or m/s².
         """
-        assert self.kernels is not None
-        drawn = self.subject.drawn
-        if final is not None:
-            drawn = replace(drawn, performance=replace(drawn.performance, final=jnp.asarray(final)))
-        narrowing = Narrowing.of(drawn, self.sides, period=self.period, horizon=self.horizon, times=self.set_in)
-        first, aims = self._first(narrowing)
-        bounds = propagated(self._course(), self._passing(narrowing, *self._known_of(aims)), self.e, first)
-        share = self._share(bounds, drawn)
-        return Certified(
-            self.subject, narrowing, bounds, share, self.kappa, self.spread, np.max(self.noise_size[ERROR], axis=1)
-        )
+        bounds = propagated(self.course, self._passing(more), self.first)
+        error = bounds.error
+        if self.ideal is not None:
+            middle = self.ideal.error[: self.samples]
+            error = np.maximum(np.stack([bounds.error[:, 0] - middle, bounds.error[:, 1] + middle], axis=1), 0.0)
+        noise = np.max(self.noise_size[ERROR], axis=1)
+        share = self._share(error, bounds)
+        return Certified(self.subject, self.narrowing, bounds, error, share, self.kappa, self.spread, noise)
 
-    def _first(self, narrowing: Narrowing) -> tuple[tuple[Floats, Floats], Floats]:
-        """Bounds of p's spread and of p - ŷ at the first sample, and the p that is held in what is known."""
-        y = self.e + narrowing.lead * self.de
-        noise = np.max(self.noise_size[LED], axis=1) + self.noise_start[0] + narrowing.lead * self.noise_start[1]
+    def reach(self, found: Certified) -> tuple[Floats, Floats]:
+        """How far the arm may be beside the ideal one around each of its samples: position and velocity [K n].
+
+        - `found`: bounds.
+        """
+        bounds, h = found.bounds, self.period
+        within = bounds.acceleration
+        radius = np.max(bounds.error, axis=1) + within / 8.0
+        speed = (bounds.speed + within) / h
+        # Before a torque sets in nothing is beside; a period begins and ends at one, and samples lie between these.
+        late = self.late + int(self.subject.dead_time % 1.0 > 0)
+        spans = []
+        for one in (radius, speed):
+            grown = np.maximum(one, np.concatenate([one[1:], one[-1:]]))
+            whole = np.concatenate([np.repeat(grown[:1], late, axis=0), grown])
+            count = self.demand.times.size
+            whole = np.concatenate([whole, np.repeat(whole[-1:], max(count - len(whole), 0), axis=0)])[:count]
+            spans.append(np.maximum(whole, np.concatenate([whole[1:], whole[-1:]])))
+        return spans[0], spans[1]
+
+    def _started(self) -> tuple[Known, First]:
+        """What is known of the loops, and bounds at the first sample, from the scenario's start."""
+        narrowing, lead = self.narrowing, self.narrowing.lead
+        noise = np.max(self.noise_size[LED], axis=1) + self.noise_start[0] + lead * self.noise_start[1]
         now, ahead = narrowing.now[0], narrowing.ahead[0]
+        spread = ahead / now * (noise + self.horizon * self.subject.cover()[1])
+        spread = np.minimum(spread, ahead * (narrowing.upper - narrowing.lower))
+        y = self.e + lead * self.de
         sides = Sides(jnp.asarray(narrowing.lower), jnp.asarray(narrowing.upper))
         both = jnp.stack([jnp.maximum(-jnp.asarray(y), 0.0), jnp.maximum(jnp.asarray(y), 0.0)])
         surface, horizon = self.subject.surface, jnp.asarray(self.horizon)
         place = aimed(surface, sides, jnp.asarray(now), horizon, both, jnp.zeros_like(both))[1]
         aims = ahead * np.asarray(place[1] - place[0])
-        spread = ahead / now * (noise + self.horizon * self.subject.cover()[1])
-        spread = np.minimum(spread, ahead * (narrowing.upper - narrowing.lower))
-        return (spread, np.abs(aims - y) + spread + noise), aims
+        begun = np.stack([np.maximum(-self.e, 0.0), np.maximum(self.e, 0.0)])
+        return self._known_of(aims), First.of(begun, spread, np.abs(aims - y) + spread + noise, 0.0)
 
-    def _known_of(self, aims: Floats) -> tuple[Floats, Floats, Floats]:
-        """What the loops do with what is known, without p and with the first held [N 2 7 n j], and how e bends [N n j].
+    def _entered(self) -> tuple[Known, First]:
+        """The same where the arms of the set are anywhere in a box around the ideal one."""
+        assert self.box is not None
+        free, bend = self._pushed()
+        held = free.copy()
+        known = np.max(free[0, :, LED], axis=(0, 2))
+        for i, loop in enumerate(self.subject.loops):
+            basis = entries(loop)
+            for j, kappa in enumerate(self.kappa[i]):
+                for column, size in zip(basis.T, self.box[0][:, i], strict=True):
+                    if size > 0.0:
+                        alone, kept = self._from(loop, kappa, column)
+                        free[:, :, :, i, j] += size * np.abs(alone.T)[:, None]
+                        held[:, :, :, i, j] += size * np.abs(kept.T)[:, None]
+        error = np.max(free[0, :, ERROR], axis=2)
+        slid = float(self.sliding.root[0] * np.linalg.norm(self.box[1]))
+        return (free, held, bend), First.of(error, known, np.full_like(known, np.inf), slid)
+
+    def _from(self, loop: LinearLoop, kappa: float, state: Floats) -> tuple[Floats, Floats]:
+        """What a loop does from a state without p, and with p held where its ŷ begins [8 N] each."""
+        nothing = np.zeros((1, 2))
+        alone = followed(loop, kappa, nothing, 0.0, state, self.samples).outputs[:, 0]
+        return alone, followed(loop, kappa, nothing, float(alone[LED, 0]), state, self.samples).outputs[:, 0]
+
+    def _known_of(self, aims: Floats) -> Known:
+        """What the loops do with what is known, without p and with the first held [N 2 8 n j], and how e bends [N n j].
 
         Below and above zero, in size.
         """
-        if self._known is None:
-            self._known = self._pushed()
-        free, bend = self._known
+        free, bend = self._pushed()
         alone = np.empty((self.samples, OUTPUTS, *self.kappa.shape))
         nothing = np.zeros((1, 2))
         for i, loop in enumerate(self.subject.loops):
             still = np.zeros_like(self._begun(i))
             for j, kappa in enumerate(self.kappa[i]):
-                found = followed(loop, kappa, nothing, aims[i], still, self.samples, self.subject.quiet)
+                found = followed(loop, kappa, nothing, aims[i], still, self.samples, self.quiet)
                 alone[:, :, i, j] = found.outputs[:, 0].T
         return free, free + alone[:, None] * np.array([-1.0, 1.0])[:, None, None, None], bend
 
@@ -147,9 +219,10 @@ class Assembly:
         bend = np.empty((self.samples, n, cells))
         curve = 12.0 if self.subject.dead_time % 1.0 == 0 else 4.0
         for i, loop in enumerate(self.subject.loops):
-            push, begun = self.demand.push[:, :, i] * h * h, self._begun(i)
+            push = self.demand.push[:, :, i] * h * h
+            begun = self._begun(i) if self.box is None else steady(loop, push[:, 0])
             for j, kappa in enumerate(self.kappa[i]):
-                found = followed(loop, kappa, push, 0.0, begun, self.samples, self.subject.quiet)
+                found = followed(loop, kappa, push, 0.0, begun, self.samples, self.quiet)
                 extra = self.noise_size[:, i, j, None] + self._first_noise(i, kappa)
                 outputs = found.outputs.copy()
                 outputs[ACCELERATION] += kappa * found.least
@@ -160,8 +233,11 @@ class Assembly:
         return known, bend
 
     def _first_noise(self, joint: int, kappa: float) -> Floats:
-        """What the noise of the first measurement does, since it is the first prediction as well [7 N]."""
+        """What the noise of the first measurement does, since it is the first prediction as well [8 N]."""
         loop, queue, found = self.subject.loops[joint], self._queue(joint), np.zeros((OUTPUTS, self.samples))
+        if self.box is not None:
+            # It is among what was seen.
+            return found
         for k, size in enumerate(self.noise_start):
             if size[joint]:
                 state = np.zeros_like(self._begun(joint))
@@ -195,7 +271,9 @@ class Assembly:
         assert found is not None
         tails = (found.push_tail, found.place_tail, found.change_tail)
         return Course(
-            table=tuple(jnp.asarray(one) for one in table_of(self.subject.surface, self.sides)),
+            surface=self.subject.surface,
+            sides=self.sides,
+            slopes=Slopes.of(self.subject.surface, self.sides),
             period=jnp.asarray(self.period),
             horizon=jnp.asarray(self.horizon / self.period),
             part=jnp.asarray(self.subject.law.delay % 1.0),
@@ -210,29 +288,46 @@ class Assembly:
             layer=jnp.asarray(self.subject.cover()[1], float),
         )
 
-    def _passing(self, narrowing: Narrowing, free: Floats, held: Floats, bend: Floats) -> Passing:
-        push, first = self.demand.push, int(self.subject.dead_time)
-        # Between two samples w* is off the line by an eighth of its second difference.
-        curved = np.zeros(push.shape[1:])
-        if push.shape[1] > 2:
-            curved[1:-1] = np.max(np.abs(np.diff(push, 2, axis=1)), axis=0) / 8.0
-            curved[:-1] = np.maximum(curved[:-1], curved[1:])
-        stray = (np.broadcast_to(self.demand.stray, curved.shape) + curved) * self.period**2
-        later = np.concatenate([stray, np.repeat(stray[-1:], 3, axis=0)])
-        stray = np.max([later[first + k : first + k + self.samples] for k in range(3)], axis=0)
-        given = (narrowing.now, narrowing.ahead, free, held, stray, bend, self.heavy)
-        return Passing(*(jnp.asarray(one) for one in given))
+    def _passing(self, more: Floats | None) -> Passing:
+        narrowing, sliding, n = self.narrowing, self.sliding, self.samples
+        free, held, bend = self.known
+        push, first = self.demand.push, self.late
+        stray = np.broadcast_to(self.demand.stray, push.shape[1:]) + (0.0 if more is None else more)
+        if self.ideal is None:
+            # Between two samples w* is off the line by an eighth of its second difference.
+            curved = np.zeros(push.shape[1:])
+            if push.shape[1] > 2:
+                curved[1:-1] = np.max(np.abs(np.diff(push, 2, axis=1)), axis=0) / 8.0
+                curved[:-1] = np.maximum(curved[:-1], curved[1:])
+            stray = stray + curved
+        later = np.concatenate([stray, np.repeat(stray[-1:], 3, axis=0)]) * self.period**2
+        stray = np.max([later[first + k : first + k + n] for k in range(3)], axis=0)
+        target, eps, turn = self._planned()
+        given = (narrowing.now, narrowing.ahead, free, held, stray, bend, target, eps, turn)
+        reached = (sliding.size, sliding.s_next, sliding.root, sliding.grown)
+        return Passing(*(jnp.asarray(one) for one in (*given, *reached)))
 
-    def _share(self, bounds: Bounds, drawn: Any) -> Floats:
+    def _planned(self) -> tuple[Floats, Floats, Floats]:
+        """x and ε of the ideal arm's plan, and `|Δx - ΔN ψ|` from the sample before [N n]."""
+        n, narrowing = self.samples, self.narrowing
+        if self.ideal is None:
+            return (np.zeros((n, self.e.size)),) * 3
+        target, eps = self.ideal.target[:n], self.ideal.eps[:n]
+        place = np.asarray(jax.vmap(lambda one: psi(one, self.sides))(jnp.asarray(eps)))
+        turn = np.zeros_like(target)
+        turn[1:] = np.abs(np.diff(target, axis=0) - np.diff(narrowing.now, axis=0) * place[:-1])
+        return target, eps, turn
+
+    def _share(self, error: Floats, bounds: Bounds) -> Floats:
         """The bound over the envelope's side at each sample of the run, from when the first torque sets in."""
         part = self.subject.dead_time % 1.0
-        error = bounds.error
         times = self.set_in
         if part > 0:
             # A sample lies between two settings in; there e is off the line between them by h² ë/8 at most.
             off = bounds.acceleration[:-1, None] / 8.0
             error = np.maximum(error[:-1], error[1:]) + off
-            times = (np.arange(error.shape[0]) + np.ceil(self.subject.dead_time)) * self.period
+            times = self.set_in[:-1] + (1.0 - part) * self.period
+        drawn = self.subject.drawn
         radius = np.asarray(jax.vmap(lambda t: jnp.broadcast_to(drawn.performance.radius(t), self.e.shape))(times))
         sides = np.stack([-np.asarray(self.sides.lower), np.asarray(self.sides.upper)])
         found: Floats = np.max(error / (sides[None] * radius[:, None]), axis=1)

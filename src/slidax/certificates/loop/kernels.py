@@ -14,11 +14,11 @@ from slidax.diagnosis.linear_loop import LinearLoop, LoopMaps
 
 Floats = NDArray[np.floating[Any]]
 
-LED, ERROR, MISSED, SHIFT, SLIP, ACCELERATION, ESTIMATE = range(7)
+LED, ERROR, MISSED, SHIFT, SLIP, ACCELERATION, ESTIMATE, SPEED = range(8)
 """The outputs: ŷ; e where the torque sets in; ω of `ŷ⁺ = (1 - r) ŷ + r (p + ω)`; y - ŷ; by what the velocity misses its
-plan; the joint's acceleration `κ (a + w*)`; the estimate ŵ."""
+plan; the joint's acceleration `κ (a + w*)`; the estimate ŵ; ė where the torque sets in."""
 
-OUTPUTS = 7
+OUTPUTS = 8
 
 LENGTHS = (256, 512, 1024, 2048, 4096)
 """Of impulse responses [periods]: the first after which little is left."""
@@ -32,13 +32,13 @@ class Kernels:
     """Of the joints' loops, each for some κ; in units of periods. The last axis is the lag, in periods.
 
     - `of_push`: the largest that an acceleration within [-1, 1] of one period does to each output, by the lag from
-      when that period's torque was decided [7 n j L].
+      when that period's torque was decided [8 n j L].
     - `of_place`: what p does to each output, in size, by the lag from its decision; `of_change`: what a change of p
-      that lasts does [7 n j L].
+      that lasts does [8 n j L].
     - `push_tail`, `place_tail`, `change_tail`: bounds of what is beyond L, times the largest that came in, each faded
       by `fading` a period.
     - `fading`: of what came in long ago [n j].
-    - `noise`: sums of the sizes of what a measurement's noise does [2 7 n j], position and velocity; `noise_square`:
+    - `noise`: sums of the sizes of what a measurement's noise does [2 8 n j], position and velocity; `noise_square`:
       of their squares.
     """
 
@@ -126,7 +126,7 @@ def _of_one(loop: LinearLoop, kappa: float, length: int) -> dict[str, Floats]:
 
 
 def outputs_of(raw: Floats, at: NDArray[np.integer[Any]], whole: int, loop: LinearLoop, kappa: float) -> Floats:
-    """The outputs [7 L] from the rows that a loop is asked for [7 K], from its sample 0 on; before it all is zero.
+    """The outputs [8 L] from the rows that a loop is asked for [7 K], from its sample 0 on; before it all is zero.
 
     - `raw`: the rows.
     - `at`: numbers of the decisions [L]; the torque of one sets in `whole` samples later.
@@ -147,6 +147,7 @@ def outputs_of(raw: Floats, at: NDArray[np.integer[Any]], whole: int, loop: Line
     found[SLIP] = row(3, at + 1) - row(3, at) - row(5, at)
     found[ACCELERATION] = kappa * row(4, at)
     found[ESTIMATE] = row(6, at)
+    found[SPEED] = row(1, at + whole)
     return found
 
 
@@ -177,12 +178,13 @@ class _Beyond:
         rows[SLIP] = asked[3] @ step - asked[3] - asked[5]
         rows[ACCELERATION] = kappa * asked[4]
         rows[ESTIMATE] = asked[6]
+        rows[SPEED] = asked[1] @ later
         self.step, self.length = step, length
         self.weight = np.sum(np.abs(rows), axis=1)
         self.left = float(np.max(np.sum(np.abs(np.linalg.matrix_power(step, length)), axis=1)))
 
     def __call__(self, x: Floats, after: int) -> Floats:
-        """The bound for each output [7].
+        """The bound for each output [8].
 
         - `x`: the state.
         - `after`: K, periods from when the state is x; an early output counts from one less.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
@@ -41,7 +42,7 @@ def followed(
     - `loop`, `kappa`: whose; units of periods.
     - `push`: w* at each sample of the arm, linear in between [m K], K > N + delay + 2.
     - `place`: p [rad or m].
-    - `start`: the loop's state [s].
+    - `start`: the loop's state [s], or of each member [s m].
     - `samples`: N.
     - `quiet`: periods before the first push.
     """
@@ -50,7 +51,7 @@ def followed(
     blocks = -(-steps // BLOCK)
     padded = np.concatenate([push, np.repeat(push[:, -1:], max(blocks * BLOCK + 1 - push.shape[1], 0), axis=1)], axis=1)
     lifted = _Lifted(maps, kappa)
-    state = np.repeat(start[:, None], members, axis=1)
+    state = np.repeat(start[:, None], members, axis=1) if start.ndim == 1 else start
     rows = np.empty((7, quiet + blocks * BLOCK, members))
     held = np.zeros((5, members))
     held[2] = place
@@ -70,6 +71,43 @@ def followed(
     knots = [padded[:, first + k : first + k + samples] for k in range(2 + (loop.believed % 1.0 > 0))]
     change = np.max([np.abs(later - now) for now, later in pairwise(knots)], axis=0)
     return Followed(found, np.min(knots, axis=0), np.max(knots, axis=0), change)
+
+
+def steady(loop: LinearLoop, push: Floats) -> Floats:
+    """The states [s m] of a loop that has come to rest under constant pushes.
+
+    - `loop`: whose.
+    - `push`: these [m].
+    """
+    queue = _queue(loop)
+    state = np.zeros((2 + queue + 6, push.size))
+    state[2 : 2 + queue] = -push
+    state[4 + queue] = push
+    return state
+
+
+def entries(loop: LinearLoop) -> Floats:
+    """The states of a loop by what can be said of it at a decision, as columns [s 8 + Q].
+
+    e and ė; what each command under way is planned to do, `a + ŵ`, the newest first; by how much the prediction of e and
+    ė is wrong; `ŵ - w*` and ŵ's rate; by how much the last measurement was otherwise than e and ė say.
+
+    - `loop`: whose.
+    """
+    queue = _queue(loop)
+    basis = np.eye(2 + queue + 6)
+    basis[2 + queue, 0] = basis[3 + queue, 1] = 1.0
+    basis[2 : 2 + queue, 4 + queue] = -1.0
+    if loop.measures_velocity and loop.follows is not None:
+        basis[-2, 0] = basis[-1, 1] = 1.0
+        basis[-2, 1] = -1.0
+    else:
+        basis[-2:] = 0.0
+    return basis
+
+
+def _queue(loop: LinearLoop) -> int:
+    return max(1, math.ceil(loop.believed))
 
 
 class _Lifted:

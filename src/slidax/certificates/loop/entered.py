@@ -1,0 +1,231 @@
+"""From when on the arms of a set follow their plans, and how far from each other they then are: seen in cases."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from numpy.typing import NDArray
+
+from slidax._types import Command, Envelope, Memory, Reference, Scalar, State
+from slidax.controllers import AbstractController, SampledData
+from slidax.scenarios.family import Family
+from slidax.simulation import Run
+from slidax.studies.cases import Cases
+
+from ..arm.motion import Belief
+from .subject import Subject
+
+Floats = NDArray[np.floating[Any]]
+
+CASES = 16
+"""Of the set, the first of them its middle."""
+
+
+class Watching(AbstractController):
+    """A law that also says what it keeps for its next sample; it decides nothing else."""
+
+    law: SampledData
+
+    @property
+    def joints(self) -> int:
+        """Those of the law."""
+        return self.law.joints
+
+    def init(self, t: Scalar, state: State, reference: Reference) -> Memory:
+        """As the law."""
+        return self.law.init(t, state, reference)
+
+    def __call__(
+        self, t: Scalar, state: State, reference_now: Reference, reference_next: Reference, memory: Memory
+    ) -> Command:
+        """As the law, with more signals."""
+        command = self.law(t, state, reference_now, reference_next, memory)
+        kept = command.memory
+        rate = kept.estimator if isinstance(kept.estimator, jnp.ndarray) else jnp.zeros_like(state.q)
+        said = {
+            "prior_q": kept.prior.state.q,
+            "prior_dq": kept.prior.state.dq,
+            "prior_push": kept.prior.push,
+            "push_rate": rate,
+            "measured_q": state.q,
+            "measured_dq": state.dq,
+            "kept_s": kept.step.s,
+            "free": kept.planned.astype(float),
+        }
+        return Command(tau=command.tau, memory=kept, signals={**command.signals, **said})
+
+    def envelope(self, t: Scalar, memory: Memory) -> Envelope | None:
+        """As the law."""
+        return self.law.envelope(t, memory)
+
+
+@dataclass(frozen=True, eq=False)
+class Entry:
+    """Where the set's arms are when from now on each keeps s and its limits.
+
+    - `sample`: k0, the first decision that is counted.
+    - `cases`: how many were looked at; `margin`: the least of them up to there, of the envelope's width.
+    - `q`, `dq`: of the middle one, from the sample that this decision is made from to when its torque sets in [m n].
+    - `commands`: its relative accelerations in the periods whose torques are under way, the newest first [Q n].
+    - `s`: what it remembers of s [n]; `slid`: by how much others differ from that [n], rad/s or m/s.
+    - `box`: by how much others differ in e, ė, what each command under way is planned to do, the prediction's error of e
+      and ė, ŵ - w*, its rate, and the last measurement [7 + Q, n]; units of periods.
+    """
+
+    sample: int
+    cases: int
+    margin: float
+    q: Floats
+    dq: Floats
+    s: Floats
+    slid: Floats
+    box: Floats
+
+
+def entered(subject: Subject, cases: int = CASES, seed: int = 0) -> Entry | str:
+    """The entry of a scenario's set, or why there is none.
+
+    - `subject`: the law on its task.
+    - `cases`: how many are run.
+    - `seed`: of all but the first.
+    """
+    scenario = subject.scenario
+    family = Family.of(scenario.description)
+    width = family.space.dimensions
+    cube = np.random.default_rng(seed).uniform(0.0, 1.0, (cases if width else 1, width))
+    # Half of them at corners, which differ most.
+    cube[1::2] = np.where(cube[1::2] < 0.5, 0.0, np.nextafter(1.0, 0.0))
+    cube[0] = 0.5
+    runs = Cases(family, around=Watching).logged(family.space.values(cube))
+    seen = [_Seen.of(subject, run) for run in runs]
+    lost = [one for one in seen if one is None]
+    if lost:
+        return f"{len(lost)} of {len(seen)} cases of the set leave their envelope"
+    good = [one for one in seen if one is not None]
+    queue = max(1, int(np.ceil(subject.law.delay)))
+    late = max(one.late for one in good) + int(np.ceil(subject.law.delay)) + 3
+    first = max(late, subject.quiet + queue + 3)
+    if first > 0.75 * good[0].e.shape[0]:
+        return f"s is reached, or a limit of the drives, as late as t = {first * scenario.period:.3g} s in cases of the set"
+    states = np.array([one.state(first, good[0]) for one in good])
+    middle, m = good[0], first - subject.quiet
+    ends = slice(m, first + int(np.ceil(subject.dead_time)) + 2)
+    kept = np.array([one.s[first] for one in good])
+    return Entry(
+        sample=first,
+        cases=len(good),
+        margin=min(one.margin(first) for one in good),
+        q=middle.q[ends],
+        dq=middle.dq[ends],
+        s=kept[0],
+        slid=np.max(np.abs(kept - kept[0]), axis=0),
+        box=np.max(np.abs(states), axis=0),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Seen:
+    """A run, relative to its reference and in units of periods."""
+
+    subject: Subject
+    late: int
+    q: Floats
+    dq: Floats
+    e: Floats
+    v: Floats
+    wanted: Floats
+    command: Floats
+    prior: tuple[Floats, Floats]
+    last: tuple[Floats, Floats]
+    push: Floats
+    rate: Floats
+    s: Floats
+    room: Floats
+
+    @classmethod
+    def of(cls, subject: Subject, run: Run) -> _Seen | None:
+        """None if it left its envelope."""
+        log, h = run.log, subject.scenario.period
+        assert log is not None
+        assert log.envelope is not None
+        valid = np.asarray(log.valid)
+        e, v = np.asarray(log.e), np.asarray(log.de) * h
+        lower, upper = np.asarray(log.envelope.lower), np.asarray(log.envelope.upper)
+        room = np.min(np.minimum(e - lower, upper - e) / (upper - lower), axis=1)
+        if not valid.all() or room.min() <= 0.0:
+            return None
+        said = {name: np.asarray(one) for name, one in log.signals.items()}
+        q, dq = np.asarray(log.state.q), np.asarray(log.state.dq)
+        want_q, want_v = q - e, dq - v / h
+        layer = subject.cover()[1]
+        bad = (said["free"] < 0.5) | np.any(np.abs(said["s_next"]) > max(layer, 1e-12), axis=1)
+        bad[-1] = False
+        n = len(e)
+        dead = int(subject.dead_time)
+        at = np.minimum(np.arange(n) + dead, n - 1)
+        mean = np.diff(want_v, axis=0, append=want_v[-1:]) * h
+        command = _accelerations(subject, said, np.asarray(log.tau), q[at], dq[at], want_v[at], np.asarray(log.t)) * h * h
+        # What is predicted at a sample is of the one `quiet` before the next.
+        then = np.clip(np.arange(n) + 1 - subject.quiet, 0, n - 1)
+        measured = np.clip(np.arange(n) - subject.quiet, 0, n - 1)
+        return cls(
+            subject=subject,
+            late=int(np.flatnonzero(bad)[-1]) if bad.any() else 0,
+            q=q,
+            dq=dq,
+            e=e,
+            v=v,
+            wanted=mean,
+            command=command - mean[at],
+            prior=(said["prior_q"] - want_q[then], said["prior_dq"] * h - want_v[then] * h),
+            last=(said["measured_q"] - want_q[measured], (said["measured_dq"] - want_v[measured]) * h),
+            push=said["prior_push"] * h * h,
+            rate=said["push_rate"] * h**3,
+            s=said["kept_s"],
+            room=room,
+        )
+
+    def margin(self, until: int) -> float:
+        """The least room up to a sample."""
+        return float(self.room[: until + 1].min())
+
+    def state(self, first: int, middle: _Seen) -> Floats:
+        """What is known of it at a decision beside the middle one [7 + Q, n]; the middle one does what it did."""
+        subject = self.subject
+        m, queue = first - subject.quiet, max(1, int(np.ceil(subject.law.delay)))
+        dead, before = int(subject.dead_time), first - 1
+        rows = [self.e[m] - middle.e[m], self.v[m] - middle.v[m]]
+        for i in range(queue):
+            sets_in = before - i + dead
+            moved = middle.v[sets_in + 1] - middle.v[sets_in]
+            rows.append(self.command[before - i] + self.push[before] - moved)
+        rows += [self.prior[0][before] - self.e[m], self.prior[1][before] - self.v[m]]
+        # In the last whole period: what the arm did beyond the command that acted.
+        acted = m - 1 - dead
+        unexplained = (self.v[m] - self.v[m - 1]) - self.command[acted]
+        rows += [self.push[before] - unexplained, self.rate[before]]
+        loop = subject.loops[0]
+        if loop.measures_velocity and loop.follows is not None:
+            rows += [self.last[0][before] - self.e[m - 1], self.last[1][before] - self.v[m - 1]]
+        else:
+            rows += [np.zeros_like(rows[0]), np.zeros_like(rows[0])]
+        return np.array(rows)
+
+
+def _accelerations(
+    subject: Subject, said: dict[str, Floats], tau: Floats, q: Floats, dq: Floats, wanted: Floats, t: Floats
+) -> Floats:
+    """Of the believed arm under the torques that were set, at the states in which they set in [N n]."""
+    scenario = subject.scenario
+    plant = scenario.plant if not hasattr(scenario.plant, "own") else scenario.plant.own
+    belief = Belief.of(scenario, plant)
+    mass, bias = belief.mass_and_bias(t, q, dq)
+    if belief.rotor is not None:
+        mass = mass + (said["rotor"] - belief.rotor)[:, :, None] * np.eye(q.shape[1])
+        bias = bias + said["coulomb"] * np.tanh(wanted / belief.smoothing)
+    found: Floats = np.linalg.solve(mass, (tau - bias)[..., None])[..., 0]
+    return found

@@ -1,0 +1,141 @@
+"""The run that a law plans: of an arm that does just what the law believes, from where it keeps its plans."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from numpy.typing import NDArray
+
+from slidax._types import Reference, State
+from slidax.controllers import SampledData
+from slidax.controllers.steps.step import Moment
+from slidax.scenarios import Scenario
+
+from ..arm.motion import Motion
+from .entered import Entry
+from .subject import Subject
+
+Floats = NDArray[np.floating[Any]]
+
+
+@dataclass(frozen=True, eq=False)
+class Ideal:
+    """The law's own step, iterated on `q̈ = q̈_wanted`: no model error, no push, no noise, no limits; times set in.
+
+    Everything else is what an arm of the set does beside it.
+
+    - `motion`: of this arm from the sample that the first decision is made from [N n], with the reference's velocities.
+    - `error`: e when each torque sets in [K n], rad or m.
+    - `target`: `x = y + H s⁺`, which the plan's equation is solved for [K n], rad or m.
+    - `eps`: its ε [K n].
+    - `sliding`: s, which the law remembers [K n], rad/s or m/s; `s_next`: s⁺ [K n].
+    - `cover`: u [K], N m; inf for a law that has none.
+    """
+
+    motion: Motion
+    error: Floats
+    target: Floats
+    eps: Floats
+    sliding: Floats
+    s_next: Floats
+    cover: Floats
+
+
+def ideal_of(subject: Subject, entry: Entry) -> Ideal:
+    """The run that a scenario's law plans, from an entry to its end.
+
+    - `subject`: the law on its task.
+    - `entry`: where it begins.
+    """
+    scenario, law = subject.scenario, subject.law
+    h, dead, quiet = scenario.period, subject.dead_time, subject.quiet
+    total = max(round(scenario.t1 / h), entry.sample + 4)
+    set_in = (np.arange(entry.sample, total) + dead) * h
+    begun = quiet + int(dead)
+    part = (dead % 1.0) * h
+    dq = entry.dq[begun]
+    a = (entry.dq[begun + 1] - dq) / h
+    first = State(jnp.asarray(entry.q[begun] + part * (dq + 0.5 * part * a)), jnp.asarray(dq + part * a))
+    start = scenario.state0
+    after, ddq, found = _followed(law, scenario.trajectory, start, first, jnp.asarray(entry.s), jnp.asarray(set_in))
+    states = [
+        np.concatenate([np.asarray(one)[None], np.asarray(many)])
+        for one, many in zip((first.q, first.dq), after, strict=True)
+    ]
+    wanted = _references(scenario.trajectory, jnp.asarray(np.append(set_in, set_in[-1] + h)))
+    e = states[0] - np.asarray(wanted.q)
+    y = e + (float(law.horizon or h) - 0.5 * h) * (states[1] - np.asarray(wanted.dq))
+    s_next = np.asarray(found["s_next"])
+    return Ideal(
+        motion=_at_samples(scenario, entry, states, np.asarray(ddq), set_in, quiet),
+        error=e[:-1],
+        target=y[:-1] + float(law.horizon or h) * s_next,
+        eps=np.asarray(found["eps1"]),
+        sliding=np.asarray(found["s"]),
+        s_next=s_next,
+        cover=np.asarray(found["cover"])[:, 0],
+    )
+
+
+def _at_samples(
+    scenario: Scenario, entry: Entry, states: list[Floats], ddq: Floats, set_in: Floats, quiet: int
+) -> Motion:
+    """The motion at the arm's samples: what was seen until the first torque sets in, then as planned."""
+    h = scenario.period
+    t = h * np.arange(entry.sample - quiet, round(set_in[-1] / h - 1e-9) + 1)
+    k = np.searchsorted(set_in, t + 1e-9) - 1
+    at = np.maximum(k, 0)
+    since = (t - set_in[at])[:, None]
+    q, dq = states[0][at] + since * (states[1][at] + 0.5 * since * ddq[at]), states[1][at] + since * ddq[at]
+    seen = int(np.sum(k < 0))
+    q[:seen], dq[:seen] = entry.q[:seen], entry.dq[:seen]
+    wanted = np.asarray(_references(scenario.trajectory, jnp.asarray(t)).dq)
+    return Motion(t[:-1], q[:-1], dq[:-1], np.diff(dq, axis=0) / h, wanted[:-1])
+
+
+@eqx.filter_jit
+def _references(trajectory: Any, t: Any) -> Reference:
+    found: Reference = jax.vmap(trajectory.reference)(t)
+    return found
+
+
+@eqx.filter_jit
+def _followed(law: SampledData, trajectory: Any, start: State, first: State, s: Any, set_in: Any) -> Any:
+    """Positions and velocities after each period, its acceleration, and the step's signals."""
+    h, n = law.period, law.joints
+    zero = jnp.zeros(())
+    memory = law.step.init(zero, start, trajectory.reference(zero), h, law.horizon)
+    memory = eqx.tree_at(lambda kept: kept.s, memory, s)
+
+    def step(carry: Any, t: Any) -> Any:
+        state, memory = carry
+        here, there = trajectory.reference(t), trajectory.reference(t + h)
+        mass = law.nominal.mass(state.q)
+        if law.adaptation is not None:
+            mass = law.adaptation.mass_at_start(mass)
+        moment = Moment(
+            t=t,
+            state=state,
+            reference=Reference(q=here.q, dq=here.dq, ddq=(there.dq - here.dq) / h),
+            mass=mass,
+            bias=law.nominal.bias(state.q, state.dq),
+            robot=law.nominal,
+            limits=law.limits,
+            period=h,
+            horizon=law.horizon,
+            planned=jnp.ones((), bool),
+            expected=state.dq,
+        )
+        decision = law.step(moment, memory)
+        a = decision.acceleration
+        after = State(q=state.q + h * (state.dq + 0.5 * h * a), dq=state.dq + h * a)
+        signals = {name: decision.signals[name] for name in ("s", "s_next", "eps1")}
+        signals["cover"] = jnp.full(n, jnp.inf) if decision.cover is None else jnp.broadcast_to(decision.cover, (n,))
+        return (after, decision.memory), ((after.q, after.dq), a, signals)
+
+    return jax.lax.scan(step, (first, memory), set_in)[1]

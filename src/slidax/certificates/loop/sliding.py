@@ -1,0 +1,66 @@
+"""What the reaching of s needs to be bounded: the believed inertia as a norm, u, and s of the ideal arm."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from numpy.typing import NDArray
+
+from slidax.diagnosis.along import along
+
+from .ideal import Ideal
+from .subject import Subject
+
+Floats = NDArray[np.floating[Any]]
+
+
+@dataclass(frozen=True)
+class Sliding:
+    """At each time at which a torque sets in.
+
+    - `root`: of the largest eigenvalue of M0 [N].
+    - `grown`: by which factor the norm of M0 grows to the next sample [N].
+    - `size`: `‖s‖` of the ideal arm in the norm of M0 [N]; `s_next`: its |s⁺| [N n]; `cover`: u [N], N m.
+    """
+
+    root: Floats
+    grown: Floats
+    size: Floats
+    s_next: Floats
+    cover: Floats
+
+    @classmethod
+    def of(cls, subject: Subject, ideal: Ideal | None, times: Floats) -> Sliding:
+        """Those of a law.
+
+        - `subject`: whose.
+        - `ideal`: the run that it plans; None where s is taken as reached from the start.
+        - `times`: at which torques set in [N], s.
+        """
+        law, n = subject.law, times.size
+        if ideal is None:
+            root = np.sqrt(subject.heavy(times))
+            none = np.zeros((n, law.joints))
+            return cls(root, np.ones(n), np.zeros(n), none, np.full(n, subject.cover()[0]))
+        motion = ideal.motion
+        mass = along(law.nominal, motion.q, motion.dq)[0]
+        if law.adaptation is not None:
+            mass = np.asarray(jax.jit(jax.vmap(law.adaptation.mass_at_start))(jnp.asarray(mass)))
+        mass = np.concatenate([mass, mass[-1:]])
+        factor = np.linalg.cholesky(mass)
+        inner = np.linalg.solve(factor[:-1], np.swapaxes(np.linalg.solve(factor[:-1], mass[1:]), 1, 2))
+        grown = np.sqrt(np.maximum(np.linalg.eigvalsh(inner)[:, -1], 1.0))
+        at = np.minimum(np.searchsorted(motion.t, times + 1e-9) - 1, len(motion.t) - 1)
+        s = ideal.sliding[:n]
+        size = np.sqrt(np.maximum(np.einsum("ki,kij,kj->k", s, mass[at], s), 0.0))
+        return cls(
+            root=np.sqrt(np.linalg.eigvalsh(mass[at])[:, -1]),
+            grown=grown[at],
+            size=size,
+            s_next=np.abs(ideal.s_next[:n]),
+            cover=ideal.cover[:n],
+        )
