@@ -45,6 +45,7 @@ class Demand:
     assumptions: Sequence[Assumption]
     effects: Floats | None = None
     beside: Callable[[Floats, Floats], Floats] | None = field(default=None, repr=False)
+    misread: Callable[[Floats, Floats], Floats] | None = field(default=None, repr=False)
 
     def boxed(self) -> Demand:
         """The same with all effects in `stray`, for what takes each push alone: `|Σ x_k effects_k| <= Σ |effects_k|`.

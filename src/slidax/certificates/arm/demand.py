@@ -15,6 +15,7 @@ from .evaluated import Floats
 from .hull import Hull, hull_of
 from .learnt import Asked, after_learning, held, learns
 from .members import Members
+from .misread import Misread
 from .motion import Belief, Motion, kinds_of, needed, outer
 from .ratios import INSTANTS, ratios
 from .width import speed_within, width_along
@@ -61,6 +62,7 @@ def demand(
         assumptions=[*_assumptions(members, hull, found.arms), *found.assumptions],
         effects=found.effects,
         beside=found.beside,
+        misread=Misread.of(found.beliefs, motion, found.largest) if along is not None else None,
     )
 
 
@@ -83,7 +85,8 @@ def _before(members: Members, belief: Belief, hull: Hull, plants: list[Plant], m
         beside=beside_of(belief, motion, plants, hull, push),
         arms=len(arms),
         lacking=hull.merged(which).largest(np.eye(motion.joints) - np.linalg.solve(mass[None], masses)),
-        held=held(belief, motion),
+        held=held(belief, motion, hull.largest(push)),
+        beliefs=[belief],
         assumptions=[],
     )
 

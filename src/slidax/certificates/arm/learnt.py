@@ -32,6 +32,7 @@ class Asked:
     - `arms`: at how many members κ was looked at.
     - `lacking`: bounds of `|1 - M̂⁻¹M|` along the motion [N n n].
     - `held`: what the believed arm changes in a period in which the torque is held [N n], rad/s² or m/s².
+    - `beliefs`: what the law may believe.
     """
 
     push: Floats
@@ -42,7 +43,14 @@ class Asked:
     arms: int
     lacking: Floats
     held: Floats
+    beliefs: Sequence[Belief]
     assumptions: Sequence[Assumption]
+
+    @property
+    def largest(self) -> Floats:
+        """|w*| at most [N n], rad/s² or m/s²."""
+        found: Floats = (np.abs(self.push) + np.abs(self.effects).sum(axis=1)).max(axis=0)
+        return found
 
 
 def learns(scenario: Scenario) -> bool:
@@ -111,22 +119,26 @@ def after_learning(members: Members, belief: Belief, hull: Hull, plants: list[Pl
         beside=beside_of(belief, motion, plants, hull, largest[None], beliefs),
         arms=len(arms),
         lacking=lacking,
-        held=np.max([held(one, motion) for one in beliefs], axis=0),
+        held=np.max([held(one, motion, largest) for one in beliefs], axis=0),
+        beliefs=beliefs,
         assumptions=[Assumption(text, status) for text, status in texts],  # type: ignore[arg-type]
     )
 
 
-def held(belief: Belief, motion: Motion) -> Floats:
-    """`|M̂⁻¹ Δ(M̂ q̈ + C0 q̇ + G0 + F̂)|` from each sample to the next [N n]: the torque is that of the first.
+def held(belief: Belief, motion: Motion, push: Floats) -> Floats:
+    """`|M̂⁻¹ Δ(M̂ (q̈ - w*) + C0 q̇ + G0 + F̂)|` from each sample to the next [N n]: the torque is that of the first.
 
     - `belief`: the arm as the law believes it to be.
     - `motion`: along which.
+    - `push`: bounds of |w*| [N n], which the torque makes up for.
     """
     mass, bias = belief.mass_and_bias(motion.t, motion.q, motion.dq)
     bias = bias + belief.friction(motion.wanted_dq)
     change = np.einsum("kij,kj->ki", np.diff(mass, axis=0), motion.ddq[:-1]) + np.diff(bias, axis=0)
     found = np.zeros_like(bias)
     found[:-1] = np.abs(np.linalg.solve(mass[:-1], change[..., None])[..., 0])
+    moved = np.abs(np.linalg.solve(mass[:-1], np.diff(mass, axis=0)))
+    found[:-1] += np.einsum("kij,kj->ki", moved, push[:-1])
     found[-1] = found[-2]
     return found
 

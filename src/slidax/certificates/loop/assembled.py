@@ -54,7 +54,7 @@ class Certified:
 
 
 Known: TypeAlias = tuple[Floats, Floats, Floats]
-"""Responses without p and with some p held [N 2 8 n j] each, and how e bends [N n j]."""
+"""Responses without p and with some p held [N 2 9 n j] each, and how e bends [N n j]."""
 
 Since: TypeAlias = tuple[Ideal, tuple[Floats, Floats]]
 """The ideal arm, and by how much others may differ from it when it begins: `Entry.box` and `Entry.slid`."""
@@ -123,12 +123,13 @@ class Assembly:
             found.append(errors)
         return np.array(found)
 
-    def certified(self, more: Floats | None = None) -> Certified:
+    def certified(self, more: Floats | None = None, misread: Floats | None = None) -> Certified:
         """The bounds.
 
         - `more`: what w* may be otherwise at each sample of the arm, beyond `demand.stray` [N n], rad/s² or m/s².
+        - `misread`: by how much a command may be another where it is predicted [N n], likewise.
         """
-        bounds = propagated(self.course, self._passing(more), self.first)
+        bounds = propagated(self.course, self._passing(more, misread), self.first)
         error = bounds.error
         if self.ideal is not None:
             middle = self.ideal.error[: self.samples]
@@ -137,8 +138,10 @@ class Assembly:
         share = self._share(error, bounds)
         return Certified(self.subject, self.narrowing, bounds, error, share, self.kappa, self.spread, noise)
 
-    def reach(self, found: Certified) -> tuple[Floats, Floats]:
-        """How far the arm may be beside the ideal one around each of its samples: position and velocity [K n].
+    def reach(self, found: Certified) -> tuple[Floats, Floats, Floats, Floats]:
+        """How far the arm may be beside the ideal one around each of its samples, and beside what is predicted.
+
+        Position and velocity, and what the prediction misses of both, [K n] each; rad or m, and rad/s or m/s.
 
         - `found`: bounds.
         """
@@ -146,16 +149,17 @@ class Assembly:
         within = bounds.acceleration
         radius = np.max(bounds.error, axis=1) + within / 8.0
         speed = (bounds.speed + within) / h
+        missed = bounds.shift + (self.horizon / h - 0.5) * bounds.lapse
         # Before a torque sets in nothing is beside; a period begins and ends at one, and samples lie between these.
         late = self.late + int(self.subject.dead_time % 1.0 > 0)
         spans = []
-        for one in (radius, speed):
+        for one in (radius, speed, missed, bounds.lapse / h):
             grown = np.maximum(one, np.concatenate([one[1:], one[-1:]]))
             whole = np.concatenate([np.repeat(grown[:1], late, axis=0), grown])
             count = self.demand.times.size
             whole = np.concatenate([whole, np.repeat(whole[-1:], max(count - len(whole), 0), axis=0)])[:count]
             spans.append(np.maximum(whole, np.concatenate([whole[1:], whole[-1:]])))
-        return spans[0], spans[1]
+        return spans[0], spans[1], spans[2], spans[3]
 
     def _started(self) -> tuple[Known, First]:
         """What is known of the loops, and bounds at the first sample, from the scenario's start."""
@@ -192,13 +196,13 @@ class Assembly:
         return (free, held, bend), First.of(error, known, np.full_like(known, np.inf), slid)
 
     def _from(self, loop: LinearLoop, kappa: float, state: Floats) -> tuple[Floats, Floats]:
-        """What a loop does from a state without p, and with p held where its ŷ begins [8 N] each."""
+        """What a loop does from a state without p, and with p held where its ŷ begins [9 N] each."""
         nothing = np.zeros((1, 2))
         alone = followed(loop, kappa, nothing, 0.0, state, self.samples).outputs[:, 0]
         return alone, followed(loop, kappa, nothing, float(alone[LED, 0]), state, self.samples).outputs[:, 0]
 
     def _known_of(self, aims: Floats) -> Known:
-        """What the loops do with what is known, without p and with the first held [N 2 8 n j], and how e bends [N n j].
+        """What the loops do with what is known, without p and with the first held [N 2 9 n j], and how e bends [N n j].
 
         Below and above zero, in size.
         """
@@ -233,7 +237,7 @@ class Assembly:
         return known, bend
 
     def _first_noise(self, joint: int, kappa: float) -> Floats:
-        """What the noise of the first measurement does, since it is the first prediction as well [8 N]."""
+        """What the noise of the first measurement does, since it is the first prediction as well [9 N]."""
         loop, queue, found = self.subject.loops[joint], self._queue(joint), np.zeros((OUTPUTS, self.samples))
         if self.box is not None:
             # It is among what was seen.
@@ -288,9 +292,12 @@ class Assembly:
             layer=jnp.asarray(self.subject.cover()[1], float),
         )
 
-    def _passing(self, more: Floats | None) -> Passing:
+    def _passing(self, more: Floats | None, misread: Floats | None) -> Passing:
         narrowing, sliding, n = self.narrowing, self.sliding, self.samples
         free, held, bend = self.known
+        if misread is not None:
+            extra = self._misled(misread)
+            free, held = free + extra, held + extra
         push, first = self.demand.push, self.late
         stray = np.broadcast_to(self.demand.stray, push.shape[1:]) + (0.0 if more is None else more)
         if self.ideal is None:
@@ -306,6 +313,18 @@ class Assembly:
         given = (narrowing.now, narrowing.ahead, free, held, stray, bend, target, eps, turn)
         reached = (sliding.size, sliding.s_next, sliding.root, sliding.grown)
         return Passing(*(jnp.asarray(one) for one in (*given, *reached)))
+
+    def _misled(self, misread: Floats) -> Floats:
+        """What commands that are predicted as others do at most, by the largest of those that are not forgotten."""
+        assert self.kernels is not None
+        length = self.kernels.of_push.shape[-1]
+        size = np.concatenate([misread[self.late :], np.repeat(misread[-1:], self.late, axis=0)])[: self.samples]
+        window = np.maximum.accumulate(size, axis=0)
+        if len(size) > length:
+            padded = np.concatenate([np.repeat(size[:1], length - 1, axis=0), size])
+            window = np.lib.stride_tricks.sliding_window_view(padded, length, axis=0).max(axis=-1)
+        found: Floats = self.period**2 * window[:, None, None, :, None] * self.kernels.of_command[None, None]
+        return found
 
     def _planned(self) -> tuple[Floats, Floats, Floats]:
         """x and ε of the ideal arm's plan, and `|Δx - ΔN ψ|` from the sample before [N n]."""

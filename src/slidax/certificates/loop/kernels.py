@@ -14,11 +14,12 @@ from slidax.diagnosis.linear_loop import LinearLoop, LoopMaps
 
 Floats = NDArray[np.floating[Any]]
 
-LED, ERROR, MISSED, SHIFT, SLIP, ACCELERATION, ESTIMATE, SPEED = range(8)
+LED, ERROR, MISSED, SHIFT, SLIP, ACCELERATION, ESTIMATE, SPEED, LAPSE = range(9)
 """The outputs: ŷ; e where the torque sets in; ω of `ŷ⁺ = (1 - r) ŷ + r (p + ω)`; y - ŷ; by what the velocity misses its
-plan; the joint's acceleration `κ (a + w*)`; the estimate ŵ; ė where the torque sets in."""
+plan; the joint's acceleration `κ (a + w*)`; the estimate ŵ; ė where the torque sets in; by
+how much that is predicted wrongly."""
 
-OUTPUTS = 8
+OUTPUTS = 9
 
 LENGTHS = (256, 512, 1024, 2048, 4096)
 """Of impulse responses [periods]: the first after which little is left."""
@@ -32,13 +33,14 @@ class Kernels:
     """Of the joints' loops, each for some κ; in units of periods. The last axis is the lag, in periods.
 
     - `of_push`: the largest that an acceleration within [-1, 1] of one period does to each output, by the lag from
-      when that period's torque was decided [8 n j L].
+      when that period's torque was decided [9 n j L].
     - `of_place`: what p does to each output, in size, by the lag from its decision; `of_change`: what a change of p
-      that lasts does [8 n j L].
+      that lasts does [9 n j L].
     - `push_tail`, `place_tail`, `change_tail`: bounds of what is beyond L, times the largest that came in, each faded
       by `fading` a period.
     - `fading`: of what came in long ago [n j].
-    - `noise`: sums of the sizes of what a measurement's noise does [2 8 n j], position and velocity; `noise_square`:
+    - `of_command`: sums of the sizes of what an error of a command does, which the prediction shares [9 n j].
+    - `noise`: sums of the sizes of what a measurement's noise does [2 9 n j], position and velocity; `noise_square`:
       of their squares.
     """
 
@@ -49,6 +51,7 @@ class Kernels:
     place_tail: Floats
     change_tail: Floats
     fading: Floats
+    of_command: Floats
     noise: Floats
     noise_square: Floats
 
@@ -120,13 +123,22 @@ def _of_one(loop: LinearLoop, kappa: float, length: int) -> dict[str, Floats]:
         "place_tail": beyond(place, length),
         "change_tail": beyond(held, length),
         "fading": np.asarray(max(beyond.left, 1e-300) ** (0.5 / length)),
+        "of_command": loop.horizon**2 * _summed(placed, beyond(place, length)),
         "noise": size_of_noise + noise_tail,
         "noise_square": np.sum(by_noise**2, axis=2) + noise_tail**2,
     }
 
 
+def _summed(placed: Floats, tail: Floats) -> Floats:
+    """Of a command that is wrong by 1, which is a p that is wrong by H² and no part of p [9]."""
+    whole = placed.copy()
+    whole[MISSED, 0] += 1.0
+    found: Floats = np.sum(np.abs(whole), axis=1) + tail
+    return found
+
+
 def outputs_of(raw: Floats, at: NDArray[np.integer[Any]], whole: int, loop: LinearLoop, kappa: float) -> Floats:
-    """The outputs [8 L] from the rows that a loop is asked for [7 K], from its sample 0 on; before it all is zero.
+    """The outputs [9 L] from the rows that a loop is asked for [7 K], from its sample 0 on; before it all is zero.
 
     - `raw`: the rows.
     - `at`: numbers of the decisions [L]; the torque of one sets in `whole` samples later.
@@ -148,6 +160,7 @@ def outputs_of(raw: Floats, at: NDArray[np.integer[Any]], whole: int, loop: Line
     found[ACCELERATION] = kappa * row(4, at)
     found[ESTIMATE] = row(6, at)
     found[SPEED] = row(1, at + whole)
+    found[LAPSE] = found[SPEED] - row(3, at)
     return found
 
 
@@ -179,12 +192,13 @@ class _Beyond:
         rows[ACCELERATION] = kappa * asked[4]
         rows[ESTIMATE] = asked[6]
         rows[SPEED] = asked[1] @ later
+        rows[LAPSE] = rows[SPEED] - asked[3]
         self.step, self.length = step, length
         self.weight = np.sum(np.abs(rows), axis=1)
         self.left = float(np.max(np.sum(np.abs(np.linalg.matrix_power(step, length)), axis=1)))
 
     def __call__(self, x: Floats, after: int) -> Floats:
-        """The bound for each output [8].
+        """The bound for each output [9].
 
         - `x`: the state.
         - `after`: K, periods from when the state is x; an early output counts from one less.

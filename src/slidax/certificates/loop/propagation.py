@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .aims import aimed_beside
-from .kernels import ACCELERATION, ERROR, ESTIMATE, LED, MISSED, SHIFT, SLIP, SPEED
+from .kernels import ACCELERATION, ERROR, ESTIMATE, LAPSE, LED, MISSED, SHIFT, SLIP, SPEED
 
 Floats = NDArray[np.floating[Any]]
 
@@ -26,7 +26,7 @@ class Course:
 
     - `surface`, `sides`: of the plan's equation; `slopes`: of its pull.
     - `period`: h [s]; `horizon`: H [periods]; `part`: of the delay that is not whole [periods].
-    - `of_push`, `of_place`, `of_change`: sizes of responses, the newest last [8 n j L] each.
+    - `of_push`, `of_place`, `of_change`: sizes of responses, the newest last [9 n j L] each.
     - `tails`: what is older does at most, of pushes, places and changes, times the largest of it, faded.
     - `fading`: a period's share of that [n j].
     - `spread`: `|κ(t)/κ - 1|` at most, for each κ [n j]; `kappa`: these κ [n j].
@@ -59,7 +59,7 @@ class Passing:
     """What comes at each sample, first axis.
 
     - `now`, `ahead`: N and A [N n].
-    - `free`, `held`: responses to what is known, with noise, below and above zero in size [N 2 8 n j]: without p, and
+    - `free`, `held`: responses to what is known, with noise, below and above zero in size [N 2 9 n j]: without p, and
       with the first p held. Of the acceleration both are the size.
     - `stray`: w* that is not known [N n], `bend`: by what the known one bends e off its mean [N n j], rad or m.
     - `target`, `eps`: x and ε of the ideal arm's plan [N n]; `turn`: `|Δx - ΔN ψ|` of it since the last sample [N n].
@@ -115,7 +115,8 @@ class Bounds:
 
     - `error`: of e where torques set in, below and above zero, in size [N 2 n].
     - `missed`: of ω [N n], `acceleration`: of ë [N n], in rad/period² or m/period²; `led`: of ŷ [N n].
-    - `estimate`: of ŵ [N n], in the same unit as ω; `speed`: of ė there [N n], rad or m per period.
+    - `estimate`: of ŵ [N n], in the same unit as ω; `speed`: of ė there [N n], rad or m per period; `lapse` and `shift`:
+      of what the prediction misses of ė and of y [N n].
     - `needed`: what u must cover, ‖M0 s/H‖ [N], N m.
     """
 
@@ -125,6 +126,8 @@ class Bounds:
     led: Floats
     estimate: Floats
     speed: Floats
+    lapse: Floats
+    shift: Floats
     needed: Floats
 
 
@@ -246,6 +249,8 @@ def _scanned(course: Course, passing: Passing, first: First) -> Any:
             jnp.max(led, axis=(0, 2)),
             jnp.max(estimate, axis=1),
             jnp.max(speed, axis=(0, 2)),
+            jnp.max(either(LAPSE) + course.part * coupled_last, axis=(0, 2)),
+            jnp.max(shift, axis=1),
             needed,
         )
         return carry, found
