@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from slidax.scenarios import Scenario
@@ -13,7 +15,7 @@ from ..verdict import Assumption
 from .beside import beside_of
 from .evaluated import Floats
 from .hull import Hull, hull_of
-from .learnt import Asked, after_learning, held, learns
+from .learnt import Asked, after_learning, as_seen, held, learns
 from .members import Members
 from .misread import Misread
 from .motion import Belief, Motion, kinds_of, needed, outer
@@ -25,7 +27,12 @@ PROBES = 48
 
 
 def demand(
-    scenario: Scenario, family: Family | None = None, *, learnt: bool = False, along: Motion | None = None
+    scenario: Scenario,
+    family: Family | None = None,
+    *,
+    learnt: bool = False,
+    along: Motion | None = None,
+    seen: Sequence[tuple[Plant, Belief]] = (),
 ) -> Demand:
     """What the estimators of the joints must follow along the scenario's motion, and how wrong M0 may be, in its set.
 
@@ -36,6 +43,7 @@ def demand(
       member. Else it believes what it starts with.
     - `along`: another motion than the reference, at the scenario's samples, of an arm whose acceleration is constant
       over each period. `stray` is then what w* does between the samples, of a law whose torque is held.
+    - `seen`: for a law that learns, arms of the set with what it came to believe of each.
 
     Raises DefinitionError for a law without a model, or a set that is invalid.
     """
@@ -44,7 +52,9 @@ def demand(
     hull = hull_of(lambda points: _probed(members, points, scenario), len(members.axes))
     plants = members.plants(hull.points)
     motion = Motion.of(scenario) if along is None else along
-    if learnt and learns(scenario):
+    if seen:
+        found = as_seen(seen, belief, hull, plants, motion)
+    elif learnt and learns(scenario):
         found = after_learning(members, belief, hull, plants, motion)
     else:
         found = _before(members, belief, hull, plants, motion)
@@ -69,7 +79,7 @@ def demand(
 def _before(members: Members, belief: Belief, hull: Hull, plants: list[Plant], motion: Motion) -> Asked:
     """What is asked for with what the law believes at first."""
     mass, bias = belief.mass_and_bias(motion.t, motion.q, motion.dq)
-    believed = np.einsum("kij,kj->ki", mass, motion.ddq) + bias + belief.friction(motion.wanted_dq)
+    believed = np.einsum("kij,kj->ki", mass, motion.ddq) + bias + belief.friction(motion.t, motion.wanted_dq)
     kinds, which = kinds_of(plants)
     masses, torques = needed(kinds, motion)
     lacks = believed - torques[which] + outer(plants, motion)

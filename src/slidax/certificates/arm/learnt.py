@@ -79,7 +79,7 @@ def after_learning(members: Members, belief: Belief, hull: Hull, plants: list[Pl
 
     def rubbed(given: list[Plant]) -> Floats:
         learned = [learnt_of(members.scenario, belief, one, motion) for one in given]
-        compensated = np.array([one.friction(motion.wanted_dq) for one in learned])
+        compensated = np.array([one.friction(motion.t, motion.wanted_dq) for one in learned])
         found: Floats = outer(given, motion) + compensated
         return found
 
@@ -133,7 +133,7 @@ def held(belief: Belief, motion: Motion, push: Floats) -> Floats:
     - `push`: bounds of |w*| [N n], which the torque makes up for.
     """
     mass, bias = belief.mass_and_bias(motion.t, motion.q, motion.dq)
-    bias = bias + belief.friction(motion.wanted_dq)
+    bias = bias + belief.friction(motion.t, motion.wanted_dq)
     change = np.einsum("kij,kj->ki", np.diff(mass, axis=0), motion.ddq[:-1]) + np.diff(bias, axis=0)
     found = np.zeros_like(bias)
     found[:-1] = np.abs(np.linalg.solve(mass[:-1], change[..., None])[..., 0])
@@ -141,6 +141,43 @@ def held(belief: Belief, motion: Motion, push: Floats) -> Floats:
     found[:-1] += np.einsum("kij,kj->ki", moved, push[:-1])
     found[-1] = found[-2]
     return found
+
+
+def as_seen(
+    seen: Sequence[tuple[Plant, Belief]], belief: Belief, hull: Hull, plants: list[Plant], motion: Motion
+) -> Asked:
+    """What is asked for by arms of which it was seen what the law believes of them, at each time.
+
+    - `seen`: these arms, and the beliefs.
+    - `belief`: what the law believes at first.
+    - `hull`, `plants`: how the set enters, and the arms of its points: for what is beside the motion.
+    - `motion`: along which.
+    """
+    push, lacking = [], np.zeros((*motion.q.shape, motion.joints))
+    for arm, known in seen:
+        mass, bias = known.mass_and_bias(motion.t, motion.q, motion.dq)
+        masses, torques = needed([arm], motion)
+        believed = np.einsum("kij,kj->ki", mass, motion.ddq) + bias + known.friction(motion.t, motion.wanted_dq)
+        lacks = believed - torques[0] + outer([arm], motion)[0]
+        push.append(np.linalg.solve(mass, lacks[..., None])[..., 0])
+        lacking = np.maximum(lacking, np.abs(np.eye(motion.joints) - np.linalg.solve(mass, masses[0])))
+    arms, beliefs = [arm for arm, _ in seen], [known for _, known in seen]
+    kappa, coupling = ratios(arms, beliefs, motion)
+    pushes = np.array(push)
+    largest = np.abs(pushes).max(axis=0)
+    text = f"what the law learns of rotors and friction is as in {len(seen)} cases of the set, each at its time"
+    return Asked(
+        push=pushes,
+        effects=np.zeros((len(seen), 0, *motion.q.shape)),
+        kappa=kappa,
+        coupling=coupling,
+        beside=beside_of(belief, motion, plants, hull, largest[None], beliefs),
+        arms=len(arms),
+        lacking=lacking,
+        held=np.max([held(one, motion, largest) for one in beliefs], axis=0),
+        beliefs=beliefs,
+        assumptions=[Assumption(text, "checked", len(seen))],
+    )
 
 
 def learnt_of(scenario: Scenario, belief: Belief, plant: Plant, motion: Motion) -> Belief:

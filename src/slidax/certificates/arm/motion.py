@@ -27,9 +27,10 @@ class Belief:
     """The arm as a law believes it to be at first: `M̂ = S (M0 + diag(J - J0)) S` and `F̂ = f tanh(q̇_d/v_s)`.
 
     - `robot`: M0, C0 and G0.
-    - `rotor`, `counted`: J and J0 [n]; None for a law that learns nothing, where `M̂ = M0`.
-    - `coulomb`, `smoothing`: f and v_s [n].
+    - `rotor`, `counted`: J, and J0 [n]; None for a law that learns nothing, where `M̂ = M0`.
+    - `coulomb`, `smoothing`: f, and v_s [n].
     - `like`: an arm whose machine code may do for this one.
+    - `times`: since when each J and f, [K n], are believed [K], s; None where they are [n] and do not change.
     """
 
     robot: AbstractRobot
@@ -38,6 +39,7 @@ class Belief:
     coulomb: Floats
     smoothing: Floats
     like: Plant
+    times: Floats | None = None
 
     @classmethod
     def of(cls, scenario: Scenario, like: Plant) -> Belief:
@@ -63,12 +65,19 @@ class Belief:
         )
         return cls(robot, rotor, counted, coulomb, smoothing, like)
 
-    def friction(self, dq: Floats) -> Floats:
+    def friction(self, t: Floats, dq: Floats) -> Floats:
         """F̂ [N n], N m or N, at the reference's velocities.
 
-        - `dq`: these [N n].
+        - `t`: times [N], s.
+        - `dq`: these velocities [N n].
         """
-        return self.coulomb * np.tanh(dq / self.smoothing)
+        found: Floats = self._then(self.coulomb, t) * np.tanh(dq / self.smoothing)
+        return found
+
+    def _then(self, values: Floats, t: Floats) -> Floats:
+        if self.times is None:
+            return values
+        return values[np.clip(np.searchsorted(self.times, t + 1e-9) - 1, 0, len(self.times) - 1)]
 
     def mass_and_bias(self, t: Floats, q: Floats, dq: Floats) -> tuple[Floats, Floats]:
         """M̂ [N n n] and C0 q̇ + G0 [N n].
@@ -79,15 +88,16 @@ class Belief:
         mass, bias = mass_and_bias(self.robot, unloaded(self.robot, self.like), t, q, dq)
         if self.rotor is not None:
             assert self.counted is not None
-            if (self.rotor >= 0).all():
-                return mass + np.diag(self.rotor - self.counted), bias
-            mass = np.asarray(_with_rotors(mass, self.rotor, self.counted))
+            rotor = np.broadcast_to(self._then(self.rotor, t), q.shape)
+            if (rotor >= 0).all():
+                return mass + (rotor - self.counted)[:, :, None] * np.eye(q.shape[1]), bias
+            mass = np.asarray(_with_rotors(mass, rotor, self.counted))
         return mass, bias
 
 
 @jax.jit
 def _with_rotors(mass: Any, rotor: Any, counted: Any) -> Any:
-    return jax.vmap(with_rotors, in_axes=(0, None, None))(mass, rotor, counted)
+    return jax.vmap(with_rotors, in_axes=(0, 0, None))(mass, rotor, counted)
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
-import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
 from slidax._types import Command, Envelope, Memory, Reference, Scalar, State
 from slidax.controllers import AbstractController, SampledData
-from slidax.scenarios.family import Family
-from slidax.simulation import Run
+from slidax.simulation import Plant, Run
 from slidax.studies.cases import Cases
 
+from ..arm.learnt import learns
+from ..arm.members import Members
 from ..arm.motion import Belief
 from .subject import Subject
 
@@ -72,6 +72,7 @@ class Entry:
     - `q`, `dq`: of the middle one, from the sample that this decision is made from to when its torque sets in [m n].
     - `commands`: its relative accelerations in the periods whose torques are under way, the newest first [Q n].
     - `s`: what it remembers of s [n]; `slid`: by how much others differ from that [n], rad/s or m/s.
+    - `seen`: for a law that learns, the arms, each with what it came to believe of it.
     - `box`: by how much others differ in e, ė, what each command under way is planned to do, the prediction's error of e
       and ė, ŵ - w*, its rate, and the last measurement [7 + Q, n]; units of periods.
     """
@@ -84,6 +85,7 @@ class Entry:
     s: Floats
     slid: Floats
     box: Floats
+    seen: list[tuple[Plant, Belief]]
 
 
 def entered(subject: Subject, cases: int = CASES, seed: int = 0) -> Entry | str:
@@ -94,13 +96,12 @@ def entered(subject: Subject, cases: int = CASES, seed: int = 0) -> Entry | str:
     - `seed`: of all but the first.
     """
     scenario = subject.scenario
-    family = Family.of(scenario.description)
+    members = Members.of(scenario)
+    family = members.family
     width = family.space.dimensions
-    cube = np.random.default_rng(seed).uniform(0.0, 1.0, (cases if width else 1, width))
-    # Half of them at corners, which differ most.
-    cube[1::2] = np.where(cube[1::2] < 0.5, 0.0, np.nextafter(1.0, 0.0))
-    cube[0] = 0.5
-    runs = Cases(family, around=Watching).logged(family.space.values(cube))
+    shares = [_shares(seed + k, cases if width else 1, size) for k, size in enumerate((width, len(members.axes)))]
+    values = {**family.space.values(shares[0]), **members.values(shares[1])}
+    runs = Cases(family, around=Watching).logged(values)
     seen = [_Seen.of(subject, run) for run in runs]
     lost = [one for one in seen if one is None]
     if lost:
@@ -124,7 +125,19 @@ def entered(subject: Subject, cases: int = CASES, seed: int = 0) -> Entry | str:
         s=kept[0],
         slid=np.max(np.abs(kept - kept[0]), axis=0),
         box=np.max(np.abs(states), axis=0),
+        seen=[] if not learns(scenario) else [
+            (arm, one.belief) for arm, one in zip(members.plants(shares[1]), good, strict=True)
+        ],
     )
+
+
+def _shares(seed: int, rows: int, width: int) -> Floats:
+    """Points of a cube: its middle, and by turns a corner and any."""
+    found = np.random.default_rng(seed).uniform(0.0, 1.0, (rows, width))
+    # Corners differ most.
+    found[1::2] = np.where(found[1::2] < 0.5, 0.0, np.nextafter(1.0, 0.0))
+    found[0] = 0.5
+    return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,6 +158,7 @@ class _Seen:
     rate: Floats
     s: Floats
     room: Floats
+    belief: Belief
 
     @classmethod
     def of(cls, subject: Subject, run: Run) -> _Seen | None:
@@ -168,7 +182,11 @@ class _Seen:
         dead = int(subject.dead_time)
         at = np.minimum(np.arange(n) + dead, n - 1)
         mean = np.diff(want_v, axis=0, append=want_v[-1:]) * h
-        command = _accelerations(subject, said, np.asarray(log.tau), q[at], dq[at], want_v[at], np.asarray(log.t)) * h * h
+        t = np.asarray(log.t)
+        belief = _believed(subject, said, t + subject.dead_time * h)
+        mass, bias = belief.mass_and_bias(t[at], q[at], dq[at])
+        bias = bias + belief.friction(t[at], want_v[at])
+        command = np.linalg.solve(mass, (np.asarray(log.tau) - bias)[..., None])[..., 0] * h * h
         # What is predicted at a sample is of the one `quiet` before the next.
         then = np.clip(np.arange(n) + 1 - subject.quiet, 0, n - 1)
         measured = np.clip(np.arange(n) - subject.quiet, 0, n - 1)
@@ -187,6 +205,7 @@ class _Seen:
             rate=said["push_rate"] * h**3,
             s=said["kept_s"],
             room=room,
+            belief=belief,
         )
 
     def margin(self, until: int) -> float:
@@ -216,16 +235,10 @@ class _Seen:
         return np.array(rows)
 
 
-def _accelerations(
-    subject: Subject, said: dict[str, Floats], tau: Floats, q: Floats, dq: Floats, wanted: Floats, t: Floats
-) -> Floats:
-    """Of the believed arm under the torques that were set, at the states in which they set in [N n]."""
+def _believed(subject: Subject, said: dict[str, Floats], times: Floats) -> Belief:
+    """What the law believed of its arm at each time."""
     scenario = subject.scenario
-    plant = scenario.plant if not hasattr(scenario.plant, "own") else scenario.plant.own
-    belief = Belief.of(scenario, plant)
-    mass, bias = belief.mass_and_bias(t, q, dq)
-    if belief.rotor is not None:
-        mass = mass + (said["rotor"] - belief.rotor)[:, :, None] * np.eye(q.shape[1])
-        bias = bias + said["coulomb"] * np.tanh(wanted / belief.smoothing)
-    found: Floats = np.linalg.solve(mass, (tau - bias)[..., None])[..., 0]
-    return found
+    belief = Belief.of(scenario, Members.of(scenario).plant)
+    if belief.rotor is None:
+        return belief
+    return replace(belief, rotor=said["rotor"], coulomb=said["coulomb"], times=times)
