@@ -35,6 +35,8 @@ class Demand:
     - `effects`: what half the width of an uncertain number adds to each push [members numbers N n], rad/s² or m/s²;
       none if not given.
     - `beside`: from bounds of the error and of its rate, each [n] or [N n], to the same bound as `stray` [N n].
+    - `misread`: from bounds of what a prediction misses of q and q̇ [N n], what its torque does otherwise [N n].
+    - `relearnt`: by how much ŵ steps because the law believes another inertia than before [N n]; None for never.
     """
 
     times: Floats
@@ -46,6 +48,7 @@ class Demand:
     effects: Floats | None = None
     beside: Callable[[Floats, Floats], Floats] | None = field(default=None, repr=False)
     misread: Callable[[Floats, Floats], Floats] | None = field(default=None, repr=False)
+    relearnt: Floats | None = None
 
     def boxed(self) -> Demand:
         """The same with all effects in `stray`, for what takes each push alone: `|Σ x_k effects_k| <= Σ |effects_k|`.

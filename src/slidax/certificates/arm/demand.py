@@ -72,6 +72,7 @@ def demand(
         assumptions=[*_assumptions(members, hull, found.arms), *found.assumptions],
         effects=found.effects,
         beside=found.beside,
+        relearnt=found.relearnt,
         misread=Misread.of(found.beliefs, motion, found.largest) if along is not None else None,
     )
 
@@ -97,6 +98,7 @@ def _before(members: Members, belief: Belief, hull: Hull, plants: list[Plant], m
         lacking=hull.merged(which).largest(np.eye(motion.joints) - np.linalg.solve(mass[None], masses)),
         held=held(belief, motion, hull.largest(push)),
         beliefs=[belief],
+        relearnt=None,
         assumptions=[],
     )
 

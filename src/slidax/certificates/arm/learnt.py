@@ -33,6 +33,7 @@ class Asked:
     - `lacking`: bounds of `|1 - M̂⁻¹M|` along the motion [N n n].
     - `held`: what the believed arm changes in a period in which the torque is held [N n], rad/s² or m/s².
     - `beliefs`: what the law may believe.
+    - `relearnt`: by how much ŵ steps from sample to sample because M̂ is another [N n], rad/s² or m/s²; None for never.
     """
 
     push: Floats
@@ -44,6 +45,7 @@ class Asked:
     lacking: Floats
     held: Floats
     beliefs: Sequence[Belief]
+    relearnt: Floats | None
     assumptions: Sequence[Assumption]
 
     @property
@@ -121,6 +123,7 @@ def after_learning(members: Members, belief: Belief, hull: Hull, plants: list[Pl
         lacking=lacking,
         held=np.max([held(one, motion, largest) for one in beliefs], axis=0),
         beliefs=beliefs,
+        relearnt=None,
         assumptions=[Assumption(text, status) for text, status in texts],  # type: ignore[arg-type]
     )
 
@@ -176,8 +179,18 @@ def as_seen(
         lacking=lacking,
         held=np.max([held(one, motion, largest) for one in beliefs], axis=0),
         beliefs=beliefs,
+        relearnt=np.max([_relearnt(one, motion, largest) for one in beliefs], axis=0),
         assumptions=[Assumption(text, "checked", len(seen))],
     )
+
+
+def _relearnt(belief: Belief, motion: Motion, push: Floats) -> Floats:
+    """`|M̂⁻¹ ΔM̂ ŵ|` from each sample to the next [N n], ΔM̂ being what was learnt meanwhile."""
+    rotor = belief.rotor_at(motion.t)
+    step = np.abs(np.diff(rotor, axis=0, prepend=rotor[:1])) * push
+    mass, _ = belief.mass_and_bias(motion.t, motion.q, motion.dq)
+    found: Floats = np.einsum("kij,kj->ki", np.abs(np.linalg.inv(mass)), step)
+    return found
 
 
 def learnt_of(scenario: Scenario, belief: Belief, plant: Plant, motion: Motion) -> Belief:

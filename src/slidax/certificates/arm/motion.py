@@ -74,6 +74,15 @@ class Belief:
         found: Floats = self._then(self.coulomb, t) * np.tanh(dq / self.smoothing)
         return found
 
+    def rotor_at(self, t: Floats) -> Floats:
+        """J at times [N n]; zero for a law that learns nothing.
+
+        - `t`: times [N], s.
+        """
+        if self.rotor is None:
+            return np.zeros((len(t), len(self.coulomb)))
+        return np.array(np.broadcast_to(self._then(self.rotor, t), (len(t), self.rotor.shape[-1])))
+
     def _then(self, values: Floats, t: Floats) -> Floats:
         if self.times is None:
             return values

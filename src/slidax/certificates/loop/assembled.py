@@ -317,14 +317,20 @@ class Assembly:
     def _misled(self, misread: Floats) -> Floats:
         """What commands that are predicted as others do at most, by the largest of those that are not forgotten."""
         assert self.kernels is not None
-        length = self.kernels.of_push.shape[-1]
-        size = np.concatenate([misread[self.late :], np.repeat(misread[-1:], self.late, axis=0)])[: self.samples]
-        window = np.maximum.accumulate(size, axis=0)
-        if len(size) > length:
-            padded = np.concatenate([np.repeat(size[:1], length - 1, axis=0), size])
-            window = np.lib.stride_tricks.sliding_window_view(padded, length, axis=0).max(axis=-1)
-        found: Floats = self.period**2 * window[:, None, None, :, None] * self.kernels.of_command[None, None]
+        found: Floats = self._recent(misread)[:, None, None, :, None] * self.kernels.of_command[None, None]
+        if self.demand.relearnt is not None:
+            moved = self._recent(self.demand.relearnt)
+            found = found + moved[:, None, None, :, None] * self.kernels.of_estimate[None, None]
         return found
+
+    def _recent(self, sizes: Floats) -> Floats:
+        """The largest of those that a loop has not forgotten [N n], in units of periods."""
+        assert self.kernels is not None
+        length = self.kernels.of_push.shape[-1]
+        size = np.concatenate([sizes[self.late :], np.repeat(sizes[-1:], self.late, axis=0)])[: self.samples]
+        padded = np.concatenate([np.repeat(size[:1], length - 1, axis=0), size])
+        window: Floats = np.lib.stride_tricks.sliding_window_view(padded, length, axis=0).max(axis=-1)
+        return self.period**2 * window
 
     def _planned(self) -> tuple[Floats, Floats, Floats]:
         """x and ε of the ideal arm's plan, and `|Δx - ΔN ψ|` from the sample before [N n]."""

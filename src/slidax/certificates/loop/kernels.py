@@ -39,7 +39,8 @@ class Kernels:
     - `push_tail`, `place_tail`, `change_tail`: bounds of what is beyond L, times the largest that came in, each faded
       by `fading` a period.
     - `fading`: of what came in long ago [n j].
-    - `of_command`: sums of the sizes of what an error of a command does, which the prediction shares [9 n j].
+    - `of_command`: sums of the sizes of what an error of a command does, which the prediction shares [9 n j];
+      `of_estimate`: of what a step of ŵ does that w* did not make.
     - `noise`: sums of the sizes of what a measurement's noise does [2 9 n j], position and velocity; `noise_square`:
       of their squares.
     """
@@ -52,6 +53,7 @@ class Kernels:
     change_tail: Floats
     fading: Floats
     of_command: Floats
+    of_estimate: Floats
     noise: Floats
     noise_square: Floats
 
@@ -97,18 +99,20 @@ def _of_one(loop: LinearLoop, kappa: float, length: int) -> dict[str, Floats]:
     # Of p held from some time on, less where it leads in the end.
     held = -np.linalg.solve(np.eye(size) - maps.step, place)
     noise = [maps.enters[:, i] for i in range(2)]
-    powers = np.empty((steps, size, 5))
-    powers[0] = np.stack([kick_q, kick_v, place, *noise], axis=1)
+    kick_push = np.eye(size)[-4]
+    powers = np.empty((steps, size, 6))
+    powers[0] = np.stack([kick_q, kick_v, place, *noise, kick_push], axis=1)
     for i in range(1, steps):
         powers[i] = maps.step @ powers[i - 1]
     # raw[row, k, source]: k periods after it came; at 0 what goes through at once.
-    raw = np.concatenate([np.zeros((7, 1, 5)), np.einsum("rm,kms->rks", maps.asked, powers)], axis=1)
+    raw = np.concatenate([np.zeros((7, 1, 6)), np.einsum("rm,kms->rks", maps.asked, powers)], axis=1)
     raw[:, 0, 2], raw[:, 0, 3], raw[:, 0, 4] = maps.direct[:, 2], maps.direct[:, 0], maps.direct[:, 1]
 
     shifted = np.arange(length) - whole
     by_q, by_v = (outputs_of(raw[:, :, i], shifted, whole, loop, kappa) for i in range(2))
     placed = outputs_of(raw[:, :, 2], np.arange(length), whole, loop, kappa)
     placed[MISSED, 0] -= 1.0
+    jumped = outputs_of(raw[:, 1:, 5], np.arange(length), whole, loop, kappa)
     noisy = np.arange(-whole - 1, length)
     by_noise = np.array([outputs_of(raw[:, :, i], noisy, whole, loop, kappa) for i in (3, 4)])
 
@@ -123,6 +127,7 @@ def _of_one(loop: LinearLoop, kappa: float, length: int) -> dict[str, Floats]:
         "place_tail": beyond(place, length),
         "change_tail": beyond(held, length),
         "fading": np.asarray(max(beyond.left, 1e-300) ** (0.5 / length)),
+        "of_estimate": np.sum(np.abs(jumped), axis=1) + beyond(kick_push, length),
         "of_command": loop.horizon**2 * _summed(placed, beyond(place, length)),
         "noise": size_of_noise + noise_tail,
         "noise_square": np.sum(by_noise**2, axis=2) + noise_tail**2,
