@@ -38,7 +38,7 @@ def _asking(certificate: Callable[..., Verdict]) -> Callable[[Scenario], Verdict
 CERTIFICATES: tuple[Callable[[Scenario], Verdict], ...] = (
     admissibility,
     _asking(inertia_ratio),
-    _asking(loop_rate),
+    loop_rate,
     _asking(robust_torque),
     _asking(torque_budget),
     uncertainty_bound,

@@ -61,7 +61,7 @@ def of_the_rate(scenario: Scenario, demand: Demand | None) -> Verdict | None:
     if demand is None:
         return None
     try:
-        return loop_rate(scenario, demand, remedies=False)
+        return loop_rate(scenario, remedies=False)
     except DefinitionError:
         return None
 

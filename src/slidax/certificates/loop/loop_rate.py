@@ -7,13 +7,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from slidax._errors import DefinitionError
 from slidax.diagnosis import Remedy
 from slidax.scenarios import Scenario
 
 from ..demand import Demand
 from ..verdict import Assumption, Verdict
 from .assembled import Assembly, Certified
-from .remedies import found_remedies
+from .premises import of_the_entry, of_the_loops
+from .proved import Proved, of_a_part, proved
+from .remedies import altered, found_remedies, least, resampled, scaled, tried
 from .subject import Subject
 
 Floats = NDArray[np.floating[Any]]
@@ -23,82 +26,111 @@ NAME, TITLE = "loop_rate", "no sample leaves its envelope at this rate"
 NARROW = 1.05
 """An envelope has reached its final width where it is at most so many times as wide as at the end."""
 
-TRIES = 8
-"""Final radii that are tried for the smallest one."""
+TRIES = 3
+"""Final radii that are tried for the smallest one, each half as wide again as the last."""
+
+INSTANTS = 200
+"""At which the bound is told over time."""
+
+FEW = 3
+"""Joints up to which other numbers of the law are tried as remedies, each with its own cases."""
 
 
-def loop_rate(scenario: Scenario, demand: Demand, *, chance: float = 1e-3, remedies: bool = True) -> Verdict:
+def loop_rate(
+    scenario: Scenario, demand: Demand | None = None, *, chance: float = 1e-3, remedies: bool = True
+) -> Verdict:
     """Whether the error's certain bound stays within the envelope at all samples (docs/certificates/loop-rate.md).
 
     - `scenario`: with a law in sampled-data form that plans, and a linear estimator.
-    - `demand`: what the set of arms asks of its loops.
+    - `demand`: what any set of arms asks of its loops along the reference, wherever the arm is; the scenario's own set,
+      along the run that its law plans, if not given.
     - `chance`: that normal noise is larger than is counted at some sample of the run.
-    - `remedies`: whether the smallest changes that make it hold are looked for.
+    - `remedies`: whether the smallest changes that make it hold, and the least final radius, are looked for.
     """
     subject = Subject.of(scenario)
     if isinstance(subject, str):
-        return _not_applicable(subject)
+        return Verdict(NAME, TITLE, None, None, {}, [], f"not applicable: {subject}")
+    if demand is not None:
+        return _of_a_demand(subject, demand, chance, remedies)
+    whole = proved(subject, chance)
+    if isinstance(whole, str):
+        text = "a time from which on all cases of the set keep s and their limits, inside the envelope"
+        statement = f"No bound of the error was found: {whole}. Nothing is said of whether the envelope holds"
+        return Verdict(NAME, TITLE, False, None, {}, [Assumption(text, "fails")], statement)
+    if not whole.assembly.stable:
+        return _unstable(whole.assembly)
+    if whole.found is None:
+        return _unbounded(whole, _for_a_set(scenario, whole, chance) if remedies else [])
+    listed = [*of_the_entry(whole), *whole.demand.assumptions, *of_the_loops(whole.assembly, whole.found, chance)]
+    radius = _least_radius(scenario, whole, chance) if remedies else _asked_radius(whole.found)
+    found = _judged(whole.assembly, whole.found, listed, radius)
+    if found.holds or not remedies:
+        return found
+    return Verdict(
+        NAME, TITLE, found.holds, found.margin, found.bound, found.assumptions, found.statement,
+        _for_a_set(scenario, whole, chance, radius),
+    )  # fmt: skip
+
+
+def _of_a_demand(subject: Subject, demand: Demand, chance: float, remedies: bool) -> Verdict:
     assembly = Assembly(subject, demand, chance)
     if not assembly.stable:
         return _unstable(assembly)
-    if not np.isfinite(demand.stray).all():
-        return _unbounded(demand)
     found = assembly.certified()
-    radius = required_radius(assembly, found)
+    radius = _asked_radius(found)
+    verdict = _judged(assembly, found, [*demand.assumptions, *of_the_loops(assembly, found, chance)], radius)
+    if verdict.holds or not remedies:
+        return verdict
+
+    def share(scenario: Scenario, part: float = 1.0) -> float:
+        other = Subject.of(scenario)
+        if isinstance(other, str):
+            return float("inf")
+        given = demand if abs(scenario.period - subject.scenario.period) < 1e-12 else resampled(demand, scenario.period)
+        bound = Assembly(other, scaled(given, part), chance)
+        return float(np.max(bound.certified().share)) if bound.stable else float("inf")
+
+    fixes = found_remedies(subject.scenario, radius, share, lambda part: share(subject.scenario, part))
+    return Verdict(
+        NAME, TITLE, False, verdict.margin, verdict.bound, verdict.assumptions, verdict.statement, fixes
+    )
+
+
+def _judged(assembly: Assembly, found: Certified, listed: list[Assumption], radius: Floats) -> Verdict:
+    """The verdict of a bound."""
     settled = settled_from(found)
     worst = np.max(found.share, axis=0)
-    assumptions = [*demand.assumptions, *_assumptions(assembly, found, settled, chance)]
-    fails = any(one.status == "fails" for one in assumptions)
-    holds = bool(np.max(worst) < 1.0) and not fails
+    fails = any(one.status == "fails" for one in listed)
     joint = int(np.argmax(worst))
-    names, units = subject.law.nominal.joint_names, subject.law.nominal.joint_units
-    missed = np.max(found.bounds.missed[settled:], axis=0) / assembly.horizon**2
-    error = np.max(found.bounds.error[settled:], axis=(0, 1))
     k = int(np.argmax(found.share[:, joint]))
+    law = assembly.subject.law
+    names, units = law.nominal.joint_names, law.nominal.joint_units
+    missed = found.bounds.missed / assembly.horizon**2
     statement = (
         f"the error of `{names[joint]}` reaches at most {worst[joint]:.2g} of its envelope's side, at "
-        f"t = {found.narrowing.times[k]:.3g} s; there the plan misses at most "
-        f"{found.bounds.missed[k, joint] / assembly.horizon**2:.3g} {units[joint]}/s² "
+        f"t = {found.narrowing.times[k]:.3g} s; there the plan misses at most {missed[k, joint]:.3g} {units[joint]}/s² "
         "(docs/certificates/loop-rate.md, (8))"
     )
-    fixes: list[Remedy] = []
-    if not holds and remedies:
-        fixes = found_remedies(scenario, demand, radius, _kept)
     bound = {
-        "w_bar": missed,
-        "error_bound": error,
+        "w_bar": np.max(missed[settled:], axis=0),
+        "error_bound": np.max(found.error[settled:], axis=(0, 1)),
         "required_radius": radius,
         "share": worst,
         "noise": found.noise,
         "from": float(found.narrowing.times[settled]),
-        "kappa": np.asarray(demand.kappa),
+        "since": float(found.narrowing.times[0]),
+        "kappa": np.asarray(assembly.demand.kappa),
+        **_over_time(assembly, found),
     }
-    return Verdict(NAME, TITLE, holds, float(1.0 - np.max(worst)), bound, assumptions, statement, fixes)
+    holds = bool(np.max(worst) < 1.0) and not fails
+    return Verdict(NAME, TITLE, holds, float(1.0 - np.max(worst)), bound, listed, statement)
 
 
-def _unbounded(demand: Demand) -> Verdict:
-    """Where the arm beside its reference may ask for anything, there is nothing to add up."""
-    since = demand.times[int(np.argmin(np.isfinite(demand.stray).all(axis=1)))]
-    text = (
-        "what is asked of the loops beside the reference has a finite bound over the width of the envelope: it has "
-        f"none at t = {since:.3g} s"
-    )
-    statement = (
-        "No bound of the error was found: while the envelope is wide the arm may be so far beside its reference that "
-        "what the model lacks there is not bounded (docs/certificates/loop-rate.md). Nothing is said of whether the "
-        "envelope holds; `statistical` has runs"
-    )
-    kappa = {"kappa": np.asarray(demand.kappa)}
-    return Verdict(NAME, TITLE, False, None, kappa, [*demand.assumptions, Assumption(text, "fails")], statement)
-
-
-def _kept(scenario: Scenario, demand: Demand) -> float:
-    """The largest share of an envelope's side that may be reached; infinite where no bound is found."""
-    subject = Subject.of(scenario)
-    if isinstance(subject, str):
-        return float("inf")
-    assembly = Assembly(subject, demand)
-    return float(np.max(assembly.certified().share)) if assembly.stable else float("inf")
+def _over_time(assembly: Assembly, found: Certified) -> dict[str, Floats]:
+    """The bound of |e| at some times, each the largest until the next."""
+    e = np.max(found.error, axis=1)
+    first = np.unique(np.linspace(0, len(e) - 1, INSTANTS).astype(int))
+    return {"times": assembly.set_in[first], "error_over_time": np.maximum.reduceat(e, first)}
 
 
 def settled_from(found: Certified) -> int:
@@ -111,102 +143,73 @@ def settled_from(found: Certified) -> int:
     return min(first, (3 * narrow.size) // 4)
 
 
-def required_radius(assembly: Assembly, found: Certified) -> Floats:
-    """The smallest final radius of each joint that is certified, the others as narrow [n]; nan where none is found.
-
-    The bound hardly depends on the final radius where the surface is steep, so that a few tries lead there.
-
-    - `assembly`: of the scenario.
-    - `found`: its bounds as it is.
-    """
-    settled = settled_from(found)
+def _asked_radius(found: Certified) -> Floats:
+    """The final radius that this bound would need [n]: it hardly depends on it where the surface is steep."""
     sides = np.stack([-found.narrowing.lower, found.narrowing.upper])
-    initial = np.asarray(found.subject.drawn.performance.initial)
+    late: Floats = np.max(found.error[settled_from(found) :] / sides[None], axis=(0, 1))
+    return late
 
-    def asked(one: Certified) -> Floats:
-        late: Floats = np.max(one.bounds.error[settled:] / sides[None], axis=(0, 1))
-        return late
 
-    radius = np.minimum(1.02 * asked(found), 0.9 * initial)
-    best = np.where(np.max(found.share, axis=0) < 1.0, found.narrowing.radius[-1], np.nan)
+def _least_radius(scenario: Scenario, whole: Proved, chance: float) -> Floats:
+    """The smallest final radii that were found to hold, all joints' at once [n]; nan where none is found."""
+    assert whole.found is not None
+    final = np.broadcast_to(np.asarray(whole.assembly.subject.drawn.performance.final), whole.assembly.e.shape)
+    radius = 1.1 * _asked_radius(whole.found)
     for _ in range(TRIES):
-        tried = assembly.certified(radius)
-        holds = np.max(tried.share, axis=0) < 1.0
-        if np.all(holds):
-            smallest: Floats = np.fmin(best, radius)
-            return smallest
-        radius = np.minimum(np.where(holds, radius, np.maximum(1.5 * radius, 1.05 * asked(tried))), 0.9 * initial)
-    return np.asarray(best)
+        if _share_of(altered(scenario, {"scheme.performance.final": _rounded(radius)}), chance) < 1.0:
+            return np.array(_rounded(radius))
+        radius = 1.5 * radius
+    return np.array(final) if np.max(whole.found.share) < 1.0 else np.full_like(final, np.nan)
 
 
-def _assumptions(assembly: Assembly, found: Certified, settled: int, chance: float) -> list[Assumption]:
-    """What the bound stands on beside its demand."""
-    spread = float(np.max(found.spread))
-    cells = found.kappa.shape[1]
-    listed = [
-        Assumption(
-            "κ may change in any way within its range"
-            if cells == 1
-            else f"κ of a joint stays within a factor {(1.0 + spread) ** 2:.3g} for as long as its loop remembers; "
-            f"which part of its range that is, is not assumed ({cells} parts)",
-            "proved" if cells == 1 else "assumed",
-            (1.0 + spread) ** 2,
-        ),
-        _covered(found, settled),
-        _followed(found, settled),
-        Assumption("torque and torque rate stay within their limits (see `torque_budget`)", "assumed"),
-        Assumption("M0 and the bias change little within a period and the delay", "assumed"),
-    ]
-    if assembly.noise.random:
-        text = f"the normal noise of the sensors is no larger than is counted, but for a chance of {chance:g}"
-        listed.append(Assumption(text, "assumed", chance))
-    slim = np.any(found.narrowing.slim)
-    if slim or np.any(found.narrowing.unruly):
-        where = "N or A are at a tenth of ρ" if slim else "N is not convex or ρ̇ not concave"
-        text = f"{where} for some of the approach, so that the closed form does not hold; the recursion needs neither"
-        listed.append(Assumption(text, "proved"))
-    return listed
+def _rounded(radius: Floats) -> list[float]:
+    return [float(f"{one:.3g}") for one in radius]
 
 
-def _covered(found: Certified, settled: int) -> Assumption:
-    u, layer = found.subject.cover()
-    if np.isinf(u):
-        return Assumption("the sliding variable is reached, s⁺ = 0", "assumed")
-    needed = found.bounds.needed
-    late = float(np.max(needed[settled:]))
-    over = np.flatnonzero(needed > (0.5 if layer > 0 else 1.0) * u)
-    since = found.narrowing.times[min(over[-1] + 1, needed.size - 1)] if over.size else 0.0
-    share = "twice " if layer > 0 else ""
-    if over.size and over[-1] >= settled:
-        text = f"u covers {share}what is missed: it is at least {u:.3g} N m, and up to {late:.3g} N m are missed"
-        return Assumption(text, "fails", late)
-    if over.size:
-        text = (
-            f"s is reached and kept before t = {since:.3g} s, where u = {u:.3g} N m is not shown to cover what is "
-            f"missed; from then on it is ({late:.3g} N m)"
-        )
-        return Assumption(text, "assumed", float(since))
-    return Assumption(f"u covers {share}what is missed, {np.max(needed):.3g} of {u:.3g} N m", "checked", late)
+def _share_of(scenario: Scenario | None, chance: float) -> float:
+    """The largest share of an envelope's side that may be reached; inf where no bound is found."""
+    subject = "" if scenario is None else Subject.of(scenario)
+    if isinstance(subject, str):
+        return float("inf")
+    try:
+        whole = proved(subject, chance)
+    except DefinitionError:
+        return float("inf")
+    if isinstance(whole, str) or whole.found is None:
+        return float("inf")
+    fails = any(one.status == "fails" for one in of_the_loops(whole.assembly, whole.found, chance))
+    return float("inf") if fails else float(np.max(whole.found.share))
 
 
-def _followed(found: Certified, settled: int) -> Assumption:
-    """That the estimate is compensated as a whole."""
-    u, _ = found.subject.cover()
-    h = found.narrowing.period
-    size = np.linalg.norm(found.bounds.estimate, axis=1) / h**2 * found.subject.heavy(found.narrowing.times)
-    late = float(np.max(size[settled:]))
-    if np.isinf(u):
-        return Assumption("the estimated push is compensated as a whole", "assumed", late)
-    if late > u:
-        text = f"the estimated push is compensated as a whole: it may be {late:.3g} N m, and u covers {u:.3g} N m"
-        return Assumption(text, "fails" if late > u else "checked", late)
-    status: Any = "checked" if float(np.max(size)) <= u else "assumed"
-    text = f"the estimated push, at most {late:.3g} N m once the envelope is narrow, is compensated as a whole"
-    return Assumption(text, status, float(np.max(size)))
+def _for_a_set(scenario: Scenario, whole: Proved, chance: float, radius: Floats | None = None) -> list[Remedy]:
+    """What alone would make it hold."""
+    found = []
+    if radius is not None and np.isfinite(radius).all():
+        found.append(Remedy("a wider final radius", {"scheme.performance.final": _rounded(radius)}))
+    if scenario.controller.joints <= FEW and not scenario.changed:
+        found += tried(scenario, lambda other: _share_of(other, chance))
+
+    def share(part: float) -> float:
+        smaller = of_a_part(whole, part, chance)
+        return float("inf") if smaller.found is None else float(np.max(smaller.found.share))
+
+    part = least(share, 1.0, 0.05)
+    if part is not None:
+        found.append(Remedy(f"{part:.2g} of what is uncertain, such as the payload", {}))
+    return found
 
 
-def _not_applicable(why: str) -> Verdict:
-    return Verdict(NAME, TITLE, None, None, {}, [], f"not applicable: {why}")
+def _unbounded(whole: Proved, fixes: list[Remedy]) -> Verdict:
+    """Where what is asked for beside the planned run feeds on itself."""
+    kappa, coupling = np.asarray(whole.demand.kappa), float(np.max(whole.demand.coupling))
+    text = "what the arms ask for beside the planned run has a bound that confirms itself"
+    statement = (
+        f"No bound of the error was found: with κ from {kappa.min():.2g} to {kappa.max():.2g}, and joints that move each "
+        f"other with up to {coupling:.2g} of their accelerations, the sums of the responses' sizes grow from sample to "
+        "sample (docs/certificates/loop-rate.md). Nothing is said of whether the envelope holds; `statistical` has runs"
+    )
+    listed = [*of_the_entry(whole), *whole.demand.assumptions, Assumption(text, "fails")]
+    return Verdict(NAME, TITLE, False, None, {"kappa": kappa}, listed, statement, fixes)
 
 
 def _unstable(assembly: Assembly) -> Verdict:

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -18,23 +17,52 @@ from slidax.scenarios.load import validated
 from ..demand import Demand
 
 Floats = NDArray[np.floating[Any]]
-Share = Callable[[Scenario, Demand], float]
+Share = Callable[[Scenario], float]
 
 HALVINGS = 5
 """Steps of a bisection: the number is found within a thirtieth of the decade that is searched."""
 
 
-def found_remedies(scenario: Scenario, demand: Demand, radius: Floats, share: Share) -> list[Remedy]:
-    """What alone would make it hold, the least change first: ρ∞, H, h, encoders, or a smaller set.
+def found_remedies(scenario: Scenario, radius: Floats, share: Share, of_a_part: Callable[[float], float]) -> list[Remedy]:
+    """What alone would make it hold: ρ∞, H, h, encoders, or a smaller set; the nearest value of each.
 
-    - `scenario`, `demand`: for which it does not hold.
-    - `radius`: final radii that are certified [n]; nan where none was found.
+    - `scenario`: for which it does not hold.
+    - `radius`: final radii that are asked for [n].
+    - `share`: of an envelope that may be reached, below 1 where it holds.
+    - `of_a_part`: the same for a set that is so many times as large.
+    """
+    found = []
+    wider = [float(f"{1.05 * one:.3g}") for one in radius]
+    other = altered(scenario, {"scheme.performance.final": wider}) if np.all(np.isfinite(radius)) else None
+    if other is not None and share(other) < 1.0:
+        found.append(Remedy("a wider final radius", {"scheme.performance.final": wider}))
+    if not scenario.changed:
+        for words, path, now, end in _ways(scenario):
+            value = least(lambda value, path=path: _with(scenario, path, value, share), now, end)  # type: ignore[misc]
+            if value is not None:
+                found.append(Remedy(f"{words}, {value:.3g}", {path: value}))
+    part = least(of_a_part, 1.0, 0.05)
+    if part is not None:
+        found.append(Remedy(f"{part:.2g} of what is uncertain, such as the payload", {}))
+    return found
+
+
+def tried(scenario: Scenario, share: Share) -> list[Remedy]:
+    """What alone would make it hold, of one other value of H, h and the encoders each.
+
+    - `scenario`: for which it does not hold.
     - `share`: of an envelope that may be reached, below 1 where it holds.
     """
     found = []
-    if np.all(np.isfinite(radius)):
-        wider = [float(f"{1.02 * one:.3g}") for one in radius]
-        found.append(Remedy("a wider final radius", {"scheme.performance.final": wider}))
+    for words, path, now, end in _ways(scenario):
+        value = float(f"{np.sqrt(now * end):.3g}")
+        if _with(scenario, path, value, share) < 1.0:
+            found.append(Remedy(f"{words}, {value:.3g}", {path: value}))
+    return found
+
+
+def _ways(scenario: Scenario) -> list[tuple[str, str, float, float]]:
+    """Numbers of the law and its surroundings, each with where it stands and how far it may go."""
     law: Any = scenario.controller
     h, horizon = float(law.period), float(law.horizon)
     ways: list[tuple[str, str, float, float]] = [
@@ -45,15 +73,25 @@ def found_remedies(scenario: Scenario, demand: Demand, radius: Floats, share: Sh
     resolution = float(np.max(np.asarray(scenario.description.sensor.resolution)))
     if resolution > 0.0:
         ways.append(("finer encoders", "sensor.resolution", resolution, 0.01 * resolution))
-    if not scenario.changed:
-        for words, path, now, end in ways:
-            value = _least(partial(_changed, scenario, demand, share, path), now, end)
-            if value is not None:
-                found.append(Remedy(f"{words}, {value:.3g}", {path: value}))
-    part = _least(lambda part: share(scenario, scaled(demand, part)), 1.0, 0.05)
-    if part is not None:
-        found.append(Remedy(f"{part:.2g} of what is uncertain, such as the payload", {}))
-    return found
+    return ways
+
+
+def altered(scenario: Scenario, changes: Mapping[str, Any]) -> Scenario | None:
+    """A scenario with other numbers; None if there is no such scenario.
+
+    - `scenario`: as it is.
+    - `changes`: by path.
+    """
+    base = scenario.description
+    try:
+        return validated(base.model_dump(exclude_unset=True), changes, form=type(base)).build(scenario.name)
+    except DefinitionError:
+        return None
+
+
+def _with(scenario: Scenario, path: str, value: float, share: Share) -> float:
+    other = altered(scenario, {path: value})
+    return float("inf") if other is None else share(other)
 
 
 def scaled(demand: Demand, part: float) -> Demand:
@@ -62,12 +100,16 @@ def scaled(demand: Demand, part: float) -> Demand:
     - `demand`: of the set.
     - `part`: of each of its numbers; κ is scaled in its logarithm.
     """
+    beside, relearnt = demand.beside, demand.relearnt
     return replace(
         demand,
         push=part * demand.push,
         stray=part * demand.stray,
         kappa=np.asarray(demand.kappa) ** part,
         coupling=part * demand.coupling,
+        effects=None if demand.effects is None else part * demand.effects,
+        beside=None if beside is None else lambda radius, speed: part * beside(radius, speed),
+        relearnt=None if relearnt is None else part * relearnt,
     )
 
 
@@ -86,19 +128,12 @@ def resampled(demand: Demand, period: float) -> Demand:
     return replace(demand, times=times, push=push, stray=at(np.asarray(demand.stray)))
 
 
-def _changed(scenario: Scenario, demand: Demand, share: Share, path: str, value: float) -> float:
-    base = scenario.description
-    try:
-        other = validated(base.model_dump(exclude_unset=True), {path: value}, form=type(base)).build(scenario.name)
-    except DefinitionError:
-        return float("inf")
-    if path == "simulation.period":
-        demand = resampled(demand, value)
-    return share(other, demand)
+def least(share: Callable[[float], float], now: float, end: float) -> float | None:
+    """The value nearest to the present one for which it holds, in steps of the logarithm; None if it does at no end.
 
-
-def _least(share: Callable[[float], float], now: float, end: float) -> float | None:
-    """The value nearest to the present one for which it holds, in steps of the logarithm; None if it does at no end."""
+    - `share`: below 1 where it holds.
+    - `now`, `end`: between which is looked.
+    """
     if share(end) >= 1.0:
         return None
     outside, inside = np.log(now), np.log(end)

@@ -23,6 +23,10 @@ NEAREST, FARTHEST = 1e-12, 1e4
 """Transformed errors at the table's ends; from one to the next is a step of .9 %."""
 
 
+SLOPES = (1e-100, 1e100)
+"""What is less or more is taken as this."""
+
+
 @dataclass(frozen=True)
 class Slopes:
     """dpull/dψ over ε, with the least and the largest of 2^l places from each one on, for each joint.
@@ -48,7 +52,7 @@ class Slopes:
             each = jnp.broadcast_to(one, sides.lower.shape)
             pulled = surface.pull_and_slope(each)[1]
             moved = psi_and_slope(each, sides)[1]
-            return jnp.clip(pulled / jnp.maximum(moved, 1e-200), 1e-200, 1e200)
+            return jnp.clip(pulled / jnp.maximum(moved, SLOPES[0]), *SLOPES)
 
         slope = np.asarray(jax.jit(jax.vmap(at))(eps)).T
         # Between two places it is off them by no more than their own difference, wherever it turns.

@@ -1,0 +1,121 @@
+"""What the bounds of `loop_rate` stand on, beside what is asked of the loops."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ..verdict import Assumption, Status
+from .assembled import Assembly, Certified
+from .proved import SPARE, Proved
+
+
+def of_the_entry(whole: Proved) -> list[Assumption]:
+    """How the arms of a set came to where their bounds begin.
+
+    - `whole`: the bounds.
+    """
+    entry, assembly = whole.entry, whole.assembly
+    since = float(assembly.set_in[0])
+    unit = assembly.subject.law.nominal.joint_units
+    far = float(np.max(entry.box[0]))
+    return [
+        Assumption(
+            f"until t = {since:.3g} s the envelope is kept, as in {entry.cases} cases of the set, where the least margin "
+            f"is {entry.margin:.2g} of its width",
+            "checked",
+            entry.margin,
+        ),
+        Assumption(
+            f"then no arm is farther from the planned run than {SPARE:g} times what these cases show, {far:.2g} "
+            f"{'rad' if 'rad' in unit else unit[0]} and less",
+            "checked",
+            far,
+        ),
+        Assumption(
+            f"from then on torque and torque rate stay within their limits, as in these {entry.cases} cases",
+            "checked",
+            float(entry.cases),
+        ),
+    ]
+
+
+def of_the_loops(assembly: Assembly, found: Certified, chance: float) -> list[Assumption]:
+    """What the bound stands on beside its demand.
+
+    - `assembly`, `found`: the bound.
+    - `chance`: that normal noise is larger than is counted.
+    """
+    spread = float(np.max(found.spread))
+    cells = found.kappa.shape[1]
+    listed = [
+        Assumption(
+            "κ may change in any way within its range"
+            if cells == 1
+            else f"κ of a joint stays within a factor {(1.0 + spread) ** 2:.3g} for as long as its loop remembers; "
+            f"which part of its range that is, is not assumed ({cells} parts)",
+            "proved" if cells == 1 else "assumed",
+            (1.0 + spread) ** 2,
+        ),
+        _covered(assembly, found),
+        _followed(assembly, found),
+    ]
+    if assembly.ideal is None:
+        listed += [
+            Assumption("torque and torque rate stay within their limits (see `torque_budget`)", "assumed"),
+            Assumption("M0 and the bias change little within a period and the delay", "assumed"),
+        ]
+    if assembly.noise.random:
+        text = f"the normal noise of the sensors is no larger than is counted, but for a chance of {chance:g}"
+        listed.append(Assumption(text, "assumed", chance))
+    slim = np.any(found.narrowing.slim)
+    if slim or np.any(found.narrowing.unruly):
+        where = "N or A are at a tenth of ρ" if slim else "N is not convex or ρ̇ not concave"
+        text = f"{where} for some of the approach, so that the closed form does not hold; the recursion needs neither"
+        listed.append(Assumption(text, "proved"))
+    return listed
+
+
+def _covered(assembly: Assembly, found: Certified) -> Assumption:
+    """That u keeps s at zero."""
+    u, layer = assembly.sliding.cover, assembly.subject.cover()[1]
+    if np.isinf(u).all():
+        return Assumption("the sliding variable is reached, s⁺ = 0", "assumed")
+    needed = (2.0 if layer > 0 else 1.0) * found.bounds.needed
+    share = "twice " if layer > 0 else ""
+    over = np.flatnonzero(needed > u)
+    worst = int(np.argmax(needed / u))
+    if not over.size:
+        text = f"u covers {share}what s may be: {needed[worst]:.3g} N m of {u[worst]:.3g} N m where it is nearest"
+        return Assumption(text, "checked", float(needed[worst]))
+    if assembly.ideal is not None or over[-1] >= 0.75 * needed.size:
+        text = (
+            f"u covers {share}what s may be: {needed[worst]:.3g} N m, and it is {u[worst]:.3g} N m, at "
+            f"t = {found.narrowing.times[worst]:.3g} s"
+        )
+        return Assumption(text, "fails", float(needed[worst]))
+    since = float(found.narrowing.times[over[-1] + 1])
+    text = (
+        f"s is reached and kept before t = {since:.3g} s, where u = {np.min(u):.3g} N m is not shown to cover what is "
+        f"missed; from then on it is"
+    )
+    return Assumption(text, "assumed", since)
+
+
+def _followed(assembly: Assembly, found: Certified) -> Assumption:
+    """That the estimate is compensated as a whole."""
+    u, h = assembly.sliding.cover, assembly.period
+    size = np.linalg.norm(found.bounds.estimate, axis=1) / h**2 * assembly.sliding.root**2
+    late = float(np.max(size[(3 * size.size) // 4 :]))
+    if np.isinf(u).all():
+        return Assumption("the estimated push is compensated as a whole", "assumed", late)
+    over = np.flatnonzero(size > u)
+    if not over.size:
+        worst = int(np.argmax(size / u))
+        text = f"the estimated push, at most {size[worst]:.3g} N m of u's {u[worst]:.3g} N m, is compensated as a whole"
+        return Assumption(text, "checked", float(size[worst]))
+    status: Status = "fails" if assembly.ideal is not None or over[-1] >= 0.75 * size.size else "assumed"
+    worst = int(np.argmax(size / u))
+    text = f"the estimated push is compensated as a whole: it may be {size[worst]:.3g} N m, and u covers {u[worst]:.3g} N m"
+    return Assumption(text, status, float(size[worst]))

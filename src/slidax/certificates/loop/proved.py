@@ -1,0 +1,110 @@
+"""The bounds of a scenario's set: from when it keeps its plans, with all that the arm asks for beside the planned run."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..arm.demand import demand as demand_of
+from ..demand import Demand
+from .assembled import Assembly, Certified
+from .entered import Entry, entered
+from .ideal import Ideal, ideal_of
+from .remedies import scaled
+from .subject import Subject
+
+Floats = NDArray[np.floating[Any]]
+
+SPARE = 2.0
+"""So many times what cases show of where the arms are when the bound begins."""
+
+ROUNDS = 16
+"""In which what is asked for beside the planned run must have come to rest."""
+
+ABOVE = 1.05
+"""By which each round takes more than it found, so that the next may confirm it."""
+
+AGAIN = 2.0
+"""A torque is computed for one prediction, and what it does is predicted from another: each misses as much."""
+
+FAR = 1e3
+"""Shares of an envelope's side from which on a bound is none."""
+
+
+@dataclass(frozen=True, eq=False)
+class Proved:
+    """What is certain of a set.
+
+    - `entry`: from when, and where its arms then are.
+    - `ideal`: the run that is planned from there, `demand` what the set asks for along it.
+    - `assembly`, `found`: the bounds; None where a loop does not settle, or no bound was found.
+    """
+
+    entry: Entry
+    ideal: Ideal
+    demand: Demand
+    assembly: Assembly
+    found: Certified | None
+
+
+def proved(subject: Subject, chance: float = 1e-3) -> Proved | str:
+    """The bounds of a scenario's set; a reason if its cases do not come to where they could begin.
+
+    - `subject`: the law on its task.
+    - `chance`: that normal noise is larger than is counted at some sample.
+
+    Raises DefinitionError for a set that is invalid.
+    """
+    entry = entered(subject)
+    if isinstance(entry, str):
+        return entry
+    ideal = ideal_of(subject, entry)
+    demand = demand_of(subject.scenario, along=ideal.motion, seen=entry.seen)
+    return _bounded(subject, entry, ideal, demand, chance)
+
+
+def of_a_part(whole: Proved, part: float, chance: float = 1e-3) -> Proved:
+    """The same for a set that is so many times as large, around the arm that the law believes in.
+
+    - `whole`: of the whole set.
+    - `part`: of each of its numbers.
+    - `chance`: as in `proved`.
+    """
+    return _bounded(whole.assembly.subject, whole.entry, whole.ideal, scaled(whole.demand, part), chance, part)
+
+
+def _bounded(
+    subject: Subject, entry: Entry, ideal: Ideal, demand: Demand, chance: float, part: float = 1.0
+) -> Proved:
+    box = (part * SPARE * entry.box, part * SPARE * entry.slid)
+    assembly = Assembly(subject, demand, chance, since=(ideal, box))
+    return Proved(entry, ideal, demand, assembly, _at_rest(assembly) if assembly.stable else None)
+
+
+def _at_rest(assembly: Assembly) -> Certified | None:
+    """Bounds that ask for no more beside the planned run than they were given; None if none was found.
+
+    Each round takes what the last one's bounds ask for. Where it finds no more than that, induction over the samples
+    shows that the bounds are true: what is asked for in a period depends on what came before.
+    """
+    demand = assembly.demand
+    assert demand.beside is not None
+    assert demand.misread is not None
+    late = assembly.subject.law.delay > 0.0
+    more = misread = np.zeros(demand.push.shape[1:])
+    for _ in range(ROUNDS):
+        found = assembly.certified(more, misread)
+        if not np.max(found.share) < FAR:
+            return None
+        radius, speed, missed, lapse = assembly.reach(found)
+        read = demand.misread(missed, lapse)
+        asked = demand.beside(radius, speed) + read
+        if (asked <= more).all() and (AGAIN * late * read <= misread).all():
+            return found
+        more, misread = np.maximum(more, ABOVE * asked), np.maximum(misread, ABOVE * AGAIN * late * read)
+        if not np.isfinite(more).all():
+            return None
+    return None
