@@ -17,7 +17,7 @@ from slidax.transformations.psi import psi
 from ..demand import Demand
 from .cells import cells_of
 from .ideal import Ideal
-from .kernels import ACCELERATION, ERROR, LED, OUTPUTS, Kernels
+from .kernels import ACCELERATION, ERROR, ESTIMATE, LED, OUTPUTS, Kernels
 from .narrowing import Narrowing
 from .noise import Noise
 from .propagation import Bounds, Course, First, Passing, propagated
@@ -56,8 +56,17 @@ class Certified:
 Known: TypeAlias = tuple[Floats, Floats, Floats]
 """Responses without p and with some p held [N 2 9 n j] each, and how e bends [N n j]."""
 
-Since: TypeAlias = tuple[Ideal, tuple[Floats, Floats]]
-"""The ideal arm, and by how much others may differ from it when it begins: `Entry.box` and `Entry.slid`."""
+@dataclass(frozen=True)
+class Since:
+    """Where the bound begins.
+
+    - `ideal`: the run that the law plans from there.
+    - `states`, `slid`: by how much others may differ from it, as in `Entry`.
+    """
+
+    ideal: Ideal
+    states: Floats
+    slid: Floats
 
 
 class Assembly:
@@ -73,8 +82,8 @@ class Assembly:
     def __init__(
         self, subject: Subject, demand: Demand, chance: float = 1e-3, since: Since | None = None
     ) -> None:
-        self.subject, self.demand = subject, demand.boxed()
-        self.ideal, self.box = (None, None) if since is None else since
+        self.subject, self.demand, self.asked = subject, demand.boxed(), demand
+        self.since, self.ideal = since, None if since is None else since.ideal
         law = subject.law
         assert law.horizon is not None
         h = self.period = float(law.period)
@@ -138,6 +147,19 @@ class Assembly:
         share = self._share(error, bounds)
         return Certified(self.subject, self.narrowing, bounds, error, share, self.kappa, self.spread, noise)
 
+    @property
+    def lumped(self) -> Floats:
+        """‖M0 w*‖ when each torque sets in, the largest of all members [N], N m."""
+        first = self.late
+        push = self.demand.push[:, first : first + self.samples]
+        sizes = np.linalg.norm(np.einsum("kij,mkj->mki", self.sliding.inertia, push), axis=2).max(axis=0)
+        if self.asked.effects is not None and self.asked.effects.shape[1]:
+            parts = self.asked.effects[:, :, first : first + self.samples]
+            each = np.linalg.norm(np.einsum("kij,mekj->meki", self.sliding.inertia, parts), axis=3)
+            sizes = sizes + each.sum(axis=1).max(axis=0)
+        found: Floats = sizes
+        return found
+
     def reach(self, found: Certified) -> tuple[Floats, Floats, Floats, Floats]:
         """How far the arm may be beside the ideal one around each of its samples, and beside what is predicted.
 
@@ -175,31 +197,36 @@ class Assembly:
         place = aimed(surface, sides, jnp.asarray(now), horizon, both, jnp.zeros_like(both))[1]
         aims = ahead * np.asarray(place[1] - place[0])
         begun = np.stack([np.maximum(-self.e, 0.0), np.maximum(self.e, 0.0)])
-        return self._known_of(aims), First.of(begun, spread, np.abs(aims - y) + spread + noise, 0.0)
+        return self._known_of(aims), First.of(begun, spread, np.abs(aims - y) + spread + noise)
 
     def _entered(self) -> tuple[Known, First]:
         """The same where the arms of the set are anywhere in a box around the ideal one."""
-        assert self.box is not None
+        assert self.since is not None
         free, bend = self._pushed()
         held = free.copy()
         known = np.max(free[0, :, LED], axis=(0, 2))
+        narrowing = self.narrowing
+        slope = self.course.slopes.between(*(jnp.asarray(self.since.ideal.eps[0]),) * 2)[0]
+        follows = narrowing.ahead[0] / (narrowing.now[0] + self.horizon * np.asarray(slope))
         for i, loop in enumerate(self.subject.loops):
-            basis = entries(loop)
+            basis, sizes = entries(loop, float(follows[i]), self.since.states[:, :, i])
             for j, kappa in enumerate(self.kappa[i]):
-                for column, size in zip(basis.T, self.box[0][:, i], strict=True):
+                for column, size in zip(basis.T, sizes, strict=True):
                     if size > 0.0:
-                        alone, kept = self._from(loop, kappa, column)
+                        alone, kept = self._from(loop, kappa, column, float(follows[i]))
                         free[:, :, :, i, j] += size * np.abs(alone.T)[:, None]
                         held[:, :, :, i, j] += size * np.abs(kept.T)[:, None]
         error = np.max(free[0, :, ERROR], axis=2)
-        slid = float(self.sliding.root[0] * np.linalg.norm(self.box[1]))
-        return (free, held, bend), First.of(error, known, np.full_like(known, np.inf), slid)
+        slid = np.abs(self.since.slid)
+        size = float(np.sqrt(slid @ self.sliding.mass[0] @ slid))
+        return (free, held, bend), First.of(error, known, np.full_like(known, np.inf), size, follows)
 
-    def _from(self, loop: LinearLoop, kappa: float, state: Floats) -> tuple[Floats, Floats]:
-        """What a loop does from a state without p, and with p held where its ŷ begins [9 N] each."""
+    def _from(self, loop: LinearLoop, kappa: float, state: Floats, follows: float) -> tuple[Floats, Floats]:
+        """What a loop does from a state without p, and with the p held that ŷ has at its beginning [9 N] each."""
         nothing = np.zeros((1, 2))
         alone = followed(loop, kappa, nothing, 0.0, state, self.samples).outputs[:, 0]
-        return alone, followed(loop, kappa, nothing, float(alone[LED, 0]), state, self.samples).outputs[:, 0]
+        place = follows * float(alone[LED, 0])
+        return alone, followed(loop, kappa, nothing, place, state, self.samples).outputs[:, 0]
 
     def _known_of(self, aims: Floats) -> Known:
         """What the loops do with what is known, without p and with the first held [N 2 9 n j], and how e bends [N n j].
@@ -224,11 +251,13 @@ class Assembly:
         curve = 12.0 if self.subject.dead_time % 1.0 == 0 else 4.0
         for i, loop in enumerate(self.subject.loops):
             push = self.demand.push[:, :, i] * h * h
-            begun = self._begun(i) if self.box is None else steady(loop, push[:, 0])
+            begun = self._begun(i) if self.since is None else steady(loop, push[:, 0])
             for j, kappa in enumerate(self.kappa[i]):
                 found = followed(loop, kappa, push, 0.0, begun, self.samples, self.quiet)
                 extra = self.noise_size[:, i, j, None] + self._first_noise(i, kappa)
                 outputs = found.outputs.copy()
+                # Of the estimate what it misses of the push as it is when the torque sets in.
+                outputs[ESTIMATE] -= push[:, self.late : self.late + self.samples]
                 outputs[ACCELERATION] += kappa * found.least
                 known[:, 0, :, i, j] = (np.max(-outputs, axis=1) + extra).T
                 outputs[ACCELERATION] += kappa * (found.most - found.least)
@@ -239,7 +268,7 @@ class Assembly:
     def _first_noise(self, joint: int, kappa: float) -> Floats:
         """What the noise of the first measurement does, since it is the first prediction as well [9 N]."""
         loop, queue, found = self.subject.loops[joint], self._queue(joint), np.zeros((OUTPUTS, self.samples))
-        if self.box is not None:
+        if self.since is not None:
             # It is among what was seen.
             return found
         for k, size in enumerate(self.noise_start):
@@ -311,7 +340,7 @@ class Assembly:
         stray = np.max([later[first + k : first + k + n] for k in range(3)], axis=0)
         target, eps, turn = self._planned()
         given = (narrowing.now, narrowing.ahead, free, held, stray, bend, target, eps, turn)
-        reached = (sliding.size, sliding.s_next, sliding.root, sliding.grown)
+        reached = (sliding.size, sliding.s_next, sliding.root, sliding.mass, sliding.grown)
         return Passing(*(jnp.asarray(one) for one in (*given, *reached)))
 
     def _misled(self, misread: Floats) -> Floats:

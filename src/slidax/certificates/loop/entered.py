@@ -25,6 +25,10 @@ CASES = 16
 """Of the set, the first of them its middle."""
 
 
+LATEST = 0.75
+"""Share of the run by which s must be reached."""
+
+
 class Watching(AbstractController):
     """A law that also says what it keeps for its next sample; it decides nothing else."""
 
@@ -73,8 +77,8 @@ class Entry:
     - `commands`: its relative accelerations in the periods whose torques are under way, the newest first [Q n].
     - `s`: what it remembers of s [n]; `slid`: by how much others differ from that [n], rad/s or m/s.
     - `seen`: for a law that learns, the arms, each with what it came to believe of it.
-    - `box`: by how much others differ in e, ė, what each command under way is planned to do, the prediction's error of e
-      and ė, ŵ - w*, its rate, and the last measurement [7 + Q, n]; units of periods.
+    - `states`: by how much each differs from it in e, ė, what each command under way is planned to do, and what is wrong
+      in the prediction of e and ė, in ŵ, its rate and the last measurement [cases 8 + Q n]; units of periods.
     """
 
     sample: int
@@ -84,12 +88,53 @@ class Entry:
     dq: Floats
     s: Floats
     slid: Floats
-    box: Floats
+    states: Floats
     seen: list[tuple[Plant, Belief]]
 
 
-def entered(subject: Subject, cases: int = CASES, seed: int = 0) -> Entry | str:
-    """The entry of a scenario's set, or why there is none.
+@dataclass(frozen=True, eq=False)
+class Approach:
+    """Cases of a set, the first of them its middle.
+
+    - `subject`: the law on its task.
+    - `seen`: the runs, `plants` their arms.
+    - `late`: the first sample from which on all of them keep s and their limits.
+    """
+
+    subject: Subject
+    seen: list[_Seen]
+    plants: list[Plant]
+    late: int
+
+    @property
+    def samples(self) -> int:
+        """Of a run."""
+        return int(self.seen[0].e.shape[0])
+
+    def entry(self, sample: int) -> Entry:
+        """Where they are at a sample.
+
+        - `sample`: not before `late`.
+        """
+        subject, middle = self.subject, self.seen[0]
+        ends = slice(sample - subject.quiet, sample + int(np.ceil(subject.dead_time)) + 2)
+        kept = np.array([one.s[sample] for one in self.seen])
+        learning = learns(subject.scenario)
+        return Entry(
+            sample=sample,
+            cases=len(self.seen),
+            margin=min(one.margin(sample) for one in self.seen),
+            q=middle.q[ends],
+            dq=middle.dq[ends],
+            s=kept[0],
+            slid=np.max(np.abs(kept - kept[0]), axis=0),
+            states=np.array([one.state(sample, middle) for one in self.seen]),
+            seen=[(arm, one.belief) for arm, one in zip(self.plants, self.seen, strict=True)] if learning else [],
+        )
+
+
+def approached(subject: Subject, cases: int = CASES, seed: int = 0) -> Approach | str:
+    """Cases of a scenario's set on their way to where their bounds can begin, or why there are none.
 
     - `subject`: the law on its task.
     - `cases`: how many are run.
@@ -108,27 +153,11 @@ def entered(subject: Subject, cases: int = CASES, seed: int = 0) -> Entry | str:
         return f"{len(lost)} of {len(seen)} cases of the set leave their envelope"
     good = [one for one in seen if one is not None]
     queue = max(1, int(np.ceil(subject.law.delay)))
-    late = max(one.late for one in good) + int(np.ceil(subject.law.delay)) + 3
-    first = max(late, subject.quiet + queue + 3)
-    if first > 0.75 * good[0].e.shape[0]:
-        return f"s is reached, or a limit of the drives, as late as t = {first * scenario.period:.3g} s in cases of the set"
-    states = np.array([one.state(first, good[0]) for one in good])
-    middle, m = good[0], first - subject.quiet
-    ends = slice(m, first + int(np.ceil(subject.dead_time)) + 2)
-    kept = np.array([one.s[first] for one in good])
-    return Entry(
-        sample=first,
-        cases=len(good),
-        margin=min(one.margin(first) for one in good),
-        q=middle.q[ends],
-        dq=middle.dq[ends],
-        s=kept[0],
-        slid=np.max(np.abs(kept - kept[0]), axis=0),
-        box=np.max(np.abs(states), axis=0),
-        seen=[] if not learns(scenario) else [
-            (arm, one.belief) for arm, one in zip(members.plants(shares[1]), good, strict=True)
-        ],
-    )
+    late = max(max(one.late for one in good) + queue + 3, subject.quiet + queue + 3)
+    if late > LATEST * good[0].e.shape[0]:
+        since = late * scenario.period
+        return f"s is reached, or a limit of the drives, as late as t = {since:.3g} s in cases of the set"
+    return Approach(subject, good, members.plants(shares[1]), late)
 
 
 def _shares(seed: int, rows: int, width: int) -> Floats:
@@ -213,7 +242,7 @@ class _Seen:
         return float(self.room[: until + 1].min())
 
     def state(self, first: int, middle: _Seen) -> Floats:
-        """What is known of it at a decision beside the middle one [7 + Q, n]; the middle one does what it did."""
+        """What is known of it at a decision beside the middle one [8 + Q, n]; the middle one does what it did."""
         subject = self.subject
         m, queue = first - subject.quiet, max(1, int(np.ceil(subject.law.delay)))
         dead, before = int(subject.dead_time), first - 1

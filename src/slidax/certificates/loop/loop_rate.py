@@ -14,7 +14,7 @@ from slidax.scenarios import Scenario
 from ..demand import Demand
 from ..verdict import Assumption, Verdict
 from .assembled import Assembly, Certified
-from .premises import of_the_entry, of_the_loops
+from .premises import of_the_loops
 from .proved import Proved, of_a_part, proved
 from .remedies import altered, found_remedies, least, resampled, scaled, tried
 from .subject import Subject
@@ -61,7 +61,7 @@ def loop_rate(
         return _unstable(whole.assembly)
     if whole.found is None:
         return _unbounded(whole, _for_a_set(scenario, whole, chance) if remedies else [])
-    listed = [*of_the_entry(whole), *whole.demand.assumptions, *of_the_loops(whole.assembly, whole.found, chance)]
+    listed = [*whole.premises, *whole.demand.assumptions]
     radius = _least_radius(scenario, whole, chance) if remedies else _asked_radius(whole.found)
     found = _judged(whole.assembly, whole.found, listed, radius)
     if found.holds or not remedies:
@@ -177,8 +177,7 @@ def _share_of(scenario: Scenario | None, chance: float) -> float:
         return float("inf")
     if isinstance(whole, str) or whole.found is None:
         return float("inf")
-    fails = any(one.status == "fails" for one in of_the_loops(whole.assembly, whole.found, chance))
-    return float("inf") if fails else float(np.max(whole.found.share))
+    return float(np.max(whole.found.share)) if whole.holds else float("inf")
 
 
 def _for_a_set(scenario: Scenario, whole: Proved, chance: float, radius: Floats | None = None) -> list[Remedy]:
@@ -191,7 +190,7 @@ def _for_a_set(scenario: Scenario, whole: Proved, chance: float, radius: Floats 
 
     def share(part: float) -> float:
         smaller = of_a_part(whole, part, chance)
-        return float("inf") if smaller.found is None else float(np.max(smaller.found.share))
+        return 0.0 if smaller.holds else float("inf")
 
     part = least(share, 1.0, 0.05)
     if part is not None:
@@ -208,7 +207,7 @@ def _unbounded(whole: Proved, fixes: list[Remedy]) -> Verdict:
         f"other with up to {coupling:.2g} of their accelerations, the sums of the responses' sizes grow from sample to "
         "sample (docs/certificates/loop-rate.md). Nothing is said of whether the envelope holds; `statistical` has runs"
     )
-    listed = [*of_the_entry(whole), *whole.demand.assumptions, Assumption(text, "fails")]
+    listed = [*whole.premises, *whole.demand.assumptions, Assumption(text, "fails")]
     return Verdict(NAME, TITLE, False, None, {"kappa": kappa}, listed, statement, fixes)
 
 

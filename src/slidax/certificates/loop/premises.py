@@ -8,18 +8,19 @@ import numpy as np
 
 from ..verdict import Assumption, Status
 from .assembled import Assembly, Certified
-from .proved import SPARE, Proved
+from .entered import Entry
 
 
-def of_the_entry(whole: Proved) -> list[Assumption]:
+def of_the_entry(entry: Entry, assembly: Assembly, spare: float) -> list[Assumption]:
     """How the arms of a set came to where their bounds begin.
 
-    - `whole`: the bounds.
+    - `entry`: how.
+    - `assembly`: the bounds.
+    - `spare`: so many times what is seen is counted.
     """
-    entry, assembly = whole.entry, whole.assembly
     since = float(assembly.set_in[0])
     unit = assembly.subject.law.nominal.joint_units
-    far = float(np.max(entry.box[0]))
+    far = float(np.max(np.abs(entry.states[:, 0])))
     return [
         Assumption(
             f"until t = {since:.3g} s the envelope is kept, as in {entry.cases} cases of the set, where the least margin "
@@ -28,7 +29,7 @@ def of_the_entry(whole: Proved) -> list[Assumption]:
             entry.margin,
         ),
         Assumption(
-            f"then no arm is farther from the planned run than {SPARE:g} times what these cases show, {far:.2g} "
+            f"then no arm is farther from the planned run than {spare:g} times what these cases show, {far:.2g} "
             f"{'rad' if 'rad' in unit else unit[0]} and less",
             "checked",
             far,
@@ -106,7 +107,8 @@ def _covered(assembly: Assembly, found: Certified) -> Assumption:
 def _followed(assembly: Assembly, found: Certified) -> Assumption:
     """That the estimate is compensated as a whole."""
     u, h = assembly.sliding.cover, assembly.period
-    size = np.linalg.norm(found.bounds.estimate, axis=1) / h**2 * assembly.sliding.root**2
+    missed = np.linalg.norm(np.einsum("kij,kj->ki", assembly.sliding.mass, found.bounds.estimate / h**2), axis=1)
+    size = assembly.lumped + missed
     late = float(np.max(size[(3 * size.size) // 4 :]))
     if np.isinf(u).all():
         return Assumption("the estimated push is compensated as a whole", "assumed", late)

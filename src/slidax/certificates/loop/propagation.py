@@ -64,7 +64,7 @@ class Passing:
     - `stray`: w* that is not known [N n], `bend`: by what the known one bends e off its mean [N n j], rad or m.
     - `target`, `eps`: x and ε of the ideal arm's plan [N n]; `turn`: `|Δx - ΔN ψ|` of it since the last sample [N n].
     - `sliding`: what the ideal arm remembers of s, `‖s‖` in the norm of M0 [N]; `s_next`: its |s⁺| [N n].
-    - `root`: of the largest eigenvalue of M0 [N]; `grown`: by which factor the norm of M0 grows to the next sample [N].
+    - `root`: of the largest eigenvalue of M0 [N]; `mass`: |M0| [N n n]; `grown`: by which factor the norm of M0 grows to the next sample [N].
     """
 
     now: Any
@@ -79,6 +79,7 @@ class Passing:
     sliding: Any
     s_next: Any
     root: Any
+    mass: Any
     grown: Any
 
 
@@ -90,20 +91,24 @@ class First:
     """Bounds at the first sample.
 
     - `error`: of e, below and above zero [2 n].
-    - `spread`: of p around what is held [n], `back`: of p - ŷ [n]; where that is inf it follows from ŷ, and is added to
-      the spread.
-    - `slid`: of what s misses, in the norm of M0.
+    - `spread`: of p around what is held [n], `back`: of p - ŷ [n]; where that is inf `θ ŷ` is held, and what p may be
+      beside it is added to the spread.
+    - `slid`: of what s misses, in the norm of M0; `follows`: θ [n].
     """
 
     error: Any
     spread: Any
     back: Any
     slid: Any
+    follows: Any
 
     @classmethod
-    def of(cls, error: Floats, spread: Floats, back: Floats, slid: float) -> First:
+    def of(
+        cls, error: Floats, spread: Floats, back: Floats, slid: float = 0.0, follows: Floats | float = 1.0
+    ) -> First:
         """Of numbers."""
-        return cls(*(jnp.asarray(one) for one in (error, spread, back, slid)))
+        each = jnp.broadcast_to(jnp.asarray(follows, float), back.shape)
+        return cls(*(jnp.asarray(one) for one in (error, spread, back, slid)), each)
 
 
 jax.tree_util.register_dataclass(First, data_fields=list(First.__dataclass_fields__), meta_fields=[])
@@ -115,7 +120,7 @@ class Bounds:
 
     - `error`: of e where torques set in, below and above zero, in size [N 2 n].
     - `missed`: of ω [N n], `acceleration`: of ë [N n], in rad/period² or m/period²; `led`: of ŷ [N n].
-    - `estimate`: of ŵ [N n], in the same unit as ω; `speed`: of ė there [N n], rad or m per period; `lapse` and `shift`:
+    - `estimate`: of ŵ - w* [N n], in the same unit as ω; `speed`: of ė there [N n], rad or m per period; `lapse` and `shift`:
       of what the prediction misses of ė and of y [N n].
     - `needed`: what u must cover, ‖M0 s/H‖ [N], N m.
     """
@@ -138,6 +143,11 @@ def propagated(course: Course, passing: Passing, first: First) -> Bounds:
     - `first`: how it begins.
     """
     return Bounds(*(np.asarray(one) for one in _scanned(course, passing, first)))
+
+
+def _norm(mass: Any, sizes: Any) -> Any:
+    """In the norm of M0, of a vector whose entries are no larger."""
+    return jnp.sqrt(sizes @ mass @ sizes)
 
 
 @functools.partial(jax.jit)
@@ -213,7 +223,9 @@ def _scanned(course: Course, passing: Passing, first: First) -> Any:
         ]
         back = jnp.max(jnp.abs(at.ahead - at.now)[:, None] * share + horizon * h * pull, axis=0)
         back = back + (horizon * h * s_bar)[:, None]
-        spread = first.spread[:, None] + jnp.where(jnp.isinf(first.back)[:, None], back, 0.0)
+        wide = jnp.maximum(*(jnp.abs(f - first.follows[:, None]) for f in follows)) * jnp.max(led, axis=0)
+        wide = wide + follows[1] * (horizon * h * s_bar)[:, None]
+        spread = first.spread[:, None] + jnp.where(jnp.isinf(first.back)[:, None], wide, 0.0)
         change_now = jnp.where(begun, change_now, spread)
         back = jnp.minimum(back, jnp.where(begun, jnp.maximum(*going) + bent, first.back[:, None]))
         change = with_newest(change, change_now, k)
@@ -233,9 +245,9 @@ def _scanned(course: Course, passing: Passing, first: First) -> Any:
         # 5. The next ŷ and s.
         missed = either(MISSED)
         led_after = (1.0 - r) * led + r * jnp.maximum(aim + missed, 0.0)
-        slip = at.root * jnp.linalg.norm(jnp.max(jnp.max(either(SLIP), axis=0), axis=1)) / h
+        slip = _norm(at.mass, jnp.max(either(SLIP), axis=(0, 2))) / h
         # What is kept of s is a mean of what the velocity missed of its plans.
-        slid_after = at.grown * ((1.0 - r) * slid + r * at.root * jnp.linalg.norm(s_bar) + slip)
+        slid_after = at.grown * ((1.0 - r) * slid + r * _norm(at.mass, s_bar) + slip)
         estimate = jnp.max(either(ESTIMATE), axis=0)
         size = jnp.max(missed, axis=0)
         last = {"aim": aim, "share": share, "back": back, "missed": size, "bent": at.bend + 0.25 * coupled}

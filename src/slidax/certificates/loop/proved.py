@@ -5,14 +5,18 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
 from ..arm.demand import demand as demand_of
 from ..demand import Demand
-from .assembled import Assembly, Certified
-from .entered import Entry, entered
+from ..verdict import Assumption
+from .assembled import Assembly, Certified, Since
+from .entered import Entry, approached
 from .ideal import Ideal, ideal_of
+from .premises import of_the_entry, of_the_loops
 from .remedies import scaled
 from .subject import Subject
 
@@ -20,6 +24,12 @@ Floats = NDArray[np.floating[Any]]
 
 SPARE = 2.0
 """So many times what cases show of where the arms are when the bound begins."""
+
+BEGINNINGS = (0.0, 0.3, 0.6, 1.0)
+"""Where a bound may begin, from when all cases keep s, to when the envelope is narrow: the first that holds."""
+
+NARROW = 1.05
+"""An envelope has reached its final width where it is at most so many times as wide as at the end."""
 
 ROUNDS = 16
 """In which what is asked for beside the planned run must have come to rest."""
@@ -41,6 +51,7 @@ class Proved:
     - `entry`: from when, and where its arms then are.
     - `ideal`: the run that is planned from there, `demand` what the set asks for along it.
     - `assembly`, `found`: the bounds; None where a loop does not settle, or no bound was found.
+    - `premises`: what the bounds stand on, beside what is asked of the loops.
     """
 
     entry: Entry
@@ -48,6 +59,14 @@ class Proved:
     demand: Demand
     assembly: Assembly
     found: Certified | None
+    premises: list[Assumption]
+
+    @property
+    def holds(self) -> bool:
+        """Whether no sample can be outside, and no premise fails."""
+        if self.found is None or any(one.status == "fails" for one in self.premises):
+            return False
+        return bool(np.max(self.found.share) < 1.0)
 
 
 def proved(subject: Subject, chance: float = 1e-3) -> Proved | str:
@@ -58,12 +77,27 @@ def proved(subject: Subject, chance: float = 1e-3) -> Proved | str:
 
     Raises DefinitionError for a set that is invalid.
     """
-    entry = entered(subject)
-    if isinstance(entry, str):
-        return entry
-    ideal = ideal_of(subject, entry)
-    demand = demand_of(subject.scenario, along=ideal.motion, seen=entry.seen)
-    return _bounded(subject, entry, ideal, demand, chance)
+    approach = approached(subject)
+    if isinstance(approach, str):
+        return approach
+    narrow = max(_narrow(subject, approach.samples), approach.late)
+    for share in BEGINNINGS:
+        entry = approach.entry(approach.late + round(share * (narrow - approach.late)))
+        ideal = ideal_of(subject, entry)
+        demand = demand_of(subject.scenario, along=ideal.motion, seen=entry.seen)
+        whole = _bounded(subject, entry, ideal, demand, chance)
+        if not whole.assembly.stable or whole.holds:
+            break
+    return whole
+
+
+def _narrow(subject: Subject, samples: int) -> int:
+    """The first sample at which the envelope is as narrow as at the end, or nearly; the middle of the run at most."""
+    t = jnp.asarray(np.arange(samples) * subject.scenario.period)
+    drawn, joints = subject.drawn.performance, subject.law.joints
+    radius = np.asarray(jax.vmap(lambda one: jnp.broadcast_to(drawn.radius(one), (joints,)))(t))
+    narrow = np.all(radius <= NARROW * radius[-1], axis=1)
+    return min(int(np.argmax(narrow)), samples // 2)
 
 
 def of_a_part(whole: Proved, part: float, chance: float = 1e-3) -> Proved:
@@ -79,9 +113,12 @@ def of_a_part(whole: Proved, part: float, chance: float = 1e-3) -> Proved:
 def _bounded(
     subject: Subject, entry: Entry, ideal: Ideal, demand: Demand, chance: float, part: float = 1.0
 ) -> Proved:
-    box = (part * SPARE * entry.box, part * SPARE * entry.slid)
-    assembly = Assembly(subject, demand, chance, since=(ideal, box))
-    return Proved(entry, ideal, demand, assembly, _at_rest(assembly) if assembly.stable else None)
+    assembly = Assembly(subject, demand, chance, Since(ideal, part * SPARE * entry.states, part * SPARE * entry.slid))
+    found = _at_rest(assembly) if assembly.stable else None
+    premises = of_the_entry(entry, assembly, SPARE)
+    if found is not None:
+        premises += of_the_loops(assembly, found, chance)
+    return Proved(entry, ideal, demand, assembly, found, premises)
 
 
 def _at_rest(assembly: Assembly) -> Certified | None:

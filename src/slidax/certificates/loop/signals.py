@@ -86,15 +86,19 @@ def steady(loop: LinearLoop, push: Floats) -> Floats:
     return state
 
 
-def entries(loop: LinearLoop) -> Floats:
-    """The states of a loop by what can be said of it at a decision, as columns [s 8 + Q].
+def entries(loop: LinearLoop, follows: float, states: Floats) -> tuple[Floats, Floats]:
+    """Directions of a loop's state at a decision, as columns [s 8 + Q], and how far some states reach in each [8 + Q].
 
-    e and ė; what each command under way is planned to do, `a + ŵ`, the newest first; by how much the prediction of e and
-    ė is wrong; `ŵ - w*` and ŵ's rate; by how much the last measurement was otherwise than e and ė say.
+    e with the ė at which a plan for `p = θ ŷ` asks for no acceleration; ė beside that; what each command under way is
+    planned to do, `a + ŵ`, the newest first; by how much the prediction of e and ė is wrong; `ŵ - w*` and ŵ's rate; by
+    how much the last measurement was otherwise than e and ė say.
 
     - `loop`: whose.
+    - `follows`: θ.
+    - `states`: as in `Entry` [m 8 + Q].
     """
     queue = _queue(loop)
+    drift = -(1.0 - follows) / (loop.horizon + (loop.horizon - 0.5) * (1.0 - follows))
     basis = np.eye(2 + queue + 6)
     basis[2 + queue, 0] = basis[3 + queue, 1] = 1.0
     basis[2 : 2 + queue, 4 + queue] = -1.0
@@ -103,7 +107,10 @@ def entries(loop: LinearLoop) -> Floats:
         basis[-2, 1] = -1.0
     else:
         basis[-2:] = 0.0
-    return basis
+    basis[:, 0] += drift * basis[:, 1]
+    seen = states.copy()
+    seen[:, 1] -= drift * seen[:, 0]
+    return basis, np.max(np.abs(seen), axis=0)
 
 
 def _queue(loop: LinearLoop) -> int:

@@ -22,12 +22,14 @@ Floats = NDArray[np.floating[Any]]
 class Sliding:
     """At each time at which a torque sets in.
 
-    - `root`: of the largest eigenvalue of M0 [N].
+    - `root`: of the largest eigenvalue of M0 [N]; `inertia`: M0, `mass`: |M0| [N n n].
     - `grown`: by which factor the norm of M0 grows to the next sample [N].
     - `size`: `‖s‖` of the ideal arm in the norm of M0 [N]; `s_next`: its |s⁺| [N n]; `cover`: u [N], N m.
     """
 
     root: Floats
+    inertia: Floats
+    mass: Floats
     grown: Floats
     size: Floats
     s_next: Floats
@@ -43,9 +45,10 @@ class Sliding:
         """
         law, n = subject.law, times.size
         if ideal is None:
-            root = np.sqrt(subject.heavy(times))
+            heavy = subject.heavy(times)
             none = np.zeros((n, law.joints))
-            return cls(root, np.ones(n), np.zeros(n), none, np.full(n, subject.cover()[0]))
+            mass = heavy[:, None, None] * np.eye(law.joints)
+            return cls(np.sqrt(heavy), mass, mass, np.ones(n), np.zeros(n), none, np.full(n, subject.cover()[0]))
         motion = ideal.motion
         mass = along(law.nominal, motion.q, motion.dq)[0]
         if law.adaptation is not None:
@@ -59,6 +62,8 @@ class Sliding:
         size = np.sqrt(np.maximum(np.einsum("ki,kij,kj->k", s, mass[at], s), 0.0))
         return cls(
             root=np.sqrt(np.linalg.eigvalsh(mass[at])[:, -1]),
+            inertia=mass[at],
+            mass=np.abs(mass[at]),
             grown=grown[at],
             size=size,
             s_next=np.abs(ideal.s_next[:n]),

@@ -74,7 +74,7 @@ class Slopes:
         size = self.eps.shape[0]
         i = jnp.clip(jnp.searchsorted(self.eps, low, side="right") - 1, 0, size - 1)
         j = jnp.clip(jnp.searchsorted(self.eps, high, side="left"), i, size - 1)
-        level = jnp.asarray(jnp.floor(jnp.log2(j - i + 1.0) + 1e-9), i.dtype)
+        level = jnp.asarray(jnp.floor(jnp.log2((j - i + 1).astype(float)) + 1e-9), i.dtype)
         joint = jnp.arange(i.shape[0])
         second = j - 2**level + 1
         least = jnp.minimum(self.least[level, joint, i], self.least[level, joint, second])
