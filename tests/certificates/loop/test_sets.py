@@ -1,4 +1,4 @@
-"""The certificate on whole scenarios: from when the arms of a set keep their plans no error of a case exceeds its bound."""
+"""The certificate on whole scenarios: once the arms of a set keep their plans no error of a case exceeds its bound."""
 
 from __future__ import annotations
 
@@ -23,7 +23,10 @@ from slidax.transformations.psi import psi_and_slope
 SETS = {
     "masses": {"robot.plant.masses": {"around": "10 %", "each": "joint"}},
     "starts": {"robot.plant.masses": {"around": "5 %", "each": "joint"}, "start.q": {"around": 0.05, "each": "joint"}},
-    "pushes": {"disturbance.scale": {"between": [0.0, 2.0]}, "robot.plant.inertias": {"around": "8 %", "each": "joint"}},
+    "pushes": {
+        "disturbance.scale": {"between": [0.0, 2.0]},
+        "robot.plant.inertias": {"around": "8 %", "each": "joint"},
+    },
 }
 WITHOUT = {"scheme.sampled_data.adaptation": None}
 CASES = [
@@ -125,19 +128,24 @@ def test_a_plan_beside_the_ideal_one_is_found_between_its_ends():
     sides = subject.drawn.init(jnp.zeros(()), jnp.asarray(subject.start()[0]))
     radius, horizon = jnp.array([0.3, 0.002]), jnp.asarray(0.012)
     middle = jnp.array([0.1, -1e-4])
-    zero = jnp.zeros((2, 2, 1))
+    zero, origin = jnp.zeros((2, 2, 1)), (jnp.zeros(2), jnp.zeros(2))
 
     def solved(x):
-        place, _, eps = aimed_beside(
-            subject.surface, sides, radius, horizon, (jnp.zeros(2), jnp.zeros(2)), jnp.abs(x)[None, :, None] + zero, zero
-        )
-        side = (np.asarray(x) > 0).astype(int)
-        return np.array([eps[s, i, 0] for i, s in enumerate(side)]), np.array([place[s, i, 0] for i, s in enumerate(side)])
+        size = jnp.abs(x)[None, :, None] + zero
+        place, _, eps = aimed_beside(subject.surface, sides, radius, horizon, origin, size, zero)
+        sides_of = (np.asarray(x) > 0).astype(int), np.arange(2), 0
+        return np.asarray(eps)[sides_of], np.asarray(place)[sides_of]
 
     eps, share = solved(middle)
     reach = jnp.array([[0.02, 3e-5], [0.01, 4e-5]])[:, :, None]
     below_and_above, _, _ = aimed_beside(
-        subject.surface, sides, radius, horizon, (middle, jnp.asarray(eps)), reach, jnp.asarray(eps)[None, :, None] + zero
+        subject.surface,
+        sides,
+        radius,
+        horizon,
+        (middle, jnp.asarray(eps)),
+        reach,
+        jnp.asarray(eps)[None, :, None] + zero,
     )
     for k, sign in enumerate((-1.0, 1.0)):
         there = middle + sign * reach[k, :, 0]

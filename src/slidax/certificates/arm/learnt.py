@@ -121,7 +121,7 @@ def after_learning(members: Members, belief: Belief, hull: Hull, plants: list[Pl
         beside=beside_of(belief, motion, plants, hull, largest[None], beliefs),
         arms=len(arms),
         lacking=lacking,
-        held=np.max([held(one, motion, largest) for one in beliefs], axis=0),
+        held=np.array([held(one, motion, largest) for one in beliefs]).max(axis=0),
         beliefs=beliefs,
         relearnt=None,
         assumptions=[Assumption(text, status) for text, status in texts],  # type: ignore[arg-type]
@@ -177,9 +177,9 @@ def as_seen(
         beside=beside_of(belief, motion, plants, hull, largest[None], beliefs),
         arms=len(arms),
         lacking=lacking,
-        held=np.max([held(one, motion, largest) for one in beliefs], axis=0),
+        held=np.array([held(one, motion, largest) for one in beliefs]).max(axis=0),
         beliefs=beliefs,
-        relearnt=np.max([_relearnt(one, motion, largest) for one in beliefs], axis=0),
+        relearnt=np.array([_relearnt(one, motion, largest) for one in beliefs]).max(axis=0),
         assumptions=[Assumption(text, "checked", len(seen))],
     )
 

@@ -3,26 +3,23 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, TypeAlias
+from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
-from slidax.diagnosis.linear_loop import LinearLoop
-from slidax.transformations import Sides
 from slidax.transformations.psi import psi
 
 from ..demand import Demand
+from .beginning import entered, started
 from .cells import cells_of
 from .ideal import Ideal
-from .kernels import ACCELERATION, ERROR, ESTIMATE, LED, OUTPUTS, Kernels
+from .kernels import ERROR, OUTPUTS, Kernels
 from .narrowing import Narrowing
 from .noise import Noise
-from .propagation import Bounds, Course, First, Passing, propagated
-from .rule import aimed
-from .signals import entries, followed, steady
+from .propagation import Bounds, Course, Passing, propagated
 from .sliding import Sliding
 from .slopes import Slopes
 from .subject import Subject
@@ -53,9 +50,6 @@ class Certified:
     noise: Floats
 
 
-Known: TypeAlias = tuple[Floats, Floats, Floats]
-"""Responses without p and with some p held [N 2 9 n j] each, and how e bends [N n j]."""
-
 @dataclass(frozen=True)
 class Since:
     """Where the bound begins.
@@ -79,9 +73,7 @@ class Assembly:
       from the start and the reference on, and s taken as reached.
     """
 
-    def __init__(
-        self, subject: Subject, demand: Demand, chance: float = 1e-3, since: Since | None = None
-    ) -> None:
+    def __init__(self, subject: Subject, demand: Demand, chance: float = 1e-3, since: Since | None = None) -> None:
         self.subject, self.demand, self.asked = subject, demand.boxed(), demand
         self.since, self.ideal = since, None if since is None else since.ideal
         law = subject.law
@@ -104,12 +96,10 @@ class Assembly:
         times = self.samples * law.joints * OUTPUTS
         self.noise_size = self.noise.size(h, self.kernels.noise, self.kernels.noise_square, times, chance)
         self.noise_start = self.noise.start(h, times, chance)
-        self.narrowing = Narrowing.of(
-            subject.drawn, self.sides, period=h, horizon=self.horizon, times=self.set_in
-        )
+        self.narrowing = Narrowing.of(subject.drawn, self.sides, period=h, horizon=self.horizon, times=self.set_in)
         self.sliding = Sliding.of(subject, self.ideal, self.set_in)
         self.course = self._course()
-        self.known, self.first = self._started() if since is None else self._entered()
+        self.known, self.first = started(self) if since is None else entered(self)
 
     @property
     def stable(self) -> bool:
@@ -183,122 +173,6 @@ class Assembly:
             spans.append(np.maximum(whole, np.concatenate([whole[1:], whole[-1:]])))
         return spans[0], spans[1], spans[2], spans[3]
 
-    def _started(self) -> tuple[Known, First]:
-        """What is known of the loops, and bounds at the first sample, from the scenario's start."""
-        narrowing, lead = self.narrowing, self.narrowing.lead
-        noise = np.max(self.noise_size[LED], axis=1) + self.noise_start[0] + lead * self.noise_start[1]
-        now, ahead = narrowing.now[0], narrowing.ahead[0]
-        spread = ahead / now * (noise + self.horizon * self.subject.cover()[1])
-        spread = np.minimum(spread, ahead * (narrowing.upper - narrowing.lower))
-        y = self.e + lead * self.de
-        sides = Sides(jnp.asarray(narrowing.lower), jnp.asarray(narrowing.upper))
-        both = jnp.stack([jnp.maximum(-jnp.asarray(y), 0.0), jnp.maximum(jnp.asarray(y), 0.0)])
-        surface, horizon = self.subject.surface, jnp.asarray(self.horizon)
-        place = aimed(surface, sides, jnp.asarray(now), horizon, both, jnp.zeros_like(both))[1]
-        aims = ahead * np.asarray(place[1] - place[0])
-        begun = np.stack([np.maximum(-self.e, 0.0), np.maximum(self.e, 0.0)])
-        return self._known_of(aims), First.of(begun, spread, np.abs(aims - y) + spread + noise)
-
-    def _entered(self) -> tuple[Known, First]:
-        """The same where the arms of the set are anywhere in a box around the ideal one."""
-        assert self.since is not None
-        free, bend = self._pushed()
-        held = free.copy()
-        known = np.max(free[0, :, LED], axis=(0, 2))
-        narrowing = self.narrowing
-        slope = self.course.slopes.between(*(jnp.asarray(self.since.ideal.eps[0]),) * 2)[0]
-        follows = narrowing.ahead[0] / (narrowing.now[0] + self.horizon * np.asarray(slope))
-        for i, loop in enumerate(self.subject.loops):
-            basis, sizes = entries(loop, float(follows[i]), self.since.states[:, :, i])
-            for j, kappa in enumerate(self.kappa[i]):
-                for column, size in zip(basis.T, sizes, strict=True):
-                    if size > 0.0:
-                        alone, kept = self._from(loop, kappa, column, float(follows[i]))
-                        free[:, :, :, i, j] += size * np.abs(alone.T)[:, None]
-                        held[:, :, :, i, j] += size * np.abs(kept.T)[:, None]
-        error = np.max(free[0, :, ERROR], axis=2)
-        slid = np.abs(self.since.slid)
-        size = float(np.sqrt(slid @ self.sliding.mass[0] @ slid))
-        return (free, held, bend), First.of(error, known, np.full_like(known, np.inf), size, follows)
-
-    def _from(self, loop: LinearLoop, kappa: float, state: Floats, follows: float) -> tuple[Floats, Floats]:
-        """What a loop does from a state without p, and with the p held that ŷ has at its beginning [9 N] each."""
-        nothing = np.zeros((1, 2))
-        alone = followed(loop, kappa, nothing, 0.0, state, self.samples).outputs[:, 0]
-        place = follows * float(alone[LED, 0])
-        return alone, followed(loop, kappa, nothing, place, state, self.samples).outputs[:, 0]
-
-    def _known_of(self, aims: Floats) -> Known:
-        """What the loops do with what is known, without p and with the first held [N 2 9 n j], and how e bends [N n j].
-
-        Below and above zero, in size.
-        """
-        free, bend = self._pushed()
-        alone = np.empty((self.samples, OUTPUTS, *self.kappa.shape))
-        nothing = np.zeros((1, 2))
-        for i, loop in enumerate(self.subject.loops):
-            still = np.zeros_like(self._begun(i))
-            for j, kappa in enumerate(self.kappa[i]):
-                found = followed(loop, kappa, nothing, aims[i], still, self.samples, self.quiet)
-                alone[:, :, i, j] = found.outputs[:, 0].T
-        return free, free + alone[:, None] * np.array([-1.0, 1.0])[:, None, None, None], bend
-
-    def _pushed(self) -> tuple[Floats, Floats]:
-        """The loops from their start under the pushes, with noise."""
-        h, (n, cells) = self.period, self.kappa.shape
-        known = np.empty((self.samples, 2, OUTPUTS, n, cells))
-        bend = np.empty((self.samples, n, cells))
-        curve = 12.0 if self.subject.dead_time % 1.0 == 0 else 4.0
-        for i, loop in enumerate(self.subject.loops):
-            push = self.demand.push[:, :, i] * h * h
-            begun = self._begun(i) if self.since is None else steady(loop, push[:, 0])
-            for j, kappa in enumerate(self.kappa[i]):
-                found = followed(loop, kappa, push, 0.0, begun, self.samples, self.quiet)
-                extra = self.noise_size[:, i, j, None] + self._first_noise(i, kappa)
-                outputs = found.outputs.copy()
-                # Of the estimate what it misses of the push as it is when the torque sets in.
-                outputs[ESTIMATE] -= push[:, self.late : self.late + self.samples]
-                outputs[ACCELERATION] += kappa * found.least
-                known[:, 0, :, i, j] = (np.max(-outputs, axis=1) + extra).T
-                outputs[ACCELERATION] += kappa * (found.most - found.least)
-                known[:, 1, :, i, j] = (np.max(outputs, axis=1) + extra).T
-                bend[:, i, j] = kappa * np.max(found.change, axis=0) / curve
-        return known, bend
-
-    def _first_noise(self, joint: int, kappa: float) -> Floats:
-        """What the noise of the first measurement does, since it is the first prediction as well [9 N]."""
-        loop, queue, found = self.subject.loops[joint], self._queue(joint), np.zeros((OUTPUTS, self.samples))
-        if self.since is not None:
-            # It is among what was seen.
-            return found
-        for k, size in enumerate(self.noise_start):
-            if size[joint]:
-                state = np.zeros_like(self._begun(joint))
-                state[2 + queue + k] = size[joint]
-                found += np.abs(followed(loop, kappa, np.zeros((1, 2)), 0.0, state, self.samples).outputs[:, 0])
-        return found
-
-    def _queue(self, joint: int) -> int:
-        return int(max(1, np.ceil(self.subject.loops[joint].believed)))
-
-    def _begun(self, joint: int) -> Floats:
-        """The loop's state at its first measurement, `quiet` periods before the start."""
-        queue, quiet, h = self._queue(joint), self.subject.quiet, self.period
-        state = np.zeros(2 + queue + 6)
-        speed = self.de[joint] * h
-        state[0], state[1] = self.e[joint] - quiet * speed, speed
-        # The arm is held until the first command sets in: behind a reference that accelerates.
-        acts = np.arange(queue, 0, -1) - 1
-        held = int(self.subject.dead_time) - 1 - acts[::-1] >= 0
-        state[2 : 2 + queue] = np.where(held, -self.ddq[joint] * h * h, 0.0)
-        state[2 + queue], state[3 + queue] = state[0], state[1]
-        state[-2:] = state[:2] if self._remembers(joint) else 0.0
-        return state
-
-    def _remembers(self, joint: int) -> bool:
-        loop = self.subject.loops[joint]
-        return loop.measures_velocity and loop.follows is not None
-
     def _course(self) -> Course:
         found = self.kernels
         assert found is not None
@@ -337,7 +211,7 @@ class Assembly:
                 curved[:-1] = np.maximum(curved[:-1], curved[1:])
             stray = stray + curved
         later = np.concatenate([stray, np.repeat(stray[-1:], 3, axis=0)]) * self.period**2
-        stray = np.max([later[first + k : first + k + n] for k in range(3)], axis=0)
+        stray = np.array([later[first + k : first + k + n] for k in range(3)]).max(axis=0)
         target, eps, turn = self._planned()
         given = (narrowing.now, narrowing.ahead, free, held, stray, bend, target, eps, turn)
         reached = (sliding.size, sliding.s_next, sliding.root, sliding.mass, sliding.grown)
@@ -362,7 +236,7 @@ class Assembly:
         return self.period**2 * window
 
     def _planned(self) -> tuple[Floats, Floats, Floats]:
-        """x and ε of the ideal arm's plan, and `|Δx - ΔN ψ|` from the sample before [N n]."""
+        """The ideal arm's x and ε, and `|Δx - ΔN ψ|` from the sample before [N n]."""
         n, narrowing = self.samples, self.narrowing
         if self.ideal is None:
             return (np.zeros((n, self.e.size)),) * 3

@@ -77,8 +77,8 @@ class Entry:
     - `commands`: its relative accelerations in the periods whose torques are under way, the newest first [Q n].
     - `s`: what it remembers of s [n]; `slid`: by how much others differ from that [n], rad/s or m/s.
     - `seen`: for a law that learns, the arms, each with what it came to believe of it.
-    - `states`: by how much each differs from it in e, ė, what each command under way is planned to do, and what is wrong
-      in the prediction of e and ė, in ŵ, its rate and the last measurement [cases 8 + Q n]; units of periods.
+    - `states`: by how much each differs from it in e, ė, what each command under way is planned to do, and in what is
+      wrong of the prediction of e and ė, of ŵ, its rate and the last measurement [cases 8 + Q n]; units of periods.
     """
 
     sample: int

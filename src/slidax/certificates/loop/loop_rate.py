@@ -91,9 +91,7 @@ def _of_a_demand(subject: Subject, demand: Demand, chance: float, remedies: bool
         return float(np.max(bound.certified().share)) if bound.stable else float("inf")
 
     fixes = found_remedies(subject.scenario, radius, share, lambda part: share(subject.scenario, part))
-    return Verdict(
-        NAME, TITLE, False, verdict.margin, verdict.bound, verdict.assumptions, verdict.statement, fixes
-    )
+    return Verdict(NAME, TITLE, False, verdict.margin, verdict.bound, verdict.assumptions, verdict.statement, fixes)
 
 
 def _judged(assembly: Assembly, found: Certified, listed: list[Assumption], radius: Floats) -> Verdict:
@@ -203,9 +201,9 @@ def _unbounded(whole: Proved, fixes: list[Remedy]) -> Verdict:
     kappa, coupling = np.asarray(whole.demand.kappa), float(np.max(whole.demand.coupling))
     text = "what the arms ask for beside the planned run has a bound that confirms itself"
     statement = (
-        f"No bound of the error was found: with κ from {kappa.min():.2g} to {kappa.max():.2g}, and joints that move each "
-        f"other with up to {coupling:.2g} of their accelerations, the sums of the responses' sizes grow from sample to "
-        "sample (docs/certificates/loop-rate.md). Nothing is said of whether the envelope holds; `statistical` has runs"
+        f"No bound of the error was found: with κ from {kappa.min():.2g} to {kappa.max():.2g}, and joints that move "
+        f"each other with up to {coupling:.2g} of their accelerations, the sums of the responses' sizes grow from "
+        "sample to sample (docs/certificates/loop-rate.md). Nothing is said of whether the envelope holds; `statistical` has runs"
     )
     listed = [*whole.premises, *whole.demand.assumptions, Assumption(text, "fails")]
     return Verdict(NAME, TITLE, False, None, {"kappa": kappa}, listed, statement, fixes)

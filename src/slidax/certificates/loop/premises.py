@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from ..verdict import Assumption, Status
@@ -23,8 +21,8 @@ def of_the_entry(entry: Entry, assembly: Assembly, spare: float) -> list[Assumpt
     far = float(np.max(np.abs(entry.states[:, 0])))
     return [
         Assumption(
-            f"until t = {since:.3g} s the envelope is kept, as in {entry.cases} cases of the set, where the least margin "
-            f"is {entry.margin:.2g} of its width",
+            f"until t = {since:.3g} s the envelope is kept, as in {entry.cases} cases of the set, where the least "
+            f"margin is {entry.margin:.2g} of its width",
             "checked",
             entry.margin,
         ),
@@ -119,5 +117,8 @@ def _followed(assembly: Assembly, found: Certified) -> Assumption:
         return Assumption(text, "checked", float(size[worst]))
     status: Status = "fails" if assembly.ideal is not None or over[-1] >= 0.75 * size.size else "assumed"
     worst = int(np.argmax(size / u))
-    text = f"the estimated push is compensated as a whole: it may be {size[worst]:.3g} N m, and u covers {u[worst]:.3g} N m"
+    text = (
+        f"the estimated push is compensated as a whole: it may be {size[worst]:.3g} N m, and u covers "
+        f"{u[worst]:.3g} N m"
+    )
     return Assumption(text, status, float(size[worst]))

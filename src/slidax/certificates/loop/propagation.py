@@ -64,7 +64,8 @@ class Passing:
     - `stray`: w* that is not known [N n], `bend`: by what the known one bends e off its mean [N n j], rad or m.
     - `target`, `eps`: x and ε of the ideal arm's plan [N n]; `turn`: `|Δx - ΔN ψ|` of it since the last sample [N n].
     - `sliding`: what the ideal arm remembers of s, `‖s‖` in the norm of M0 [N]; `s_next`: its |s⁺| [N n].
-    - `root`: of the largest eigenvalue of M0 [N]; `mass`: |M0| [N n n]; `grown`: by which factor the norm of M0 grows to the next sample [N].
+    - `root`: of the largest eigenvalue of M0 [N]; `mass`: |M0| [N n n]; `grown`: by which factor the norm of M0 grows
+      to the next sample [N].
     """
 
     now: Any
@@ -103,12 +104,10 @@ class First:
     follows: Any
 
     @classmethod
-    def of(
-        cls, error: Floats, spread: Floats, back: Floats, slid: float = 0.0, follows: Floats | float = 1.0
-    ) -> First:
+    def of(cls, error: Floats, spread: Floats, back: Floats, slid: float = 0.0, follows: Floats | float = 1.0) -> First:
         """Of numbers."""
         each = jnp.broadcast_to(jnp.asarray(follows, float), back.shape)
-        return cls(*(jnp.asarray(one) for one in (error, spread, back, slid)), each)
+        return cls(*(jnp.asarray(one) for one in (error, spread, back, slid, each)))
 
 
 jax.tree_util.register_dataclass(First, data_fields=list(First.__dataclass_fields__), meta_fields=[])
@@ -120,8 +119,8 @@ class Bounds:
 
     - `error`: of e where torques set in, below and above zero, in size [N 2 n].
     - `missed`: of ω [N n], `acceleration`: of ë [N n], in rad/period² or m/period²; `led`: of ŷ [N n].
-    - `estimate`: of ŵ - w* [N n], in the same unit as ω; `speed`: of ė there [N n], rad or m per period; `lapse` and `shift`:
-      of what the prediction misses of ė and of y [N n].
+    - `estimate`: of ŵ - w* [N n], in the same unit as ω; `speed`: of ė there [N n], rad or m per period; `lapse` and
+      `shift`: of what the prediction misses of ė and of y [N n].
     - `needed`: what u must cover, ‖M0 s/H‖ [N], N m.
     """
 

@@ -1,4 +1,4 @@
-"""The bounds of a scenario's set: from when it keeps its plans, with all that the arm asks for beside the planned run."""
+"""The bounds of a scenario's set, from when it keeps its plans on, with what its arms ask beside the planned run."""
 
 from __future__ import annotations
 
@@ -110,9 +110,7 @@ def of_a_part(whole: Proved, part: float, chance: float = 1e-3) -> Proved:
     return _bounded(whole.assembly.subject, whole.entry, whole.ideal, scaled(whole.demand, part), chance, part)
 
 
-def _bounded(
-    subject: Subject, entry: Entry, ideal: Ideal, demand: Demand, chance: float, part: float = 1.0
-) -> Proved:
+def _bounded(subject: Subject, entry: Entry, ideal: Ideal, demand: Demand, chance: float, part: float = 1.0) -> Proved:
     assembly = Assembly(subject, demand, chance, Since(ideal, part * SPARE * entry.states, part * SPARE * entry.slid))
     found = _at_rest(assembly) if assembly.stable else None
     premises = of_the_entry(entry, assembly, SPARE)

@@ -23,7 +23,9 @@ HALVINGS = 5
 """Steps of a bisection: the number is found within a thirtieth of the decade that is searched."""
 
 
-def found_remedies(scenario: Scenario, radius: Floats, share: Share, of_a_part: Callable[[float], float]) -> list[Remedy]:
+def found_remedies(
+    scenario: Scenario, radius: Floats, share: Share, of_a_part: Callable[[float], float]
+) -> list[Remedy]:
     """What alone would make it hold: ρ∞, H, h, encoders, or a smaller set; the nearest value of each.
 
     - `scenario`: for which it does not hold.
@@ -84,7 +86,7 @@ def altered(scenario: Scenario, changes: Mapping[str, Any]) -> Scenario | None:
     """
     base = scenario.description
     try:
-        return validated(base.model_dump(exclude_unset=True), changes, form=type(base)).build(scenario.name)
+        return validated(base.model_dump(exclude_unset=True), dict(changes), form=type(base)).build(scenario.name)
     except DefinitionError:
         return None
 
