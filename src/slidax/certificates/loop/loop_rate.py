@@ -203,7 +203,8 @@ def _unbounded(whole: Proved, fixes: list[Remedy]) -> Verdict:
     statement = (
         f"No bound of the error was found: with κ from {kappa.min():.2g} to {kappa.max():.2g}, and joints that move "
         f"each other with up to {coupling:.2g} of their accelerations, the sums of the responses' sizes grow from "
-        "sample to sample (docs/certificates/loop-rate.md). Nothing is said of whether the envelope holds; `statistical` has runs"
+        "sample to sample (docs/certificates/loop-rate.md). Nothing is said of whether the envelope holds; "
+        "`statistical` has runs"
     )
     listed = [*whole.premises, *whole.demand.assumptions, Assumption(text, "fails")]
     return Verdict(NAME, TITLE, False, None, {"kappa": kappa}, listed, statement, fixes)
