@@ -15,6 +15,7 @@ from .excite import excite
 from .explain import explain
 from .export import export_c
 from .export_fmu import export_fmu
+from .export_micro import export_micro
 from .identify import identify
 from .league import league
 from .listing import list_, schema
@@ -50,6 +51,7 @@ app.command("list", epilog="Example:  slidax list scenarios")(list_)
 app.command(epilog="Example:  slidax schema > scenario.schema.json")(schema)
 export.command("c", epilog="Example:  slidax export c example-4.1-1khz --out law")(export_c)
 export.command("fmu", epilog="Example:  slidax export fmu example-4.1-1khz --out law.fmu")(export_fmu)
+export.command("micro", epilog="Example:  slidax export micro example-4.1-1khz --float --out law")(export_micro)
 
 
 @app.callback(invoke_without_command=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any
@@ -39,6 +40,7 @@ SIGNALS = {
     "e": ("error of position", "rad or m"),
     "de": ("error of velocity", "rad/s or m/s"),
 }
+UNIT_SAID = re.compile(r" \[[^]]*\](?=;|$)")
 RATES = {"q": "", "dq": "/s", "ddq": "/s²"}
 
 
@@ -143,7 +145,7 @@ def _numbers(
             "real",
             causality,
             f"{structure}.{member.element(k)}",
-            meaning,
+            UNIT_SAID.sub("", meaning),
             unit(words, revolute=kind),
         )
 
