@@ -27,22 +27,17 @@ def model_description(made: Project, these: Sequence[Variable], *, fmi: int, tok
     - `token`: by which the binary knows that the file is its own.
     - `files`: names of the C sources inside.
     """
-    root = Element(
-        "fmiModelDescription",
-        fmiVersion="3.0" if fmi == 3 else "2.0",
-        modelName=f"slidax.{made.name}",
-        **{"instantiationToken" if fmi == 3 else "guid": token},
-        description=f"{made.law}: {made.title}",
-        generationTool=f"slidax {made.version}",
-        variableNamingConvention="structured",
-    )
-    step = SubElement(
-        root,
-        "CoSimulation",
-        modelIdentifier=made.prefix,
-        canHandleVariableCommunicationStepSize="false",
-        **STATES[fmi],
-    )
+    about = {
+        "fmiVersion": "3.0" if fmi == 3 else "2.0",
+        "modelName": f"slidax.{made.name}",
+        "instantiationToken" if fmi == 3 else "guid": token,
+        "description": f"{made.law}: {made.title}",
+        "generationTool": f"slidax {made.version}",
+        "variableNamingConvention": "structured",
+    }
+    root = Element("fmiModelDescription", about)
+    able = {"modelIdentifier": made.prefix, "canHandleVariableCommunicationStepSize": "false"} | STATES[fmi]
+    step = SubElement(root, "CoSimulation", able)
     if fmi == 3:
         step.set("fixedInternalStepSize", repr(made.period))
         step.set("providesDirectionalDerivatives", "false")

@@ -34,7 +34,7 @@ ARGUMENTS = ("parameters", "memory", "measurement", "reference", "envelope")
 
 
 @dataclass(frozen=True)
-class Unit:
+class Exported:
     """What was written.
 
     - `project`: the step inside.
@@ -55,7 +55,7 @@ def export_fmu(
     fmi: int = 3,
     platforms: Sequence[str] | None = None,
     command: str = "",
-) -> Unit:
+) -> Exported:
     """Writes a scenario's law as an FMU: binaries, sources, a description of all variables, a page.
 
     - `scenario`: whose law and limits.
@@ -89,7 +89,7 @@ def export_fmu(
             binary = f"binaries/{each.folder(fmi)}/{made.prefix}{each.ending}"
             inside[binary] = library(each, Path(folder), sources, made.prefix)
     _write(out, inside)
-    return Unit(made, these, [each.name for each in machines])
+    return Exported(made, these, [each.name for each in machines])
 
 
 def _texts(made: Project, fmi: int) -> tuple[dict[str, str], list[Variable], str]:

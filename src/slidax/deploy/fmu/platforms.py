@@ -52,6 +52,11 @@ PLATFORMS = (
 NAMES = [each.name for each in PLATFORMS]
 
 
+def zig() -> bool:
+    """Whether ziglang is installed, a compiler for all of them."""
+    return importlib.util.find_spec("ziglang") is not None
+
+
 def here() -> str:
     """The platform of this machine, by its name in FMI 3.0."""
     machine = {"AMD64": "x86_64", "arm64": "aarch64"}.get(platform.machine(), platform.machine())
@@ -68,8 +73,7 @@ def chosen(names: Sequence[str] | None) -> list[Platform]:
     for name in names or ():
         if name not in NAMES:
             raise DefinitionError(f"no binary can be made for `{name}`; there are {', '.join(NAMES)}")
-    zig = importlib.util.find_spec("ziglang") is not None
-    able = NAMES if zig else [name for name in NAMES if name == here() and shutil.which("cc")]
+    able = NAMES if zig() else [name for name in NAMES if name == here() and shutil.which("cc")]
     missing = [name for name in (names if names is not None else able or [here()]) if name not in able]
     if missing:
         raise DefinitionError(f"no compiler for {', '.join(missing)} is here: pip install 'slidax[fmu]'")
@@ -87,7 +91,7 @@ def library(where: Platform, folder: Path, sources: Sequence[str], name: str) ->
     Raises DefinitionError if the compiler fails.
     """
     made = folder / f"{name}{where.ending}"
-    if importlib.util.find_spec("ziglang") is not None:
+    if zig():
         command = [sys.executable, "-m", "ziglang", "cc", "-target", where.target, "-fno-sanitize=all", "-s"]
     else:
         command = ["cc"]

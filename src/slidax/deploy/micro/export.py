@@ -28,7 +28,8 @@ LAW = {
     "scenario.h.j2": "{prefix}_scenario.h",
     "scenario.c.j2": "{prefix}_scenario.c",
 }
-FILES = ("Makefile", "README.md", "port.h", "bare.c", "hosted.c", "cortex_m.c", "riscv.S", "mps2.ld", "virt.ld", "test.c")
+BARE = ("port.h", "bare.c", "cortex_m.c", "riscv.S", "mps2.ld", "virt.ld")
+FILES = ("Makefile", "README.md", "test.c", "hosted.c", *BARE)
 TYPES = {"b1": "?", "u32": "<u4", "i32": "<i4", "i64": "<i8", "u64": "<u8"}
 
 
