@@ -33,6 +33,9 @@ def rows(folder: Path) -> list[Row]:
     missing = [package for module, package in NEEDED.items() if importlib.util.find_spec(module) is None]
     if missing:
         return [Row("FMU", missing=", ".join(missing))]
+    import jax
+
+    jax.config.update("jax_enable_x64", True)
     from benchmarks.targets import importers
     from slidax.deploy.fmu import export_fmu
     from slidax.scenarios import load

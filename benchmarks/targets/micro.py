@@ -8,6 +8,8 @@ import subprocess
 from dataclasses import dataclass
 from pathlib import Path
 
+import jax
+
 from benchmarks.targets import Row
 from slidax.deploy.golden import BAD, OF_A_RUN, RANDOM
 from slidax.deploy.micro import export_micro
@@ -64,6 +66,7 @@ def rows(folder: Path) -> list[Row]:
 
     - `folder`: to work in.
     """
+    jax.config.update("jax_enable_x64", True)
     found = []
     for target in TARGETS:
         missing = [PACKAGES[each] for each in ("make", target.compiler, target.emulator) if not shutil.which(each)]
