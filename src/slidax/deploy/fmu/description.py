@@ -12,6 +12,9 @@ from .variables import Variable
 
 TYPES = {3: {"real": "Float64", "integer": "Int32", "boolean": "Boolean"},
          2: {"real": "Real", "integer": "Integer", "boolean": "Boolean"}}  # fmt: skip
+SHORT = 1000
+"""Periods of the default experiment."""
+
 STATES = {
     3: {"canGetAndSetFMUState": "true", "canSerializeFMUState": "true"},
     2: {"canGetAndSetFMUstate": "true", "canSerializeFMUstate": "true"},
@@ -49,7 +52,9 @@ def model_description(made: Project, these: Sequence[Variable], *, fmi: int, tok
     _units(root, these)
     categories = SubElement(root, "LogCategories")
     SubElement(categories, "Category", name="logStatusError", description="why a call was refused")
-    SubElement(root, "DefaultExperiment", startTime="0", stopTime=repr(made.t1), stepSize=repr(made.period))
+    # Some importers take larger steps than they are told where a run has more of them than this.
+    end = min(made.t1, SHORT * made.period)
+    SubElement(root, "DefaultExperiment", startTime="0", stopTime=repr(end), stepSize=repr(made.period))
     variables = SubElement(root, "ModelVariables")
     # FMI 2.0 needs no variable for the time, and importers stumble over one.
     listed = [(k, each) for k, each in enumerate(these) if fmi == 3 or each.causality != "independent"]
