@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 import subprocess
 import zipfile
 
@@ -54,6 +55,18 @@ def test_there_is_a_binary_for_every_platform_with_all_functions(file):
             for name in (b"fmi3InstantiateCoSimulation", b"fmi3DoStep", b"fmi3GetFloat64", b"fmi3SetFMUState"):
                 assert name in inside
     assert len(NAMES) == 5
+
+
+def test_the_binary_for_apple_silicon_is_signed_as_its_loader_asks(file):
+    with zipfile.ZipFile(file) as archive:
+        inside = archive.read("binaries/aarch64-darwin/slidax_example_4_1_1khz.dylib")
+    place, kinds = 32, []
+    for _ in range(struct.unpack_from("<I", inside, 16)[0]):
+        kind, size = struct.unpack_from("<II", inside, place)
+        kinds.append(kind)
+        place += size
+    code_signature = 0x1D
+    assert code_signature in kinds
 
 
 def test_the_same_export_twice_is_the_same_file(scenario, file, tmp_path):
