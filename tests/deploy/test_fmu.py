@@ -14,9 +14,12 @@ import pytest
 
 from benchmarks.targets import importers
 from slidax._errors import DefinitionError
+from slidax.deploy.envelope import envelope_function
 from slidax.deploy.fmu import export_fmu, platforms
 from slidax.deploy.fmu.absent import ABSENT
 from slidax.deploy.fmu.units import unit
+from slidax.deploy.fmu.variables import variables
+from slidax.deploy.project import project
 from slidax.deploy.recording import recorded
 from slidax.scenarios import load
 from tests.cli.commands import in_process
@@ -138,6 +141,9 @@ def test_a_gain_acts_from_the_next_sample_on_and_keeps_its_range(units, run):
         with pytest.raises(Exception, match="fmi3SetFloat64"):
             fmu.setFloat64([place["parameters.surface_p"]], [1.0])
         assert said == ["`parameters.surface_p` must be in (0, 1); got 1"]
+        with pytest.raises(Exception, match="fmi3SetFloat64"):
+            fmu.setFloat64([place["parameters.surface_p"]], [0.0])
+        assert said[-1] == "`parameters.surface_p` must be in (0, 1); got 0"
         with pytest.raises(Exception, match="fmi3SetFloat64"):
             fmu.setFloat64([place["command.tau[1]"]], [1.0])
         assert said[-1] == "`command.tau[1]` is not to be set"
@@ -287,3 +293,11 @@ def test_what_cannot_be_is_one_line(scenario, tmp_path, monkeypatch):
     done = in_process("export", "fmu", "example-4.1", "--out", str(tmp_path / "law.fmu"), "--fmi", "4")
     assert done.exit_code == 2 and len(done.output.strip().splitlines()) == 1
     assert not list(tmp_path.iterdir())
+
+
+def test_a_law_without_an_envelope_has_none_to_show():
+    made = project(load("example-4.1", HELD | {"scheme": {"name": "ftsmc"}}), name="law", with_golden=False)
+    assert envelope_function(made.guard, made.step) is None
+    found = {each.name: each for each in variables(made, with_envelope=False)}
+    assert not [name for name in found if name.startswith("envelope")]
+    assert found["command.eps1[1]"].unit.name == "rad" and "transformed" not in found["command.eps1[1]"].description

@@ -30,7 +30,8 @@ SIGNALS = {
     "eps1": ("transformed error", ""),
     "eps2": ("rate of the transformed error", "1/s"),
     "rho": ("radius of the envelope as it was drawn", "rad or m"),
-    "u": ("gain of the robust torque", "N m or N"),
+    "u": ("size of the robust part", ""),
+    "margin": ("what is left of the room that the promise leaves; below 0 where it is void", ""),
     "push": ("estimated acceleration that the nominal model does not explain", "rad/s² or m/s²"),
     "residual": ("acceleration that the last plan missed", "rad/s² or m/s²"),
     "rotor": ("rotor inertia that was learnt", "kg m² or kg"),
@@ -41,6 +42,9 @@ SIGNALS = {
     "de": ("error of velocity", "rad/s or m/s"),
 }
 UNIT_SAID = re.compile(r" \[[^]]*\](?=;|$)")
+PLAIN = {"eps1": ("error", "rad or m"), "eps2": ("rate of the error", "rad/s or m/s")}
+"""What they are without an envelope to transform by."""
+
 RATES = {"q": "", "dq": "/s", "ddq": "/s²"}
 
 
@@ -91,7 +95,8 @@ def variables(made: Project, *, with_envelope: bool) -> list[Variable]:
         if member.name == "tau":
             found += _numbers("command", member, "output", "N m or N", turns, "torque to hold until the next sample")
         else:
-            meaning, words = SIGNALS.get(member.name, ("signal of the law", ""))
+            known = SIGNALS if with_envelope else SIGNALS | PLAIN
+            meaning, words = known.get(member.name, ("signal of the law", ""))
             found += _numbers("command", member, "output", words, turns, meaning)
     if with_envelope:
         for member in envelope_members(len(turns)):
