@@ -14,12 +14,8 @@ import pytest
 
 from benchmarks.targets import importers
 from slidax._errors import DefinitionError
-from slidax.deploy.envelope import envelope_function
 from slidax.deploy.fmu import export_fmu, platforms
 from slidax.deploy.fmu.absent import ABSENT
-from slidax.deploy.fmu.units import unit
-from slidax.deploy.fmu.variables import variables
-from slidax.deploy.project import project
 from slidax.deploy.recording import recorded
 from slidax.scenarios import load
 from tests.cli.commands import in_process
@@ -96,7 +92,8 @@ def running(file, run):
 def test_it_is_valid_and_gives_the_torques_of_our_run(units, run, fmi):
     file, _ = units[fmi]
     assert validate_fmu(str(file)) == []
-    tau, status = importers.by_fmpy(file, run, PERIOD)
+    # All starts are set as they are declared, too.
+    tau, status = importers.by_fmpy(file, run, PERIOD, apply_default_start_values=True)
     assert len(tau) == 500
     np.testing.assert_allclose(tau, run.tau[:500], rtol=0, atol=1e-9)
     assert (status == run.status[:500]).all()
@@ -144,6 +141,12 @@ def test_a_gain_acts_from_the_next_sample_on_and_keeps_its_range(units, run):
         with pytest.raises(Exception, match="fmi3SetFloat64"):
             fmu.setFloat64([place["parameters.surface_p"]], [0.0])
         assert said[-1] == "`parameters.surface_p` must be in (0, 1); got 0"
+        for bad, rule in ((float("nan"), "must be a number"), (1e300, "must be in (0, inf); got inf")):
+            with pytest.raises(Exception, match="fmi3SetFloat64"):
+                fmu.setFloat64([place["parameters.surface_k1"]], [bad])
+            assert said[-1] == f"`parameters.surface_k1` {rule}"
+        fmu.setFloat64([place["parameters.limits_torque[1]"]], [1e300])
+        assert fmu.getFloat64([place["parameters.limits_torque[1]"]]) == [1e300]
         with pytest.raises(Exception, match="fmi3SetFloat64"):
             fmu.setFloat64([place["command.tau[1]"]], [1.0])
         assert said[-1] == "`command.tau[1]` is not to be set"
@@ -252,29 +255,6 @@ def test_the_sources_build_without_a_warning_and_are_those_of_the_standard(units
         assert all(f'name="{name}"' in build for name in names)
 
 
-@pytest.mark.parametrize(
-    ("declared", "name", "base"),
-    [
-        ("kg m²", "kg.m2", {"kg": 1, "m": 2}),
-        ("N m s²/rad²", "N.m.s2/rad2", {"kg": 1, "m": 2, "rad": -2}),
-        ("1/(kg m²)", "1/(kg.m2)", {"kg": -1, "m": -2}),
-        ("(rad/s²)² s or (m/s²)² s", "(rad/s2)2.s", {"rad": 2, "s": -3}),
-        ("N m/(rad s) or N/(m s)", "N.m/(rad.s)", {"kg": 1, "m": 2, "s": -3, "rad": -1}),
-    ],
-)
-def test_declared_units_have_the_names_and_base_units_of_the_importers(declared, name, base):
-    found = unit(declared)
-    assert found.name == name and dict(found.base) == base
-    if " or " in declared:
-        assert dict(unit(declared, revolute=False).base) != base
-        assert unit(declared, revolute=None) is None
-
-
-@pytest.mark.parametrize("declared", ["", "periods", "1, 1/s or 1/s²", "rad^(1-κ)/s", "rad^½/s^(3/2) or m^½/s^(3/2)"])
-def test_what_has_no_unit_of_its_own_gets_none(declared):
-    assert unit(declared) is None
-
-
 def test_what_cannot_be_is_one_line(scenario, tmp_path, monkeypatch):
     for given, word in (
         ({"fmi": 1}, "FMI 3 and 2"),
@@ -293,11 +273,3 @@ def test_what_cannot_be_is_one_line(scenario, tmp_path, monkeypatch):
     done = in_process("export", "fmu", "example-4.1", "--out", str(tmp_path / "law.fmu"), "--fmi", "4")
     assert done.exit_code == 2 and len(done.output.strip().splitlines()) == 1
     assert not list(tmp_path.iterdir())
-
-
-def test_a_law_without_an_envelope_has_none_to_show():
-    made = project(load("example-4.1", HELD | {"scheme": {"name": "ftsmc"}}), name="law", with_golden=False)
-    assert envelope_function(made.guard, made.step) is None
-    found = {each.name: each for each in variables(made, with_envelope=False)}
-    assert not [name for name in found if name.startswith("envelope")]
-    assert found["command.eps1[1]"].unit.name == "rad" and "transformed" not in found["command.eps1[1]"].description
