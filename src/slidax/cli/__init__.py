@@ -14,6 +14,8 @@ from .design import design
 from .excite import excite
 from .explain import explain
 from .export import export_c
+from .export_fmu import export_fmu
+from .export_micro import export_micro
 from .identify import identify
 from .league import league
 from .listing import list_, schema
@@ -48,6 +50,8 @@ app.command(epilog="Example:  slidax league --tasks scara-slow --schemes cftsmpp
 app.command("list", epilog="Example:  slidax list scenarios")(list_)
 app.command(epilog="Example:  slidax schema > scenario.schema.json")(schema)
 export.command("c", epilog="Example:  slidax export c example-4.1-1khz --out law")(export_c)
+export.command("fmu", epilog="Example:  slidax export fmu example-4.1-1khz --out law.fmu")(export_fmu)
+export.command("micro", epilog="Example:  slidax export micro example-4.1-1khz --float --out law")(export_micro)
 
 
 @app.callback(invoke_without_command=True)

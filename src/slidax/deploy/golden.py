@@ -9,14 +9,13 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from slidax._types import Command, Envelope, Memory, Reference, Scalar, State
-from slidax.controllers import AbstractController
-from slidax.simulation import simulate
+from slidax._types import Command
 
 from .guarded_step import GuardedStep
+from .recording import recorded
 from .samples import Sample, answer, broken, random_samples
 from .status import HELD
-from .step_memory import Status, StepMemory
+from .step_memory import Status
 
 if TYPE_CHECKING:
     from slidax.scenarios import Scenario
@@ -49,30 +48,6 @@ class Golden:
     rows: list[list[list[Any]]]
     statuses: list[int]
     within: list[list[list[float]]]
-
-
-class _Recorded(AbstractController):
-    """A guarded step that logs what it got."""
-
-    guard: GuardedStep
-
-    @property
-    def joints(self) -> int:
-        return self.guard.joints
-
-    def init(self, t: Scalar, state: State, reference: Reference) -> StepMemory:
-        return self.guard.init(t, state, reference)
-
-    def __call__(
-        self, t: Scalar, state: State, reference_now: Reference, reference_next: Reference, memory: StepMemory
-    ) -> Command:
-        command = self.guard(t, state, reference_now, reference_next, memory)
-        got = jax.tree.leaves(Sample(memory, t, state, reference_now, reference_next))
-        signals = {f"{k:03}": leaf.astype(float) for k, leaf in enumerate(got)}
-        return Command(tau=command.tau, memory=command.memory, signals=signals)
-
-    def envelope(self, t: Scalar, memory: Memory) -> Envelope | None:
-        return self.guard.envelope(t, memory)
 
 
 def golden(scenario: Scenario, guard: GuardedStep, real: str, *, same: bool) -> Golden:
@@ -117,28 +92,11 @@ def golden(scenario: Scenario, guard: GuardedStep, real: str, *, same: bool) -> 
 
 def _of_the_run(scenario: Scenario, guard: GuardedStep) -> Sample:
     """The first samples of the closed loop, and others from all of it."""
-    run = simulate(
-        scenario.plant,
-        _Recorded(guard),
-        scenario.trajectory,
-        scenario.state0,
-        t1=scenario.t1,
-        stepping=scenario.stepping,
-        mode="held",
-        outside="recover",
-        engine="auto",
-        progress=False,
-    )
-    assert run.log is not None
-    t, state = jnp.zeros(()), scenario.state0
-    reference = scenario.trajectory.reference(t)
-    like = Sample(jax.eval_shape(guard.init, t, state, reference), t, state, reference, reference)
-    leaves = jax.tree.leaves(like)
-    logged = [run.log.signals[f"{k:03}"] for k in range(len(leaves))]
-    first = min(OF_A_RUN // 4, len(logged[0]) - 1)
-    which = np.concatenate([np.arange(first), np.linspace(first, len(logged[0]) - 1, OF_A_RUN - first).astype(int)])
-    chosen = [jnp.asarray(values[which]).astype(leaf.dtype) for values, leaf in zip(logged, leaves, strict=True)]
-    found: Sample = jax.tree.unflatten(jax.tree.structure(like), chosen)
+    samples = recorded(scenario, guard).samples
+    count = len(samples.t)
+    first = min(OF_A_RUN // 4, count - 1)
+    which = np.concatenate([np.arange(first), np.linspace(first, count - 1, OF_A_RUN - first).astype(int)])
+    found: Sample = jax.tree.map(lambda values: jnp.asarray(values[which]), samples)
     return found
 
 

@@ -1,0 +1,92 @@
+"""A scenario's law as a project for microcontrollers: cross compilers, emulators, the golden test over semihosting."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from slidax._errors import DefinitionError
+
+from ..contents import Project
+from ..members import Member
+from ..project import project
+from ..text import render
+
+if TYPE_CHECKING:
+    from slidax.scenarios import Scenario
+
+ROOM = "slidax.deploy.micro"
+TARGETS = ("m4f", "m7", "rv64", "linux")
+STEPS = 200
+"""Of the closed loop, over which a step's instructions are counted."""
+
+LAW = {
+    "header.h.j2": "{prefix}.h",
+    "step.c.j2": "{prefix}.c",
+    "scenario.h.j2": "{prefix}_scenario.h",
+    "scenario.c.j2": "{prefix}_scenario.c",
+}
+BARE = ("port.h", "bare.c", "cortex_m.c", "riscv.S", "mps2.ld", "virt.ld")
+FILES = ("Makefile", "README.md", "test.c", "hosted.c", *BARE)
+TYPES = {"b1": "?", "u32": "<u4", "i32": "<i4", "i64": "<i8", "u64": "<u8"}
+
+
+def export_micro(
+    scenario: Scenario, out: Path, *, name: str | None = None, single: bool = False, command: str = ""
+) -> Project:
+    """Writes a scenario's law as a project for Cortex-M and RISC-V.
+
+    - `scenario`: whose law, limits, motion and arm.
+    - `out`: the folder; made if it is not there, files of the same names are overwritten.
+    - `name`: of the law in C; after the scenario if None.
+    - `single`: floats in place of doubles.
+    - `command`: that asked for it, for the headers.
+
+    Raises DefinitionError if there is no native code for the law, the name is not one in C, or the folder cannot be
+    made.
+    """
+    made = project(scenario, name=name, single=single, command=command)
+    values = {"x": made, "steps": STEPS, "targets": TARGETS}
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        for template, file in LAW.items():
+            (out / file.format(prefix=made.prefix)).write_text(render(template, values), encoding="utf-8")
+        for file in FILES:
+            (out / file).write_text(render(f"{file}.j2", values, ROOM), encoding="utf-8")
+        (out / "golden.bin").write_bytes(golden_bytes(made))
+    except OSError as error:
+        raise DefinitionError(f"cannot write the project to `{out}`: {error.strerror}") from None
+    return made
+
+
+def golden_bytes(made: Project) -> bytes:
+    """The golden samples as a small-endian machine has them in memory, after their number and the size of one.
+
+    - `made`: the step, with golden samples.
+    """
+    assert made.golden is not None
+    real = "<f4" if made.real == "float" else "<f8"
+    structures = [_structure(members, real) for members in _groups(made)]
+    within = [(f"within_{k}", real, (len(members),)) for k, members in enumerate((made.outputs, made.memory))]
+    fields: list[Any] = [(f"part_{k}", structure) for k, structure in enumerate(structures)]
+    row = np.dtype([*fields, ("status", "<u4"), *within], align=True)
+    rows = np.zeros(len(made.golden.rows), row)
+    for k, numbers in enumerate(made.golden.rows):
+        for part, members in enumerate(_groups(made)):
+            for member, values in zip(members, numbers[part], strict=True):
+                rows[k][f"part_{part}"][member.name] = values
+        rows[k]["status"] = made.golden.statuses[k]
+        for part, allowed in enumerate(made.golden.within[k]):
+            rows[k][f"within_{part}"] = allowed
+    return np.array([len(rows), row.itemsize], "<u4").tobytes() + rows.tobytes()
+
+
+def _groups(made: Project) -> tuple[list[Member], ...]:
+    return made.measurement, made.reference, made.memory, made.outputs, made.memory
+
+
+def _structure(members: list[Member], real: str) -> np.dtype[Any]:
+    """A structure as C lays it out: every number at a multiple of its size."""
+    return np.dtype([(m.name, TYPES.get(m.type, real), (m.size,) if m.shape else ()) for m in members], align=True)
