@@ -16,14 +16,15 @@ from .comment_text import comment
 from .members import Member
 
 
-def render(template: str, values: dict[str, Any]) -> str:
+def render(template: str, values: dict[str, Any], package: str = "slidax.deploy") -> str:
     """A file's text.
 
     - `template`: its name.
     - `values`: what it names.
+    - `package`: whose `templates` it is among.
     """
     environment = Environment(
-        loader=PackageLoader("slidax.deploy"),
+        loader=PackageLoader(package),
         autoescape=False,
         undefined=StrictUndefined,
         trim_blocks=True,
