@@ -34,6 +34,7 @@ class Allowed:
     - `error_hold`, `error_small`, `error_full`: largest errors, likewise.
     - `held`, `lost`, `outside`, `limited`, `void`: how long what is said is borne, in periods.
     - `dialect`: doubles or floats.
+    - `age`: of a measurement when it arrives [s].
     """
 
     unit: str
@@ -52,6 +53,7 @@ class Allowed:
     outside: int
     limited: int
     void: int
+    age: float
 
     reasons = REASONS
 
@@ -95,6 +97,7 @@ class Allowed:
             outside=_periods(0.1, project.period),
             limited=_periods(0.25, project.period),
             void=_periods(0.1, project.period),
+            age=float(scenario.description.sensor.delay) * project.period,
         )
 
     def literal(self, number: float) -> str:
