@@ -7,7 +7,10 @@ state that is told, as a robot does, which has one clock. `--two-clocks` leaves 
 
 from __future__ import annotations
 
+import contextlib
+import gc
 import logging
+import os
 import sys
 import threading
 import time
@@ -63,6 +66,11 @@ def main() -> None:
     """Serves until it is ended."""
     options = {"host": "127.0.0.1", "enable_gripper": False}
     options |= {"enforce_comm_constraints": True, "enforce_motion_limits": True}
+    # Its threads must be in time, also where others are busy.
+    with contextlib.suppress(OSError):
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(40))
+    sys.setswitchinterval(1e-4)
+    gc.disable()
     server = FrankaSimServer(**options) if "--two-clocks" in sys.argv else Server(physics_sim=OneClock(), **options)
     server.start()
 

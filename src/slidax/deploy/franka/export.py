@@ -43,7 +43,7 @@ def export_franka(
         )
     fitted = weight_by_robot(scenario)
     made = export_c(fitted, out / "law", name=name, single=single, command=command)
-    allowed = Allowed.of(fitted, made, lost=LOST)
+    allowed = Allowed.of(fitted, made, lost=LOST, carried=True)
     try:
         write_onboard(made, allowed, out, [program])
         for template, file in FILES.items():

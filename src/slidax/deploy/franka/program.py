@@ -9,8 +9,6 @@ nothing else is added, no Coriolis term either, which the law's own model has.
 from __future__ import annotations
 
 import argparse
-import gc
-import os
 import signal
 import sys
 from collections.abc import Sequence
@@ -20,6 +18,7 @@ from typing import Any
 
 from ..onboard.law import FINISH, STOP, Law, Pilot
 from ..onboard.log import Log
+from ..onboard.options import in_time, options_of_the_path, prepare
 
 STATUS = {"finished": 0, "stopped": 3, "reflex": 4, "no robot": 5}
 """Exit codes: the motion is over; the pilot stopped it; the robot did; there is no robot to talk to."""
@@ -81,59 +80,6 @@ def run(robot: Any, torques: Any, pilot: Pilot, log: Log | None = None, asked: l
     except Exception as error:
         return Outcome("reflex", str(error), pilot.phase, least)
     return Outcome("finished", pilot.why, pilot.phase, least)
-
-
-def prepare(arguments: argparse.Namespace, pilot: Pilot) -> None:
-    """Options of the command line into those of the pilot.
-
-    - `arguments`: as parsed.
-    - `pilot`: takes them.
-    """
-    path = pilot.options.path
-    for name in ("hold", "speed", "amplitude", "small", "widen", "motion"):
-        value = getattr(arguments, name)
-        if value is not None:
-            setattr(path, name, value)
-    for name in ("error_hold", "error_small", "error_full"):
-        value = getattr(arguments, name)
-        if value is not None:
-            getattr(pilot.options, name)[:] = [value] * pilot.law.joints
-
-
-def options_of_the_path(parser: argparse.ArgumentParser) -> None:
-    """The options that every program has: how the first motion goes.
-
-    - `parser`: takes them.
-    """
-    for name, unit, meaning in (
-        ("hold", "S", "how long the measured posture is held"),
-        ("speed", "RAD/S", "of the fastest joint on the way to the motion's beginning"),
-        ("amplitude", "SHARE", "of the motion while it is small"),
-        ("small", "S", "how long it is small"),
-        ("widen", "S", "in which it widens to the whole"),
-        ("motion", "S", "how long the whole motion lasts"),
-        ("error-hold", "RAD", "largest error while it holds"),
-        ("error-small", "RAD", "largest error while the motion is small"),
-        ("error-full", "RAD", "largest error later"),
-    ):
-        parser.add_argument(f"--{name}", type=float, metavar=unit, help=f"{meaning}; the exported one if not given")
-    parser.add_argument("--log", type=Path, help="write what happened as CSV")
-
-
-def in_time(enforce: bool) -> None:
-    """Real-time priority and locked memory, as far as the system allows.
-
-    - `enforce`: whether it is an error if it does not.
-
-    Raises OSError.
-    """
-    gc.collect()
-    gc.disable()
-    try:
-        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(80))
-    except (OSError, AttributeError):
-        if enforce:
-            raise
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -21,6 +21,9 @@ MARGIN = {"rad": 0.03, "m": 0.005}
 ERRORS = {"rad": (0.02, 0.05, 0.1), "m": (0.005, 0.01, 0.02)}
 """Largest errors while it holds, while the motion is small, and later."""
 
+HOLDING = 0.1
+"""Share of a joint's largest torque that it may take to hold a posture whose weight the robot carries."""
+
 SPEED = 0.95
 """Share of a joint's largest speed that is used."""
 
@@ -31,6 +34,7 @@ class Allowed:
 
     - `unit`, `torque_unit`: of a joint, the first one's where they differ.
     - `lower`, `upper`, `speed`, `torque`, `rate`: what the robot allows, one number a joint.
+    - `torque_hold`: largest torques while it holds, likewise; infinite where the law carries the weight.
     - `error_hold`, `error_small`, `error_full`: largest errors, likewise.
     - `held`, `lost`, `outside`, `limited`, `void`: how long what is said is borne, in periods.
     - `dialect`: doubles or floats.
@@ -44,6 +48,7 @@ class Allowed:
     speed: list[float]
     torque: list[float]
     rate: list[float]
+    torque_hold: list[float]
     error_hold: list[float]
     error_small: list[float]
     error_full: list[float]
@@ -58,11 +63,12 @@ class Allowed:
     reasons = REASONS
 
     @classmethod
-    def of(cls, scenario: Scenario, project: Project, *, lost: int = 20) -> Allowed:
+    def of(cls, scenario: Scenario, project: Project, *, lost: int = 20, carried: bool = False) -> Allowed:
         """What the scenario's arm and drives allow.
 
         - `scenario`: with them.
         - `project`: its law.
+        - `carried`: whether the robot carries its own weight.
         - `lost`: so many periods without a sample end a motion.
         """
         plant = own_plant(scenario)
@@ -71,11 +77,12 @@ class Allowed:
         units = plant.robot.joint_units
         margin = np.array([MARGIN[unit] for unit in units])
         errors = np.array([ERRORS[unit] for unit in units]).T.tolist()
-        lower, upper, speed = -endless, endless, endless
+        lower, upper, speed, hold = -endless, endless, endless, endless
         if isinstance(plant.robot, Articulated):
             sheet = plant.robot.limits
             lower, upper = np.asarray(sheet.lower) + margin, np.asarray(sheet.upper) - margin
             speed = SPEED * np.asarray(sheet.velocity)
+            hold = HOLDING * np.asarray(sheet.torque) if carried else endless
         torque, rate = endless, endless
         if plant.actuator is not None:
             torque = np.broadcast_to(np.asarray(plant.actuator.limits.torque), (n,))
@@ -88,6 +95,7 @@ class Allowed:
             speed=_numbers(speed),
             torque=_numbers(torque),
             rate=_numbers(rate),
+            torque_hold=_numbers(hold),
             error_hold=errors[0],
             error_small=errors[1],
             error_full=errors[2],

@@ -103,7 +103,7 @@ class Law:
         real, vector = self.real, self.vector
         path = [(name, real) for name in ("hold", "speed", "ramp", "amplitude", "small", "widen", "motion")]
         self.Path = _structure("Path", path)
-        limits = ("lower", "upper", "speed", "torque", "rate", "error_hold", "error_small", "error_full")
+        limits = ("lower", "upper", "speed", "torque", "rate", "torque_hold", "error_hold", "error_small", "error_full")
         counts = ("held", "lost", "outside", "limited", "void_")
         self.Options = _structure(
             "Options",

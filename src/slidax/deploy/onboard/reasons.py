@@ -38,7 +38,13 @@ REASONS = (
         "ERROR_HOLDING",
         "the error is too large while the arm should hold its posture",
         True,
-        "Gravity counted twice or not at all, a load that the robot was not told, or joints in another order or sign.",
+        "Joints in another order or sign, weight that nobody carries, or somebody who pushes.",
+    ),
+    Reason(
+        "TORQUE_HOLDING",
+        "it takes too much torque to hold a posture whose weight the robot carries",
+        True,
+        "Gravity counted twice, or a load that the robot was not told.",
     ),
     Reason(
         "ERROR_MOVING",

@@ -12,7 +12,7 @@ from typing import Any
 from ..contents import Project
 from ..members import Member
 from ..text import render
-from . import law, log
+from . import law, log, options, rehearsal
 from .allowed import Allowed
 
 FILES = ("path.h", "path.c", "follow.h", "follow.c", "pilot.h", "pilot.c")
@@ -34,7 +34,7 @@ def write_onboard(project: Project, allowed: Allowed, out: Path, programs: Itera
         text = render(f"{name}.j2", {"x": project, "o": allowed}, HERE)
         (folder / f"{project.prefix}_{name}").write_text(text, encoding="utf-8")
     (folder / "law.json").write_text(json.dumps(described(project, allowed), indent=1) + "\n", encoding="utf-8")
-    for module in (law, log, *programs):
+    for module in (law, log, options, rehearsal, *programs):
         (out / f"{module.__name__.rpartition('.')[2]}.py").write_text(standalone(module), encoding="utf-8")
 
 
