@@ -14,6 +14,7 @@ from .design import design
 from .excite import excite
 from .explain import explain
 from .export import export_c
+from .export_franka import export_franka
 from .identify import identify
 from .league import league
 from .listing import list_, schema
@@ -48,6 +49,7 @@ app.command(epilog="Example:  slidax league --tasks scara-slow --schemes cftsmpp
 app.command("list", epilog="Example:  slidax list scenarios")(list_)
 app.command(epilog="Example:  slidax schema > scenario.schema.json")(schema)
 export.command("c", epilog="Example:  slidax export c example-4.1-1khz --out law")(export_c)
+export.command("franka", epilog="Example:  slidax export franka panda-payload --out franka")(export_franka)
 
 
 @app.callback(invoke_without_command=True)

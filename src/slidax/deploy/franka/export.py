@@ -8,8 +8,7 @@ from slidax._errors import DefinitionError
 from slidax.scenarios import Scenario
 
 from ..contents import Project
-from ..onboard import Allowed, weight_by_robot, write_onboard
-from ..project import export_c
+from ..onboard import Allowed, weight_by_robot, write_law, write_onboard
 from ..text import render
 from . import program
 
@@ -21,7 +20,13 @@ LOST = 20
 
 
 def export_franka(
-    scenario: Scenario, out: Path, *, name: str | None = None, single: bool = False, command: str = ""
+    scenario: Scenario,
+    out: Path,
+    *,
+    name: str | None = None,
+    single: bool = False,
+    command: str = "",
+    golden: bool = True,
 ) -> Project:
     """Writes a program for libfranka, its like for pylibfranka, and the law that both run.
 
@@ -30,6 +35,7 @@ def export_franka(
     - `name`: of the law in C; after the scenario if None.
     - `single`: floats in place of doubles.
     - `command`: that asked for it, for the headers.
+    - `golden`: whether the law comes with its tests and golden samples, which take most of the time.
 
     Raises DefinitionError if the scenario is not one for this robot, or cannot be exported.
     """
@@ -42,7 +48,7 @@ def export_franka(
             "`--set simulation.period=1e-3`"
         )
     fitted = weight_by_robot(scenario)
-    made = export_c(fitted, out / "law", name=name, single=single, command=command)
+    made = write_law(fitted, out / "law", name=name, single=single, command=command, golden=golden)
     allowed = Allowed.of(fitted, made, lost=LOST, carried=True)
     try:
         write_onboard(made, allowed, out, [program])

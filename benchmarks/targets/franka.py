@@ -1,0 +1,88 @@
+"""The law of panda-payload on franka-sim, with everything enforced, and what faults end with."""
+
+from __future__ import annotations
+
+import subprocess
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.targets import Row
+from slidax import scenarios
+from slidax.deploy.franka import export_franka
+from slidax.deploy.onboard.law import Law
+from slidax.deploy.onboard.log import Log
+from slidax.deploy.onboard.rehearsal import Arm, read, rehearse, replay
+
+from . import franka_chain
+
+SCENARIO = "panda-payload"
+PATH = {"hold": 1.0, "small": 1.0, "widen": 2.0, "motion": 10.0}
+"""The motion of franka_faults.py."""
+
+
+def rows(folder: Path) -> list[Row]:
+    """What was measured; printed in full, as the table has few columns.
+
+    - `folder`: for what is made.
+    """
+    name = "Franka, by libfranka's protocol"
+    if reason := franka_chain.missing():
+        return [Row(name, missing=reason)]
+    import jax
+
+    jax.config.update("jax_enable_x64", True)
+    scenario = scenarios.load(SCENARIO)
+    export_franka(scenario, folder, name="law", golden=False)
+    law = Law(folder / "law")
+    with franka_chain.serving(scenario, folder):
+        found = {fault: franka_chain.moved(folder, fault) for fault in franka_chain.FAULTS}
+    for fault, said in found.items():
+        print(
+            f"{fault}: {said['ending']} in phase {said['phase']}: {said['said']}; {said['periods']} periods, largest "
+            f"error {said['largest_error']:.1e} rad, moved {said['moved_after']:.1e} rad after it, success rate at "
+            f"least {said['success_rate']:.2f}"
+        )
+    print(compared(law, folder / "none.csv"))
+    good = found["none"]
+    return [
+        Row(
+            name,
+            compiled_by=_version(["cc", "--version"]),
+            run_by="franka-sim and pylibfranka (Python)",
+            step=f"{good['periods']} periods, {good['ending']}, success rate {good['success_rate']:.2f}",
+        )
+    ]
+
+
+def compared(law: Law, log: Path) -> str:
+    """A log beside the rehearsal from the same posture, and through the law again.
+
+    - `law`: that made it.
+    - `log`: of a whole motion.
+    """
+    theirs = read(log)
+    start = [theirs[0][f"q_{k}"] for k in range(1, law.joints + 1)]
+    pilot, own = law.pilot(), Log(law)
+    _set(pilot)
+    rehearse(pilot, Arm(law, start), own)
+    again = law.pilot()
+    _set(again)
+    bits = replay(again, theirs)
+    last = min(len(own.rows), len(theirs))
+    lines = []
+    for name, unit in (("q", "rad"), ("tau", "N m")):
+        ours = np.array([own.column(f"{name}_{k}")[:last] for k in range(1, law.joints + 1)])
+        other = np.array([[row[f"{name}_{k}"] for row in theirs[:last]] for k in range(1, law.joints + 1)])
+        off = ours - other
+        lines.append(f"{name} differs by {np.abs(off).max():.1e} {unit} at most, {np.sqrt((off**2).mean()):.1e} rms")
+    return f"beside the rehearsal {'; '.join(lines)}; through the law again: torques differ by {bits:g} N m"
+
+
+def _set(pilot: object) -> None:
+    for name, value in PATH.items():
+        setattr(pilot.options.path, name, value)  # type: ignore[attr-defined]
+
+
+def _version(command: list[str]) -> str:
+    return subprocess.run(command, capture_output=True, text=True, check=True).stdout.splitlines()[0]
