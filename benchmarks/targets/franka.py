@@ -62,19 +62,19 @@ def compared(law: Law, log: Path) -> str:
     - `log`: of a whole motion.
     """
     theirs = read(log)
-    start = [theirs[0][f"q_{k}"] for k in range(1, law.joints + 1)]
+    start = [theirs[0][f"q_wanted_{k}"] for k in range(1, law.joints + 1)]
     pilot, own = law.pilot(), Log(law)
     _set(pilot)
     rehearse(pilot, Arm(law, start), own)
     again = law.pilot()
     _set(again)
     bits = replay(again, theirs)
-    last = min(len(own.rows), len(theirs))
+    ours = {round(1e3 * row[0]): dict(zip(own.columns, row, strict=True)) for row in own.rows}
+    both = [(ours[at], row) for row in theirs if (at := round(1e3 * row["time"])) in ours]
     lines = []
     for name, unit in (("q", "rad"), ("tau", "N m")):
-        ours = np.array([own.column(f"{name}_{k}")[:last] for k in range(1, law.joints + 1)])
-        other = np.array([[row[f"{name}_{k}"] for row in theirs[:last]] for k in range(1, law.joints + 1)])
-        off = ours - other
+        columns = [f"{name}_{k}" for k in range(1, law.joints + 1)]
+        off = np.array([[a[column] - b[column] for column in columns] for a, b in both])
         lines.append(f"{name} differs by {np.abs(off).max():.1e} {unit} at most, {np.sqrt((off**2).mean()):.1e} rms")
     return f"beside the rehearsal {'; '.join(lines)}; through the law again: torques differ by {bits:g} N m"
 

@@ -25,7 +25,7 @@ class Faulty:
     def __init__(self, control: Any, fault: str) -> None:
         self.control, self.fault, self.period = control, fault, 0
 
-    def readOnce(self) -> Any:  # noqa: N802  (as pylibfranka has it)
+    def readOnce(self) -> Any:
         """A state, perhaps with a NaN in it, perhaps late."""
         state, elapsed = self.control.readOnce()
         self.period += 1
@@ -35,7 +35,7 @@ class Faulty:
             state.q = [math.nan, *list(state.q)[1:]]
         return state, elapsed
 
-    def writeOnce(self, command: Any) -> None:  # noqa: N802  (as pylibfranka has it)
+    def writeOnce(self, command: Any) -> None:
         """As it is."""
         self.control.writeOnce(command)
 
@@ -75,7 +75,7 @@ def main() -> None:
     # The robot holds its posture now; what it last did is over.
     robot.automatic_error_recovery()
     outcome = program.run(Robot(robot, fault), pylibfranka.Torques, pilot, log)
-    last = [value for value in log.rows[-1][1:8]] if log.rows else [0.0] * 7
+    last = list(log.rows[-1][1:8]) if log.rows else [0.0] * 7
     if any(map(math.isnan, last)):
         last = [log.column(f"q_{k}")[WHEN - 2] for k in range(1, 8)]
     moved = 0.0

@@ -1,8 +1,8 @@
 """franka-sim on loopback with all that it can enforce; run by the Python that has it, with FR3_MJCF set.
 
 franka-sim moves the arm by one clock and tells its state by another, so that now and then a state repeats or leaves out
-a millisecond: at 1 rad/s that is a jump of 1e-3 rad, which no robot's encoder makes. Here the arm moves one step for each
-state that is told, as a robot does, which has one clock. `--two-clocks` leaves it as it is.
+a millisecond: at 1 rad/s that is a jump of 1e-3 rad, which no robot's encoder makes. Here the arm moves one step for
+each state that is told, as a robot does, which has one clock. `--two-clocks` leaves it as it is.
 """
 
 from __future__ import annotations

@@ -29,7 +29,9 @@ def mjcf(arm: Articulated) -> str:
         )
         if i == arm.tip_joint and float(arm.payload.mass) > 0:
             inertial = _inertial(arm.payload.mass, arm.payload.center, arm.payload.inertia)
-            lines.append(f'{indent}  <body name="carried" {_placed(arm.tip_translation, arm.tip_rotation)}>{inertial}</body>')
+            lines.append(
+                f'{indent}  <body name="carried" {_placed(arm.tip_translation, arm.tip_rotation)}>{inertial}</body>'
+            )
         for child in children[i]:
             link(child, depth + 1)
         lines.append(f"{indent}</body>")

@@ -15,6 +15,7 @@ from .excite import excite
 from .explain import explain
 from .export import export_c
 from .export_franka import export_franka
+from .export_ur import export_ur
 from .identify import identify
 from .league import league
 from .listing import list_, schema
@@ -50,6 +51,7 @@ app.command("list", epilog="Example:  slidax list scenarios")(list_)
 app.command(epilog="Example:  slidax schema > scenario.schema.json")(schema)
 export.command("c", epilog="Example:  slidax export c example-4.1-1khz --out law")(export_c)
 export.command("franka", epilog="Example:  slidax export franka panda-payload --out franka")(export_franka)
+export.command("ur", epilog="Example:  slidax export ur ur5e-payload --out ur")(export_ur)
 
 
 @app.callback(invoke_without_command=True)

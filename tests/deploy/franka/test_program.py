@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -19,6 +20,7 @@ from slidax.deploy.franka import export_franka, program
 from slidax.deploy.onboard import law as onboard
 from slidax.deploy.onboard import rehearsal, weight_by_robot
 from slidax.deploy.onboard.log import Log
+from slidax.robots import Articulated
 from tests.deploy.exported import needs_a_compiler
 from tests.deploy.onboard.tools import needs_cmake
 
@@ -49,7 +51,9 @@ def built(exported: Path) -> Path:
 
 @pytest.fixture(scope="module")
 def law(exported: Path) -> onboard.Law:
-    return onboard.Law(exported / "law")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("CFLAGS", "-O0")
+        return onboard.Law(exported / "law")
 
 
 def ran(program: Path, *arguments: str, fault: str = "") -> subprocess.CompletedProcess[str]:
@@ -113,14 +117,14 @@ class Control:
         self.arm, self.breaks, self.periods = arm, breaks, 0
         self.last = [0.0] * 7
 
-    def readOnce(self) -> tuple[Any, Any]:  # noqa: N802
+    def readOnce(self) -> tuple[Any, Any]:
         self.periods += 1
         if self.periods == self.breaks:
             raise RuntimeError("communication_constraints_violation")
         q, dq = self.arm.measured()
         return _Any(q=q, dq=dq, control_command_success_rate=1.0), _Any(to_sec=lambda: 1e-3 * (self.periods > 1))
 
-    def writeOnce(self, command: Any) -> None:  # noqa: N802
+    def writeOnce(self, command: Any) -> None:
         assert max(abs(a - b) for a, b in zip(command.tau_J, self.last, strict=True)) <= 1.0
         self.last = list(command.tau_J)
         self.arm.move(self.last)
@@ -154,7 +158,7 @@ class Torques:
 def short(law: onboard.Law) -> onboard.Pilot:
     pilot = law.pilot()
     path = pilot.options.path
-    path.hold = path.small = path.widen = path.motion = 0.5
+    path.hold = path.small = path.widen = path.motion = 1.0
     return pilot
 
 
@@ -173,7 +177,7 @@ def test_a_reflex_is_told_and_an_end_that_is_asked_for_is_a_rest(law: onboard.La
     assert (broken.ending, broken.why) == ("reflex", "communication_constraints_violation")
     asked = program.run(Robot(rehearsal.Arm(law)), Torques, pilot := short(law), asked=[2])
     assert (asked.ending, asked.why) == ("finished", "an end was asked for")
-    assert pilot.report.t < 1.1
+    assert pilot.report.t < 1.6
 
 
 @needs_a_compiler
@@ -196,17 +200,22 @@ def test_a_posture_outside_its_range_is_not_begun(law: onboard.Law) -> None:
 
 
 def test_the_law_gets_the_torque_that_the_weight_leaves_it() -> None:
-    scenario = scenarios.load("panda-payload")
+    scenario = scenarios.load("panda-payload", {"scheme": {"name": "computed_torque"}})
     without = weight_by_robot(scenario)
-    q = scenario.state0.q
-    assert np.abs(scenario.controller.nominal.gravity(q)).max() > 5.0
-    assert np.abs(without.controller.nominal.gravity(q)).max() == 0.0
-    assert np.abs(without.plant.robot.gravity(q)).max() == 0.0
-    weight = np.abs(jax.vmap(lambda t: scenario.controller.nominal.gravity(scenario.trajectory.reference(t).q))(
-        np.linspace(0.0, 8.0, 50)
-    )).max(axis=0)
+    (arm,), (light,) = (
+        [leaf for leaf in jax.tree.leaves(each.controller, is_leaf=_arm) if _arm(leaf)] for each in (scenario, without)
+    )
+    q = jax.vmap(lambda t: scenario.trajectory.reference(t).q)(jnp.linspace(0.0, 8.0, 50))
+    weight = np.abs(jax.vmap(arm.gravity)(q)).max(axis=0)
+    assert weight.max() > 15.0
+    assert np.abs(jax.vmap(light.gravity)(q)).max() == np.abs(jax.vmap(without.plant.robot.gravity)(q)).max() == 0.0
     left = np.asarray(without.plant.actuator.limits.torque)
-    assert (left + weight <= np.asarray(scenario.plant.robot.limits.torque) + 1e-9).all() and (left > 0.5).all()
+    # The weight is looked at at other moments there.
+    assert (left + weight <= np.asarray(arm.limits.torque) + 0.05).all() and (left > 0.5).all()
+
+
+def _arm(node: Any) -> bool:
+    return isinstance(node, Articulated)
 
 
 def test_what_is_no_franka_arm_is_refused(tmp_path: Path) -> None:

@@ -48,7 +48,7 @@ def test_the_path_is_smooth_from_the_posture_to_rest_wherever_an_end_is_asked_fo
         getattr(pilot.options, name)[:] = [1e3] * 2
     # The arm stands still all the time, which the law cannot know.
     pilot.options.limited = pilot.options.outside = 10**6
-    for k in range(8000):
+    for k in range(12000):
         action = pilot.step(h if k else 0.0, start, [0.0, 0.0])
         for part in PARTS:
             rows[part].append(list(getattr(pilot.reference, part)))
@@ -67,7 +67,9 @@ def test_the_path_is_smooth_from_the_posture_to_rest_wherever_an_end_is_asked_fo
     if asked is None:
         # Of the whole motion it is the scenario's own, later.
         moved = next(k for k in range(len(q)) if k * h > path.hold + 3.0)
-        wanted = np.array([np.asarray(SCENARIO.trajectory.reference(jnp.asarray(s)).q) for s in np.linspace(2.0, 3.0, 6)])
+        wanted = np.array(
+            [np.asarray(SCENARIO.trajectory.reference(jnp.asarray(s)).q) for s in np.linspace(2.0, 3.0, 6)]
+        )
         nearest = [np.abs(q[moved:] - one).max(axis=1).min() for one in wanted]
         assert max(nearest) < 2e-3
 

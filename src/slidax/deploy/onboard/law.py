@@ -85,17 +85,16 @@ class Law:
         return getattr(self.library, f"{self.prefix}_{name}")
 
     def _compiled(self) -> Path:
-        sources = [
-            self.folder / f"{self.prefix}{part}.c" for part in ("", "_scenario", "_path", "_follow", "_pilot")
-        ]
+        sources = [self.folder / f"{self.prefix}{part}.c" for part in ("", "_scenario", "_path", "_follow", "_pilot")]
         library = self.folder / f"lib{self.prefix}.so"
         newest = max(each.stat().st_mtime for each in sources)
         if not library.is_file() or library.stat().st_mtime < newest:
             compiler = os.environ.get("CC", "cc").split()
+            more = os.environ.get("CFLAGS", "").split()
             # Under another name first: what is loaded is whole, also if two make it at once.
             handle, made = tempfile.mkstemp(suffix=".so", dir=self.folder)
             os.close(handle)
-            subprocess.run([*compiler, *FLAGS, *map(str, sources), "-lm", "-o", made], check=True)
+            subprocess.run([*compiler, *FLAGS, *more, *map(str, sources), "-lm", "-o", made], check=True)
             os.replace(made, library)
         return library
 

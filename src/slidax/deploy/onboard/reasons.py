@@ -33,7 +33,9 @@ REASONS = (
     Reason("NO_MEASUREMENT", "no good measurement for too long", True, "The sensor or the link to it is gone."),
     Reason("NO_REFERENCE", "no finite reference for too long", True, "A fault of the planner."),
     Reason("NO_TORQUE", "the law has had no finite answer for too long", True, "Look for an absurd gain."),
-    Reason("LOST", "too many periods without a sample", True, "Look at the network and at what else the computer does."),
+    Reason(
+        "LOST", "too many periods without a sample", True, "Look at the network and at what else the computer does."
+    ),
     Reason(
         "ERROR_HOLDING",
         "the error is too large while the arm should hold its posture",

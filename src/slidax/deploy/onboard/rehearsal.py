@@ -86,8 +86,8 @@ def replay(pilot: Pilot, rows: Sequence[dict[str, float]]) -> float:
     joints = range(1, pilot.law.joints + 1)
     largest = 0.0
     before = rows[0]["time"]
-    q = [rows[0][f"q_{k}"] for k in joints]
-    pilot.begin(q)
+    # The posture in which it began is what it wanted first.
+    pilot.begin([rows[0][f"q_wanted_{k}"] for k in joints])
     for row in rows:
         # Robots count whole milliseconds.
         elapsed = round(1e3 * (row["time"] - before)) / 1e3

@@ -24,9 +24,7 @@ FILES = ("path.h", "path.c", "follow.h", "follow.c", "pilot.h", "pilot.c")
 HERE = "slidax.deploy.onboard"
 
 
-def write_law(
-    scenario: Scenario, out: Path, *, name: str | None, single: bool, command: str, golden: bool
-) -> Project:
+def write_law(scenario: Scenario, out: Path, *, name: str | None, single: bool, command: str, golden: bool) -> Project:
     """Writes the step itself.
 
     - `scenario`: whose law.
