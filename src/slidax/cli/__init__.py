@@ -15,6 +15,7 @@ from .excite import excite
 from .explain import explain
 from .export import export_c
 from .export_franka import export_franka
+from .export_ros2 import export_ros2
 from .export_ur import export_ur
 from .identify import identify
 from .league import league
@@ -52,6 +53,7 @@ app.command(epilog="Example:  slidax schema > scenario.schema.json")(schema)
 export.command("c", epilog="Example:  slidax export c example-4.1-1khz --out law")(export_c)
 export.command("franka", epilog="Example:  slidax export franka panda-payload --out franka")(export_franka)
 export.command("ur", epilog="Example:  slidax export ur ur5e-payload --out ur")(export_ur)
+export.command("ros2", epilog="Example:  slidax export ros2 panda-payload --gravity robot --out ros2")(export_ros2)
 
 
 @app.callback(invoke_without_command=True)

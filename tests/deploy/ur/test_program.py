@@ -139,7 +139,8 @@ def test_faults_end_it_and_always_end_the_robots_script(law: onboard.Law) -> Non
 )
 def test_every_call_is_one_that_the_wheel_takes(interface: type, module: str, name: str) -> None:
     used = {key: value for key, value in vars(interface).items() if inspect.isfunction(value) and key[0] != "_"}
-    script = f"import json; from {module} import {name} as c\nprint(json.dumps({{k: getattr(c, k).__doc__ for k in {sorted(used)}}}))"
+    script = f"import json; from {module} import {name} as c\n"
+    script += f"print(json.dumps({{k: getattr(c, k).__doc__ for k in {sorted(used)}}}))"
     done = subprocess.run(
         [str(python()), "-c", script],
         capture_output=True,

@@ -39,6 +39,7 @@ class Allowed:
     - `held`, `lost`, `outside`, `limited`, `void`: how long what is said is borne, in periods.
     - `dialect`: doubles or floats.
     - `age`: of a measurement when it arrives [s].
+    - `carried`: whether the robot carries its own weight.
     """
 
     unit: str
@@ -59,6 +60,7 @@ class Allowed:
     limited: int
     void: int
     age: float
+    carried: bool
 
     reasons = REASONS
 
@@ -106,6 +108,7 @@ class Allowed:
             limited=_periods(0.25, project.period),
             void=_periods(0.1, project.period),
             age=float(scenario.description.sensor.delay) * project.period,
+            carried=carried,
         )
 
     def literal(self, number: float) -> str:

@@ -110,6 +110,7 @@ class Law:
                 ("path", self.Path),
                 *((name, vector) for name in limits),
                 *((name, ctypes.c_int32) for name in counts),
+                ("free", ctypes.c_bool),
                 ("follows", ctypes.c_bool),
             ],
         )

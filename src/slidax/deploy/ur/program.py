@@ -37,9 +37,7 @@ COULOMB = (0.8, 0.8, 0.7, 0.8, 0.8, 0.8)
 class Control(Protocol):
     """What the loop uses of `rtde_control.RTDEControlInterface`."""
 
-    def directTorque(
-        self, torque: list[float], viscous_scale: list[float], coulomb_scale: list[float]
-    ) -> bool:
+    def directTorque(self, torque: list[float], viscous_scale: list[float], coulomb_scale: list[float]) -> bool:
         """One torque."""
 
     def initPeriod(self) -> datetime.timedelta:
