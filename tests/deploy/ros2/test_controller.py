@@ -112,7 +112,7 @@ def test_it_lives_as_ros2_control_has_it(package: Path, parameters: dict[str, An
         name, number = next(lines).split()
         assert name == what and 0.0 <= float(number) < most, said
     assert next(lines) == "wrong name: the trajectory is not taken: it must have each joint once"
-    assert next(lines).endswith("refused 6")
+    assert next(lines).endswith("refused 2")
     assert next(lines) == "stopped after 6"
     assert next(lines) == "finite 1"
     assert next(lines).startswith("deactivate 1 stopped: no good measurement for too long")

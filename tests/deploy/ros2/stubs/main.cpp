@@ -110,10 +110,10 @@ int main() {
     wrong.joint_names[0] = "elbow";
     controller->get_node()->subscription->callback(wrong);
     std::printf("wrong name: %s\n", rclcpp::last_error.c_str());
-    there[0] += 100.0;
+    there[0] = std::nan("");
     controller->get_node()->subscription->callback(to(there, 1));
     const double after = moved(*controller, 100);
-    std::printf("too fast %.2e refused %.0f\n", after, controller->get_node()->publisher->sent.back().data.back());
+    std::printf("not finite %.2e refused %.0f\n", after, controller->get_node()->publisher->sent.back().data.back());
     for (int k = 0; k < 20; ++k) {
         q[0] = std::nan("");
         if (controller->update({}, rclcpp::Duration::from_seconds(SLIDAX_LAW_PERIOD)) != return_type::OK) {
