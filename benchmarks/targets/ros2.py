@@ -1,4 +1,4 @@
-"""The exported step in ROS 2: a graph of two processes, by the wheels of PyPI; and the controller's own build, if it can."""
+"""The exported step in ROS 2: a graph of two processes, by the wheels of PyPI; the controller's build where colcon is."""
 
 from __future__ import annotations
 
@@ -54,8 +54,8 @@ def rows(folder: Path) -> list[Row]:
     source = folder / "workspace" / "src" / "controller"
     export_ros2(scenarios.load(SCENARIO), source, name="law", golden=False)
     done = subprocess.run(["colcon", "build"], cwd=folder / "workspace", capture_output=True, text=True, check=False)
-    step = "built" if done.returncode == 0 else "did not build"
-    return [*made, Row("ROS 2, controller for ros2_control", compiled_by=f"colcon, {os.environ['ROS_DISTRO']}", step=step)]
+    step, by = "built" if done.returncode == 0 else "did not build", f"colcon, {os.environ['ROS_DISTRO']}"
+    return [*made, Row("ROS 2, controller for ros2_control", compiled_by=by, step=step)]
 
 
 def exchanged(folder: Path, steps: int) -> dict[str, Any]:

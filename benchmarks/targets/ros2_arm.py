@@ -2,8 +2,8 @@
 
     python ros2_arm.py FOLDER STEPS
 
-FOLDER has the exported package. After 100 steps it sends a trajectory to 0.3 rad from where it stands, in 2 s. Prints one
-JSON object: how many states and efforts were exchanged, how far the arm is from its goal, and what the law told.
+FOLDER has the exported package. After 100 steps it sends a trajectory to 0.3 rad from where it stands, in 2 s. Prints
+one JSON object: how many states and efforts were exchanged, how far the arm is from its goal, and what the law told.
 """
 
 from __future__ import annotations
@@ -43,7 +43,9 @@ def main() -> None:
     ros.create_subscription(JointState, "/slidax/effort", efforts.append, 10)
     ros.create_subscription(Float64MultiArray, "/slidax/state", told.append, 10)
     until = time.monotonic() + 30.0
-    while (states.get_subscription_count() < 1 or ros.count_publishers("/slidax/effort") < 1) and time.monotonic() < until:
+    while time.monotonic() < until:
+        if states.get_subscription_count() and ros.count_publishers("/slidax/effort"):
+            break
         rclpy.spin_once(ros, timeout_sec=0.05)
     goal = list(arm.measured()[0])
     goal[0] += WAY

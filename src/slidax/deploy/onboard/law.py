@@ -238,7 +238,8 @@ class Pilot:
     @property
     def phase(self) -> str:
         """Where on its way the reference is."""
-        return self.law.phases[self.report.phase]
+        found: str = self.law.phases[self.report.phase]
+        return found
 
     @property
     def why(self) -> str:

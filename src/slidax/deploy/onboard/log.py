@@ -1,4 +1,4 @@
-"""What happened on a robot, as a table that `slidax identify` reads.
+"""What happened on a robot, as a table; its torques are commands, without what the robot adds.
 
 This module runs by itself beside an exported law, as `log.py`.
 """
