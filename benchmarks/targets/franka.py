@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 from pathlib import Path
 
@@ -26,9 +27,9 @@ def rows(folder: Path) -> list[Row]:
 
     - `folder`: for what is made.
     """
-    name = "Franka, by libfranka's protocol"
+    name, plain = "Franka, program in Python", "Franka, program in C++"
     if reason := franka_chain.missing():
-        return [Row(name, missing=reason)]
+        return [Row(name, missing=reason), Row(plain, missing=reason)]
     import jax
 
     jax.config.update("jax_enable_x64", True)
@@ -37,6 +38,7 @@ def rows(folder: Path) -> list[Row]:
     law = Law(folder / "law")
     with franka_chain.serving(scenario, folder):
         found = {fault: franka_chain.moved(folder, fault) for fault in franka_chain.FAULTS}
+        in_cpp = _in_cpp(folder)
     for fault, said in found.items():
         print(
             f"{fault}: {said['ending']} in phase {said['phase']}: {said['said']}; {said['periods']} periods, largest "
@@ -45,14 +47,33 @@ def rows(folder: Path) -> list[Row]:
         )
     print(compared(law, folder / "none.csv"))
     good = found["none"]
+    compiler = _version(["cc", "--version"])
     return [
         Row(
             name,
-            compiled_by=_version(["cc", "--version"]),
-            run_by="franka-sim and pylibfranka (Python)",
+            compiled_by=compiler,
+            run_by="pylibfranka, franka-sim",
             step=f"{good['periods']} periods, {good['ending']}, success rate {good['success_rate']:.2f}",
-        )
+        ),
+        Row(plain, compiled_by=compiler, run_by="libfranka, franka-sim", step=in_cpp)
+        if in_cpp
+        else Row(plain, missing="libfranka: set Franka_DIR to where its FrankaConfig.cmake is"),
     ]
+
+
+def _in_cpp(folder: Path) -> str:
+    """The C++ program with libfranka itself, if that is here: what it says of a motion as above."""
+    if "Franka_DIR" not in os.environ:
+        return ""
+    build = folder / "build"
+    subprocess.run(["cmake", "-S", folder, "-B", build], check=True, capture_output=True)
+    subprocess.run(["cmake", "--build", build], check=True, capture_output=True)
+    options = [word for name, value in PATH.items() for word in (f"--{name}", str(value))]
+    command = [str(build / "main"), "127.0.0.1", "--no-realtime", *options]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    print(done.stdout.strip())
+    ending, counted = done.stdout.splitlines()[:2]
+    return f"{counted.partition(' periods')[0]} periods, {ending.split()[0]}, {counted.partition('; ')[2]}"
 
 
 def compared(law: Law, log: Path) -> str:

@@ -1,4 +1,4 @@
-"""The exported step in ROS 2: a graph of two processes, by the wheels of PyPI; the controller's build where colcon is."""
+"""The exported step in ROS 2: a graph of two processes by the wheels of PyPI, and the controller built where colcon is."""
 
 from __future__ import annotations
 
@@ -96,5 +96,3 @@ def exchanged(folder: Path, steps: int) -> dict[str, Any]:
 
 def _line(command: list[str]) -> str:
     return subprocess.run(command, capture_output=True, text=True, check=True).stdout.splitlines()[0]
-
-

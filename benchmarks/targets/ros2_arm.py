@@ -73,9 +73,9 @@ def main() -> None:
     for _ in range(20):
         rclpy.spin_once(ros, timeout_sec=0.01)
     last = told[-1]
-    signals = {
-        each.label: list(last.data[each.stride : each.stride + each.size]) for each in last.layout.dim
-    } if told else {}
+    signals = (
+        {each.label: list(last.data[each.stride : each.stride + each.size]) for each in last.layout.dim} if told else {}
+    )
     q = arm.measured()[0]
     print(
         json.dumps(
