@@ -1,4 +1,4 @@
-"""The exported step in ROS 2: a graph of two processes by the wheels of PyPI, and the controller built where colcon is."""
+"""The exported step in ROS 2: a graph of two processes by PyPI's wheels, and the controller built where colcon is."""
 
 from __future__ import annotations
 

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from slidax import scenarios
-from slidax.deploy.onboard import Allowed, write_law, write_onboard
+from slidax.deploy.onboard import Allowed, rehearsal, write_law, write_onboard
 from slidax.deploy.onboard import law as onboard
 from slidax.deploy.onboard.rehearsal import Arm, rehearse
 from tests.deploy.exported import STRICT, compiled, needs_a_compiler
@@ -210,6 +210,7 @@ def test_a_status_that_lasts_brings_it_to_rest(law: onboard.Law) -> None:
 def test_the_robots_own_limits_are_kept_whatever_the_law_knows_of_them(law: onboard.Law) -> None:
     pilot, arm = law.pilot(), Arm(law)
     pilot.options.torque[:], pilot.options.rate[:] = [20.0] * 2, [500.0] * 2
+    pilot.options.free = False
     pilot.begin(arm.measured()[0])
     last = np.zeros(2)
     for k in range(300):
@@ -229,3 +230,33 @@ def test_the_structures_are_as_large_here_as_in_c(law: onboard.Law, tmp_path: Pa
     subprocess.run(["gcc", f"-I{law.folder}", tmp_path / "sizes.c", "-o", tmp_path / "sizes"], check=True)
     found = subprocess.run([tmp_path / "sizes"], check=True, capture_output=True, text=True).stdout.split()
     assert [ctypes.sizeof(getattr(law, name.capitalize())) for name in names] == list(map(int, found))
+
+
+@needs_a_compiler
+def test_it_compiles_in_floats_too(tmp_path: Path) -> None:
+    made = write_law(SCENARIO, tmp_path / "law", name="law", single=True, command="", golden=False)
+    write_onboard(made, Allowed.of(SCENARIO, made), tmp_path)
+    for part in ("path", "follow", "pilot"):
+        compiled("gcc", tmp_path / "law", f"slidax_law_{part}.c", "-c", "-o", f"{part}.o", "-Wdouble-promotion")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("CFLAGS", "-O0")
+        law = onboard.Law(tmp_path / "law")
+    pilot = law.pilot()
+    pilot.options.path.hold = pilot.options.path.small = pilot.options.path.widen = pilot.options.path.motion = 1.0
+    for name in ("error_hold", "error_small", "error_full"):
+        getattr(pilot.options, name)[:] = [0.5] * 2
+    assert rehearse(pilot, Arm(law)) == onboard.FINISH, pilot.why
+
+
+@needs_a_compiler
+def test_what_is_missing_is_one_line(
+    law: onboard.Law, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with pytest.raises(SystemExit) as none:
+        rehearsal.main(["--law", str(tmp_path)])
+    assert none.value.code == 2 and capsys.readouterr().err.splitlines()[-1].endswith("law.json")
+    (law.folder / "libslidax_law.so").unlink()
+    monkeypatch.setenv("CC", "no-such-compiler")
+    with pytest.raises(SystemExit) as no_compiler:
+        rehearsal.main(["--law", str(law.folder)])
+    assert no_compiler.value.code == 2 and "install gcc, or set CC" in capsys.readouterr().err

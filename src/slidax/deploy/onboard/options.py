@@ -8,9 +8,29 @@ from __future__ import annotations
 import argparse
 import gc
 import os
+import subprocess
 from pathlib import Path
 
-from .law import Pilot
+from .law import Law, Pilot
+
+
+def loaded(parser: argparse.ArgumentParser, folder: Path) -> Law:
+    """The law of a folder, compiled if it has to be; ends the program with one line if there is none.
+
+    - `parser`: says what is wrong.
+    - `folder`: of the law.
+    """
+    try:
+        return Law(folder)
+    except FileNotFoundError as error:
+        missing = "a C compiler (install gcc, or set CC)" if error.filename in _compiler() else str(error.filename)
+        parser.error(f"missing: {missing}")
+    except (OSError, subprocess.CalledProcessError) as error:
+        parser.error(f"the law in {folder} does not compile or load: {error}")
+
+
+def _compiler() -> list[str]:
+    return os.environ.get("CC", "cc").split()
 
 
 def prepare(arguments: argparse.Namespace, pilot: Pilot) -> None:

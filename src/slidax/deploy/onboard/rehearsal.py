@@ -16,7 +16,7 @@ from pathlib import Path
 
 from .law import FINISH, GO, STOP, Law, Pilot
 from .log import Log
-from .options import options_of_the_path, prepare
+from .options import loaded, options_of_the_path, prepare
 
 
 class Arm:
@@ -118,7 +118,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--start", type=float, nargs="+", metavar="RAD", help="where the arm stands")
     options_of_the_path(parser)
     given = parser.parse_args(arguments)
-    law = Law(given.law)
+    law = loaded(parser, given.law)
     pilot, log = law.pilot(), Log(law)
     prepare(given, pilot)
     action = rehearse(pilot, Arm(law, given.start), log)

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from ..onboard.law import FINISH, STOP, Law
+from ..onboard.options import loaded
 
 
 class Node:
@@ -133,7 +134,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except ImportError as error:
         print(f"ROS 2 is missing: {error}", file=sys.stderr)
         return 5
-    law = Law(given.law)
+    law = loaded(parser, given.law)
     rclpy.init(args=rest)
     ros = rclpy.create_node("slidax")
     joints = given.joints or [f"joint_{k}" for k in range(1, law.joints + 1)]

@@ -18,9 +18,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
-from ..onboard.law import FINISH, GO, STOP, Law, Pilot
+from ..onboard.law import FINISH, GO, STOP, Pilot
 from ..onboard.log import Log
-from ..onboard.options import in_time, options_of_the_path, prepare
+from ..onboard.options import in_time, loaded, options_of_the_path, prepare
 
 STATUS = {"finished": 0, "stopped": 3, "robot": 4, "no robot": 5}
 """Exit codes: the motion is over; the pilot stopped it; the robot did; there is no robot to talk to."""
@@ -169,7 +169,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except ImportError:
         print("ur_rtde is missing: pip install ur_rtde", file=sys.stderr)
         return STATUS["no robot"]
-    law = Law(given.law)
+    law = loaded(parser, given.law)
     pilot, log = law.pilot(), Log(law)
     prepare(given, pilot)
     asked: list[int] = []
