@@ -12,6 +12,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+import jax.numpy as jnp
+
 from slidax.scenarios import Scenario
 
 from .mjcf import mjcf
@@ -54,7 +56,7 @@ def serving(scenario: Scenario, folder: Path, *arguments: str) -> Iterator[None]
     Raises RuntimeError if it does not start.
     """
     model, log = folder / "arm.xml", folder / "server.log"
-    arm = scenario.plant.at(0.0)
+    arm = scenario.plant.at(jnp.zeros(()))
     model.write_text(mjcf(arm), encoding="utf-8")
     with log.open("w") as file:
         server = subprocess.Popen(

@@ -41,7 +41,8 @@ def exported(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def built(exported: Path) -> Path:
     """The C++ program."""
     build = exported / "build"
-    flags = ["-DCMAKE_C_FLAGS=-Werror", "-DCMAKE_CXX_FLAGS=-Werror", "-DCMAKE_BUILD_TYPE=Debug"]
+    checked = "-Werror -fsanitize=address,undefined -fno-sanitize-recover=all"
+    flags = [f"-DCMAKE_C_FLAGS={checked}", f"-DCMAKE_CXX_FLAGS={checked}", "-DCMAKE_BUILD_TYPE=Debug"]
     subprocess.run(
         ["cmake", "-S", exported, "-B", build, f"-DFranka_DIR={STUBS}", *flags], check=True, capture_output=True
     )
