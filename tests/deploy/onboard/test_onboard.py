@@ -27,7 +27,7 @@ def law(tmp_path_factory: pytest.TempPathFactory) -> onboard.Law:
     folder = tmp_path_factory.mktemp("onboard")
     made = write_law(SCENARIO, folder / "law", name="law", single=False, command="", golden=False)
     write_onboard(made, Allowed.of(SCENARIO, made), folder)
-    for part in ("path", "follow", "pilot"):
+    for part in ("path", "follow", "pilot", "words"):
         compiled("gcc", folder / "law", f"slidax_law_{part}.c", "-c", "-o", f"{part}.o", *STRICT)
     return onboard.Law(folder / "law")
 
@@ -236,7 +236,7 @@ def test_the_structures_are_as_large_here_as_in_c(law: onboard.Law, tmp_path: Pa
 def test_it_compiles_in_floats_too(tmp_path: Path) -> None:
     made = write_law(SCENARIO, tmp_path / "law", name="law", single=True, command="", golden=False)
     write_onboard(made, Allowed.of(SCENARIO, made), tmp_path)
-    for part in ("path", "follow", "pilot"):
+    for part in ("path", "follow", "pilot", "words"):
         compiled("gcc", tmp_path / "law", f"slidax_law_{part}.c", "-c", "-o", f"{part}.o", "-Wdouble-promotion")
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("CFLAGS", "-O0")

@@ -85,7 +85,9 @@ class Law:
         return getattr(self.library, f"{self.prefix}_{name}")
 
     def _compiled(self) -> Path:
-        sources = [self.folder / f"{self.prefix}{part}.c" for part in ("", "_scenario", "_path", "_follow", "_pilot")]
+        sources = [
+            self.folder / f"{self.prefix}{part}.c" for part in ("", "_scenario", "_path", "_follow", "_pilot", "_words")
+        ]
         library = self.folder / f"lib{self.prefix}.so"
         newest = max(each.stat().st_mtime for each in sources)
         if not library.is_file() or library.stat().st_mtime < newest:

@@ -18,7 +18,7 @@ from ..text import render
 from . import law, log, options, rehearsal
 from .allowed import Allowed
 
-FILES = ("path.h", "path.c", "follow.h", "follow.c", "pilot.h", "pilot.c")
+FILES = ("path.h", "path.c", "follow.h", "follow.c", "pilot.h", "pilot.c", "words.c")
 """In C, each with the law's prefix."""
 
 HERE = "slidax.deploy.onboard"
