@@ -34,7 +34,7 @@ def rows(folder: Path) -> list[Row]:
 
     jax.config.update("jax_enable_x64", True)
     scenario = scenarios.load(SCENARIO)
-    export_franka(scenario, folder, name="law", golden=False)
+    export_franka(scenario, folder, name="law")
     law = Law(folder / "law")
     with franka_chain.serving(scenario, folder):
         found = {fault: franka_chain.moved(folder, fault) for fault in franka_chain.FAULTS}
@@ -46,19 +46,30 @@ def rows(folder: Path) -> list[Row]:
             f"least {said['success_rate']:.2f}"
         )
     print(compared(law, folder / "none.csv"))
-    good = found["none"]
+    good, samples = found["none"], _golden(folder)
     compiler = _version(["cc", "--version"])
     return [
         Row(
             name,
             compiled_by=compiler,
             run_by="pylibfranka, franka-sim",
+            passed=samples,
+            samples=samples,
             step=f"{good['periods']} periods, {good['ending']}, success rate {good['success_rate']:.2f}",
         ),
         Row(plain, compiled_by=compiler, run_by="libfranka, franka-sim", step=in_cpp)
         if in_cpp
         else Row(plain, missing="libfranka: set Franka_DIR to where its FrankaConfig.cmake is"),
     ]
+
+
+def _golden(folder: Path) -> int:
+    """How many golden samples the step passes, which are all: it is an error if one is not."""
+    law = folder / "law"
+    subprocess.run(["cmake", "-S", law, "-B", law / "build"], check=True, capture_output=True)
+    subprocess.run(["cmake", "--build", law / "build", "-t", "test_law"], check=True, capture_output=True)
+    done = subprocess.run([law / "build" / "test_law"], check=True, capture_output=True, text=True)
+    return int(done.stdout.split()[0])
 
 
 def _in_cpp(folder: Path) -> str:

@@ -66,7 +66,7 @@ REASONS = (
         "OUTSIDE",
         "the law has been outside its envelope for too long",
         False,
-        "`slidax explain` of the log says why; a wider envelope is `scheme.performance.final`.",
+        "Look at the log, and let `slidax explain` tell of a run like it; a wider one is `scheme.performance.final`.",
     ),
     Reason(
         "LIMITED",
