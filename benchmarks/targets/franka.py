@@ -37,13 +37,13 @@ def rows(folder: Path) -> list[Row]:
     export_franka(scenario, folder, name="law")
     law = Law(folder / "law")
     with franka_chain.serving(scenario, folder):
-        found = {fault: franka_chain.moved(folder, fault) for fault in franka_chain.FAULTS}
+        found = {fault: franka_chain.moved_in_time(folder, fault) for fault in franka_chain.FAULTS}
         in_cpp = _in_cpp(folder)
     for fault, said in found.items():
         print(
             f"{fault}: {said['ending']} in phase {said['phase']}: {said['said']}; {said['periods']} periods, largest "
             f"error {said['largest_error']:.1e} rad, moved {said['moved_after']:.1e} rad after it, success rate at "
-            f"least {said['success_rate']:.2f}"
+            f"least {said['success_rate']:.2f}, attempts {said['attempts']}"
         )
     print(compared(law, folder / "none.csv"))
     good, samples = found["none"], _golden(folder)

@@ -29,7 +29,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def found(folder: Path) -> dict[str, dict[str, Any]]:
     with franka_chain.serving(scenarios.load(franka.SCENARIO), folder):
-        return {fault: franka_chain.moved(folder, fault) for fault in franka_chain.FAULTS}
+        return {fault: franka_chain.moved_in_time(folder, fault) for fault in franka_chain.FAULTS}
 
 
 def test_ten_seconds_and_more_without_a_reflex(found: dict[str, dict[str, Any]], folder: Path) -> None:
