@@ -15,7 +15,10 @@ from .excite import excite
 from .explain import explain
 from .export import export_c
 from .export_fmu import export_fmu
+from .export_franka import export_franka
 from .export_micro import export_micro
+from .export_ros2 import export_ros2
+from .export_ur import export_ur
 from .identify import identify
 from .league import league
 from .listing import list_, schema
@@ -52,6 +55,9 @@ app.command(epilog="Example:  slidax schema > scenario.schema.json")(schema)
 export.command("c", epilog="Example:  slidax export c example-4.1-1khz --out law")(export_c)
 export.command("fmu", epilog="Example:  slidax export fmu example-4.1-1khz --out law.fmu")(export_fmu)
 export.command("micro", epilog="Example:  slidax export micro example-4.1-1khz --float --out law")(export_micro)
+export.command("franka", epilog="Example:  slidax export franka panda-payload --out franka")(export_franka)
+export.command("ur", epilog="Example:  slidax export ur ur5e-payload --out ur")(export_ur)
+export.command("ros2", epilog="Example:  slidax export ros2 panda-payload --gravity robot --out ros2")(export_ros2)
 
 
 @app.callback(invoke_without_command=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -39,6 +40,9 @@ FILES = {
 }
 """Templates, and the files that they become."""
 
+STEP = ("header.h.j2", "step.c.j2", "wrapper.hpp.j2", "scenario.h.j2", "scenario.c.j2")
+"""Of those, what a program needs: all but tests and their golden samples."""
+
 
 def export_c(
     scenario: Scenario, out: Path, *, name: str | None = None, single: bool = False, command: str = ""
@@ -55,14 +59,26 @@ def export_c(
     made.
     """
     made = project(scenario, name=name, single=single, command=command)
+    write_files(made, out, FILES)
+    return made
+
+
+def write_files(made: Project, out: Path, templates: Iterable[str]) -> None:
+    """Writes files of a project.
+
+    - `made`: the project.
+    - `out`: the folder; made if it is not there.
+    - `templates`: of the files, of those in `FILES`.
+
+    Raises DefinitionError if the folder cannot be made or written.
+    """
     try:
         out.mkdir(parents=True, exist_ok=True)
-        for template, file in FILES.items():
-            path = out / file.format(prefix=made.prefix, name=made.name)
+        for template in templates:
+            path = out / FILES[template].format(prefix=made.prefix, name=made.name)
             path.write_text(render(template, {"x": made}), encoding="utf-8")
     except OSError as error:
         raise DefinitionError(f"cannot write the project to `{out}`: {error.strerror}") from None
-    return made
 
 
 def project(

@@ -1,0 +1,137 @@
+"""The exported law on a Franka arm, by `pylibfranka` (pip install pylibfranka): one torque a millisecond.
+
+    python3 program.py ADDRESS --log log.csv
+
+This module runs by itself beside an exported law. The robot adds gravity and friction of its own model to the torque;
+nothing else is added, no Coriolis term either, which the law's own model has.
+"""
+
+from __future__ import annotations
+
+import argparse
+import signal
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ..onboard.law import FINISH, STOP, Pilot
+from ..onboard.log import Log
+from ..onboard.options import in_time, loaded, options_of_the_path, prepare
+
+STATUS = {"finished": 0, "stopped": 3, "reflex": 4, "no robot": 5}
+"""Exit codes: the motion is over; the pilot stopped it; the robot did; there is no robot to talk to."""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """How a motion ended.
+
+    - `ending`: "finished", "stopped" by the pilot, "reflex" of the robot, or "no robot".
+    - `why`: in words.
+    - `phase`: where on its way the reference was.
+    - `success_rate`: least share of commands that arrived, as the robot counts it over its last 100.
+    """
+
+    ending: str
+    why: str
+    phase: str
+    success_rate: float
+
+
+def run(robot: Any, torques: Any, pilot: Pilot, log: Log | None = None, asked: list[int] | None = None) -> Outcome:
+    """Moves the arm, until the motion is over or something is not as it should be.
+
+    - `robot`: a `pylibfranka.Robot`.
+    - `torques`: the class `pylibfranka.Torques`.
+    - `pilot`: with its options.
+    - `log`: takes every period.
+    - `asked`: an end is asked for as soon as something is in it.
+    """
+    least = 1.0
+    try:
+        if not pilot.begin(robot.read_once().q):
+            return Outcome("stopped", pilot.why, pilot.phase, least)
+        control = robot.start_torque_control()
+    except Exception as error:
+        return Outcome("no robot", str(error), pilot.phase, least)
+    finished = False
+    try:
+        while not finished:
+            state, elapsed = control.readOnce()
+            if asked:
+                pilot.rest()
+                asked.clear()
+            action = pilot.step(elapsed.to_sec(), state.q, state.dq)
+            rate = state.control_command_success_rate
+            # It counts over 100 periods, and begins at 0.
+            if pilot.report.steps > 100:
+                least = min(least, rate)
+            if log is not None:
+                log.add(pilot, state.q, state.dq, rate)
+            if action == STOP:
+                robot.stop()
+                return Outcome("stopped", pilot.why, pilot.phase, least)
+            command = torques(list(pilot.report.tau))
+            finished = action == FINISH
+            command.motion_finished = finished
+            control.writeOnce(command)
+    except Exception as error:
+        return Outcome("reflex", str(error), pilot.phase, least)
+    return Outcome("finished", pilot.why, pilot.phase, least)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """The program; its exit codes are in `STATUS`.
+
+    - `arguments`: of the command line.
+    """
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("address", help="of the robot")
+    parser.add_argument("--law", type=Path, default=Path(__file__).parent / "law", help="the folder of the law")
+    load = ("KG", "X", "Y", "Z")
+    parser.add_argument("--load", type=float, nargs=4, metavar=load, help="told to the robot: mass and place")
+    parser.add_argument("--torque-threshold", type=float, default=40.0, help="of the robot's collision reflex, N m")
+    parser.add_argument("--force-threshold", type=float, default=60.0, help="of the robot's collision reflex, N")
+    parser.add_argument("--no-realtime", action="store_true", help="go on without a real-time priority")
+    options_of_the_path(parser)
+    given = parser.parse_args(arguments)
+    try:
+        import pylibfranka
+    except ImportError:
+        print("pylibfranka is missing: pip install pylibfranka", file=sys.stderr)
+        return STATUS["no robot"]
+    law = loaded(parser, given.law)
+    pilot, log = law.pilot(), Log(law)
+    prepare(given, pilot)
+    asked: list[int] = []
+    signal.signal(signal.SIGINT, lambda number, _: asked.append(number))
+    realtime = pylibfranka.RealtimeConfig
+    try:
+        in_time(not given.no_realtime)
+        robot = pylibfranka.Robot(given.address, realtime.kIgnore if given.no_realtime else realtime.kEnforce)
+        robot.set_collision_behavior(
+            *[[given.torque_threshold] * 7] * 2,
+            *[[given.force_threshold] * 6] * 2,
+        )
+        if given.load is not None:
+            mass, *place = given.load
+            robot.set_load(mass, place, [0.0] * 9)
+    except Exception as error:
+        print(f"no robot: {error}", file=sys.stderr)
+        return STATUS["no robot"]
+    outcome = run(robot, pylibfranka.Torques, pilot, log, asked)
+    if given.log is not None:
+        log.write(given.log)
+    report = pilot.report
+    print(f"{outcome.ending} in phase {outcome.phase}: {outcome.why}")
+    print(
+        f"{report.steps} periods, {report.missed} late, {report.bridged} bridged, {report.clipped} clipped; "
+        f"success rate at least {outcome.success_rate:.2f}"
+    )
+    return STATUS[outcome.ending]
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,140 @@
+"""What a robot allows, and how much error a first motion may have."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from slidax.codegen.c import Dialect
+from slidax.robots import Articulated
+from slidax.scenarios import Scenario
+
+from ..contents import Project
+from .gravity import own_plant
+from .reasons import REASONS
+
+MARGIN = {"rad": 0.03, "m": 0.005}
+"""Distance to the end of a joint's range that is kept."""
+
+ERRORS = {"rad": (0.02, 0.05, 0.1), "m": (0.005, 0.01, 0.02)}
+"""Largest errors while it holds, while the motion is small, and later."""
+
+HOLDING = 0.1
+"""Share of a joint's largest torque that it may take to hold a posture whose weight the robot carries."""
+
+SPEED = 0.95
+"""Share of a joint's largest speed that is used."""
+
+
+@dataclass(frozen=True)
+class Allowed:
+    """All that the templates name beside the project.
+
+    - `unit`, `torque_unit`: of a joint, the first one's where they differ.
+    - `lower`, `upper`, `speed`, `torque`, `rate`: what the robot allows, one number a joint.
+    - `torque_hold`: largest torques while it holds, likewise; infinite where the law carries the weight.
+    - `error_hold`, `error_small`, `error_full`: largest errors, likewise.
+    - `held`, `lost`, `outside`, `limited`, `void`: how long what is said is borne, in periods.
+    - `dialect`: doubles or floats.
+    - `age`: of a measurement when it arrives [s].
+    - `carried`: whether the robot carries its own weight.
+    """
+
+    unit: str
+    torque_unit: str
+    lower: list[float]
+    upper: list[float]
+    speed: list[float]
+    torque: list[float]
+    rate: list[float]
+    torque_hold: list[float]
+    error_hold: list[float]
+    error_small: list[float]
+    error_full: list[float]
+    dialect: Dialect
+    held: int
+    lost: int
+    outside: int
+    limited: int
+    void: int
+    age: float
+    carried: bool
+
+    reasons = REASONS
+
+    @classmethod
+    def of(cls, scenario: Scenario, project: Project, *, lost: int = 20, carried: bool = False) -> Allowed:
+        """What the scenario's arm and drives allow.
+
+        - `scenario`: with them.
+        - `project`: its law.
+        - `carried`: whether the robot carries its own weight.
+        - `lost`: so many periods without a sample end a motion.
+        """
+        plant = own_plant(scenario)
+        n = len(project.joints)
+        endless = np.full(n, np.inf)
+        units = plant.robot.joint_units
+        margin = np.array([MARGIN[unit] for unit in units])
+        errors = np.array([ERRORS[unit] for unit in units]).T.tolist()
+        lower, upper, speed, hold = -endless, endless, endless, endless
+        if isinstance(plant.robot, Articulated):
+            sheet = plant.robot.limits
+            lower, upper = np.asarray(sheet.lower) + margin, np.asarray(sheet.upper) - margin
+            speed = SPEED * np.asarray(sheet.velocity)
+            hold = HOLDING * np.asarray(sheet.torque) if carried else endless
+        torque, rate = endless, endless
+        if plant.actuator is not None:
+            torque = np.broadcast_to(np.asarray(plant.actuator.limits.torque), (n,))
+            rate = np.broadcast_to(np.asarray(plant.actuator.limits.rate), (n,))
+        return cls(
+            unit=units[0],
+            torque_unit=plant.robot.torque_units[0],
+            lower=_numbers(lower),
+            upper=_numbers(upper),
+            speed=_numbers(speed),
+            torque=_numbers(torque),
+            rate=_numbers(rate),
+            torque_hold=_numbers(hold),
+            error_hold=errors[0],
+            error_small=errors[1],
+            error_full=errors[2],
+            dialect=project.dialect,
+            held=5,
+            lost=lost,
+            outside=_periods(0.1, project.period),
+            limited=_periods(0.25, project.period),
+            void=_periods(0.1, project.period),
+            age=float(scenario.description.sensor.delay) * project.period,
+            carried=carried,
+        )
+
+    def literal(self, number: float) -> str:
+        """A number in C.
+
+        - `number`: the number.
+        """
+        return self.dialect.number(number, "f64")
+
+    def shown(self, numbers: Sequence[float]) -> str:
+        """Numbers in a comment, once if they are the same.
+
+        - `numbers`: one a joint.
+        """
+        texts = ["none" if np.isinf(number) else f"{number:g}" for number in numbers]
+        return texts[0] if len(set(texts)) == 1 else ", ".join(texts)
+
+    def __getitem__(self, name: str) -> list[float]:
+        numbers: list[float] = getattr(self, name)
+        return numbers
+
+
+def _numbers(values: np.ndarray) -> list[float]:
+    # A few digits are enough for a limit, and are easier to read.
+    return [float(f"{value:.6g}") for value in np.asarray(values, float).tolist()]
+
+
+def _periods(seconds: float, period: float) -> int:
+    return max(round(seconds / period), 1)

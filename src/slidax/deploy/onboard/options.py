@@ -1,0 +1,86 @@
+"""What the command lines of all programs have: how the first motion goes, and real-time priority.
+
+This module runs by itself beside an exported law, as `options.py`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import gc
+import os
+import subprocess
+from pathlib import Path
+
+from .law import Law, Pilot
+
+
+def loaded(parser: argparse.ArgumentParser, folder: Path) -> Law:
+    """The law of a folder, compiled if it has to be; ends the program with one line if there is none.
+
+    - `parser`: says what is wrong.
+    - `folder`: of the law.
+    """
+    try:
+        return Law(folder)
+    except FileNotFoundError as error:
+        missing = "a C compiler (install gcc, or set CC)" if error.filename in _compiler() else str(error.filename)
+        parser.error(f"missing: {missing}")
+    except (OSError, subprocess.CalledProcessError) as error:
+        parser.error(f"the law in {folder} does not compile or load: {error}")
+
+
+def _compiler() -> list[str]:
+    return os.environ.get("CC", "cc").split()
+
+
+def prepare(arguments: argparse.Namespace, pilot: Pilot) -> None:
+    """Options of the command line into those of the pilot.
+
+    - `arguments`: as parsed.
+    - `pilot`: takes them.
+    """
+    path = pilot.options.path
+    for name in ("hold", "speed", "amplitude", "small", "widen", "motion"):
+        value = getattr(arguments, name)
+        if value is not None:
+            setattr(path, name, value)
+    for name in ("error_hold", "error_small", "error_full"):
+        value = getattr(arguments, name)
+        if value is not None:
+            getattr(pilot.options, name)[:] = [value] * pilot.law.joints
+
+
+def options_of_the_path(parser: argparse.ArgumentParser) -> None:
+    """The options that every program has: how the first motion goes.
+
+    - `parser`: takes them.
+    """
+    for name, unit, meaning in (
+        ("hold", "S", "how long the measured posture is held"),
+        ("speed", "RAD/S", "of the fastest joint on the way to the motion's beginning"),
+        ("amplitude", "SHARE", "of the motion while it is small"),
+        ("small", "S", "how long it is small"),
+        ("widen", "S", "in which it widens to the whole"),
+        ("motion", "S", "how long the whole motion lasts"),
+        ("error-hold", "RAD", "largest error while it holds"),
+        ("error-small", "RAD", "largest error while the motion is small"),
+        ("error-full", "RAD", "largest error later"),
+    ):
+        parser.add_argument(f"--{name}", type=float, metavar=unit, help=f"{meaning}; the exported one if not given")
+    parser.add_argument("--log", type=Path, help="write what happened as CSV")
+
+
+def in_time(enforce: bool) -> None:
+    """Real-time priority and locked memory, as far as the system allows.
+
+    - `enforce`: whether it is an error if it does not.
+
+    Raises OSError.
+    """
+    gc.collect()
+    gc.disable()
+    try:
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(80))
+    except (OSError, AttributeError):
+        if enforce:
+            raise

@@ -1,0 +1,135 @@
+"""The scenario's own arm in place of the robot: the same pilot, step by step, and logs that go through it again.
+
+    python3 rehearsal.py --log rehearsed.csv
+
+This module runs by itself beside an exported law, as `rehearsal.py`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import ctypes
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from .law import FINISH, GO, STOP, Law, Pilot
+from .log import Log
+from .options import loaded, options_of_the_path, prepare
+
+
+class Arm:
+    """The arm of the scenario, with its sensor's delay; its weight is carried by the robot if the law has none.
+
+    - `law`: of the same scenario.
+    - `q`: where it stands; where the scenario begins if None.
+    """
+
+    def __init__(self, law: Law, q: Sequence[float] | None = None) -> None:
+        self.law = law
+        self._Measurement = type(
+            "Measurement",
+            (ctypes.Structure,),
+            {"_fields_": [("t", law.real), ("q", law.vector), ("dq", law.vector)]},
+        )
+        self.then = (self._Measurement * (law.about["delay"] + 1))()
+        law.call("start")(ctypes.byref(self.then))
+        if q is not None:
+            for moment in self.then:
+                moment.q[:] = list(q)
+                moment.dq[:] = [0.0] * law.joints
+        self.move_by = law.call("move")
+        self.move_by.argtypes = [ctypes.c_void_p, law.real, law.vector]
+
+    def measured(self) -> tuple[list[float], list[float]]:
+        """Positions and velocities as they arrive now."""
+        late = self.then[-1]
+        return list(late.q), list(late.dq)
+
+    def move(self, tau: Sequence[float]) -> None:
+        """One period under a torque.
+
+        - `tau`: in N m or N.
+        """
+        self.move_by(ctypes.addressof(self.then), self.law.period, self.law.vector(*tau))
+
+
+def rehearse(pilot: Pilot, arm: Arm, log: Log | None = None, most: float = 600.0) -> int:
+    """The whole motion; what the last step said.
+
+    - `pilot`: with its options.
+    - `arm`: in place of the robot.
+    - `log`: takes every period.
+    - `most`: where it ends in any case [s].
+    """
+    q, dq = arm.measured()
+    if not pilot.begin(q):
+        return STOP
+    action, elapsed = GO, 0.0
+    while action == GO and pilot.report.t < most:
+        q, dq = arm.measured()
+        action = pilot.step(elapsed, q, dq)
+        if log is not None:
+            log.add(pilot, q, dq)
+        arm.move(list(pilot.report.tau))
+        elapsed = pilot.law.period
+    return action
+
+
+def replay(pilot: Pilot, rows: Sequence[dict[str, float]]) -> float:
+    """A log through the law again: the largest difference of a torque, 0 if all bits are the same [N m or N].
+
+    - `pilot`: with the options of the log's motion.
+    - `rows`: of the log.
+    """
+    joints = range(1, pilot.law.joints + 1)
+    largest = 0.0
+    before = rows[0]["time"]
+    # The posture in which it began is what it wanted first.
+    pilot.begin([rows[0][f"q_wanted_{k}"] for k in joints])
+    for row in rows:
+        # Robots count whole milliseconds.
+        elapsed = round(1e3 * (row["time"] - before)) / 1e3
+        before = row["time"]
+        action = pilot.step(elapsed, [row[f"q_{k}"] for k in joints], [row[f"dq_{k}"] for k in joints])
+        largest = max(largest, *(abs(pilot.report.tau[k - 1] - row[f"tau_{k}"]) for k in joints))
+        if action == STOP:
+            break
+    return largest
+
+
+def read(path: str | Path) -> list[dict[str, float]]:
+    """The rows of a log.
+
+    - `path`: as `Log` wrote it.
+    """
+    with open(path, newline="", encoding="utf-8") as file:
+        return [{name: float(value) for name, value in row.items()} for row in csv.DictReader(file)]
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """The program: 0 if the motion came to its end, 3 if the pilot stopped it.
+
+    - `arguments`: of the command line.
+    """
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--law", type=Path, default=Path(__file__).parent / "law", help="the folder of the law")
+    parser.add_argument("--start", type=float, nargs="+", metavar="RAD", help="where the arm stands")
+    options_of_the_path(parser)
+    given = parser.parse_args(arguments)
+    law = loaded(parser, given.law)
+    pilot, log = law.pilot(), Log(law)
+    prepare(given, pilot)
+    action = rehearse(pilot, Arm(law, given.start), log)
+    if given.log is not None:
+        log.write(given.log)
+    ending = "finished" if action == FINISH else "stopped"
+    print(f"{ending} in phase {pilot.phase} after {pilot.report.t:.3f} s: {pilot.why}")
+    largest = max(map(abs, (value for k in range(law.joints) for value in log.column(f"error_{k + 1}"))), default=0.0)
+    print(f"largest error {largest:.2e}; {pilot.report.bridged} bridged, {pilot.report.clipped} clipped")
+    return 0 if action == FINISH else 3
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,153 @@
+"""The exported law as a ROS 2 node in Python: joint states in, efforts out, trajectories by a topic.
+
+    python3 node.py --ros-args -r joint_states:=/joint_states
+
+This module runs by itself beside an exported law, with `rclpy`, `sensor_msgs`, `std_msgs` and `trajectory_msgs`. It is
+for simulators and for arms slow enough for Python; the controller for ros2_control is the one that is in time.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from ..onboard.law import FINISH, STOP, Law
+from ..onboard.options import loaded
+
+
+class Node:
+    """Runs the step at every joint state.
+
+    - `ros`: an `rclpy` node.
+    - `law`: with as many joints as names.
+    - `joints`: names of the joints, in the law's order.
+    - `messages`: the classes JointState, JointTrajectory, Float64MultiArray and MultiArrayDimension.
+    """
+
+    def __init__(self, ros: Any, law: Law, joints: Sequence[str], messages: Sequence[Any]) -> None:
+        self.ros, self.law, self.joints = ros, law, list(joints)
+        self.JointState, trajectory, self.State, self.Dimension = messages
+        self.pilot = law.pilot()
+        self.pilot.options.follows = True
+        self.pilot.options.path.hold = 0.0
+        self.before: float | None = None
+        self.ended = False
+        self.effort = ros.create_publisher(self.JointState, "~/effort", 10)
+        self.state = ros.create_publisher(self.State, "~/state", 10)
+        ros.create_subscription(self.JointState, "joint_states", self.measured, 10)
+        ros.create_subscription(trajectory, "~/joint_trajectory", self.wanted, 10)
+
+    def measured(self, message: Any) -> None:
+        """One period: a state in, an effort out.
+
+        - `message`: JointState; its stamp is the time.
+        """
+        if self.ended:
+            return
+        try:
+            order = [list(message.name).index(name) for name in self.joints]
+            q = [message.position[k] for k in order]
+            dq = [message.velocity[k] for k in order]
+        except (ValueError, IndexError):
+            self.ros.get_logger().error("a joint state without position or velocity of each joint is left out")
+            return
+        now = message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec
+        if self.before is None and not self.pilot.begin(q):
+            self._end()
+            return
+        elapsed = 0.0 if self.before is None else now - self.before
+        self.before = now
+        action = self.pilot.step(elapsed, q, dq)
+        answer = self.JointState()
+        answer.header.stamp = message.header.stamp
+        answer.name = self.joints
+        answer.effort = list(self.pilot.report.tau)
+        self.effort.publish(answer)
+        self.state.publish(self._told())
+        if action in (FINISH, STOP):
+            self._end()
+
+    def wanted(self, message: Any) -> None:
+        """A trajectory from now on.
+
+        - `message`: JointTrajectory, of all joints in any order.
+        """
+        logger = self.ros.get_logger()
+        if sorted(message.joint_names) != sorted(self.joints) or not message.points:
+            logger.error(f"the trajectory is not taken: it must have points for the joints {', '.join(self.joints)}")
+            return
+        order = [list(message.joint_names).index(name) for name in self.joints]
+        times = [point.time_from_start.sec + 1e-9 * point.time_from_start.nanosec for point in message.points]
+        parts = []
+        for part in ("positions", "velocities", "accelerations"):
+            rows = [getattr(point, part) for point in message.points]
+            whole = all(len(row) == len(self.joints) for row in rows)
+            parts.append([[row[k] for k in order] for row in rows] if whole else None)
+        if parts[0] is None:
+            logger.error("the trajectory is not taken: a point has not the position of each joint")
+            return
+        refused = self.pilot.take(times, parts[0], parts[1], parts[2] if parts[1] else None)
+        if refused:
+            logger.error(f"the trajectory is not taken: {refused}")
+
+    def _end(self) -> None:
+        self.ended = True
+        self.ros.get_logger().error(f"stopped: {self.pilot.why}")
+
+    def _told(self) -> Any:
+        """Signals, errors and status, each with its name in the layout."""
+        report = self.pilot.report
+        numbers = {
+            **self.pilot.signals(),
+            "error": list(report.error),
+            "margin": [report.margin],
+            "status": [float(report.status)],
+            "phase": [float(report.phase)],
+            "reason": [float(report.reason)],
+        }
+        message = self.State()
+        for name, values in numbers.items():
+            message.layout.dim.append(self.Dimension(label=name, size=len(values), stride=len(message.data)))
+            message.data.extend(values)
+        return message
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """The program: 0 when it is ended, 5 if ROS 2 is missing.
+
+    - `arguments`: of the command line.
+    """
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--law", type=Path, default=Path(__file__).parent / "law", help="the folder of the law")
+    parser.add_argument(
+        "--joints", nargs="+", help="names of the joints, in the law's order; joint_1, ... if not given"
+    )
+    given, rest = parser.parse_known_args(arguments)
+    try:
+        import rclpy
+        from sensor_msgs.msg import JointState
+        from std_msgs.msg import Float64MultiArray, MultiArrayDimension
+        from trajectory_msgs.msg import JointTrajectory
+    except ImportError as error:
+        print(f"ROS 2 is missing: {error}", file=sys.stderr)
+        return 5
+    law = loaded(parser, given.law)
+    rclpy.init(args=rest)
+    ros = rclpy.create_node("slidax")
+    joints = given.joints or [f"joint_{k}" for k in range(1, law.joints + 1)]
+    Node(ros, law, joints, (JointState, JointTrajectory, Float64MultiArray, MultiArrayDimension))
+    try:
+        rclpy.spin(ros)
+    except KeyboardInterrupt:
+        pass
+    finally:
+        ros.destroy_node()
+        rclpy.try_shutdown()
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

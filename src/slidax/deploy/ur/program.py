@@ -1,0 +1,198 @@
+"""The exported law on an arm of Universal Robots, by `ur_rtde` (pip install ur_rtde): one torque every 2 ms.
+
+    python3 program.py ADDRESS --log log.csv
+
+This module runs by itself beside an exported law. The robot always adds its weight to a torque, and the share of its
+own friction model that it is told to. Nothing else is added: Coriolis terms are the law's. Needed is PolyScope 5.26,
+or 10 of the same time, whose `direct_torque` takes the shares of friction.
+"""
+
+from __future__ import annotations
+
+import argparse
+import datetime
+import signal
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Protocol
+
+from ..onboard.law import FINISH, GO, STOP, Pilot
+from ..onboard.log import Log
+from ..onboard.options import in_time, loaded, options_of_the_path, prepare
+
+STATUS = {"finished": 0, "stopped": 3, "robot": 4, "no robot": 5}
+"""Exit codes: the motion is over; the pilot stopped it; the robot did; there is no robot to talk to."""
+
+FREQUENCY = 500.0
+WATCHDOG = 50.0
+"""Below this rate of commands the robot's own script ends [Hz]."""
+
+VISCOUS = (0.9, 0.9, 0.8, 0.9, 0.9, 0.9)
+COULOMB = (0.8, 0.8, 0.7, 0.8, 0.8, 0.8)
+"""Shares of the robot's friction model that it compensates, as it does by itself; the law learns what is left."""
+
+
+class Control(Protocol):
+    """What the loop uses of `rtde_control.RTDEControlInterface`."""
+
+    def directTorque(self, torque: list[float], viscous_scale: list[float], coulomb_scale: list[float]) -> bool:
+        """One torque."""
+
+    def initPeriod(self) -> datetime.timedelta:
+        """When a period begins."""
+
+    def waitPeriod(self, arg0: datetime.timedelta) -> None:
+        """Until the next one does."""
+
+    def kickWatchdog(self) -> bool:
+        """Tells the robot that the loop is alive."""
+
+    def setWatchdog(self, min_frequency: float) -> bool:
+        """How often it has to be told."""
+
+    def setPayload(self, arg0: float, arg1: list[float]) -> bool:
+        """Mass and place of what it carries."""
+
+    def stopScript(self) -> None:
+        """Ends control: the robot holds its posture by itself."""
+
+    def isConnected(self) -> bool:
+        """Whether it answers."""
+
+
+class Receive(Protocol):
+    """What the loop uses of `rtde_receive.RTDEReceiveInterface`."""
+
+    def getActualQ(self) -> list[float]:
+        """Positions [rad]."""
+
+    def getActualQd(self) -> list[float]:
+        """Velocities [rad/s]."""
+
+    def getTimestamp(self) -> float:
+        """The robot's time [s]."""
+
+    def isProtectiveStopped(self) -> bool:
+        """Whether its safety system stopped it."""
+
+    def isEmergencyStopped(self) -> bool:
+        """Whether somebody did."""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """How a motion ended.
+
+    - `ending`: "finished", "stopped" by the pilot, "robot" if that stopped it, or "no robot".
+    - `why`: in words.
+    - `phase`: where on its way the reference was.
+    """
+
+    ending: str
+    why: str
+    phase: str
+
+
+def run(
+    control: Control,
+    receive: Receive,
+    pilot: Pilot,
+    log: Log | None = None,
+    asked: list[int] | None = None,
+    friction: tuple[Sequence[float], Sequence[float]] = (VISCOUS, COULOMB),
+) -> Outcome:
+    """Moves the arm, until the motion is over or something is not as it should be.
+
+    - `control`, `receive`: of the robot.
+    - `pilot`: with its options.
+    - `log`: takes every period.
+    - `asked`: an end is asked for as soon as something is in it.
+    - `friction`: shares of the robot's viscous and Coulomb friction that it compensates.
+    """
+    viscous, coulomb = (list(share) for share in friction)
+    if not pilot.begin(receive.getActualQ()):
+        return Outcome("stopped", pilot.why, pilot.phase)
+    action, before, waited = GO, None, 0
+    try:
+        while True:
+            begun = control.initPeriod()
+            now = receive.getTimestamp()
+            if receive.isEmergencyStopped() or receive.isProtectiveStopped():
+                return Outcome("robot", "the robot is stopped: look at its screen", pilot.phase)
+            elapsed = 0.0 if before is None else now - before
+            if before is not None and elapsed <= 0.0:
+                # The same state again: the last torque stands, and time goes on when the robot's does.
+                waited += 1
+                if waited >= pilot.options.lost:
+                    return Outcome("robot", "the robot tells no new state", pilot.phase)
+            else:
+                before, waited = now, 0
+                if asked:
+                    pilot.rest()
+                    asked.clear()
+                q, dq = receive.getActualQ(), receive.getActualQd()
+                action = pilot.step(elapsed, q, dq)
+                if log is not None:
+                    log.add(pilot, q, dq)
+                if action == STOP:
+                    return Outcome("stopped", pilot.why, pilot.phase)
+            if not control.directTorque(list(pilot.report.tau), viscous, coulomb):
+                return Outcome("robot", "the robot refused a torque", pilot.phase)
+            control.kickWatchdog()
+            if action == FINISH:
+                return Outcome("finished", pilot.why, pilot.phase)
+            control.waitPeriod(begun)
+    finally:
+        control.stopScript()
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """The program; its exit codes are in `STATUS`.
+
+    - `arguments`: of the command line.
+    """
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("address", help="of the robot")
+    parser.add_argument("--law", type=Path, default=Path(__file__).parent / "law", help="the folder of the law")
+    load = ("KG", "X", "Y", "Z")
+    parser.add_argument("--load", type=float, nargs=4, metavar=load, help="told to the robot: mass and place")
+    parser.add_argument("--viscous", type=float, nargs=6, default=VISCOUS, help="shares that the robot compensates")
+    parser.add_argument("--coulomb", type=float, nargs=6, default=COULOMB, help="shares that the robot compensates")
+    parser.add_argument("--no-realtime", action="store_true", help="go on without a real-time priority")
+    options_of_the_path(parser)
+    given = parser.parse_args(arguments)
+    try:
+        import rtde_control
+        import rtde_receive
+    except ImportError:
+        print("ur_rtde is missing: pip install ur_rtde", file=sys.stderr)
+        return STATUS["no robot"]
+    law = loaded(parser, given.law)
+    pilot, log = law.pilot(), Log(law)
+    prepare(given, pilot)
+    asked: list[int] = []
+    signal.signal(signal.SIGINT, lambda number, _: asked.append(number))
+    try:
+        in_time(not given.no_realtime)
+        receive = rtde_receive.RTDEReceiveInterface(given.address, FREQUENCY)
+        control = rtde_control.RTDEControlInterface(given.address, FREQUENCY)
+        if given.load is not None:
+            mass, *place = given.load
+            control.setPayload(mass, place)
+        control.setWatchdog(WATCHDOG)
+    except Exception as error:
+        print(f"no robot: {error}", file=sys.stderr)
+        return STATUS["no robot"]
+    outcome = run(control, receive, pilot, log, asked, (given.viscous, given.coulomb))
+    if given.log is not None:
+        log.write(given.log)
+    report = pilot.report
+    print(f"{outcome.ending} in phase {outcome.phase}: {outcome.why}")
+    print(f"{report.steps} periods, {report.missed} late, {report.bridged} bridged, {report.clipped} clipped")
+    return STATUS[outcome.ending]
+
+
+if __name__ == "__main__":
+    sys.exit(main())
