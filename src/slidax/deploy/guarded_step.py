@@ -204,7 +204,7 @@ class GuardedStep(AbstractController):
         sound = _finite((command.tau, tau, law))
 
         envelope = self.controller.envelope(t, memory.law)
-        e = state.q - self._wanted_then(reference_now)
+        e = state.q - self.wanted_then(reference_now)
         elapsed = t - memory.t
         flags = {
             TORQUE_NOT_FINITE: ~sound,
@@ -237,8 +237,11 @@ class GuardedStep(AbstractController):
         """
         return self.controller.envelope(t, memory.law)
 
-    def _wanted_then(self, reference: Reference) -> Vector:
-        """Where the joints should have been when they were measured, as far as the law knows how long ago that was."""
+    def wanted_then(self, reference: Reference) -> Vector:
+        """Where the joints should have been when they were measured, as far as the law knows how long ago that was [n].
+
+        - `reference`: what they should do at the sample.
+        """
         law = self.controller
         if not isinstance(law, SampledData) or law.delay == law.dead_time:
             return reference.q
