@@ -50,8 +50,8 @@ class LogWriter:
         from foxglove.mcap import MCAPCompression, MCAPWriteOptions
 
         self._start = start
-        # A context of its own: nothing else that the process may log ends up here.
-        context = foxglove.Context()
+        # A context of its own: nothing else that the process may log ends up here. It goes, and all with it, unless held.
+        self._context = context = foxglove.Context()
         self._server: Any = None
         if port is not None:
             try:
@@ -116,7 +116,7 @@ class LogWriter:
         # In the order of time, as a reader expects it.
         for k, time in enumerate(times):
             for log, messages in packed:
-                log(messages[k], time)
+                log(messages[k], log_time=time)
 
 
 def _opened(foxglove: Any, message: Message, context: Any) -> Any:
