@@ -17,7 +17,7 @@ def work(job: Job, stage: Stage) -> Report:
 
     A command that comes late is not taken at all: the torque of the tick before stands for a tick more. Time does not
     wait: where this process itself is late, it makes up for the ticks that went by, as an arm would not have stood
-    still either.
+    still either; and a command for them that was sent after their time is late all the same.
 
     - `job`: what is to be done.
     - `stage`: what is shared.
@@ -29,6 +29,7 @@ def work(job: Job, stage: Stage) -> Report:
     ring = Ring(stage.at(job.places.arm_rows), row, KEPT_ROWS)
     says = measurements.message[:24].view("i8")
     body, torque = measurements.message[24:], commands.message[8:].view("f8")
+    sent = commands.message[:8].view("i8")
     wake, missing = arm.arena.view("wake"), arm.arena.view("missing")
     sleeper, period = Sleeper(), round(job.period * SECOND)
     counts = {"ticks": 0, "held": 0, "longest": 0, "caught_up": 0, "lost": 0}
@@ -46,7 +47,7 @@ def work(job: Job, stage: Stage) -> Report:
         due = start + k * period
         sleeper.until(due)
         woke = now()
-        came = commands.get() == k
+        came = commands.get() == k and sent[0] <= due
         if came:
             arm.tau[:] = torque
             applied, without = k, 0

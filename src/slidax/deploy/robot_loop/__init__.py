@@ -12,5 +12,7 @@ from .kept import attachments_of as attachments_of
 from .kept import metadata_of as metadata_of
 from .kept import scenario_of as scenario_of
 from .kept import write_stepped as write_stepped
+from .loop import run_loop as run_loop
+from .looped import Looped as Looped
 from .replay import Replay as Replay
 from .replay import replay as replay

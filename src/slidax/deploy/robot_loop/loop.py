@@ -25,8 +25,8 @@ from .looped import Looped, Recorded
 if TYPE_CHECKING:
     from slidax.scenarios import Scenario
 
-POLLED, FLUSHED = 0.05, 0.5
-"""How often rows are taken from the rings, and a chunk of the file is ended [s]."""
+POLLED, POLLED_LIVE, FLUSHED = 0.2, 0.05, 0.5
+"""How often rows are taken from the rings, the same for one who looks on, and a chunk of the file is ended [s]."""
 
 PHASE = 0.1
 """When the law wakes up after a tick, as a share of the period: by then its measurement is there as a rule."""
@@ -96,19 +96,24 @@ def run_loop(
             Ring(memory[places.law_rows :], lengths[2], KEPT_ROWS),
             Ring(memory[places.arm_rows :], lengths[3], KEPT_ROWS),
         )
+        pause = POLLED if port is None else POLLED_LIVE
         begins[0] = now() + 100_000_000
         try:
-            _record(sides, rings, recorded, writer)
+            _record(sides, rings, recorded, writer, pause)
         except KeyboardInterrupt:
             begins[1] = 1
-            _record(sides, rings, recorded, writer)
+            _record(sides, rings, recorded, writer, pause)
         reports = [_report(side) for side in sides]
     size = log.stat().st_size if log is not None else None
     return recorded.looped(reports[1], reports[0], sum(ring.lost for ring in rings), size, hogs)
 
 
 def _record(
-    sides: list[subprocess.Popen[bytes]], rings: tuple[Ring, Ring], recorded: Recorded, writer: LogWriter | None
+    sides: list[subprocess.Popen[bytes]],
+    rings: tuple[Ring, Ring],
+    recorded: Recorded,
+    writer: LogWriter | None,
+    pause: float,
 ) -> None:
     """Takes rows and writes them until both sides have ended."""
     flushed = time.monotonic()
@@ -125,7 +130,7 @@ def _record(
         recorded.spent += time.process_time() - began
         if over:
             return
-        time.sleep(POLLED)
+        time.sleep(pause)
 
 
 def _lengths(law: LawPlan, arm: ArmPlan) -> tuple[int, int, int, int]:

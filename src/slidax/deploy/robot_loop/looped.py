@@ -85,6 +85,24 @@ class Looped:
                 found[name] = {share: float(np.percentile(values, at)) for share, at in SHARES.items()}
         return found
 
+    def not_granted(self) -> list[str]:
+        """What the system did not allow, and what to do about it."""
+        sides = [side for side in (self.law, self.arm) if side is not None]
+        said = []
+        if any(side.priority is None for side in sides):
+            said.append(
+                "no real-time priority (SCHED_FIFO): other processes come in between; `ulimit -r 99` in a shell that "
+                "may, or a line `@realtime - rtprio 99` in /etc/security/limits.conf"
+            )
+        if any(not side.locked for side in sides):
+            said.append(
+                "memory is not locked (mlockall): a page may have to be fetched; `ulimit -l unlimited`, or a line "
+                "`@realtime - memlock unlimited` there"
+            )
+        if any(not side.absolute for side in sides):
+            said.append("no absolute wake-ups (clock_nanosleep) on this system: only Linux has what a loop needs")
+        return said
+
     def as_json(self) -> dict[str, Any]:
         """For programs; times in us."""
         arm = {} if self.arm is None else self.arm.counts
