@@ -6,7 +6,6 @@ from .message import Field as Field
 from .message import Message as Message
 from .message import joint_state as joint_state
 from .needed import require_writer as require_writer
-from .reader import JointStates as JointStates
 from .reader import SavedLog as SavedLog
 from .reader import read_joint_states as read_joint_states
 from .reader import read_mcap as read_mcap

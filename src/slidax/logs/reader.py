@@ -47,6 +47,11 @@ class SavedLog:
             raise DefinitionError(f"`{self.path}` has no `{SCENARIO}` in it, which says what was run")
         return self.attachments[SCENARIO].decode()
 
+    @property
+    def files(self) -> dict[str, bytes]:
+        """The files that the scenario names."""
+        return {name: content for name, content in self.attachments.items() if name != SCENARIO}
+
 
 def read_mcap(path: Path) -> SavedLog:
     """A log of ours.
@@ -86,18 +91,8 @@ def read_mcap(path: Path) -> SavedLog:
     return SavedLog(path, channels, metadata, attachments, *sides, whole=whole)
 
 
-@dataclass(frozen=True)
-class JointStates:
-    """Messages of `sensor_msgs/JointState`, whoever wrote them.
-
-    - `messages`: as mappings, as ROS prints them.
-    """
-
-    messages: list[dict[str, Any]]
-
-
-def read_joint_states(path: Path, topic: str = "/joint_states") -> JointStates:
-    """The joint states of any MCAP file with messages of ROS 2.
+def read_joint_states(path: Path, topic: str = "/joint_states") -> list[dict[str, Any]]:
+    """The messages `sensor_msgs/JointState` of an MCAP file, whoever wrote it, as mappings.
 
     - `path`: the file.
     - `topic`: of the channel.
@@ -133,7 +128,7 @@ def read_joint_states(path: Path, topic: str = "/joint_states") -> JointStates:
             messages.append({"header": {"stamp": stamp}, **parts})
     if not messages:
         raise DefinitionError(f"`{path.name}` has no messages of ROS 2 on the topic `{topic}`")
-    return JointStates(messages)
+    return messages
 
 
 def _records(path: Path) -> Iterator[Any]:

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from slidax._errors import DefinitionError
+from slidax.logs import SavedLog
 
 from .description import ScenarioDescription
 from .load import parse
@@ -58,3 +59,13 @@ def brought_back(text: str, files: Mapping[str, bytes], name: str) -> Scenario:
             # The name alone: a file from elsewhere writes nowhere else.
             (Path(folder) / Path(file).name).write_bytes(content)
         return parse(text, folder=Path(folder)).build(name)
+
+
+def of_log(log: SavedLog) -> Scenario:
+    """The scenario that a log has in it.
+
+    - `log`: of ours.
+
+    Raises DefinitionError if there is none, or it is invalid here.
+    """
+    return brought_back(log.scenario, log.files, log.metadata.get("scenario", "log"))

@@ -10,7 +10,6 @@ from .lockstep import Stepped as Stepped
 from .lockstep import lockstep as lockstep
 from .kept import attachments_of as attachments_of
 from .kept import metadata_of as metadata_of
-from .kept import scenario_of as scenario_of
 from .kept import write_stepped as write_stepped
 from .loop import run_loop as run_loop
 from .looped import Looped as Looped

@@ -6,9 +6,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import slidax
-from slidax.logs import LogWriter, SavedLog
+from slidax.logs import LogWriter
 from slidax.logs.writer import SCENARIO
-from slidax.scenarios import brought_back, portable
+from slidax.scenarios import portable
 
 from .lockstep import Stepped
 
@@ -44,17 +44,6 @@ def metadata_of(scenario: Scenario, made_by: str, seconds: float) -> dict[str, s
         "period_s": repr(scenario.period),
         "seconds": repr(seconds),
     }
-
-
-def scenario_of(log: SavedLog) -> Scenario:
-    """The scenario in a log.
-
-    - `log`: of ours.
-
-    Raises DefinitionError if there is none, or it is invalid here.
-    """
-    files = {name: content for name, content in log.attachments.items() if name != SCENARIO}
-    return brought_back(log.scenario, files, log.metadata.get("scenario", "log"))
 
 
 def write_stepped(scenario: Scenario, stepped: Stepped, path: Path) -> None:

@@ -10,8 +10,8 @@ import numpy as np
 from slidax._errors import DefinitionError
 from slidax.logs import SavedLog, flags
 from slidax.realtime import Law
+from slidax.scenarios import of_log
 
-from .kept import scenario_of
 from .law_plan import law_plan
 
 COMPARED = ("tau", "status")
@@ -105,7 +105,7 @@ def replay(log: SavedLog) -> Replay:
 
     Raises DefinitionError if it has none, its scenario is invalid or its law has other signals, or llvmlite is missing.
     """
-    scenario = scenario_of(log)
+    scenario = of_log(log)
     plan = law_plan(scenario)
     rows = len(log.law["k"])
     if not rows:
