@@ -238,9 +238,7 @@ def print_loop(parts: Scenario, done: Looped) -> None:
         "status: " + (", ".join(f"{name} {count}" for name, count in bits.items()) or "always OK"),
     ]
     if done.margin is not None:
-        lines.append(
-            f"ticks outside the envelope: {done.outside}; least margin {min(done.margin):.3g} of its width"
-        )
+        lines.append(f"ticks outside the envelope: {done.outside}; least margin {min(done.margin):.3g} of its width")
     if done.size is not None:
         lines.append(f"log: {done.size / 1e6:.1f} MB; the recorder takes {1e6 * done.recorder:.1f} µs a tick")
     console.print("\n" + "\n".join(lines), soft_wrap=True)

@@ -12,7 +12,7 @@ from .session import errors_as_lines, prepare, print_json
 
 
 def explain(
-    run: Annotated[Path, typer.Argument(help="What `slidax run` or `slidax loop` wrote by --out: a folder or an .mcap.")],
+    run: Annotated[Path, typer.Argument(help="The folder or the .mcap file that a run has written by --out.")],
     json: AsJson = False,
     tries: Annotated[bool, typer.Option(help="Try the remedies in simulation.")] = True,
 ) -> None:
@@ -29,10 +29,7 @@ def explain(
 
         scenario, columns, each = read_saved(run)
         require_explainable(scenario)
-        if each:
-            record = Record.of_columns(scenario, columns)
-        else:
-            record = Record.of(scenario, scenario.simulate(log_every=1))
+        record = Record.of_columns(scenario, columns) if each else Record.of(scenario, scenario.simulate(log_every=1))
         answers = explained(scenario, record, tries=tries)
         if json:
             print_json({"causes": [answer.as_json() for answer in answers]})

@@ -27,7 +27,7 @@ def run(
     scenario: Named,
     changes: Changes = None,
     json: AsJson = False,
-    out: Annotated[Path | None, typer.Option(help="A folder for a report, a Parquet log and figures; or FILE.mcap.")] = None,
+    out: Annotated[Path | None, typer.Option(help="A folder for a report, log and figures; or FILE.mcap.")] = None,
     engine: Annotated[Engine | None, typer.Option(help="The engine; the scenario's own if not given.")] = None,
     view: Annotated[bool, typer.Option("--view", help="Play the run in the browser, in three dimensions.")] = False,
     recording: Annotated[

@@ -42,7 +42,7 @@ def _columns(log: SavedLog) -> dict[str, np.ndarray]:
     if not len(arm["true_k"]) or not len(law["k"]):
         raise DefinitionError(f"`{log.path}` has no ticks of a simulated arm on `/truth`")
     answer = np.maximum(np.searchsorted(law["k"], arm["true_k"], side="right") - 1, 0)
-    wide = {
+    wide: dict[str, np.ndarray] = {
         "q": arm["true_q"],
         "dq": arm["true_dq"],
         "e": arm["true_e"],

@@ -88,7 +88,7 @@ def read_mcap(path: Path) -> SavedLog:
         for message in messages:
             columns |= message.unpacked(found.get(message.topic, [])[:rows])
         sides.append(columns)
-    return SavedLog(path, channels, metadata, attachments, *sides, whole=whole)
+    return SavedLog(path, channels, metadata, attachments, sides[0], sides[1], whole)
 
 
 def read_joint_states(path: Path, topic: str = "/joint_states") -> list[dict[str, Any]]:
@@ -120,8 +120,7 @@ def read_joint_states(path: Path, topic: str = "/joint_states") -> list[dict[str
             decode = decoders.get(record.channel_id)
             if decode is None:
                 channel = channels[record.channel_id]
-                decode = factory.decoder_for(channel.message_encoding, schemas[channel.schema_id])
-                decoders[record.channel_id] = decode
+                decode = decoders[record.channel_id] = _decoder(factory, channel, schemas[channel.schema_id])
             said = decode(record.data)
             stamp = {"sec": said.header.stamp.sec, "nanosec": said.header.stamp.nanosec}
             parts = {name: list(getattr(said, name)) for name in ("name", "position", "velocity", "effort")}
@@ -129,6 +128,13 @@ def read_joint_states(path: Path, topic: str = "/joint_states") -> list[dict[str
     if not messages:
         raise DefinitionError(f"`{path.name}` has no messages of ROS 2 on the topic `{topic}`")
     return messages
+
+
+def _decoder(factory: Any, channel: Any, schema: Any) -> Any:
+    found = factory.decoder_for(channel.message_encoding, schema)
+    if found is None:
+        raise DefinitionError(f"the messages on `{channel.topic}` are none of ROS 2")
+    return found
 
 
 def _records(path: Path) -> Iterator[Any]:

@@ -50,7 +50,7 @@ class LogWriter:
         from foxglove.mcap import MCAPCompression, MCAPWriteOptions
 
         self._start = start
-        # A context of its own: nothing else that the process may log ends up here. It goes, and all with it, unless held.
+        # A context of its own: nothing else that the process may log ends up here. Held, as all goes with it.
         self._context = context = foxglove.Context()
         self._server: Any = None
         if port is not None:

@@ -63,7 +63,7 @@ class Plan:
 
 
 class Arena:
-    """The block in this process, with its code ready to be called: a call takes less than a microsecond beside its work.
+    """The block in this process, with its code ready to be called: a call takes less than 1 us beside its work.
 
     - `plan`: what it is made from.
 

@@ -41,7 +41,8 @@ class Job:
     - `patience`: ticks without a command, or a measurement, until the loop is over.
     - `phase`: when after a tick the law wakes up [ns].
     - `priority`: real-time priority that is asked for.
-    - `world`: for the arm: MuJoCo's model with the places of the joints, or None; and the number of substeps.
+    - `world`: for the arm: MuJoCo's model with the places of the joints, or None.
+    - `substeps`: MuJoCo's steps in a tick.
     """
 
     plan: Plan

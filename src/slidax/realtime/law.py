@@ -14,7 +14,7 @@ class Law:
     its own command is wrong: so each measurement says which command set in last, and the law goes on from what it
     remembered after that one. To the law the tick is then one whose sample was lost.
 
-    - `plan`: its code: `motion` from `t` to the reference, and `step_0`, `step_1` from one of two memories to the other.
+    - `plan`: its code: `motion` from `t` to the reference; `step_0`, `step_1` from one of two memories to the other.
     - `period`: between two ticks [s].
     """
 

@@ -12,7 +12,6 @@ from slidax import figures
 from slidax.certificates.envelope import envelope_of
 from slidax.metrics import short_names
 from slidax.scenarios import Scenario
-
 from slidax.scenarios.written import as_yaml
 
 from .machine import machine, versions

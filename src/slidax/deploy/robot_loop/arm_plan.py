@@ -61,7 +61,8 @@ def sooner(sensor: AbstractSensor | None) -> AbstractSensor:
     Raises DefinitionError if its measurements are less than one period old.
     """
     if isinstance(sensor, Lossy):
-        return eqx.tree_at(lambda one: one.sensor, sensor, sooner(sensor.sensor))
+        other: AbstractSensor = eqx.tree_at(lambda one: one.sensor, sensor, sooner(sensor.sensor))
+        return other
     if not isinstance(sensor, Delayed) or sensor.periods - 0.5 * sensor.jitter < 1:
         raise DefinitionError(
             "in a loop of two processes a measurement is one period old when its torque sets in, and the law must "
@@ -121,7 +122,8 @@ def arm_plan(scenario: Scenario, *, transport: int) -> ArmPlan:
 
     def loop_of(given: Any) -> Loop:
         plant, trajectory, period = parts(given)
-        return eqx.tree_at(lambda one: (one.plant, one.trajectory, one.period), loop, (plant, trajectory, period))
+        made: Loop = eqx.tree_at(lambda one: (one.plant, one.trajectory, one.period), loop, (plant, trajectory, period))
+        return made
 
     def move(given: Any, k: Any, state: State, tau: Vector, delivery: Any) -> State:
         one = loop_of(given)

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 
 from slidax._errors import DefinitionError
@@ -23,6 +22,9 @@ from .planner import Planner, kernel
 
 if TYPE_CHECKING:
     from slidax.scenarios import Scenario
+
+REFERENCE_COLUMNS = ("q_d", "dq_d", "ddq_d", "q_d_next", "dq_d_next", "ddq_d_next")
+"""Now, and one period later."""
 
 NUMBER, WHOLE = jax.ShapeDtypeStruct((), float), jax.ShapeDtypeStruct((), int)
 
@@ -155,9 +157,6 @@ def law_plan(scenario: Scenario) -> LawPlan:
     )
 
 
-REFERENCE_COLUMNS = ("q_d", "dq_d", "ddq_d", "q_d_next", "dq_d_next", "ddq_d_next")
-
-
 def dtype_of(fields: dict[str, Slot], first: Slot, last: Slot) -> np.dtype[Any]:
     """The dtype of a region as a row.
 
@@ -175,8 +174,10 @@ def dtype_of(fields: dict[str, Slot], first: Slot, last: Slot) -> np.dtype[Any]:
 
 
 def _state(vector: Any) -> State:
-    return jax.eval_shape(lambda q: State(q, q), vector)
+    state: State = jax.eval_shape(lambda q: State(q, q), vector)
+    return state
 
 
 def _reference(vector: Any) -> Reference:
-    return jax.eval_shape(lambda q: Reference(q, q, q), vector)
+    reference: Reference = jax.eval_shape(lambda q: Reference(q, q, q), vector)
+    return reference

@@ -6,10 +6,11 @@ import pickle
 import subprocess
 import sys
 import time
-from contextlib import ExitStack
+from collections.abc import Iterator
+from contextlib import AbstractContextManager, ExitStack, contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Any
+from typing import IO, TYPE_CHECKING
 
 import numpy as np
 
@@ -33,9 +34,6 @@ PHASE = 0.1
 
 LAW_FIRST, ARM_FIRST = 80, 81
 """Real-time priorities: a robot's own computer does not wait for ours."""
-
-READY_WITHIN = 60.0
-"""For both processes to be up [s]."""
 
 
 def run_loop(
@@ -154,7 +152,7 @@ def _places(lengths: tuple[int, int, int, int]) -> Places:
     return Places(0, *ends)
 
 
-def _started(name: str, descriptor: int, job: Job) -> ExitStack:
+def _started(name: str, descriptor: int, job: Job) -> AbstractContextManager[subprocess.Popen[bytes]]:
     side = subprocess.Popen(
         [sys.executable, "-m", f"slidax.realtime.{name}", str(descriptor)],
         stdin=subprocess.PIPE,
@@ -170,20 +168,16 @@ def _started(name: str, descriptor: int, job: Job) -> ExitStack:
     return _ended(side)
 
 
-def _ended(process: subprocess.Popen[bytes]) -> Any:
+@contextmanager
+def _ended(process: subprocess.Popen[bytes]) -> Iterator[subprocess.Popen[bytes]]:
     """The process, which is ended with the block whatever happens."""
-
-    class Ended:
-        def __enter__(self) -> subprocess.Popen[bytes]:
-            return process
-
-        def __exit__(self, *_: Any) -> None:
-            process.kill()
-            process.wait()
-            if process.stdout is not None:
-                process.stdout.close()
-
-    return Ended()
+    try:
+        yield process
+    finally:
+        process.kill()
+        process.wait()
+        if process.stdout is not None:
+            process.stdout.close()
 
 
 def _wait_for(sides: list[subprocess.Popen[bytes]]) -> None:

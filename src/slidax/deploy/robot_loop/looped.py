@@ -181,9 +181,7 @@ class Recorded:
             ticks=ticks,
             answers=len(whole["k"]),
             # The first row has the time of none before it.
-            times={
-                name: whole[column][1:] if column == "logged" else whole[column] for name, column in TIMES.items()
-            },
+            times={name: whole[column][1:] if column == "logged" else whole[column] for name, column in TIMES.items()},
             law=law,
             arm=arm,
             outside=outside,
@@ -196,7 +194,7 @@ class Recorded:
         )
 
     def _judged(self, whole: dict[str, np.ndarray]) -> tuple[int | None, list[float] | None]:
-        """By the true error at every tick; where the law gave no answer its bounds are between those before and after."""
+        """By the true error at every tick; where the law gave no answer, the bounds lie between its next ones."""
         if not self.law.channels.bounded or not len(whole["k"]):
             return None, None
         moving = whole["braking"] == 0

@@ -78,9 +78,9 @@ class Planner:
         - `kernel`: what it does.
         - `inputs`, `outputs`: trees of places, in the kernel's order.
         """
-        slots = [*jax.tree.leaves(inputs, is_leaf=_is_slot), *jax.tree.leaves(outputs, is_leaf=_is_slot)]
-        entries = [*kernel.inputs, *kernel.outputs]
-        assert [slot.shape for slot in slots] == [entry.shape for entry in entries]
+        slots: list[Slot] = [*jax.tree.leaves(inputs, is_leaf=_is_slot), *jax.tree.leaves(outputs, is_leaf=_is_slot)]
+        shapes = [*(entry.shape for entry in kernel.inputs), *(entry.shape for entry in kernel.outputs)]
+        assert [slot.shape for slot in slots] == shapes
         self._routines[name] = Coded(kernel.object, kernel.entry, tuple(slot.offset for slot in slots))
 
     def plan(self) -> Plan:

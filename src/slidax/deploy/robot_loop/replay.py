@@ -73,8 +73,10 @@ class Replay:
         )
         was, is_ = ("+".join(flags(self.bits, status)) or "OK" for status in one.status)
         status = "" if was == is_ else f"; status {was}, and now {is_}"
-        return f"{said}; the first other one is at tick {one.tick}, t = {one.t:g} s: {what}{status}. " \
+        return (
+            f"{said}; the first other one is at tick {one.tick}, t = {one.t:g} s: {what}{status}. "
             f"At most, a torque is {self.largest:.2g} off."
+        )
 
     def as_json(self) -> dict[str, Any]:
         """For programs."""
