@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -147,7 +148,8 @@ def _records(path: Path) -> Iterator[Any]:
         with path.open("rb") as file:
             try:
                 yield from StreamReader(file, record_size_limit=path.stat().st_size).records
-            except (McapError, EOFError) as error:
+            except (McapError, EOFError, struct.error, RuntimeError) as error:
+                # The last two where it breaks off within a number or a compressed chunk.
                 if file.tell() < 16:
                     raise DefinitionError(f"`{path}` is no MCAP file: {error}") from None
     except OSError as error:
