@@ -104,13 +104,18 @@ def test_a_log_gives_the_same_bits_again_and_a_changed_one_does_not(log):
     assert (other.first.tick, other.first.joint, other.same) == (123, 1, found.answers - 1)
     assert 0 < other.largest < 1e-13
     assert "at tick 123, t = 0.123 s" in other.sentence()
-    # A measurement: from there on the law remembers something else.
+
+
+@pytest.mark.full
+def test_with_another_measurement_the_law_remembers_something_else_from_there_on(log):
+    read = read_mcap(log)
     q = read.law["q"].copy()
     q[200, 0] += 1e-9
     other = replay(replace(read, law={**read.law, "q": q}))
     assert other.first.tick == 200 and other.same < 210
 
 
+@pytest.mark.full
 def test_answers_after_a_lost_one_are_not_compared(log):
     read = read_mcap(log)
     kept = np.arange(len(read.law["k"])) != 300
@@ -127,7 +132,7 @@ def test_the_log_alone_is_enough_for_replay_and_explain(log):
     assert done.exit_code == 0 and "Nothing to explain" in done.output
 
 
-def test_a_run_is_logged_as_the_step_sees_it_and_the_torques_identify_as_from_its_own_log(tmp_path):
+def test_a_run_is_logged_as_the_step_sees_it(tmp_path):
     pytest.importorskip("foxglove")
     done = in_process("run", NAME, "--set", "simulation.t1=0.3", "--out", str(tmp_path / "x.mcap"))
     assert done.exit_code == 0, done.output
@@ -164,20 +169,21 @@ def test_in_real_time_the_log_has_each_tick_and_gives_the_same_bits(tmp_path):
     assert min(done.times["wake-up, arm"].min(), done.times["wake-up, law"].min()) >= 0
     read = read_mcap(tmp_path / "log.mcap")
     assert read.whole and read.arm["true_k"].tolist() == list(range(done.ticks))
-    assert replay(read).first is None
-    assert np.array_equal(read.law["k"][np.diff(read.law["k"], prepend=-1) == 1][:1], [0])
+    again = replay(read)
+    assert (again.first, again.unknown) == (None, 0)
 
 
+@pytest.mark.full
 def test_when_the_law_is_killed_the_arm_brakes_and_the_log_has_it_all(tmp_path):
     pytest.importorskip("foxglove")
     killed = threading.Thread(target=_kill_the_law)
     killed.start()
-    done = run_loop(scenario(**{"simulation.t1": 20.0}), log=tmp_path / "log.mcap", patience=20)
+    done = run_loop(scenario(**{"simulation.t1": 20.0}), log=tmp_path / "log.mcap", patience=200)
     killed.join()
     assert not done.good and done.law is None and "killed" in done.reason
     read = read_mcap(tmp_path / "log.mcap")
     braking = read.arm["braking"].astype(bool)
-    assert braking.any() and read.arm["missing"][braking].min() == 21
+    assert braking.any() and read.arm["missing"][braking].min() == 201
     assert np.abs(read.arm["true_dq"][-1]).max() < np.abs(read.arm["true_dq"][braking][0]).max() / 10 + 1e-3
     assert replay(read).first is None
 

@@ -61,7 +61,13 @@ def test_a_message_is_what_other_software_reads_in_it():
     message = Message(
         "/x",
         "slidax_msgs/msg/X",
-        (Field("flag", "bool"), Field("a", "float64", 3), Field("n", "uint32"), Field("k", "int64"), Field("f", "bool")),
+        (
+            Field("flag", "bool"),
+            Field("a", "float64", 3),
+            Field("n", "uint32"),
+            Field("k", "int64"),
+            Field("f", "bool"),
+        ),
         ("one", "näme"),
     )
     given = {
@@ -99,7 +105,7 @@ def test_a_file_that_breaks_off_is_read_as_far_as_it_goes(tmp_path):
     assert not read.whole
     np.testing.assert_array_equal(read.law["q"], law["q"])
     counts = []
-    for share in np.linspace(0.2, 0.999, 23):
+    for share in np.linspace(0.2, 0.97, 23):
         (tmp_path / "cut.mcap").write_bytes(body[: int(share * len(body))])
         cut = read_mcap(tmp_path / "cut.mcap")
         rows = len(cut.law["k"])
