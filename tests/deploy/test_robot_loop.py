@@ -7,17 +7,18 @@ import subprocess
 import threading
 import time
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
+from importlib import import_module
 
 import numpy as np
 import pytest
 
 import slidax as sx
-from slidax._errors import DefinitionError
 from slidax.deploy.robot_loop import arm_plan, law_plan, lockstep, replay, run_loop, write_stepped
 from slidax.deploy.status import MISSED_PERIOD
 from slidax.logs import read_mcap
 from slidax.realtime import Arm, Law
+from slidax.scenarios import portable
 from tests.cli.commands import in_process
 
 pytest.importorskip("llvmlite")
@@ -27,6 +28,29 @@ NAME, T1 = "example-4.1-1khz", 0.6
 @cache
 def scenario(**changes):
     return sx.scenarios.load(NAME, {"simulation.t1": T1, **changes})
+
+
+PLANS = {}
+
+
+@pytest.fixture(autouse=True, scope="module")
+def _plans_are_made_once():
+    """To trace a law takes seconds, and all of these have the same."""
+    patch = pytest.MonkeyPatch()
+    for module in ("lockstep", "replay", "loop"):
+        user = import_module(f"slidax.deploy.robot_loop.{module}")
+        for name, make in (("law_plan", law_plan), ("arm_plan", arm_plan)):
+            if hasattr(user, name):
+                patch.setattr(user, name, partial(_made_once, make))
+    yield
+    patch.undo()
+
+
+def _made_once(make, scenario, **how):
+    key = make, portable(scenario.description)[0], *how.items()
+    if key not in PLANS:
+        PLANS[key] = make(scenario, **how)
+    return PLANS[key]
 
 
 @cache
@@ -48,7 +72,7 @@ def log(tmp_path_factory):
     return path
 
 
-@pytest.mark.parametrize("transport", [0, 1])
+@pytest.mark.parametrize("transport", [pytest.param(0, marks=pytest.mark.full), 1])
 def test_a_loop_in_which_nobody_is_late_is_the_simulated_run(transport):
     run, found = simulated(), stepped() if transport else lockstep(scenario(), len(simulated().log.t))
     np.testing.assert_allclose(found.arm["true_q"], run.log.state.q, atol=1e-12)
@@ -61,7 +85,7 @@ def test_a_loop_in_which_nobody_is_late_is_the_simulated_run(transport):
 
 def driven(late):
     """The loop, in which the law answers each measurement, but some commands come too late for their tick."""
-    of_law, of_arm = law_plan(scenario()), arm_plan(scenario(), transport=1)
+    of_law, of_arm = _made_once(law_plan, scenario()), _made_once(arm_plan, scenario(), transport=1)
     law, arm = Law(of_law.plan, 1e-3), Arm(of_arm.plan, None, of_arm.substeps)
     rows, taus, applied = [], [], -1
     for k in range(400):
@@ -94,14 +118,16 @@ def test_a_command_that_came_late_is_to_the_law_as_a_sample_that_was_lost():
 
 
 def test_a_log_gives_the_same_bits_again_and_a_changed_one_does_not(log):
-    read = read_mcap(log)
-    found = replay(read)
-    assert found.first is None and found.same == found.answers == len(simulated().log.t)
+    done = in_process("replay", str(log), "--json")
+    assert done.exit_code == 0, done.output
+    said = json.loads(done.stdout)
+    assert said["first"] is None and said["same"] == said["answers"] == len(simulated().log.t)
     # The last digit of one torque.
+    read = read_mcap(log)
     tau = read.law["tau"].copy()
     tau[123, 1] = np.nextafter(tau[123, 1], np.inf)
     other = replay(replace(read, law={**read.law, "tau": tau}))
-    assert (other.first.tick, other.first.joint, other.same) == (123, 1, found.answers - 1)
+    assert (other.first.tick, other.first.joint, other.same) == (123, 1, said["same"] - 1)
     assert 0 < other.largest < 1e-13
     assert "at tick 123, t = 0.123 s" in other.sentence()
 
@@ -124,17 +150,14 @@ def test_answers_after_a_lost_one_are_not_compared(log):
     assert found.unknown == kept.sum() - 300
 
 
-def test_the_log_alone_is_enough_for_replay_and_explain(log):
-    done = in_process("replay", str(log), "--json")
-    assert done.exit_code == 0, done.output
-    assert json.loads(done.stdout)["same"] == len(simulated().log.t)
+def test_a_log_is_explained(log):
     done = in_process("explain", str(log))
     assert done.exit_code == 0 and "Nothing to explain" in done.output
 
 
 def test_a_run_is_logged_as_the_step_sees_it(tmp_path):
     pytest.importorskip("foxglove")
-    done = in_process("run", NAME, "--set", "simulation.t1=0.3", "--out", str(tmp_path / "x.mcap"))
+    done = in_process("run", NAME, "--set", f"simulation.t1={T1}", "--out", str(tmp_path / "x.mcap"))
     assert done.exit_code == 0, done.output
     read = read_mcap(tmp_path / "x.mcap")
     # A measurement is one period old, and with it comes the torque that the drives set then.
@@ -162,21 +185,38 @@ def test_what_cannot_be_is_one_line_and_exit_code_2(tmp_path, monkeypatch, argum
 
 def test_in_real_time_the_log_has_each_tick_and_gives_the_same_bits(tmp_path):
     pytest.importorskip("foxglove")
-    done = run_loop(scenario(), log=tmp_path / "log.mcap", patience=500)
-    assert done.reason == "done" and done.outside == 0
-    assert done.ticks == round(T1 / 1e-3) + 1
-    assert done.answers == done.ticks - done.law.counts["skipped"]
-    assert min(done.times["wake-up, arm"].min(), done.times["wake-up, law"].min()) >= 0
-    read = read_mcap(tmp_path / "log.mcap")
-    assert read.whole and read.arm["true_k"].tolist() == list(range(done.ticks))
+    log, picture = tmp_path / "log.mcap", tmp_path / "latency.svg"
+    where = ("--out", str(log), "--histogram", str(picture))
+    done = in_process("loop", NAME, "--time", str(T1), "--patience", "500", *where, "--json")
+    assert done.exit_code == 0, done.output
+    said = json.loads(done.stdout)
+    ticks = round(T1 / 1e-3) + 1
+    assert (said["ticks"], said["ended"], said["envelope"]["outside"]) == (ticks, "done", 0)
+    assert said["answers"] == ticks - said["missed"]["skipped"]
+    assert said["log"] == {"bytes": log.stat().st_size, "recorder_us": said["log"]["recorder_us"], "rows_lost": 0}
+    for shares in said["latency_us"].values():
+        assert 0 <= shares["p50"] <= shares["p99"] <= shares["p99.9"] <= shares["max"]
+    assert "measurement to command" in picture.read_text()
+    read = read_mcap(log)
+    assert read.whole and read.arm["true_k"].tolist() == list(range(ticks))
     again = replay(read)
     assert (again.first, again.unknown) == (None, 0)
 
 
 @pytest.mark.full
+def test_when_the_arm_is_killed_the_law_ends(tmp_path):
+    killed = threading.Thread(target=_kill, args=("arm_process",))
+    killed.start()
+    done = run_loop(scenario(**{"simulation.t1": 20.0}), patience=200)
+    killed.join()
+    assert not done.good and done.arm is None and done.law.reason == "no measurement"
+    assert 100 < done.answers < 19_000
+
+
+@pytest.mark.full
 def test_when_the_law_is_killed_the_arm_brakes_and_the_log_has_it_all(tmp_path):
     pytest.importorskip("foxglove")
-    killed = threading.Thread(target=_kill_the_law)
+    killed = threading.Thread(target=_kill, args=("law_process",))
     killed.start()
     done = run_loop(scenario(**{"simulation.t1": 20.0}), log=tmp_path / "log.mcap", patience=200)
     killed.join()
@@ -188,15 +228,15 @@ def test_when_the_law_is_killed_the_arm_brakes_and_the_log_has_it_all(tmp_path):
     assert replay(read).first is None
 
 
-def _kill_the_law():
-    """Once it has begun to answer."""
+def _kill(side):
+    """Once it has begun."""
     for _ in range(600):
         time.sleep(0.1)
         found = subprocess.run(
             ["ps", "--ppid", str(os.getpid()), "-o", "pid=,args="], capture_output=True, text=True, check=False
         ).stdout
-        law = [line.split()[0] for line in found.splitlines() if "realtime.law_process" in line]
-        if law:
-            time.sleep(1.5)
-            os.kill(int(law[0]), signal.SIGKILL)
+        processes = [line.split()[0] for line in found.splitlines() if f"realtime.{side}" in line]
+        if processes:
+            time.sleep(2.0)
+            os.kill(int(processes[0]), signal.SIGKILL)
             return

@@ -144,14 +144,18 @@ def test_a_log_of_others_is_not_taken_for_ours(tmp_path):
         read_mcap(tmp_path / "other.mcap")
 
 
-@pytest.mark.parametrize(("package", "call"), [("foxglove", "write"), ("mcap.stream_reader", "read")])
+@pytest.mark.parametrize(
+    ("package", "call"),
+    [
+        ("foxglove", lambda path: LogWriter(path, CHANNELS, {}, {})),
+        ("mcap.stream_reader", read_mcap),
+        ("mcap_ros2.decoder", read_joint_states),
+    ],
+)
 def test_without_the_package_there_is_one_line_with_the_remedy(tmp_path, monkeypatch, package, call):
     monkeypatch.setitem(sys.modules, package, None)
     with pytest.raises(DefinitionError, match=r"which is not installed: pip install 'slidax\[log\]'"):
-        if call == "write":
-            LogWriter(tmp_path / "x.mcap", CHANNELS, {}, {})
-        else:
-            read_mcap(tmp_path / "x.mcap")
+        call(tmp_path / "x.mcap")
 
 
 def test_live_data_has_the_channels_of_the_log():

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import os
 import pickle
 import subprocess
 import sys
 import time
 from collections.abc import Iterator
-from contextlib import AbstractContextManager, ExitStack, contextmanager
+from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import IO, TYPE_CHECKING
@@ -55,7 +56,12 @@ def run_loop(
     Raises DefinitionError if the scenario does not allow it or a package is missing, OSError if the log cannot be
     written.
     """
-    of_law, of_arm = law_plan(scenario), arm_plan(scenario, transport=1)
+    if os.name != "posix":
+        raise DefinitionError("a loop in real time needs a system like Linux; `slidax run` has none of these needs")
+    if log is not None and log.suffix != ".mcap":
+        raise DefinitionError(f"a log of a loop ends in .mcap; got `{log.name}`")
+    # The arm first: it is what may not go.
+    of_arm, of_law = arm_plan(scenario, transport=1), law_plan(scenario)
     ticks = round(scenario.t1 / scenario.period)
     lengths = _lengths(of_law, of_arm)
     places = _places(lengths)
@@ -162,7 +168,8 @@ def _started(name: str, descriptor: int, job: Job) -> AbstractContextManager[sub
         start_new_session=True,
     )
     assert side.stdin is not None
-    with side.stdin as pipe:
+    # One that has died says so by what it does not say.
+    with suppress(BrokenPipeError), side.stdin as pipe:
         pickle.dump(job, pipe)
     side.stdin = None
     return _ended(side)
