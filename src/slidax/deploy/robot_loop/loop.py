@@ -33,6 +33,9 @@ POLLED, POLLED_LIVE, FLUSHED = 0.2, 0.05, 0.5
 PHASE = 0.1
 """When the law wakes up after a tick, as a share of the period: by then its measurement is there as a rule."""
 
+LEAD = 100_000_000
+"""From the word to tick 0 [ns]."""
+
 LAW_FIRST, ARM_FIRST = 80, 81
 """Real-time priorities: a robot's own computer does not wait for ours."""
 
@@ -83,6 +86,7 @@ def run_loop(
     begins = memory[places.start :][:16].view(np.int64)
     recorded = Recorded(of_law, of_arm, scenario.period)
     with ExitStack() as stack:
+        stack.callback(os.close, descriptor)
         sides = [
             stack.enter_context(_started(name, descriptor, one))
             for name, one in (("arm_process", of_the_arm), ("law_process", job))
@@ -91,7 +95,7 @@ def run_loop(
         writer = None
         if log is not None or port is not None:
             metadata = metadata_of(scenario, "loop", scenario.t1)
-            start = time.time_ns()
+            start = time.time_ns() + LEAD
             writer = LogWriter(log, of_law.channels, metadata, attachments_of(scenario), start=start, port=port)
             stack.callback(writer.close)
         for _ in range(hogs):
@@ -101,7 +105,7 @@ def run_loop(
             Ring(memory[places.arm_rows :], lengths[3], KEPT_ROWS),
         )
         pause = POLLED if port is None else POLLED_LIVE
-        begins[0] = now() + 100_000_000
+        begins[0] = now() + LEAD
         try:
             _record(sides, rings, recorded, writer, pause)
         except KeyboardInterrupt:
