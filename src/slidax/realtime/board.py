@@ -103,8 +103,9 @@ class Ring:
         self._written = memory[:8].view(np.int64)
         self._rows = memory[8 : self.size(length, rows)].reshape(rows, length)
         self._count = rows
-        self._seen = 0
-        self._read = 0
+        # How many rows were put; how many the reader has seen, and how many it has taken.
+        self._put = 0
+        self._seen, self._taken = 0, 0
         self.lost = 0
 
     @staticmethod
@@ -120,10 +121,9 @@ class Ring:
 
         - `row`: its bytes.
         """
-        written = self._seen
-        self._rows[written % self._count] = row
-        self._seen = written + 1
-        self._written[0] = written + 1
+        self._rows[self._put % self._count] = row
+        self._put += 1
+        self._written[0] = self._put
 
     def take(self, *, last: bool = False) -> np.ndarray:
         """The rows that came since, [m length]; those of the last moment wait for the next call.
@@ -135,10 +135,10 @@ class Ring:
             upto = self._seen
         # A margin to the row that is being written now.
         oldest = self._seen - self._count + 64
-        if self._read < oldest:
-            self.lost += oldest - self._read
-            self._read = oldest
-        which = np.arange(self._read, max(upto, self._read)) % self._count
-        self._read = max(upto, self._read)
+        if self._taken < oldest:
+            self.lost += oldest - self._taken
+            self._taken = oldest
+        which = np.arange(self._taken, max(upto, self._taken)) % self._count
+        self._taken = max(upto, self._taken)
         taken: np.ndarray = self._rows[which]
         return taken
