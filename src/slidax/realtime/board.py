@@ -37,6 +37,10 @@ def mapped(descriptor: int) -> np.ndarray:
     return np.frombuffer(mmap.mmap(descriptor, 0), np.uint8)
 
 
+FRESH = 16
+"""A processor may show the count of rows before the newest rows themselves; never so many periods before."""
+
+
 class Mailbox:
     """The newest message of one process for another: bytes of one size, with a number and a checksum.
 
@@ -103,9 +107,8 @@ class Ring:
         self._written = memory[:8].view(np.int64)
         self._rows = memory[8 : self.size(length, rows)].reshape(rows, length)
         self._count = rows
-        # How many rows were put; how many the reader has seen, and how many it has taken.
         self._put = 0
-        self._seen, self._taken = 0, 0
+        self._taken = 0
         self.lost = 0
 
     @staticmethod
@@ -126,15 +129,14 @@ class Ring:
         self._written[0] = self._put
 
     def take(self, *, last: bool = False) -> np.ndarray:
-        """The rows that came since, [m length]; those of the last moment wait for the next call.
+        """The rows that came since, [m length]; the newest few wait for the next call, until they are whole for sure.
 
-        - `last`: whether the writer has ended, so that there is none.
+        - `last`: whether the writer has ended, so that all are.
         """
-        upto, self._seen = self._seen, int(self._written[0])
-        if last:
-            upto = self._seen
+        written = int(self._written[0])
+        upto = written if last else written - FRESH
         # A margin to the row that is being written now.
-        oldest = self._seen - self._count + 64
+        oldest = written - self._count + 4 * FRESH
         if self._taken < oldest:
             self.lost += oldest - self._taken
             self._taken = oldest

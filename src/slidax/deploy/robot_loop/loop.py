@@ -27,8 +27,8 @@ from .looped import Looped, Recorded
 if TYPE_CHECKING:
     from slidax.scenarios import Scenario
 
-POLLED, POLLED_LIVE, FLUSHED = 0.2, 0.05, 0.5
-"""How often rows are taken from the rings, the same for one who looks on, and a chunk of the file is ended [s]."""
+CHUNK, LOOK = 0.5, 0.05
+"""How often rows are taken from the rings and make a chunk of the file, and how often for one who looks on [s]."""
 
 PHASE = 0.1
 """When the law wakes up after a tick, as a share of the period: by then its measurement is there as a rule."""
@@ -104,7 +104,7 @@ def run_loop(
             Ring(memory[places.law_rows :], lengths[2], KEPT_ROWS),
             Ring(memory[places.arm_rows :], lengths[3], KEPT_ROWS),
         )
-        pause = POLLED if port is None else POLLED_LIVE
+        pause = CHUNK if port is None else LOOK
         begins[0] = now() + LEAD
         try:
             _record(sides, rings, recorded, writer, pause)
@@ -132,7 +132,7 @@ def _record(
         if writer is not None:
             writer.law(law)
             writer.arm(arm)
-            if over or time.monotonic() - flushed > FLUSHED:
+            if over or time.monotonic() - flushed > CHUNK - LOOK:
                 writer.flush()
                 flushed = time.monotonic()
         recorded.spent += time.process_time() - began
