@@ -16,9 +16,12 @@ import pytest
 import slidax as sx
 from slidax.deploy.robot_loop import arm_plan, law_plan, lockstep, replay, run_loop, write_stepped
 from slidax.deploy.status import MISSED_PERIOD
+from slidax.diagnosis import read_saved
+from slidax.identification import read_log
 from slidax.logs import read_mcap
 from slidax.realtime import Arm, Law
 from slidax.scenarios import portable
+from slidax.simulation import columns_of
 from tests.cli.commands import in_process
 
 pytest.importorskip("llvmlite")
@@ -81,6 +84,29 @@ def test_a_loop_in_which_nobody_is_late_is_the_simulated_run(transport):
     np.testing.assert_allclose(found.law["lower"], run.log.envelope.lower, atol=1e-12)
     np.testing.assert_allclose(found.law["signal:s"], run.log.signals["s"], atol=1e-8)
     assert not (found.law["status"] & MISSED_PERIOD.bit).any()
+
+
+@pytest.mark.full
+@pytest.mark.parametrize(
+    ("name", "changes"),
+    [
+        (NAME, {"sensor.delay": 2}),
+        (NAME, {"sensor.delay": 1.5}),
+        (NAME, {"sensor.loss": {"probability": 0.1}}),
+        (NAME, {"actuator.dead_time": 1}),
+        ("panda-payload", {"simulation.plant": "mujoco", "simulation.t1": 0.3}),
+    ],
+    ids=["later", "between samples", "lossy", "dead time", "mujoco"],
+)
+def test_so_it_is_for_every_sensor_drive_and_arm(name, changes):
+    if "simulation.plant" in changes:
+        pytest.importorskip("mujoco")
+    one = sx.scenarios.load(name, {"simulation.t1": T1, **changes})
+    run = one.simulate(log_every=1)
+    found = lockstep(one, len(run.log.t), transport=1)
+    np.testing.assert_allclose(found.arm["true_q"], run.log.state.q, atol=1e-11)
+    np.testing.assert_allclose(found.arm["set_tau"], run.log.tau, atol=1e-8)
+    assert (len(found.law["k"]) < len(run.log.t)) == (changes == {"sensor.loss": {"probability": 0.1}})
 
 
 def driven(late):
@@ -150,9 +176,17 @@ def test_answers_after_a_lost_one_are_not_compared(log):
     assert found.unknown == kept.sum() - 300
 
 
-def test_a_log_is_explained(log):
+def test_a_log_is_explained_and_identified_as_the_run(log):
     done = in_process("explain", str(log))
     assert done.exit_code == 0 and "Nothing to explain" in done.output
+    _, columns, each = read_saved(log)
+    assert each
+    for name, (values, _) in columns_of(simulated(), ["_1", "_2"]).items():
+        np.testing.assert_allclose(columns[name], values, atol=1e-8, err_msg=name)
+    read = read_log(log, simulated().joint_names)
+    np.testing.assert_allclose(read.t, simulated().log.t, atol=1e-9)
+    np.testing.assert_allclose(read.q[1:], simulated().log.state.q[:-1], atol=1e-12)
+    np.testing.assert_allclose(read.tau[1:], simulated().log.tau[:-1], atol=1e-8)
 
 
 def test_a_run_is_logged_as_the_step_sees_it(tmp_path):
