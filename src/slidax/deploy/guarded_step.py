@@ -238,9 +238,9 @@ class GuardedStep(AbstractController):
         return self.controller.envelope(t, memory.law)
 
     def wanted_then(self, reference: Reference) -> Vector:
-        """Where the joints should have been when they were measured, as far as the law knows how long ago that was [n].
+        """Where the joints should have been when they were measured [n], as far as the law knows how long ago that was.
 
-        - `reference`: what they should do at the sample.
+        - `reference`: what they should do now.
         """
         law = self.controller
         if not isinstance(law, SampledData) or law.delay == law.dead_time:
