@@ -54,7 +54,7 @@ def test_a_command_is_taken_at_its_tick_if_it_was_sent_before_it(monkeypatch, nu
     reason, counts = arm_process.work(job, stage)
     came = COMMANDS[-1]
     assert [k for k, it_came, _ in came if it_came] == ([] if taken is None else [taken])
-    # After 20 ticks without one it brakes, and that is its end.
+    # After 20 ticks without one it brakes, and that it rests is its end.
     ticks = 21 if taken is None else taken + 22
     assert [braking for _, _, braking in came] == [False] * (ticks - 1) + [True]
     assert (reason, counts["ticks"], counts["held"]) == ("no command", ticks, ticks - (taken is not None))

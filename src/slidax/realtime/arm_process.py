@@ -52,9 +52,10 @@ def work(job: Job, stage: Stage) -> Report:
             arm.tau[:] = torque
             applied, without = k, 0
         else:
-            counts["held"] += 1
             without += 1
-            counts["longest"] = max(counts["longest"], without)
+            if not arm.braking:
+                counts["held"] += 1
+                counts["longest"] = max(counts["longest"], without)
         if without > job.patience:
             arm.braking = True
         arm.set(k, came)

@@ -111,9 +111,10 @@ def arm_plan(scenario: Scenario, *, transport: int) -> ArmPlan:
         t = k.astype(float) * period
         return now, fresh, after, t, (state.q, state.dq, state.q - trajectory.reference(t).q)
 
-    def set_(given: Any, state: State, delivery: Any, tau: Vector, brakes: Any) -> Any:
+    def set_(given: Any, k: Any, state: State, delivery: Any, tau: Vector, brakes: Any) -> Any:
         plant, _, period = parts(given)
-        robot = plant.robot
+        # Brakes hold what the arm carries, whoever knows of it.
+        robot = plant.at(k.astype(float) * period)
         stopping = robot.bias(state.q, state.dq) - robot.mass(state.q) @ state.dq / BRAKES_IN
         tau = jnp.where(brakes, stopping, tau)
         if plant.actuator is None:
@@ -166,11 +167,11 @@ def arm_plan(scenario: Scenario, *, transport: int) -> ArmPlan:
         (numbers, k, state, memories["sensor"]),
         (measured, fresh, memories["sensor_after"], truth),
     )
-    code, _ = kernel(set_, of_loop, of_state, of_delivery, vector, flag)
+    code, _ = kernel(set_, of_loop, WHOLE, of_state, of_delivery, vector, flag)
     planner.code(
         "set",
         code,
-        (numbers, state, memories["delivery"], tau, brakes),
+        (numbers, k, state, memories["delivery"], tau, brakes),
         (set_tau, memories["delivery_after"]),
     )
     force_slot = planner.view("force", vector)
