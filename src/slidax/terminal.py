@@ -14,6 +14,7 @@ from slidax.papers.indices import INDICES
 
 if TYPE_CHECKING:
     from slidax.certificates import Certificates
+    from slidax.deploy.robot_loop import Looped
     from slidax.metrics import Metric
     from slidax.reports import Rival
     from slidax.scenarios import Scenario
@@ -209,6 +210,38 @@ def print_certificates(found: Certificates) -> None:
         for remedy in one.remedies:
             said = f": {remedy.sets}" if remedy.changes else ""
             console.print(Text(f"    remedy  {remedy.words}{said}"), soft_wrap=True)
+
+
+def print_loop(parts: Scenario, done: Looped) -> None:
+    """The latencies of a loop in real time, what it missed, and whether the envelope was kept.
+
+    - `parts`: what was run.
+    - `done`: the loop.
+    """
+    console = Console(markup=False, highlight=False)
+    console.print(parts.description.title, style="bold", soft_wrap=True)
+    table = Table(box=None, pad_edge=False)
+    table.add_column("time [µs]")
+    found = done.percentiles()
+    shares = list(next(iter(found.values()), {}))
+    for share in shares:
+        table.add_column(share, justify="right", min_width=WIDTH)
+    for name, values in found.items():
+        table.add_row(name, *(f"{1e6 * values[share]:.1f}" for share in shares))
+    console.print(table)
+    said = done.as_json()
+    missed, bits = said["missed"], {name: count for name, count in done.statuses.items() if count}
+    lines = [
+        f"{done.ticks} ticks of {1e3 * done.period:g} ms, {done.answers} answers; {done.reason}",
+        f"ticks without a command in time: {missed['ticks']}, at most {missed['longest']} in a row; answers taken back "
+        f"as their command came late: {missed['rolled_back']}; measurements never answered: {missed['skipped']}",
+        "status: " + (", ".join(f"{name} {count}" for name, count in bits.items()) or "always OK"),
+    ]
+    if done.margin is not None:
+        lines.append(f"ticks outside the envelope: {done.outside}; least margin {min(done.margin):.3g} of its width")
+    if done.size is not None:
+        lines.append(f"log: {done.size / 1e6:.1f} MB; the recorder takes {1e6 * done.recorder:.1f} µs a tick")
+    console.print("\n" + "\n".join(lines), soft_wrap=True)
 
 
 ANSWERS = {"yes": "green", "no": "bold red", "-": ""}

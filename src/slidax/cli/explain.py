@@ -12,7 +12,7 @@ from .session import errors_as_lines, prepare, print_json
 
 
 def explain(
-    run: Annotated[Path, typer.Argument(help="The folder of a run, as `slidax run SCENARIO --out FOLDER` writes it.")],
+    run: Annotated[Path, typer.Argument(help="The folder or the .mcap file that a run has written by --out.")],
     json: AsJson = False,
     tries: Annotated[bool, typer.Option(help="Try the remedies in simulation.")] = True,
 ) -> None:
@@ -21,18 +21,15 @@ def explain(
     The remedies of the likeliest causes are tried in simulation, until the run holds with one; that cause is the first.
     Where the log has not each sample, the scenario is run again to have them.
 
-    Exit code 0: whatever was found; 2: the folder is no run, or its scheme cannot be diagnosed.
+    Exit code 0: whatever was found; 2: there is no such run, or its scheme cannot be diagnosed.
     """
     with errors_as_lines():
         prepare()
         from slidax.diagnosis import Record, explained, read_saved, require_explainable
 
-        scenario, columns = read_saved(run)
+        scenario, columns, each = read_saved(run)
         require_explainable(scenario)
-        if scenario.log_every == 1:
-            record = Record.of_columns(scenario, columns)
-        else:
-            record = Record.of(scenario, scenario.simulate(log_every=1))
+        record = Record.of_columns(scenario, columns) if each else Record.of(scenario, scenario.simulate(log_every=1))
         answers = explained(scenario, record, tries=tries)
         if json:
             print_json({"causes": [answer.as_json() for answer in answers]})

@@ -17,7 +17,9 @@ Tip = Annotated[str | None, typer.Option(help="The link, body or site of the tip
 
 
 def identify(
-    log: Annotated[Path, typer.Argument(help="Positions and torques: .csv, .parquet, or JointState as .json, .jsonl.")],
+    log: Annotated[
+        Path, typer.Argument(help="Positions and torques: .csv, .parquet, .mcap, or JointState as .json(l).")
+    ],
     robot: Robot,
     out: Annotated[Path | None, typer.Option(help="Write the arm with its uncertainties there, as YAML.")] = None,
     report: Annotated[Path | None, typer.Option(metavar="DIR", help="Write a report with figures there.")] = None,

@@ -27,7 +27,7 @@ def run(
     scenario: Named,
     changes: Changes = None,
     json: AsJson = False,
-    out: Annotated[Path | None, typer.Option(help="Write a report, a Parquet log and figures there.")] = None,
+    out: Annotated[Path | None, typer.Option(help="A folder for a report, log and figures; or FILE.mcap.")] = None,
     engine: Annotated[Engine | None, typer.Option(help="The engine; the scenario's own if not given.")] = None,
     view: Annotated[bool, typer.Option("--view", help="Play the run in the browser, in three dimensions.")] = False,
     recording: Annotated[
@@ -54,31 +54,38 @@ def run(
 
         chosen = {} if engine is None else {"simulation.engine": engine.value}
         parts = load(scenario, parsed(changes or []) | chosen)
-        if out is not None:
+        log, folder = (out, None) if out is not None and out.suffix == ".mcap" else (None, out)
+        if log is not None:
+            _require_log(parts, log)
+        if folder is not None:
             from slidax.papers.indices import INDICES
             from slidax.reports import parquet, write_run_report, write_scenario
             from slidax.simulation import require_pyarrow
 
             require_pyarrow("writing the log")
             # What cannot be written is said before the run, not after it.
-            out.mkdir(parents=True, exist_ok=True)
+            folder.mkdir(parents=True, exist_ok=True)
         if view or recording is not None:
             _require_views(view, recording)
         _warn_beforehand(parts)
         import_s = time.perf_counter() - STARTED
-        finished = parts.simulate(log_every=0 if out is not None or view or recording is not None else None)
+        finished = parts.simulate(log_every=0 if folder is not None or view or recording is not None else None)
         summary = run_as_json(parts, finished, import_s)
-        if out is not None:
-            parquet.write_log(finished, out / "log.parquet")
-            write_scenario(parts.description, out / "scenario.yaml")
+        if folder is not None:
+            parquet.write_log(finished, folder / "log.parquet")
+            write_scenario(parts.description, folder / "scenario.yaml")
             command = shlex.join(["slidax", *sys.argv[1:]])
-            write_run_report(parts, finished, out, also=INDICES, command=command)
+            write_run_report(parts, finished, folder, also=INDICES, command=command)
+        if log is not None:
+            _write_log(parts, finished, log)
         if json:
             print_json(summary)
         else:
             print_run(parts, finished, summary)
-            if out is not None:
-                say_where(out)
+            if folder is not None:
+                say_where(folder)
+            if log is not None:
+                typer.echo(f"The log is in {log.resolve()}")
         if not finished.outcome.ok:
             typer.echo(finished.outcome.message, err=True)
             _say_why(parts)
@@ -86,6 +93,23 @@ def run(
             _look(parts, finished, view, recording)
         if not finished.outcome.ok:
             raise typer.Exit(OUTCOME)
+
+
+def _require_log(parts: Scenario, log: Path) -> None:
+    """What cannot be logged is said before the run, not after it."""
+    from slidax.deploy.robot_loop import require_samples
+    from slidax.logs import require_writer
+
+    require_samples(parts)
+    require_writer()
+    log.parent.mkdir(parents=True, exist_ok=True)
+
+
+def _write_log(parts: Scenario, finished: Run, log: Path) -> None:
+    """The run once more, the law called sample by sample as a robot calls it, to the sample at which it ended."""
+    from slidax.deploy.robot_loop import lockstep, write_stepped
+
+    write_stepped(parts, lockstep(parts, int(finished.tally.samples)), log)
 
 
 def _warn_beforehand(parts: Scenario) -> None:

@@ -1,4 +1,4 @@
-"""A log from a file: CSV, Parquet, or messages of ROS as JSON."""
+"""A log from a file: CSV, Parquet, or messages of ROS, as JSON or in an MCAP file."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from slidax._errors import DefinitionError, nearest, shown
+from slidax.logs import read_joint_states
 from slidax.simulation import read_columns
 
 from .columns import Columns
@@ -22,7 +23,8 @@ def read_log(path: str | Path, joints: Sequence[str]) -> Log:
     """The log in a file, by its ending.
 
     - `path`: `.csv` with a first line that names the columns; `.parquet`, as `slidax run --out` writes it; `.json` or
-      `.jsonl` with `sensor_msgs/JointState` messages, in a list or one a line.
+      `.jsonl` with `sensor_msgs/JointState` messages, in a list or one a line; `.mcap` with such messages of ROS 2 on
+      `/joint_states`, as `slidax run`, `slidax loop` and `ros2 bag` write them.
     - `joints`: the arm's joints, in its order.
 
     Raises DefinitionError if it cannot be read, has another ending, or lacks something.
@@ -79,6 +81,14 @@ def _from_joint_states(path: Path, joints: Sequence[str]) -> Log:
         ) from None
     if not messages:
         raise DefinitionError(f"`{path.name}` has no messages")
+    return _from_messages(path, joints, messages)
+
+
+def _from_mcap(path: Path, joints: Sequence[str]) -> Log:
+    return _from_messages(path, joints, read_joint_states(path))
+
+
+def _from_messages(path: Path, joints: Sequence[str], messages: list[Any]) -> Log:
     t = np.empty(len(messages))
     values = {field: np.empty((len(messages), len(joints))) for field in FIELDS}
     has_velocity = True
@@ -129,4 +139,5 @@ READERS: dict[str, Callable[[Path, Sequence[str]], Log]] = {
     ".parquet": _from_parquet,
     ".json": _from_joint_states,
     ".jsonl": _from_joint_states,
+    ".mcap": _from_mcap,
 }

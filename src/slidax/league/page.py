@@ -10,8 +10,8 @@ from slidax import figures
 from slidax.figures.league_table import Line
 from slidax.reports.machine import machine, versions
 from slidax.reports.page import render
-from slidax.reports.parameters import as_yaml
 from slidax.reports.picture import Picture, picture
+from slidax.scenarios.written import as_yaml
 
 from .markdown import markdown, verdicts
 from .match import Match

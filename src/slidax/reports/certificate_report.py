@@ -12,10 +12,10 @@ from slidax import figures
 from slidax.certificates.envelope import envelope_of
 from slidax.metrics import short_names
 from slidax.scenarios import Scenario
+from slidax.scenarios.written import as_yaml
 
 from .machine import machine, versions
 from .page import render
-from .parameters import as_yaml
 from .picture import Picture, picture
 
 if TYPE_CHECKING:

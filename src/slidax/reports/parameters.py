@@ -3,25 +3,15 @@
 from __future__ import annotations
 
 import dataclasses
-import io
 from pathlib import Path
 from typing import Any
 
 import equinox as eqx
 import numpy as np
-from ruamel.yaml import YAML
 
 from slidax.robots import AbstractRobot
 from slidax.scenarios import Scenario, ScenarioDescription
-from slidax.scenarios.base import AbstractDescription
-
-
-def as_yaml(description: AbstractDescription) -> str:
-    """A scenario or a study with all its values, as YAML that can be run again.
-
-    - `description`: a validated one.
-    """
-    return _dumped(_shown(description))
+from slidax.scenarios.written import as_yaml, dumped
 
 
 def write_scenario(description: ScenarioDescription, path: Path) -> None:
@@ -50,16 +40,7 @@ def parameters(scenario: Scenario) -> dict[str, str]:
     - `scenario`: whose parameters.
     """
     law = _values(scenario.controller)
-    return {"The scenario": as_yaml(scenario.description), "The law with all its values": _dumped(law)}
-
-
-def _dumped(values: Any) -> str:
-    yaml = YAML()
-    yaml.default_flow_style = None
-    yaml.width = 100
-    text = io.StringIO()
-    yaml.dump(values, text)
-    return text.getvalue()
+    return {"The scenario": as_yaml(scenario.description), "The law with all its values": dumped(law)}
 
 
 def _values(part: Any) -> Any:
@@ -72,13 +53,3 @@ def _values(part: Any) -> Any:
     if callable(part):
         return getattr(part, "__name__", type(part).__name__)
     return np.asarray(part).tolist() if eqx.is_array(part) else part
-
-
-def _shown(value: Any) -> Any:
-    """Without what is not given; but null is shown where it says something else than nothing would."""
-    if isinstance(value, AbstractDescription):
-        defaults = {name: field.default for name, field in type(value).model_fields.items()}
-        return {name: _shown(part) for name, part in value if part is not None or defaults[name] is not None}
-    if isinstance(value, dict):
-        return {name: _shown(part) for name, part in value.items()}
-    return [_shown(part) for part in value] if isinstance(value, list | tuple) else value

@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING
 
 from .machine import machine, versions
 from .page import render
-from .parameters import as_yaml, write_scenario
+from .parameters import write_scenario
 from .picture import picture
 
 if TYPE_CHECKING:
-    from slidax.studies import AbstractResult, AbstractStudy
+    from slidax.scenarios.written import as_yaml
+from slidax.studies import AbstractResult, AbstractStudy
 
 
 def write_study_report(

@@ -8,6 +8,9 @@ from .load import load as load
 from .load import names as names
 from .load import parse as parse
 from .named_robot import named_robot as named_robot
+from .portable import brought_back as brought_back
+from .portable import of_log as of_log
+from .portable import portable as portable
 from .scenario import Scenario as Scenario
 from .schema import SCHEMA_FILE as SCHEMA_FILE
 from .schema import schema as schema

@@ -59,6 +59,16 @@ class Kernel:
         return self._run
 
     @property
+    def object(self) -> bytes:
+        """The code as an object file, for another process on this machine."""
+        return self._code.object
+
+    @property
+    def entry(self) -> str:
+        """What its function is called there."""
+        return self._code.entry
+
+    @property
     def text(self) -> str:
         """LLVM's text of it."""
         return module(prepared(self.program, self.lanes), self.lanes, self._entry)

@@ -37,6 +37,7 @@ class Code:
         builder = machine.llvm.JITLibraryBuilder().add_object_img(object).add_current_process().export_symbol(entry)
         self._library = builder.link(machine.jit, name)
         self.address: int = self._library[entry]
+        self.object, self.entry = object, entry
 
 
 class Machine:

@@ -11,7 +11,7 @@ from typing import Any
 from slidax._errors import DefinitionError
 from slidax._errors import shown as in_short
 from slidax.reports import machine, render, versions
-from slidax.reports.parameters import as_yaml
+from slidax.scenarios.written import as_yaml
 
 from .comparison import claims, promises
 from .figures import draw

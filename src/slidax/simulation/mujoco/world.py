@@ -46,6 +46,16 @@ class World:
         return self._built.model
 
     @property
+    def places(self) -> np.ndarray:
+        """Of the joints among the model's positions [n]."""
+        return self._built.places
+
+    @property
+    def dofs(self) -> np.ndarray:
+        """Of the joints among its velocities [n]."""
+        return self._built.dofs
+
+    @property
     def data(self) -> Any:
         """MuJoCo's data."""
         return self._data

@@ -1,0 +1,218 @@
+"""A scenario's arm, sensor and drives as a plan: what happens on the robot's side of a loop in one tick."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from slidax._errors import DefinitionError
+from slidax._types import Scalar, State, Vector
+from slidax.realtime import Plan
+from slidax.sensors import AbstractSensor, Delayed, Lossy
+from slidax.simulation import BANDS, MujocoPlant, Plant
+from slidax.simulation.define import define_loop
+from slidax.simulation.loop import Loop
+from slidax.simulation.period import HeldTorque, force, moved
+
+from .law_plan import NUMBER, WHOLE, dtype_of, require_samples
+from .planner import Planner, kernel
+
+if TYPE_CHECKING:
+    from slidax.scenarios import Scenario
+
+BRAKES_IN = 0.05
+"""Time constant of the brakes [s]."""
+
+
+@dataclass(frozen=True)
+class ArmPlan:
+    """An arm, ready to be moved tick by tick.
+
+    - `plan`: its code and memory.
+    - `row`: the dtype of a row.
+    - `world`: MuJoCo's model, and the places of the joints' positions and velocities in it; None for our own arm.
+    - `substeps`: MuJoCo's steps in a tick.
+    """
+
+    plan: Plan
+    row: np.dtype[Any]
+    world: tuple[Any, np.ndarray, np.ndarray] | None
+    substeps: int
+
+    def columns(self, rows: np.ndarray) -> dict[str, np.ndarray]:
+        """The numbers of rows by the names that a log has for them.
+
+        - `rows`: bytes, [m length].
+        """
+        table = np.ascontiguousarray(rows).view(self.row)[:, 0] if len(rows) else np.zeros(0, self.row)
+        return {name: table[name] for name in self.row.names or ()}
+
+
+def sooner(sensor: AbstractSensor | None) -> AbstractSensor:
+    """The sensor without one period of its delay, for a loop in which a measurement takes that time on its way.
+
+    - `sensor`: of a scenario.
+
+    Raises DefinitionError if its measurements are less than one period old.
+    """
+    if isinstance(sensor, Lossy):
+        other: AbstractSensor = eqx.tree_at(lambda one: one.sensor, sensor, sooner(sensor.sensor))
+        return other
+    if not isinstance(sensor, Delayed) or sensor.periods - 0.5 * sensor.jitter < 1:
+        raise DefinitionError(
+            "in a loop of two processes a measurement is one period old when its torque sets in, and the law must "
+            "know it: `--set sensor.delay=1`",
+            where="sensor.delay",
+        )
+    if sensor.periods == 1 and not sensor.jitter:
+        return sensor.sensor
+    return Delayed(sensor.sensor, sensor.periods - 1, sensor.jitter, sensor.seed)
+
+
+def arm_plan(scenario: Scenario, *, transport: int) -> ArmPlan:
+    """The plan of a scenario's arm.
+
+    - `scenario`: in held mode.
+    - `transport`: periods that a measurement takes to the law and its torque back, 0 or 1. With 1 the sensor is taken
+      without one period of its delay, and the first measurement is of the tick before the first.
+
+    Raises DefinitionError if the scenario does not allow it, or llvmlite is not installed.
+    """
+    require_samples(scenario)
+    given = scenario.plant
+    own = given.pushed if isinstance(given, MujocoPlant) else given
+    stepping = scenario.stepping
+    loop, _ = define_loop(
+        own, scenario.controller, scenario.trajectory, scenario.state0, scenario.t1, stepping, None, BANDS
+    )
+    sensor = sooner(own.sensor) if transport else own.sensor
+    start, period = scenario.state0, loop.period
+    before = State(q=start.q - transport * period * start.dq, dq=start.dq)
+    first, seen = _first(sensor, before, period, transport)
+    held = own.at(jnp.zeros(())).bias(start.q, start.dq)
+    # Of the law nothing is needed, and its numbers need not come along.
+    arrays, static = eqx.partition((loop.plant, loop.trajectory, period), eqx.is_array)
+
+    def parts(given: Any) -> tuple[Plant, Any, Scalar]:
+        whole: tuple[Plant, Any, Scalar] = eqx.combine(given, static)
+        return whole
+
+    def measure(given: Any, k: Any, state: State, memory: Any) -> Any:
+        _, trajectory, period = parts(given)
+        now, fresh, after = state, jnp.ones((), bool), memory
+        if sensor is not None:
+            measurement, after = sensor(k + transport, state, period, memory)
+            now, fresh = measurement.state, measurement.fresh
+        t = k.astype(float) * period
+        return now, fresh, after, t, (state.q, state.dq, state.q - trajectory.reference(t).q)
+
+    def set_(given: Any, k: Any, state: State, delivery: Any, tau: Vector, brakes: Any) -> Any:
+        plant, _, period = parts(given)
+        # Brakes hold what the arm carries, whoever knows of it.
+        robot = plant.at(k.astype(float) * period)
+        stopping = robot.bias(state.q, state.dq) - robot.mass(state.q) @ state.dq / BRAKES_IN
+        tau = jnp.where(brakes, stopping, tau)
+        if plant.actuator is None:
+            return tau, delivery
+        return plant.actuator.set(tau, period, delivery)
+
+    def loop_of(given: Any) -> Loop:
+        plant, trajectory, period = parts(given)
+        made: Loop = eqx.tree_at(lambda one: (one.plant, one.trajectory, one.period), loop, (plant, trajectory, period))
+        return made
+
+    def move(given: Any, k: Any, state: State, tau: Vector, delivery: Any) -> State:
+        one = loop_of(given)
+        return moved(one, state, k.astype(float) * one.period, HeldTorque(tau, delivery))
+
+    def push(given: Any, k: Any, i: Any, state: State, tau: Vector, delivery: Any) -> Vector:
+        return force(loop_of(given), HeldTorque(tau, delivery), k, i, state)
+
+    delivery = None if own.actuator is None else own.actuator.init(held)
+    planner = Planner()
+    numbers = planner.place(arrays)
+    k, i = planner.view("k", WHOLE), planner.view("i", WHOLE)
+    brakes, fresh = planner.view("brakes", jax.ShapeDtypeStruct((), bool)), planner.place(np.ones((), bool))
+    planner.named("fresh", fresh)
+    tau = planner.view("tau", np.asarray(held))
+    vector = jax.ShapeDtypeStruct((start.q.shape[0],), float)
+    memories = {}
+    for name, tree in (("delivery", delivery), ("sensor", first), ("state", start)):
+        memories[name] = planner.place(tree, name)
+        memories[f"{name}_after"] = planner.place(tree, f"{name}_after")
+    state = memories["state"]
+    planner.named("q", state.q)
+    planner.named("dq", state.dq)
+    measured = [planner.view(f"measured_{name}", np.asarray(part)) for name, part in (("q", seen.q), ("dq", seen.dq))]
+    set_tau = planner.view("set_tau", np.asarray(held))
+    planner.region("measured", measured[0], set_tau)
+    fields = {"set_tau": set_tau}
+    fields |= {name: planner.view(name, WHOLE) for name in ("true_k", "applied", "missing", "braking")}
+    fields["true_t"] = planner.place(NUMBER)
+    fields |= {name: planner.place(vector) for name in ("true_q", "true_dq", "true_e")}
+    fields["true_wake"] = planner.view("wake", NUMBER)
+    shapes = (jax.tree.map(_shape, part) for part in (arrays, start, first, delivery))
+    of_loop, of_state, of_sensor, of_delivery = shapes
+    flag = jax.ShapeDtypeStruct((), bool)
+    code, _ = kernel(measure, of_loop, WHOLE, of_state, of_sensor)
+    truth = (fields["true_t"], *(fields[name] for name in ("true_q", "true_dq", "true_e")))
+    planner.code(
+        "measure",
+        code,
+        (numbers, k, state, memories["sensor"]),
+        (measured, fresh, memories["sensor_after"], truth),
+    )
+    code, _ = kernel(set_, of_loop, WHOLE, of_state, of_delivery, vector, flag)
+    planner.code(
+        "set",
+        code,
+        (numbers, k, state, memories["delivery"], tau, brakes),
+        (set_tau, memories["delivery_after"]),
+    )
+    force_slot = planner.view("force", vector)
+    world = None
+    if isinstance(given, MujocoPlant):
+        code, _ = kernel(push, of_loop, WHOLE, WHOLE, of_state, vector, of_delivery)
+        planner.code("move", code, (numbers, k, i, state, set_tau, memories["delivery"]), force_slot)
+        world = _world(given, float(period) / stepping.substeps, start, scenario.t1)
+    else:
+        code, _ = kernel(move, of_loop, WHOLE, of_state, vector, of_delivery)
+        planner.code("move", code, (numbers, k, state, set_tau, memories["delivery"]), memories["state_after"])
+    planner.region("row", set_tau, fields["true_wake"])
+    return ArmPlan(
+        plan=planner.plan(),
+        row=dtype_of(fields, set_tau, fields["true_wake"]),
+        world=world,
+        substeps=stepping.substeps,
+    )
+
+
+def _first(sensor: AbstractSensor | None, state: State, period: Scalar, transport: int) -> tuple[Any, State]:
+    """What the sensor keeps after the measurement that comes before the first tick, and that measurement."""
+    if sensor is None:
+        return (), state
+    memory = sensor.init(state)
+    if not transport:
+        return memory, state
+    measurement, memory = jax.jit(lambda s, m: sensor(jnp.zeros((), int), s, period, m))(state, memory)
+    return memory, measurement.state
+
+
+def _world(plant: MujocoPlant, timestep: float, start: State, until: float) -> tuple[Any, np.ndarray, np.ndarray]:
+    """MuJoCo's side, as it stays during the whole run."""
+    from slidax.simulation.mujoco.world import World
+
+    load = plant.load
+    if load is not None and float(load.payload.mass) > 0 and (load.attached > 0 or load.released < until):
+        raise DefinitionError("a load that is taken up or let go in mid-run needs our own arm: `--arm own`")
+    world = World(plant, timestep, start)
+    return world.model, world.places, world.dofs
+
+
+def _shape(x: Any) -> Any:
+    return jax.ShapeDtypeStruct(np.shape(x), x.dtype)

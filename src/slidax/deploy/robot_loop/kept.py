@@ -1,0 +1,66 @@
+"""What a log says of its scenario, so that nothing else is needed to go through it again."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import slidax
+from slidax.logs import LogWriter
+from slidax.logs.writer import SCENARIO
+from slidax.scenarios import portable
+
+from .lockstep import Stepped
+
+if TYPE_CHECKING:
+    from slidax.scenarios import Scenario
+
+CHUNK = 500
+"""Ticks that are compressed together."""
+
+
+def attachments_of(scenario: Scenario) -> dict[str, bytes]:
+    """The scenario, and the files that it names.
+
+    - `scenario`: as it was loaded; what `replace` changed in it is not in its description.
+    """
+    text, files = portable(scenario.description)
+    return {SCENARIO: text.encode(), **files}
+
+
+def metadata_of(scenario: Scenario, made_by: str, seconds: float) -> dict[str, str]:
+    """What a log says of itself.
+
+    - `scenario`: what was run.
+    - `made_by`: "run" or "loop".
+    - `seconds`: how long it was to last.
+    """
+    return {
+        "slidax": slidax.__version__,
+        "scenario": scenario.name,
+        "scheme": scenario.scheme,
+        "robot": scenario.robot,
+        "made_by": made_by,
+        "period_s": repr(scenario.period),
+        "seconds": repr(seconds),
+    }
+
+
+def write_stepped(scenario: Scenario, stepped: Stepped, path: Path) -> None:
+    """Writes a loop without a clock as an MCAP file, from time 0 on.
+
+    - `scenario`: what was run.
+    - `stepped`: what it has left.
+    - `path`: of the file.
+
+    Raises DefinitionError if foxglove-sdk is not installed, OSError if the file cannot be written.
+    """
+    seconds = float(stepped.arm["true_t"][-1])
+    writer = LogWriter(path, stepped.channels, metadata_of(scenario, "run", seconds), attachments_of(scenario))
+    for first in range(0, len(stepped.arm["true_t"]), CHUNK):
+        ticks = stepped.arm["true_k"][first : first + CHUNK]
+        answered = (stepped.law["k"] >= ticks[0]) & (stepped.law["k"] <= ticks[-1])
+        writer.law({name: column[answered] for name, column in stepped.law.items()})
+        writer.arm({name: column[first : first + CHUNK] for name, column in stepped.arm.items()})
+        writer.flush()
+    writer.close()

@@ -1,0 +1,31 @@
+"""The packages for logs, which are imported when they are needed."""
+
+from __future__ import annotations
+
+from typing import Any
+
+REMEDY = "pip install 'slidax[log]'"
+
+
+def require_writer() -> Any:
+    """The package that writes MCAP files and serves live data.
+
+    Raises DefinitionError with the remedy if it is not installed.
+    """
+    try:
+        import foxglove
+    except ImportError:
+        from slidax._errors import DefinitionError
+
+        raise DefinitionError(f"writing MCAP needs foxglove-sdk, which is not installed: {REMEDY}") from None
+    return foxglove
+
+
+def require_reader() -> None:
+    """Raises DefinitionError with the remedy if the package that reads MCAP files is not installed."""
+    try:
+        import mcap.stream_reader  # noqa: F401  (only whether it is there)
+    except ImportError:
+        from slidax._errors import DefinitionError
+
+        raise DefinitionError(f"reading MCAP needs mcap, which is not installed: {REMEDY}") from None

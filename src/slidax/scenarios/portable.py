@@ -1,0 +1,71 @@
+"""A scenario with all files that it names, to be kept in one place and run elsewhere."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from slidax._errors import DefinitionError
+from slidax.logs import SavedLog
+
+from .description import ScenarioDescription
+from .load import parse
+from .robots import IdentifiedDescription
+from .scenario import Scenario
+from .written import as_yaml
+
+PARTS = ("robot", "trajectory")
+"""What may name a file."""
+
+
+def portable(description: ScenarioDescription) -> tuple[str, dict[str, bytes]]:
+    """The scenario as YAML, in which files have no folders, and the contents of those files by these names.
+
+    Of a URDF or MJCF file the meshes do not come along, and nor does what it includes; no run needs meshes.
+
+    - `description`: a validated scenario.
+
+    Raises DefinitionError if a file is gone.
+    """
+    files: dict[str, bytes] = {}
+    parts = {}
+    for name in PARTS:
+        part: Any = getattr(description, name)
+        if isinstance(part, IdentifiedDescription):
+            part = part.resolved()
+        if isinstance(getattr(part, "file", None), str):
+            path = Path(part.file)
+            try:
+                files[f"{name}-{path.name}"] = path.read_bytes()
+            except OSError as error:
+                raise DefinitionError(f"cannot read the file `{path}`: {error.strerror}") from None
+            part = part.model_copy(update={"file": f"{name}-{path.name}"})
+        parts[name] = part
+    return as_yaml(description.model_copy(update=parts)), files
+
+
+def brought_back(text: str, files: Mapping[str, bytes], name: str) -> Scenario:
+    """The scenario again.
+
+    - `text`, `files`: of `portable`.
+    - `name`: what it is called.
+
+    Raises DefinitionError if something in it is invalid.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        for file, content in files.items():
+            # The name alone: a file from elsewhere writes nowhere else.
+            (Path(folder) / Path(file).name).write_bytes(content)
+        return parse(text, folder=Path(folder)).build(name)
+
+
+def of_log(log: SavedLog) -> Scenario:
+    """The scenario that a log has in it.
+
+    - `log`: of ours.
+
+    Raises DefinitionError if there is none, or it is invalid here.
+    """
+    return brought_back(log.scenario, log.files, log.metadata.get("scenario", "log"))
