@@ -87,7 +87,7 @@ COMPILE = .venv-lock/bin/uv pip compile pyproject.toml --quiet --universal --pyt
 	--no-emit-index-url --no-emit-find-links --custom-compile-command "make lock"
 # All but cuda, which is for machines with a card.
 EXTRAS = --extra parquet --extra frame --extra native --extra robots --extra trajectories --extra view --extra film \
-	--extra studies --extra cluster
+	--extra studies --extra cluster --extra fmu --extra log
 lock: .venv-lock/bin/uv ## Renew requirements/*.txt after a change in pyproject.toml
 	@mkdir -p requirements
 	@$(COMPILE) --group dev $(EXTRAS) --output-file requirements/dev.txt $(ARGS)
