@@ -11,7 +11,7 @@ import jax.numpy as jnp
 
 from slidax._types import Reference, Scalar, State, Vector
 from slidax.codegen.ir import Program, Value
-from slidax.codegen.trace import trace
+from slidax.codegen.trace import Library, trace
 from slidax.simulation import Plant
 from slidax.trajectories import AbstractTrajectory
 
@@ -125,6 +125,7 @@ def step_programs(guard: GuardedStep) -> Step:
     given, kept = _places("parameters->", parameters), _places("memory->", memory)
     seen, wanted = _places("measurement->", measurement(guard.joints)), _places("reference->", references(guard.joints))
     says = _places("command->", signals)
+    library = Library()
     return Step(
         checked=_function(checked, (guard, *sample), SAMPLE, given + seen + wanted, _flags(CHECKED)),
         answered=_function(
@@ -133,9 +134,10 @@ def step_programs(guard: GuardedStep) -> Step:
             (SAMPLE[0], "memory", *SAMPLE[1:]),
             given + kept + seen + wanted,
             kept + says + _flags(ANSWERED),
+            library,
         ),
         held=_function(hold, (guard, held), ("", "memory"), given + kept, [Place("memory->", _named(memory, "tau"))]),
-        begun=_function(begin, (guard, *sample[:3]), SAMPLE[:4], given + seen + wanted[:3], kept),
+        begun=_function(begin, (guard, *sample[:3]), SAMPLE[:4], given + seen + wanted[:3], kept, library),
         parameters=parameters,
         memory=memory,
         signals=signals,
@@ -206,8 +208,9 @@ def _function(
     names: tuple[str, ...],
     inputs: list[Place],
     outputs: list[Place],
+    library: Library | None = None,
 ) -> Function:
-    return Function(trace(function, *args, names=names), inputs, outputs)
+    return Function(trace(function, *args, names=names, library=library), inputs, outputs)
 
 
 def _places(pointer: str, these: list[Member]) -> list[Place]:

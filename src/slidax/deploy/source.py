@@ -10,6 +10,7 @@ from slidax.codegen.ir import Value
 from slidax.codegen.naming import Names
 from slidax.codegen.naming.names import suffix
 
+from .functions import Library, Members, Shared, unused
 from .in_floats import in_floats
 from .members import Member
 from .programs import Function, Step
@@ -32,6 +33,7 @@ class Source:
     """All functions of a step.
 
     - `checked`, `begun`, `held`, `derived`, `answered`: the bodies.
+    - `functions`: those that the law calls, each after those that it calls itself.
     - `workspace`: members for what follows from the parameters alone.
     - `helpers`: the lines of the small functions that they call.
     - `bytes`: a bound of the stack that a step takes: all functions in line, each variable in a place of its own.
@@ -42,6 +44,7 @@ class Source:
     held: Body
     derived: Body
     answered: Body
+    functions: list[Shared]
     workspace: list[Member]
     helpers: list[str]
     bytes: int
@@ -49,6 +52,9 @@ class Source:
 
 CALLS = 512
 """Bytes for what calls keep: return addresses, saved registers, arguments, numbers between two operations."""
+
+TAKEN = ("checked", "begun", "held", "derived", "kept_up", "answered", "settings", "workshop", "remembered")
+"""Names in the file that no function of the law's has."""
 
 
 def source(step: Step, dialect: Dialect) -> Source:
@@ -62,39 +68,48 @@ def source(step: Step, dialect: Dialect) -> Source:
     if dialect.real == "float":
         step = replace(step, begun=_fitted(step.begun), answered=_fitted(step.answered))
     answered = step.answered
+    library, members = Library((answered, step.begun), TAKEN), Members()
     names = Names(answered.program, _outputs(answered))
-    kept = _workspace(answered, names)
+    parameters = {k for k, place in enumerate(answered.inputs) if place.pointer == "parameters->"}
+    kept = [(value, members.add(value, names)) for value in loop_invariant(answered.program, parameters)]
     given = {value: f"workspace->{member.name}" for value, member in kept}
+    library.write(dialect, helpers, members)
     checked = body(step.checked, dialect, sample, helpers)
-    begun = body(step.begun, dialect, (*sample, "memory"), helpers)
+    begun = body(step.begun, dialect, (*sample, "workspace", "memory"), helpers, library)
     held = body(step.held, dialect, ("parameters", "memory"), helpers)
     into = [(text, value) for value, text in given.items()]
-    derived = _body(answered, into, dialect, ("parameters", "workspace"), helpers, names, {})
+    derived = _body(answered, into, dialect, ("parameters", "workspace"), helpers, names, {}, library)
     arguments = (*sample, "workspace", "memory", "command")
-    inside = _body(answered, answered.assigned, dialect, arguments, helpers, names, given)
+    inside = _body(answered, answered.assigned, dialect, arguments, helpers, names, given, library)
     total = sum(each.bytes for each in (checked, begun, held, derived, inside)) + CALLS
+    total += max((each.derived_bytes for each in library.shared), default=0)
+    lines = [*derived.lines, *(line for each in library.shared for line in each.derived)]
     return Source(
         checked=checked,
         begun=begun,
         held=held,
         derived=derived,
         answered=inside,
-        workspace=[replace(member, meaning=_written(member.name, derived.lines)) for _, member in kept],
+        functions=library.shared,
+        workspace=[replace(member, meaning=_written(member.name, lines)) for member in members.all],
         helpers=helpers.lines,
         bytes=-(-total // 64) * 64,
     )
 
 
-def body(function: Function, dialect: Dialect, arguments: Sequence[str], helpers: Helpers) -> Body:
+def body(
+    function: Function, dialect: Dialect, arguments: Sequence[str], helpers: Helpers, library: Library | None = None
+) -> Body:
     """The inside of a function.
 
     - `function`: its program and places.
     - `dialect`: how types and numbers are written.
     - `arguments`: names of the C function's arguments.
     - `helpers`: takes what it calls.
+    - `library`: the functions that it calls.
     """
     names = Names(function.program, _outputs(function))
-    return _body(function, function.assigned, dialect, arguments, helpers, names, {})
+    return _body(function, function.assigned, dialect, arguments, helpers, names, {}, library)
 
 
 def _body(
@@ -105,8 +120,10 @@ def _body(
     helpers: Helpers,
     names: Names,
     given: dict[Value, str],
+    library: Library | None,
 ) -> Body:
     local = [place.member.name for place in function.outputs if not place.pointer]
+    called = [] if library is None else [shared.name for shared in library.shared]
     written = statements(
         function.program,
         assigned,
@@ -114,12 +131,13 @@ def _body(
         dialect=dialect,
         given=given,
         names=names,
-        taken=(*arguments, *local),
+        callees=None if library is None else library.callee,
+        loops=True,
+        taken=(*arguments, *local, *called),
     )
     helpers.extend(written.helpers)
-    text = "\n".join(written.lines)
-    unused = [f"    (void){name};" for name in arguments if f"{name}->" not in text and f"{name}[" not in text]
-    return Body(unused + written.lines, written.bytes)
+    deepest = 0 if library is None else library.deepest(written.called)
+    return Body(unused(written.lines, arguments), written.bytes + deepest)
 
 
 def _fitted(function: Function) -> Function:
@@ -141,21 +159,3 @@ def _written(name: str, lines: list[str]) -> str:
     """The expression that a member of the workspace is computed by."""
     start = f"    workspace->{name} = "
     return next((line.removeprefix(start).rstrip(";") for line in lines if line.startswith(start)), "")
-
-
-def _workspace(function: Function, names: Names) -> list[tuple[Value, Member]]:
-    """What follows from the parameters alone and is worth keeping, each with its member."""
-    parameters = {k for k, place in enumerate(function.inputs) if place.pointer == "parameters->"}
-    found: list[tuple[Value, Member]] = []
-    taken = {"from", "known"}
-    for value in loop_invariant(function.program, parameters):
-        name = names.of(value)
-        text = "derived" if name is None else name.text
-        free = text
-        for number in range(2, len(taken) + 3):
-            if free not in taken:
-                break
-            free = f"{text}_{number}"
-        taken.add(free)
-        found.append((value, Member(free, value.type, ())))
-    return found

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import functools
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -12,7 +14,7 @@ from slidax.parts import Matrix, Scalar, Vector, parameter, parameters_of, piece
 
 from .joint_limits import JointLimits
 from .payload import Payload
-from .rigid_body import PAIRS, Bodies, JointFrames, axes, bias_forces, frames, from_the_base, inertia_matrix
+from .rigid_body import PAIRS, Axes, Bodies, JointFrames, axes, bias_forces, frames, from_the_base, inertia_matrix
 from .robot import AbstractRobot
 
 
@@ -69,7 +71,7 @@ class Articulated(AbstractRobot):
 
         - `q`: positions [n].
         """
-        matrix: Matrix = _mass(self, q)
+        matrix: Matrix = _inertia(*_links(self, q), self.armature, self.parents)
         return matrix
 
     def bias(self, q: Vector, dq: Vector) -> Vector:
@@ -77,7 +79,7 @@ class Articulated(AbstractRobot):
 
         - `q`, `dq`: positions and velocities [n].
         """
-        forces: Vector = _bias(self, q, dq)
+        forces: Vector = _bias(*_links(self, q), dq, self.gravity_vector, self.parents)
         return forces
 
     def friction(self, dq: Vector) -> Vector:
@@ -139,18 +141,23 @@ class Articulated(AbstractRobot):
         return Bodies(*(link + jnp.where(at_tip, extra, 0.0) for link, extra in zip(links, carried, strict=True)))
 
 
-# A law asks for these several times at each sample, and they are long: jit's memory saves tracing them anew.
+# A law asks for these several times at each sample, and they are long: jit's memory saves tracing them anew, and in
+# exported C each stays a function. What both need in one posture is then computed once.
 @jax.jit
-def _mass(arm: Articulated, q: Vector) -> Matrix:
+def _links(arm: Articulated, q: Vector) -> tuple[Bodies, Axes]:
     at = arm._frames(q)
-    matrix = inertia_matrix(from_the_base(arm._bodies(), at), axes(at, arm._revolute), arm.parents)
-    return matrix + jnp.where(np.eye(arm.joints, dtype=bool), arm.armature, 0.0)
+    return from_the_base(arm._bodies(), at), axes(at, arm._revolute)
 
 
-@jax.jit
-def _bias(arm: Articulated, q: Vector, dq: Vector) -> Vector:
-    at = arm._frames(q)
-    return bias_forces(from_the_base(arm._bodies(), at), axes(at, arm._revolute), arm.parents, dq, arm.gravity_vector)
+@functools.partial(jax.jit, static_argnames="parents")
+def _inertia(bodies: Bodies, moved: Axes, armature: Vector, parents: tuple[int, ...]) -> Matrix:
+    matrix = inertia_matrix(bodies, moved, parents)
+    return matrix + jnp.where(np.eye(len(parents), dtype=bool), armature, 0.0)
+
+
+@functools.partial(jax.jit, static_argnames="parents")
+def _bias(bodies: Bodies, moved: Axes, dq: Vector, gravity: Vector, parents: tuple[int, ...]) -> Vector:
+    return bias_forces(bodies, moved, parents, dq, gravity)
 
 
 def _about_the_origin(

@@ -18,11 +18,13 @@ class Line:
     - `level`: how deep it is indented.
     - `text`: the rest.
     - `about`: what it computes, as a comment; empty for lines that compute nothing.
+    - `visit`: equal for lines of one operation on arrays; None for others.
     """
 
     level: int
     text: str
     about: str = ""
+    visit: object = None
 
 
 def laid_out(lines: list[Line]) -> list[str]:

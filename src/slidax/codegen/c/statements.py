@@ -8,10 +8,12 @@ from dataclasses import dataclass
 from ..ir import Program, Value
 from ..naming import Names
 from .blocks import BlockWriter
+from .calls import Callees
 from .dialect import Dialect
 from .helpers import Helpers
 from .layout import laid_out
 from .placement import Placement
+from .rerolled import rerolled
 from .writer import Read, Rows
 
 
@@ -22,6 +24,7 @@ class Statements:
     - `lines`: of C, indented.
     - `helpers`: the small functions that it calls.
     - `reads`: the numbers of the inputs that it reads.
+    - `called`: the functions that it calls, each as often as it does.
     - `bytes`: what its variables take if each has a place of its own; a compiler needs less.
     """
 
@@ -29,6 +32,7 @@ class Statements:
     helpers: Helpers
     reads: frozenset[int]
     bytes: int
+    called: list[Program]
 
 
 def statements(
@@ -40,6 +44,8 @@ def statements(
     given: Mapping[Value, str] | None = None,
     names: Names | None = None,
     rows: Rows | None = None,
+    callees: Callees | None = None,
+    loops: bool = False,
     taken: Collection[str] = (),
 ) -> Statements:
     """Statements that compute values and assign them, and no more than they need.
@@ -54,6 +60,8 @@ def statements(
     - `given`: values that are known already, and how they are read.
     - `names`: preferred names of values; None: as the source calls them.
     - `rows`: where logged outputs are written; None leaves them out.
+    - `callees`: how functions are called; None where there is none.
+    - `loops`: whether statements that are alike for all elements of an array become a loop.
     - `taken`: names that local variables must not have, such as those of the function's arguments.
     """
     given = given or {}
@@ -61,8 +69,11 @@ def statements(
     placement = Placement(program, [*(value for _, value in assigned), *stores], given)
     writer = BlockWriter(placement, dialect or Dialect(), read, given, names or Names(program), set(taken))
     writer.rows = rows
+    writer.callees = callees
+    writer.loops = loops
     writer.region(program.body)
     if writer.lines and assigned:
         writer.line("")
     writer.assign(assigned)
-    return Statements(laid_out(writer.lines), writer.helpers, frozenset(writer.reads), writer.bytes)
+    lines = rerolled(writer.lines, writer.taken) if loops else writer.lines
+    return Statements(laid_out(lines), writer.helpers, frozenset(writer.reads), writer.bytes, writer.called)

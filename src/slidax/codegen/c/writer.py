@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 
-from ..ir import Branch, Loop, Region, Value
+from ..ir import Branch, Call, Loop, Program, Region, Value
 from ..naming import Names
 from .dialect import Dialect
 from .expressions import Expressions, Written, constant
@@ -57,6 +57,8 @@ class Writer(ABC):
         self.texts: dict[Value, Written] = {}
         self.reads: set[int] = set()
         self.places: dict[Value, str] = {}  # of inputs
+        self.loops = False
+        self.called: list[Program] = []
         self.bytes = 0
         self.level = 1
         # Where the results of inner blocks go, if not to variables of their own.
@@ -71,7 +73,10 @@ class Writer(ABC):
         - `text`: without its indentation.
         - `value`: what it computes, if anything.
         """
-        self.lines.append(Line(self.level, text, "" if value is None else self.names.about(value)))
+        if value is None:
+            self.lines.append(Line(self.level, text))
+        else:
+            self.lines.append(Line(self.level, text, self.names.about(value), getattr(value.origin, "visit", None)))
 
     def fresh(self, hint: str | None) -> str:
         """A name that nothing has yet.
@@ -118,6 +123,8 @@ class Writer(ABC):
                 self.loop(value)
             elif isinstance(value, Branch):
                 self.branch(value)
+            elif isinstance(value, Call):
+                self.call(value)
             elif value.op == "store":
                 self.store(value)
             elif value.op != "result":
@@ -142,6 +149,13 @@ class Writer(ABC):
         """Writes the assignments to a row of a logged output.
 
         - `store`: the store.
+        """
+
+    @abstractmethod
+    def call(self, call: Call) -> None:
+        """Writes a call.
+
+        - `call`: the call.
         """
 
     def keep(self, value: Value, hint: str | None = None) -> None:
@@ -169,7 +183,8 @@ class Writer(ABC):
             self.reads.add(which)
             self.places[value] = text
             self.texts[value] = Written(text, reads=frozenset((text,)))
-            if self.placement.uses[value] > 1 and not text.isidentifier():
+            # A loop over an array finds its elements where they are.
+            if self.placement.uses[value] > 1 and not text.isidentifier() and not (self.loops and text[-1] == "]"):
                 self.keep(value)
             return
         self.texts[value] = self._composed(value)

@@ -1,0 +1,396 @@
+"""Statements that are alike for all joints, as loops over arrays.
+
+What the trace has taken apart into its numbers is put together again at the end: statements of one operation on an array
+that differ in nothing but the elements that they take become the turns of a loop, and what they compute an array. No
+operation is added, left out or reordered within an expression, so that nothing changes in the numbers.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import Counter, defaultdict
+from collections.abc import Sequence
+
+from .alike import LEAST, Access, Operands, Piece, Stored, accesses, parsed
+from .layout import Line
+
+DECLARED = re.compile(r"(const )?(double|float|bool|u?int(?:32|64)_t) (\w+)(?: = (.*))?;")
+ASSIGNED = re.compile(r"([A-Za-z_]\w*(?:->\w+)?(?:\[\d+\])?) = (.*);")
+
+
+def rerolled(lines: Sequence[Line], taken: set[str]) -> list[Line]:
+    """The lines with loops in them.
+
+    - `lines`: of a function.
+    - `taken`: names that are not free.
+    """
+    return _Rerolling(lines, taken).run()
+
+
+class _Statement:
+    """One line.
+
+    - `line`: it.
+    - `place`: its number in the function.
+    - `type`, `name`: of what it declares; for an assignment the type is empty, and the name is where it goes.
+    - `piece`: its expression.
+    """
+
+    def __init__(self, line: Line, place: int, type: str, name: str, text: str) -> None:
+        self.line = line
+        self.place = place
+        self.type = type
+        self.name = name
+        self.piece: Piece = parsed(text)
+
+
+class _Group:
+    """Statements that are the turns of one loop, or a single one.
+
+    - `lanes`: in order.
+    - `array`: where they leave their numbers; empty for a single one that has a name of its own.
+    - `at`: how each operand is found in turn i.
+    - `target`: the same of where the numbers go.
+    """
+
+    def __init__(self, lanes: list[_Statement], array: str = "", at: Sequence[Access] = ()) -> None:
+        self.lanes = lanes
+        self.array = array
+        self.at = list(at)
+        self.target: Access | None = None
+
+    @property
+    def turns(self) -> int:
+        return len(self.lanes) if self.at or self.target else 1
+
+
+class _Rerolling:
+    def __init__(self, lines: Sequence[Line], taken: set[str]) -> None:
+        self.lines = lines
+        self.taken = taken
+        self.stored: Stored = {}
+        self.out: list[Line] = []
+        self.used: Counter[str] = Counter()
+        self.single: dict[str, _Group] = {}
+        self.declared: set[str] = set()
+        for line in lines:
+            match = DECLARED.fullmatch(line.text)
+            text = line.text if match is None else match.group(4) or ""
+            self.used.update(parsed(text).operands)
+        identifiers = {word for line in lines for word in re.findall(r"[A-Za-z_]\w*", line.text)} | taken
+        self.index = next(name for name in ("i", "j", "k", "m", "n", "turn") if name not in identifiers)
+        self.taken |= identifiers
+
+    def run(self) -> list[Line]:
+        """All lines."""
+        k = 0
+        while k < len(self.lines):
+            end, kind = self._run_of(k)
+            if kind == "known":
+                self._known(k, end)
+            elif kind == "mutable":
+                self._mutable(k, end)
+            elif kind == "assigned":
+                self._assigned(k, end)
+            else:
+                self.out.append(self.lines[k])
+            k = end
+        return [Line(line.level, self._renamed(line.text), line.about) for line in self.out]
+
+    def _run_of(self, k: int) -> tuple[int, str]:
+        """Where the lines of one kind that begin here end, and their kind."""
+        kind, level = _kind(self.lines[k]), self.lines[k].level
+        end = k + 1
+        if kind:
+            while end < len(self.lines) and self.lines[end].level == level and _kind(self.lines[end]) == kind:
+                end += 1
+        return end, kind
+
+    def _renamed(self, text: str) -> str:
+        return parsed(text).written(lambda word: self._place_of(word))
+
+    def _place_of(self, word: str) -> str:
+        stored = self.stored.get(word)
+        return word if stored is None else f"{stored[0]}[{stored[1]}]"
+
+    def _array(self, stem: str) -> str:
+        stem = re.sub(r"_?\d+[a-z]?$", "", stem) or "v"
+        name = next(
+            one for one in (stem, *(f"{stem}_of{number}" for number in ("", *range(2, 10_000)))) if one not in self.taken
+        )
+        self.taken.add(name)
+        return name
+
+    # ---- numbers that are computed once -----------------------------------------------------------------------------
+
+    def _known(self, first: int, end: int) -> None:
+        """Declarations of constants, in an order in which what is alike stands together."""
+        statements = []
+        for k in range(first, end):
+            match = DECLARED.fullmatch(self.lines[k].text)
+            assert match is not None
+            statements.append(_Statement(self.lines[k], k, match.group(2), match.group(3), match.group(4)))
+        self.single = {}
+        groups = self._grouped(statements)
+        self._print(self._ordered(groups), self.lines[first].level)
+
+    def _grouped(self, statements: list[_Statement]) -> list[_Group]:
+        alike: defaultdict[tuple[object, ...], list[_Statement]] = defaultdict(list)
+        for one in statements:
+            alike[(one.line.visit, one.type, one.piece.template)].append(one)
+        groups: list[_Group] = []
+        for (visit, _, _), lanes in alike.items():
+            if visit is None or len(lanes) < LEAST:
+                made = [_Group([one]) for one in lanes]
+            else:
+                made = self._split(lanes)
+            self.single |= {group.lanes[0].name: group for group in made if not group.at}
+            groups += made
+        return groups
+
+    def _gather(self, lanes: list[_Statement]) -> None:
+        """Puts numbers that stand alone into an array, where the turns of a loop would take one after the other."""
+        for column in zip(*(one.piece.operands for one in lanes), strict=True):
+            if len(set(column)) == len(column) and all(
+                word in self.single and word not in self.stored for word in column
+            ):
+                first = self.single[column[0]].lanes[0]
+                if any(self.single[word].lanes[0].type != first.type for word in column):
+                    continue
+                array = self._array(column[0])
+                for k, word in enumerate(column):
+                    self.stored[word] = (array, k)
+                    self.single[word].array = array
+
+    def _split(self, lanes: list[_Statement]) -> list[_Group]:
+        """The groups that statements of one kind make: each as long as it goes, every so many of them."""
+        self._gather(lanes)
+        best: list[_Group] = []
+        for step in (1, 2, 3):
+            found: list[_Group] = []
+            for offset in range(step):
+                found += _in_runs(lanes[offset::step], self.stored)
+            if not best or len(found) < len(best):
+                best = found
+        for group in best:
+            if group.at:
+                group.array = self._array(group.lanes[0].name)
+                for k, one in enumerate(group.lanes):
+                    self.stored[one.name] = (group.array, k)
+        return best
+
+    def _ordered(self, groups: list[_Group]) -> list[_Group]:
+        """The groups in an order in which they can be computed; one that cannot is taken apart."""
+        maker = {one.name: group for group in groups for one in group.lanes}
+        order: list[_Group] = []
+        while True:
+            missing: dict[int, set[int]] = {}
+            users: defaultdict[int, list[_Group]] = defaultdict(list)
+            for group in groups:
+                needs = {
+                    id(maker[word])
+                    for one in group.lanes
+                    for word in one.piece.operands
+                    if word in maker
+                }
+                missing[id(group)] = needs
+                for need in needs:
+                    users[need].append(group)
+            ready = [group for group in groups if not missing[id(group)]]
+            order, done = [], set()
+            while ready:
+                group = self._next(ready, order)
+                ready.remove(group)
+                order.append(group)
+                done.add(id(group))
+                for user in users[id(group)]:
+                    missing[id(user)].discard(id(group))
+                    if not missing[id(user)] and id(user) not in done and user not in ready:
+                        ready.append(user)
+            stuck = [group for group in groups if id(group) not in done and len(group.lanes) > 1]
+            if len(order) == len(groups):
+                return order
+            broken = min(stuck, key=lambda group: group.lanes[0].place)
+            groups.remove(broken)
+            for k, one in enumerate(broken.lanes):
+                single = _Group([one], broken.array)
+                single.target = Access(broken.array, k, 0)
+                groups.append(single)
+                maker[one.name] = single
+
+    def _next(self, ready: list[_Group], order: list[_Group]) -> _Group:
+        """What goes on best: a loop of as many turns as the last, else what came first."""
+        if order and order[-1].at:
+            same = [group for group in ready if group.at and group.turns == order[-1].turns]
+            if same:
+                return min(same, key=lambda group: group.lanes[0].place)
+        return min(ready, key=lambda group: (len(group.lanes) > 1, group.lanes[0].place))
+
+    def _print(self, order: list[_Group], level: int) -> None:
+        k = 0
+        while k < len(order):
+            group = order[k]
+            if not group.at:
+                one = group.lanes[0]
+                if group.array:
+                    self._declare(one.type, group.array, level, one.line)
+                    text = f"{group.array}[{self.stored[one.name][1]}] = {one.piece.text};"
+                    self.out.append(Line(level, text, one.line.about))
+                else:
+                    self.out.append(one.line)
+                k += 1
+                continue
+            together = [group]
+            inside = {group.array}
+            while k + len(together) < len(order) and _goes_on(order[k + len(together)], group, inside):
+                together.append(order[k + len(together)])
+                inside.add(together[-1].array)
+            self._loop(together, level)
+            k += len(together)
+
+    def _declare(self, type: str, array: str, level: int, line: Line) -> None:
+        """Declares an array, unless that was done."""
+        if array not in self.declared:
+            self.declared.add(array)
+            size = 1 + max(at for name, at in self.stored.values() if name == array)
+            self.out.append(Line(level, f"{type} {array}[{size}];", line.about))
+
+    def _loop(self, groups: list[_Group], level: int) -> None:
+        """Writes groups of as many lanes as the turns of one loop."""
+        inside: Counter[str] = Counter(word for group in groups for one in group.lanes for word in one.piece.operands)
+        local = {
+            group.array
+            for group in groups
+            if all(inside[one.name] == self.used[one.name] for one in group.lanes)
+        }
+        body: list[Line] = []
+        about = groups[0].lanes[0].line.about
+        for group in groups:
+            one = group.lanes[0]
+            texts = [self._operand(access, local, level, one) for access in group.at]
+            text = one.piece.filled(texts)
+            if group.array in local:
+                body.append(Line(level + 1, f"const {one.type} {group.array} = {text};"))
+            else:
+                self._declare(one.type, group.array, level, one.line)
+                body.append(Line(level + 1, f"{group.array}[{self.index}] = {text};"))
+        self._turns(groups[0].turns, body, level, about)
+
+    def _turns(self, turns: int, body: list[Line], level: int, about: str) -> None:
+        self.out.append(Line(level, f"for (int {self.index} = 0; {self.index} < {turns}; ++{self.index}) {{", about))
+        self.out += body
+        self.out.append(Line(level, "}", about))
+
+    def _operand(self, access: Access, local: set[str], level: int, one: _Statement) -> str:
+        if access.numbers:
+            name = self._array("table")
+            numbers = ", ".join(access.numbers)
+            self.out.append(Line(level, f"static const {one.type} {name}[{len(access.numbers)}] = {{{numbers}}};"))
+            return f"{name}[{self.index}]"
+        if not access.step:
+            return self._place_of(access.text)
+        return access.array if access.array in local else access.element(self.index)
+
+    # ---- numbers that change ----------------------------------------------------------------------------------------
+
+    def _mutable(self, first: int, end: int) -> None:
+        """Declarations of variables: those with one stem become an array."""
+        k = first
+        while k < end:
+            stem = _stem(self.lines[k])
+            last = k + 1
+            while last < end and _stem(self.lines[last]) == stem:
+                last += 1
+            if last - k < LEAST:
+                self.out += self.lines[k:last]
+            else:
+                self._array_of_variables(k, last)
+            k = last
+
+    def _array_of_variables(self, first: int, end: int) -> None:
+        matches = [DECLARED.fullmatch(self.lines[k].text) for k in range(first, end)]
+        found = [match for match in matches if match is not None]
+        line, type = self.lines[first], found[0].group(2)
+        array = self._array(found[0].group(3))
+        for k, match in enumerate(found):
+            self.stored[match.group(3)] = (array, k)
+        self.out.append(Line(line.level, f"{type} {array}[{end - first}];", line.about))
+        starts = [
+            _Statement(self.lines[first + k], first + k, "", f"{array}[{k}]", match.group(4))
+            for k, match in enumerate(found)
+            if match.group(4) is not None
+        ]
+        self._print_assigned(starts, line.level)
+
+    def _assigned(self, first: int, end: int) -> None:
+        statements = []
+        for k in range(first, end):
+            match = ASSIGNED.fullmatch(self.lines[k].text)
+            assert match is not None
+            statements.append(_Statement(self.lines[k], k, "", match.group(1), match.group(2)))
+        self._print_assigned(statements, self.lines[first].level)
+
+    def _print_assigned(self, statements: list[_Statement], level: int) -> None:
+        """Assignments one after the other, in this very order."""
+        k = 0
+        while k < len(statements):
+            end = k + 1
+            template = statements[k].piece.template
+            while end < len(statements) and statements[end].piece.template == template:
+                end += 1
+            rows: list[Operands] = [(one.name, *one.piece.operands) for one in statements[k:end]]
+            count, at = accesses(rows, self.stored)
+            # A table of numbers that are written once is no shorter than the writing.
+            if count < LEAST or not at[0].step:
+                one = statements[k]
+                self.out.append(Line(level, f"{one.name} = {one.piece.text};", one.line.about))
+                k += 1
+                continue
+            one = statements[k]
+            texts = [self._operand(access, set(), level, _typed(one)) for access in at[1:]]
+            body = [Line(level + 1, f"{at[0].element(self.index)} = {one.piece.filled(texts)};")]
+            self._turns(count, body, level, one.line.about)
+            k += count
+
+
+def _typed(one: _Statement) -> _Statement:
+    one.type = one.type or ("float" if re.search(r"\d[\d.e-]*f\b", one.piece.text) else "double")
+    return one
+
+
+def _kind(line: Line) -> str:
+    match = DECLARED.fullmatch(line.text)
+    if match is not None:
+        return "known" if match.group(1) else "mutable"
+    return "assigned" if ASSIGNED.fullmatch(line.text) else ""
+
+
+def _stem(line: Line) -> tuple[str, str]:
+    match = DECLARED.fullmatch(line.text)
+    assert match is not None
+    return match.group(2), re.sub(r"_?\d+[a-z]?$", "", match.group(3))
+
+
+def _in_runs(lanes: list[_Statement], stored: Stored) -> list[_Group]:
+    groups = []
+    k = 0
+    while k < len(lanes):
+        count, at = accesses([one.piece.operands for one in lanes[k:]], stored)
+        if count < LEAST:
+            groups.append(_Group([lanes[k]]))
+            k += 1
+        else:
+            groups.append(_Group(lanes[k : k + count], at=at))
+            k += count
+    return groups
+
+
+def _goes_on(group: _Group, first: _Group, inside: set[str]) -> bool:
+    """Whether a group can be part of the same loop: of what that computes it takes the number of its own turn."""
+    if not group.at or group.turns != first.turns:
+        return False
+    for access in group.at:
+        if access.array in inside and (access.step, access.start) != (1, 0):
+            return False
+    # An operand that is the same in all turns may be an element of an array of this loop.
+    return not any(access.array in inside and not access.step for access in group.at)
