@@ -21,6 +21,7 @@ arguments stand earlier in its own region or in one around it. All operations ar
 | `eq ne lt le gt ge` | of one type | | b1 |
 | `select` | when b1, yes, no | | |
 | `isfinite` | float | | b1 |
+| `copy` | one | k | the same number, in the k-th of the program's arrays |
 | `convert` | one | | to the value's type; floats to integers towards zero, held at its ends, NaN to 0; b1 to 0 or 1 |
 | `bitcast` | one | | the same bits as another type of the same size |
 """
@@ -210,12 +211,14 @@ class Program:
     - `inputs`, `outputs`: in order.
     - `body`: the outermost region.
     - `name`: what the source calls it; empty for what is no function of the source.
+    - `arrays`: values that the source computes as one array, in C order, for printers that have arrays.
     """
 
     inputs: list[Input] = field(default_factory=list)
     outputs: list[Output] = field(default_factory=list)
     body: Region = field(default_factory=lambda: Region("whole", None))
     name: str = ""
+    arrays: list[tuple[Value, ...]] = field(default_factory=list)
 
     def walk(self) -> Iterator[Value]:
         """All values, blocks before what is in them, each region in order."""

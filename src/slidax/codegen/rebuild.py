@@ -50,6 +50,11 @@ class _Rebuilding:
         for new, old in zip(outputs, self.old.outputs, strict=True):
             new.values = None if old.values is None else self._all(old.values)
         self.builder.program.name = self.old.name
+        self.builder.program.arrays = [
+            tuple(self.made[value] for value in array)
+            for array in self.old.arrays
+            if all(value in self.made for value in array)
+        ]
         return self.builder.finish()
 
     def _function(self, program: Program) -> Program:

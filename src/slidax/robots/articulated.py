@@ -71,7 +71,7 @@ class Articulated(AbstractRobot):
 
         - `q`: positions [n].
         """
-        matrix: Matrix = _inertia(*_links(self, q), self.armature, self.parents)
+        matrix: Matrix = _inertia(*_links(self, self._frames(q)), self.armature, self.parents)
         return matrix
 
     def bias(self, q: Vector, dq: Vector) -> Vector:
@@ -79,7 +79,7 @@ class Articulated(AbstractRobot):
 
         - `q`, `dq`: positions and velocities [n].
         """
-        forces: Vector = _bias(*_links(self, q), dq, self.gravity_vector, self.parents)
+        forces: Vector = _bias(*_links(self, self._frames(q)), dq, self.gravity_vector, self.parents)
         return forces
 
     def friction(self, dq: Vector) -> Vector:
@@ -127,7 +127,8 @@ class Articulated(AbstractRobot):
         return tuple(unit == "rad" for unit in self.joint_units)
 
     def _frames(self, q: Vector) -> JointFrames:
-        return frames(self.rotations, self.translations, self.parents, self._revolute, q)
+        at: JointFrames = _frames(self.rotations, self.translations, q, self.parents, self._revolute)
+        return at
 
     def _bodies(self) -> Bodies:
         """The links about their joints' origins, with the payload as part of the link that carries the tip."""
@@ -143,9 +144,19 @@ class Articulated(AbstractRobot):
 
 # A law asks for these several times at each sample, and they are long: jit's memory saves tracing them anew, and in
 # exported C each stays a function. What both need in one posture is then computed once.
+@functools.partial(jax.jit, static_argnames=("parents", "revolute"))
+def _frames(
+    rotations: Float[Array, "n 3 3"],
+    translations: Float[Array, "n 3"],
+    q: Vector,
+    parents: tuple[int, ...],
+    revolute: tuple[bool, ...],
+) -> JointFrames:
+    return frames(rotations, translations, parents, revolute, q)
+
+
 @jax.jit
-def _links(arm: Articulated, q: Vector) -> tuple[Bodies, Axes]:
-    at = arm._frames(q)
+def _links(arm: Articulated, at: JointFrames) -> tuple[Bodies, Axes]:
     return from_the_base(arm._bodies(), at), axes(at, arm._revolute)
 
 

@@ -135,7 +135,7 @@ def _access(column: Sequence[str], stored: Stored) -> Access:
     first = column[0]
     place = _place(first, stored)
     if all(word == first for word in column):
-        return Access(text=first, array="" if place is None else place[0])
+        return Access("" if place is None else place[0], 0 if place is None else place[1], text=first)
     if place is None:
         return Access(numbers=tuple(column))
     second = _place(column[1], stored)

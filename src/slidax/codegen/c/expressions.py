@@ -89,6 +89,8 @@ class Expressions:
             when, yes, no = args
             # A choice within a choice reads only as an else-if.
             return f"{when.within(EITHER)} ? {yes.within(EITHER)} : {no.within(CHOICE)}", CHOICE
+        if op == "copy":
+            return args[0].text, args[0].precedence
         if op == "convert":
             return self._converted(type, of, args[0])
         if op == "bitcast":

@@ -19,12 +19,14 @@ class Line:
     - `text`: the rest.
     - `about`: what it computes, as a comment; empty for lines that compute nothing.
     - `visit`: equal for lines of one operation on arrays; None for others.
+    - `element`: the number of the array, and the place in it, that a declared number should have.
     """
 
     level: int
     text: str
     about: str = ""
     visit: object = None
+    element: tuple[int, int] | None = None
 
 
 def laid_out(lines: list[Line]) -> list[str]:

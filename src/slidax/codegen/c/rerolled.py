@@ -61,7 +61,7 @@ class _Group:
 
     @property
     def turns(self) -> int:
-        return len(self.lanes) if self.at or self.target else 1
+        return 1 if self.target is None else len(self.lanes)
 
 
 class _Rerolling:
@@ -131,8 +131,22 @@ class _Rerolling:
             assert match is not None
             statements.append(_Statement(self.lines[k], k, match.group(2), match.group(3), match.group(4)))
         self.single = {}
+        self._place_elements(statements)
         groups = self._grouped(statements)
         self._print(self._ordered(groups), self.lines[first].level)
+
+    def _place_elements(self, statements: list[_Statement]) -> None:
+        """Gives the numbers that the source computes as an array their places in one."""
+        arrays: defaultdict[tuple[int, str], list[_Statement]] = defaultdict(list)
+        for one in statements:
+            if one.line.element is not None:
+                arrays[(one.line.element[0], one.type)].append(one)
+        for those in arrays.values():
+            if len(those) >= LEAST:
+                array = self._array(those[0].name)
+                for one in those:
+                    assert one.line.element is not None
+                    self.stored[one.name] = (array, one.line.element[1])
 
     def _grouped(self, statements: list[_Statement]) -> list[_Group]:
         alike: defaultdict[tuple[object, ...], list[_Statement]] = defaultdict(list)
@@ -141,12 +155,15 @@ class _Rerolling:
         groups: list[_Group] = []
         for (visit, _, _), lanes in alike.items():
             if visit is None or len(lanes) < LEAST:
-                made = [_Group([one]) for one in lanes]
+                made = [self._alone(one) for one in lanes]
             else:
                 made = self._split(lanes)
-            self.single |= {group.lanes[0].name: group for group in made if not group.at}
+            self.single |= {group.lanes[0].name: group for group in made if group.target is None}
             groups += made
         return groups
+
+    def _alone(self, one: _Statement) -> _Group:
+        return _Group([one], self.stored[one.name][0] if one.name in self.stored else "")
 
     def _gather(self, lanes: list[_Statement]) -> None:
         """Puts numbers that stand alone into an array, where the turns of a loop would take one after the other."""
@@ -169,15 +186,37 @@ class _Rerolling:
         for step in (1, 2, 3):
             found: list[_Group] = []
             for offset in range(step):
-                found += _in_runs(lanes[offset::step], self.stored)
+                found += self._in_runs(lanes[offset::step])
             if not best or len(found) < len(best):
                 best = found
         for group in best:
-            if group.at:
+            if group.target is not None and not group.array:
                 group.array = self._array(group.lanes[0].name)
+                group.target = Access(group.array, 0, 1)
                 for k, one in enumerate(group.lanes):
                     self.stored[one.name] = (group.array, k)
         return best
+
+    def _in_runs(self, lanes: list[_Statement]) -> list[_Group]:
+        groups = []
+        k = 0
+        while k < len(lanes):
+            # Where the numbers go must follow a rule as well, if that is settled.
+            placed = [one.name in self.stored for one in lanes[k:]]
+            alike = next((n for n, one in enumerate(placed) if one != placed[0]), len(placed))
+            names = [(one.name,) if placed[0] else () for one in lanes[k : k + alike]]
+            rows = [(*name, *one.piece.operands) for name, one in zip(names, lanes[k : k + alike], strict=True)]
+            count, at = accesses(rows, self.stored)
+            if count < LEAST or (placed[0] and not at[0].step):
+                groups.append(self._alone(lanes[k]))
+                k += 1
+                continue
+            group = _Group(lanes[k : k + count], at=at[1:] if placed[0] else at)
+            group.target = at[0] if placed[0] else Access("", 0, 1)
+            group.array = group.target.array
+            groups.append(group)
+            k += count
+        return groups
 
     def _ordered(self, groups: list[_Group]) -> list[_Group]:
         """The groups in an order in which they can be computed; one that cannot is taken apart."""
@@ -212,16 +251,15 @@ class _Rerolling:
                 return order
             broken = min(stuck, key=lambda group: group.lanes[0].place)
             groups.remove(broken)
-            for k, one in enumerate(broken.lanes):
+            for one in broken.lanes:
                 single = _Group([one], broken.array)
-                single.target = Access(broken.array, k, 0)
                 groups.append(single)
                 maker[one.name] = single
 
     def _next(self, ready: list[_Group], order: list[_Group]) -> _Group:
         """What goes on best: a loop of as many turns as the last, else what came first."""
-        if order and order[-1].at:
-            same = [group for group in ready if group.at and group.turns == order[-1].turns]
+        if order and order[-1].target is not None:
+            same = [group for group in ready if group.turns == order[-1].turns]
             if same:
                 return min(same, key=lambda group: group.lanes[0].place)
         return min(ready, key=lambda group: (len(group.lanes) > 1, group.lanes[0].place))
@@ -230,7 +268,7 @@ class _Rerolling:
         k = 0
         while k < len(order):
             group = order[k]
-            if not group.at:
+            if group.target is None:
                 one = group.lanes[0]
                 if group.array:
                     self._declare(one.type, group.array, level, one.line)
@@ -241,10 +279,8 @@ class _Rerolling:
                 k += 1
                 continue
             together = [group]
-            inside = {group.array}
-            while k + len(together) < len(order) and _goes_on(order[k + len(together)], group, inside):
+            while k + len(together) < len(order) and _goes_on(order[k + len(together)], together):
                 together.append(order[k + len(together)])
-                inside.add(together[-1].array)
             self._loop(together, level)
             k += len(together)
 
@@ -261,7 +297,9 @@ class _Rerolling:
         local = {
             group.array
             for group in groups
-            if all(inside[one.name] == self.used[one.name] for one in group.lanes)
+            if group.target == Access(group.array, 0, 1)
+            and group.lanes[0].line.element is None
+            and all(inside[one.name] == self.used[one.name] for one in group.lanes)
         }
         body: list[Line] = []
         about = groups[0].lanes[0].line.about
@@ -273,7 +311,8 @@ class _Rerolling:
                 body.append(Line(level + 1, f"const {one.type} {group.array} = {text};"))
             else:
                 self._declare(one.type, group.array, level, one.line)
-                body.append(Line(level + 1, f"{group.array}[{self.index}] = {text};"))
+                assert group.target is not None
+                body.append(Line(level + 1, f"{group.target.element(self.index)} = {text};"))
         self._turns(groups[0].turns, body, level, about)
 
     def _turns(self, turns: int, body: list[Line], level: int, about: str) -> None:
@@ -371,26 +410,10 @@ def _stem(line: Line) -> tuple[str, str]:
     return match.group(2), re.sub(r"_?\d+[a-z]?$", "", match.group(3))
 
 
-def _in_runs(lanes: list[_Statement], stored: Stored) -> list[_Group]:
-    groups = []
-    k = 0
-    while k < len(lanes):
-        count, at = accesses([one.piece.operands for one in lanes[k:]], stored)
-        if count < LEAST:
-            groups.append(_Group([lanes[k]]))
-            k += 1
-        else:
-            groups.append(_Group(lanes[k : k + count], at=at))
-            k += count
-    return groups
-
-
-def _goes_on(group: _Group, first: _Group, inside: set[str]) -> bool:
-    """Whether a group can be part of the same loop: of what that computes it takes the number of its own turn."""
-    if not group.at or group.turns != first.turns:
+def _goes_on(group: _Group, loop: list[_Group]) -> bool:
+    """Whether a group can be part of a loop: of what that computes it takes the number of its own turn."""
+    if group.target is None or group.turns != loop[0].turns:
         return False
-    for access in group.at:
-        if access.array in inside and (access.step, access.start) != (1, 0):
-            return False
-    # An operand that is the same in all turns may be an element of an array of this loop.
-    return not any(access.array in inside and not access.step for access in group.at)
+    made = {one.target for one in loop}
+    arrays = {one.array for one in loop}
+    return all(access.array not in arrays or access in made for access in group.at)

@@ -71,6 +71,12 @@ def statements(
     writer.rows = rows
     writer.callees = callees
     writer.loops = loops
+    if loops:
+        # An element of two arrays lies in the longer one.
+        for which, array in sorted(enumerate(program.arrays), key=lambda pair: -len(pair[1])):
+            for k, value in enumerate(array):
+                if value.op not in ("const", "input") and value not in given:
+                    writer.together.setdefault(value, (which, k))
     writer.region(program.body)
     if writer.lines and assigned:
         writer.line("")

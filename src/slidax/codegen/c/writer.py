@@ -58,6 +58,8 @@ class Writer(ABC):
         self.reads: set[int] = set()
         self.places: dict[Value, str] = {}  # of inputs
         self.loops = False
+        # Values that are elements of an array, each with the number of the array and its place there.
+        self.together: dict[Value, tuple[int, int]] = {}
         self.called: list[Program] = []
         self.bytes = 0
         self.level = 1
@@ -76,7 +78,8 @@ class Writer(ABC):
         if value is None:
             self.lines.append(Line(self.level, text))
         else:
-            self.lines.append(Line(self.level, text, self.names.about(value), getattr(value.origin, "visit", None)))
+            visit = getattr(value.origin, "visit", None)
+            self.lines.append(Line(self.level, text, self.names.about(value), visit, self.together.get(value)))
 
     def fresh(self, hint: str | None) -> str:
         """A name that nothing has yet.
@@ -218,9 +221,13 @@ class Writer(ABC):
         - `value`: any.
         """
         name = self.names.of(value)
+        if value in self.together:
+            return False
         return self.placement.alone(value) and (value in self.placement.assigned or name is None or not name.firm)
 
     def _is_cheap(self, value: Value) -> bool:
         """Whether a value's expression is no longer than a name would be."""
+        if value in self.together:
+            return False
         arg = self.texts[value.args[0]]
         return arg.weight == 0 and (self.texts[value].text == arg.text or value.op in ("neg", "not"))

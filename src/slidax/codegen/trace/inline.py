@@ -14,7 +14,7 @@ from slidax.codegen.no_native_code import NoNativeCodeError, in_one_line
 from . import blocks, elementwise, indexing, random, reductions, shapes
 from .arrays import of_numbers
 from .expanded import expanded, linear_solve, platform_index
-from .library import Library
+from .library import Library, together
 from .origin import Origin, frames_of
 
 CALLS = {
@@ -128,6 +128,8 @@ class _Inlining:
                 shared = self._call(equation, arrays)
                 if shared is not None:
                     return shared
+            if name == "optimization_barrier" and self.library is not None:
+                return [together(self.builder, array) for array in arrays]
             if name in CALLS:
                 around, self.call = self.call, self.call or equation
                 results = self.run(_closed(equation.params[CALLS[name]]), arrays)

@@ -17,6 +17,12 @@ from .arrays import of_list, type_of
 Key = tuple[str, Any, int]
 """What an element of a result is: `("const", number, ...)`, `("input", element of the call's)`, `("output", which)`."""
 
+ROW = 3
+"""Elements that an array is worth."""
+
+PLACED = frozenset({"const", "input", "param", "result"})
+"""Values that lie somewhere already."""
+
 WORTH = 60
 """Operations from which on a function is worth its call."""
 
@@ -121,6 +127,23 @@ class Library:
             return written_out
         # Two traces of one function are one function.
         return Shared(self._programs.setdefault(digest(program), program), given, said, closed)
+
+
+def together(builder: Builder, array: Values) -> Values:
+    """An array that the source computes as one; an input that is an element of it is copied there.
+
+    - `builder`: of the program.
+    - `array`: whose elements are known.
+    """
+    if array.size < ROW or all(value.op in PLACED for value in array.flat):
+        return array
+    which = len(builder.program.arrays)
+    placed = [
+        builder.apply("copy", value, data=which) if value.op in PLACED and value.op != "const" else value
+        for value in array.flat
+    ]
+    builder.program.arrays.append(tuple(placed))
+    return of_list(placed, array.shape)
 
 
 def _number(value: Value) -> Any:
