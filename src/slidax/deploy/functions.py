@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 
@@ -9,11 +10,17 @@ from slidax.codegen.c import Callee, Dialect, Helpers, loop_invariant, statement
 from slidax.codegen.digest import digest
 from slidax.codegen.ir import Call, Program, Value, functions
 from slidax.codegen.naming import Names
+from slidax.codegen.naming.names import Name
 
 from .members import Member
 from .programs import Function, Place
 
+TYPES = ("status_bits", "measured", "wanted", "settings", "remembered", "workshop")
+"""What types are called in the file."""
+
 RESULT = "result"
+LEAST = 3
+"""Elements that an array has at least."""
 
 
 @dataclass
@@ -23,7 +30,6 @@ class Shared:
     - `program`: itself.
     - `name`: in C.
     - `places`: for each input, the parameter that all calls give; None: each call gives another.
-    - `kept`: what follows from the parameters alone, with its members of the workspace.
     - `lines`, `derived`: its body, and that of the function which computes what is kept.
     - `bytes`: what its variables take if each has a place of its own, those of the functions that it calls included.
     """
@@ -31,7 +37,6 @@ class Shared:
     program: Program
     name: str
     places: list[Place | None]
-    kept: list[tuple[Value, Member]] = field(default_factory=list)
     lines: list[str] = field(default_factory=list)
     derived: list[str] = field(default_factory=list)
     bytes: int = 0
@@ -54,10 +59,12 @@ class Shared:
 
         - `dialect`: how types are written.
         """
-        given = [
-            f"const {dialect.type(self.program.inputs[k].type)} {self.argument(k)}[{self.program.inputs[k].size}]"
-            for k in self.passed
-        ]
+        given = []
+        for k in self.passed:
+            entry = self.program.inputs[k]
+            brackets = f"[{entry.size}]" if entry.shape else ""
+            before = "const " if entry.shape else ""
+            given.append(f"{before}{dialect.type(entry.type)} {self.argument(k)}{brackets}")
         size = sum(output.size for output in self.program.outputs)
         return ", ".join([*given, f"{dialect.type('f64')} {RESULT}[{size}]"])
 
@@ -73,7 +80,10 @@ class Shared:
         - `element`: a number or an expression.
         """
         place = self.places[which]
-        return f"{self.argument(which)}[{element}]" if place is None else place.element(element)
+        if place is not None:
+            return place.element(element)
+        name = self.argument(which)
+        return f"{name}[{element}]" if self.program.inputs[which].shape else name
 
 
 class Library:
@@ -148,11 +158,10 @@ class Library:
         program = shared.program
         names = Names(program)
         fixed = {k for k, place in enumerate(shared.places) if place is not None}
-        shared.kept = [(value, members.add(value, names)) for value in loop_invariant(program, fixed)]
-        given = {value: f"workspace->{member.name}" for value, member in shared.kept}
+        given = members.add(loop_invariant(program, fixed), names)
         outputs = [value for output in program.outputs for value in output.values or ()]
         arguments = [shared.argument(k) for k in shared.passed]
-        taken = ("parameters", "workspace", RESULT, *arguments, *(one.name for one in self.shared))
+        taken = ("parameters", "workspace", RESULT, *TYPES, *arguments, *(one.name for one in self.shared))
         into = [(text, value) for value, text in given.items()]
         derived = statements(
             program, into, shared.read, dialect=dialect, names=names, callees=self.callee, loops=True, taken=taken
@@ -194,17 +203,33 @@ class Members:
         self.all: list[Member] = []
         self._taken = {"from", "known"}
 
-    def add(self, value: Value, names: Names) -> Member:
-        """A member for a value.
+    def add(self, values: Sequence[Value], names: Names) -> dict[Value, str]:
+        """How values are read that are kept: from members of their own, or from one if they are of one array.
 
-        - `value`: that is kept.
-        - `names`: of the program that it belongs to.
+        - `values`: that are kept.
+        - `names`: of the program that they belong to.
         """
-        name = names.of(value)
+        arrays: dict[object, list[Value]] = {}
+        for value in values:
+            visit = getattr(value.origin, "visit", None)
+            arrays.setdefault((value if visit is None else visit, value.type), []).append(value)
+        given: dict[Value, str] = {}
+        for those in arrays.values():
+            name = names.of(those[0])
+            if len(those) < LEAST:
+                given |= {value: f"workspace->{self._member(value, names.of(value), ()).name}" for value in those}
+            else:
+                member = self._member(those[0], name, (len(those),))
+                given |= {value: f"workspace->{member.name}[{k}]" for k, value in enumerate(those)}
+        return given
+
+    def _member(self, value: Value, name: Name | None, shape: tuple[int, ...]) -> Member:
         text = "derived" if name is None else name.text
+        if shape:
+            text = re.sub(r"_\d+$", "", text)
         free = next(one for one in _numbered(text) if one not in self._taken)
         self._taken.add(free)
-        self.all.append(Member(free, value.type, ()))
+        self.all.append(Member(free, value.type, shape))
         return self.all[-1]
 
 

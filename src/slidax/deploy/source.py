@@ -10,7 +10,7 @@ from slidax.codegen.ir import Value
 from slidax.codegen.naming import Names
 from slidax.codegen.naming.names import suffix
 
-from .functions import Library, Members, Shared, unused
+from .functions import TYPES, Library, Members, Shared, unused
 from .in_floats import in_floats
 from .members import Member
 from .programs import Function, Step
@@ -53,8 +53,8 @@ class Source:
 CALLS = 512
 """Bytes for what calls keep: return addresses, saved registers, arguments, numbers between two operations."""
 
-TAKEN = ("checked", "begun", "held", "derived", "kept_up", "answered", "settings", "workshop", "remembered")
-"""Names in the file that no function of the law's has."""
+TAKEN = ("checked", "begun", "held", "derived", "kept_up", "answered")
+"""Functions of the file that are not the law's."""
 
 
 def source(step: Step, dialect: Dialect) -> Source:
@@ -68,11 +68,10 @@ def source(step: Step, dialect: Dialect) -> Source:
     if dialect.real == "float":
         step = replace(step, begun=_fitted(step.begun), answered=_fitted(step.answered))
     answered = step.answered
-    library, members = Library((answered, step.begun), TAKEN), Members()
+    library, members = Library((answered, step.begun), (*TAKEN, *TYPES)), Members()
     names = Names(answered.program, _outputs(answered))
     parameters = {k for k, place in enumerate(answered.inputs) if place.pointer == "parameters->"}
-    kept = [(value, members.add(value, names)) for value in loop_invariant(answered.program, parameters)]
-    given = {value: f"workspace->{member.name}" for value, member in kept}
+    given = members.add(loop_invariant(answered.program, parameters), names)
     library.write(dialect, helpers, members)
     checked = body(step.checked, dialect, sample, helpers)
     begun = body(step.begun, dialect, (*sample, "workspace", "memory"), helpers, library)
@@ -133,7 +132,7 @@ def _body(
         names=names,
         callees=None if library is None else library.callee,
         loops=True,
-        taken=(*arguments, *local, *called),
+        taken=(*arguments, *local, *called, *TYPES, *TAKEN),
     )
     helpers.extend(written.helpers)
     deepest = 0 if library is None else library.deepest(written.called)

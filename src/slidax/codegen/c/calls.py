@@ -45,7 +45,8 @@ class CallWriter(Writer, ABC):
         place, given = 0, list(callee.shared)
         for k, entry in enumerate(call.program.inputs):
             if k in callee.passed:
-                given.append(self._array(entry, call.args[place : place + entry.size], callee))
+                elements = call.args[place : place + entry.size]
+                given.append(self._array(entry, elements, callee) if entry.shape else self.texts[elements[0]].text)
             place += entry.size
         size = sum(output.size for output in call.program.outputs)
         name = self.fresh(self._hint_of(call) or f"{callee.name}_result")

@@ -11,8 +11,14 @@ import re
 from collections import Counter, defaultdict
 from collections.abc import Sequence
 
+from .in_place import passed_in_place
+from ..naming import identifier
 from .alike import LEAST, Access, Operands, Piece, Stored, accesses, parsed
 from .layout import Line
+from .writer import LETTERS
+
+Local = dict[Access, str]
+"""Numbers that live for a turn, by where they would lie, with their names."""
 
 DECLARED = re.compile(r"(const )?(double|float|bool|u?int(?:32|64)_t) (\w+)(?: = (.*))?;")
 ASSIGNED = re.compile(r"([A-Za-z_]\w*(?:->\w+)?(?:\[\d+\])?) = (.*);")
@@ -95,7 +101,7 @@ class _Rerolling:
             else:
                 self.out.append(self.lines[k])
             k = end
-        return [Line(line.level, self._renamed(line.text), line.about) for line in self.out]
+        return passed_in_place([Line(line.level, self._renamed(line.text), line.about) for line in self.out])
 
     def _run_of(self, k: int) -> tuple[int, str]:
         """Where the lines of one kind that begin here end, and their kind."""
@@ -114,10 +120,11 @@ class _Rerolling:
         return word if stored is None else f"{stored[0]}[{stored[1]}]"
 
     def _array(self, stem: str) -> str:
-        stem = re.sub(r"_?\d+[a-z]?$", "", stem) or "v"
-        name = next(
-            one for one in (stem, *(f"{stem}_of{number}" for number in ("", *range(2, 10_000)))) if one not in self.taken
-        )
+        stem = re.sub(r"_?\d+[a-z]*$", "", stem) or "v"
+        stem = identifier(stem)
+        name, letters = stem, iter(LETTERS)
+        while name in self.taken:
+            name = f"{stem}_{next(letters)}"
         self.taken.add(name)
         return name
 
@@ -189,12 +196,15 @@ class _Rerolling:
                 found += self._in_runs(lanes[offset::step])
             if not best or len(found) < len(best):
                 best = found
+        # The rows of a matrix lie one behind the other.
+        array, start = "", 0
         for group in best:
             if group.target is not None and not group.array:
-                group.array = self._array(group.lanes[0].name)
-                group.target = Access(group.array, 0, 1)
+                array = group.array = array or self._array(group.lanes[0].name)
+                group.target = Access(array, start, 1)
                 for k, one in enumerate(group.lanes):
-                    self.stored[one.name] = (group.array, k)
+                    self.stored[one.name] = (array, start + k)
+                start += len(group.lanes)
         return best
 
     def _in_runs(self, lanes: list[_Statement]) -> list[_Group]:
@@ -294,24 +304,25 @@ class _Rerolling:
     def _loop(self, groups: list[_Group], level: int) -> None:
         """Writes groups of as many lanes as the turns of one loop."""
         inside: Counter[str] = Counter(word for group in groups for one in group.lanes for word in one.piece.operands)
-        local = {
-            group.array
-            for group in groups
-            if group.target == Access(group.array, 0, 1)
-            and group.lanes[0].line.element is None
-            and all(inside[one.name] == self.used[one.name] for one in group.lanes)
-        }
+        local: Local = {}
+        for group in groups:
+            if group.lanes[0].line.element is None and all(
+                inside[one.name] == self.used[one.name] for one in group.lanes
+            ):
+                assert group.target is not None
+                whole = len(group.lanes) == sum(array == group.array for array, _ in self.stored.values())
+                local[group.target] = group.array if whole else self._array(group.lanes[0].name)
         body: list[Line] = []
         about = groups[0].lanes[0].line.about
         for group in groups:
             one = group.lanes[0]
             texts = [self._operand(access, local, level, one) for access in group.at]
             text = one.piece.filled(texts)
-            if group.array in local:
-                body.append(Line(level + 1, f"const {one.type} {group.array} = {text};"))
+            assert group.target is not None
+            if group.target in local:
+                body.append(Line(level + 1, f"const {one.type} {local[group.target]} = {text};"))
             else:
                 self._declare(one.type, group.array, level, one.line)
-                assert group.target is not None
                 body.append(Line(level + 1, f"{group.target.element(self.index)} = {text};"))
         self._turns(groups[0].turns, body, level, about)
 
@@ -320,7 +331,7 @@ class _Rerolling:
         self.out += body
         self.out.append(Line(level, "}", about))
 
-    def _operand(self, access: Access, local: set[str], level: int, one: _Statement) -> str:
+    def _operand(self, access: Access, local: Local, level: int, one: _Statement) -> str:
         if access.numbers:
             name = self._array("table")
             numbers = ", ".join(access.numbers)
@@ -328,7 +339,7 @@ class _Rerolling:
             return f"{name}[{self.index}]"
         if not access.step:
             return self._place_of(access.text)
-        return access.array if access.array in local else access.element(self.index)
+        return local[access] if access in local else access.element(self.index)
 
     # ---- numbers that change ----------------------------------------------------------------------------------------
 
@@ -370,7 +381,16 @@ class _Rerolling:
         self._print_assigned(statements, self.lines[first].level)
 
     def _print_assigned(self, statements: list[_Statement], level: int) -> None:
-        """Assignments one after the other, in this very order."""
+        """Assignments one after the other, in this very order, unless none reads what another writes."""
+        written = {one.name for one in statements}
+        if len(written) == len(statements) and not any(
+            self._place_of(word) in written for one in statements for word in one.piece.operands
+        ):
+            kinds: dict[object, list[_Statement]] = {}
+            for one in statements:
+                arrays = tuple(self._place_of(word).partition("[")[0] for word in (one.name, *one.piece.operands))
+                kinds.setdefault((one.piece.template, *arrays), []).append(one)
+            statements = [one for those in kinds.values() for one in those]
         k = 0
         while k < len(statements):
             end = k + 1
@@ -386,7 +406,7 @@ class _Rerolling:
                 k += 1
                 continue
             one = statements[k]
-            texts = [self._operand(access, set(), level, _typed(one)) for access in at[1:]]
+            texts = [self._operand(access, {}, level, _typed(one)) for access in at[1:]]
             body = [Line(level + 1, f"{at[0].element(self.index)} = {one.piece.filled(texts)};")]
             self._turns(count, body, level, one.line.about)
             k += count
@@ -407,7 +427,7 @@ def _kind(line: Line) -> str:
 def _stem(line: Line) -> tuple[str, str]:
     match = DECLARED.fullmatch(line.text)
     assert match is not None
-    return match.group(2), re.sub(r"_?\d+[a-z]?$", "", match.group(3))
+    return match.group(2), re.sub(r"(_?\d+[a-z]*|_[a-z]{1,2})$", "", match.group(3))
 
 
 def _goes_on(group: _Group, loop: list[_Group]) -> bool:
@@ -415,5 +435,12 @@ def _goes_on(group: _Group, loop: list[_Group]) -> bool:
     if group.target is None or group.turns != loop[0].turns:
         return False
     made = {one.target for one in loop}
-    arrays = {one.array for one in loop}
-    return all(access.array not in arrays or access in made for access in group.at)
+    places = {place for one in loop for place in _places(one.target, one.turns)}
+    return all(access in made or not places & _places(access, group.turns) for access in group.at)
+
+
+def _places(access: Access | None, turns: int) -> set[tuple[str, int]]:
+    """The elements that are found in the turns of a loop."""
+    if access is None or not access.array:
+        return set()
+    return {(access.array, access.start + turn * access.step) for turn in range(turns)}

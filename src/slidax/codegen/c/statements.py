@@ -71,6 +71,7 @@ def statements(
     writer.rows = rows
     writer.callees = callees
     writer.loops = loops
+    writer.expressions.alike = loops
     if loops:
         # An element of two arrays lies in the longer one.
         for which, array in sorted(enumerate(program.arrays), key=lambda pair: -len(pair[1])):

@@ -19,7 +19,8 @@ Read = Callable[[int, int | str], str]
 Rows = Callable[[int, str, int], str]
 """From an output's number, the expression of a row and the number of an element, to where that element is written."""
 
-_LETTERS = [first + second for first in ["", *"bcdefghijklmnopqrstuvwxyz"] for second in "bcdefghijklmnopqrstuvwxyz"]
+LETTERS = [first + second for first in ["", *"bcdefghijklmnopqrstuvwxyz"] for second in "bcdefghijklmnopqrstuvwxyz"]
+"""What is put behind a name that is taken."""
 
 HEAVY = 7
 """Operations that a line may hold."""
@@ -89,7 +90,7 @@ class Writer(ABC):
         if hint is None:
             self._unnamed += 1
             hint = f"v{self._unnamed}"
-        name, letters = hint, iter(_LETTERS)
+        name, letters = hint, iter(LETTERS)
         while name in self.taken:
             name = f"{hint}{'' if hint[-1].isdigit() else '_'}{next(letters)}"
         self.taken.add(name)

@@ -10,7 +10,7 @@ import numpy as np
 
 from slidax.codegen.builder import Builder, Values
 from slidax.codegen.digest import digest
-from slidax.codegen.ir import BLOCKS, Program, Value
+from slidax.codegen.ir import BLOCKS, Call, Program, Value
 
 from .arrays import of_list, type_of
 
@@ -25,6 +25,9 @@ PLACED = frozenset({"const", "input", "param", "result"})
 
 WORTH = 60
 """Operations from which on a function is worth its call."""
+
+EACH = 2.5
+"""Operations for each number that it leaves, likewise."""
 
 
 @dataclass(frozen=True)
@@ -61,7 +64,7 @@ class Library:
         - `run`: from another builder, a closed jaxpr and arguments to results.
         """
         closed = equation.params["jaxpr"]
-        if any(atom.aval.dtype != np.float64 for atom in (*closed.jaxpr.invars, *closed.jaxpr.outvars)):
+        if not _fits(closed.jaxpr):
             return None
         # What is known is no argument: it is simplified away.
         known = tuple(tuple(_number(value) for value in array.ravel()) for array in arrays)
@@ -93,7 +96,13 @@ class Library:
         given: list[int] = []
         inside: list[Values] = []
         for k, array in enumerate(arrays):
-            if closed.jaxpr.invars[k] not in used or all(value.op == "const" for value in array.flat):
+            atom = closed.jaxpr.invars[k]
+            if atom.aval.dtype == np.bool_ and atom in used:
+                # Both answers are in one function.
+                given.append(k)
+                inside.append(builder.input(f"x{k}", "b1", ()))
+                continue
+            if atom not in used or all(value.op == "const" for value in array.flat):
                 numbers = [value.data if value.op == "const" else 0.0 for value in array.flat]
                 inside.append(of_list([builder.constant(number, "f64") for number in numbers], array.shape))
                 continue
@@ -113,7 +122,7 @@ class Library:
             values = list(result.flat)
             if all(value.op == "const" for value in values):
                 elements: list[Any] = [("const", value.data) for value in values]
-            elif all(value.op == "input" for value in values):
+            elif all(value.op == "input" for value in values) and _in_order(values):
                 elements = [("input", at[value.data]) for value in values]
             else:
                 # All of an array, so that it lies there as one.
@@ -123,10 +132,16 @@ class Library:
         builder.output("result", "f64", of_list(outputs, (len(outputs),)))
         builder.program.name = name.strip("_") or "function"
         program = builder.finish()
-        if sum(value.op not in ("const", "input", "result") and value.op not in BLOCKS for value in program.walk()) < WORTH:
+        if _cost(program) < max(WORTH, EACH * len(outputs)):
             return written_out
         # Two traces of one function are one function.
         return Shared(self._programs.setdefault(digest(program), program), given, said, closed)
+
+
+def _in_order(values: Sequence[Value]) -> bool:
+    """Whether inputs lie one after the other."""
+    which, first = values[0].data
+    return all(value.data == (which, first + k) for k, value in enumerate(values))
 
 
 def together(builder: Builder, array: Values) -> Values:
@@ -147,7 +162,22 @@ def together(builder: Builder, array: Values) -> Values:
 
 
 def _number(value: Value) -> Any:
-    return value.data.hex() if value.op == "const" else None
+    return value.data.hex() if value.op == "const" and value.type == "f64" else None
+
+
+def _cost(program: Program) -> int:
+    """How many operations a program has, those of what it calls included."""
+    return sum(
+        _cost(value.program) if isinstance(value, Call) else value.op not in PLACED and value.op not in BLOCKS
+        for value in program.walk()
+    )
+
+
+def _fits(jaxpr: Any) -> bool:
+    """Whether it takes doubles, and truth values one by one, and gives doubles."""
+    return all(
+        atom.aval.dtype == np.float64 or (atom.aval.dtype == np.bool_ and atom.aval.shape == ()) for atom in jaxpr.invars
+    ) and all(atom.aval.dtype == np.float64 for atom in jaxpr.outvars)
 
 
 def _length(jaxpr: Any) -> int:
