@@ -36,7 +36,8 @@ class Source:
     - `functions`: those that the law calls, each after those that it calls itself.
     - `workspace`: members for what follows from the parameters alone.
     - `helpers`: the lines of the small functions that they call.
-    - `bytes`: a bound of the stack that a step takes: all functions in line, each variable in a place of its own.
+    - `bytes`: a bound of the stack that a step takes: each variable of a block in a place of its own, blocks and
+      functions that follow each other in the same.
     """
 
     checked: Body
@@ -52,6 +53,9 @@ class Source:
 
 CALLS = 512
 """Bytes for what calls keep: return addresses, saved registers, arguments, numbers between two operations."""
+
+SPILLED = 1.2
+"""What a compiler that unrolls loops takes beside the variables, as a share of them."""
 
 TAKEN = ("checked", "begun", "held", "derived", "kept_up", "answered")
 """Functions of the file that are not the law's."""
@@ -80,8 +84,9 @@ def source(step: Step, dialect: Dialect) -> Source:
     derived = _body(answered, into, dialect, ("parameters", "workspace"), helpers, names, {}, library)
     arguments = (*sample, "workspace", "memory", "command")
     inside = _body(answered, answered.assigned, dialect, arguments, helpers, names, given, library)
-    total = sum(each.bytes for each in (checked, begun, held, derived, inside)) + CALLS
-    total += max((each.derived_bytes for each in library.shared), default=0)
+    # One after the other, and never one within another but what `derived` calls.
+    deriving = derived.bytes + max((each.derived_bytes for each in library.shared), default=0)
+    total = round(SPILLED * max(checked.bytes, held.bytes, begun.bytes, deriving, inside.bytes)) + CALLS
     lines = [*derived.lines, *(line for each in library.shared for line in each.derived)]
     return Source(
         checked=checked,

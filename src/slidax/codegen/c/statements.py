@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from ..ir import Program, Value
+from ..ir import Call, Program, Value
 from ..naming import Names
 from .blocks import BlockWriter
 from .calls import Callees
@@ -14,7 +14,12 @@ from .helpers import Helpers
 from .layout import laid_out
 from .placement import Placement
 from .rerolled import rerolled
+from .scopes import scoped, stack
 from .writer import Read, Rows
+
+
+PLACED = frozenset({"const", "input", "param", "result"})
+"""Values that lie somewhere already."""
 
 
 @dataclass(frozen=True)
@@ -25,7 +30,7 @@ class Statements:
     - `helpers`: the small functions that it calls.
     - `reads`: the numbers of the inputs that it reads.
     - `called`: the functions that it calls, each as often as it does.
-    - `bytes`: what its variables take if each has a place of its own; a compiler needs less.
+    - `bytes`: what its variables take if each of a block has a place of its own; a compiler needs less.
     """
 
     lines: list[str]
@@ -78,9 +83,24 @@ def statements(
             for k, value in enumerate(array):
                 if value.op not in ("const", "input") and value not in given:
                     writer.together.setdefault(value, (which, k))
+        for number, array in enumerate(_arguments(program), start=len(program.arrays)):
+            if all(value.op not in PLACED and value not in given and value not in writer.together for value in array):
+                writer.together |= {value: (number, k) for k, value in enumerate(array)}
     writer.region(program.body)
     if writer.lines and assigned:
         writer.line("")
     writer.assign(assigned)
-    lines = rerolled(writer.lines, writer.taken) if loops else writer.lines
-    return Statements(laid_out(lines), writer.helpers, frozenset(writer.reads), writer.bytes, writer.called)
+    lines = scoped(rerolled(writer.lines, writer.taken)) if loops else writer.lines
+    texts = laid_out(lines)
+    return Statements(texts, writer.helpers, frozenset(writer.reads), stack(texts), writer.called)
+
+
+def _arguments(program: Program) -> Iterator[tuple[Value, ...]]:
+    """The arrays that calls are given."""
+    for call in program.walk():
+        if isinstance(call, Call):
+            place = 0
+            for entry in call.program.inputs:
+                if entry.shape:
+                    yield call.args[place : place + entry.size]
+                place += entry.size
