@@ -51,10 +51,10 @@ class Source:
     bytes: int
 
 
-CALLS = 512
+CALLS = 640
 """Bytes for what calls keep: return addresses, saved registers, arguments, numbers between two operations."""
 
-SPILLED = 1.2
+SPILLED = 1.25
 """What a compiler that unrolls loops takes beside the variables, as a share of them."""
 
 TAKEN = ("checked", "begun", "held", "derived", "kept_up", "answered")

@@ -70,27 +70,34 @@ def scoped(lines: Sequence[Line]) -> list[Line]:
     return out
 
 
-def stack(lines: Sequence[str]) -> int:
-    """Bytes that the variables of a function take, those of blocks that follow each other in the same place.
+def stack(lines: Sequence[Line]) -> int:
+    """Bytes that the variables of a function take: arrays as long as their block lasts, numbers while they are needed.
 
     - `lines`: of its body.
     """
-    depth = [0]
-    deepest = [0]
-    for line in lines:
-        text = line.strip()
-        if text.startswith("}") and text != "};":
-            inner, most = depth.pop(), deepest.pop()
-            deepest[-1] = max(deepest[-1], inner + most)
-        if text.startswith("for ("):
-            depth[-1] += 8
-        match = DECLARED.match(text)
-        if match is not None:
-            depth[-1] += SIZES[match.group(2)] * int(match.group(4) or 1)
-        if text.endswith("{") and match is None:
-            depth.append(0)
-            deepest.append(0)
-    return depth[0] + deepest[0]
+    items = _items(lines)
+    variables = _variables(items).values()
+    arrays = sum(one.bytes for one in variables if one.bytes > 8)
+    most = 0
+    for k, item in enumerate(items):
+        alive = sum(one.bytes for one in variables if one.bytes <= 8 and one.first <= k <= one.last)
+        most = max(most, alive + _within(item))
+    return arrays + most
+
+
+def _within(item: _Item) -> int:
+    """Bytes that the blocks of an item take: only one of them at a time."""
+    if len(item.lines) < 3 or DECLARED.match(item.lines[0].text):
+        return 0
+    level, most = item.lines[0].level, 0
+    part: list[Line] = []
+    for line in item.lines:
+        if line.level != level:
+            part.append(line)
+        elif part:
+            most = max(most, stack(part))
+            part = []
+    return most + (8 if item.lines[0].text.startswith("for (") else 0)
 
 
 def _inner(item: _Item) -> list[Line]:

@@ -91,8 +91,7 @@ def statements(
         writer.line("")
     writer.assign(assigned)
     lines = scoped(rerolled(writer.lines, writer.taken)) if loops else writer.lines
-    texts = laid_out(lines)
-    return Statements(texts, writer.helpers, frozenset(writer.reads), stack(texts), writer.called)
+    return Statements(laid_out(lines), writer.helpers, frozenset(writer.reads), stack(lines), writer.called)
 
 
 def _arguments(program: Program) -> Iterator[tuple[Value, ...]]:
