@@ -31,7 +31,7 @@ def render(template: str, values: dict[str, Any]) -> str:
         keep_trailing_newline=True,
     )
     environment.filters |= {"comment": comment, "capitalised": _capitalised, "wrapped": _wrapped}
-    environment.globals |= {"declared": declared, "initialised": initialised}
+    environment.globals |= {"declared": declared, "initialised": initialised, "tables": tables}
     return environment.get_template(template).render(values)
 
 
@@ -71,6 +71,22 @@ def initialised(members: Sequence[Member], dialect: Dialect) -> list[str]:
         else:
             rows = textwrap.wrap(f".{member.name} = {{{', '.join(numbers)}}},", 100, break_long_words=False)
             lines += [rows[0], *(f"    {row}" for row in rows[1:])]
+    return lines
+
+
+def tables(members: Sequence[Member], dialect: Dialect) -> list[str]:
+    """The lines that define arrays of known numbers.
+
+    - `members`: with their numbers.
+    - `dialect`: how types and numbers are written.
+    """
+    lines: list[str] = []
+    for member in members:
+        assert member.values is not None
+        numbers = ", ".join(_number(number, member, dialect) for number in member.values.ravel())
+        lines.append(f"static const {dialect.type(member.type)} {member.name}[{member.size}] = {{")
+        lines += [f"    {row}" for row in textwrap.wrap(numbers, 100, break_long_words=False)]
+        lines += ["};", ""]
     return lines
 
 
