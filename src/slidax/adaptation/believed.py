@@ -48,7 +48,8 @@ class Believed(AbstractRobot):
 
         - `q`: positions [n].
         """
-        return with_rotors(self.nominal.mass(q), self.rotor, self.counted)
+        believed: Matrix = with_rotors(self.nominal.mass(q), self.rotor, self.counted)
+        return believed
 
     def bias(self, q: Vector, dq: Vector) -> Vector:
         """That of the nominal arm, `C0 q̇ + G0`, [n], N m or N.

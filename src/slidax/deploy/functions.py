@@ -145,8 +145,7 @@ class Library:
             if shared is not None:
                 calls = seen.get(id(shared), [])
                 shared.places = [
-                    given[0] if len({_text(one) for one in given}) == 1 else None
-                    for given in zip(*calls, strict=True)
+                    given[0] if len({_text(one) for one in given}) == 1 else None for given in zip(*calls, strict=True)
                 ]
                 callers = [(shared.program, shared.places)]
             for program, places in callers:
@@ -241,9 +240,7 @@ def unused(lines: list[str], arguments: Sequence[str]) -> list[str]:
     """
     text = "\n".join(lines)
     marks = ("->", "[", ",", ")")
-    return [
-        f"    (void){name};" for name in arguments if not any(f"{name}{mark}" in text for mark in marks)
-    ] + lines
+    return [f"    (void){name};" for name in arguments if not any(f"{name}{mark}" in text for mark in marks)] + lines
 
 
 def _given(call: Call, places: Sequence[Place | None]) -> list[Place | None]:

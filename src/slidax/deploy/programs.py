@@ -199,7 +199,7 @@ def arm_program(plant: Plant) -> Function:
 
 def _tables(tree: Any) -> tuple[Any, Any]:
     """A tree's long arrays, and the rest of it."""
-    return eqx.partition(tree, lambda leaf: eqx.is_array(leaf) and leaf.size >= LONG)  # type: ignore[no-any-return]
+    return eqx.partition(tree, lambda leaf: eqx.is_array(leaf) and leaf.size >= LONG)
 
 
 def _tabled(long: Any, owner: str) -> list[Member]:

@@ -167,7 +167,7 @@ def _inertia(bodies: Bodies, moved: Axes, armature: Vector, parents: tuple[int, 
 
 
 @functools.partial(jax.jit, static_argnames="parents")
-def _bias(bodies: Bodies, moved: Axes, dq: Vector, gravity: Vector, parents: tuple[int, ...]) -> Vector:
+def _bias(bodies: Bodies, moved: Axes, dq: Vector, gravity: Float[Array, "3"], parents: tuple[int, ...]) -> Vector:
     return bias_forces(bodies, moved, parents, dq, gravity)
 
 

@@ -8,8 +8,8 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 from ..ir import Call, Input, Program, Value
-from .layout import INDENT, WIDTH
 from .expressions import Written
+from .layout import INDENT, WIDTH
 from .writer import Writer
 
 

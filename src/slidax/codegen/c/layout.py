@@ -9,6 +9,9 @@ from dataclasses import dataclass
 
 INDENT = "    "
 WIDTH = 100
+MARKS = (", ", " + ", " - ", " * ", " && ", " || ", " ? ", " : ", " = ")
+"""Where a line may be broken."""
+
 MORE = 10
 """Letters that a line may have beyond that before it is broken."""
 
@@ -59,7 +62,7 @@ def _broken(line: Line) -> list[str]:
     text, before = line.text, INDENT * line.level
     texts: list[str] = []
     while len(before) + len(text) > WIDTH + MORE:
-        at = max(text.rfind(mark, 0, WIDTH - len(before)) for mark in (", ", " + ", " - ", " * ", " && ", " || ", " ? ", " : ", " = "))
+        at = max(text.rfind(mark, 0, WIDTH - len(before)) for mark in MARKS)
         if at <= 0:
             break
         at += 1 if text[at] == "," else 2 if text[at + 1] == "=" else 0

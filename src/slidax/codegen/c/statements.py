@@ -17,7 +17,6 @@ from .rerolled import rerolled
 from .scopes import scoped, stack
 from .writer import Read, Rows
 
-
 PLACED = frozenset({"const", "input", "param", "result"})
 """Values that lie somewhere already."""
 

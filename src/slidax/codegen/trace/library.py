@@ -81,7 +81,8 @@ class Library:
             kind, data = one
             if kind == "const":
                 return builder.constant(data, "f64")
-            return args[data] if kind == "input" else made[data]
+            value: Value = args[data] if kind == "input" else made[data]
+            return value
 
         return [of_list([element(one) for one in elements], shape) for shape, elements in shared.results]
 
@@ -107,21 +108,22 @@ class Library:
                 inside.append(of_list([builder.constant(number, "f64") for number in numbers], array.shape))
                 continue
             given.append(k)
-            elements = builder.input(f"x{k}", type_of(np.float64), array.shape)
+            own = builder.input(f"x{k}", type_of(np.float64), array.shape)
             mixed = [
                 builder.constant(old.data, old.type) if old.op == "const" else new
-                for old, new in zip(array.flat, elements.flat, strict=True)
+                for old, new in zip(array.flat, own.flat, strict=True)
             ]
             inside.append(of_list(mixed, array.shape))
         results = run(builder, closed, inside, name)
         places = [(k, element) for k, which in enumerate(given) for element in range(arrays[which].size)]
         at = {place: number for number, place in enumerate(places)}
         outputs: list[Value] = []
-        said = []
+        said: list[tuple[tuple[int, ...], list[Any]]] = []
+        elements: list[Any]
         for result in results:
             values = list(result.flat)
             if all(value.op == "const" for value in values):
-                elements: list[Any] = [("const", value.data) for value in values]
+                elements = [("const", value.data) for value in values]
             elif all(value.op == "input" for value in values) and _in_order(values):
                 elements = [("input", at[value.data]) for value in values]
             else:
@@ -176,7 +178,8 @@ def _cost(program: Program) -> int:
 def _fits(jaxpr: Any) -> bool:
     """Whether it takes doubles, and truth values one by one, and gives doubles."""
     return all(
-        atom.aval.dtype == np.float64 or (atom.aval.dtype == np.bool_ and atom.aval.shape == ()) for atom in jaxpr.invars
+        atom.aval.dtype == np.float64 or (atom.aval.dtype == np.bool_ and atom.aval.shape == ())
+        for atom in jaxpr.invars
     ) and all(atom.aval.dtype == np.float64 for atom in jaxpr.outvars)
 
 

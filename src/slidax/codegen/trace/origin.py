@@ -43,7 +43,11 @@ class Origin:
     __slots__ = ("element", "equation", "shape", "visit", "within")
 
     def __init__(
-        self, equation: Any, element: int | None = None, shape: tuple[int, ...] = (), within: str | None = None,
+        self,
+        equation: Any,
+        element: int | None = None,
+        shape: tuple[int, ...] = (),
+        within: str | None = None,
         visit: object = None,
     ) -> None:
         self.equation = equation
