@@ -36,6 +36,7 @@ FILES = {
     "example.c.j2": "example.c",
     "CMakeLists.txt.j2": "CMakeLists.txt",
     "README.md.j2": "README.md",
+    "clang-tidy.j2": ".clang-tidy",
 }
 """Templates, and the files that they become."""
 

@@ -1,8 +1,8 @@
 """Statements that are alike for all joints, as loops over arrays.
 
-What the trace has taken apart into its numbers is put together again at the end: statements of one operation on an array
-that differ in nothing but the elements that they take become the turns of a loop, and what they compute an array. No
-operation is added, left out or reordered within an expression, so that nothing changes in the numbers.
+What the trace has taken apart into its numbers is put together again at the end: statements of one operation on an
+array that differ in nothing but the elements that they take become the turns of a loop, and what they compute an array.
+No operation is added, left out or reordered within an expression, so that nothing changes in the numbers.
 """
 
 from __future__ import annotations
@@ -139,7 +139,7 @@ class _Rerolling:
         self._turns(groups[0].turns, body, level, about)
 
     def _turns(self, turns: int, body: list[Line], level: int, about: str) -> None:
-        self.out.append(Line(level, f"for (int {self.index} = 0; {self.index} < {turns}; ++{self.index}) {{", about))
+        self.out.append(Line(level, f"for (size_t {self.index} = 0; {self.index} < {turns}; ++{self.index}) {{", about))
         self.out += body
         self.out.append(Line(level, "}", about))
 

@@ -1,4 +1,4 @@
-"""Functions that stay functions: what the source wraps in `jax.jit` and is long becomes a program that many calls share."""
+"""Functions that stay functions: what the source wraps in `jax.jit`, and is long, becomes a program of its own."""
 
 from __future__ import annotations
 
