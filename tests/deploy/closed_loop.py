@@ -16,6 +16,11 @@ LOOP = """
 #include <math.h>
 #include <stdio.h>
 
+#define MOST 256
+
+long turns[{searches} + 1];
+static long histogram[{searches} + 1][MOST];
+
 int main(void)
 {{
     static slidax_law_parameters parameters;
@@ -52,13 +57,27 @@ int main(void)
                 worst = fabs(plant.then[0].q[i] - wanted.q[i]);
             }}
         }}
+        for (i = 0; i < {searches}; ++i) {{
+            turns[i] = 0;
+        }}
         seen |= slidax_law_step(&measurement, &reference, &state, &parameters, &command);
         for (i = 0; i < {n}; ++i) {{
             tau[i] = (double)command.tau[i];
         }}
+        for (i = 0; i < {searches}; ++i) {{
+            ++histogram[i][turns[i] < MOST ? turns[i] : MOST - 1];
+        }}
         slidax_arm_move(&plant, {period}, tau);
     }}
     printf("%lu %.9g\\n", seen, worst);
+    for (i = 0; i < {searches}; ++i) {{
+        for (k = 0; k < MOST; ++k) {{
+            if (histogram[i][k] > 0) {{
+                printf("%ld:%ld ", k, histogram[i][k]);
+            }}
+        }}
+        printf("\\n");
+    }}
     return 0;
 }}
 """
@@ -69,10 +88,12 @@ class Kept(NamedTuple):
 
     - `status`: all bits that a step said.
     - `steady`: the largest error in its last quarter, rad or m.
+    - `turns`: for each search of the law, how many turns it took in how many steps.
     """
 
     status: int
     steady: float
+    turns: list[dict[int, int]]
 
 
 def closed_loop(scenario: Any, folder: Path, *, single: bool) -> Kept:
@@ -86,13 +107,30 @@ def closed_loop(scenario: Any, folder: Path, *, single: bool) -> Kept:
     law = project(scenario, name="law", single=single, with_golden=False)
     arm = law if not single else project(scenario, name="law", with_golden=False)
     write_law(law, folder)
+    searches = _counted(folder / "slidax_law.c")
     for template, ending in (("header.h.j2", ".h"), ("scenario.h.j2", "_scenario.h"), ("scenario.c.j2", "_scenario.c")):
         text = render(template, {"x": arm}).replace("slidax_law", "slidax_arm").replace("SLIDAX_LAW", "SLIDAX_ARM")
         (folder / f"slidax_arm{ending}").write_text(text)
     steps = round(scenario.t1 / scenario.period)
-    made = LOOP.format(n=len(law.joints), real=law.real, steps=steps, period=repr(scenario.period))
+    made = LOOP.format(n=len(law.joints), real=law.real, steps=steps, period=repr(scenario.period), searches=searches)
     (folder / "loop.c").write_text(made)
     files = ("slidax_law.c", "slidax_arm_scenario.c", "loop.c")
     compiled(COMPILERS[0], folder, "-O2", "-ffp-contract=off", *files, "-o", "loop", "-lm")
-    status, steady = run(folder, "./loop").split()
-    return Kept(int(status), float(steady))
+    first, *rest = run(folder, "./loop").splitlines()
+    status, steady = first.split()
+    found = [dict(tuple(map(int, pair.split(":"))) for pair in line.split()) for line in rest]
+    return Kept(int(status), float(steady), found)
+
+
+def _counted(file: Path) -> int:
+    """Counts the turns of all loops of a law that end by themselves; returns how many loops those are."""
+    lines: list[str] = []
+    searches = 0
+    for line in file.read_text().splitlines():
+        lines.append(line)
+        if line.strip() == "for (;;) {" or line.strip().startswith("while ("):
+            lines.append(f"++turns[{searches}];")
+            searches += 1
+    text = "\n".join([*lines, ""])
+    file.write_text(text.replace("#include <float.h>", "#include <float.h>\nextern long turns[];", 1))
+    return searches
