@@ -26,3 +26,7 @@ def test_the_envelope_is_held_to_the_end(name, tmp_path):
     double = closed_loop(scenario, tmp_path / "doubles", single=False)
     assert single.status == double.status
     assert single.steady < 2.0 * double.steady + 1e-6
+    # As many turns as any search took in any step of either; `pytest -s` shows how often.
+    print(f"\n{name}\n  doubles {double.steady:.3g} {double.turns}\n  floats {single.steady:.3g} {single.turns}")
+    assert max(most for turns in double.turns for most in turns) <= 12
+    assert max(most for turns in single.turns for most in turns) <= 40
