@@ -95,7 +95,7 @@ def test_cmake_builds_and_tests_it(exported):
     assert 0 < max(frames) <= made.stack
 
 
-@pytest.mark.parametrize("optimisation", ["-O0", "-O2"])
+@pytest.mark.parametrize("optimisation", ["-O1", "-O3"])
 def test_the_stack_stays_below_the_promised_bound(exported, optimisation):
     folder, made = exported
     for compiler in COMPILERS:
@@ -103,6 +103,22 @@ def test_the_stack_stays_below_the_promised_bound(exported, optimisation):
     compiled("gcc", folder, optimisation, "-fstack-usage", "-c", *LAW, "-o", "used.o")
     used = [int(line.split("\t")[1]) for line in (folder / "used.su").read_text().splitlines()]
     assert sum(used) <= made.stack
+
+
+@pytest.mark.skipif(not shutil.which("clang-tidy"), reason="clang-tidy is not here")
+@pytest.mark.parametrize(
+    "file",
+    [
+        "slidax_law.c",
+        *(
+            pytest.param(file, marks=pytest.mark.full)
+            for file in ("slidax_law_scenario.c", "test_law.c", "latency.c", "example.c")
+        ),
+    ],
+)
+def test_clang_tidy_finds_nothing(exported, file):
+    folder, _ = exported
+    run(folder, "clang-tidy", "--quiet", file, "--", "-std=c99")
 
 
 def test_nothing_is_allocated_global_or_recursive(exported):

@@ -12,7 +12,7 @@ from slidax.codegen.c import Dialect
 from slidax.deploy.comment_text import comment, shortened
 from slidax.deploy.in_floats import fitting
 from slidax.deploy.members import bullets, members
-from slidax.deploy.text import assigned, declared
+from slidax.deploy.text import declared, initialised
 
 
 class Inner(eqx.Module):
@@ -72,9 +72,9 @@ def test_declarations_stand_under_their_part_with_aligned_comments():
     assert lines[3] == "bool flag;      /* true: whether de counts */"
 
 
-def test_defaults_are_assigned_one_number_at_a_time():
-    lines = assigned(members(TREE.inner, values=True), "p->", Dialect("float"))
-    assert lines == ["p->gain[0] = 1.5f;", "p->gain[1] = 2.0f;", "p->rate = INFINITY;", "p->flag = true;"]
+def test_defaults_are_written_where_the_structure_is_declared():
+    lines = initialised(members(TREE.inner, values=True), Dialect("float"))
+    assert lines == [".gain = {1.5f, 2.0f},", ".rate = INFINITY,", ".flag = true,"]
 
 
 def test_bullets_of_a_docstring_are_read_whole():

@@ -96,7 +96,8 @@ class AbstractAdaptation(AbstractPart):
         """
         nothing = jnp.zeros(mass.shape[0])
         rotor = self.learnt(self.init(State(q=nothing, dq=nothing))).rotor
-        return with_rotors(mass, rotor, self.counted)
+        believed: Matrix = with_rotors(mass, rotor, self.counted)
+        return believed
 
     def friction(self, memory: Memory, dq: Vector) -> Vector:
         """`f tanh(q̇/v_s)`, the Coulomb friction that is compensated [n], N m or N.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
@@ -47,7 +48,8 @@ class Believed(AbstractRobot):
 
         - `q`: positions [n].
         """
-        return with_rotors(self.nominal.mass(q), self.rotor, self.counted)
+        believed: Matrix = with_rotors(self.nominal.mass(q), self.rotor, self.counted)
+        return believed
 
     def bias(self, q: Vector, dq: Vector) -> Vector:
         """That of the nominal arm, `C0 q̇ + G0`, [n], N m or N.
@@ -78,6 +80,8 @@ class Believed(AbstractRobot):
         return self.nominal.tip(q)
 
 
+# As the functions of `Articulated`: traced once, and a function in exported C.
+@jax.jit
 def with_rotors(mass: Matrix, rotor: Vector, counted: PerJoint) -> Matrix:
     """`S (M0 + diag(max(J, 0) - J0)) S`, as `Believed` says, [n n].
 

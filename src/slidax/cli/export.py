@@ -28,4 +28,6 @@ def export_c(
         parts = scenarios.load(scenario, parsed(changes or []))
         out.mkdir(parents=True, exist_ok=True)
         made = deploy.export_c(parts, out, name=name, single=single, command=shlex.join(["slidax", *sys.argv[1:]]))
-        typer.echo(f"{made.law} in {made.real}s, at most {made.stack} bytes of stack: {out.resolve() / 'README.md'}")
+        size = deploy.measured(made, out)
+        said = f"{made.law} in {made.real}s, at most {made.stack} bytes of stack, {size}"
+        typer.echo(f"{said}: {out.resolve() / 'README.md'}")

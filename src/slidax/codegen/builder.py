@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from .fold import folded
-from .ir import FLOATS, Branch, Input, Loop, Number, Output, Program, Region, Type, Value
+from .ir import FLOATS, Branch, Call, Input, Loop, Number, Output, Program, Region, Type, Value
 from .prune import prune
 
 Values = np.ndarray
@@ -169,6 +169,27 @@ class Builder:
         results = self._results(block, block.yes)
         # What both leave is no matter of the branch.
         return [yes if yes is no else result for yes, no, result in zip(block.yes, block.no, results, strict=True)]
+
+    def call(self, program: Program, args: Sequence[Value]) -> list[Value]:
+        """The elements of a function's outputs, one output after the other.
+
+        - `program`: the function; it logs nothing.
+        - `args`: the elements of its inputs, one input after the other.
+        """
+        region = self._place(tuple(args))
+        key = ("call", id(program), *[arg.number for arg in args])
+        around: Region | None = region
+        while around is not None and key not in around.known:
+            around = around.parent
+        if around is not None:
+            call = around.known[key]
+            return [value for value in around.values if value.op == "result" and value.args[0] is call]
+        call = Call("call", "none", tuple(args), None, region, self._next(), self.origin)
+        call.program = program
+        region.known[key] = call
+        region.values.append(call)
+        types = [value.type for output in program.outputs for value in output.values or ()]
+        return [self._new(region, "result", type, (call,), k) for k, type in enumerate(types)]
 
     def finish(self) -> Program:
         """The program, without what nothing needs."""

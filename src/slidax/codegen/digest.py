@@ -6,7 +6,7 @@ import functools
 import hashlib
 from pathlib import Path
 
-from .ir import FLOATS, Branch, Loop, Program, Region, Value
+from .ir import FLOATS, Branch, Call, Loop, Program, Region, Value
 
 
 def digest(program: Program) -> str:
@@ -14,7 +14,8 @@ def digest(program: Program) -> str:
 
     - `program`: it.
     """
-    lines = [f"{entry.name} {entry.type} {entry.shape} {entry.varying}" for entry in program.inputs]
+    lines = [program.name] if program.name else []
+    lines += [f"{entry.name} {entry.type} {entry.shape} {entry.varying}" for entry in program.inputs]
     numbers: dict[Value, int] = {}
     _describe(program.body, numbers, lines)
     for output in program.outputs:
@@ -42,6 +43,8 @@ def _describe(region: Region, numbers: dict[Value, int], lines: list[str]) -> No
             for side, left in ((value.then, value.yes), (value.otherwise, value.no)):
                 _describe(side, numbers, lines)
                 lines.append(f"give {[numbers[one] for one in left]}")
+        elif isinstance(value, Call):
+            lines.append(f"call {args} {digest(value.program)}")
         else:
             data = value.data.hex() if value.op == "const" and value.type in FLOATS else value.data
             lines.append(f"{value.op} {value.type} {args} {data}")

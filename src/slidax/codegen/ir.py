@@ -8,7 +8,8 @@ arguments stand earlier in its own region or in one around it. All operations ar
 | `const` | | number | as a Python float, int or bool |
 | `input` | | (input, element) | one number of an input, its elements counted in C order |
 | `param` | | k | the k-th of the numbers that a loop carries, at the start of a turn; lives in the loop's head |
-| `result` | block | k | the k-th of what a loop or a branch leaves behind |
+| `result` | block | k | the k-th of what a loop, a branch or a call leaves behind |
+| `call` | numbers | | what another program makes of them: its inputs' elements, one input after the other |
 | `load` | index i64 | input | an input's element by a number that is known in range |
 | `store` | row i64, when b1, numbers | output | writes one row of a logged output, where `when` is true |
 | `add sub mul div neg abs min max` | | | of one type; floats: NaN if one of them is; integers: `div` towards zero |
@@ -20,6 +21,7 @@ arguments stand earlier in its own region or in one around it. All operations ar
 | `eq ne lt le gt ge` | of one type | | b1 |
 | `select` | when b1, yes, no | | |
 | `isfinite` | float | | b1 |
+| `copy` | one | k | the same number, in the k-th of the program's arrays |
 | `convert` | one | | to the value's type; floats to integers towards zero, held at its ends, NaN to 0; b1 to 0 or 1 |
 | `bitcast` | one | | the same bits as another type of the same size |
 """
@@ -153,6 +155,17 @@ class Branch(Value):
     no: tuple[Value, ...]
 
 
+class Call(Value):
+    """What a function makes of some numbers: a program of its own, that many calls share.
+
+    - `program`: the function; it logs nothing. The call's `args` are the elements of its inputs, one input after the
+      other, and its results the elements of its outputs likewise.
+    """
+
+    __slots__ = ("program",)
+    program: Program
+
+
 @dataclass(frozen=True)
 class Input:
     """An array that a program reads.
@@ -197,15 +210,32 @@ class Program:
 
     - `inputs`, `outputs`: in order.
     - `body`: the outermost region.
+    - `name`: what the source calls it; empty for what is no function of the source.
+    - `arrays`: values that the source computes as one array, in C order, for printers that have arrays.
     """
 
     inputs: list[Input] = field(default_factory=list)
     outputs: list[Output] = field(default_factory=list)
     body: Region = field(default_factory=lambda: Region("whole", None))
+    name: str = ""
+    arrays: list[tuple[Value, ...]] = field(default_factory=list)
 
     def walk(self) -> Iterator[Value]:
         """All values, blocks before what is in them, each region in order."""
         yield from walk(self.body)
+
+
+def functions(program: Program) -> list[Program]:
+    """The functions that a program calls, and those that they call, each once and after all that it calls itself.
+
+    - `program`: the program.
+    """
+    found: dict[int, Program] = {}
+    for value in program.walk():
+        if isinstance(value, Call) and id(value.program) not in found:
+            for inner in (*functions(value.program), value.program):
+                found.setdefault(id(inner), inner)
+    return list(found.values())
 
 
 def walk(region: Region) -> Iterator[Value]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from .ir import Branch, Loop, Program, Region, Value, regions
+from .ir import Branch, Call, Loop, Program, Region, Value, regions
 
 
 def prune(program: Program) -> None:
@@ -37,6 +37,8 @@ def _for(value: Value) -> Iterable[Value]:
         block = value.args[0]
         if isinstance(block, Loop):
             return block, block.params[value.data]
+        if isinstance(block, Call):
+            return (block,)
         assert isinstance(block, Branch)
         return block, block.yes[value.data], block.no[value.data]
     if isinstance(value, Loop):
@@ -57,7 +59,7 @@ def _drop(region: Region, needed: set[Value]) -> None:
     region.values = [value for value in region.values if value in needed]
     places: dict[Value, dict[int, int]] = {}
     for value in region.values:
-        if value.op == "result":
+        if value.op == "result" and value.args[0] in places:
             value.data = places[value.args[0]][value.data]
         elif isinstance(value, Loop):
             places[value] = _drop_carried(value, needed)

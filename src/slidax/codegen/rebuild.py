@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from .builder import Builder
-from .ir import Branch, Loop, Output, Program, Region, Value
+from .ir import Branch, Call, Loop, Output, Program, Region, Value
 
 Replace = Callable[[Builder, Value, tuple[Value, ...]], Value | None]
 """From the builder, a value of the old program and its arguments in the new one, to the new value; None: the same."""
@@ -16,21 +16,23 @@ Replace = Callable[[Builder, Value, tuple[Value, ...]], Value | None]
 def rebuild(program: Program, replace: Replace) -> Program:
     """The same program with some of its values replaced, simplified anew and without what is then not needed.
 
-    - `program`: stays as it is.
+    - `program`: stays as it is, and so do the functions that it calls: what is made calls new ones.
     - `replace`: is asked about each value that is neither a constant, an input, a store nor part of a block.
     """
-    return _Rebuilding(program, replace).finish()
+    return _Rebuilding(program, replace, {}).finish()
 
 
 class _Rebuilding:
     """What has been made so far.
 
     - `program`, `replace`: see `rebuild`.
+    - `functions`: those made already, by the old ones.
     """
 
-    def __init__(self, program: Program, replace: Replace) -> None:
+    def __init__(self, program: Program, replace: Replace, functions: dict[int, Program]) -> None:
         self.old = program
         self.replace = replace
+        self.functions = functions
         self.builder = Builder()
         self.made: dict[Value, Value] = {}
         self.left: dict[Value, Sequence[Value]] = {}  # by each block
@@ -47,7 +49,18 @@ class _Rebuilding:
         self._region(self.old.body)
         for new, old in zip(outputs, self.old.outputs, strict=True):
             new.values = None if old.values is None else self._all(old.values)
+        self.builder.program.name = self.old.name
+        self.builder.program.arrays = [
+            tuple(self.made[value] for value in array)
+            for array in self.old.arrays
+            if all(value in self.made for value in array)
+        ]
         return self.builder.finish()
+
+    def _function(self, program: Program) -> Program:
+        if id(program) not in self.functions:
+            self.functions[id(program)] = _Rebuilding(program, self.replace, self.functions).finish()
+        return self.functions[id(program)]
 
     def _all(self, values: Sequence[Value]) -> tuple[Value, ...]:
         made = self.made
@@ -71,6 +84,8 @@ class _Rebuilding:
                 self._loop(value)
             elif isinstance(value, Branch):
                 self._branch(value)
+            elif isinstance(value, Call):
+                self.left[value] = builder.call(self._function(value.program), self._all(value.args))
             else:
                 args = tuple([made[arg] for arg in value.args])
                 new = replace(builder, value, args)

@@ -45,6 +45,7 @@ class Project:
     - `step`, `source`: its programs, and its functions in C.
     - `motion`, `arm`: the scenario's reference and acceleration.
     - `scenario_helpers`: the small functions that those call.
+    - `tables`: long arrays of known numbers that those read.
     - `golden`: what the step answers in Python; None if that was not asked for.
     - `period`, `t1`: of the scenario [s].
     - `delay`: of its sensor and actuator together, in whole periods.
@@ -63,6 +64,7 @@ class Project:
     motion: Body
     arm: Body
     scenario_helpers: list[str]
+    tables: list[Member]
     golden: Golden | None
     period: float
     t1: float

@@ -6,12 +6,15 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 
 from slidax._types import Reference, Scalar, State, Vector
 from slidax.codegen.ir import Program, Value
-from slidax.codegen.trace import trace
+from slidax.codegen.trace import Library, trace
+from slidax.codegen.trace.trace import ir_type
 from slidax.simulation import Plant
 from slidax.trajectories import AbstractTrajectory
 
@@ -19,6 +22,9 @@ from .guarded_step import GuardedStep
 from .members import Member, members
 from .status import ANSWERED, CHECKED, Condition
 from .step_memory import Flag, StepMemory
+
+LONG = 64
+"""Numbers from which on an array is a table."""
 
 SAMPLE = ("", "t", "", "reference", "next")
 """What the arguments of a step are called in comments and names: parameters, time, state, reference now and next."""
@@ -62,6 +68,13 @@ class Function:
         - `element`: a number or an expression.
         """
         return self.inputs[which].element(element)
+
+    @property
+    def tables(self) -> list[Member]:
+        """The arrays of known numbers that it reads."""
+        read = {value.data[0] for value in self.program.body.values if value.op == "input"}
+        read |= {value.data for value in self.program.walk() if value.op == "load"}
+        return [place.member for k, place in enumerate(self.inputs) if place.member.values is not None and k in read]
 
     @property
     def assigned(self) -> list[tuple[str, Value]]:
@@ -125,6 +138,7 @@ def step_programs(guard: GuardedStep) -> Step:
     given, kept = _places("parameters->", parameters), _places("memory->", memory)
     seen, wanted = _places("measurement->", measurement(guard.joints)), _places("reference->", references(guard.joints))
     says = _places("command->", signals)
+    library = Library()
     return Step(
         checked=_function(checked, (guard, *sample), SAMPLE, given + seen + wanted, _flags(CHECKED)),
         answered=_function(
@@ -133,9 +147,10 @@ def step_programs(guard: GuardedStep) -> Step:
             (SAMPLE[0], "memory", *SAMPLE[1:]),
             given + kept + seen + wanted,
             kept + says + _flags(ANSWERED),
+            library,
         ),
         held=_function(hold, (guard, held), ("", "memory"), given + kept, [Place("memory->", _named(memory, "tau"))]),
-        begun=_function(begin, (guard, *sample[:3]), SAMPLE[:4], given + seen + wanted[:3], kept),
+        begun=_function(begin, (guard, *sample[:3]), SAMPLE[:4], given + seen + wanted[:3], kept, library),
         parameters=parameters,
         memory=memory,
         signals=signals,
@@ -145,36 +160,54 @@ def step_programs(guard: GuardedStep) -> Step:
 def motion_program(trajectory: AbstractTrajectory, joints: int) -> Function:
     """The reference of a scenario, from the time and the period.
 
-    - `trajectory`: the motion; its numbers become constants.
+    - `trajectory`: the motion; its numbers become constants, and long arrays of them tables.
     - `joints`: how many it moves.
     """
+    long, short = _tables(trajectory)
 
-    def motion(t: Scalar, period: Scalar) -> tuple[Reference, Reference]:
-        return trajectory.reference(t), trajectory.reference(t + period)
+    def motion(t: Scalar, period: Scalar, long: Any) -> tuple[Reference, Reference]:
+        whole = eqx.combine(long, short)
+        return whole.reference(t), whole.reference(t + period)
 
     number = jnp.zeros(())
-    inputs = [Place("", Member(name, "f64", ())) for name in ("t", "period")]
-    return _function(motion, (number, number), ("t", "period"), inputs, _places("reference->", references(joints)))
+    inputs = [Place("", Member(name, "f64", ())) for name in ("t", "period")] + _places("", _tabled(long, "motion"))
+    outputs = _places("reference->", references(joints))
+    return _function(motion, (number, number, long), ("t", "period", "table"), inputs, outputs)
 
 
 def arm_program(plant: Plant) -> Function:
     """The acceleration of a scenario's arm under its disturbance, from time, state and torque.
 
-    - `plant`: the arm; its numbers become constants.
+    - `plant`: the arm; its numbers become constants, and long arrays of them tables.
     """
+    long, short = _tables(plant)
 
-    def acceleration(t: Scalar, state: State, tau: Vector) -> Vector:
-        return plant.acceleration(t, state, tau)
+    def acceleration(t: Scalar, state: State, tau: Vector, long: Any) -> Vector:
+        found: Vector = eqx.combine(long, short).acceleration(t, state, tau)
+        return found
 
     t, state, _ = _sample(plant.robot.joints)
     shape = state.q.shape
     inputs = [
         Place("", Member("t", "f64", ())),
         *(Place("", Member(name, "f64", shape)) for name in ("q", "dq", "tau")),
+        *_places("", _tabled(long, "arm")),
     ]
-    return _function(
-        acceleration, (t, state, state.q), ("t", "", "tau"), inputs, [Place("", Member("ddq", "f64", shape))]
-    )
+    outputs = [Place("", Member("ddq", "f64", shape))]
+    return _function(acceleration, (t, state, state.q, long), ("t", "", "tau", "table"), inputs, outputs)
+
+
+def _tables(tree: Any) -> tuple[Any, Any]:
+    """A tree's long arrays, and the rest of it."""
+    return eqx.partition(tree, lambda leaf: eqx.is_array(leaf) and leaf.size >= LONG)
+
+
+def _tabled(long: Any, owner: str) -> list[Member]:
+    """The members of long arrays, with their numbers."""
+    return [
+        Member(f"{owner}_table_{k}", ir_type(leaf.dtype, owner), tuple(leaf.shape), values=np.asarray(leaf))
+        for k, leaf in enumerate(jax.tree.leaves(long), start=1)
+    ]
 
 
 def measurement(joints: int) -> list[Member]:
@@ -206,8 +239,9 @@ def _function(
     names: tuple[str, ...],
     inputs: list[Place],
     outputs: list[Place],
+    library: Library | None = None,
 ) -> Function:
-    return Function(trace(function, *args, names=names), inputs, outputs)
+    return Function(trace(function, *args, names=names, library=library), inputs, outputs)
 
 
 def _places(pointer: str, these: list[Member]) -> list[Place]:

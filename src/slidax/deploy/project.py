@@ -37,6 +37,7 @@ FILES = {
     "example.c.j2": "example.c",
     "CMakeLists.txt.j2": "CMakeLists.txt",
     "README.md.j2": "README.md",
+    "clang-tidy.j2": ".clang-tidy",
 }
 """Templates, and the files that they become."""
 
@@ -108,8 +109,9 @@ def project(
     step = step_programs(guard)
     same = not single or fits(step.answered.program)
     helpers = Helpers(dialect)
-    motion = body(motion_program(scenario.trajectory, robot.joints), dialect, ("t", "period", "reference"), helpers)
-    arm = body(arm_program(plant), dialect, ("t", "q", "dq", "tau", "ddq"), helpers)
+    of_motion, of_arm = motion_program(scenario.trajectory, robot.joints), arm_program(plant)
+    motion = body(of_motion, dialect, ("t", "period", "reference"), helpers)
+    arm = body(of_arm, dialect, ("t", "q", "dq", "tau", "ddq"), helpers)
     return Project(
         name=name,
         title=comment(described.title),
@@ -125,6 +127,7 @@ def project(
         motion=motion,
         arm=arm,
         scenario_helpers=helpers.lines,
+        tables=[*of_motion.tables, *of_arm.tables],
         golden=golden(scenario, guard, dialect.real, same=same) if with_golden else None,
         period=scenario.period,
         t1=scenario.t1,

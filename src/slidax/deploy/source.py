@@ -10,6 +10,7 @@ from slidax.codegen.ir import Value
 from slidax.codegen.naming import Names
 from slidax.codegen.naming.names import suffix
 
+from .functions import TYPES, Library, Members, Shared, unused
 from .in_floats import in_floats
 from .members import Member
 from .programs import Function, Step
@@ -32,9 +33,11 @@ class Source:
     """All functions of a step.
 
     - `checked`, `begun`, `held`, `derived`, `answered`: the bodies.
+    - `functions`: those that the law calls, each after those that it calls itself.
     - `workspace`: members for what follows from the parameters alone.
     - `helpers`: the lines of the small functions that they call.
-    - `bytes`: a bound of the stack that a step takes: all functions in line, each variable in a place of its own.
+    - `bytes`: a bound of the stack that a step takes: each variable of a block in a place of its own, blocks and
+      functions that follow each other in the same.
     """
 
     checked: Body
@@ -42,13 +45,20 @@ class Source:
     held: Body
     derived: Body
     answered: Body
+    functions: list[Shared]
     workspace: list[Member]
     helpers: list[str]
     bytes: int
 
 
-CALLS = 512
+CALLS = 640
 """Bytes for what calls keep: return addresses, saved registers, arguments, numbers between two operations."""
+
+SPILLED = 1.25
+"""What a compiler that unrolls loops takes beside the variables, as a share of them."""
+
+TAKEN = ("checked", "begun", "held", "derived", "kept_up", "answered")
+"""Functions of the file that are not the law's."""
 
 
 def source(step: Step, dialect: Dialect) -> Source:
@@ -62,39 +72,48 @@ def source(step: Step, dialect: Dialect) -> Source:
     if dialect.real == "float":
         step = replace(step, begun=_fitted(step.begun), answered=_fitted(step.answered))
     answered = step.answered
+    library, members = Library((answered, step.begun), (*TAKEN, *TYPES)), Members()
     names = Names(answered.program, _outputs(answered))
-    kept = _workspace(answered, names)
-    given = {value: f"workspace->{member.name}" for value, member in kept}
+    parameters = {k for k, place in enumerate(answered.inputs) if place.pointer == "parameters->"}
+    given = members.add(loop_invariant(answered.program, parameters), names)
+    library.write(dialect, helpers, members)
     checked = body(step.checked, dialect, sample, helpers)
-    begun = body(step.begun, dialect, (*sample, "memory"), helpers)
+    begun = body(step.begun, dialect, (*sample, "workspace", "memory"), helpers, library)
     held = body(step.held, dialect, ("parameters", "memory"), helpers)
     into = [(text, value) for value, text in given.items()]
-    derived = _body(answered, into, dialect, ("parameters", "workspace"), helpers, names, {})
+    derived = _body(answered, into, dialect, ("parameters", "workspace"), helpers, names, {}, library)
     arguments = (*sample, "workspace", "memory", "command")
-    inside = _body(answered, answered.assigned, dialect, arguments, helpers, names, given)
-    total = sum(each.bytes for each in (checked, begun, held, derived, inside)) + CALLS
+    inside = _body(answered, answered.assigned, dialect, arguments, helpers, names, given, library)
+    # One after the other, and never one within another but what `derived` calls.
+    deriving = derived.bytes + max((each.derived_bytes for each in library.shared), default=0)
+    total = round(SPILLED * max(checked.bytes, held.bytes, begun.bytes, deriving, inside.bytes)) + CALLS
+    lines = [*derived.lines, *(line for each in library.shared for line in each.derived)]
     return Source(
         checked=checked,
         begun=begun,
         held=held,
         derived=derived,
         answered=inside,
-        workspace=[replace(member, meaning=_written(member.name, derived.lines)) for _, member in kept],
+        functions=library.shared,
+        workspace=[replace(member, meaning=_written(member.name, lines)) for member in members.all],
         helpers=helpers.lines,
         bytes=-(-total // 64) * 64,
     )
 
 
-def body(function: Function, dialect: Dialect, arguments: Sequence[str], helpers: Helpers) -> Body:
+def body(
+    function: Function, dialect: Dialect, arguments: Sequence[str], helpers: Helpers, library: Library | None = None
+) -> Body:
     """The inside of a function.
 
     - `function`: its program and places.
     - `dialect`: how types and numbers are written.
     - `arguments`: names of the C function's arguments.
     - `helpers`: takes what it calls.
+    - `library`: the functions that it calls.
     """
     names = Names(function.program, _outputs(function))
-    return _body(function, function.assigned, dialect, arguments, helpers, names, {})
+    return _body(function, function.assigned, dialect, arguments, helpers, names, {}, library)
 
 
 def _body(
@@ -105,8 +124,10 @@ def _body(
     helpers: Helpers,
     names: Names,
     given: dict[Value, str],
+    library: Library | None,
 ) -> Body:
     local = [place.member.name for place in function.outputs if not place.pointer]
+    called = [] if library is None else [shared.name for shared in library.shared]
     written = statements(
         function.program,
         assigned,
@@ -114,12 +135,13 @@ def _body(
         dialect=dialect,
         given=given,
         names=names,
-        taken=(*arguments, *local),
+        callees=None if library is None else library.callee,
+        loops=True,
+        taken=(*arguments, *local, *called, *TYPES, *TAKEN),
     )
     helpers.extend(written.helpers)
-    text = "\n".join(written.lines)
-    unused = [f"    (void){name};" for name in arguments if f"{name}->" not in text and f"{name}[" not in text]
-    return Body(unused + written.lines, written.bytes)
+    deepest = 0 if library is None else library.deepest(written.called)
+    return Body(unused(written.lines, arguments), written.bytes + deepest)
 
 
 def _fitted(function: Function) -> Function:
@@ -141,21 +163,3 @@ def _written(name: str, lines: list[str]) -> str:
     """The expression that a member of the workspace is computed by."""
     start = f"    workspace->{name} = "
     return next((line.removeprefix(start).rstrip(";") for line in lines if line.startswith(start)), "")
-
-
-def _workspace(function: Function, names: Names) -> list[tuple[Value, Member]]:
-    """What follows from the parameters alone and is worth keeping, each with its member."""
-    parameters = {k for k, place in enumerate(function.inputs) if place.pointer == "parameters->"}
-    found: list[tuple[Value, Member]] = []
-    taken = {"from", "known"}
-    for value in loop_invariant(function.program, parameters):
-        name = names.of(value)
-        text = "derived" if name is None else name.text
-        free = text
-        for number in range(2, len(taken) + 3):
-            if free not in taken:
-                break
-            free = f"{text}_{number}"
-        taken.add(free)
-        found.append((value, Member(free, value.type, ())))
-    return found

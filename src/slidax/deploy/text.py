@@ -32,7 +32,7 @@ def render(template: str, values: dict[str, Any], package: str = "slidax.deploy"
         keep_trailing_newline=True,
     )
     environment.filters |= {"comment": comment, "capitalised": _capitalised, "wrapped": _wrapped}
-    environment.globals |= {"declared": declared, "assigned": assigned}
+    environment.globals |= {"declared": declared, "initialised": initialised, "tables": tables}
     return environment.get_template(template).render(values)
 
 
@@ -56,19 +56,39 @@ def declared(members: Sequence[Member], dialect: Dialect) -> list[str]:
     return lines
 
 
-def assigned(members: Sequence[Member], pointer: str, dialect: Dialect) -> list[str]:
-    """The lines that give members their defaults.
+def initialised(members: Sequence[Member], dialect: Dialect) -> list[str]:
+    """The lines that give members their defaults where a structure is declared.
 
     - `members`: with defaults.
-    - `pointer`: what leads to them, such as `parameters->`.
     - `dialect`: how numbers are written.
     """
-    return [
-        f"{pointer}{member.element(k)} = {_number(number, member, dialect)};"
-        for member in members
-        if member.values is not None
-        for k, number in enumerate(member.values.ravel())
-    ]
+    lines: list[str] = []
+    for member in members:
+        if member.values is None:
+            continue
+        numbers = [_number(number, member, dialect) for number in member.values.ravel()]
+        if not member.shape:
+            lines.append(f".{member.name} = {numbers[0]},")
+        else:
+            rows = textwrap.wrap(f".{member.name} = {{{', '.join(numbers)}}},", 100, break_long_words=False)
+            lines += [rows[0], *(f"    {row}" for row in rows[1:])]
+    return lines
+
+
+def tables(members: Sequence[Member], dialect: Dialect) -> list[str]:
+    """The lines that define arrays of known numbers.
+
+    - `members`: with their numbers.
+    - `dialect`: how types and numbers are written.
+    """
+    lines: list[str] = []
+    for member in members:
+        assert member.values is not None
+        numbers = ", ".join(_number(number, member, dialect) for number in member.values.ravel())
+        lines.append(f"static const {dialect.type(member.type)} {member.name}[{member.size}] = {{")
+        lines += [f"    {row}" for row in textwrap.wrap(numbers, 100, break_long_words=False)]
+        lines += ["};", ""]
+    return lines
 
 
 def default(member: Member, dialect: Dialect) -> str:

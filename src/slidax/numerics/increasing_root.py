@@ -15,7 +15,8 @@ from slidax._types import Vector
 from .tangent_mask import tangent_mask
 
 STEPS = 200
-"""At most so many steps: each halves the residual or the bracket, so it suffices for any function; two are usual."""
+"""At most so many steps: each but the first of a bisection halves the residual or the bracket, and a bracket of n bits
+ends after n halvings, whatever the tolerance. Two or three are usual."""
 
 Increasing = Callable[[Any, Vector], tuple[Vector, Vector]]
 """From parameters and a point [n] to values [n] and slopes [n], each entry a function of its own."""
@@ -61,7 +62,10 @@ def _root(function: Increasing, parameters: Any, target: Vector, search: Any) ->
     guess, at_guess, bracket, tolerance = search
 
     def unfinished(now: _Search) -> Bool[Array, ""]:
-        return jnp.any(jnp.abs(now.value - target) > tolerance) & (now.step < STEPS)
+        # Where there is no number left in the bracket, none is nearer than those at its ends.
+        middle = 0.5 * (now.lower + now.upper)
+        divisible = (middle > now.lower) & (middle < now.upper)
+        return jnp.any((jnp.abs(now.value - target) > tolerance) & divisible) & (now.step < STEPS)
 
     def step(now: _Search) -> _Search:
         residual = now.value - target

@@ -11,6 +11,7 @@ from slidax._types import Matrix, Vector
 from .once import once
 
 
+@jax.jit
 def matvec(a: Matrix, x: Vector) -> Vector:
     """`A x` as broadcast and sum.
 
@@ -29,21 +30,40 @@ def solve_symmetric(a: Matrix, b: Vector) -> Vector:
     - `a`: symmetric positive definite matrix [n n]; only the lower triangle is read.
     - `b`: right-hand side [n].
     """
-    n = b.shape[0]
-    rows: list[jnp.ndarray] = []  # of Lᵀ
-    y: list[jnp.ndarray] = []
+    solution: Vector = _substituted(*_factors(a), b)
+    return solution
+
+
+# jit's memory saves tracing them anew, and in exported C each stays a function.
+@jax.jit
+def _factors(a: Matrix) -> tuple[Matrix, Vector]:
+    """The rows of Lᵀ, without its ones, and the inverses of D."""
+    n = a.shape[0]
+    rows: list[jnp.ndarray] = []
+    inverses: list[jnp.ndarray] = []
     for size in range(n, 0, -1):
-        first, top = jax.lax.slice_in_dim(a, 0, 1, axis=1), jax.lax.slice_in_dim(b, 0, 1)
+        first = jax.lax.slice_in_dim(a, 0, 1, axis=1)
         pivot, below = jax.lax.slice_in_dim(first, 0, 1), jax.lax.slice_in_dim(first, 1, size)
-        # The inverses do not wait for b, which in a control loop comes last.
         inverse = 1.0 / pivot
         column = below * inverse
         row = column.T
         rows.append(jax.lax.pad(row, jnp.zeros((), row.dtype), ((0, 0, 0), (n - size + 1, 0, 0))))
-        y.append(top * inverse[0])
-        a = jax.lax.slice(a, (1, 1), (size, size)) - (column * pivot) * row
-        a, b = once((a, jax.lax.slice_in_dim(b, 1, size) - row[0] * top))
-    upper, left = once((jnp.concatenate(rows), jnp.concatenate(y)))
+        inverses.append(inverse[0])
+        a = once(jax.lax.slice(a, (1, 1), (size, size)) - (column * pivot) * row)
+    upper, inverse = once((jnp.concatenate(rows), jnp.concatenate(inverses)))
+    return upper, inverse
+
+
+@jax.jit
+def _substituted(upper: Matrix, inverses: Vector, b: Vector) -> Vector:
+    """The solution of `L D Lᵀ x = b`."""
+    n = b.shape[0]
+    y: list[jnp.ndarray] = []
+    for i in range(n):
+        top = jax.lax.slice_in_dim(b, 0, 1)
+        y.append(top * inverses[i])
+        b = once(jax.lax.slice_in_dim(b, 1, n - i) - jax.lax.slice(upper, (i, i + 1), (i + 1, n))[0] * top)
+    left = once(jnp.concatenate(y))
     x: list[jnp.ndarray] = []
     for i in reversed(range(n)):
         x.append(jax.lax.slice_in_dim(left, i, i + 1))

@@ -82,6 +82,16 @@ def _residual_and_jacobian(
     return residual, metric + jnp.eye(s.shape[0]) * (slope + share) - turned * s[:, None] * s[None, :]
 
 
+# Traced once, and a function in exported C.
+@jax.jit
+def _direction(
+    reaching: Any, metric: Matrix, push: Vector, u: Scalar, s: Vector, careful: Bool[Array, ""]
+) -> tuple[Vector, Scalar]:
+    """Newton's step from s, and the size of what is left of the equation there."""
+    residual, jacobian = _residual_and_jacobian(reaching, metric, push, u, s, careful)
+    return -solve_symmetric(jacobian, residual), vector_norm(residual)
+
+
 @eqx.filter_custom_jvp
 def _step(reaching: Any, metric: Matrix, s: Vector, u: Scalar) -> Vector:
     push = matvec(metric, s)
@@ -104,8 +114,8 @@ def _step(reaching: Any, metric: Matrix, s: Vector, u: Scalar) -> Vector:
             return (now.size > tolerance) & (now.step < STEPS)
 
         def direction_from(s: Vector, careful: Bool[Array, ""]) -> tuple[Vector, Scalar]:
-            residual, jacobian = _residual_and_jacobian(reaching, metric, push, u, s, careful)
-            return -solve_symmetric(jacobian, residual), vector_norm(residual)
+            found: tuple[Vector, Scalar] = _direction(reaching, metric, push, u, s, careful)
+            return found
 
         def step(now: _Search) -> _Search:
             candidate = now.s + now.fraction * now.direction

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import functools
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -12,7 +14,7 @@ from slidax.parts import Matrix, Scalar, Vector, parameter, parameters_of, piece
 
 from .joint_limits import JointLimits
 from .payload import Payload
-from .rigid_body import PAIRS, Bodies, JointFrames, axes, bias_forces, frames, from_the_base, inertia_matrix
+from .rigid_body import PAIRS, Axes, Bodies, JointFrames, axes, bias_forces, frames, from_the_base, inertia_matrix
 from .robot import AbstractRobot
 
 
@@ -69,7 +71,7 @@ class Articulated(AbstractRobot):
 
         - `q`: positions [n].
         """
-        matrix: Matrix = _mass(self, q)
+        matrix: Matrix = _inertia(*_links(self, self._frames(q)), self.armature, self.parents)
         return matrix
 
     def bias(self, q: Vector, dq: Vector) -> Vector:
@@ -77,7 +79,7 @@ class Articulated(AbstractRobot):
 
         - `q`, `dq`: positions and velocities [n].
         """
-        forces: Vector = _bias(self, q, dq)
+        forces: Vector = _bias(*_links(self, self._frames(q)), dq, self.gravity_vector, self.parents)
         return forces
 
     def friction(self, dq: Vector) -> Vector:
@@ -125,7 +127,8 @@ class Articulated(AbstractRobot):
         return tuple(unit == "rad" for unit in self.joint_units)
 
     def _frames(self, q: Vector) -> JointFrames:
-        return frames(self.rotations, self.translations, self.parents, self._revolute, q)
+        at: JointFrames = _frames(self.rotations, self.translations, q, self.parents, self._revolute)
+        return at
 
     def _bodies(self) -> Bodies:
         """The links about their joints' origins, with the payload as part of the link that carries the tip."""
@@ -139,18 +142,33 @@ class Articulated(AbstractRobot):
         return Bodies(*(link + jnp.where(at_tip, extra, 0.0) for link, extra in zip(links, carried, strict=True)))
 
 
-# A law asks for these several times at each sample, and they are long: jit's memory saves tracing them anew.
-@jax.jit
-def _mass(arm: Articulated, q: Vector) -> Matrix:
-    at = arm._frames(q)
-    matrix = inertia_matrix(from_the_base(arm._bodies(), at), axes(at, arm._revolute), arm.parents)
-    return matrix + jnp.where(np.eye(arm.joints, dtype=bool), arm.armature, 0.0)
+# A law asks for these several times at each sample, and they are long: jit's memory saves tracing them anew, and in
+# exported C each stays a function. What both need in one posture is then computed once.
+@functools.partial(jax.jit, static_argnames=("parents", "revolute"))
+def _frames(
+    rotations: Float[Array, "n 3 3"],
+    translations: Float[Array, "n 3"],
+    q: Vector,
+    parents: tuple[int, ...],
+    revolute: tuple[bool, ...],
+) -> JointFrames:
+    return frames(rotations, translations, parents, revolute, q)
 
 
 @jax.jit
-def _bias(arm: Articulated, q: Vector, dq: Vector) -> Vector:
-    at = arm._frames(q)
-    return bias_forces(from_the_base(arm._bodies(), at), axes(at, arm._revolute), arm.parents, dq, arm.gravity_vector)
+def _links(arm: Articulated, at: JointFrames) -> tuple[Bodies, Axes]:
+    return from_the_base(arm._bodies(), at), axes(at, arm._revolute)
+
+
+@functools.partial(jax.jit, static_argnames="parents")
+def _inertia(bodies: Bodies, moved: Axes, armature: Vector, parents: tuple[int, ...]) -> Matrix:
+    matrix = inertia_matrix(bodies, moved, parents)
+    return matrix + jnp.where(np.eye(len(parents), dtype=bool), armature, 0.0)
+
+
+@functools.partial(jax.jit, static_argnames="parents")
+def _bias(bodies: Bodies, moved: Axes, dq: Vector, gravity: Float[Array, "3"], parents: tuple[int, ...]) -> Vector:
+    return bias_forces(bodies, moved, parents, dq, gravity)
 
 
 def _about_the_origin(

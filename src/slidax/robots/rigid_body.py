@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
@@ -79,21 +80,34 @@ def frames(
     slide = jnp.where(turns, 0.0, q)
     seen: list[tuple[Any, Any]] = []
     for i, parent in enumerate(parents):
-        rotation, place = rotations[i], translations[i]
-        if parent >= 0:
-            before, at = seen[parent]
-            rotation, place = _product(before, rotation), at + _image(before, place)
-        if revolute[i]:
-            x, y, z = rotation[:, 0], rotation[:, 1], rotation[:, 2]
-            rotation = jnp.stack([cosine[i] * x + sine[i] * y, cosine[i] * y - sine[i] * x, z], axis=1)
-        else:
-            place = place + slide[i] * rotation[:, 2]
-        # Without this XLA would compute each frame anew in every one behind it.
-        seen.append(once((rotation, place)))
+        own = rotations[i], translations[i]
+        moved = (cosine[i], sine[i]) if revolute[i] else (slide[i],)
+        seen.append(_moved(own, moved) if parent < 0 else _behind(*seen[parent], own, moved))
     return JointFrames(
         rotation=jnp.stack([rotation for rotation, _ in seen], axis=-1),
         place=jnp.stack([place for _, place in seen], axis=-1),
     )
+
+
+# Traced once for all joints of a kind, and a function in exported C.
+@jax.jit
+def _behind(before: Any, at: Any, own: tuple[Any, Any], moved: tuple[Any, ...]) -> tuple[Any, Any]:
+    """The frame of a joint from that of its parent."""
+    rotation, place = own
+    return _moved((_product(before, rotation), at + _image(before, place)), moved)
+
+
+def _moved(frame: tuple[Any, Any], moved: tuple[Any, ...]) -> tuple[Any, Any]:
+    """A frame that has turned, by a cosine and a sine, or has slid."""
+    rotation, place = frame
+    x, y, z = rotation[:, 0], rotation[:, 1], rotation[:, 2]
+    if len(moved) == 2:
+        cosine, sine = moved
+        rotation = jnp.stack([cosine * x + sine * y, cosine * y - sine * x, z], axis=1)
+    else:
+        place = place + moved[0] * z
+    # Without this XLA would compute each frame anew in every one behind it.
+    return once((rotation, place))
 
 
 def axes(at: JointFrames, revolute: Sequence[bool]) -> Axes:

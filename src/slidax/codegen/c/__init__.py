@@ -1,5 +1,6 @@
 """Programs as readable C99."""
 
+from .calls import Callee as Callee
 from .dialect import Dialect as Dialect
 from .helpers import Helpers as Helpers
 from .loop_invariant import loop_invariant as loop_invariant

@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from ..ir import Branch, Loop, Region, Value
+from .calls import CallWriter
 from .expressions import CHOICE, EITHER, UNARY, Written
 from .layout import Line
 from .placement import counts
-from .writer import HEAVY, Rows, Writer
+from .writer import HEAVY, Rows
 
 
-class BlockWriter(Writer):
+class BlockWriter(CallWriter):
     """Writes the values of one function, with its loops and branches."""
 
     rows: Rows | None = None

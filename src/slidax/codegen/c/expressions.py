@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 
 from ..ir import FLOATS, Type
@@ -60,11 +61,14 @@ class Expressions:
 
     - `dialect`: how.
     - `helpers`: collects the helpers that they need.
+
+    With `alike`, sums and products of the same operands have the same order, whatever numbers the operands have.
     """
 
     def __init__(self, dialect: Dialect, helpers: Helpers) -> None:
         self.dialect = dialect
         self.helpers = helpers
+        self.alike = False
 
     def operation(self, op: str, type: Type, of: Type, args: list[Written], *, counts: bool = False) -> Written:
         """An operation of the IR.
@@ -74,6 +78,8 @@ class Expressions:
         - `args`: its arguments.
         - `counts`: whether it is a sum of integers that cannot overflow.
         """
+        if self.alike and op in ("add", "mul") and type in FLOATS:
+            args = sorted(args, key=lambda arg: (arg.precedence, re.sub(r"\d+", "", arg.text)))
         text, precedence = _commuted(op, args) if counts else self._text(op, type, of, args)
         weight = 1 + sum(arg.weight for arg in args)
         return Written(text, precedence, weight, NOTHING.union(*[arg.reads for arg in args]))
@@ -89,6 +95,8 @@ class Expressions:
             when, yes, no = args
             # A choice within a choice reads only as an else-if.
             return f"{when.within(EITHER)} ? {yes.within(EITHER)} : {no.within(CHOICE)}", CHOICE
+        if op == "copy":
+            return args[0].text, args[0].precedence
         if op == "convert":
             return self._converted(type, of, args[0])
         if op == "bitcast":

@@ -9,6 +9,11 @@ from dataclasses import dataclass
 
 INDENT = "    "
 WIDTH = 100
+MARKS = (", ", " + ", " - ", " * ", " && ", " || ", " ? ", " : ", " = ")
+"""Where a line may be broken."""
+
+MORE = 10
+"""Letters that a line may have beyond that before it is broken."""
 
 
 @dataclass(frozen=True)
@@ -18,11 +23,15 @@ class Line:
     - `level`: how deep it is indented.
     - `text`: the rest.
     - `about`: what it computes, as a comment; empty for lines that compute nothing.
+    - `visit`: equal for lines of one operation on arrays; None for others.
+    - `element`: the number of the array, and the place in it, that a declared number should have.
     """
 
     level: int
     text: str
     about: str = ""
+    visit: object = None
+    element: tuple[int, int] | None = None
 
 
 def laid_out(lines: list[Line]) -> list[str]:
@@ -43,8 +52,23 @@ def laid_out(lines: list[Line]) -> list[str]:
             texts += _comment(about.partition(":")[0] if about in told else about, level)
             told.add(about)
             last = about
-        texts += [INDENT * line.level + line.text if line.text else "" for line in run]
+        for line in run:
+            texts += _broken(line)
     return texts
+
+
+def _broken(line: Line) -> list[str]:
+    """A line as text, in several where it is too long."""
+    text, before = line.text, INDENT * line.level
+    texts: list[str] = []
+    while len(before) + len(text) > WIDTH + MORE:
+        at = max(text.rfind(mark, 0, WIDTH - len(before)) for mark in MARKS)
+        if at <= 0:
+            break
+        at += 1 if text[at] == "," else 2 if text[at + 1] == "=" else 0
+        texts.append(before + text[:at])
+        before, text = INDENT * (line.level + 1), text[at:].lstrip()
+    return [*texts, before + text if text else ""]
 
 
 def _comment(text: str, level: int) -> list[str]:

@@ -131,7 +131,7 @@ class Placement:
 
     def _put(self, value: Value) -> None:
         """Places a value all of whose uses are placed, and makes known where it uses others."""
-        if value.op == "store" or regions(value):
+        if value.op in ("store", "call") or regions(value):
             self._put_block(value)
             return
         if value.op == "result" and value not in self.given:
@@ -164,9 +164,18 @@ class Placement:
             for k in self.left(value):
                 self._assign(value.yes[k], value.then)
                 self._assign(value.no[k], value.otherwise)
+        elif value.op == "call":
+            for arg in value.args:
+                self._pass(arg, place)
         else:
             for arg in value.args:
                 self._use(arg, place)
+
+    def _pass(self, value: Value, region: Region) -> None:
+        """An argument of a call: an input is read where it lies."""
+        self._use(value, region)
+        if value.op == "input":
+            self.uses[value] -= 1
 
     def _assign(self, value: Value, region: Region) -> None:
         self.assigned.add(value)

@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from ..ir import Program, Value
+from ..ir import Call, Program, Value
 from ..naming import Names
 from .blocks import BlockWriter
+from .calls import Callees
 from .dialect import Dialect
 from .helpers import Helpers
 from .layout import laid_out
 from .placement import Placement
+from .rerolled import rerolled
+from .scopes import scoped, stack
 from .writer import Read, Rows
+
+PLACED = frozenset({"const", "input", "param", "result"})
+"""Values that lie somewhere already."""
 
 
 @dataclass(frozen=True)
@@ -22,13 +28,15 @@ class Statements:
     - `lines`: of C, indented.
     - `helpers`: the small functions that it calls.
     - `reads`: the numbers of the inputs that it reads.
-    - `bytes`: what its variables take if each has a place of its own; a compiler needs less.
+    - `called`: the functions that it calls, each as often as it does.
+    - `bytes`: what its variables take if each of a block has a place of its own; a compiler needs less.
     """
 
     lines: list[str]
     helpers: Helpers
     reads: frozenset[int]
     bytes: int
+    called: list[Program]
 
 
 def statements(
@@ -40,6 +48,8 @@ def statements(
     given: Mapping[Value, str] | None = None,
     names: Names | None = None,
     rows: Rows | None = None,
+    callees: Callees | None = None,
+    loops: bool = False,
     taken: Collection[str] = (),
 ) -> Statements:
     """Statements that compute values and assign them, and no more than they need.
@@ -54,6 +64,8 @@ def statements(
     - `given`: values that are known already, and how they are read.
     - `names`: preferred names of values; None: as the source calls them.
     - `rows`: where logged outputs are written; None leaves them out.
+    - `callees`: how functions are called; None where there is none.
+    - `loops`: whether statements that are alike for all elements of an array become a loop.
     - `taken`: names that local variables must not have, such as those of the function's arguments.
     """
     given = given or {}
@@ -61,8 +73,32 @@ def statements(
     placement = Placement(program, [*(value for _, value in assigned), *stores], given)
     writer = BlockWriter(placement, dialect or Dialect(), read, given, names or Names(program), set(taken))
     writer.rows = rows
+    writer.callees = callees
+    writer.loops = loops
+    writer.expressions.alike = loops
+    if loops:
+        # An element of two arrays lies in the longer one.
+        for which, array in sorted(enumerate(program.arrays), key=lambda pair: -len(pair[1])):
+            for k, value in enumerate(array):
+                if value.op not in ("const", "input") and value not in given:
+                    writer.together.setdefault(value, (which, k))
+        for number, array in enumerate(_arguments(program), start=len(program.arrays)):
+            if all(value.op not in PLACED and value not in given and value not in writer.together for value in array):
+                writer.together |= {value: (number, k) for k, value in enumerate(array)}
     writer.region(program.body)
     if writer.lines and assigned:
         writer.line("")
     writer.assign(assigned)
-    return Statements(laid_out(writer.lines), writer.helpers, frozenset(writer.reads), writer.bytes)
+    lines = scoped(rerolled(writer.lines, writer.taken)) if loops else writer.lines
+    return Statements(laid_out(lines), writer.helpers, frozenset(writer.reads), stack(lines), writer.called)
+
+
+def _arguments(program: Program) -> Iterator[tuple[Value, ...]]:
+    """The arrays that calls are given."""
+    for call in program.walk():
+        if isinstance(call, Call):
+            place = 0
+            for entry in call.program.inputs:
+                if entry.shape:
+                    yield call.args[place : place + entry.size]
+                place += entry.size

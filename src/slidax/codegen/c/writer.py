@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 
-from ..ir import Branch, Loop, Region, Value
+from ..ir import Branch, Call, Loop, Program, Region, Value
 from ..naming import Names
 from .dialect import Dialect
 from .expressions import Expressions, Written, constant
@@ -19,7 +19,8 @@ Read = Callable[[int, int | str], str]
 Rows = Callable[[int, str, int], str]
 """From an output's number, the expression of a row and the number of an element, to where that element is written."""
 
-_LETTERS = [first + second for first in ["", *"bcdefghijklmnopqrstuvwxyz"] for second in "bcdefghijklmnopqrstuvwxyz"]
+LETTERS = [first + second for first in ["", *"bcdefghijklmnopqrstuvwxyz"] for second in "bcdefghijklmnopqrstuvwxyz"]
+"""What is put behind a name that is taken."""
 
 HEAVY = 7
 """Operations that a line may hold."""
@@ -57,6 +58,10 @@ class Writer(ABC):
         self.texts: dict[Value, Written] = {}
         self.reads: set[int] = set()
         self.places: dict[Value, str] = {}  # of inputs
+        self.loops = False
+        # Values that are elements of an array, each with the number of the array and its place there.
+        self.together: dict[Value, tuple[int, int]] = {}
+        self.called: list[Program] = []
         self.bytes = 0
         self.level = 1
         # Where the results of inner blocks go, if not to variables of their own.
@@ -71,7 +76,11 @@ class Writer(ABC):
         - `text`: without its indentation.
         - `value`: what it computes, if anything.
         """
-        self.lines.append(Line(self.level, text, "" if value is None else self.names.about(value)))
+        if value is None:
+            self.lines.append(Line(self.level, text))
+        else:
+            visit = getattr(value.origin, "visit", None)
+            self.lines.append(Line(self.level, text, self.names.about(value), visit, self.together.get(value)))
 
     def fresh(self, hint: str | None) -> str:
         """A name that nothing has yet.
@@ -81,7 +90,7 @@ class Writer(ABC):
         if hint is None:
             self._unnamed += 1
             hint = f"v{self._unnamed}"
-        name, letters = hint, iter(_LETTERS)
+        name, letters = hint, iter(LETTERS)
         while name in self.taken:
             name = f"{hint}{'' if hint[-1].isdigit() else '_'}{next(letters)}"
         self.taken.add(name)
@@ -118,6 +127,8 @@ class Writer(ABC):
                 self.loop(value)
             elif isinstance(value, Branch):
                 self.branch(value)
+            elif isinstance(value, Call):
+                self.call(value)
             elif value.op == "store":
                 self.store(value)
             elif value.op != "result":
@@ -142,6 +153,13 @@ class Writer(ABC):
         """Writes the assignments to a row of a logged output.
 
         - `store`: the store.
+        """
+
+    @abstractmethod
+    def call(self, call: Call) -> None:
+        """Writes a call.
+
+        - `call`: the call.
         """
 
     def keep(self, value: Value, hint: str | None = None) -> None:
@@ -169,7 +187,8 @@ class Writer(ABC):
             self.reads.add(which)
             self.places[value] = text
             self.texts[value] = Written(text, reads=frozenset((text,)))
-            if self.placement.uses[value] > 1 and not text.isidentifier():
+            # A loop over an array finds its elements where they are.
+            if self.placement.uses[value] > 1 and not text.isidentifier() and not (self.loops and text[-1] == "]"):
                 self.keep(value)
             return
         self.texts[value] = self._composed(value)
@@ -203,9 +222,13 @@ class Writer(ABC):
         - `value`: any.
         """
         name = self.names.of(value)
+        if value in self.together:
+            return False
         return self.placement.alone(value) and (value in self.placement.assigned or name is None or not name.firm)
 
     def _is_cheap(self, value: Value) -> bool:
         """Whether a value's expression is no longer than a name would be."""
+        if value in self.together:
+            return False
         arg = self.texts[value.args[0]]
         return arg.weight == 0 and (self.texts[value].text == arg.text or value.op in ("neg", "not"))

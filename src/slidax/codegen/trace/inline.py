@@ -14,6 +14,7 @@ from slidax.codegen.no_native_code import NoNativeCodeError, in_one_line
 from . import blocks, elementwise, indexing, random, reductions, shapes
 from .arrays import of_numbers
 from .expanded import expanded, linear_solve, platform_index
+from .library import Library, together
 from .origin import Origin, frames_of
 
 CALLS = {
@@ -76,6 +77,7 @@ def inline(
     *,
     constants: Sequence[Values] | None = None,
     named: bool = False,
+    library: Library | None = None,
 ) -> list[Values]:
     """The results of a closed jaxpr, as arrays of values.
 
@@ -84,17 +86,21 @@ def inline(
     - `arrays`: its arguments.
     - `constants`: what stands for the arrays that it closes over; None: their numbers.
     - `named`: whether each value is told where in the source it came from; takes time.
+    - `library`: has the functions that stay functions; None: all is written out.
 
     Raises NoNativeCodeError if it holds a primitive that has no rule, or one whose rule fails: its name, where it
     stands in the source, and the remedy or the failure.
     """
-    return _Inlining(builder, named).run(closed, arrays, constants)
+    return _Inlining(builder, named, library).run(closed, arrays, constants)
 
 
 class _Inlining:
-    def __init__(self, builder: Builder, named: bool) -> None:
+    def __init__(self, builder: Builder, named: bool, library: Library | None, within: str | None = None) -> None:
         self.builder = builder
         self.named = named
+        self.library = library
+        # The function that all this is inside of: who called it is no matter of what is in it.
+        self.within = within
         # Inside a called function, the place of the call.
         self.call: Any = None
         # Those whose inner jaxprs are open, the outermost first.
@@ -118,13 +124,19 @@ class _Inlining:
     def _equation(self, equation: Any, arrays: list[Values]) -> list[Values]:
         name = equation.primitive.name
         with in_one_line(lambda: f"the JAX primitive `{name}`{self._where(equation)}"):
+            if name in ("jit", "pjit") and self.library is not None:
+                shared = self._call(equation, arrays)
+                if shared is not None:
+                    return shared
+            if name == "optimization_barrier" and self.library is not None:
+                return [together(self.builder, array) for array in arrays]
             if name in CALLS:
                 around, self.call = self.call, self.call or equation
                 results = self.run(_closed(equation.params[CALLS[name]]), arrays)
                 self.call = around
                 return results
             if self.named:
-                self.builder.origin = Origin(self.call or equation)
+                self.builder.origin = Origin(self.call or equation, within=self.within)
             if name in PLAIN:
                 result = PLAIN[name](self.builder, equation, arrays)
                 results = result if isinstance(result, list) else [result]
@@ -145,13 +157,29 @@ class _Inlining:
         remedy = REMEDIES.get(name, "write it with other operations of `jax.numpy`, or simulate with the engine `xla`")
         raise NoNativeCodeError(f"no native code for the JAX primitive `{name}`{self._where(equation)}: {remedy}")
 
+    def _call(self, equation: Any, arrays: list[Values]) -> list[Values] | None:
+        """The results of a function that stays one."""
+        assert self.library is not None
+
+        def run(builder: Builder, closed: Any, inside: Sequence[Values], name: str) -> list[Values]:
+            return _Inlining(builder, self.named, self.library, name).run(closed, inside)
+
+        if self.named:
+            self.builder.origin = Origin(self.call or equation, within=self.within)
+        mine = self.builder.origin
+        results = self.library.call(self.builder, equation, arrays, run)
+        if results is not None and self.named:
+            self.builder.origin = mine
+            self._mark(results)
+        return results
+
     def _mark(self, results: list[Values]) -> None:
         """Tells each new value which element of the result it is."""
         mine = self.builder.origin
         for array in results:
             for k, value in enumerate(array.ravel()):
                 if value.origin is mine:
-                    value.origin = Origin(mine.equation, k, array.shape)
+                    value.origin = Origin(mine.equation, k, array.shape, mine.within, mine.visit)
 
     def _where(self, equation: Any) -> str:
         for made in (self.call or equation, *reversed(self.open)):

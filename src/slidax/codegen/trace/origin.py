@@ -36,14 +36,25 @@ class Origin:
     - `equation`: of the jaxpr.
     - `element`: which element of the equation's result the value is, in C order; None if it is none.
     - `shape`: of that result.
+    - `visit`: equal for the values of one operation on arrays.
+    - `within`: the function that the place is looked for in, whoever called it; None: anywhere.
     """
 
-    __slots__ = ("element", "equation", "shape")
+    __slots__ = ("element", "equation", "shape", "visit", "within")
 
-    def __init__(self, equation: Any, element: int | None = None, shape: tuple[int, ...] = ()) -> None:
+    def __init__(
+        self,
+        equation: Any,
+        element: int | None = None,
+        shape: tuple[int, ...] = (),
+        within: str | None = None,
+        visit: object = None,
+    ) -> None:
         self.equation = equation
         self.element = element
         self.shape = shape
+        self.within = within
+        self.visit: object = self if visit is None else visit
 
     @property
     def size(self) -> int:
@@ -56,7 +67,11 @@ class Origin:
     @property
     def frames(self) -> list[SourceFrame]:
         """The places in the source, the innermost first, without those in JAX and its kin."""
-        return frames_of(self.equation)
+        frames = frames_of(self.equation)
+        for k, frame in enumerate(frames):
+            if self.within is not None and frame.function.rpartition(".")[2] == self.within:
+                return frames[: k + 1]
+        return frames
 
 
 def frames_of(equation: Any) -> list[SourceFrame]:

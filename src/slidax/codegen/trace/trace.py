@@ -14,9 +14,16 @@ from slidax.codegen.no_native_code import NoNativeCodeError, in_one_line
 
 from .arrays import type_of
 from .inline import inline
+from .library import Library
 
 
-def trace(function: Callable[..., Any], *args: Any, names: Sequence[str] | None = None, named: bool = True) -> Program:
+def trace(
+    function: Callable[..., Any],
+    *args: Any,
+    names: Sequence[str] | None = None,
+    named: bool = True,
+    library: Library | None = None,
+) -> Program:
     """`function(*args)` as a program, whose inputs are the arrays in `args` and whose outputs those in its result.
 
     An array is named after its argument and its place in it: `parameters.surface.k1`, `state.q`.
@@ -25,6 +32,7 @@ def trace(function: Callable[..., Any], *args: Any, names: Sequence[str] | None 
     - `args`: arrays, or shapes with dtypes; their numbers are not looked at.
     - `names`: of the arguments; None: `arg0`, `arg1`, ...
     - `named`: whether each value is told where in the source it came from; takes time.
+    - `library`: has the functions that stay functions; None: all is written out.
 
     Raises NoNativeCodeError if it holds a primitive that has no rule, or one whose rule fails.
     """
@@ -36,7 +44,7 @@ def trace(function: Callable[..., Any], *args: Any, names: Sequence[str] | None 
             builder.input(name, ir_type(leaf.dtype, name), leaf.shape)
             for name, leaf in leaves(shapes, names or _numbered(args))
         ]
-        results = inline(builder, closed, inputs, named=named)
+        results = inline(builder, closed, inputs, named=named, library=library)
         outputs = [name for name, _ in leaves((result,), ("",))]
         for name, values, aval in zip(outputs, results, closed.out_avals, strict=True):
             builder.output(name, ir_type(aval.dtype, name), values)

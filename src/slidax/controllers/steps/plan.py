@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 
 from slidax.numerics import increasing_root
@@ -34,8 +35,8 @@ class Barrier(eqx.Module):
 
         - `eps`: transformed error [n].
         """
-        place, place_slope = self.frame.place_and_slope(eps)
-        pull, pull_slope = self.surface.pull_and_slope(eps)
+        place, place_slope = _place_and_slope(self.frame, eps)
+        pull, pull_slope = _pull_and_slope(self.surface, eps)
         now, horizon = self.frame.now, self.horizon
         return now * place + horizon * pull, now * place_slope + horizon * pull_slope
 
@@ -83,8 +84,8 @@ class Plan(eqx.Module):
         - `barrier`, `y`, `v`, `s`, `eps`: as in the class.
         """
         frame, horizon = barrier.frame, barrier.horizon
-        place, place_slope = frame.place_and_slope(eps)
-        pull, pull_slope = barrier.surface.pull_and_slope(eps)
+        place, place_slope = _place_and_slope(frame, eps)
+        pull, pull_slope = _pull_and_slope(barrier.surface, eps)
         value, slope = frame.now * place + horizon * pull, frame.now * place_slope + horizon * pull_slope
         return Plan(barrier, y, v, s, eps, place, place_slope, value, slope)
 
@@ -101,8 +102,19 @@ class Plan(eqx.Module):
         """
         frame, horizon = self.barrier.frame, self.barrier.horizon
         eps = self.barrier.solve(self.y + horizon * s_next, self.eps, (self.value, self.slope))
-        v_next = (frame.ahead * frame.place_and_slope(eps)[0] - self.y) / horizon
+        v_next = (frame.ahead * _place_and_slope(frame, eps)[0] - self.y) / horizon
         return eps, (v_next - self.v) / horizon
+
+
+# Traced once, and functions in exported C.
+@jax.jit
+def _place_and_slope(frame: Frame, eps: Vector) -> tuple[Vector, Vector]:
+    return frame.place_and_slope(eps)
+
+
+@jax.jit
+def _pull_and_slope(surface: AbstractSurface, eps: Vector) -> tuple[Vector, Vector]:
+    return surface.pull_and_slope(eps)
 
 
 def _value_and_slope(barrier: Barrier, eps: Vector) -> tuple[Vector, Vector]:

@@ -1,0 +1,52 @@
+"""Arguments that lie in an array already, in order, are passed as they lie, and not copied to a new array."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+
+from .layout import Line
+
+OPENED = re.compile(r"const \w+ (\w+)\[(\d+)\] = \{")
+ELEMENT = re.compile(r"([A-Za-z_]\w*(?:->\w+)?)\[(\d+)\]")
+
+
+def passed_in_place(lines: Sequence[Line]) -> list[Line]:
+    """The lines without arrays that are copies of parts of others.
+
+    - `lines`: of a function; an array that is made of elements is read by the next call alone.
+    """
+    out: list[Line] = []
+    where: dict[str, str] = {}
+    k = 0
+    while k < len(lines):
+        opened = OPENED.fullmatch(lines[k].text)
+        if opened is None:
+            line = lines[k]
+            words = [word for word in where if word in line.text]
+            text = line.text
+            for word in words:
+                text = re.sub(rf"\b{word}\b", where[word], text)
+            out.append(line if text == line.text else Line(line.level, text, line.about))
+            k += 1
+            continue
+        end = next(n for n in range(k, len(lines)) if lines[n].text == "};")
+        elements = " ".join(line.text.strip() for line in lines[k + 1 : end]).split(", ")
+        pointer = _pointer(elements)
+        if pointer is None:
+            out += lines[k : end + 1]
+        else:
+            where[opened.group(1)] = pointer
+        k = end + 1
+    return out
+
+
+def _pointer(elements: Sequence[str]) -> str | None:
+    """Where elements lie one after the other, if they do."""
+    first = ELEMENT.fullmatch(elements[0])
+    if first is None:
+        return None
+    array, start = first.group(1), int(first.group(2))
+    if any(element != f"{array}[{start + k}]" for k, element in enumerate(elements)):
+        return None
+    return f"&{array}[{start}]" if start else array

@@ -1,0 +1,194 @@
+"""Blocks around what is needed for a while only, so that a compiler can use its place on the stack again."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter, defaultdict
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+from .layout import Line
+
+SIZES = {"double": 8, "float": 4, "int64_t": 8, "uint64_t": 8, "int32_t": 4, "uint32_t": 4, "int": 4, "bool": 1}
+DECLARED = re.compile(rf"(const )?({'|'.join(SIZES)}) (\w+)(?:\[(\d+)\])?(?: = (.*)|;)?;?")
+NAME = re.compile(r"[A-Za-z_]\w*")
+
+LEAST = 128
+"""Bytes that another block must save."""
+
+
+@dataclass
+class _Item:
+    """A line, or a block from its head to its last brace.
+
+    - `lines`: in order.
+    - `names`: all identifiers in it, each as often as it is there.
+    """
+
+    lines: list[Line]
+    names: Counter[str]
+
+
+@dataclass
+class _Variable:
+    """A variable of a sequence of items.
+
+    - `first`, `last`: the items that declare it, and that use it last.
+    - `bytes`: that it takes.
+    - `fixed`: whether it cannot be declared in one place and set in another.
+    """
+
+    first: int
+    last: int
+    bytes: int
+    fixed: bool
+
+
+def scoped(lines: Sequence[Line]) -> list[Line]:
+    """The lines with blocks around parts of them.
+
+    - `lines`: of a function's body.
+    """
+    items = _items(lines)
+    if len(items) < 2:
+        return list(lines)
+    variables = _variables(items)
+    cuts = _cuts(items, variables)
+    out: list[Line] = []
+    if len(cuts) == 2:
+        return [line for item in items for line in _inner(item)]
+    for start, end in pairwise(cuts):
+        inside = [
+            name for name, one in variables.items() if start <= one.first < end and one.last < end and one.bytes > 8
+        ]
+        if sum(variables[name].bytes for name in inside) < LEAST:
+            out += [line for item in items[start:end] for line in _inner(item)]
+            continue
+        part = [line for item in items[start:end] for line in item.lines]
+        out += _block(part, {name for name, one in variables.items() if start <= one.first < end <= one.last})
+    return out
+
+
+def stack(lines: Sequence[Line]) -> int:
+    """Bytes that the variables of a function take: arrays as long as their block lasts, numbers while they are needed.
+
+    - `lines`: of its body.
+    """
+    items = _items(lines)
+    variables = _variables(items).values()
+    arrays = sum(one.bytes for one in variables if one.bytes > 8)
+    most = 0
+    for k, item in enumerate(items):
+        alive = sum(one.bytes for one in variables if one.bytes <= 8 and one.first <= k <= one.last)
+        most = max(most, alive + _within(item))
+    return arrays + most
+
+
+def _within(item: _Item) -> int:
+    """Bytes that the blocks of an item take: only one of them at a time."""
+    if len(item.lines) < 3 or DECLARED.match(item.lines[0].text):
+        return 0
+    level, most = item.lines[0].level, 0
+    part: list[Line] = []
+    for line in item.lines:
+        if line.level != level:
+            part.append(line)
+        elif part:
+            most = max(most, stack(part))
+            part = []
+    return most + (8 if item.lines[0].text.startswith("for (") else 0)
+
+
+def _inner(item: _Item) -> list[Line]:
+    """The lines of an item, with blocks inside of it."""
+    if len(item.lines) < 4 or DECLARED.match(item.lines[0].text):
+        return item.lines
+    out: list[Line] = []
+    level = item.lines[0].level
+    part: list[Line] = []
+    for line in item.lines:
+        if line.level == level:
+            out += scoped(part)
+            part = []
+            out.append(line)
+        else:
+            part.append(line)
+    return out + part
+
+
+def _items(lines: Sequence[Line]) -> list[_Item]:
+    items: list[_Item] = []
+    depth = 0
+    for line in lines:
+        closes, opens = line.text.startswith("}"), line.text.endswith("{")
+        if depth == 0 and not closes:
+            items.append(_Item([], Counter()))
+        items[-1].lines.append(line)
+        items[-1].names.update(NAME.findall(line.text))
+        depth += opens - closes
+    return items
+
+
+def _variables(items: Sequence[_Item]) -> dict[str, _Variable]:
+    found: dict[str, _Variable] = {}
+    for k, item in enumerate(items):
+        for name in item.names:
+            if name in found:
+                found[name].last = k
+        match = DECLARED.match(item.lines[0].text)
+        if match is not None:
+            size = SIZES[match.group(2)] * int(match.group(4) or 1)
+            fixed = match.group(4) is not None and match.group(5) is not None
+            found[match.group(3)] = _Variable(k, k, size, fixed)
+    return found
+
+
+def _cuts(items: Sequence[_Item], variables: Mapping[str, _Variable]) -> list[int]:
+    """Where the sequence is best cut into blocks."""
+    arrays = [one for one in variables.values() if one.bytes > 8]
+    ends = {0, len(items)}
+    candidates = {k for k in range(1, len(items)) if items[k].lines[0].about != items[k - 1].lines[0].about}
+    candidates |= {one.first for one in arrays} | {one.last + 1 for one in arrays}
+    candidates -= {k for one in arrays if one.fixed for k in range(one.first + 1, one.last + 1)}
+    saved = 0
+    while True:
+        best, most = None, saved + LEAST
+        for candidate in sorted(candidates - ends):
+            gain = _saved(arrays, sorted(ends | {candidate}))
+            if gain >= most:
+                best, most = candidate, gain + 1
+        if best is None:
+            return sorted(ends)
+        ends.add(best)
+        saved = most - 1
+
+
+def _saved(arrays: Sequence[_Variable], cuts: Sequence[int]) -> int:
+    """Bytes that blocks save: all that is local to one, but for the largest of them."""
+    local: defaultdict[int, int] = defaultdict(int)
+    block = {}
+    for number, (start, end) in enumerate(pairwise(cuts)):
+        for k in range(start, end):
+            block[k] = number
+    for one in arrays:
+        if block[one.first] == block.get(one.last):
+            local[block[one.first]] += one.bytes
+    return sum(local.values()) - max(local.values(), default=0)
+
+
+def _block(lines: Sequence[Line], leaving: set[str]) -> list[Line]:
+    """A block, with what is needed after it declared before."""
+    before: list[Line] = []
+    inside: list[Line] = []
+    level = lines[0].level
+    for line in lines:
+        match = DECLARED.match(line.text)
+        if match is None or match.group(3) not in leaving or line.level != level:
+            inside.append(Line(line.level + 1, line.text, line.about))
+            continue
+        _, type, name, size, value = match.groups()
+        before.append(Line(level, f"{type} {name}{f'[{size}]' if size else ''};"))
+        if value is not None and size is None:
+            inside.append(Line(line.level + 1, f"{name} = {value.rstrip(';')};", line.about))
+    return [*before, Line(level, "{"), *scoped(inside), Line(level, "}")]

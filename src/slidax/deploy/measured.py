@@ -1,0 +1,86 @@
+"""What a compiler and a profiler on this machine say of an exported step."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+import tempfile
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+if TYPE_CHECKING:
+    from .contents import Project
+
+STEPS = 200, 700
+"""Steps of the closed loop in two runs: what the second has more is what a step takes."""
+
+
+class Measured(NamedTuple):
+    """The size of a step.
+
+    - `lines`: of its source.
+    - `code`: bytes of code and constants by this machine's compiler with `-O2`; None without one.
+    - `instructions`: of a step of the closed loop on average, on this machine; None without valgrind.
+    """
+
+    lines: int
+    code: int | None
+    instructions: int | None
+
+    def __str__(self) -> str:
+        parts = [f"{self.lines} lines"]
+        if self.code is not None:
+            parts.append(f"{self.code} bytes of code by this machine's cc -O2")
+        if self.instructions is not None:
+            parts.append(f"{self.instructions} instructions a step")
+        return ", ".join(parts)
+
+
+def measured(made: Project, folder: Path) -> Measured:
+    """The size of an exported step, as far as this machine can tell.
+
+    - `made`: what was exported.
+    - `folder`: where it is.
+    """
+    source = folder / f"{made.prefix}.c"
+    lines = len(source.read_text(encoding="utf-8").splitlines())
+    compiler = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
+    if compiler is None:
+        return Measured(lines, None, None)
+    with tempfile.TemporaryDirectory() as place:
+        base = [compiler, "-std=c99", "-O2", "-ffp-contract=off"]
+        _run([*base, "-c", str(source), "-o", f"{place}/law.o"])
+        code = _code(f"{place}/law.o")
+        instructions = None
+        if shutil.which("valgrind"):
+            files = [str(folder / name) for name in (source.name, f"{made.prefix}_scenario.c", "latency.c")]
+            built = _run([*base, "-fno-inline-functions-called-once", *files, "-o", f"{place}/latency", "-lm"])
+            instructions = None if built is None else _instructions(made.prefix, place)
+        return Measured(lines, code, instructions)
+
+
+def _code(file: str) -> int | None:
+    said = _run(["size", file]) if shutil.which("size") else None
+    return None if said is None else int(said.splitlines()[1].split()[0])
+
+
+def _instructions(prefix: str, place: str) -> int | None:
+    profiler = ["valgrind", "--tool=callgrind", f"--toggle-collect={prefix}_step", f"--callgrind-out-file={place}/out"]
+    counted = []
+    for steps in STEPS:
+        said = _run([*profiler, f"{place}/latency", str(steps), f"{place}/latency.svg"])
+        found = re.search(r"Collected : (\d+)", said or "")
+        if found is None:
+            return None
+        counted.append(int(found.group(1)))
+    return round((counted[1] - counted[0]) / (STEPS[1] - STEPS[0]))
+
+
+def _run(command: list[str]) -> str | None:
+    """What a command says on both of its ways; None if it fails."""
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=60)
+    except (OSError, subprocess.TimeoutExpired):
+        return None
+    return done.stdout + done.stderr if done.returncode == 0 else None
