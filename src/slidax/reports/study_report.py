@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING
+
+from slidax.scenarios.written import as_yaml
+from slidax.studies import AbstractResult, AbstractStudy
 
 from .machine import machine, versions
 from .page import render
 from .parameters import write_scenario
 from .picture import picture
-
-if TYPE_CHECKING:
-    from slidax.scenarios.written import as_yaml
-from slidax.studies import AbstractResult, AbstractStudy
 
 
 def write_study_report(
