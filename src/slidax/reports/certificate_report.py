@@ -74,7 +74,10 @@ def _certified(found: Certificates, t1: float) -> dict[str, tuple[np.ndarray, np
             continue
         given: Any = one.bound
         if "error_over_time" in given:
-            bounds["certified at this rate"] = np.asarray(given["times"], float), np.asarray(given["error_over_time"], float)
+            bounds["certified at this rate"] = (
+                np.asarray(given["times"], float),
+                np.asarray(given["error_over_time"], float),
+            )
         elif one.name == "ultimate_bound":
             error = np.asarray(given["error"], float)
             bounds["in the end"] = np.array([0.75 * t1, t1]), np.stack([error, error])
