@@ -36,15 +36,15 @@ def killed_after(seconds: float, out: Path, **changes: Any) -> bool:
     import json
 
     text = json.dumps({**STUDY, **changes})
-    process = subprocess.Popen([sys.executable, "-c", RUNNER, text, str(out)], stdout=subprocess.PIPE)
-    assert process.stdout is not None
-    process.stdout.readline()
-    try:
-        return process.wait(seconds) == 0
-    except subprocess.TimeoutExpired:
-        os.kill(process.pid, signal.SIGKILL)
-        process.wait()
-        return False
+    with subprocess.Popen([sys.executable, "-c", RUNNER, text, str(out)], stdout=subprocess.PIPE) as process:
+        assert process.stdout is not None
+        process.stdout.readline()
+        try:
+            return process.wait(seconds) == 0
+        except subprocess.TimeoutExpired:
+            os.kill(process.pid, signal.SIGKILL)
+            process.wait()
+            return False
 
 
 def kill_until_done(out: Path, most: int, seed: int, low: float, high: float, **changes: Any) -> int:
