@@ -7,6 +7,8 @@ import pytest
 
 from slidax import State, scenarios
 from slidax.codegen import llvm
+from slidax.codegen.builder import Builder
+from slidax.codegen.ir import ELEMENTARY
 from slidax.codegen.llvm import by_demand, cache, kernel, machine
 
 from .test_llvm import scaled
@@ -81,6 +83,27 @@ def frame_of(code: bytes) -> int:
     if at < 0:
         pytest.skip("not the code of an x86-64")
     return int.from_bytes(code[at + 3 : at + 7], "little")
+
+
+@pytest.mark.parametrize("lanes", [1, 8])
+@pytest.mark.parametrize("kind", ["f64", "f32"])
+@pytest.mark.parametrize("op", ELEMENTARY)
+def test_a_function_that_is_called_gives_the_bits_of_the_one_that_is_written_out(op, kind, lanes):
+    b = Builder()
+    given = [b.input(f"x{k}", kind, (), varying=True).item() for k in range(2 if op in ("pow", "atan2") else 1)]
+    value = b.apply(op, *given, type=kind)
+    # With a sum around it, into which a product would be taken.
+    b.output("y", kind, np.array([value, b.apply("add", value, given[0], type=kind)], object))
+    program = b.finish()
+    numbers = np.random.default_rng(0).normal(size=(len(given), 200)) * np.exp(np.linspace(-20.0, 8.0, 200))
+    edges = np.array([0.0, -0.0, np.inf, -np.inf, np.nan, 1e300, -1e300, 5e-324])
+    with np.errstate(over="ignore"):
+        spread = [np.concatenate([row, edges]).astype(np.float64 if kind == "f64" else np.float32) for row in numbers]
+    (quick,) = kernel.Kernel(program, lanes, quick=True).batch(spread, len(spread[0]))
+    (well,) = kernel.Kernel(program, lanes).batch(spread, len(spread[0]))
+    np.testing.assert_array_equal(quick, well)
+    there = ~np.isnan(well)
+    np.testing.assert_array_equal(np.signbit(quick[there]), np.signbit(well[there]))
 
 
 def test_a_run_has_the_same_bits_by_both(monkeypatch):

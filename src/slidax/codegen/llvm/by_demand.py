@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from slidax.codegen.ir import Program
+from slidax.codegen.no_native_code import in_one_line
 
 from . import cache, machine
 from .kernel import Kernel, identity
@@ -33,6 +34,7 @@ class ByDemand:
     def __init__(self, program: Program, lanes: int = 1) -> None:
         self.program, self.lanes = program, lanes
         self._asked = 0
+        self._identity: str | None = None
         self._kernel: Kernel | None = None
 
     def kernel(self, turns: int) -> Kernel:
@@ -46,13 +48,15 @@ class ByDemand:
         self._asked += turns
         worth = self._asked >= WORTH.get(self.lanes, 0)
         if self._kernel is None or (worth and self._kernel.quick):
-            well = worth or (first and (self._made() or self._large()))
-            self._kernel = Kernel(self.program, self.lanes, quick=not well)
+            with in_one_line(lambda: "the program"):
+                self._identity = self._identity or identity(self.program, self.lanes)
+            well = worth or (first and (self._made(self._identity) or self._large()))
+            self._kernel = Kernel(self.program, self.lanes, quick=not well, known=self._identity)
         return self._kernel
 
-    def _made(self) -> bool:
+    def _made(self, identity: str) -> bool:
         """Whether good code is on the disk from another time."""
-        key = machine.host().key_of(identity(self.program, self.lanes), machine.OPTIMISED)
+        key = machine.host().key_of(identity, machine.OPTIMISED)
         return cache.path_of(key).is_file()
 
     def _large(self) -> bool:

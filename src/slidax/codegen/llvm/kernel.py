@@ -37,14 +37,15 @@ class Kernel:
     - `program`: what it computes.
     - `lanes`: as many runs are computed side by side in vectors.
     - `quick`: whether the code is made in a fraction of the time, and takes 2 to 5 times as long for the same bits.
+    - `known`: the program's `identity`, if it is known.
     """
 
-    def __init__(self, program: Program, lanes: int, *, quick: bool = False) -> None:
+    def __init__(self, program: Program, lanes: int, *, quick: bool = False, known: str | None = None) -> None:
         self.lanes, self.quick = lanes, quick
         self.inputs, self.outputs = program.inputs, program.outputs
         self.program = program
         with in_one_line(lambda: "the program"):
-            what = identity(program, lanes) + " quick" * quick
+            what = (known or identity(program, lanes)) + " quick" * quick
             # A name of its own: code of another program does not have it.
             self._entry = f"runs_{hashlib.sha256(what.encode()).hexdigest()[:32]}"
             level = machine.QUICK if quick else machine.OPTIMISED
@@ -73,7 +74,8 @@ class Kernel:
     @property
     def text(self) -> str:
         """LLVM's text of it."""
-        return module(prepared(self.program, self.lanes, quick=self.quick), self.lanes, self._entry)
+        ready = prepared(self.program, self.lanes, quick=self.quick)
+        return module(ready, self.lanes, self._entry, own=self.quick)
 
     def __call__(self, inputs: Sequence[Any], rows: int = 0) -> Arrays:
         """One run; returns its outputs.
