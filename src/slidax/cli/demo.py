@@ -102,6 +102,7 @@ def _played(console: Console, still: bool) -> dict[str, Rival]:
 
 
 def _print_verdicts(console: Console, rivals: dict[str, Rival]) -> None:
+    import numpy as np
     from rich.table import Table
 
     from slidax.metrics import steady_error, steady_torque_step
@@ -113,7 +114,7 @@ def _print_verdicts(console: Console, rivals: dict[str, Rival]) -> None:
     for title, rival in rivals.items():
         run = rival.run
         if run.outcome.kind == "ok":
-            numbers = [f"{float(max(metric(run))):.2g}" for metric in (steady_error, steady_torque_step)]
+            numbers = [f"{float(np.max(metric(run))):.2g}" for metric in (steady_error, steady_torque_step)]
             table.add_row(title, f"{rival.outside} of {int(run.tally.samples)}", *numbers)
         else:
             table.add_row(title, f"{run.outcome.kind.replace('_', ' ')} at {run.outcome.t:.2f} s", "-", "-")
