@@ -22,18 +22,21 @@ from .tuned import SUPER_TWISTING, tuned
 RIVAL = SUPER_TWISTING
 """Of the rivals with the same estimator the one with the least steady error, as the table of docs/rivals.md has it."""
 
-WIDTH, HEIGHT = 960, 322
+WIDTH, HEIGHT = 960, 316
 PANEL = 470
 """Width of one law's half."""
 
-CHART = (190, 52, 264, 212)
+CHART = (206, 48, 252, 212)
 """Left, top, width and height of the errors in a half."""
 
-ARM = (92, 246, 172)
+ARM = (56, 246, 196)
 """Where the base stands in a half, and a metre in the picture's units."""
 
 FRAMES, HELD = 120, 24
 """Frames of the run, and of its end before it begins anew."""
+
+LOAD = 22
+"""Side of the box that stands for what is carried."""
 
 KNEE = 1e-3
 """The scale of errors is linear about zero as far as this [rad], and logarithmic farther out."""
@@ -42,9 +45,10 @@ TICKS = {1.0: "1", 0.1: "0.1", 0.01: "0.01", 0.0: "0", -0.01: "−0.01", -0.1: "
 
 STYLE = """
 svg { color-scheme: light dark; --ink: #1f2328; --soft: #59636e; --band: #e6eef7; --edge: #7d8b99; --grid: #d8dee4;
-  --line: #0072b2; --arm: #3d4752; --inner: #9aa7b4; --ghost: #d55e00; --page: #ffffff; }
+  --line: #0072b2; --arm: #3d4752; --inner: #9aa7b4; --ghost: #d55e00; --load: #e3b341; --page: #ffffff; }
 @media (prefers-color-scheme: dark) { svg { --ink: #f0f6fc; --soft: #a5aeb8; --band: #16293b; --edge: #6f8296;
-  --grid: #30363d; --line: #58b3ea; --arm: #c7d1db; --inner: #5b6875; --ghost: #f0883e; --page: #0d1117; } }
+  --grid: #30363d; --line: #58b3ea; --arm: #c7d1db; --inner: #5b6875; --ghost: #f0883e; --load: #bb8009;
+  --page: #0d1117; } }
 text { font: 12px system-ui, -apple-system, "Segoe UI", Helvetica, Arial, sans-serif; fill: var(--soft); }
 .head { font-size: 15px; font-weight: 600; fill: var(--ink); }
 .said { font-size: 13px; fill: var(--ink); }
@@ -52,6 +56,7 @@ text { font: 12px system-ui, -apple-system, "Segoe UI", Helvetica, Arial, sans-s
 .arm { fill: none; stroke: var(--arm); stroke-width: 13; stroke-linejoin: round; stroke-linecap: round; }
 .inner { fill: none; stroke: var(--inner); stroke-width: 8; stroke-linejoin: round; stroke-linecap: round; }
 .ghost { fill: none; stroke: var(--ghost); stroke-width: 3; stroke-linejoin: round; stroke-dasharray: 7 4; }
+.load { fill: var(--load); stroke: var(--arm); stroke-width: 2; }
 .tick { stroke: var(--grid); stroke-width: 1; }
 .edge { fill: none; stroke: var(--edge); stroke-width: 1.2; }
 """.strip()
@@ -80,11 +85,11 @@ def make() -> None:
         Half("CFTSMPPC, sampled-data", "its envelope is drawn before the run", ours),
         Half(f"{RIVAL.title}, {SAME.split(',')[0]}", f"knows no envelope; gains searched on this run: {found}", rival),
     )
-    text = picture(halves, skeleton_of(scenario.plant.robot), sorted_signs(ours))
+    text = picture(halves, skeleton_of(scenario.plant.robot), first_signs(ours))
     (DOCS / "figures" / "panda-moving.svg").write_text(text, encoding="utf-8")
 
 
-def sorted_signs(run: Run) -> np.ndarray:
+def first_signs(run: Run) -> np.ndarray:
     """The sign of each joint's first error [n], by which all are drawn from above.
 
     - `run`: any.
@@ -116,14 +121,14 @@ def _heads(half: Half, drawn: Run) -> list[str]:
     left, top, _, height = CHART
     count = int(np.sum(outside(half.run, drawn)))
     kept = f"{count} of {len(half.run.log.t)} samples outside"
-    last = f"steady error {small(steady_error(half.run))} rad · torque step {steady_step(half.run):.2g} N m"
+    last = f"steady error {small(steady_error(half.run))} rad, torque step {steady_step(half.run):.2g} N m"
     return [
         f'<text class="head" x="8" y="20">{half.title}</text>',
         f'<text x="8" y="38">{half.note}</text>',
-        f'<text class="said" x="{left}" y="{top + height + 34}">{kept}</text>',
-        f'<text class="said" x="{left}" y="{top + height + 51}">{last}</text>',
-        f'<text x="8" y="{top + height + 34}">with 2 kg it was not</text>',
-        f'<text x="8" y="{top + height + 50}">told of; <tspan fill="var(--ghost)">dashed</tspan>: reference</text>',
+        f'<text class="said" x="{left - 56}" y="{top + height + 35}">{kept}</text>',
+        f'<text class="said" x="{left - 56}" y="{top + height + 52}">{last}</text>',
+        f'<text x="8" y="{top + height + 35}">2 kg, unknown to it</text>',
+        f'<text x="8" y="{top + height + 52}"><tspan fill="var(--ghost)">dashed</tspan>: reference</text>',
     ]
 
 
@@ -164,7 +169,8 @@ def _chart(half: Half, drawn: Run, signs: np.ndarray, number: int) -> list[str]:
         said = f"{second} s" if second else "0"
         parts.append(f'<text x="{float(x(second)):.1f}" y="{top + height + 15}" text-anchor="middle">{said}</text>')
     parts += [f'<polyline class="edge" points="{side}"/>' for side in (up, down)]
-    parts.append(f'<text x="{left + 8}" y="{top - 3}">errors of seven joints [rad] in their envelope</text>')
+    said = "errors of seven joints [rad]"
+    parts.append(f'<text x="{left + width - 6}" y="{top + 18}" text-anchor="end">{said}</text>')
     error = np.asarray(half.run.log.e) * signs
     seen = np.unique(np.linspace(0, len(error) - 1, 3 * width).astype(int))
     run = _points_of(x(np.asarray(half.run.log.t)[seen]), y(error[seen]))
@@ -212,8 +218,15 @@ def _arm(half: Half, arm: Skeleton) -> list[str]:
             f'<polyline class="{name}" points="{told[-1]}"><animate attributeName="points" dur="{dur:.2f}s" '
             f'repeatCount="indefinite" values="{values}"/></polyline>'
         )
+    ends = [f"{a - LOAD / 2:.1f} {b - LOAD / 2:.1f}" for a, b in moving[:, -1]]
+    values = ";".join(ends + [ends[-1]] * HELD)
+    parts.append(
+        f'<rect class="load" width="{LOAD}" height="{LOAD}" rx="3" transform="translate({ends[-1]})">'
+        f'<animateTransform attributeName="transform" type="translate" dur="{dur:.2f}s" repeatCount="indefinite" '
+        f'values="{values}"/></rect>'
+    )
     x, y, _ = ARM
-    return [f'<line class="edge" x1="{x - 60}" x2="{x + 60}" y1="{y + 8}" y2="{y + 8}"/>', *parts]
+    return [f'<line class="edge" x1="{x - 48}" x2="{x + 48}" y1="{y + 8}" y2="{y + 8}"/>', *parts]
 
 
 def _seen(arm: Skeleton, q: np.ndarray) -> np.ndarray:
@@ -223,7 +236,7 @@ def _seen(arm: Skeleton, q: np.ndarray) -> np.ndarray:
     places = np.concatenate([poses.places[:, :1], poses.places[:, chain], arm.tips(poses)[:, None]], axis=1)
     apart = np.linalg.norm(np.diff(places[0], axis=0), axis=1) > 1e-6
     places = places[:, np.append(True, apart)]
-    around, above = np.radians(-62.0), np.radians(14.0)
+    around, above = np.radians(-24.0), np.radians(12.0)
     across = places[..., 0] * np.cos(around) - places[..., 1] * np.sin(around)
     deep = places[..., 0] * np.sin(around) + places[..., 1] * np.cos(around)
     x, y, metre = ARM
