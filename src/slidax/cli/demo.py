@@ -114,7 +114,8 @@ def _print_verdicts(console: Console, rivals: dict[str, Rival]) -> None:
     for title, rival in rivals.items():
         run = rival.run
         if run.outcome.kind == "ok":
-            numbers = [f"{float(np.max(metric(run))):.2g}" for metric in (steady_error, steady_torque_step)]
+            worst = [np.asarray(metric(run), dtype=float).max() for metric in (steady_error, steady_torque_step)]
+            numbers = [f"{value:.2g}" for value in worst]
             table.add_row(title, f"{rival.outside} of {int(run.tally.samples)}", *numbers)
         else:
             table.add_row(title, f"{run.outcome.kind.replace('_', ' ')} at {run.outcome.t:.2f} s", "-", "-")
