@@ -10,7 +10,7 @@ unexport PYTHONPATH PYTHONHOME PYTHONDONTWRITEBYTECODE
 # `pip install --user` is refused inside an environment, so that such a default must not reach it.
 export PIP_USER := 0
 
-.PHONY: help venv demo test lint format bench verify figures tables targets league schema api lock clean
+.PHONY: help venv demo test lint format bench verify figures tables targets league schema api release lock clean
 .DEFAULT_GOAL := help
 
 help: ## Show these targets
@@ -24,6 +24,7 @@ venv: .venv/.installed ## Make or update the environment, .venv
 .venv-3.11/.installed: pyproject.toml requirements/dev.txt
 	@scripts/bootstrap .venv-3.11 3.11
 
+# What takes ten seconds is `slidax demo`.
 demo: .venv/.installed ## Reproduce the paper's results and say where the report is
 	@.venv/bin/slidax reproduce --out reproduction $(ARGS)
 
@@ -57,7 +58,7 @@ tables: .venv/.installed ## Renew the measured tables of docs/choosing.md
 targets: .venv/.installed ## Build and run the exported step on every target that is here, and renew docs/targets.md
 	@.venv/bin/python -m benchmarks.targets $(ARGS)
 
-league: .venv/.installed ## Play the league, and renew its table in README.md and docs/league.md
+league: .venv/.installed ## Play the league, and renew its table in docs/league.md and README.md
 	@.venv/bin/python scripts/write-league $(ARGS)
 
 schema: .venv/.installed ## Renew the JSON schema of scenario files
@@ -81,6 +82,9 @@ verify: .venv/.installed .venv-3.11/.installed ## Test on both Pythons, the long
 	@cd .venv-wheel && bin/slidax reproduce --out reproduction
 	@echo "make verify: all passed"
 
+release: .venv/.installed ## Rehearse a release: build, judge, install and run it; uploads nothing
+	@.venv/bin/python scripts/release --untagged $(ARGS)
+
 # Keeps the pins that still fit; to renew them all: make lock ARGS=--upgrade
 # uv has its own environment, since nothing but this target needs it. The pins of run.txt follow those of dev.txt.
 COMPILE = .venv-lock/bin/uv pip compile pyproject.toml --quiet --universal --python-version 3.11 --generate-hashes \
@@ -99,6 +103,6 @@ lock: .venv-lock/bin/uv ## Renew requirements/*.txt after a change in pyproject.
 	@.venv-lock/bin/python -m pip install -qq uv
 
 clean: ## Remove everything that make made
-	@rm -rf .venv .venv-3.11 .venv-wheel .venv-lock .python build dist reproduction docs/api
+	@rm -rf .venv .venv-3.11 .venv-wheel .venv-lock .venv-release .python build dist reproduction docs/api
 	@rm -rf .pytest_cache .hypothesis .mypy_cache .ruff_cache .import_linter_cache
 	@find src tests benchmarks -name __pycache__ -type d -prune -exec rm -rf {} + 2>/dev/null || true

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import atexit
 import gc
+import io
+import sys
 from typing import Annotated
 
 import typer
 
 from .certify import certify
 from .compare import compare
+from .demo import demo
 from .design import design
 from .excite import excite
 from .explain import explain
@@ -41,6 +44,7 @@ app = typer.Typer(
 export = typer.Typer(help="A scheme as code for a robot.", no_args_is_help=True, rich_markup_mode="rich")
 app.add_typer(export, name="export")
 
+app.command(epilog="Example:  slidax demo --open")(demo)
 app.command(epilog="Example:  slidax reproduce --out reproduction")(reproduce)
 app.command(epilog="Example:  slidax run example-4.1 --set disturbance.scale=0 --set scheme.surface.k1=0.4")(run)
 app.command(epilog="Example:  slidax new --robot my-arm.urdf --rate 500 --out my-arm.yaml")(new)
@@ -78,4 +82,8 @@ def main() -> None:
     # Most of what is made lives to the end; to look through it for garbage takes a quarter of a short command.
     gc.set_threshold(100_000, 50, 50)
     atexit.register(gc.freeze)
+    for stream in (sys.stdout, sys.stderr):
+        # A letter that a terminal or pipe lacks, as on Windows, becomes a question mark and does not end the command.
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")
     app()
