@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from dataclasses import dataclass, field
 from html.parser import HTMLParser
@@ -55,6 +56,7 @@ def checked(site: Path) -> Findings:
 
     - `site`: its folder.
     """
+    site = site.resolve()
     read = {path: _read(path) for path in sorted(site.rglob("*.html")) if "playground" not in path.parts}
     found = Findings(pages=len(read))
     for path, page in read.items():
@@ -85,12 +87,12 @@ def _read(path: Path) -> _Page:
 def _wrong(link: str, path: Path, site: Path, read: dict[Path, _Page]) -> str:
     target, anchor = urldefrag(link)
     target = unquote(urlsplit(target).path)
-    to = path if not target else (path.parent / target).resolve()
+    to = path if not target else Path(os.path.normpath(path.parent / target))
     if to.is_dir():
         to = to / "index.html"
-    if not to.exists() or site.resolve() not in to.resolve().parents:
+    if site not in to.parents or not (to in read or to.exists()):
         return "there is no such page"
-    page = next((one for known, one in read.items() if known.resolve() == to.resolve()), None)
+    page = read.get(to)
     if anchor and page is not None and unquote(anchor) not in page.anchors and not anchor.startswith(":~:"):
         return "there is no such place on it"
     return ""

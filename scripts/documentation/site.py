@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
 import subprocess
 import sys
@@ -96,7 +97,7 @@ def _configure(stage: Stage) -> None:
     if rest:
         print(f"pages that mkdocs.yml does not name, under More: {', '.join(rest)}")
         settings["nav"].append({"More": rest})
-    settings["docs_dir"], settings["site_dir"] = "docs", "../../site"
+    settings["docs_dir"], settings["site_dir"] = "docs", "made"
     python = next(one["mkdocstrings"] for one in settings["plugins"] if "mkdocstrings" in one)["handlers"]["python"]
     python["paths"] = [str(ROOT / "src")]
     python["options"]["extensions"] = [
@@ -116,10 +117,12 @@ def _build(tools: Path) -> None:
     program = tools / "bin" / "zensical"
     if not program.exists():
         raise Failed(f"there is no {program}: `make docs` makes that environment")
+    subprocess.run([tools / "bin" / "python", Path(__file__).with_name("formulas.py"), BUILD / "docs"], check=True)
     shutil.rmtree(SITE, ignore_errors=True)
     done = subprocess.run(
         [program, "build", "--strict", "--clean", "--config-file", BUILD / "mkdocs.yml"],
         cwd=BUILD,
+        env=os.environ | {"NO_COLOR": "1"},
         capture_output=True,
         text=True,
         check=False,
@@ -127,6 +130,8 @@ def _build(tools: Path) -> None:
     said = (done.stdout + done.stderr).strip()
     if done.returncode or "arning" in said:
         raise Failed(f"the builder warns, or failed:\n{said[-6000:]}")
+    # The builder writes below its configuration only.
+    shutil.move(BUILD / "made", SITE)
 
 
 def _check() -> None:

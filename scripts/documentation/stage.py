@@ -9,8 +9,6 @@ import shutil
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from .formulas import with_mathml
-
 ROOT = Path(__file__).parents[2]
 ELSEWHERE = {
     "benchmarks/PERFORMANCE.md": "benchmarks.md",
@@ -21,7 +19,7 @@ ELSEWHERE = {
 """Pages that lie outside of docs/, by where they are on the site."""
 
 LINK = re.compile(r"(!?\[(?:[^\[\]]|\[[^\]]*\])*\])\(([^()\s]+)(\s+\"[^\"]*\")?\)")
-CODE = re.compile(r"(^ *```.*?^ *```|`[^`\n]*`|^    .*$)", re.DOTALL | re.MULTILINE)
+CODE = re.compile(r"(^ *```.*?^ *```|`[^`\n]*`|^    [^\n]*$)", re.DOTALL | re.MULTILINE)
 SCHEME = re.compile(r"[a-z]+:")
 
 
@@ -93,7 +91,7 @@ class Stage:
         for place, text in self.pages.items():
             path = self.folder / place
             path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_text(with_mathml(text), encoding="utf-8")
+            path.write_text(text, encoding="utf-8")
         for path in sorted((ROOT / "docs").rglob("*")):
             if path.is_file() and path.suffix not in (".md",) and "api" not in path.parts:
                 to = self.folder / path.relative_to(ROOT / "docs")
