@@ -20,7 +20,8 @@ from .blocks import blocks
 
 ROOT = Path(__file__).parents[2]
 STORE = ROOT / "build" / "pages"
-SOURCES = ("src/slidax", "examples", "scripts/documentation")
+RUNNER = "scripts/documentation/"
+SOURCES = ("src/slidax", "examples", *(f"{RUNNER}{name}.py" for name in ("blocks", "commands", "page_run", "parts_of_files")))
 PACKAGES = ("jax", "numpy", "scipy", "matplotlib", "llvmlite", "mujoco")
 
 
@@ -105,7 +106,7 @@ def sources() -> str:
         except metadata.PackageNotFoundError:
             digest.update(f"no {name}".encode())
     for source in SOURCES:
-        for path in sorted((ROOT / source).rglob("*")):
+        for path in sorted((ROOT / source).rglob("*")) or [ROOT / source]:
             if path.is_file() and "__pycache__" not in path.parts:
                 digest.update(path.relative_to(ROOT).as_posix().encode())
                 digest.update(path.read_bytes())

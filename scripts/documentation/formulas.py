@@ -12,6 +12,7 @@ from pathlib import Path
 from latex2mathml.converter import convert
 
 BLOCK = re.compile(r"^```math\n(.*?)^```$", re.DOTALL | re.MULTILINE)
+TAG = re.compile(r"\\tag\{([^}]*)\}")
 INLINE = re.compile(r"\$`([^`\n]+)`\$")
 
 
@@ -21,11 +22,12 @@ def with_mathml(text: str) -> str:
     - `text`: of the page.
     """
     def block(match: re.Match[str]) -> str:
-        lines = [line for line in match[1].split("\n\n") if line.strip()]
-        drawn = "".join(convert(line.strip(), display="block") for line in lines)
-        return f'<div class="formula">{drawn}</div>'
+        number = TAG.search(match[1])
+        drawn = convert(TAG.sub("", match[1]).strip(), display="block")
+        return f'<div class="formula">{drawn}{f"<span>({number[1]})</span>" if number else ""}</div>'
 
-    return INLINE.sub(lambda match: convert(match[1]), BLOCK.sub(block, text))
+    # In a span, since a line that begins with <math> would end the paragraph.
+    return INLINE.sub(lambda match: f"<span>{convert(match[1])}</span>", BLOCK.sub(block, text))
 
 
 def main() -> None:

@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import re
+from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
 from .blocks import PageError
+
+PATHS = ("truth", "uncertainty")
+"""Blocks of a scenario whose keys are paths themselves."""
 
 
 def check_yaml(text: str, part_of: str, folder: Path) -> None:
@@ -18,7 +22,7 @@ def check_yaml(text: str, part_of: str, folder: Path) -> None:
 
     Raises PageError if it is not whole and no scenario is named, DefinitionError if slidax refuses it.
     """
-    from slidax.scenarios import load, parse
+    from slidax.scenarios import parse
     from slidax.scenarios.load import read_yaml
 
     if name := re.match(r"# (\S+\.ya?ml)\n", text):
@@ -27,7 +31,8 @@ def check_yaml(text: str, part_of: str, folder: Path) -> None:
     if part_of == "unread":
         return
     if part_of:
-        load(part_of, dotted(read))
+        whole = files("slidax.scenarios.built_in").joinpath(f"{part_of}.yaml").read_text(encoding="utf-8")
+        parse(whole, dotted(read))
     elif not isinstance(read, dict):
         raise PageError("a YAML block must be a mapping")
     elif {"robot", "scheme", "trajectory"} <= set(read):
@@ -50,6 +55,6 @@ def dotted(read: dict[str, Any], prefix: str = "") -> dict[str, Any]:
     found: dict[str, Any] = {}
     for key, value in read.items():
         path = f"{prefix}{key}"
-        whole = not isinstance(value, dict) or "kind" in value
+        whole = not isinstance(value, dict) or "kind" in value or key in PATHS
         found |= {path: value} if whole else dotted(value, f"{path}.")
     return found

@@ -55,6 +55,7 @@ def make(tools: Path, *, jobs: int = 2, run_code: bool = True, only: list[str] |
     _configure(stage)
     _build(tools)
     _check()
+    _look(tools)
     print(f"{SITE / 'index.html'}: {time.perf_counter() - started:.0f} s")
 
 
@@ -87,13 +88,14 @@ def _configure(stage: Stage) -> None:
 
     yaml = YAML()
     settings = yaml.load((ROOT / "mkdocs.yml").read_text(encoding="utf-8"))
-    named = set(_named(settings["nav"]))
-    missing = sorted(named - set(stage.pages))
+    listed = set(named(settings["nav"]))
+    missing = sorted(listed - set(stage.pages))
     if missing:
         raise Failed(f"mkdocs.yml names pages that are not there: {', '.join(missing)}")
     reference = next(part for part in settings["nav"] if "Reference" in part)["Reference"]
-    reference.append({"API": sorted(name for name in stage.pages if name.startswith("api/"))})
-    rest = sorted(set(stage.pages) - named - {name for name in stage.pages if name.startswith("api/")})
+    api = sorted(name for name in stage.pages if name.startswith("api/") and name != "api/index.md")
+    reference.append({"API": ["api/index.md", *api]})
+    rest = sorted(set(stage.pages) - listed - {name for name in stage.pages if name.startswith("api/")})
     if rest:
         print(f"pages that mkdocs.yml does not name, under More: {', '.join(rest)}")
         settings["nav"].append({"More": rest})
@@ -107,10 +109,14 @@ def _configure(stage: Stage) -> None:
         yaml.dump(settings, file)
 
 
-def _named(nav: list[object] | str) -> list[str]:
+def named(nav: list[object] | str) -> list[str]:
+    """The pages of a table of contents, in order.
+
+    - `nav`: as mkdocs.yml has it.
+    """
     if isinstance(nav, str):
         return [nav]
-    return [name for part in nav for name in (_named(next(iter(part.values()))) if isinstance(part, dict) else [part])]
+    return [name for part in nav for name in (named(next(iter(part.values()))) if isinstance(part, dict) else [part])]
 
 
 def _build(tools: Path) -> None:
@@ -142,3 +148,17 @@ def _check() -> None:
     listed = "\n".join(f"{link}  {page}" for link, page in sorted(found.outward.items()))
     (BUILD / "outward-links.txt").write_text(f"{listed}\n", encoding="utf-8")
     print(f"{found.pages} pages; {len(found.outward)} links to other sites, listed in {BUILD / 'outward-links.txt'}")
+
+
+def _look(tools: Path) -> None:
+    """Opens every page in a browser, where there is one."""
+    done = subprocess.run(
+        [tools / "bin" / "python", Path(__file__).with_name("browser.py"), SITE],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        check=False,
+    )
+    if done.returncode:
+        raise Failed(f"pages are wrong in a browser:\n{done.stdout[-4000:]}")
+    print(done.stdout.strip())

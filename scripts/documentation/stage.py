@@ -65,6 +65,9 @@ class Stage:
             inside = os.path.normpath(os.path.join(os.path.dirname(source), path))
             to = self.place_of(inside)
             joined = os.path.relpath(to, start or ".") + (f"#{anchor}" if anchor else "")
+            # In the folder a page is known by its file, on the site by its title.
+            if label == f"[{os.path.basename(path)}]" and path.endswith(".md"):
+                label = f"[{_title(ROOT / inside)}]"
             return f"{label}({joined}{title})"
 
         parts = CODE.split(text)
@@ -134,3 +137,12 @@ class Stage:
         language = {".py": "python", ".yaml": "yaml", ".urdf": "xml", ".xml": "xml"}.get(path.suffix, "text")
         body = f"# `{html.escape(name)}`\n\n[The file itself]({raw.name})\n\n````{language}\n{text}\n````\n"
         target.write_text(body, encoding="utf-8")
+
+
+def _title(page: Path) -> str:
+    """The title of a page, up to a colon.
+
+    - `page`: its file.
+    """
+    first = page.read_text(encoding="utf-8").lstrip().partition("\n")[0].removeprefix("# ")
+    return first.partition(":")[0].strip()
