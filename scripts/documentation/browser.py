@@ -6,6 +6,7 @@ It runs in the environment of the site's builder: `python browser.py SITE`. With
 from __future__ import annotations
 
 import functools
+import re
 import shutil
 import sys
 import threading
@@ -33,13 +34,20 @@ class _Quiet(SimpleHTTPRequestHandler):
         """Says nothing."""
 
 
+class _Server(ThreadingHTTPServer):
+    daemon_threads = True
+
+    def handle_error(self, request: object, client_address: object) -> None:
+        """A browser that goes on to the next page has hung up, and nothing is wrong."""
+
+
 @contextmanager
 def served(site: Path) -> Iterator[str]:
     """The address of the site, served to this machine alone.
 
     - `site`: its folder.
     """
-    with ThreadingHTTPServer(("127.0.0.1", 0), functools.partial(_Quiet, directory=site)) as server:
+    with _Server(("127.0.0.1", 0), functools.partial(_Quiet, directory=site)) as server:
         threading.Thread(target=server.serve_forever, daemon=True).start()
         yield f"http://127.0.0.1:{server.server_address[1]}/"
         server.shutdown()
@@ -51,6 +59,7 @@ def looked_at(site: Path, program: str) -> list[str]:
     - `site`: its folder.
     - `program`: of the browser.
     """
+    from playwright.sync_api import Error as PlaywrightError
     from playwright.sync_api import sync_playwright
 
     names = sorted(path.relative_to(site).as_posix() for path in site.rglob("*.html") if "playground" not in path.parts)
@@ -68,11 +77,12 @@ def looked_at(site: Path, program: str) -> list[str]:
                     wrong.append(f"is {width} wide on {size['width']}")
                 wrong[before:] = [f"{name}: {one}" for one in wrong[before:]]
         page.goto(f"{base}index.html")
-        page.keyboard.press("/")
-        page.keyboard.type(WORD)
+        page.wait_for_load_state("networkidle")
+        page.keyboard.press("Control+k")
+        page.keyboard.type(WORD, delay=30)
         try:
-            page.wait_for_function(f"document.body.innerText.split('{WORD}').length > 8", timeout=20_000)
-        except Exception as error:
+            page.get_by_text(re.compile(r"\d\d+ results")).wait_for(timeout=30_000)
+        except PlaywrightError as error:
             wrong.append(f"the search for `{WORD}` finds nothing: {error}")
         browser.close()
     return wrong
