@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 FENCE = re.compile(r"^( *)(`{3,}|~{3,})(\w*)[^\n`]*$")
 MARK = re.compile(r"<!--\s*(.*?)\s*-->", re.DOTALL)
-NAMED = re.compile(r"(not run|with|exit|file|part of|needs|shell|small):\s*(.*)", re.DOTALL)
+NAMED = re.compile(r"(not run|with|exit|file|part of|needs|shell|small|said):\s*(.*)", re.DOTALL)
 HIDDEN = re.compile(r"before\n(.*)", re.DOTALL)
 SHOW = re.compile(r"show:\s*(\S+)\s+(.*)", re.DOTALL)
 
@@ -20,6 +20,7 @@ MARKS = {
     "part of": "the scenario whose part a YAML block is",
     "needs": "packages or programs without which the block is not run",
     "shell": "the block is run by bash as a whole, where these programs are there",
+    "said": "by what: the block is what the Python block before it prints",
     "small": "why the block belongs to the tests of every day",
 }
 """What may stand in a comment before a block, as `<!-- mark: value -->`."""

@@ -22,7 +22,7 @@ from .commands import commands
 from .parts_of_files import check_yaml
 
 ROOT = Path(__file__).parents[2]
-COLUMNS = 100
+COLUMNS = 110
 
 
 @dataclass
@@ -55,6 +55,7 @@ class PageRun:
     def __init__(self, page: Path, folder: Path, out: Path, small: bool = False) -> None:
         self.page, self.folder, self.out, self.small = page, folder, out, small
         self.names: dict[str, Any] = {"__name__": "__main__"}
+        self.printed = ""
         shutil.copytree(ROOT / "examples", folder / "examples", dirs_exist_ok=True)
         out.mkdir(parents=True, exist_ok=True)
 
@@ -92,6 +93,8 @@ class PageRun:
             self._python(block, outcome)
         elif block.language in ("console", "sh"):
             self._terminal(block, outcome)
+        elif block.language == "text" and "said" in block.marks:
+            _same(block.text.splitlines(), self.printed)
         elif block.language == "yaml":
             check_yaml(block.text, block.marks.get("part of", ""), self.folder)
         elif block.language == "show":
@@ -107,6 +110,7 @@ class PageRun:
                 value = eval(compile(ast.Expression(last.value), str(self.page), "eval"), self.names)
                 self._value(value, outcome)
         outcome.texts.append(printed.getvalue())
+        self.printed = printed.getvalue()
 
     def _value(self, value: Any, outcome: Outcome) -> None:
         """As a notebook shows the last line of a cell."""
@@ -128,6 +132,7 @@ class PageRun:
                 raise PageError(f"`{command.line}` is not slidax alone: mark the block `shell` or `not run`")
             text, code = self._ours([*command.arguments, *shlex.split(block.marks.get("with", ""))])
             outcome.texts.append(text)
+            _same(command.shown, text)
             if code != int(block.marks.get("exit", "0")):
                 raise PageError(f"`{command.line}` left with exit code {code}:\n{text}")
 
@@ -175,6 +180,18 @@ class PageRun:
         name = f"{self.page.stem}-{outcome.index}{path.suffix}"
         shutil.copy(path, self.out / name)
         outcome.figures.append(name)
+
+
+def _same(shown: list[str], said: str) -> None:
+    """That what a page shows is what was printed; where a line is broken depends on the terminal.
+
+    - `shown`: the lines of the page.
+    - `said`: what was printed.
+    """
+    whole = " ".join(said.split())
+    for line in shown:
+        if " ".join(line.split()) not in whole:
+            raise PageError(f"the page shows {line.strip()!r}, which was not printed; that was:\n{said}")
 
 
 def _is_there(name: str) -> bool:

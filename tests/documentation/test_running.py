@@ -53,6 +53,8 @@ def test_blocks_share_their_names_and_show_what_a_notebook_would(tmp_path: Path)
         ("Text\n\n```python\n1 / 0\n```\n", r"page\.md, line 3: (.|\n)*ZeroDivisionError"),
         ("```console\n$ slidax list nothing-like-that\n```\n", "exit code 2"),
         ("```console\n$ rm -rf x\n```\n", "`shell` or `not run`"),
+        ("```console\n$ slidax --version\nslidax 9.9\n```\n", "the page shows 'slidax 9.9'"),
+        ("```python\nprint(1)\n```\n\n<!-- said: above -->\n```text\n2\n```\n", "the page shows '2'"),
         ('<!-- show: nowhere.svg "A picture" -->\n', "no `nowhere.svg`"),
     ],
 )
