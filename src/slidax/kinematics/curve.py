@@ -71,7 +71,8 @@ class Helix(AbstractCurve):
         arm = _turned(self.axis, scaled(s, self.angle), self.place - self.center)
         shift = [None if one is None else one[..., None] * self.shift for one in s]
         place = total(constant(self.center, len(s)), arm, shift)
-        return Aim(*(_turned(self.spin_axis, scaled(s, self.spin), column) for column in self.rotation.T), place)
+        x, y, z = (_turned(self.spin_axis, scaled(s, self.spin), column) for column in self.rotation.T)
+        return Aim(x, y, z, place)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -91,10 +92,10 @@ class Spline(AbstractCurve):
         - `s`: in [0, 1], a series of numbers [...] whose second coefficient does not change the first power alone.
         """
         piece = np.clip(np.searchsorted(self.knots, s[0], side="right") - 1, 0, self.coefficients.shape[1] - 1)
-        x = s[0] - self.knots[piece]
+        into = s[0] - self.knots[piece]
         powers = self.coefficients[::-1][:, piece]
         own = [
-            sum(comb(k, order) * x[..., None] ** (k - order) * powers[k] for k in range(order, len(powers)))
+            sum(comb(k, order) * into[..., None] ** (k - order) * powers[k] for k in range(order, len(powers)))
             for order in range(len(s))
         ]
         value: Series = [own[0]]
@@ -107,7 +108,8 @@ class Spline(AbstractCurve):
         place = [None if one is None else one[..., :3] for one in value]
         size = product(value, value, lambda a, b: np.sum(a[..., 3:] * b[..., 3:], axis=-1))
         unit = product(inverse_root(size), value, lambda a, b: a[..., None] * b[..., 3:])
-        return Aim(*_axes(unit), place)
+        x, y, z = _axes(unit)
+        return Aim(x, y, z, place)
 
 
 def _turned(axis: Array, angle: Series, vector: Array) -> Series:

@@ -34,8 +34,8 @@ class Followed:
 
     - `trajectory`: of the joints: quintics in time, continuous to the acceleration, at rest before and after.
     - `ends`: when each move ends [moves], s.
-    - `place_error`, `turn_error`: the largest errors of the tool that were found, at the knots and at five times between
-      any two, m and rad.
+    - `place_error`, `turn_error`: the largest errors of the tool that were found, at the knots and at five times
+      between any two, m and rad.
     - `least_motion`: how the tool moves in its worst direction in the worst posture of all knots, m or rad for each rad
       or m of the joints; 0 at a singularity.
     - `worst_at`: when that is [s].
@@ -160,8 +160,8 @@ def _paced(path: JointPath, move: Bound, fastest: Array, strongest: Array) -> Jo
     factor = max(float((v / fastest).max()), float(np.sqrt(a / strongest).max()))
     if not factor > 0:
         raise DefinitionError(
-            "needs a `duration`, or `speed` and `acceleration`; or give limits of the joints, by which the shortest time "
-            "is found: `velocity`, `acceleration`"
+            "needs a `duration`, or `speed` and `acceleration`; or give limits of the joints, `velocity` and "
+            "`acceleration`, by which the shortest time is found"
         )
     return path.stretched(factor)
 

@@ -47,9 +47,9 @@ def inverse(
 ) -> Solution:
     """The posture with which the tool has a pose, within the limits of the joints, near a start.
 
-    A trust-region search from the start on (damped least squares with bounds), and where that ends elsewhere, from drawn
-    postures, of which the nearest to the start that has the pose is taken. Of the postures that a redundant arm has for
-    a pose it is that nearest to `posture`, each joint by its range.
+    A trust-region search from the start on (damped least squares with bounds), and where that ends elsewhere, from
+    drawn postures, of which the nearest to the start that has the pose is taken. Of the postures that a redundant arm
+    has for a pose it is that nearest to `posture`, each joint by its range.
 
     - `robot`: the arm.
     - `pose`: where the tool should be.
@@ -138,8 +138,8 @@ def task_of(chain: Chain, posture: NDArray[np.float64], hold: Hold, damping: flo
     if outside.any():
         joint = int(np.argmax(outside))
         raise DefinitionError(
-            f"`posture` must be inside of the limits of the joints: {chain.names[joint]} is at {posture[joint]:.4g}, and "
-            f"has {lower[joint]:.4g} to {upper[joint]:.4g}"
+            f"`posture` must be inside of the limits of the joints: {chain.names[joint]} is at {posture[joint]:.4g}, "
+            f"and has {lower[joint]:.4g} to {upper[joint]:.4g}"
         )
     return replace(free, lower=lower, upper=upper)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -72,7 +73,7 @@ def joint_path(task: Task, move: Bound, z: Array, tolerance: float) -> JointPath
     """
     n, law = task.posture.size, move.law
     ends = law.times
-    parts = [np.linspace(a, b, FIRST, endpoint=False) for a, b in zip(ends[:-1], ends[1:], strict=True)]
+    parts = [np.linspace(a, b, FIRST, endpoint=False) for a, b in pairwise(ends)]
     times = np.concatenate([*parts, ends[-1:]])
     s = law.at(times)[0]
     branch = slopes(task, move.curve, continued(task, move.curve, z, s), s)
@@ -118,9 +119,9 @@ def joint_path(task: Task, move: Bound, z: Array, tolerance: float) -> JointPath
         order = np.argsort(np.concatenate([times, middle]), kind="stable")
         times = np.concatenate([times, middle])[order]
         branch = Slopes(*(np.concatenate([a, b])[order] for a, b in zip(branch, more, strict=True)))
-        errors = tool_errors(task, move.curve, more.z[:, :n], point)
-        at_knots = [np.concatenate([a, b])[order] for a, b in zip(at_knots, errors, strict=True)]
-        largest = [max(a, float(b.max())) for a, b in zip(largest, errors, strict=True)]
+        there = tool_errors(task, move.curve, more.z[:, :n], point)
+        at_knots = [np.concatenate([a, b])[order] for a, b in zip(at_knots, there, strict=True)]
+        largest = [max(a, float(b.max())) for a, b in zip(largest, there, strict=True)]
     return JointPath(law, times, branch, largest[0], largest[1], n)
 
 

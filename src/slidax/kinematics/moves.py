@@ -120,7 +120,7 @@ class Line(AbstractMove):
         axis, spin = axis_and_angle(end @ pose.rotation.T)
         if math.pi - spin < 1e-6:
             raise DefinitionError(
-                "`Line` turns the tool by half a turn, for which there are two ways: give a pose between, or use `Screw`"
+                "`Line` turns the tool by half a turn, for which there are two ways: give a pose between, or a `Screw`"
             )
         curve = _helix(pose, shift=shift, spin_axis=axis, spin=spin)
         far = float(np.linalg.norm(shift))

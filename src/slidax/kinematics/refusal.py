@@ -68,10 +68,10 @@ def beyond_limits(chain: Chain, move: Bound, path: JointPath, now: float) -> Non
     times = (path.times[:-1, None] + width[:, None] * np.linspace(0.0, 1.0, LOOKED_AT)).ravel()
     coefficients = path.coefficients
     x = (width[:, None] * np.linspace(0.0, 1.0, LOOKED_AT))[:, :, None]
-    q = np.zeros((len(width), LOOKED_AT, path.joints))
+    looked = np.zeros((len(width), LOOKED_AT, path.joints))
     for power in coefficients:
-        q = q * x + power[:, None, :]
-    q = q.reshape(-1, path.joints)
+        looked = looked * x + power[:, None, :]
+    q = looked.reshape(-1, path.joints)
     outside = (q < lower) | (q > upper)
     row = int(np.argmax(outside.any(axis=1)))
     joint = (

@@ -69,19 +69,19 @@ class Task:
         place = total(tool.place, scaled(aim.place, -1.0))
         if self.hold == "place":
             return place
+        turned: Series
         if self.hold == "axis":
             tilts = [product(aim.y, tool.z, dot), scaled(product(aim.x, tool.z, dot), -1.0)]
             turned = [_stacked([tilt[k] for tilt in tilts]) for k in range(len(place))]
         else:
             pairs = zip((aim.x, aim.y, aim.z), (tool.x, tool.y, tool.z), strict=True)
             turned = scaled(total(*(product(a, b, cross) for a, b in pairs)), 0.5)
-        like = place[0], turned[0]
-        return [_joined(a, b, *like) for a, b in zip(place, turned, strict=True)]
+        return [_joined(a, b, place[0], turned[0]) for a, b in zip(place, turned, strict=True)]
 
     def _pulled(self, tool: Tool, force: Series, aim: Aim) -> Series:
         """The forces on the joints of a force on the tool, a series [... n]."""
         pull = [None if one is None else one[..., :3] for one in force]
-        moment: Series | None = None
+        moment: Series = scaled(pull, 0.0)
         if self.hold == "pose":
             moment = [None if one is None else one[..., 3:] for one in force]
         if self.hold == "axis":
@@ -93,10 +93,10 @@ class Task:
             if axis.turns:
                 arm = total(tool.place, scaled(axis.place, -1.0))
                 about = product(arm, pull, cross)
-                found[axis.joint] = product(axis.direction, about if moment is None else total(about, moment), dot)
+                found[axis.joint] = product(axis.direction, total(about, moment), dot)
             else:
                 found[axis.joint] = product(axis.direction, pull, dot)
-        zero = np.zeros(pull[0].shape[:-1])
+        zero = np.zeros(force[0].shape[:-1])
         each = range(self.posture.size)
         return [
             np.stack([zero if j not in found or found[j][k] is None else found[j][k] + zero for j in each], axis=-1)
@@ -241,7 +241,7 @@ def _joined(a: Array | None, b: Array | None, like_a: Array, like_b: Array) -> A
 
 
 def _stacked(terms: list[Array | None]) -> Array | None:
-    if all(term is None for term in terms):
+    known = [term for term in terms if term is not None]
+    if not known:
         return None
-    shape = next(term for term in terms if term is not None).shape
-    return np.stack([np.zeros(shape) if term is None else term for term in terms], axis=-1)
+    return np.stack([np.zeros_like(known[0]) if term is None else term for term in terms], axis=-1)

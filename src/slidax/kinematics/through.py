@@ -97,9 +97,7 @@ class Through(AbstractMove):
         Raises DefinitionError, with the row, if the poses make no smooth curve.
         """
         if self.speed is not None or self.acceleration is not None:
-            raise DefinitionError(
-                "`Through` takes `times`, a `duration`, or leaves its time to the limits of the joints"
-            )
+            raise DefinitionError("`Through` takes `times` or a `duration`, or leaves its time to the joints' limits")
         rows = _rows(self.poses)
         own = np.concatenate([pose.place, pose.quaternion])
         if rows.shape[1] == 3:
