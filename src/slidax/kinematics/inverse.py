@@ -17,7 +17,7 @@ from .pose import Pose, numbers
 from .series import cross
 from .task import HOLDS, Hold, Task, apart, least_motion, ways
 
-TRIES, SEED = 40, 0
+TRIES, SEED = 16, 0
 """Starts of a search that has not found the pose from where it was told to."""
 
 AT_LIMIT = 1e-5
@@ -176,7 +176,7 @@ def _searched(chain: Chain, pose: Pose, guess: NDArray[np.float64], hold: Hold) 
         xtol=1e-14,
         ftol=1e-14,
         gtol=1e-14,
-        max_nfev=200,
+        max_nfev=100,
     )
     return np.asarray(found.x)
 
