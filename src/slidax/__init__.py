@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from . import figures as figures
     from . import identification as identification
     from . import kinematics as kinematics
+    from . import linear as linear
     from . import metrics as metrics
     from . import numerics as numerics
     from . import papers as papers
