@@ -113,8 +113,8 @@ def margins_of(closed: SampledSystem, where: str) -> Margins:
         gain_down=max(downs, default=None),
         phase=math.degrees(min(apart)) if apart else None,
         delay=min(delays, default=None),
-        disk=1.0 / half,
-        sensitivity=size,
+        disk=float(1.0 / half),
+        sensitivity=float(size),
         at_peak=at_peak,
         crossover=max(crossed, default=None),
     )
