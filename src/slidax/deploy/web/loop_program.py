@@ -4,21 +4,22 @@ from __future__ import annotations
 
 import base64
 import gzip
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from slidax._errors import DefinitionError
+from slidax._errors import DefinitionError, is_traced
 from slidax._types import Envelope, Reference, State
 from slidax.codegen.wasm import Module, wasm_module
 from slidax.scenarios import Scenario
 from slidax.scenarios.family import Family, Templates
-from slidax.simulation import BANDS, MujocoPlant
+from slidax.simulation import BANDS, MujocoPlant, Parts
 from slidax.simulation.define import define_loop
 from slidax.simulation.loop import Carry, Loop
 from slidax.simulation.native_loop import NativeLoop, lowered
@@ -57,35 +58,69 @@ def loop_program(family: Family, templates: Templates, shapes: Mapping[str, tupl
     built = templates.built
     if isinstance(built.plant, MujocoPlant):
         raise DefinitionError("a page cannot run MuJoCo: set `simulation.plant` to `own`")
+    leaves, joined = _varying(family, templates, shapes)
     counted: list[int] = []
     promised: list[bool] = []
 
-    def define(given: Array) -> tuple[Loop, State]:
-        # What does not depend on the inputs is known, and checked, while this is traced.
+    def define(varied: list[Array]) -> tuple[Loop, State]:
+        plant, controller, trajectory, state0, *tube = joined(varied)
+        assert not isinstance(plant, MujocoPlant)
+        # What does not vary is known, and checked, while this is traced.
         with jax.ensure_compile_time_eval():
-            plant, controller, trajectory, state0, *tube = family.parts(templates, _values(shapes, given))
-            assert not isinstance(plant, MujocoPlant)
-            loop, samples = define_loop(
-                plant, controller, trajectory, state0, built.t1, built.stepping, 1, BANDS, *tube
-            )
+            loop, samples = define_loop(plant, controller, trajectory, state0, built.t1, built.stepping, 1, BANDS, *tube)
         counted[:] = [samples]
         return loop, state0
 
-    def begun(given: Array) -> tuple[Carry, dict[str, Array]]:
-        loop, state = define(given)
+    def begun(varied: list[Array]) -> tuple[Carry, dict[str, Array]]:
+        loop, state = define(varied)
         carry, envelope, reference, held = begin(loop, state)
         promised[:] = [envelope is not None]
         return carry, _start(loop, state, envelope, reference, held)
 
-    def turned(given: Array, carry: Carry) -> tuple[Carry, dict[str, Array]]:
-        after, log = sample(define(given)[0], carry)
-        return after, {"valid": log.valid, **signals_of(define(given)[0], carry, log)}
+    def turned(varied: list[Array], carry: Carry) -> tuple[Carry, dict[str, Array]]:
+        loop = define(varied)[0]
+        after, log = sample(loop, carry)
+        return after, {"valid": log.valid, **signals_of(loop, carry, log)}
 
-    size = sum(int(np.prod(shape, dtype=int)) for shape in shapes.values())
-    inputs = jax.ShapeDtypeStruct((size,), float)
-    native = lowered(begun, turned, inputs, logged=True, batch=False, known=True)
+    inputs = jax.ShapeDtypeStruct((_size(shapes),), float)
+    native = lowered(begun, turned, inputs, logged=True, batch=False, known=True, beforehand=leaves)
     module = wasm_module(native.program)
-    return LoopProgram(module, _entry(native, module, size, counted[0], promised[0], built))
+    return LoopProgram(module, _entry(native, module, _size(shapes), counted[0], promised[0], built))
+
+
+def _varying(
+    family: Family, templates: Templates, shapes: Mapping[str, tuple[int, ...]]
+) -> tuple[Callable[[Array], list[Array]], Callable[[list[Array]], Parts]]:
+    """From the inputs to the arrays of the loop that vary with them, and from these to its parts."""
+    arrays, rest = eqx.partition(family.parts(templates, {}), eqx.is_array)
+    fixed, tree = jax.tree.flatten(arrays)
+    varies: list[bool] = []
+
+    def leaves_of(given: Array) -> list[Any]:
+        with jax.ensure_compile_time_eval():
+            found, _ = eqx.partition(family.parts(templates, _values(shapes, given)), eqx.is_array)
+        return jax.tree.leaves(found)
+
+    def probe(given: Array) -> int:
+        varies[:] = [is_traced(leaf) for leaf in leaves_of(given)]
+        return 0
+
+    jax.eval_shape(probe, jax.ShapeDtypeStruct((_size(shapes),), float))
+
+    def varying(given: Array) -> list[Array]:
+        return [leaf for leaf, one in zip(leaves_of(given), varies, strict=True) if one]
+
+    def joined(varied: list[Array]) -> Parts:
+        found = iter(varied)
+        leaves = [next(found) if one else leaf for leaf, one in zip(fixed, varies, strict=True)]
+        parts: Parts = eqx.combine(jax.tree.unflatten(tree, leaves), rest)
+        return parts
+
+    return varying, joined
+
+
+def _size(shapes: Mapping[str, tuple[int, ...]]) -> int:
+    return sum(int(np.prod(shape, dtype=int)) for shape in shapes.values())
 
 
 def _values(shapes: Mapping[str, tuple[int, ...]], given: Array) -> dict[str, Array]:
