@@ -25,6 +25,11 @@ from .names import OutsideError
 from .page import page
 from .process import scratch
 
+DEFAULT = "example-4.1-1khz"
+"""What is opened where nothing is asked for."""
+
+YAML = (".yaml", ".yml")
+
 SHOWN = 1_000_000
 """Bytes of a file that is shown as text."""
 
@@ -59,6 +64,7 @@ class Studio:
         self._private = scratch()
         self.bench = Workbench(folder, self._private)
         self._module = module
+        self._manifest: dict[str, Any] | None = None
         self.jobs: Jobs
 
     def app(self, *, port: int, token: str) -> Starlette:
@@ -68,7 +74,7 @@ class Studio:
         - `token`: that its page must say.
         """
         routes = [
-            Route("/", self._page, methods=["GET"]),
+            Route("/", self._checked(self._page), methods=["GET"]),
             Route("/results/{key}/{name:path}", self._checked(self._results), methods=["GET"]),
             Route("/api/about", self._checked(self._about), methods=["GET"]),
             Route("/api/files", self._checked(self._files), methods=["GET"]),
@@ -118,8 +124,21 @@ class Studio:
         return checked
 
     async def _page(self, request: Request) -> Response:
-        text, policy = page()
+        text, policy = page(await self._first())
         return Response(text, headers={"content-security-policy": policy}, media_type="text/html")
+
+    async def _first(self) -> dict[str, Any]:
+        """The playground that the page begins with; the default one where the opened file is wrong, of which it says why."""
+        if self._manifest is None:
+            place = "path" if self.opened.lower().endswith(YAML) else "name"
+            for question in ({place: self.opened or DEFAULT}, {"name": DEFAULT}):
+                answer, _ = await self.bench.ask({**question, "do": "manifest"})
+                if "manifest" in answer:
+                    self._manifest = answer["manifest"]
+                    break
+            else:
+                raise DefinitionError(answer["error"]["message"])
+        return self._manifest
 
     async def _about(self, request: Request) -> Response:
         import slidax

@@ -26,7 +26,7 @@ from .references import YAML, require_beneath, require_file_beneath
 MOST_SAMPLES = 2_000_000
 """Joints times samples of a run that is drawn while one waits; longer ones are jobs."""
 
-MOST_ROWS = 4001
+MOST_ROWS = 2001
 """Of the signals that go to the page."""
 
 LARGEST = 1_000_000

@@ -36,6 +36,8 @@ def result_of(run: Run, scenario: Scenario, milliseconds: float) -> tuple[dict[s
         lower, upper = bounds
         inside = np.minimum(log.e - lower, upper - log.e) / (upper - lower)
         signals |= {"lower": lower, "upper": upper, "rho": np.maximum(upper, -lower), "margin": inside.min(axis=1)}
+    if run.tally.promise is not None:
+        signals["assumption_violated"] = np.asarray(log.signals["margin"]) < 0.0
     arrays = {"t": np.asarray(log.t, float)} | {name: np.asarray(one, float) for name, one in signals.items()}
     rows = len(arrays["t"])
     head = {

@@ -41,8 +41,8 @@ globalThis.studioParts = {};
   }
 
   /* A run: its head is JSON, its numbers are bytes, so that thousands of rows cost no reading. */
-  async function run(question) {
-    const answer = await asked("POST", "/api/run", { json: question, headers: { "x-slidax-slot": SLOT } });
+  async function run(question, side = "") {
+    const answer = await asked("POST", "/api/run", { json: question, headers: { "x-slidax-slot": side ? SLOT + side : "" } });
     const bytes = await answer.arrayBuffer();
     const length = Number(new DataView(bytes).getBigUint64(0, true));
     const head = JSON.parse(new TextDecoder().decode(new Uint8Array(bytes, 8, length)));

@@ -27,7 +27,8 @@
       path.value = at || (name ? `${name}.yaml` : "scenario.yaml");
     }
 
-    async function open(what) {
+    /* - `plays`: whether the playground shows it, too. */
+    async function open(what, plays = true) {
       say("opening ...");
       if (/\.ya?ml$/i.test(what)) {
         const found = await values("GET", `/api/file?path=${encodeURIComponent(what)}`);
@@ -36,6 +37,7 @@
         const found = await values("POST", "/api/check", { json: { name: what } });
         shown(found.text, what, "", null);
       }
+      if (plays) await play();
       await check();
     }
 

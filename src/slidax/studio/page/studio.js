@@ -56,11 +56,13 @@
       home.replaceChildren(title, element("p.studio-soft", { text: `slidax ${about.version}, in the folder “${about.folder}”. Nothing outside of it is read or written.` }),
         ...tabs([["scenario", "Scenario", scenario.panel], ["jobs", "Jobs", jobs.panel], ["files", "Files", shelf.panel]]));
       home.hidden = false;
+      document.querySelector("header .theme")?.before(element("button.button.studio-jump", { type: "button", text: "Studio: files, jobs",
+        on: { click: () => { home.scrollIntoView(); home.querySelector("[role=tab]").focus({ preventScroll: true }); } } }));
       await files.renew();
       await jobs.renew();
       const first = about.opened || "example-4.1-1khz";
       scenario.choice.value = first;
-      await scenario.open(first).catch(error => scenario.say(error.message, "bad"));
+      await scenario.open(first, false).catch(error => scenario.say(error.message, "bad"));
     } catch (error) {
       home.replaceChildren(title, element("p.studio-line", { role: "alert", "data-tone": "bad", text: error.message }));
       home.hidden = false;
@@ -70,9 +72,9 @@
   globalThis.slidaxStudio = {
     ready: begin,
     /* Files that a scenario names are found from the studio's folder. A run that a later one overtook is none. */
-    async run({ scenario }) {
+    async run({ scenario, side }) {
       try {
-        return await run({ text: JSON.stringify(scenario), path: "playground.yaml" });
+        return await run({ text: JSON.stringify(scenario), path: "playground.yaml" }, side);
       } catch (error) {
         if (error.status === 409) return null;
         throw error;
