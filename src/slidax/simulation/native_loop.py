@@ -71,7 +71,14 @@ def _parts(define: Define) -> tuple[Callable[..., Any], Callable[..., Any]]:
 
 
 def lowered(
-    begun: Callable[..., Any], turned: Callable[..., Any], arrays: Any, *, logged: bool, batch: bool, shared: Any = None
+    begun: Callable[..., Any],
+    turned: Callable[..., Any],
+    arrays: Any,
+    *,
+    logged: bool,
+    batch: bool,
+    shared: Any = None,
+    known: bool = False,
 ) -> NativeLoop:
     """The loop of two functions of arrays.
 
@@ -81,18 +88,21 @@ def lowered(
     - `logged`: whether one in `every` samples is logged.
     - `batch`: whether many are to run side by side.
     - `shared`: a tree before `arrays` that is the same for all runs of a batch; both are then given as a pair.
+    - `known`: whether arrays that the functions close over are numbers of the program, and no inputs.
     """
     given = arrays if shared is None else (shared, arrays)
     start = _Traced(begun, given)
     turn = _Traced(turned, given, start.result[0])
     # What fails above fails by XLA too, and says so itself.
     with in_one_line(lambda: "the loop"):
-        return _program(start, turn, given, logged, batch, len(jax.tree.leaves(shared)))
+        return _program(start, turn, given, logged, batch, len(jax.tree.leaves(shared)), known)
 
 
-def _program(start: _Traced, turn: _Traced, arrays: Any, logged: bool, batch: bool, shared: int) -> NativeLoop:
+def _program(
+    start: _Traced, turn: _Traced, arrays: Any, logged: bool, batch: bool, shared: int, known: bool
+) -> NativeLoop:
     b = Builder()
-    outside = _Outside(b)
+    outside = _Outside(b, known)
     of_start, of_turn = outside.inputs(start.jaxpr.consts), outside.inputs(turn.jaxpr.consts)
     given = [
         b.input(name, ir_type(leaf.dtype, name), leaf.shape, varying=batch and place >= shared)
@@ -165,10 +175,10 @@ class _Traced:
 
 
 class _Outside:
-    """The arrays that functions close over, each an input once."""
+    """The arrays that functions close over, each an input once, or all of them numbers of the program."""
 
-    def __init__(self, builder: Builder) -> None:
-        self.builder = builder
+    def __init__(self, builder: Builder, known: bool) -> None:
+        self.builder, self.known = builder, known
         self.arrays: list[np.ndarray] = []
         self._known: dict[int, Values] = {}
 
@@ -176,7 +186,7 @@ class _Outside:
         found = []
         for const in consts:
             # A mask or an index that the code itself holds: what it switches off is not to be computed.
-            if not isinstance(const, jax.Array) and np.asarray(const).dtype.kind in "bi":
+            if self.known or (not isinstance(const, jax.Array) and np.asarray(const).dtype.kind in "bi"):
                 found.append(of_numbers(self.builder, np.asarray(const)))
                 continue
             if id(const) not in self._known:

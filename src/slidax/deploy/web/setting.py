@@ -1,0 +1,170 @@
+"""One arm under one scheme, as a page has it: its programs, what can be changed, and what is promised of it."""
+
+from __future__ import annotations
+
+import itertools
+import warnings
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import jax
+import numpy as np
+
+from slidax._errors import DefinitionError
+from slidax.scenarios import ScenarioDescription
+from slidax.scenarios.family import UNTRACEABLE, Family, Templates
+from slidax.scenarios.load import validated
+from slidax.scenarios.uncertainty import Space
+
+from .knob import Knob, knobs_of
+from .loop_program import LoopProgram, loop_program, packed
+
+
+@dataclass(frozen=True)
+class Choice:
+    """Something that needs a program of its own for each of its values.
+
+    - `path`: as of `--set`.
+    - `title`, `unit`: for a person.
+    - `values`: what it may be; the scenario's own is one of them.
+    """
+
+    path: str
+    title: str
+    unit: str
+    values: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Setting:
+    """A scenario for a page.
+
+    - `description`: it.
+    - `arm`, `scheme`: labels of both in the playground.
+    - `title`: of the scheme.
+    - `kind`: whether it is ours, the law as printed, or a rival.
+    - `choices`: what has several programs.
+    - `note`: a line beside its title.
+    """
+
+    description: ScenarioDescription
+    arm: str
+    scheme: str
+    title: str
+    kind: str = "ours"
+    choices: Sequence[Choice] = ()
+    note: str = ""
+
+    def made(self) -> Made:
+        """Its programs and knobs.
+
+        Raises DefinitionError if one of its variants is invalid or cannot run in a page.
+        """
+        base = self._family({})
+        templates = base.templates({})
+        joints = templates.built.plant.robot.joints
+        knobs = _varying(base, templates, knobs_of(base.base, joints))
+        shapes = {knob.path: knob.shape for knob in knobs}
+        programs: list[LoopProgram] = []
+        variants = []
+        for at in itertools.product(*(range(len(choice.values)) for choice in self.choices)):
+            changes = {choice.path: choice.values[k] for choice, k in zip(self.choices, at, strict=True)}
+            family = self._family(changes)
+            family = Family(family.base, Space({}, {}), Space({}, dict.fromkeys(shapes)))  # type: ignore[arg-type]
+            program = loop_program(family, family.templates({}), shapes)
+            programs.append(program)
+            variants.append({"at": list(at), "program": program.entry["id"]})
+        return Made(self, base, templates, knobs, programs, variants)
+
+    def _family(self, changes: Mapping[str, Any]) -> Family:
+        data = self.description.model_dump(exclude_unset=True)
+        described = validated(data, dict(changes), form=type(self.description))
+        return Family(described.model_copy(update={"robot": described.robot.resolved()}), Space({}, {}), Space({}, {}))
+
+
+@dataclass(frozen=True)
+class Made:
+    """A setting with its programs.
+
+    - `setting`: it.
+    - `family`, `templates`: its scenario, and that built.
+    - `knobs`: what varies within a program.
+    - `programs`: one for each variant.
+    - `variants`: which.
+    """
+
+    setting: Setting
+    family: Family
+    templates: Templates
+    knobs: Sequence[Knob]
+    programs: Sequence[LoopProgram]
+    variants: Sequence[Mapping[str, Any]]
+    more: dict[str, Any] = field(default_factory=dict)
+
+    def entry(self) -> dict[str, Any]:
+        """The setting in a playground."""
+        setting, described = self.setting, self.family.base
+        knobs, start = [], 0
+        for knob in self.knobs:
+            knobs.append(knob.entry(start))
+            start += int(np.prod(knob.shape, dtype=int))
+        defaults = [knob.defaults.ravel() for knob in self.knobs]
+        constants = np.concatenate(defaults) if defaults else np.zeros(0)
+        return {
+            "arm": setting.arm,
+            "scheme": setting.scheme,
+            "title": setting.title,
+            "kind": setting.kind,
+            "printed": setting.kind == "printed",
+            "note": setting.note,
+            "choices": [_choice(choice, described) for choice in setting.choices],
+            "variants": list(self.variants),
+            "knobs": knobs,
+            "constants": packed(constants.astype("<f8").tobytes()),
+            "scenario": described.model_dump(mode="json", exclude_unset=True),
+            "c_files": None,
+            "c_parameters": None,
+            "certificates": [],
+            **self.more,
+        }
+
+
+def _choice(choice: Choice, described: ScenarioDescription) -> dict[str, Any]:
+    own = _at(described, choice.path)
+    return {
+        "path": choice.path,
+        "title": choice.title,
+        "unit": choice.unit,
+        "values": list(choice.values),
+        "default": choice.values.index(own),
+    }
+
+
+def _at(place: Any, path: str) -> Any:
+    for name in path.split("."):
+        place = place[int(name)] if isinstance(place, tuple | list) else getattr(place, name)
+    return place
+
+
+def _varying(family: Family, templates: Templates, knobs: Sequence[Knob]) -> list[Knob]:
+    """Those that vary within one compiled loop."""
+    if not knobs:
+        return []
+    some = {knob.path: np.stack([knob.defaults] * 2) for knob in knobs}
+    asked = Family(family.base, Space({}, {}), Space({}, dict.fromkeys(some)))  # type: ignore[arg-type]
+    known: Any = jax.tree.structure((family.parts(templates, {}),))
+
+    def probe(values: Any) -> int:
+        if jax.tree.structure((asked.parts(templates, values),)) != known:
+            raise TypeError("what is compiled depends on it")
+        return 0
+
+    try:
+        jax.vmap(probe)(some)
+        return list(knobs)
+    except UNTRACEABLE:
+        if len(knobs) == 1:
+            return []
+    half = len(knobs) // 2
+    return _varying(family, templates, knobs[:half]) + _varying(family, templates, knobs[half:])
