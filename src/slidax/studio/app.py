@@ -30,6 +30,12 @@ DEFAULT = "example-4.1-1khz"
 
 YAML = (".yaml", ".yml")
 
+ASKED = ("check", "run", "manifest", "compiled", "new", "catalogue", "part")
+"""Of the workbench."""
+
+COMPILING = 600.0
+"""Seconds for a scenario to be compiled for the page."""
+
 SHOWN = 1_000_000
 """Bytes of a file that is shown as text."""
 
@@ -62,7 +68,9 @@ class Studio:
     def __init__(self, folder: Folder, *, module: str, opened: str) -> None:
         self.folder, self.opened = folder, opened
         self._private = scratch()
-        self.bench = Workbench(folder, self._private)
+        self.bench = Workbench(folder, self._private / "bench")
+        # Beside it, so that the sliders need not wait for a compiler.
+        self.compiler = Workbench(folder, self._private / "compiler", longest=COMPILING)
         self._module = module
         self._manifest: dict[str, Any] | None = None
         self.jobs: Jobs
@@ -98,6 +106,7 @@ class Studio:
         finally:
             await self.jobs.close()
             await self.bench.close()
+            await self.compiler.close()
             shutil.rmtree(self._private, ignore_errors=True)
 
     def _checked(self, answer: Answered) -> Answered:
@@ -174,10 +183,11 @@ class Studio:
     async def _ask(self, request: Request) -> Response:
         question = await _mapping(request)
         do = request.path_params["do"]
-        if do not in ("check", "run", "manifest", "new", "catalogue", "part"):
+        if do not in ASKED:
             raise LookupError(do)
-        who = str(request.headers.get("x-slidax-slot", ""))[:64] if do == "run" else ""
-        answer, content = await self.bench.ask({**question, "do": do}, only_newest=who)
+        who = str(request.headers.get("x-slidax-slot", ""))[:64]
+        bench = self.compiler if do == "compiled" else self.bench
+        answer, content = await bench.ask({**question, "do": do}, only_newest=who)
         if "error" in answer:
             outside = "outside of the studio's folder" in answer["error"]["message"]
             return JSONResponse(answer, 403 if outside else 422)
@@ -215,7 +225,9 @@ class Studio:
         content = self.folder.read(name, LARGEST_FILE)
         ending = name[name.rfind(".") :].lower()
         kind = KINDS.get(ending, "text/plain" if ending in PLAIN else "application/octet-stream")
-        return Response(content, media_type=kind, headers={"content-security-policy": SANDBOX})
+        # A page of no origin has no files of its own origin; who has the key may have them.
+        headers = {"content-security-policy": SANDBOX, "cross-origin-resource-policy": "cross-origin"}
+        return Response(content, media_type=kind, headers=headers)
 
 
 async def _body(request: Request) -> bytes:

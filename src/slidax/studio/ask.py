@@ -26,11 +26,12 @@ class Workbench:
     """Answers questions about scenarios by a process that is kept warm.
 
     - `folder`: of the studio.
-    - `private`: the server's own folder.
+    - `private`: of its process.
+    - `longest`: seconds for an answer.
     """
 
-    def __init__(self, folder: Folder, private: Path) -> None:
-        self._folder, self._private = folder, private / "bench"
+    def __init__(self, folder: Folder, private: Path, *, longest: float = LONGEST) -> None:
+        self._folder, self._private, self._longest = folder, private, longest
         self._process: Process | None = None
         self._turn = asyncio.Lock()
         self._newest: dict[str, int] = {}
@@ -55,11 +56,11 @@ class Workbench:
                 raise OvertakenError("a newer question took its place")
             process = await self._ready()
             try:
-                return await asyncio.wait_for(self._asked(process, question), LONGEST)
+                return await asyncio.wait_for(self._asked(process, question), self._longest)
             except (TimeoutError, asyncio.IncompleteReadError, asyncio.LimitOverrunError, OSError, ValueError) as error:
                 await ended(process, gently=False)
                 took = isinstance(error, TimeoutError)
-                what = f"it took more than {LONGEST:g} s" if took else f"its process ended ({process.returncode})"
+                what = f"it took more than {self._longest:g} s" if took else f"its process ended ({process.returncode})"
                 return {"error": {"where": "", "message": f"This was not computed: {what}. It can be tried again."}}, b""
             except asyncio.CancelledError:
                 # Its answer would be taken for that of the next question.
@@ -85,7 +86,7 @@ class Workbench:
         if self._process is not None and self._process.returncode is None:
             return self._process
         self.restarts += self._process is not None
-        self._private.mkdir(mode=0o700, exist_ok=True)
+        self._private.mkdir(mode=0o700, parents=True, exist_ok=True)
         with (self._private / "log").open("ab") as log:
             self._process = await started(
                 self._folder.root,

@@ -9,15 +9,17 @@ from __future__ import annotations
 import json
 import os
 import sys
+import threading
 import time
 import warnings
 from collections.abc import Callable
 from pathlib import Path
+from queue import SimpleQueue
 from typing import Any
 
 import numpy as np
 
-from slidax._errors import DefinitionError
+from slidax._errors import DefinitionError, DefinitionWarning
 
 from .folder import Folder
 from .names import require_ending
@@ -44,11 +46,24 @@ def main() -> None:
     # Whatever else is printed goes where errors go, so that answers are answers.
     answers = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)
-    bench = Bench(Folder(Path.cwd()))
-    for line in sys.stdin:
-        answer, content = bench.answer(json.loads(line))
+    bench, asked = Bench(Folder(Path.cwd())), _lines()
+    while True:
+        answer, content = bench.answer(json.loads(asked.get()))
         answers.write(json.dumps(answer | {"bytes": len(content)}).encode() + b"\n" + content)
         answers.flush()
+
+
+def _lines() -> SimpleQueue[str]:
+    """Requests as they come; once there can be none any more, the process ends, whatever it does."""
+    found: SimpleQueue[str] = SimpleQueue()
+
+    def read() -> None:
+        for line in sys.stdin:
+            found.put(line)
+        os._exit(0)
+
+    threading.Thread(target=read, daemon=True).start()
+    return found
 
 
 class Bench:
@@ -63,6 +78,7 @@ class Bench:
             "check": self._check,
             "run": self._run,
             "manifest": self._manifest,
+            "compiled": self._compiled,
             "new": self._new,
             "catalogue": self._catalogue,
             "part": self._part,
@@ -83,7 +99,7 @@ class Bench:
                 return {"error": {"where": "", "message": f"{error.strerror}: `{error.filename}`"}}, b""
             except (MemoryError, RecursionError) as error:
                 return {"error": {"where": "", "message": f"too large to compute here ({type(error).__name__})"}}, b""
-        return answer | {"warnings": sorted({str(one.message) for one in said})}, content
+        return answer | {"warnings": _said(said)}, content
 
     def _check(self, asked: dict[str, Any]) -> tuple[dict[str, Any], bytes]:
         from slidax.diagnosis import beforehand
@@ -108,6 +124,11 @@ class Bench:
 
         scenario = self._scenario(asked)
         return {"manifest": manifest_of(scenario)} | _about(scenario), b""
+
+    def _compiled(self, asked: dict[str, Any]) -> tuple[dict[str, Any], bytes]:
+        from .manifest import compiled_manifest_of
+
+        return {"manifest": compiled_manifest_of(self._scenario(asked))}, b""
 
     def _new(self, asked: dict[str, Any]) -> tuple[dict[str, Any], bytes]:
         from slidax.commissioning import draft
@@ -154,6 +175,11 @@ class Bench:
         require_beneath(self._folder, data, place.parent)
         # From the folder, so that what is written of it names files from there, too.
         return parse(str(text), changes, folder=place.parent.relative_to(self._folder.root)).build(place.stem)
+
+
+def _said(recorded: list[warnings.WarningMessage]) -> list[str]:
+    """What a user can do something about."""
+    return sorted({str(one.message) for one in recorded if issubclass(one.category, DefinitionWarning)})
 
 
 def _about(scenario: Any) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""A scenario as a playground whose runs are made by the studio: the page's format, without programs of its own."""
+"""A scenario as a playground whose runs are made by the studio, or, once it is compiled, by the page."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import slidax
 from slidax._errors import DefinitionError
 from slidax.deploy.web.arm import arm_entry
 from slidax.deploy.web.knob import knobs_of
+from slidax.deploy.web.setting import Setting
 from slidax.scenarios import Scenario, ScenarioDescription
 from slidax.scenarios.load import altered_description
 
@@ -55,6 +56,27 @@ def manifest_of(scenario: Scenario) -> dict[str, Any]:
         "programs": [{"id": PROGRAM, "engine": "server", "inputs": 0, "signals": [], "rows": 0, "log_every": 0.0}],
         "settings": [one | {"arm": arm} for one in settings],
     }
+
+
+def compiled_manifest_of(scenario: Scenario) -> dict[str, Any]:
+    """The same, but the scenario itself runs in the page, as WebAssembly; other schemes, periods and delays do not.
+
+    - `scenario`: any whose arm our own plant moves.
+
+    Raises DefinitionError if it cannot be compiled for a page.
+    """
+    made = manifest_of(scenario)
+    first = made["settings"][0]
+    setting = Setting(scenario.description, first["arm"], first["scheme"], first["title"]).made()
+    (program,) = setting.programs
+    at = [choice["default"] for choice in first["choices"]]
+    for variant in first["variants"]:
+        if variant["at"] == at:
+            variant["program"] = program.entry["id"]
+    entry = setting.entry()
+    first |= {"knobs": entry["knobs"], "constants": entry["constants"]}
+    made["programs"].append(dict(program.entry))
+    return made
 
 
 def _other(

@@ -21,7 +21,7 @@
     async function show(job) {
       const over = job.state !== "waiting" && job.state !== "running";
       const state = over && job.meaning ? `${job.state}: ${job.meaning}` : job.state;
-      head.replaceChildren(element("span.chip", { text: state, "data-state": job.state }),
+      head.replaceChildren(element("span.chip", { text: state, "data-state": job.state === "done" && job.code ? "doubt" : job.state }),
         element("code", { text: job.command }), ` ${job.seconds.toFixed(1)} s`);
       bar.hidden = over || !job.rows;
       if (job.rows) [bar.value, bar.max] = job.rows;

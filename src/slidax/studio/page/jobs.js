@@ -50,12 +50,17 @@
       return element("select", { id, name }, options.map(text => element("option", { value: text, text })));
     }
 
+    /* What was chosen of the same kind stays. */
     function fill() {
       const [, meaning, fields] = KINDS[kind.value];
-      const before = Object.fromEntries([...form.querySelectorAll("[name]")].map(one => [one.name, one.value]));
+      const before = Object.fromEntries([...form.querySelectorAll("[name]")].map(one => [one.name, one.type === "checkbox" ? one.checked : one.value]));
+      const same = form.dataset.kind === kind.value;
+      form.dataset.kind = kind.value;
       form.replaceChildren(element("p.studio-meaning", { text: meaning }), ...Object.entries(fields).map(([name, said]) => {
         const made = control(name, said);
-        if (made.tagName === "SELECT" && [...made.options].some(one => one.value === before[name])) made.value = before[name];
+        const known = made.tagName === "SELECT" && [...made.options].map(one => one.value);
+        if (known && known.includes(before[name] ?? lists.opened)) made.value = before[name] ?? lists.opened;
+        else if (!known && same && name in before) made[made.type === "checkbox" ? "checked" : "value"] = before[name];
         return element("p.studio-field", {}, element("label", { for: made.id, text: Array.isArray(said) ? said[0] : name }), made);
       }));
     }
@@ -106,6 +111,13 @@
       form,
       element("div.studio-row", {}, button("Start", say, start, "button primary")),
       line, list);
-    return { panel, renew, say, list(found) { lists = found; fill(); } };
+    /* The scenario that was opened last is what jobs are first offered for. */
+    function opened(name) {
+      lists = { ...lists, opened: name };
+      const control = form.querySelector("[name=scenario]");
+      if (control && [...control.options].some(one => one.value === name)) control.value = name;
+    }
+
+    return { panel, renew, say, opened, list(found) { lists = { ...found, opened: lists.opened }; fill(); } };
   };
 })();

@@ -6,7 +6,7 @@
 
   /* - `page`: of the playground.
      - `files`: the names of the folder, again when they changed. */
-  studioParts.scenarioPanel = ({ page, files, about }) => {
+  studioParts.scenarioPanel = ({ page, files, about, opened }) => {
     const [line, say] = lineOf();
     const state = { name: about.opened.endsWith(".yaml") || about.opened.endsWith(".yml") ? "" : about.opened,
       path: "", mark: null, clean: "" };
@@ -37,6 +37,8 @@
         const found = await values("POST", "/api/check", { json: { name: what } });
         shown(found.text, what, "", null);
       }
+      choice.value = what;
+      opened(what);
       if (plays) await play();
       await check();
     }
@@ -54,8 +56,20 @@
     async function play() {
       say("making the playground of it ...");
       const found = await values("POST", "/api/manifest", { json: source() });
+      // What the address says is of the playground before.
+      history.replaceState(null, "", location.pathname);
       page()?.load(found.manifest);
       say(`The playground shows ${found.title || found.scenario}.`, "good");
+    }
+
+    /* The same in the page itself: no slider then waits for the server. What was moved stays. */
+    async function compile() {
+      const was = page()?.manifest;
+      say("compiling it for this page; it can be used meanwhile ...");
+      const found = await values("POST", "/api/compiled", { json: source(), headers: { "x-slidax-slot": "compile" } });
+      if (page()?.manifest !== was) return say("another scenario was opened meanwhile", "warn");
+      page()?.load(found.manifest);
+      say("The sliders of this law now run in the page itself.", "good");
     }
 
     async function save() {
@@ -122,6 +136,7 @@
       element("div.studio-row", {},
         field("Scenario", choice),
         button("Play it", say, play, "button primary"),
+        button("Make its sliders instant", say, compile),
         button("Check", say, check),
         button("Take the sliders' values", say, async () => taken())),
       line,

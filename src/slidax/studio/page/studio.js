@@ -49,8 +49,8 @@
           users.forEach(user => user.list(found));
         },
       };
-      const scenario = studioParts.scenarioPanel({ page, files, about });
       const jobs = studioParts.jobsPanel({ about, files });
+      const scenario = studioParts.scenarioPanel({ page, files, about, opened: jobs.opened });
       const shelf = studioParts.filesPanel({ files, open: scenario.open });
       users.push(scenario, jobs, shelf);
       home.replaceChildren(title, element("p.studio-soft", { text: `slidax ${about.version}, in the folder “${about.folder}”. Nothing outside of it is read or written.` }),
