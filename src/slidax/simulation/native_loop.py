@@ -79,6 +79,7 @@ def lowered(
     batch: bool,
     shared: Any = None,
     known: bool = False,
+    beforehand: Callable[[Any], Any] | None = None,
 ) -> NativeLoop:
     """The loop of two functions of arrays.
 
@@ -89,25 +90,38 @@ def lowered(
     - `batch`: whether many are to run side by side.
     - `shared`: a tree before `arrays` that is the same for all runs of a batch; both are then given as a pair.
     - `known`: whether arrays that the functions close over are numbers of the program, and no inputs.
+    - `beforehand`: from `arrays` to what both functions are given in their place, computed once before all samples.
     """
     given = arrays if shared is None else (shared, arrays)
-    start = _Traced(begun, given)
-    turn = _Traced(turned, given, start.result[0])
+    before = None if beforehand is None else _Traced(beforehand, given)
+    found = given if before is None else before.result
+    start = _Traced(begun, found)
+    turn = _Traced(turned, found, start.result[0])
     # What fails above fails by XLA too, and says so itself.
     with in_one_line(lambda: "the loop"):
-        return _program(start, turn, given, logged, batch, len(jax.tree.leaves(shared)), known)
+        return _program(before, start, turn, given, logged, batch, len(jax.tree.leaves(shared)), known)
 
 
 def _program(
-    start: _Traced, turn: _Traced, arrays: Any, logged: bool, batch: bool, shared: int, known: bool
+    before: _Traced | None,
+    start: _Traced,
+    turn: _Traced,
+    arrays: Any,
+    logged: bool,
+    batch: bool,
+    shared: int,
+    known: bool,
 ) -> NativeLoop:
     b = Builder()
     outside = _Outside(b, known)
+    of_before = [] if before is None else outside.inputs(before.jaxpr.consts)
     of_start, of_turn = outside.inputs(start.jaxpr.consts), outside.inputs(turn.jaxpr.consts)
     given = [
         b.input(name, ir_type(leaf.dtype, name), leaf.shape, varying=batch and place >= shared)
         for place, (name, leaf) in enumerate(leaves((jax.tree.map(_shape, arrays),), ("",)))
     ]
+    if before is not None:
+        given = inline(b, before.jaxpr, given, constants=of_before)
     steps = b.input("steps", "i64", ()).item()
     every = b.input("every", "i64", ()).item() if logged else None
     rows = [

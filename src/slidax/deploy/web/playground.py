@@ -25,7 +25,7 @@ def playground(title: str, settings: Sequence[Setting], arms: dict[str, str]) ->
     Raises DefinitionError if a setting is invalid or cannot run in a page.
     """
     made = [setting.made() for setting in settings]
-    programs = {program.entry["id"]: dict(program.entry) for one in made for program in one.programs}
+    programs = {program.entry["id"]: dict(program.entry) for one in made for _, program in one.programs}
     first = settings[0]
     return {
         "format": FORMAT,

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -11,14 +10,13 @@ from typing import Any
 import jax
 import numpy as np
 
-from slidax._errors import DefinitionError
 from slidax.scenarios import ScenarioDescription
 from slidax.scenarios.family import UNTRACEABLE, Family, Templates
 from slidax.scenarios.load import validated
 from slidax.scenarios.uncertainty import Space
 
 from .knob import Knob, knobs_of
-from .loop_program import LoopProgram, loop_program, packed
+from .loop_program import LoopProgram, Variant, loop_program, packed
 
 
 @dataclass(frozen=True)
@@ -66,16 +64,20 @@ class Setting:
         joints = templates.built.plant.robot.joints
         knobs = _varying(base, templates, knobs_of(base.base, joints))
         shapes = {knob.path: knob.shape for knob in knobs}
-        programs: list[LoopProgram] = []
         variants = []
         for at in itertools.product(*(range(len(choice.values)) for choice in self.choices)):
             changes = {choice.path: choice.values[k] for choice, k in zip(self.choices, at, strict=True)}
             family = self._family(changes)
             family = Family(family.base, Space({}, {}), Space({}, dict.fromkeys(shapes)))  # type: ignore[arg-type]
-            program = loop_program(family, family.templates({}), shapes)
-            programs.append(program)
-            variants.append({"at": list(at), "program": program.entry["id"]})
-        return Made(self, base, templates, knobs, programs, variants)
+            variants.append((at, Variant(family, family.templates({}), shapes)))
+        found = []
+        for group in _alike(variants):
+            together = loop_program([variant for _, variant in group])
+            programs = [(group, together)] if together is not None else [
+                ([one], loop_program([one[1]])) for one in group
+            ]
+            found += [(group, program) for group, program in programs if program is not None]
+        return Made(self, base, templates, knobs, found)
 
     def _family(self, changes: Mapping[str, Any]) -> Family:
         data = self.description.model_dump(exclude_unset=True)
@@ -90,27 +92,36 @@ class Made:
     - `setting`: it.
     - `family`, `templates`: its scenario, and that built.
     - `knobs`: what varies within a program.
-    - `programs`: one for each variant.
-    - `variants`: which.
+    - `programs`: each with the variants that it is of.
+    - `more`: what else the page is told.
     """
 
     setting: Setting
     family: Family
     templates: Templates
     knobs: Sequence[Knob]
-    programs: Sequence[LoopProgram]
-    variants: Sequence[Mapping[str, Any]]
+    programs: Sequence[tuple[Sequence[tuple[tuple[int, ...], Variant]], LoopProgram]]
     more: dict[str, Any] = field(default_factory=dict)
 
     def entry(self) -> dict[str, Any]:
         """The setting in a playground."""
         setting, described = self.setting, self.family.base
+        choices = [_choice(choice, described) for choice in setting.choices]
         knobs, start = [], 0
         for knob in self.knobs:
             knobs.append(knob.entry(start))
             start += int(np.prod(knob.shape, dtype=int))
         defaults = [knob.defaults.ravel() for knob in self.knobs]
-        constants = np.concatenate(defaults) if defaults else np.zeros(0)
+        variants = [
+            {
+                "at": list(at),
+                "program": program.entry["id"],
+                "constants": packed(np.concatenate([*defaults, besides]).astype("<f8").tobytes()),
+            }
+            for group, program in self.programs
+            for (at, _), besides in zip(group, program.constants, strict=True)
+        ]
+        own = [choice["default"] for choice in choices]
         return {
             "arm": setting.arm,
             "scheme": setting.scheme,
@@ -118,10 +129,10 @@ class Made:
             "kind": setting.kind,
             "printed": setting.kind == "printed",
             "note": setting.note,
-            "choices": [_choice(choice, described) for choice in setting.choices],
-            "variants": list(self.variants),
+            "choices": choices,
+            "variants": sorted(variants, key=lambda one: one["at"]),
             "knobs": knobs,
-            "constants": packed(constants.astype("<f8").tobytes()),
+            "constants": next(one["constants"] for one in variants if one["at"] == own),
             "scenario": described.model_dump(mode="json", exclude_unset=True),
             "c_files": None,
             "c_parameters": None,
@@ -168,3 +179,18 @@ def _varying(family: Family, templates: Templates, knobs: Sequence[Knob]) -> lis
             return []
     half = len(knobs) // 2
     return _varying(family, templates, knobs[:half]) + _varying(family, templates, knobs[half:])
+
+
+def _alike(
+    variants: Sequence[tuple[tuple[int, ...], Variant]],
+) -> list[list[tuple[tuple[int, ...], Variant]]]:
+    """Variants of one form together."""
+    groups: list[list[tuple[tuple[int, ...], Variant]]] = []
+    for one in variants:
+        for group in groups:
+            if group[0][1].form == one[1].form:
+                group.append(one)
+                break
+        else:
+            groups.append([one])
+    return groups

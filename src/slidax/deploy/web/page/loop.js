@@ -9,6 +9,8 @@ const LOOP_ARRAYS = {
   b1: Uint8Array,
 };
 const LOOP_PAGE = 65536;
+// About how many samples pass in one call, so that a browser's better compiler takes over soon.
+const LOOP_CHUNK = 250;
 
 // The bytes of base64 of gzip.
 export async function inflateBytes(text) {
@@ -25,7 +27,7 @@ export async function inflateNumbers(text) {
 
 // Places in memory for arrays of [type, count], each at a multiple of 8.
 function loopPlaces(entries, start) {
-  let at = start;
+  let at = Math.ceil(start / 8) * 8;
   const places = entries.map(([, type, count, rows]) => {
     const place = at;
     at += Math.ceil((LOOP_BYTES[type] * count * rows) / 8) * 8;
@@ -45,12 +47,15 @@ export async function openProgram(manifest, programId) {
 async function runLoop(program, code, inputs) {
   if (inputs.length !== program.inputs) throw new Error(`the program takes ${program.inputs} numbers`);
   const begun = performance.now();
-  const { reads, writes, carried, samples, every, chunk } = program;
-  const rows = program.rows;
+  const { reads, writes, carried } = program;
+  // What follows the numbers of the loop: how many samples there are, and one in how many is logged.
+  const [samples, every] = [inputs[inputs.length - 2], inputs[inputs.length - 1]];
+  const chunk = Math.max(1, Math.floor(LOOP_CHUNK / every)) * every;
+  const rows = Math.ceil(samples / every);
   // The table, the inputs, and the outputs: those that are written row by row have room for all rows.
-  const read = loopPlaces(reads.map(([type, count]) => ["", type, count, 1]), 4 * (reads.length + writes.length + 2));
+  const read = loopPlaces(reads.map(([type, count]) => ["", type, count, 1]), 4 * (reads.length + writes.length));
   const written = loopPlaces(
-    writes.map(([name, type, count, logged]) => [name, type, count, logged ? rows : 1]), Math.ceil(read.end / 8) * 8,
+    writes.map(([name, type, count, logged]) => [name, type, count, logged ? rows : 1]), read.end,
   );
   const memory = new WebAssembly.Memory({ initial: Math.ceil(written.end / LOOP_PAGE) + 1 });
   const instance = await WebAssembly.instantiate(code, { env: { __linear_memory: memory } });
@@ -64,7 +69,7 @@ async function runLoop(program, code, inputs) {
   };
   const table = new Uint32Array(memory.buffer, 0, reads.length + writes.length);
   read.places.forEach((place, k) => { table[k] = place; });
-  new Float64Array(memory.buffer, read.places[0], inputs.length).set(inputs);
+  new Float64Array(memory.buffer, read.places[0], inputs.length - 2).set(inputs.subarray(0, -2));
   const [steps, stride] = [1, 2].map((k) => new BigInt64Array(memory.buffer, read.places[k], 1));
   const fresh = new Uint8Array(memory.buffer, read.places[3], 1);
   stride[0] = BigInt(every);
@@ -102,12 +107,13 @@ async function runLoop(program, code, inputs) {
     const found = named(`0.${name}`);
     return found === null ? null : Float64Array.from(found, Number);
   };
+  const run = { ...program, samples, period: start.period[0] };
   return {
-    outcome: loopOutcome(program, ended, start),
+    outcome: loopOutcome(run, ended, start),
     rows: kept,
     t: named("log.t").slice(0, kept),
     signals,
-    metrics: loopMetrics(program, ended),
+    metrics: loopMetrics(run, ended),
     milliseconds: seconds,
   };
 }
