@@ -4,6 +4,7 @@ import json
 import signal
 import socket
 import sys
+import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -51,9 +52,15 @@ def test_it_listens_on_loopback_alone_and_ends_with_its_jobs(running: Running):
         assert time.monotonic() < until
     children = running.children()
     assert len(children) >= 2
-    assert running.end(signal.SIGINT) == 0
+    # Who waits for an answer is told so, and the server does not wait for it.
+    waiting = threading.Thread(target=running.ask, args=("POST", "/api/compiled", {"name": "panda-payload"}))
+    waiting.start()
+    time.sleep(1.0)
+    assert running.end(signal.SIGINT, 5.0) == 0
+    waiting.join(5.0)
+    assert not waiting.is_alive()
     assert gone(children)
-    assert "Traceback" not in running.said
+    assert "Traceback" not in running.said and "ERROR" not in running.said
     assert not list(Path("/tmp").glob(f"slidax-studio-*/job-{json.loads(body)['id']}"))
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
 import shutil
 import struct
@@ -104,10 +105,12 @@ class Studio:
         try:
             yield
         finally:
-            await self.jobs.close()
-            await self.bench.close()
-            await self.compiler.close()
+            await self.close()
             shutil.rmtree(self._private, ignore_errors=True)
+
+    async def close(self) -> None:
+        """Ends all processes: whoever waits for one is answered that there is none."""
+        await asyncio.gather(self.jobs.close(), self.bench.close(), self.compiler.close())
 
     def _checked(self, answer: Answered) -> Answered:
         """What is wrong with a request, as a line and a status."""

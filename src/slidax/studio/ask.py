@@ -35,12 +35,14 @@ class Workbench:
         self._process: Process | None = None
         self._turn = asyncio.Lock()
         self._newest: dict[str, int] = {}
+        self._closed = False
         self.restarts = 0
 
     async def warm(self) -> None:
         """Starts the process, so that the first question need not wait."""
         async with self._turn:
-            await self._ready()
+            if not self._closed:
+                await self._ready()
 
     async def ask(self, question: dict[str, Any], *, only_newest: str = "") -> tuple[dict[str, Any], bytes]:
         """The answer, and the bytes with it.
@@ -54,6 +56,8 @@ class Workbench:
         async with self._turn:
             if only_newest and self._newest[only_newest] != number:
                 raise OvertakenError("a newer question took its place")
+            if self._closed:
+                return {"error": {"where": "", "message": "the studio ends"}}, b""
             process = await self._ready()
             try:
                 return await asyncio.wait_for(self._asked(process, question), self._longest)
@@ -68,7 +72,8 @@ class Workbench:
                 raise
 
     async def close(self) -> None:
-        """Ends the process."""
+        """Ends the process; what is asked then, or waits for its answer, is told so."""
+        self._closed = True
         if self._process is not None:
             await ended(self._process, gently=False)
 

@@ -82,6 +82,7 @@ class Jobs:
         self._folder, self._private, self._module = folder, private, module
         self._jobs: dict[str, Job] = {}
         self._turn = asyncio.Semaphore(AT_ONCE)
+        self._closed = False
 
     def add(self, kind: str, said: Mapping[str, Any]) -> Job:
         """A new job, which runs when it is its turn.
@@ -89,8 +90,11 @@ class Jobs:
         - `kind`: of the command.
         - `said`: to it, by the page.
 
-        Raises DefinitionError if it is none, FileExistsError if results would be written over, TooManyError.
+        Raises DefinitionError if it is none, FileExistsError if results would be written over, TooManyError if too many
+        wait.
         """
+        if self._closed:
+            raise TooManyError("the studio ends")
         if sum(not job.over for job in self._jobs.values()) >= AT_ONCE + WAITING:
             raise TooManyError("too many jobs wait: let some end, or cancel them")
         asked = command_of(self._folder, kind, said)
@@ -171,7 +175,8 @@ class Jobs:
                 await job.task
 
     async def close(self) -> None:
-        """Ends all jobs."""
+        """Ends all jobs, and takes no more."""
+        self._closed = True
         open_ones = [job for job in self._jobs.values() if not job.over]
         await asyncio.gather(*(self.cancel(job) for job in open_ones), return_exceptions=True)
 

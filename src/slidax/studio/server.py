@@ -62,7 +62,7 @@ def serve(
         timeout_keep_alive=30,
         timeout_graceful_shutdown=2,
     )
-    server = uvicorn.Server(config)
+    server = _Server(config, studio)
 
     def begin() -> None:
         say(f"The studio is at {address} until Ctrl-C; it reads and writes {folder.root} alone")
@@ -71,6 +71,22 @@ def serve(
 
     with suppress(KeyboardInterrupt):
         asyncio.run(_served(server, sockets, begin))
+
+
+class _Server(uvicorn.Server):
+    """Ends the studio's processes before it waits for the answers that wait for them."""
+
+    def __init__(self, config: uvicorn.Config, studio: Studio) -> None:
+        super().__init__(config)
+        self._studio = studio
+
+    async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
+        """Ends it.
+
+        - `sockets`: at which it listens.
+        """
+        await self._studio.close()
+        await super().shutdown(sockets)
 
 
 async def _served(server: uvicorn.Server, sockets: list[socket.socket], begin: Callable[[], None]) -> None:
