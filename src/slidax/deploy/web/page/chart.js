@@ -3,7 +3,7 @@
 import { shownNumber } from "./numbers.js";
 import { colourOf } from "./theme.js";
 
-const LEFT = 46, RIGHT = 8, TOP = 6, BOTTOM = 22, GAP = 8;
+const LEFT = 46, RIGHT = 8, TOP = 6, BOTTOM = 22, GAP = 8, VALUE = 62;
 
 export class Chart {
   /* - `place`: the element that holds both canvases.
@@ -199,19 +199,20 @@ export class Chart {
           pen.fill();
         }
       }
-      right -= this.tag(pen, shownNumber(value, 3), right, top + 4, "right", name) + 8;
+      this.tag(pen, shownNumber(value, 3), right, top + 4, name);
+      right -= VALUE;
     }
-    this.tag(pen, `${row.title} [${row.unit}]`, this.left + 6, top + 4, "left", "--ink");
+    this.tag(pen, `${row.title} [${row.unit}]`, right, top + 4, "--ink");
   }
 
-  tag(pen, text, x, top, align, name) {
+  /* Where an envelope is narrow: to the right. */
+  tag(pen, text, right, top, name) {
     const wide = pen.measureText(text).width;
-    pen.textAlign = align;
+    pen.textAlign = "right";
     pen.fillStyle = colourOf("--veil");
-    pen.fillRect((align === "right" ? x - wide : x) - 2, top - 1, wide + 4, 14);
+    pen.fillRect(right - wide - 2, top - 1, wide + 4, 14);
     pen.fillStyle = colourOf(name);
-    pen.fillText(text, x, top);
-    return wide;
+    pen.fillText(text, right, top);
   }
 }
 

@@ -24,10 +24,11 @@ export class Knobs {
       const groups = new Map();
       for (const knob of setting.knobs) groups.set(knob.group, [...(groups.get(knob.group) ?? []), knob]);
       const joints = playground.jointNames(chosen.arm);
+      const plain = knob => ({ ...knob, unit: playground.unitOf(chosen.arm, knob.unit), title: capitalised(knob.title) });
       this.place.replaceChildren(
         ...(setting.choices.length ? [element("div.choices", {}, setting.choices.map(choice => this.select(choice)))] : []),
         ...[...groups].map(([title, knobs], k) => element("details.group", { open: k < 2 },
-          element("summary", { text: title }), knobs.map(knob => this.knob(knob, joints)))));
+          element("summary", { text: title }), knobs.map(knob => this.knob(plain(knob), joints)))));
     }
     for (const put of this.shown) put(playground, chosen);
   }
@@ -37,12 +38,13 @@ export class Knobs {
     const option = (value, k) => element("option", { value: k, text: typeof value === "number" ? withUnit(value, choice.unit) : String(value) });
     const made = element("select", { id, on: { change: () => this.listeners.chosen(choice.path, Number(made.value)) } }, choice.values.map(option));
     this.shown.push((playground, chosen) => { made.value = playground.choiceIndex(chosen, choice.path); });
-    return element("div.choice", {}, element("label", { for: id, text: choice.title }), made);
+    return element("div.choice", {}, element("label", { for: id, text: capitalised(choice.title) }), made);
   }
 
   knob(knob, joints) {
     const meaning = `meaning-${++knobCount}`;
-    const several = knob.inputs[1] > 1 && knob.each;
+    const several = knob.inputs[1] > 1 && (knob.each || Array.isArray(knob.default));
+    const names = knob.each ? joints : Array.from({ length: knob.inputs[1] }, (_, k) => String(k + 1));
     let value = knob.default;
     const moved = (next, stands) => {
       value = next;
@@ -63,13 +65,14 @@ export class Knobs {
       type: "button", "aria-label": `Reset ${knob.title}`, title: `Back to ${defaultText(knob)}`, text: "↺",
       on: { click: () => moved(knob.default, true) },
     });
-    const each = several ? this.perJoint(knob, joints, meaning, () => value, moved) : null;
-    const range = `${shownNumber(knob.low)} to ${withUnit(knob.high, knob.unit)}, ${defaultText(knob)} by default.`;
+    const each = several ? this.perJoint(knob, names, meaning, () => value, moved) : null;
+    const allowed = knob.range ? `Allowed: ${knob.range}. ` : "";
+    const range = `${allowed}The slider goes from ${shownNumber(knob.low)} to ${withUnit(knob.high, knob.unit)}; ${defaultText(knob)} by default.`;
     const text = `${knob.meaning ? `${knob.meaning} ` : ""}`.replace(/([^.!?\s])\s*$/, "$1. ") + range;
     const made = element("div.knob", { "data-path": knob.path, role: "group", "aria-label": knob.title },
       element("div.name", { title: text }, element("span", { text: knob.title }),
         knob.unit ? element("span.unit", { text: knob.unit }) : null, reset),
-      all.row, element("p.meaning", { id: meaning, text }), each?.made);
+      knob.each || !several ? all.row : null, element("p.meaning", { id: meaning, text }), each?.made);
     this.shown.push((playground, chosen) => {
       value = playground.value(chosen, knob.path);
       all.put(Array.isArray(value) ? value[0] : value);
@@ -90,10 +93,14 @@ export class Knobs {
     }));
     const rows = sliders.map(({ row }, k) => element("div.joint", {}, element("span", { text: joints[k] ?? String(k + 1) }), row));
     return {
-      made: element("details.each", {}, element("summary", { text: "each joint" }), rows),
+      made: element("details.each", { open: !knob.each }, element("summary", { text: knob.each ? "each joint" : "each number" }), rows),
       put: now => listed(now, count).forEach((number, k) => sliders[k].put(number)),
     };
   }
+}
+
+function capitalised(text) {
+  return text.charAt(0).toUpperCase() + text.slice(1);
 }
 
 function defaultText(knob) {

@@ -43,6 +43,7 @@ function numberText(name, value) {
 
 export function runLights(result, joints) {
   const lights = [];
+  if (!result.t.length) return [light("grey", "Inside its envelope", "is not known: nothing was run.")];
   const first = firstOutside(result, joints);
   if (first === undefined) lights.push(light("grey", "Envelope", "is not there: nothing is promised of the error."));
   else if (first) lights.push(light("bad", "Inside its envelope", `no: joint ${first.joint} was outside at ${shownNumber(first.time)} s.`));
@@ -73,8 +74,13 @@ function staysOutside(result) {
 }
 
 /* [state, words] of how a run ended. */
-export function outcomeOf(result) {
+export function outcomeOf(result, joints) {
   const { kind, message } = result.outcome;
-  if (["ok", "finished"].includes(kind)) return ["good", message || "The run reached its end."];
+  if (["ok", "finished"].includes(kind)) {
+    const first = firstOutside(result, joints);
+    const seen = first === null ? "Every joint stayed inside its envelope. "
+      : first ? `Joint ${first.joint} was outside the envelope it is judged by, first at ${shownNumber(first.time)} s. ` : "";
+    return [first ? "warn" : "good", seen + (message || "The run reached its end.")];
+  }
   return [kind === "recovered" ? "warn" : "bad", message || "The run ended early."];
 }

@@ -138,6 +138,10 @@ class Page {
     this.knobs.show(this.playground, a);
     byId("certificates").replaceChildren(...certificateLights(this.playground, a));
     if (!byId("certificates").children.length) byId("certificates").append(element("li.light", { text: "None was made for this law." }));
+    const served = this.playground.program(a)?.engine === "server";
+    byId("lead-where").textContent = served
+      ? "Move any slider: the whole run is computed anew, by the studio on this machine."
+      : "Move any slider: the whole run is computed anew in your browser, by the code that the law is exported as.";
     document.body.toggleAttribute("data-runs", true);
   }
 
@@ -157,13 +161,13 @@ class Page {
     const joints = this.playground.jointNames(this.session.a.arm);
     this.pictures.key(titles);
     this.pictures.show(results);
-    byId("outcomes").replaceChildren(...results.map((result, k) => outcomeItem(result, titles.length > 1 ? titles[k] : "")));
+    byId("outcomes").replaceChildren(...results.map((result, k) => outcomeItem(result, titles.length > 1 ? titles[k] : "", joints.length)));
     byId("seen").replaceChildren(...runLights(results[0], joints.length));
     showMeasures(byId("numbers"), results, titles.length > 1 ? titles : ["this run"], joints, this.playground.units(this.session.a.arm));
     if (!this.session.settled) return;
     document.body.toggleAttribute("data-runs", false);
     clearTimeout(this.told);
-    this.told = setTimeout(() => this.say(results.map((result, k) => `${titles[k]}: ${outcomeOf(result)[1]}`).join(" ")), 600);
+    this.told = setTimeout(() => this.say(results.map((result, k) => `${titles[k]}: ${outcomeOf(result, joints.length)[1]}`).join(" ")), 600);
     this.first();
     if (side === "A") globalThis.slidaxStudio?.changed?.(this);
   }
@@ -225,8 +229,8 @@ class Page {
   }
 }
 
-function outcomeItem(result, title) {
-  const [state, words] = outcomeOf(result);
+function outcomeItem(result, title, joints) {
+  const [state, words] = outcomeOf(result, joints);
   const sign = { good: "✓", warn: "!", bad: "✗" }[state];
   return element("li", { "data-state": state }, element("span.sign", { "aria-hidden": "true", text: sign }),
     element("span", {}, title ? element("b", { text: `${title}. ` }) : null, words,

@@ -47,7 +47,7 @@ void main() {
   vec2 d = abs(fract(p - 0.5) - 0.5);
   float line = max(1.0 - smoothstep(0.0, w.x, d.x), 1.0 - smoothstep(0.0, w.y, d.y));
   float far = 1.0 - smoothstep(0.45, 1.0, length(at) / size);
-  made = vec4(colour.rgb, colour.a * (0.25 + 0.75 * line) * far);
+  made = vec4(colour.rgb, colour.a * (0.1 + 0.9 * line) * far);
 }`;
 
 export class Painter {

@@ -93,7 +93,7 @@ export class Pictures {
     const results = this.results ?? [];
     if (!results.length) return;
     const few = this.names.length <= 3;
-    const height = few ? 148 - 12 * this.names.length : 58;
+    const height = few ? 134 - 12 * this.names.length : 58;
     this.rows.errors = errorRows(results, this.names, this.units, this.axis.value);
     this.rows.torques = torqueRows(results, this.names, this.units, this.arm.limits?.torque);
     for (const [name, chart] of Object.entries(this.charts)) {

@@ -89,18 +89,22 @@ export class Playground {
     return made;
   }
 
-  program(chosen) {
+  variant(chosen) {
     const setting = this.setting(chosen);
     const at = setting.choices.map(choice => this.choiceIndex(chosen, choice.path));
-    const variant = setting.variants.find(one => one.at.every((index, k) => index === at[k]));
+    return setting.variants.find(one => one.at.every((index, k) => index === at[k]));
+  }
+
+  program(chosen) {
+    const variant = this.variant(chosen);
     return variant && this.manifest.programs.find(program => program.id === variant.program);
   }
 
   async inputs(chosen) {
-    const setting = this.setting(chosen);
-    if (!setting.constants) return new Float64Array(0);
-    if (!this.constants.has(setting)) this.constants.set(setting, unpackedNumbers(setting.constants));
-    const inputs = Float64Array.from(await this.constants.get(setting));
+    const packed = this.variant(chosen)?.constants ?? this.setting(chosen).constants;
+    if (!packed) return new Float64Array(0);
+    if (!this.constants.has(packed)) this.constants.set(packed, unpackedNumbers(packed));
+    const inputs = Float64Array.from(await this.constants.get(packed));
     for (const [path, value] of Object.entries(chosen.values)) {
       const [start, count] = this.knob(chosen, path).inputs;
       for (let k = 0; k < count; k++) inputs[start + k] = Array.isArray(value) ? value[k] : value;
@@ -111,6 +115,14 @@ export class Playground {
   /* The units of the joints' positions, in their order. */
   units(arm) {
     return this.jointLinks(arm).map(link => (link.type === "prismatic" ? "m" : "rad"));
+  }
+
+  /* A unit without what no joint of this arm has: "rad or m" is "rad" where all turn. */
+  unitOf(arm, unit) {
+    const parts = (unit ?? "").split(" or ");
+    const units = this.units(arm);
+    if (parts.length !== 2 || !units.every(one => one === units[0])) return unit ?? "";
+    return parts[units[0] === "rad" ? 0 : 1];
   }
 
   jointNames(arm) {

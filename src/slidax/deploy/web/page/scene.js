@@ -186,6 +186,6 @@ export class Scene {
 }
 
 function roundCell(size) {
-  const power = 10 ** Math.floor(Math.log10(size / 3));
-  return [1, 2, 5].map(factor => factor * power).filter(cell => cell <= size / 3).pop() ?? power;
+  const power = 10 ** Math.floor(Math.log10(size / 2));
+  return [1, 2, 5].map(factor => factor * power).filter(cell => cell <= size / 2).pop() ?? power;
 }

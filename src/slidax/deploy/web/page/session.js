@@ -93,7 +93,7 @@ export class Session {
       const program = this.playground.program(chosen);
       if (!program) throw new Error("this page has no program for that choice");
       const result = program.engine === "server"
-        ? await globalThis.slidaxStudio.run({ ...this.described(side), scenario: scenarioOf(this.playground, chosen) })
+        ? await globalThis.slidaxStudio.run({ side, ...this.described(side), scenario: scenarioOf(this.playground, chosen) })
         : await this.runners[side].run(program, await this.playground.inputs(chosen));
       if (!result || (side === "B" && !this.b) || this.of(side)?.arm !== chosen.arm) return;
       if (ticket < (this.shown?.[side] ?? 0)) return;
