@@ -39,7 +39,18 @@ REACHABLE = {
 }
 """What the visitor finds, and how gladly each is taken."""
 
-ODD = ["", "0", "-1", "1e308", "NaN", "x" * 300, "scenario.yaml", "results", "ünïcode.yaml", "<script>alert(1)</script>"]
+ODD = [
+    "",
+    "0",
+    "-1",
+    "1e308",
+    "NaN",
+    "x" * 300,
+    "scenario.yaml",
+    "results",
+    "ünïcode.yaml",
+    "<script>alert(1)</script>",
+]
 
 TEXTS = ["robot: [", "title: x\nrobot: {kind: two_link}\n", "a: &a [*a]", "\0", "- 1\n" * 500]
 
@@ -143,14 +154,20 @@ def _act(place: Any, page: Any, chance: random.Random, names: list[str]) -> str:
         place.press(chance.choice(["ArrowRight", "ArrowLeft", "PageUp", "PageDown", "Home", "End"]))
         return "slid"
     if kind == "input file":
-        place.set_input_files({"name": chance.choice(["arm.urdf", "a.csv", "x.exe"]), "mimeType": "text/plain", "buffer": b"<robot/>"})
+        place.set_input_files(
+            {"name": chance.choice(["arm.urdf", "a.csv", "x.exe"]), "mimeType": "text/plain", "buffer": b"<robot/>"}
+        )
         return "brought"
     if kind == "input checkbox":
         place.click()
         return "clicked"
     if kind.startswith("input"):
         number = kind == "input number"
-        place.fill(chance.choice(["0", "-1", "3", "1e308", ""]) if number else chance.choice([*ODD, *[n for n in names if "\0" not in n]]))
+        place.fill(
+            chance.choice(["0", "-1", "3", "1e308", ""])
+            if number
+            else chance.choice([*ODD, *[n for n in names if "\0" not in n]])
+        )
         place.press(chance.choice(["Enter", "Tab"]))
         return "typed"
     place.click()

@@ -168,7 +168,10 @@ def test_a_run_is_that_of_python(client: TestClient):
 def test_a_mistake_is_said_with_its_path_and_remedy(client: TestClient):
     answer = client.post("/api/check", json={"name": "example-4.1", "changes": {"scheme.surface.k9": 1}})
     assert answer.status_code == 422
-    assert answer.json()["error"]["where"] == "scheme.surface.k9" or "unknown key `k9`; there are: `kind`, `k1`" in answer.text
+    assert (
+        answer.json()["error"]["where"] == "scheme.surface.k9"
+        or "unknown key `k9`; there are: `kind`, `k1`" in answer.text
+    )
     broken = client.post("/api/check", json={"text": "robot: [", "path": "x.yaml"})
     assert "not valid YAML" in broken.json()["error"]["message"]
 

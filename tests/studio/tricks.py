@@ -46,7 +46,7 @@ def tricks(root: Path) -> list[str]:
         up,
         f"./{up}",
         f"sub/../{up}",
-        f"sub/../../outside/secret.yaml/",
+        "sub/../../outside/secret.yaml/",
         "sub/../../outside/./secret.yaml",
         "..//outside//secret.yaml",
         "....//outside/secret.yaml",

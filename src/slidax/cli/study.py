@@ -61,7 +61,7 @@ def study(
             _write_case(out, case)
             return
         started = time.perf_counter()
-        with (Lines() if progress else Bar()) as bar, suppress(KeyboardInterrupt):
+        with Lines() if progress else Bar() as bar, suppress(KeyboardInterrupt):
             how = How(out, resume, begin=bar.begin, seen=bar.seen, made_by=_made_by())
             found = _run(asked, how, cluster)
             bar.close()

@@ -140,7 +140,7 @@ class Studio:
         return Response(text, headers={"content-security-policy": policy}, media_type="text/html")
 
     async def _first(self) -> dict[str, Any]:
-        """The playground that the page begins with; the default one where the opened file is wrong, of which it says why."""
+        """The playground that the page begins with: the default one where the opened file is wrong."""
         if self._manifest is None:
             place = "path" if self.opened.lower().endswith(YAML) else "name"
             for question in ({place: self.opened or DEFAULT}, {"name": DEFAULT}):

@@ -65,7 +65,9 @@ class Workbench:
                 await ended(process, gently=False)
                 took = isinstance(error, TimeoutError)
                 what = f"it took more than {self._longest:g} s" if took else f"its process ended ({process.returncode})"
-                return {"error": {"where": "", "message": f"This was not computed: {what}. It can be tried again."}}, b""
+                return {
+                    "error": {"where": "", "message": f"This was not computed: {what}. It can be tried again."}
+                }, b""
             except asyncio.CancelledError:
                 # Its answer would be taken for that of the next question.
                 await ended(process, gently=False)

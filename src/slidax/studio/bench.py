@@ -1,7 +1,7 @@
 """The workbench: one process that is kept warm, in which scenarios are read, checked and run for the page.
 
-A request is a line of JSON on standard input. An answer is a line of JSON on standard output, and as many bytes after it
-as it says under `bytes`.
+A request is a line of JSON on standard input. An answer is a line of JSON on standard output, and as many bytes after
+it as it says under `bytes`.
 """
 
 from __future__ import annotations
@@ -113,7 +113,9 @@ class Bench:
         scenario = self._scenario(asked)
         samples = scenario.t1 / scenario.period
         if samples * scenario.state0.q.size > MOST_SAMPLES:
-            raise DefinitionError(f"{samples:.3g} samples are too many to wait for: shorten `simulation.t1`, or use a job")
+            raise DefinitionError(
+                f"{samples:.3g} samples are too many to wait for: shorten `simulation.t1`, or use a job"
+            )
         every = max(1, int(np.ceil(samples / (MOST_ROWS - 1))))
         started = time.perf_counter()
         run = scenario.simulate(log_every=every)
@@ -153,7 +155,7 @@ class Bench:
         return {"part": json.loads(json.dumps(part, default=str))}, b""
 
     def _scenario(self, asked: dict[str, Any]) -> Any:
-        """A built-in one by `name`, a file by `path`, or a `text` that would be at `path`; with the `changes` by path."""
+        """A built-in one by `name`, a file by `path`, or a `text` that would be there; with `changes` by path."""
         from slidax.scenarios import load
         from slidax.scenarios.load import parse
         from slidax.scenarios.yaml_text import read_yaml

@@ -1,8 +1,8 @@
 """A process of the studio: the command line, or its workbench, that cannot leave the folder.
 
-`python -P -m slidax.studio.confined FOLDER SCRATCH MODULE [ARGUMENTS]` calls `main` of the module. Three walls, each for what the others let through:
-what files name is looked at before they are read (`references`); Python's own opens, lists, moves and removals are
-refused elsewhere (here); and on Linux the kernel refuses the rest (`landlock`).
+`python -P -m slidax.studio.confined FOLDER SCRATCH MODULE [ARGUMENTS]` calls `main` of the module. Three walls, each for
+what the others let through: what files name is looked at before they are read (`references`); Python's own opens,
+lists, moves and removals are refused elsewhere (here); and on Linux the kernel refuses the rest (`landlock`).
 """
 
 from __future__ import annotations
@@ -18,10 +18,11 @@ from pathlib import Path
 from typing import Any
 
 SYSTEM = (
-    "/usr /lib /lib64 /bin /opt /nix/store /etc/ld.so.cache /etc/localtime /etc/fonts /etc/alternatives /proc/cpuinfo "
-    "/proc/meminfo /proc/stat /proc/filesystems /proc/self /proc/sys/vm/overcommit_memory /sys/devices/system "
-    "/sys/fs/cgroup /System /Library"
-).split()
+    *("/usr", "/lib", "/lib64", "/bin", "/opt", "/nix/store", "/System", "/Library"),
+    *("/etc/ld.so.cache", "/etc/localtime", "/etc/fonts", "/etc/alternatives"),
+    *("/proc/cpuinfo", "/proc/meminfo", "/proc/stat", "/proc/filesystems", "/proc/self"),
+    *("/proc/sys/vm/overcommit_memory", "/sys/devices/system", "/sys/fs/cgroup"),
+)
 """What compilers, fonts and libraries of a system read; none of it is a user's."""
 
 DEVICES = ("/dev/null", "/dev/zero", "/dev/urandom", "/dev/random", "/dev/shm")

@@ -134,7 +134,9 @@ class Folder:
             if now != before:
                 raise FileExistsError(errno.EEXIST, "it was changed meanwhile, or is there already", name)
             beside = f".{secrets.token_hex(8)}.part"
-            handle = os.open(_at(place, beside, parent), os.O_WRONLY | os.O_CREAT | os.O_EXCL | _FILE, 0o644, **_in(parent))
+            handle = os.open(
+                _at(place, beside, parent), os.O_WRONLY | os.O_CREAT | os.O_EXCL | _FILE, 0o644, **_in(parent)
+            )
             try:
                 with os.fdopen(handle, "wb") as file:
                     file.write(content)
@@ -209,7 +211,7 @@ class Folder:
 
     @contextmanager
     def _parent(self, place: Path, *, make: bool = False) -> Iterator[int | None]:
-        """The open folder of a file, reached from the root without following a link; None where that is not possible."""
+        """The open folder of a file, reached from the root without following a link; None where that cannot be."""
         if not BY_DESCRIPTOR:
             if make:
                 place.parent.mkdir(parents=True, exist_ok=True)

@@ -11,6 +11,7 @@ import slidax
 from slidax._errors import DefinitionError
 from slidax.deploy.web.arm import arm_entry
 from slidax.deploy.web.knob import knobs_of
+from slidax.deploy.web.playground import playground
 from slidax.deploy.web.setting import Setting
 from slidax.scenarios import Scenario, ScenarioDescription
 from slidax.scenarios.load import altered_description
@@ -66,16 +67,14 @@ def compiled_manifest_of(scenario: Scenario) -> dict[str, Any]:
     Raises DefinitionError if it cannot be compiled for a page.
     """
     made = manifest_of(scenario)
-    first = made["settings"][0]
-    setting = Setting(scenario.description, first["arm"], first["scheme"], first["title"]).made()
-    (program,) = setting.programs
-    at = [choice["default"] for choice in first["choices"]]
-    for variant in first["variants"]:
-        if variant["at"] == at:
-            variant["program"] = program.entry["id"]
-    entry = setting.entry()
-    first |= {"knobs": entry["knobs"], "constants": entry["constants"]}
-    made["programs"].append(dict(program.entry))
+    first, arm = made["settings"][0], made["arms"][0]
+    setting = Setting(scenario.description, first["arm"], first["scheme"], first["title"])
+    compiled = playground(made["title"], [setting], {arm["id"]: arm["title"]})
+    own, at = compiled["settings"][0], [choice["default"] for choice in first["choices"]]
+    (variant,) = own["variants"]
+    first["variants"] = [variant | {"at": at} if one["at"] == at else one for one in first["variants"]]
+    first |= {"knobs": own["knobs"], "constants": own["constants"]}
+    made["programs"] += compiled["programs"]
     return made
 
 
@@ -123,7 +122,13 @@ def _choices(description: ScenarioDescription) -> list[dict[str, Any]]:
     if description.simulation.mode == "held" and isinstance(delay, int | float):
         values = sorted({*DELAYS, delay})
         found.append(
-            {"path": "sensor.delay", "title": "delay", "unit": "periods", "values": values, "default": values.index(delay)}
+            {
+                "path": "sensor.delay",
+                "title": "delay",
+                "unit": "periods",
+                "values": values,
+                "default": values.index(delay),
+            }
         )
     return found
 

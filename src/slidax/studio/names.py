@@ -12,12 +12,11 @@ LONGEST, LONGEST_PART = 1024, 255
 DEVICES = re.compile(r"(con|prn|aux|nul|conin\$|conout\$|com[0-9¹²³]|lpt[0-9¹²³])(\..*)?", re.IGNORECASE)
 """What Windows takes for a device, in any folder."""
 
-READ = (".yaml", ".yml", ".json", ".jsonl", ".csv", ".parquet", ".mcap", ".urdf", ".xml", ".mjcf", ".html", ".svg")
-READ += (".md", ".c", ".h", ".txt", ".png")
-"""Endings of files that are shown or taken."""
-
 WRITTEN = (".yaml", ".yml", ".json", ".jsonl", ".csv", ".parquet", ".mcap", ".urdf", ".xml", ".mjcf")
 """Endings of files that are written; nothing among them is run by anything."""
+
+READ = (*WRITTEN, ".html", ".svg", ".md", ".c", ".h", ".txt", ".png")
+"""Endings of files that are shown or taken."""
 
 
 class OutsideError(DefinitionError):

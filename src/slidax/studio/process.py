@@ -21,8 +21,11 @@ PATIENCE = 2.0
 LINE = 16_000_000
 """Bytes of a line that it may answer with."""
 
-KEPT = ("PATH", "PYTHONPATH", "HOME", "LANG", "LC_ALL", "SYSTEMROOT", "XDG_CACHE_HOME", "VIRTUAL_ENV", "LOCALAPPDATA")
-KEPT += ("JAX_PLATFORMS", "CUDA_VISIBLE_DEVICES", "OMP_NUM_THREADS", "COVERAGE_PROCESS_START", "USERPROFILE")
+KEPT = (
+    *("PATH", "PYTHONPATH", "VIRTUAL_ENV", "LANG", "LC_ALL"),
+    *("HOME", "XDG_CACHE_HOME", "USERPROFILE", "LOCALAPPDATA", "SYSTEMROOT"),
+    *("JAX_PLATFORMS", "CUDA_VISIBLE_DEVICES", "OMP_NUM_THREADS"),
+)
 """Of the environment; what else is in it, such as keys, is no business of a job's."""
 
 

@@ -149,8 +149,9 @@ class _Walk:
 def _attributes(root: Any, names: tuple[str, ...]) -> Iterator[tuple[str, str]]:
     for _, element in elements(root):
         for name in names:
-            if element.get(name):
-                yield element.tag, element.get(name)
+            found = element.get(name)
+            if found:
+                yield element.tag, found
 
 
 def _texts(value: Any) -> Iterator[str]:
