@@ -189,7 +189,7 @@ COMMANDS: dict[str, tuple[tuple[str, ...], dict[str, Reader], bool]] = {
         True,
     ),
     "export-c": (("export", "c"), SCENARIO | {"out": _folder_out, "name": _named, "float": _flag}, False),
-    "export-web": (("export", "web"), SCENARIO | {"out": _folder_out}, False),
+    "export-web": (("export", "web"), SCENARIO | {"with": _named, "out": _folder_out}, False),
 }
 """By the name of a job: the command's words, what may be said to it in this order, whether it prints JSON."""
 

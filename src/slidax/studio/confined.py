@@ -1,7 +1,7 @@
 """A process of the studio: the command line, or its workbench, that cannot leave the folder.
 
-`python -P -m slidax.studio.confined FOLDER SCRATCH MODULE [ARGUMENTS]` calls `main` of the module. Three walls, each for
-what the others let through: what files name is looked at before they are read (`references`); Python's own opens,
+`python -P -m slidax.studio.confined FOLDER SCRATCH MODULE [ARGUMENTS]` calls `main` of the module. Three walls, each
+for what the others let through: what files name is looked at before they are read (`references`); Python's own opens,
 lists, moves and removals are refused elsewhere (here); and on Linux the kernel refuses the rest (`landlock`).
 """
 

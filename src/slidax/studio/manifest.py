@@ -73,7 +73,7 @@ def compiled_manifest_of(scenario: Scenario) -> dict[str, Any]:
     own, at = compiled["settings"][0], [choice["default"] for choice in first["choices"]]
     (variant,) = own["variants"]
     first["variants"] = [variant | {"at": at} if one["at"] == at else one for one in first["variants"]]
-    first |= {"knobs": own["knobs"], "constants": own["constants"]}
+    first |= {name: own[name] for name in ("knobs", "constants", "certificates", "c_files", "c_parameters")}
     made["programs"] += compiled["programs"]
     return made
 

@@ -19,7 +19,7 @@
     identify: ["Identify", "Rotors, friction and payload from a log.",
       { log: /\.(csv|parquet|mcap|jsonl?)$/i, robot: "robot", out: ["file of the arm", "arm.yaml"], report: ["folder of the report", "identification"] }],
     "export-c": ["Export C", "The law as a C99 project.", { scenario: "scenario", out: ["folder of the project", "law"], float: false }],
-    "export-web": ["Export a page", "A playground of this scenario as one file.", { scenario: "scenario", out: ["folder of the page", "site"] }],
+    "export-web": ["Export a page", "A playground of this scenario as one file.", { scenario: "scenario", with: ["laws beside it, with commas", "printed,computed_torque"], out: ["folder of the page", "site"] }],
   };
 
   studioParts.jobsPanel = ({ about, files }) => {
