@@ -32,6 +32,7 @@ from .new import new
 from .replay import replay
 from .reproduce import reproduce
 from .run import run
+from .studio import studio
 from .study import study
 
 app = typer.Typer(
@@ -61,6 +62,7 @@ app.command(epilog="Example:  slidax league --tasks scara-slow --schemes cftsmpp
 app.command(epilog="Example:  slidax linear example-4.1-1khz --at 5 --out linear")(linear)
 app.command(epilog="Example:  slidax loop panda-payload --time 60 --out log.mcap --histogram latency.svg")(loop)
 app.command(epilog="Example:  slidax replay log.mcap  (after  slidax run panda-payload --out log.mcap)")(replay)
+app.command(epilog="Example:  slidax studio my-arm.yaml  (then drag a slider)")(studio)
 app.command("list", epilog="Example:  slidax list scenarios")(list_)
 app.command(epilog="Example:  slidax schema > scenario.schema.json")(schema)
 export.command("c", epilog="Example:  slidax export c example-4.1-1khz --out law")(export_c)
