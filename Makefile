@@ -98,7 +98,7 @@ LOCK = .venv-lock/bin/uv pip compile --quiet --universal --python-version 3.11 -
 COMPILE = $(LOCK) pyproject.toml
 # All but cuda, which is for machines with a card.
 EXTRAS = --extra parquet --extra frame --extra native --extra robots --extra trajectories --extra view --extra film \
-	--extra studies --extra cluster --extra fmu --extra log
+	--extra studies --extra cluster --extra fmu --extra log --extra linear --extra studio
 lock: .venv-lock/bin/uv ## Renew requirements/*.txt after a change in pyproject.toml
 	@mkdir -p requirements
 	@$(COMPILE) --group dev $(EXTRAS) --output-file requirements/dev.txt $(ARGS)
