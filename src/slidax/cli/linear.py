@@ -75,10 +75,16 @@ def _print(parts: Scenario, found: Linear) -> None:
         f"{found.system.a.shape[0]} states",
         soft_wrap=True,
     )
-    rows = [[f"{z:.4f}", _number(omega), _number(damping)] for z, omega, damping in found.modes[:SHOWN]]
+    rows = [
+        [f"{z:.4f}" if z.imag else f"{z.real:.4f}", _number(omega), _number(damping)]
+        for z, omega, damping in found.modes[:SHOWN]
+    ]
     console.print(_table(["slowest eigenvalues", "[rad/s]", "damping"], rows))
     period = found.system.period
-    for where, title in (("torque", "broken at the torque"), ("measurement", "broken at the measured position")):
+    for where, title in (
+        ("torque", "Broken at the torque, each joint:"),
+        ("measurement", "Broken at the measured position:"),
+    ):
         margins = found.margins(where) if found.held else None
         if margins is None:
             continue
@@ -95,8 +101,8 @@ def _print(parts: Scenario, found: Linear) -> None:
         every = found.together(where)
         if every is not None:
             rows.append(["all at once", "", "", "", "", *map(_number, every)])
-        head = [title, "gain up", "down", "phase [°]", "delay [h]", "disk", "peak of S", "at [rad/s]"]
-        console.print()
+        head = ["", "gain up", "down", "phase °", "delay/h", "disk", "peak S", "rad/s"]
+        console.print(f"\n{title}")
         console.print(_table(head, rows))
     if not found.held:
         console.print("continuous mode: the torque follows within a period, so that no sampled loop can be broken open")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -67,7 +68,7 @@ def nyquist(loops: Mapping[str, np.ndarray], disks: Mapping[str, float], title: 
     return figure
 
 
-def _look(number: int) -> dict[str, object]:
+def _look(number: int) -> dict[str, Any]:
     """The looks of a figure, and again in a narrower line for what comes after them."""
     return {**LINES[number % len(LINES)], "linewidth": 1.1 if number < len(LINES) else 0.6}
 

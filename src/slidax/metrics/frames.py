@@ -29,7 +29,7 @@ def frame(runs: Run | Mapping[str, Run], kind: Kind = "pandas", also: Sequence[M
     named = runs if isinstance(runs, Mapping) else _numbered(runs)
     rows = [row for name, run in named.items() for row in _rows(name, run, also)]
     names = ("run", "metric", "joint", "unit", "value")
-    columns = dict(zip(names, zip(*rows, strict=True) if rows else [()] * len(names), strict=True))
+    columns: dict[str, Any] = dict(zip(names, zip(*rows, strict=True) if rows else [()] * len(names), strict=True))
     if kind == "pandas":
         columns["value"] = np.array([np.nan if value is None else value for value in columns["value"]])
     return data_frame(columns, kind)

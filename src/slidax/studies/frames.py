@@ -21,7 +21,10 @@ def frame(rows: str | Path | Columns, kind: Kind = "pandas") -> Any:
     Raises DefinitionError if there is no such file, or the library is another or is not installed.
     """
     columns = rows if isinstance(rows, dict) else read_rows(rows)
-    units = {
-        name: found[-1] if (found := re.findall(r"\[([^\]]*)\]$", COLUMNS.get(name, ""))) else "" for name in columns
-    }
-    return data_frame(columns, kind, units)
+    return data_frame(columns, kind, {name: _unit(COLUMNS.get(name, "")) for name in columns})
+
+
+def _unit(meaning: str) -> str:
+    """What stands in brackets at its end."""
+    found = re.search(r"\[([^\]]*)\]$", meaning)
+    return found[1] if found else ""
