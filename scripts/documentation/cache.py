@@ -74,10 +74,12 @@ def run_all(jobs: int, only: list[str] | None) -> tuple[dict[str, Found], list[s
 
 def _one(name: str) -> Found | str:
     page = ROOT / "docs" / name
-    folder = STORE / f"{page.stem}-{_key(page)}"
+    # Pages of different folders may have one name.
+    slug = name.removeprefix("../").removesuffix(".md").replace("/", ".")
+    folder = STORE / f"{slug}-{_key(page)}"
     if not (folder / "outcomes.json").exists():
         started = time.perf_counter()
-        for old in STORE.glob(f"{page.stem}-" + "?" * 16):
+        for old in STORE.glob(f"{slug}-" + "?" * 16):
             shutil.rmtree(old)
         folder.mkdir(parents=True)
         done = subprocess.run(
