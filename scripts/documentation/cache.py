@@ -63,19 +63,16 @@ def run_all(jobs: int, only: list[str] | None) -> tuple[dict[str, Found], list[s
     with ThreadPoolExecutor(jobs) as pool:
         for name, result in zip(names, pool.map(_one, names), strict=True):
             if isinstance(result, str):
-                failed.append(f"docs/{result}")
+                failed.append(f"docs/{name}: {result}")
             else:
                 found[name] = result
-    readme = _one("../README.md")
-    if isinstance(readme, str):
-        failed.append(readme)
     return found, failed
 
 
 def _one(name: str) -> Found | str:
     page = ROOT / "docs" / name
     # Pages of different folders may have one name.
-    slug = name.removeprefix("../").removesuffix(".md").replace("/", ".")
+    slug = name.removesuffix(".md").replace("/", ".")
     folder = STORE / f"{slug}-{_key(page)}"
     if not (folder / "outcomes.json").exists():
         started = time.perf_counter()
