@@ -99,10 +99,10 @@ def warn_of_another_arms(
     - `drives`: their limits.
     - `find`: the numbers that would be found.
     """
+    if is_traced((list(given.values()), state, drives)):
+        return
     torque = np.broadcast_to(np.asarray(drives.torque), state.q.shape)
     least, most = given.get("inverse_inertia_min"), given.get("inverse_inertia_max")
-    if is_traced((given.get("margin"), least, most)):
-        return
     if given["kind"] != kind_of(UncertaintyBound) or not np.isfinite(torque).all() or not least or not most:
         return
     gamma = (most - least) / (most + least)

@@ -259,7 +259,7 @@ class ScenarioDescription(AbstractDescription):
             scheme = self.scheme.with_bound(find).with_limit(drive.limits().torque)
             given = getattr(self.scheme, "bound", None)
             if given is not None and all(value is not None for _, value in given):
-                warn_of_another_arms(given.model_dump(), state0, drive.limits(), find)
+                warn_of_another_arms(dict(given), state0, drive.limits(), find)
             controller: AbstractController = scheme.build(nominal=nominal)
             if self.scheme.sampled_data is not None:
                 sampling = Sampling(

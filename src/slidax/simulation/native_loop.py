@@ -71,7 +71,15 @@ def _parts(define: Define) -> tuple[Callable[..., Any], Callable[..., Any]]:
 
 
 def lowered(
-    begun: Callable[..., Any], turned: Callable[..., Any], arrays: Any, *, logged: bool, batch: bool, shared: Any = None
+    begun: Callable[..., Any],
+    turned: Callable[..., Any],
+    arrays: Any,
+    *,
+    logged: bool,
+    batch: bool,
+    shared: Any = None,
+    known: bool = False,
+    beforehand: Callable[[Any], Any] | None = None,
 ) -> NativeLoop:
     """The loop of two functions of arrays.
 
@@ -81,23 +89,39 @@ def lowered(
     - `logged`: whether one in `every` samples is logged.
     - `batch`: whether many are to run side by side.
     - `shared`: a tree before `arrays` that is the same for all runs of a batch; both are then given as a pair.
+    - `known`: whether arrays that the functions close over are numbers of the program, and no inputs.
+    - `beforehand`: from `arrays` to what both functions are given in their place, computed once before all samples.
     """
     given = arrays if shared is None else (shared, arrays)
-    start = _Traced(begun, given)
-    turn = _Traced(turned, given, start.result[0])
+    before = None if beforehand is None else _Traced(beforehand, given)
+    found = given if before is None else before.result
+    start = _Traced(begun, found)
+    turn = _Traced(turned, found, start.result[0])
     # What fails above fails by XLA too, and says so itself.
     with in_one_line(lambda: "the loop"):
-        return _program(start, turn, given, logged, batch, len(jax.tree.leaves(shared)))
+        return _program(before, start, turn, given, logged, batch, len(jax.tree.leaves(shared)), known)
 
 
-def _program(start: _Traced, turn: _Traced, arrays: Any, logged: bool, batch: bool, shared: int) -> NativeLoop:
+def _program(
+    before: _Traced | None,
+    start: _Traced,
+    turn: _Traced,
+    arrays: Any,
+    logged: bool,
+    batch: bool,
+    shared: int,
+    known: bool,
+) -> NativeLoop:
     b = Builder()
-    outside = _Outside(b)
+    outside = _Outside(b, known)
+    of_before = [] if before is None else outside.inputs(before.jaxpr.consts)
     of_start, of_turn = outside.inputs(start.jaxpr.consts), outside.inputs(turn.jaxpr.consts)
     given = [
         b.input(name, ir_type(leaf.dtype, name), leaf.shape, varying=batch and place >= shared)
         for place, (name, leaf) in enumerate(leaves((jax.tree.map(_shape, arrays),), ("",)))
     ]
+    if before is not None:
+        given = inline(b, before.jaxpr, given, constants=of_before)
     steps = b.input("steps", "i64", ()).item()
     every = b.input("every", "i64", ()).item() if logged else None
     rows = [
@@ -165,10 +189,10 @@ class _Traced:
 
 
 class _Outside:
-    """The arrays that functions close over, each an input once."""
+    """The arrays that functions close over, each an input once, or all of them numbers of the program."""
 
-    def __init__(self, builder: Builder) -> None:
-        self.builder = builder
+    def __init__(self, builder: Builder, known: bool) -> None:
+        self.builder, self.known = builder, known
         self.arrays: list[np.ndarray] = []
         self._known: dict[int, Values] = {}
 
@@ -176,7 +200,7 @@ class _Outside:
         found = []
         for const in consts:
             # A mask or an index that the code itself holds: what it switches off is not to be computed.
-            if not isinstance(const, jax.Array) and np.asarray(const).dtype.kind in "bi":
+            if self.known or (not isinstance(const, jax.Array) and np.asarray(const).dtype.kind in "bi"):
                 found.append(of_numbers(self.builder, np.asarray(const)))
                 continue
             if id(const) not in self._known:

@@ -1,0 +1,245 @@
+"""The closed loop of a scenario as WebAssembly, with numbers of the scenario as its inputs."""
+
+from __future__ import annotations
+
+import base64
+import gzip
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from slidax._errors import is_traced
+from slidax._types import Envelope, Reference, State
+from slidax.codegen.wasm import Module, wasm_module
+from slidax.scenarios.family import Family, Templates
+from slidax.simulation import BANDS, MujocoPlant
+from slidax.simulation.define import define_loop
+from slidax.simulation.loop import Carry, Loop
+from slidax.simulation.native_loop import NativeLoop, lowered
+from slidax.simulation.rollout import begin, sample
+
+from .signals import TITLES, signals_of
+
+ROWS = 1000
+"""About as many rows as a run's log has: as many as a chart has pixels."""
+
+
+@dataclass(frozen=True, eq=False)
+class Variant:
+    """A scenario that a page can run.
+
+    - `family`: the scenario, with the paths that are inputs.
+    - `templates`: the scenario, built.
+    - `shapes`: of the numbers that are inputs, by path.
+    """
+
+    family: Family
+    templates: Templates
+    shapes: Mapping[str, tuple[int, ...]]
+
+    def loop(self, values: Mapping[str, Any]) -> tuple[Loop, State]:
+        """The closed loop with these numbers.
+
+        - `values`: by path; the scenario's own are not needed.
+        """
+        built = self.templates.built
+        plant, controller, trajectory, state0, *tube = self.family.parts(self.templates, values)
+        assert not isinstance(plant, MujocoPlant)
+        loop = define_loop(plant, controller, trajectory, state0, built.t1, built.stepping, 1, BANDS, *tube)[0]
+        return loop, state0
+
+    @cached_property
+    def parted(self) -> tuple[list[Any], Any, Any]:
+        """The loop's arrays, their tree, and all else."""
+        arrays, rest = eqx.partition(self.loop({}), eqx.is_array)
+        leaves, tree = jax.tree.flatten(arrays)
+        return leaves, tree, rest
+
+    @property
+    def form(self) -> Any:
+        """What compiled code depends on, but for the arrays' numbers."""
+        leaves, tree, rest = self.parted
+        others, other_tree = jax.tree.flatten(rest)
+        return tree, tuple((leaf.shape, leaf.dtype.name) for leaf in leaves), other_tree, tuple(others)
+
+    @property
+    def samples(self) -> int:
+        """Of a run."""
+        return round(self.templates.built.t1 / self.templates.built.period) + 1
+
+    @property
+    def every(self) -> int:
+        """One in how many samples is logged."""
+        return max(1, (self.samples - 1) // ROWS)
+
+    @cached_property
+    def varies(self) -> list[bool]:
+        """Which of the arrays depend on the inputs."""
+        found: list[bool] = []
+
+        def probe(given: Array) -> int:
+            found[:] = [is_traced(leaf) for leaf in self.leaves(given)]
+            return 0
+
+        jax.eval_shape(probe, jax.ShapeDtypeStruct((self.size,), float))
+        return found
+
+    @property
+    def size(self) -> int:
+        """How many numbers the inputs are."""
+        return sum(int(np.prod(shape, dtype=int)) for shape in self.shapes.values())
+
+    def leaves(self, given: Array) -> list[Any]:
+        """The arrays of the loop.
+
+        - `given`: the inputs.
+        """
+        values, first = {}, 0
+        for path, shape in self.shapes.items():
+            size = int(np.prod(shape, dtype=int))
+            values[path] = given[first : first + size].reshape(shape)
+            first += size
+        # What does not depend on the inputs is known, and checked, while this is traced.
+        with jax.ensure_compile_time_eval():
+            arrays, _ = eqx.partition(self.loop(values), eqx.is_array)
+        return jax.tree.leaves(arrays)
+
+
+@dataclass(frozen=True)
+class LoopProgram:
+    """A closed loop for a browser, which several variants share.
+
+    - `module`: the WebAssembly.
+    - `entry`: how the page's runtime calls it, as JSON; see `docs/web.md`.
+    - `constants`: of each variant, what follows its knobs among the inputs.
+    """
+
+    module: Module
+    entry: Mapping[str, Any]
+    constants: Sequence[np.ndarray]
+
+
+def loop_program(variants: Sequence[Variant]) -> LoopProgram | None:
+    """The program that variants share: where their arrays differ, these are inputs; None if they can share none.
+
+    The inputs are the knobs' numbers, then the arrays that differ, then the number of samples, and one in how many is
+    logged.
+
+    - `variants`: of one form.
+
+    Raises DefinitionError if there is no code for something in it.
+    """
+    one = variants[0]
+    fixed, tree, rest = one.parted
+    each = [[np.asarray(leaf) for leaf in variant.parted[0]] for variant in variants]
+    differs = [any(not np.array_equal(leaf, other[k]) for other in each) for k, leaf in enumerate(each[0])]
+    if any(both for both in map(all, zip(differs, one.varies, strict=True))):
+        return None
+    places = [k for k in range(len(fixed)) if differs[k] or one.varies[k]]
+    promised: list[bool] = []
+
+    def beforehand(given: Array) -> list[Array]:
+        leaves, first = one.leaves(given[: one.size]), one.size
+        for k, leaf in enumerate(fixed):
+            if differs[k]:
+                leaves[k] = given[first : first + leaf.size].reshape(leaf.shape).astype(leaf.dtype)
+                first += leaf.size
+        return [leaves[k] for k in places]
+
+    def define(varied: list[Array]) -> tuple[Loop, State]:
+        leaves = list(fixed)
+        for k, leaf in zip(places, varied, strict=True):
+            leaves[k] = leaf
+        whole: tuple[Loop, State] = eqx.combine(jax.tree.unflatten(tree, leaves), rest)
+        return whole
+
+    def begun(varied: list[Array]) -> tuple[Carry, dict[str, Array]]:
+        loop, state = define(varied)
+        carry, envelope, reference, held = begin(loop, state)
+        promised[:] = [envelope is not None]
+        return carry, _start(loop, state, envelope, reference, held)
+
+    def turned(varied: list[Array], carry: Carry) -> tuple[Carry, dict[str, Array]]:
+        loop = define(varied)[0]
+        after, log = sample(loop, carry)
+        return after, {"valid": log.valid, **signals_of(loop, carry, log)}
+
+    besides = sum(leaf.size for k, leaf in enumerate(fixed) if differs[k])
+    inputs = jax.ShapeDtypeStruct((one.size + besides,), float)
+    native = lowered(begun, turned, inputs, logged=True, batch=False, known=True, beforehand=beforehand)
+    module = wasm_module(native.program)
+    constants = [
+        np.array(
+            [
+                *(float(x) for k, leaf in enumerate(leaves) if differs[k] for x in leaf.ravel()),
+                float(variant.samples),
+                float(variant.every),
+            ]
+        )
+        for variant, leaves in zip(variants, each, strict=True)
+    ]
+    return LoopProgram(module, _entry(native, module, variants, one.size + besides, promised[0]), constants)
+
+
+def _start(loop: Loop, state: State, envelope: Envelope | None, reference: Reference, held: Any) -> dict[str, Array]:
+    """What says whether the run may begin: see `slidax.simulation.define.require_start`."""
+    e = state.q - reference.q
+    found = {"e": e, "period": loop.period}
+    if held is not None and loop.plant.actuator is not None:
+        found |= {"held": held, "limit": jnp.broadcast_to(loop.plant.actuator.limits.torque, held.shape)}
+    if loop.tube is not None:
+        judged = loop.tube.envelope(jnp.zeros(()), loop.tube.init(jnp.zeros(()), e))
+        found |= {"tube_lower": judged.lower, "tube_upper": judged.upper}
+    if envelope is not None and not loop.recover:
+        found |= {"lower": envelope.lower, "upper": envelope.upper}
+    return found
+
+
+def _entry(
+    native: NativeLoop, module: Module, variants: Sequence[Variant], size: int, has_envelope: bool
+) -> dict[str, Any]:
+    built = variants[0].templates.built
+    carried = len(jax.tree.leaves(native.begun[0]))
+    names = [output.name for output in native.program.outputs]
+    logged = len(jax.tree.leaves(native.log))
+    n = built.plant.robot.joints
+    units = built.plant.robot.joint_units
+    of = {"position": units, "torque": tuple("N m" if unit == "rad" else "N" for unit in units), "": ("",) * n}
+    signals = []
+    for name, (_, width, _) in zip(names[:logged], module.outputs[:logged], strict=True):
+        short = name.removeprefix("log.")
+        if short in TITLES:
+            title, unit = TITLES[short]
+            signals.append({"name": short, "title": title, "unit": of[unit][0], "units": of[unit], "width": width})
+    return {
+        "id": module.digest[:12],
+        "wasm": packed(module.bytes),
+        "inputs": size + 2,
+        "signals": signals,
+        "rows": max(-(-variant.samples // variant.every) for variant in variants),
+        "log_every": variants[0].every * built.period,
+        "t1": built.t1,
+        "joints": n,
+        "joint_units": units,
+        "joint_names": built.plant.robot.joint_names,
+        "bands": BANDS,
+        "has_envelope": has_envelope,
+        "reads": [list(entry) for entry in module.inputs],
+        "writes": [[name, *entry] for name, entry in zip(names, module.outputs, strict=True)],
+        "carried": carried,
+    }
+
+
+def packed(data: bytes) -> str:
+    """Bytes as a page holds them: gzip in base64, the same for the same bytes.
+
+    - `data`: the bytes.
+    """
+    return base64.b64encode(gzip.compress(data, 9, mtime=0)).decode()

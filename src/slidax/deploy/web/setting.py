@@ -1,0 +1,201 @@
+"""One arm under one scheme, as a page has it: its programs, what can be changed, and what is promised of it."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import jax
+import numpy as np
+
+from slidax.scenarios import ScenarioDescription
+from slidax.scenarios.family import UNTRACEABLE, Family, Templates
+from slidax.scenarios.load import validated
+from slidax.scenarios.uncertainty import Space
+
+from .c_files import c_files
+from .certified import certificates_of
+from .knob import Knob, knobs_of
+from .loop_program import LoopProgram, Variant, loop_program, packed
+
+
+@dataclass(frozen=True)
+class Choice:
+    """Something that needs a program of its own for each of its values.
+
+    - `path`: as of `--set`.
+    - `title`, `unit`: for a person.
+    - `values`: what it may be; the scenario's own is one of them.
+    """
+
+    path: str
+    title: str
+    unit: str
+    values: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Setting:
+    """A scenario for a page.
+
+    - `description`: it.
+    - `arm`, `scheme`: labels of both in the playground.
+    - `title`: of the scheme.
+    - `kind`: whether it is ours, the law as printed, or a rival.
+    - `choices`: what has several programs.
+    - `note`: a line beside its title.
+    """
+
+    description: ScenarioDescription
+    arm: str
+    scheme: str
+    title: str
+    kind: str = "ours"
+    choices: Sequence[Choice] = ()
+    note: str = ""
+
+    def made(self) -> Made:
+        """Its programs and knobs.
+
+        Raises DefinitionError if one of its variants is invalid or cannot run in a page.
+        """
+        base = self._family({})
+        templates = base.templates({})
+        joints = templates.built.plant.robot.joints
+        knobs = _varying(base, templates, knobs_of(base.base, joints))
+        shapes = {knob.path: knob.shape for knob in knobs}
+        variants = []
+        for at in itertools.product(*(range(len(choice.values)) for choice in self.choices)):
+            changes = {choice.path: choice.values[k] for choice, k in zip(self.choices, at, strict=True)}
+            family = self._family(changes)
+            family = Family(family.base, Space({}, {}), Space({}, dict.fromkeys(shapes)))  # type: ignore[arg-type]
+            variants.append((at, Variant(family, family.templates({}), shapes)))
+        found = []
+        for group in _alike(variants):
+            together = loop_program([variant for _, variant in group])
+            programs = [(group, together)] if together is not None else [
+                ([one], loop_program([one[1]])) for one in group
+            ]
+            found += [(group, program) for group, program in programs if program is not None]
+        return Made(self, base, templates, knobs, found)
+
+    def _family(self, changes: Mapping[str, Any]) -> Family:
+        data = self.description.model_dump(exclude_unset=True)
+        described = validated(data, dict(changes), form=type(self.description))
+        return Family(described.model_copy(update={"robot": described.robot.resolved()}), Space({}, {}), Space({}, {}))
+
+
+@dataclass(frozen=True)
+class Made:
+    """A setting with its programs.
+
+    - `setting`: it.
+    - `family`, `templates`: its scenario, and that built.
+    - `knobs`: what varies within a program.
+    - `programs`: each with the variants that it is of.
+    """
+
+    setting: Setting
+    family: Family
+    templates: Templates
+    knobs: Sequence[Knob]
+    programs: Sequence[tuple[Sequence[tuple[tuple[int, ...], Variant]], LoopProgram]]
+
+    def entry(self) -> dict[str, Any]:
+        """The setting in a playground."""
+        setting, described = self.setting, self.family.base
+        choices = [_choice(choice, described) for choice in setting.choices]
+        knobs, start = [], 0
+        for knob in self.knobs:
+            knobs.append(knob.entry(start))
+            start += int(np.prod(knob.shape, dtype=int))
+        defaults = [knob.defaults.ravel() for knob in self.knobs]
+        variants = [
+            {
+                "at": list(at),
+                "program": program.entry["id"],
+                "constants": packed(np.concatenate([*defaults, besides]).astype("<f8").tobytes()),
+            }
+            for group, program in self.programs
+            for (at, _), besides in zip(group, program.constants, strict=True)
+        ]
+        own = [choice["default"] for choice in choices]
+        return {
+            "arm": setting.arm,
+            "scheme": setting.scheme,
+            "title": setting.title,
+            "kind": setting.kind,
+            "printed": setting.kind == "printed",
+            "note": setting.note,
+            "choices": choices,
+            "variants": sorted(variants, key=lambda one: one["at"]),
+            "knobs": knobs,
+            "constants": next(one["constants"] for one in variants if one["at"] == own),
+            "scenario": described.model_dump(mode="json", exclude_unset=True),
+            **c_files(self.family, self.templates, self.knobs),
+            "certificates": self._certificates(),
+        }
+
+    def _certificates(self) -> list[dict[str, Any]]:
+        """Of a law that promises something."""
+        if self.setting.kind == "rival":
+            return []
+        paths = [*(choice.path for choice in self.setting.choices), *(knob.path for knob in self.knobs)]
+        return certificates_of(self.templates.built, paths)
+
+
+def _choice(choice: Choice, described: ScenarioDescription) -> dict[str, Any]:
+    own = _at(described, choice.path)
+    return {
+        "path": choice.path,
+        "title": choice.title,
+        "unit": choice.unit,
+        "values": list(choice.values),
+        "default": choice.values.index(own),
+    }
+
+
+def _at(place: Any, path: str) -> Any:
+    for name in path.split("."):
+        place = place[int(name)] if isinstance(place, tuple | list) else getattr(place, name)
+    return place
+
+
+def _varying(family: Family, templates: Templates, knobs: Sequence[Knob]) -> list[Knob]:
+    """Those that vary within one compiled loop."""
+    if not knobs:
+        return []
+    some = {knob.path: np.stack([knob.defaults] * 2) for knob in knobs}
+    asked = Family(family.base, Space({}, {}), Space({}, dict.fromkeys(some)))  # type: ignore[arg-type]
+    known: Any = jax.tree.structure((family.parts(templates, {}),))
+
+    def probe(values: Any) -> int:
+        if jax.tree.structure((asked.parts(templates, values),)) != known:
+            raise TypeError("what is compiled depends on it")
+        return 0
+
+    try:
+        jax.vmap(probe)(some)
+        return list(knobs)
+    except UNTRACEABLE:
+        if len(knobs) == 1:
+            return []
+    half = len(knobs) // 2
+    return _varying(family, templates, knobs[:half]) + _varying(family, templates, knobs[half:])
+
+
+def _alike(
+    variants: Sequence[tuple[tuple[int, ...], Variant]],
+) -> list[list[tuple[tuple[int, ...], Variant]]]:
+    """Variants of one form together."""
+    groups: list[list[tuple[tuple[int, ...], Variant]]] = []
+    for one in variants:
+        for group in groups:
+            if group[0][1].form == one[1].form:
+                group.append(one)
+                break
+        else:
+            groups.append([one])
+    return groups
