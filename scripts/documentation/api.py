@@ -155,11 +155,7 @@ def parameters_page() -> str:
                     row["meaning"],
                     row["unit"] or "",
                     row["range"] or "",
-                    "must be given"
-                    if row["required"]
-                    else _shown(row["default"])
-                    if row["default"] not in (None, {}, [], ())
-                    else "",
+                    "must be given" if row["required"] else _shown(row["default"]) if row["default"] not in (None, {}, [], ()) else "",
                     row["source"] or "",
                 ]
                 for row in part["parameters"]

@@ -21,11 +21,7 @@ from .blocks import blocks
 ROOT = Path(__file__).parents[2]
 STORE = ROOT / "build" / "pages"
 RUNNER = "scripts/documentation/"
-SOURCES = (
-    "src/slidax",
-    "examples",
-    *(f"{RUNNER}{name}.py" for name in ("blocks", "commands", "page_run", "parts_of_files")),
-)
+SOURCES = ("src/slidax", "examples", *(f"{RUNNER}{name}.py" for name in ("blocks", "commands", "page_run", "parts_of_files")))
 PACKAGES = ("jax", "numpy", "scipy", "matplotlib", "llvmlite", "mujoco")
 
 

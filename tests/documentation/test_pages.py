@@ -111,9 +111,7 @@ def test_a_command_that_is_not_one_is_seen(line: str) -> None:
         check(line.split(), app)
 
 
-@pytest.mark.parametrize(
-    "line", ["run example-4.1 --set a.b=1 --set c=2 --out x", "list", "--help", "export c x --out y"]
-)
+@pytest.mark.parametrize("line", ["run example-4.1 --set a.b=1 --set c=2 --out x", "list", "--help", "export c x --out y"])
 def test_a_command_that_is_one_passes(line: str) -> None:
     check(line.split(), app)
 

@@ -87,6 +87,4 @@ def test_results_stand_below_their_blocks_as_text() -> None:
     assert shown.index("print(") < shown.index("&lt;b&gt;") < shown.index("](made/t-0.svg)") < shown.index("End")
     assert "&lt;b&gt;" not in with_results(text, "robots.md", Found([outcome], []))
     long = {**outcome, "texts": ["\n".join(str(k) for k in range(LONGEST + 10))]}
-    assert f"<summary>{LONGEST // 2 + 10} more lines</summary>" in with_results(
-        text, "tutorials/t.md", Found([long], [])
-    )
+    assert f"<summary>{LONGEST // 2 + 10} more lines</summary>" in with_results(text, "tutorials/t.md", Found([long], []))

@@ -21,9 +21,7 @@ def reference() -> tuple[dict[str, str], dict[str, str]]:
 
 
 @pytest.mark.parametrize("room", [room for room in ROOMS if room != "cli"])
-def test_the_page_of_a_room_has_all_that_it_exports(
-    reference: tuple[dict[str, str], dict[str, str]], room: str
-) -> None:
+def test_the_page_of_a_room_has_all_that_it_exports(reference: tuple[dict[str, str], dict[str, str]], room: str) -> None:
     pages, _ = reference
     text = pages[f"api/{room}.md"]
     assert f"]({room}.md)" in pages["api/index.md"]
@@ -37,10 +35,7 @@ def test_the_page_of_a_room_has_all_that_it_exports(
 def test_facts_are_those_of_the_declarations(reference: tuple[dict[str, str], dict[str, str]]) -> None:
     _, facts = reference
     linear = facts["slidax.surfaces.linear.Linear"]
-    assert (
-        "| `rate` | diagonal of Λ, how fast the error decays on the surface (one number or [n]) | 1/s | > 0, so "
-        in linear
-    )
+    assert "| `rate` | diagonal of Λ, how fast the error decays on the surface (one number or [n]) | 1/s | > 0, so " in linear
     assert "Numbers: Table 1." in facts["slidax.controllers.cftsmppc.cftsmppc"]
     assert "SmoothFixedTime(k1=0.2" in facts["slidax.controllers.cftsmppc.cftsmppc"]
     assert "Unit: rad or m" in facts["slidax.metrics.error.steady_error"]
@@ -54,10 +49,7 @@ def test_the_page_of_parameters_has_every_part_that_a_file_can_name() -> None:
     for kind, members in catalogue().items():
         for name in members if kind != "scenarios" else ():
             assert f"### `{name}` {{ #{kind}.{name} }}" in text
-    assert (
-        "| `surface.k1` | Diagonal of K1 | rad/s or m/s | > 0, so that K1 is diagonal positive definite (eq. 40) |"
-        in text
-    )
+    assert "| `surface.k1` | Diagonal of K1 | rad/s or m/s | > 0, so that K1 is diagonal positive definite (eq. 40) |" in text
 
 
 def test_every_page_of_the_table_of_contents_is_there_and_every_link_of_a_page_leads_to_one() -> None:
