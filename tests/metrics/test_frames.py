@@ -59,11 +59,9 @@ def test_many_runs_are_numbered_and_rows_of_studies_have_units(kind):
         assert frame.attrs["units"] == {"row": "", "margin": "", "steady_error": "rad or m"}
 
 
-def test_another_library_is_refused(run, monkeypatch):
+def test_another_library_is_refused(monkeypatch):
     with pytest.raises(DefinitionError, match='of "pandas" or of "polars"'):
-        run.frame("arrow")
-    with pytest.raises(DefinitionError, match='"names" or "numbers"'):
-        run.frame(joints="letters")
+        data_frame({}, "arrow")
     monkeypatch.setitem(__import__("sys").modules, "polars", None)
     with pytest.raises(DefinitionError, match=r"pip install 'slidax\[frame\]'"):
         data_frame({}, "polars")

@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 UNSTABLE = 4
 """Exit code where the loop is not stable."""
 
+PLACES = {"torque": "Broken at the torque, each joint:", "measurement": "Broken at the measured position:"}
+
 SHOWN = 8
 """Modes in the table: the slowest."""
 
