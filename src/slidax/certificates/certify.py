@@ -88,12 +88,13 @@ class Certificates:
         return {"certificates": [one.as_json() for one in self.verdicts]}
 
 
-def certify(scenario: Scenario, *, runs: int = RUNS, seed: int = 0) -> Certificates:
+def certify(scenario: Scenario, *, runs: int = RUNS, seed: int = 0, without: Sequence[str] = ()) -> Certificates:
     """Each certificate's answer for a scenario.
 
     - `scenario`: what is asked about, with its block `uncertainty`.
     - `runs`: of the statistical certificate; with 0 it is left out.
     - `seed`: of these runs.
+    - `without`: names of certificates that are left out.
 
     Raises DefinitionError if the scenario was changed in Python, so that no file says what it is, or its block
     `uncertainty` is invalid.
@@ -105,7 +106,7 @@ def certify(scenario: Scenario, *, runs: int = RUNS, seed: int = 0) -> Certifica
         )
     # A set that is empty, or leads nowhere, is a mistake in the scenario and no answer of a certificate.
     family_of(scenario)
-    asked = [*((one.__name__, one) for one in CERTIFICATES)]
+    asked = [*((one.__name__, one) for one in CERTIFICATES if one.__name__ not in without)]
     if runs:
         asked.append((statistical.__name__, lambda one: statistical(one, runs, seed)))
     return Certificates(scenario.name, tuple(_answer(name, one, scenario) for name, one in asked))

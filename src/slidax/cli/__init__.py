@@ -19,6 +19,7 @@ from .export_franka import export_franka
 from .export_micro import export_micro
 from .export_ros2 import export_ros2
 from .export_ur import export_ur
+from .export_web import export_web
 from .identify import identify
 from .league import league
 from .listing import list_, schema
@@ -62,6 +63,7 @@ export.command("micro", epilog="Example:  slidax export micro example-4.1-1khz -
 export.command("franka", epilog="Example:  slidax export franka panda-payload --out franka")(export_franka)
 export.command("ur", epilog="Example:  slidax export ur ur5e-payload --out ur")(export_ur)
 export.command("ros2", epilog="Example:  slidax export ros2 panda-payload --gravity robot --out ros2")(export_ros2)
+export.command("web", epilog="Example:  slidax export web panda-payload --with printed,slotine_li --out site")(export_web)
 
 
 @app.callback(invoke_without_command=True)

@@ -51,9 +51,9 @@ ARMS = (
         "scara",
         "SCARA arm",
         {
-            "computed_torque": {"kp": 100.0, "kd": 20.0},
-            "slotine_li": {"rate": 20.0, "damping": 10.0, "gain": 5.0, "layer": 0.1},
-            "super_twisting": {"rate": 20.0, "k1": 10.0, "k2": 100.0},
+            "computed_torque": {"kp": 500.0, "kd": 80.0},
+            "slotine_li": {"rate": 80.0, "damping": 2.5, "gain": 2.5, "layer": 0.05},
+            "super_twisting": {"rate": 80.0, "k1": 30.0, "k2": 1.0},
         },
         (PERIODS, DELAYS),
     ),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import jax
@@ -15,6 +15,8 @@ from slidax.scenarios.family import UNTRACEABLE, Family, Templates
 from slidax.scenarios.load import validated
 from slidax.scenarios.uncertainty import Space
 
+from .c_files import c_files
+from .certified import certificates_of
 from .knob import Knob, knobs_of
 from .loop_program import LoopProgram, Variant, loop_program, packed
 
@@ -93,7 +95,6 @@ class Made:
     - `family`, `templates`: its scenario, and that built.
     - `knobs`: what varies within a program.
     - `programs`: each with the variants that it is of.
-    - `more`: what else the page is told.
     """
 
     setting: Setting
@@ -101,7 +102,6 @@ class Made:
     templates: Templates
     knobs: Sequence[Knob]
     programs: Sequence[tuple[Sequence[tuple[tuple[int, ...], Variant]], LoopProgram]]
-    more: dict[str, Any] = field(default_factory=dict)
 
     def entry(self) -> dict[str, Any]:
         """The setting in a playground."""
@@ -134,11 +134,16 @@ class Made:
             "knobs": knobs,
             "constants": next(one["constants"] for one in variants if one["at"] == own),
             "scenario": described.model_dump(mode="json", exclude_unset=True),
-            "c_files": None,
-            "c_parameters": None,
-            "certificates": [],
-            **self.more,
+            **c_files(self.family, self.templates, self.knobs),
+            "certificates": self._certificates(),
         }
+
+    def _certificates(self) -> list[dict[str, Any]]:
+        """Of a law that promises something."""
+        if self.setting.kind == "rival":
+            return []
+        paths = [*(choice.path for choice in self.setting.choices), *(knob.path for knob in self.knobs)]
+        return certificates_of(self.templates.built, paths)
 
 
 def _choice(choice: Choice, described: ScenarioDescription) -> dict[str, Any]:

@@ -1,0 +1,48 @@
+"""`slidax export web`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from .options import Changes
+from .session import errors_as_lines, parsed, prepare
+
+
+def export_web(
+    out: Annotated[Path, typer.Option(help="The folder of the page.")],
+    scenario: Annotated[
+        str | None,
+        typer.Argument(help="A built-in scenario by name, or a YAML file; the whole playground if not given."),
+    ] = None,
+    beside: Annotated[
+        str | None,
+        typer.Option("--with", help="With commas: schemes beside the scenario's own, and `printed` for it as printed."),
+    ] = None,
+    changes: Changes = None,
+) -> None:
+    """A page that runs the closed loop in the browser, with a slider for every number: one file, without a server.
+
+    Without a scenario it is the playground: three arms, each under five laws.
+    """
+    with errors_as_lines():
+        prepare()
+        from slidax._errors import DefinitionError
+        from slidax.deploy import web
+        from slidax.scenarios import load
+
+        if scenario is None:
+            if beside or changes:
+                raise DefinitionError("`--with` and `--set` are for one scenario: name it")
+            manifest = web.built_in()
+        else:
+            names = [name.strip() for name in (beside or "").split(",") if name.strip()]
+            manifest = web.of_scenario(load(scenario, parsed(changes or [])), names)
+        page = web.write_page(manifest, out)
+        knobs = sum(len(setting["knobs"]) for setting in manifest["settings"])
+        typer.echo(
+            f"{len(manifest['settings'])} laws, {len(manifest['programs'])} programs, {knobs} sliders, "
+            f"{page.stat().st_size / 1e6:.2f} MB: {page.resolve()}"
+        )
