@@ -1,7 +1,7 @@
 /* The sliders of a setting, in groups, and the selects of what needs another program. */
 
 import { element } from "./dom.js";
-import { shownNumber, withUnit } from "./numbers.js";
+import { capitalised, shownNumber, withUnit } from "./numbers.js";
 import { listed, sameNumbers } from "./playground.js";
 import { numberSlider } from "./slider.js";
 
@@ -97,10 +97,6 @@ export class Knobs {
       put: now => listed(now, count).forEach((number, k) => sliders[k].put(number)),
     };
   }
-}
-
-function capitalised(text) {
-  return text.charAt(0).toUpperCase() + text.slice(1);
 }
 
 function defaultText(knob) {
