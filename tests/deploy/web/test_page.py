@@ -120,7 +120,7 @@ def test_two_settings_beside_each_other(visit: Visit) -> None:
     assert visit.page.evaluate("slidaxPage.pictures.rows.errors[0].lines.length") == 2
     assert "CFTSMPPC as printed" in visit.text("#numbers thead")
     typed(visit, FRICTION, "2")
-    assert visit.page.evaluate("slidaxPage.session.b.values")["robot.plant.coulomb"] == 2, "both live in one world"
+    assert visit.page.evaluate("slidaxPage.session.b.values")["robot.plant.coulomb"] == [2, 2], "both live in one world"
     visit.page.click("#swap")
     visit.settle()
     assert visit.state()["scheme"] == "printed"
@@ -129,7 +129,7 @@ def test_two_settings_beside_each_other(visit: Visit) -> None:
     assert visit.page.locator("#outcomes li").count() == 1
     visit.page.click("#keep")
     typed(visit, SCALE, "0.5")
-    assert visit.page.evaluate("slidaxPage.session.b.values")["robot.plant.coulomb"] == 2
+    assert visit.page.evaluate("slidaxPage.session.b.values")["robot.plant.coulomb"] == [2, 2]
     assert "disturbance.scale" not in visit.page.evaluate("slidaxPage.session.b.values"), "what is kept stays"
 
 

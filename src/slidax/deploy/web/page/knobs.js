@@ -13,6 +13,15 @@ export class Knobs {
   constructor(place, listeners) {
     this.place = place;
     this.listeners = listeners;
+    /* In a place of its own: text that came and went between the sliders would move them under a finger. */
+    const explain = event => {
+      const meaning = event.target.closest(".knob")?.querySelector(".meaning");
+      if (meaning) this.told.textContent = `${meaning.parentElement.getAttribute("aria-label")}: ${meaning.textContent}`;
+    };
+    this.told = element("p.told", { "aria-hidden": "true", text: "Touch a slider to read what it means." });
+    place.after(this.told);
+    place.addEventListener("focusin", explain);
+    place.addEventListener("pointerover", explain);
   }
 
   /* Shows a choice; fields are made anew only for another setting. */
@@ -72,7 +81,7 @@ export class Knobs {
     const made = element("div.knob", { "data-path": knob.path, role: "group", "aria-label": knob.title },
       element("div.name", { title: text }, element("span", { text: knob.title }),
         knob.unit ? element("span.unit", { text: knob.unit }) : null, reset),
-      knob.each || !several ? all.row : null, element("p.meaning", { id: meaning, text }), each?.made);
+      knob.each || !several ? all.row : null, element("p.meaning.unseen", { id: meaning, text }), each?.made);
     this.shown.push((playground, chosen) => {
       value = playground.value(chosen, knob.path);
       all.put(Array.isArray(value) ? value[0] : value);
