@@ -192,7 +192,9 @@ def test_the_address_holds_everything(chromium: Any, site: Path, visit: Visit) -
         ("#v=1&%E0%A4%A=1", "is no text"),
     ],
 )
-def test_a_broken_link_is_a_line_and_the_default(chromium: Any, site: Path, visit: Visit, hash_: str, said: str) -> None:
+def test_a_broken_link_is_a_line_and_the_default(
+    chromium: Any, site: Path, visit: Visit, hash_: str, said: str
+) -> None:
     visit.page.evaluate("hash => { location.hash = hash; }", hash_)
     visit.page.wait_for_timeout(60)
     visit.settle()
@@ -246,13 +248,29 @@ def test_by_keyboard_alone(visit: Visit) -> None:
     reached: list[str] = []
     for _ in range(60):
         visit.page.keyboard.press("Tab")
-        now = visit.page.evaluate("document.activeElement.id || document.activeElement.getAttribute('aria-label') || ''")
+        now = visit.page.evaluate(
+            "document.activeElement.id || document.activeElement.getAttribute('aria-label') || ''"
+        )
         reached.append(now)
         ring = visit.page.evaluate("getComputedStyle(document.activeElement).outlineStyle")
         assert ring != "none" or now in ("", "arm") or visit.page.evaluate("document.activeElement.name") == "arm"
         if now == "c":
             break
-    order = ["theme", "scheme", "keep", "printed", "rival", "solid", "play", "time", "speed", "axis", "copy", "scenario", "c"]
+    order = [
+        "theme",
+        "scheme",
+        "keep",
+        "printed",
+        "rival",
+        "solid",
+        "play",
+        "time",
+        "speed",
+        "axis",
+        "copy",
+        "scenario",
+        "c",
+    ]
     assert [name for name in reached if name in order] == order
     assert "Scale of the error" in reached
 
@@ -312,7 +330,9 @@ def test_axe_finds_nothing_serious(chromium: Any, site: Path, colours: str) -> N
     path = os.environ.get("SLIDAX_AXE", "")
     if not Path(path).is_file():
         pytest.skip("SLIDAX_AXE names no axe.min.js: `npm install axe-core` has one")
-    visit = Visit(chromium, (site / "index.html").as_uri(), color_scheme=colours, reduced_motion="reduce", bypass_csp=True)
+    visit = Visit(
+        chromium, (site / "index.html").as_uri(), color_scheme=colours, reduced_motion="reduce", bypass_csp=True
+    )
     visit.page.click("#printed")
     visit.settle()
     visit.page.evaluate("document.querySelectorAll('details').forEach(one => { one.open = true; })")

@@ -5,6 +5,9 @@ import { capitalised, shownNumber, withUnit } from "./numbers.js";
 import { listed, sameNumbers } from "./playground.js";
 import { numberSlider } from "./slider.js";
 
+/* What a stranger understands, besides the first group. */
+const OPENED = ["World", "The arm as it is", "Disturbance"];
+
 let knobCount = 0;
 
 export class Knobs {
@@ -36,7 +39,7 @@ export class Knobs {
       const plain = knob => ({ ...knob, unit: playground.unitOf(chosen.arm, knob.unit), title: capitalised(knob.title) });
       this.place.replaceChildren(
         ...(setting.choices.length ? [element("div.choices", {}, setting.choices.map(choice => this.select(choice)))] : []),
-        ...[...groups].map(([title, knobs], k) => element("details.group", { open: k < 2 },
+        ...[...groups].map(([title, knobs], k) => element("details.group", { open: k === 0 || OPENED.includes(title) },
           element("summary", { text: title }), knobs.map(knob => this.knob(plain(knob), joints)))));
     }
     for (const put of this.shown) put(playground, chosen);

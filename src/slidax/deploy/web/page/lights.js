@@ -30,7 +30,7 @@ export function certificateLights(playground, chosen) {
     const state = holds === true ? "good" : holds === false ? "bad" : "open";
     const words = { good: "holds.", bad: "does not hold.", open: "is not decided." }[state];
     const numbers = [numberText("margin", margin), said ? "" : numberText("bound", bound)].filter(Boolean).join(", ");
-    return light(state, title, words, [statement, ...[said ?? []].flat(), numbers && `${capitalised(numbers)}.`].filter(Boolean));
+    return light(state, title, words, [statement, capitalised([said ?? [], numbers].flat().filter(Boolean).join(", "))].filter(Boolean));
   });
 }
 
