@@ -44,15 +44,12 @@ def test_a_job_that_reads_a_file_which_names_one_outside_is_refused(client: Test
     assert SECRET not in json.dumps(job)
 
 
-def test_a_job_leaves_what_the_command_would_and_its_report_is_a_page_of_no_origin(
-    client: TestClient, shared_root: Path
-):
+def test_a_job_leaves_what_the_command_would_and_its_report_has_no_origin(client: TestClient, shared_root: Path):
     said = {"scenario": "example-4.1-1khz", "set": {"simulation.t1": 1.0}, "out": "results/one"}
     job = ended(client, client.post("/api/jobs", json={"kind": "run", "said": said}).json())
     assert (job["state"], job["code"], job["answer"]["outcome"]) == ("done", 0, "ok"), job
-    assert {"report.html", "log.parquet", "scenario.yaml"} <= {
-        path.name for path in (shared_root / "results/one").iterdir()
-    }
+    left = {path.name for path in (shared_root / "results/one").iterdir()}
+    assert {"report.html", "log.parquet", "scenario.yaml"} <= left
     report = client.get(job["links"][0]["at"], headers={"x-slidax-token": ""})
     assert report.status_code == 200 and report.headers["content-security-policy"].startswith("sandbox")
     key = job["links"][0]["at"].split("/")[2]
