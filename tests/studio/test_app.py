@@ -152,6 +152,7 @@ LINK = """<link name="l{k}"><inertial><origin xyz="0 0 0.15"/><mass value="{mass
 <axis xyz="{axis}"/><limit lower="-2" upper="2" velocity="2" effort="{effort}"/></joint>"""
 
 
+@pytest.mark.full
 def test_an_arm_is_brought_and_becomes_a_scenario_that_is_saved_and_runs(client: TestClient, shared_root: Path):
     joints = [("base", "0 0 1", 3, 60), ("l0", "0 1 0", 2, 60), ("l1", "0 1 0", 1, 30)]
     links = "".join(

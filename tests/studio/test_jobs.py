@@ -36,6 +36,7 @@ def alive(pid: int) -> bool:
         return False
 
 
+@pytest.mark.full
 def test_a_job_that_reads_a_file_which_names_one_outside_is_refused(client: TestClient, shared_root: Path):
     (shared_root / "bad.yaml").write_text("study: monte_carlo\nscenario: ../outside/secret.yaml\nruns: 10\nseed: 1\n")
     job = ended(client, client.post("/api/jobs", json={"kind": "study", "said": {"file": "bad.yaml"}}).json())
