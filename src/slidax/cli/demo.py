@@ -89,15 +89,17 @@ def _played(console: Console, still: bool) -> dict[str, Rival]:
     for title, changes in LAWS.items():
         with console.status(f"simulating {title}"):
             rivals[title] = Rival.simulated(load(SCENARIO, changes), judge, logged=True)
-        drawn = next(iter(rivals.values())).run
+        drawn, run = next(iter(rivals.values())).run, rivals[title].run
         console.print(title, style="bold")
         if still:
-            console.print(funnel(console, rivals[title].run, drawn, 1.0))
-            continue
-        with Live(console=console, refresh_per_second=60, transient=False) as live:
-            for frame in range(1, FRAMES + 1):
-                live.update(funnel(console, rivals[title].run, drawn, frame / FRAMES), refresh=True)
-                time.sleep(PLAYED / FRAMES)
+            console.print(funnel(console, run, drawn, 1.0))
+        else:
+            with Live(console=console, refresh_per_second=60, transient=False) as live:
+                for frame in range(1, FRAMES + 1):
+                    live.update(funnel(console, run, drawn, frame / FRAMES), refresh=True)
+                    time.sleep(PLAYED / FRAMES)
+        if not run.outcome.ok:
+            console.print(run.outcome.message, style="red")
     return rivals
 
 
