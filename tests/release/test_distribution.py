@@ -89,3 +89,25 @@ def test_every_remedy_names_an_extra_that_there_is() -> None:
             named |= set(listed.split(","))
     assert {"native", "robots", "view"} <= named
     assert named <= set(EXTRAS)
+
+
+@pytest.mark.parametrize(
+    ("name", "pattern"),
+    [
+        ("src/slidax/__init__.py", r'^__version__ = "(.+)"$'),
+        ("CITATION.cff", r"^version: (.+)$"),
+        ("CHANGELOG.md", r"^## \[(\d[^\]]*)\]"),
+    ],
+)
+def test_one_version_stands_everywhere(name: str, pattern: str) -> None:
+    found = re.search(pattern, (ROOT / name).read_text(encoding="utf-8"), re.MULTILINE)
+    assert found and found[1] == PROJECT["version"]
+
+
+def test_the_container_sees_what_it_builds_from() -> None:
+    ignored = (ROOT / ".containerignore").read_text(encoding="utf-8")
+    assert ignored == (ROOT / ".dockerignore").read_text(encoding="utf-8")
+    seen = {line[1:] for line in ignored.splitlines() if line.startswith("!")}
+    assert all((ROOT / name).exists() for name in seen)
+    needed = {"src", "pyproject.toml", PROJECT["readme"], *PROJECT["license-files"], "requirements"}
+    assert seen == needed
