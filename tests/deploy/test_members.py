@@ -10,6 +10,7 @@ from jaxtyping import Array
 from slidax._errors import DefinitionError
 from slidax.codegen.c import Dialect
 from slidax.deploy.comment_text import comment, shortened
+from slidax.deploy.functions import unused
 from slidax.deploy.in_floats import fitting
 from slidax.deploy.members import bullets, members
 from slidax.deploy.text import declared, initialised
@@ -101,3 +102,11 @@ def test_a_tolerance_and_a_number_next_to_one_keep_their_meaning_in_floats(doubl
 @pytest.mark.parametrize("number", [0.0, 1.0, -1.0, 0.5, 1e-30, 1e-150, 1e-6, 9.8, 1e9])
 def test_all_other_constants_stay_as_they_are_in_floats(number):
     assert fitting(number) == number
+
+
+def test_an_argument_counts_as_read_only_where_it_stands_by_itself() -> None:
+    """Else a compiler warns of it, as for the arm of a scenario without a disturbance, whose time is not read."""
+    not_read = ["    at[0] = dot(left, q[0]) + then->t;  /* t is the time */"]
+    assert unused(not_read, ("t", "q")) == ["    (void)t;", *not_read]
+    read = ["    x = 2.0 * t;", "    y = -q[1];"]
+    assert unused(read, ("t", "q")) == read

@@ -238,9 +238,9 @@ def unused(lines: list[str], arguments: Sequence[str]) -> list[str]:
     - `lines`: of a function.
     - `arguments`: its names.
     """
-    text = "\n".join(lines)
-    marks = ("->", "[", ",", ")")
-    return [f"    (void){name};" for name in arguments if not any(f"{name}{mark}" in text for mark in marks)] + lines
+    text = re.sub(r"/\*.*?\*/", "", "\n".join(lines), flags=re.DOTALL)
+    # As a word of its own, and no member of a structure: `t` is not read by `at[0]` or `then->t`.
+    return [f"    (void){name};" for name in arguments if not re.search(rf"(?<![.>\w]){name}\b", text)] + lines
 
 
 def _given(call: Call, places: Sequence[Place | None]) -> list[Place | None]:
