@@ -144,7 +144,8 @@ def heavy(kappa: float, delay: int) -> Linear:
     return linearise(scenarios.load("example-4.1-1khz", changes), at=0.01)
 
 
-@pytest.mark.parametrize("delay", [pytest.param(0, marks=pytest.mark.full), 1])
+@pytest.mark.full
+@pytest.mark.parametrize("delay", [0, 1])
 def test_the_inertia_that_it_bears_is_that_of_the_one_joint_theory(delay, monkeypatch, request):
     monkeypatch.chdir(request.config.rootpath)
     law = operating_point_law(delay)
