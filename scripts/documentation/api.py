@@ -1,7 +1,7 @@
 """The pages of the API: which names there are, and what only a running slidax knows of them.
 
-Signatures, docstrings and methods are read from the sources by mkdocstrings. Declared parameters, the numbers of presets
-and the units of metrics are not in any docstring; they are written down as facts, which `griffe_facts` adds there.
+Signatures, docstrings and methods are read from the sources by mkdocstrings. Declared parameters, the numbers of
+presets and the units of metrics are not in any docstring; they are written down as facts, which `griffe_facts` adds.
 """
 
 from __future__ import annotations
@@ -64,12 +64,17 @@ def _page(room: str, facts: dict[str, str]) -> str:
             # A reader of the sources knows it by the module that defines it.
             facts[_defined(package, name)] = said
         first = _first(thing).replace("|", "\\|")
-        rows.append(f"| [`{name}`](#{package}.{name}) | {first} |")
-        sections.append(f"::: {package}.{name}\n")
-    return "\n".join(
-        [f"# slidax.{room}", "", inspect.getdoc(module) or "", "", "| name | what it is |", "|---|---|", *rows, ""]
-        + sections
-    )
+        # Where a module has the name of what it defines, the reader of the sources would take the module.
+        path = _defined(package, name) if _is_module(package, name) else f"{package}.{name}"
+        rows.append(f"| [`{name}`](#{path}) | {first} |")
+        sections.append(f"::: {path}\n")
+    head = [f"# slidax.{room}", "", inspect.getdoc(module) or "", "", "| name | what it is |", "|---|---|"]
+    return "\n".join([*head, *rows, "", *sections])
+
+
+def _is_module(package: str, name: str) -> bool:
+    folder = Path(importlib.import_module(package).__file__ or "").parent
+    return (folder / f"{name}.py").exists() or (folder / name).is_dir()
 
 
 def _defined(package: str, name: str) -> str:
@@ -139,8 +144,8 @@ def parameters_page() -> str:
     lines = [
         "# Parameters of scenario files",
         "",
-        "Every part that a [scenario file](../scenarios.md) can name, with its numbers. `slidax list NAME` shows the same"
-        " in a terminal, and `slidax list NAME --json` for programs.",
+        "Every part that a [scenario file](../scenarios.md) can name, with its numbers. `slidax list NAME` shows the"
+        " same in a terminal, and `slidax list NAME --json` for programs.",
     ]
     for kind, members in catalogue().items():
         if kind == "scenarios":
@@ -155,10 +160,14 @@ def parameters_page() -> str:
                     row["meaning"],
                     row["unit"] or "",
                     row["range"] or "",
-                    "must be given" if row["required"] else _shown(row["default"]) if row["default"] not in (None, {}, [], ()) else "",
+                    "must be given"
+                    if row["required"]
+                    else _shown(row["default"])
+                    if row["default"] not in (None, {}, [], ())
+                    else "",
                     row["source"] or "",
                 ]
                 for row in part["parameters"]
             ]
-            lines.append(table(HEAD, rows) if rows else "It has no numbers.")
+            lines += [table(HEAD, rows) if rows else "It has no numbers.", ""]
     return "\n".join([*lines, ""])

@@ -21,7 +21,11 @@ from .blocks import blocks
 ROOT = Path(__file__).parents[2]
 STORE = ROOT / "build" / "pages"
 RUNNER = "scripts/documentation/"
-SOURCES = ("src/slidax", "examples", *(f"{RUNNER}{name}.py" for name in ("blocks", "commands", "page_run", "parts_of_files")))
+SOURCES = (
+    "src/slidax",
+    "examples",
+    *(f"{RUNNER}{name}.py" for name in ("blocks", "commands", "page_run", "parts_of_files")),
+)
 PACKAGES = ("jax", "numpy", "scipy", "matplotlib", "llvmlite", "mujoco")
 
 
@@ -59,21 +63,20 @@ def run_all(jobs: int, only: list[str] | None) -> tuple[dict[str, Found], list[s
     with ThreadPoolExecutor(jobs) as pool:
         for name, result in zip(names, pool.map(_one, names), strict=True):
             if isinstance(result, str):
-                failed.append(f"docs/{result}")
+                failed.append(f"docs/{name}: {result}")
             else:
                 found[name] = result
-    readme = _one("../README.md")
-    if isinstance(readme, str):
-        failed.append(readme)
     return found, failed
 
 
 def _one(name: str) -> Found | str:
     page = ROOT / "docs" / name
-    folder = STORE / f"{page.stem}-{_key(page)}"
+    # Pages of different folders may have one name.
+    slug = name.removesuffix(".md").replace("/", ".")
+    folder = STORE / f"{slug}-{_key(page)}"
     if not (folder / "outcomes.json").exists():
         started = time.perf_counter()
-        for old in STORE.glob(f"{page.stem}-" + "?" * 16):
+        for old in STORE.glob(f"{slug}-" + "?" * 16):
             shutil.rmtree(old)
         folder.mkdir(parents=True)
         done = subprocess.run(

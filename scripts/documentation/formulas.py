@@ -21,6 +21,7 @@ def with_mathml(text: str) -> str:
 
     - `text`: of the page.
     """
+
     def block(match: re.Match[str]) -> str:
         number = TAG.search(match[1])
         drawn = convert(TAG.sub("", match[1]).strip(), display="block")

@@ -34,7 +34,8 @@ for name in sys.argv[2:]:
     numbers = {"outcome": run.outcome.message if not run.outcome.ok else "ok"}
     if run.outcome.ok:
         numbers["steady error, worst joint"] = f"{max(map(float, sx.metrics.steady_error(run))):.2g} rad or m"
-        numbers["torque step, steady, worst joint"] = f"{max(map(float, sx.metrics.steady_torque_step(run))):.2g} N m or N"
+        step = max(map(float, sx.metrics.steady_torque_step(run)))
+        numbers["torque step, steady, worst joint"] = f"{step:.2g} N m or N"
         margin = sx.metrics.envelope_margin(run)
         if margin is not None:
             numbers["least room in the envelope"] = f"{100 * min(map(float, margin)):.0f} % of its width"

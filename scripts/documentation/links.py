@@ -68,10 +68,10 @@ def checked(site: Path) -> Findings:
                     found.foreign.append(f"{name}: {link}")
                 else:
                     found.outward.setdefault(link, name)
-            elif scheme not in ("data", "mailto", "javascript", "blob"):
-                # The page of a missing page is served anywhere, so that its links begin at the root of the server.
-                if said := "" if name == "404.html" else _wrong(link, path, site, read):
-                    found.broken.append(f"{name}: {link} ({said})")
+            # The page of a missing page is served anywhere, so that its links begin at the root of the server.
+            elif scheme not in ("data", "mailto", "javascript", "blob") and name != "404.html":
+                said = _wrong(link, path, site, read)
+                found.broken += [f"{name}: {link} ({said})"] if said else []
     for style in site.rglob("*.css"):
         if STYLE.search(style.read_text(encoding="utf-8")):
             found.foreign.append(f"{style.relative_to(site)}: a font or a style of another host")

@@ -176,7 +176,9 @@ class PageRun:
         if self.small:
             return
         if not path.exists():
-            raise PageError(f"there is no `{path.name}` to show; there are {sorted(p.name for p in path.parent.glob('*'))}")
+            raise PageError(
+                f"there is no `{path.name}` to show; there are {sorted(p.name for p in path.parent.glob('*'))}"
+            )
         name = f"{self.page.stem}-{outcome.index}{path.suffix}"
         shutil.copy(path, self.out / name)
         outcome.figures.append(name)

@@ -41,7 +41,11 @@ def _texts(block: Block, texts: list[str]) -> list[str]:
     """What was printed, with the command before it where a block has several."""
     lines = [one.line for one in commands(block.language, block.text)] if block.language in ("console", "sh") else []
     if len(lines) > 1 and len(texts) == len(lines):
-        shown = [f"$ {line.split('  #')[0].rstrip()}\n{text}" for line, text in zip(lines, texts, strict=True) if text.strip()]
+        shown = [
+            f"$ {line.split('  #')[0].rstrip()}\n{text}"
+            for line, text in zip(lines, texts, strict=True)
+            if text.strip()
+        ]
     else:
         shown = texts
     return [text.rstrip() for text in shown if text.strip()]
@@ -59,5 +63,3 @@ def _pre(rows: list[str]) -> str:
     # An empty line would end the block of HTML for the reader of Markdown.
     body = "\n".join(html.escape(row) if row else "&#8203;" for row in rows)
     return f'<div class="output"><pre><code>{body}</code></pre></div>'
-
-

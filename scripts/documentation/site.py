@@ -142,7 +142,10 @@ def _build(tools: Path) -> None:
 
 def _check() -> None:
     found = links.checked(SITE)
-    wrong = [*(f"leads nowhere: {one}" for one in found.broken), *(f"fetched from elsewhere: {one}" for one in found.foreign)]
+    wrong = [
+        *(f"leads nowhere: {one}" for one in found.broken),
+        *(f"fetched from elsewhere: {one}" for one in found.foreign),
+    ]
     if wrong:
         raise Failed(f"{len(wrong)} wrong links:\n" + "\n".join(wrong[:60]))
     listed = "\n".join(f"{link}  {page}" for link, page in sorted(found.outward.items()))

@@ -1,4 +1,4 @@
-"""The blocks of all pages: commands that exist, files that are there, YAML that is valid, reasons for what is not run."""
+"""The blocks of all pages: commands that exist, files that are there, valid YAML, reasons for what is not run."""
 
 from __future__ import annotations
 
@@ -111,7 +111,9 @@ def test_a_command_that_is_not_one_is_seen(line: str) -> None:
         check(line.split(), app)
 
 
-@pytest.mark.parametrize("line", ["run example-4.1 --set a.b=1 --set c=2 --out x", "list", "--help", "export c x --out y"])
+@pytest.mark.parametrize(
+    "line", ["run example-4.1 --set a.b=1 --set c=2 --out x", "list", "--help", "export c x --out y"]
+)
 def test_a_command_that_is_one_passes(line: str) -> None:
     check(line.split(), app)
 

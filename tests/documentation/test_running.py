@@ -64,8 +64,9 @@ def test_a_block_that_fails_is_an_error_with_its_line(text: str, said: str, tmp_
 
 
 def test_blocks_that_are_marked_are_not_run_and_say_so(tmp_path: Path) -> None:
-    text = "<!-- not run: it needs a robot -->\n```sh\nrobot --go\n```\n\n<!-- needs: no_such_package -->\n```python\n1/0\n```\n"
-    assert [one.skipped for one in run(text, tmp_path)] == ["it needs a robot", "no_such_package not here"]
+    robot = "<!-- not run: it needs a robot -->\n```sh\nrobot --go\n```\n\n"
+    missing = "<!-- needs: no_such_package -->\n```python\n1/0\n```\n"
+    assert [one.skipped for one in run(robot + missing, tmp_path)] == ["it needs a robot", "no_such_package not here"]
 
 
 def test_a_shell_is_bash_with_slidax_in_it(tmp_path: Path) -> None:
@@ -87,4 +88,6 @@ def test_results_stand_below_their_blocks_as_text() -> None:
     assert shown.index("print(") < shown.index("&lt;b&gt;") < shown.index("](made/t-0.svg)") < shown.index("End")
     assert "&lt;b&gt;" not in with_results(text, "robots.md", Found([outcome], []))
     long = {**outcome, "texts": ["\n".join(str(k) for k in range(LONGEST + 10))]}
-    assert f"<summary>{LONGEST // 2 + 10} more lines</summary>" in with_results(text, "tutorials/t.md", Found([long], []))
+    assert f"<summary>{LONGEST // 2 + 10} more lines</summary>" in with_results(
+        text, "tutorials/t.md", Found([long], [])
+    )

@@ -21,7 +21,9 @@ def reference() -> tuple[dict[str, str], dict[str, str]]:
 
 
 @pytest.mark.parametrize("room", [room for room in ROOMS if room != "cli"])
-def test_the_page_of_a_room_has_all_that_it_exports(reference: tuple[dict[str, str], dict[str, str]], room: str) -> None:
+def test_the_page_of_a_room_has_all_that_it_exports(
+    reference: tuple[dict[str, str], dict[str, str]], room: str
+) -> None:
     pages, _ = reference
     text = pages[f"api/{room}.md"]
     assert f"]({room}.md)" in pages["api/index.md"]
@@ -32,10 +34,18 @@ def test_the_page_of_a_room_has_all_that_it_exports(reference: tuple[dict[str, s
         assert first in text
 
 
+def test_a_preset_is_not_taken_for_the_module_that_defines_it(reference: tuple[dict[str, str], dict[str, str]]) -> None:
+    assert "\n::: slidax.controllers.cftsmppc.cftsmppc\n" in reference[0]["api/controllers.md"]
+    assert "\n::: slidax.controllers.SlidingMode\n" in reference[0]["api/controllers.md"]
+
+
 def test_facts_are_those_of_the_declarations(reference: tuple[dict[str, str], dict[str, str]]) -> None:
     _, facts = reference
     linear = facts["slidax.surfaces.linear.Linear"]
-    assert "| `rate` | diagonal of Λ, how fast the error decays on the surface (one number or [n]) | 1/s | > 0, so " in linear
+    assert (
+        "| `rate` | diagonal of Λ, how fast the error decays on the surface (one number or [n]) | 1/s | > 0, so "
+        in linear
+    )
     assert "Numbers: Table 1." in facts["slidax.controllers.cftsmppc.cftsmppc"]
     assert "SmoothFixedTime(k1=0.2" in facts["slidax.controllers.cftsmppc.cftsmppc"]
     assert "Unit: rad or m" in facts["slidax.metrics.error.steady_error"]
@@ -48,8 +58,11 @@ def test_the_page_of_parameters_has_every_part_that_a_file_can_name() -> None:
     text = api.parameters_page()
     for kind, members in catalogue().items():
         for name in members if kind != "scenarios" else ():
-            assert f"### `{name}` {{ #{kind}.{name} }}" in text
-    assert "| `surface.k1` | Diagonal of K1 | rad/s or m/s | > 0, so that K1 is diagonal positive definite (eq. 40) |" in text
+            assert f"\n\n### `{name}` {{ #{kind}.{name} }}\n\n" in text
+    assert (
+        "| `surface.k1` | Diagonal of K1 | rad/s or m/s | > 0, so that K1 is diagonal positive definite (eq. 40) |"
+        in text
+    )
 
 
 def test_every_page_of_the_table_of_contents_is_there_and_every_link_of_a_page_leads_to_one() -> None:
@@ -67,8 +80,8 @@ def test_every_page_of_the_table_of_contents_is_there_and_every_link_of_a_page_l
 
 def test_links_lead_to_where_things_are_on_the_site_and_code_is_left_alone() -> None:
     stage = Stage(ROOT / "nowhere")
-    text = "[a](../examples/design) [b](../benchmarks/PERFORMANCE.md#x) `[c](../d)` [symbols.md](symbols.md)\n\n    [e](../f)\n"
-    found = stage.linked(text, "docs/tutorials/../design.md", "design.md")
+    text = "[a](../examples/design) [b](../benchmarks/PERFORMANCE.md#x) `[c](../d)` [symbols.md](symbols.md)"
+    found = stage.linked(f"{text}\n\n    [e](../f)\n", "docs/tutorials/../design.md", "design.md")
     assert found == (
         "[a](files/examples/design/index.md) [b](benchmarks.md#x) `[c](../d)` [Symbols](symbols.md)\n\n    [e](../f)\n"
     )
@@ -84,8 +97,8 @@ def site(folder: Path, **pages: str) -> Any:
 def test_links_that_lead_nowhere_are_found(tmp_path: Path) -> None:
     found = site(
         tmp_path,
-        index='<a href="other.html#here">x</a><a href="other.html#gone">x</a><a href="lost.html">x</a><img src="a.svg">',
-        other='<h1 id="here">x</h1><a href="#here">x</a><a href="https://example.org/">x</a><a href="../out.html">x</a>',
+        index='<a href="other.html#here"><a href="other.html#gone"><a href="lost.html"><img src="a.svg">',
+        other='<h1 id="here"></h1><a href="#here"><a href="https://example.org/"><a href="../out.html">',
     )
     assert [one.split(" (")[0] for one in found.broken] == [
         "index.html: other.html#gone",

@@ -122,6 +122,8 @@ def _click(running: Running, found: Visit, chance: random.Random, seconds: float
         while time.monotonic() < until:
             what = "?"
             try:
+                if chance.random() < 0.02:
+                    found.actions[_start(page, chance)] += 1
                 places = page.locator(chance.choices(list(REACHABLE), list(REACHABLE.values()))[0])
                 count = places.count()
                 if not count:
@@ -138,6 +140,15 @@ def _click(running: Running, found: Visit, chance: random.Random, seconds: float
         if SECRET in page.content():
             found.faults.append("the planted file is in the page")
         browser.close()
+
+
+def _start(page: Any, chance: random.Random) -> str:
+    """Starts a job as it is offered; whoever types at random seldom gets that far."""
+    page.locator("#studio-tab-jobs").click()
+    kinds = page.locator("#studio-kind")
+    kinds.select_option(index=chance.randrange(kinds.locator("option").count()))
+    page.locator("#studio-panel-jobs button", has_text="Start").click()
+    return "started"
 
 
 def _act(place: Any, page: Any, chance: random.Random, names: list[str]) -> str:

@@ -64,6 +64,7 @@ def test_it_listens_on_loopback_alone_and_ends_with_its_jobs(running: Running):
     assert not list(Path("/tmp").glob(f"slidax-studio-*/job-{json.loads(body)['id']}"))
 
 
+@pytest.mark.full
 def test_when_it_is_killed_its_processes_end(running: Running):
     running.ask("POST", "/api/jobs", {"kind": "certify", "said": {"scenario": "panda-payload"}})
     until = time.monotonic() + 20

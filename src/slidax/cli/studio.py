@@ -21,7 +21,7 @@ def studio(
     It reads and writes below its folder alone, answers this machine alone, and ends with Ctrl-C, and its jobs with it.
     """
     with errors_as_lines():
-        from slidax.studio import require_studio
+        from slidax.studio.needed import require_studio
 
         require_studio()
         from slidax._errors import DefinitionError

@@ -1,6 +1,4 @@
 """The studio: the playground's page on this machine, with Python behind it.
 
-`server.serve` serves it; it is imported when it is needed, as its packages are an extra.
+`server.serve` serves it. Nothing is imported here: its processes give up all other files before they import anything.
 """
-
-from .needed import require_studio as require_studio

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import errno
 import os
+import signal
 import site
 import sys
 import sysconfig
@@ -137,6 +138,8 @@ def restrict_by_kernel(read: list[Path], write: list[Path]) -> bool:
 
 def main() -> None:
     """The process."""
+    # Who interrupts it wants it to end, and no traceback; what can end better says so itself.
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
     root, scratch, module, *arguments = sys.argv[1:]
     os.chdir(root)
     confine(Path(root), Path(scratch))

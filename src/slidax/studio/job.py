@@ -14,7 +14,8 @@ from pathlib import Path
 def main() -> None:
     """Runs the command that the first argument says, unless a file that it reads names one outside of the folder.
 
-    The argument is JSON: `files` that are read, `changes` by path, the `module` with the command line, its `words`.
+    The argument is JSON: `files` that are read, `changes` by path, the `module` with the command line, its `words`, and
+    whether it is `interruptible`: keeps what it has when it is interrupted.
     """
     end_with_the_server()
     asked = json.loads(sys.argv[1])
@@ -31,6 +32,8 @@ def main() -> None:
     except DefinitionError as error:
         print(f"slidax: {error}", file=sys.stderr)
         raise SystemExit(2) from None
+    if asked["interruptible"]:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
     sys.argv = ["slidax", *asked["words"]]
     import_module(asked["module"]).main()
 

@@ -31,6 +31,9 @@ LOG, ANSWER = 64_000, 8_000_000
 MEANING = {0: "done", 2: "refused", 3: "left its envelope", 4: "does not hold", 130: "interrupted"}
 """Of the exit codes of a command; a command that ends with another one has failed."""
 
+INTERRUPTIBLE = ("study",)
+"""Jobs that keep what they have when they are interrupted."""
+
 ROWS = re.compile(r"(\d+) of (\d+) rows")
 
 State = Literal["waiting", "running", "done", "failed", "cancelled"]
@@ -186,7 +189,13 @@ class Jobs:
                 return
             job.state, job.begun = "running", time.monotonic()
             asked = job.asked
-            words = {"files": asked.files, "changes": asked.changes, "module": self._module, "words": asked.words}
+            words = {
+                "files": asked.files,
+                "changes": asked.changes,
+                "module": self._module,
+                "words": asked.words,
+                "interruptible": job.kind in INTERRUPTIBLE,
+            }
             job.private.mkdir(mode=0o700)
             try:
                 with (job.private / "out").open("wb") as out, (job.private / "log").open("wb") as log:

@@ -10,7 +10,6 @@ from slidax._errors import DefinitionError
 from slidax.scenarios import Scenario
 
 from .beside import settings_of
-from .page_text import page_text
 from .playground import playground
 
 PAGE = "index.html"
@@ -37,6 +36,8 @@ def write_page(manifest: Mapping[str, Any], out: Path) -> Path:
 
     Raises DefinitionError if it cannot be written.
     """
+    from .page_text import page_text
+
     page = out / PAGE
     try:
         out.mkdir(parents=True, exist_ok=True)

@@ -15,12 +15,18 @@ from .setting import Made, Setting
 FORMAT = 1
 
 
-def playground(title: str, settings: Sequence[Setting], arms: dict[str, str]) -> dict[str, Any]:
+NOTHING = {"c_files": None, "c_parameters": None, "certificates": []}
+
+
+def playground(
+    title: str, settings: Sequence[Setting], arms: dict[str, str], *, promised: bool = True
+) -> dict[str, Any]:
     """The manifest of a page.
 
     - `title`: of the page.
     - `settings`: what there is; the first is shown first.
     - `arms`: titles of the arms, by their labels.
+    - `promised`: whether the law in C and its certificates come along, which take longer than all else.
 
     Raises DefinitionError if a setting is invalid or cannot run in a page.
     """
@@ -34,7 +40,7 @@ def playground(title: str, settings: Sequence[Setting], arms: dict[str, str]) ->
         "first": {"arm": first.arm, "scheme": first.scheme},
         "arms": [_arm(label, name, made) for label, name in arms.items()],
         "programs": list(programs.values()),
-        "settings": [one.entry() for one in made],
+        "settings": [{**one.entry(), **(one.beside() if promised else NOTHING)} for one in made],
     }
 
 

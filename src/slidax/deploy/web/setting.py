@@ -75,9 +75,9 @@ class Setting:
         found = []
         for group in _alike(variants):
             together = loop_program([variant for _, variant in group])
-            programs = [(group, together)] if together is not None else [
-                ([one], loop_program([one[1]])) for one in group
-            ]
+            programs = (
+                [(group, together)] if together is not None else [([one], loop_program([one[1]])) for one in group]
+            )
             found += [(group, program) for group, program in programs if program is not None]
         return Made(self, base, templates, knobs, found)
 
@@ -134,16 +134,13 @@ class Made:
             "knobs": knobs,
             "constants": next(one["constants"] for one in variants if one["at"] == own),
             "scenario": described.model_dump(mode="json", exclude_unset=True),
-            **c_files(self.family, self.templates, self.knobs),
-            "certificates": self._certificates(),
         }
 
-    def _certificates(self) -> list[dict[str, Any]]:
-        """Of a law that promises something."""
-        if self.setting.kind == "rival":
-            return []
+    def beside(self) -> dict[str, Any]:
+        """What stands beside the setting: the law in C, and, if it promises something, its certificates."""
         paths = [*(choice.path for choice in self.setting.choices), *(knob.path for knob in self.knobs)]
-        return certificates_of(self.templates.built, paths)
+        certified = [] if self.setting.kind == "rival" else certificates_of(self.templates.built, paths)
+        return {**c_files(self.family, self.templates, self.knobs), "certificates": certified}
 
 
 def _choice(choice: Choice, described: ScenarioDescription) -> dict[str, Any]:
