@@ -65,19 +65,19 @@ class Setting:
         templates = base.templates({})
         joints = templates.built.plant.robot.joints
         knobs = _varying(base, templates, knobs_of(base.base, joints))
-        shapes = {knob.path: knob.shape for knob in knobs}
+        own = {knob.path: knob.defaults for knob in knobs}
         variants = []
         for at in itertools.product(*(range(len(choice.values)) for choice in self.choices)):
             changes = {choice.path: choice.values[k] for choice, k in zip(self.choices, at, strict=True)}
             family = self._family(changes)
-            family = Family(family.base, Space({}, {}), Space({}, dict.fromkeys(shapes)))  # type: ignore[arg-type]
-            variants.append((at, Variant(family, family.templates({}), shapes)))
+            family = Family(family.base, Space({}, {}), Space({}, dict.fromkeys(own)))  # type: ignore[arg-type]
+            variants.append((at, Variant(family, family.templates({}), own)))
         found = []
         for group in _alike(variants):
             together = loop_program([variant for _, variant in group])
-            programs = [(group, together)] if together is not None else [
-                ([one], loop_program([one[1]])) for one in group
-            ]
+            programs = (
+                [(group, together)] if together is not None else [([one], loop_program([one[1]])) for one in group]
+            )
             found += [(group, program) for group, program in programs if program is not None]
         return Made(self, base, templates, knobs, found)
 
