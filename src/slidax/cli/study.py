@@ -35,6 +35,9 @@ def study(
         int | None,
         typer.Option(metavar="ROW", help="Write a row of --out as a scenario, case-ROW.yaml there; run nothing."),
     ] = None,
+    progress: Annotated[
+        bool, typer.Option("--progress", help="Say how many rows are done, a line each second, for programs.")
+    ] = False,
     json: AsJson = False,
 ) -> None:
     """Many runs: probabilities, maps, the worst case, sensitivities, tuning, comparisons.
@@ -58,7 +61,7 @@ def study(
             _write_case(out, case)
             return
         started = time.perf_counter()
-        with Bar() as bar, suppress(KeyboardInterrupt):
+        with Lines() if progress else Bar() as bar, suppress(KeyboardInterrupt):
             how = How(out, resume, begin=bar.begin, seen=bar.seen, made_by=_made_by())
             found = _run(asked, how, cluster)
             bar.close()
@@ -118,6 +121,44 @@ def _made_by() -> dict[str, str]:
     from slidax.reports import machine, versions
 
     return {**versions(), **machine()}
+
+
+class Lines:
+    """Rows that are done, as lines for a program."""
+
+    def __init__(self) -> None:
+        self._all = self._rows = 0
+        self._said = 0.0
+
+    def __enter__(self) -> Lines:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        pass
+
+    def begin(self, rows: int) -> None:
+        """Rows there will be.
+
+        - `rows`: how many at most.
+        """
+        self._all = rows
+        self._say()
+
+    def seen(self, rows: int) -> None:
+        """Rows are done.
+
+        - `rows`: how many are new.
+        """
+        self._rows += rows
+        if time.perf_counter() - self._said >= 1.0 or self._rows >= self._all:
+            self._say()
+
+    def close(self) -> None:
+        """Nothing is left to be said."""
+
+    def _say(self) -> None:
+        self._said = time.perf_counter()
+        typer.echo(f"... {self._rows} of {self._all} rows", err=True)
 
 
 class Bar:

@@ -1,0 +1,35 @@
+/* From numbers to places in a chart. */
+
+import { ticksBetween } from "./numbers.js";
+
+/* A straight axis. */
+export function linearAxis(low, high) {
+  const span = high - low || 1;
+  return { low, high, place: y => (y - low) / span, ticks: count => ticksBetween(low, high, count) };
+}
+
+/* Straight within ±`near`, by decades beyond. */
+export function decadeAxis(low, high, near) {
+  const bent = y => Math.sign(y) * Math.log10(1 + Math.abs(y) / near);
+  const [a, b] = [bent(low), bent(high)];
+  const ticks = () => {
+    const made = [0];
+    for (let size = 10 ** Math.ceil(Math.log10(near * 3)); size <= Math.max(-low, high); size *= 10) {
+      if (size <= high) made.push(Number(size.toPrecision(3)));
+      if (-size >= low) made.push(-Number(size.toPrecision(3)));
+    }
+    return made.sort((x, y) => x - y);
+  };
+  return { low, high, place: y => (bent(y) - a) / (b - a), ticks };
+}
+
+/* The least and greatest finite number of a signal from a sample on; null if there is none. */
+export function extent({ y, offset, stride, rows }, from = 0) {
+  let low = Infinity, high = -Infinity;
+  for (let row = from; row < rows; row++) {
+    const value = y[offset + row * stride];
+    if (value < low && value > -Infinity) low = value;
+    if (value > high && value < Infinity) high = value;
+  }
+  return low <= high ? [low, high] : null;
+}

@@ -1,0 +1,118 @@
+/* The sliders of a setting, in groups, and the selects of what needs another program. */
+
+import { element } from "./dom.js";
+import { capitalised, shownNumber, withUnit } from "./numbers.js";
+import { listed, sameNumbers } from "./playground.js";
+import { numberSlider } from "./slider.js";
+
+/* What a stranger understands, besides the first group. */
+const OPENED = ["World", "The arm as it is", "Disturbance"];
+
+let knobCount = 0;
+
+export class Knobs {
+  /* - `place`: where they go.
+     - `listeners`: {moved(path, value, stands), chosen(path, index)}. */
+  constructor(place, listeners) {
+    this.place = place;
+    this.listeners = listeners;
+    /* In a place of its own: text that came and went between the sliders would move them under a finger. */
+    const explain = event => {
+      const meaning = event.target.closest(".knob")?.querySelector(".meaning");
+      if (meaning) this.told.textContent = `${meaning.parentElement.getAttribute("aria-label")}: ${meaning.textContent}`;
+    };
+    this.told = element("p.told", { "aria-hidden": "true", text: "Touch a slider to read what it means." });
+    place.after(this.told);
+    place.addEventListener("focusin", explain);
+    place.addEventListener("pointerover", explain);
+  }
+
+  /* Shows a choice; fields are made anew only for another setting. */
+  show(playground, chosen) {
+    const setting = playground.setting(chosen);
+    if (this.setting !== setting) {
+      this.setting = setting;
+      this.shown = [];
+      const groups = new Map();
+      for (const knob of setting.knobs) groups.set(knob.group, [...(groups.get(knob.group) ?? []), knob]);
+      const joints = playground.jointNames(chosen.arm);
+      const plain = knob => ({ ...knob, unit: playground.unitOf(chosen.arm, knob.unit), title: capitalised(knob.title) });
+      this.place.replaceChildren(
+        ...(setting.choices.length ? [element("div.choices", {}, setting.choices.map(choice => this.select(choice)))] : []),
+        ...[...groups].map(([title, knobs], k) => element("details.group", { open: k === 0 || OPENED.includes(title) },
+          element("summary", { text: title }), knobs.map(knob => this.knob(plain(knob), joints)))));
+    }
+    for (const put of this.shown) put(playground, chosen);
+  }
+
+  select(choice) {
+    const id = `choice-${++knobCount}`;
+    const option = (value, k) => element("option", { value: k, text: typeof value === "number" ? withUnit(value, choice.unit) : String(value) });
+    const made = element("select", { id, on: { change: () => this.listeners.chosen(choice.path, Number(made.value)) } }, choice.values.map(option));
+    this.shown.push((playground, chosen) => { made.value = playground.choiceIndex(chosen, choice.path); });
+    return element("div.choice", {}, element("label", { for: id, text: capitalised(choice.title) }), made);
+  }
+
+  knob(knob, joints) {
+    const meaning = `meaning-${++knobCount}`;
+    const several = knob.inputs[1] > 1 && (knob.each || Array.isArray(knob.default));
+    const names = knob.each ? joints : Array.from({ length: knob.inputs[1] }, (_, k) => String(k + 1));
+    let value = knob.default;
+    const moved = (next, stands) => {
+      value = next;
+      this.listeners.moved(knob.path, next, stands);
+    };
+    /* One slider for all joints keeps their proportions. */
+    const together = number => {
+      if (!Array.isArray(value)) return number;
+      const [first] = value;
+      const scaled = value.map(one => (first ? (one * number) / first : number));
+      return scaled.map(one => Math.min(knob.high, Math.max(knob.low, Number(one.toPrecision(12)))));
+    };
+    const all = numberSlider(knob, {
+      label: knob.title, described: meaning,
+      input: number => moved(together(number), false), commit: number => moved(together(number), true),
+    });
+    const reset = element("button.reset", {
+      type: "button", "aria-label": `Reset ${knob.title}`, title: `Back to ${defaultText(knob)}`, text: "↺",
+      on: { click: () => moved(knob.default, true) },
+    });
+    const each = several ? this.perJoint(knob, names, meaning, () => value, moved) : null;
+    const allowed = knob.range ? `Allowed: ${knob.range}. ` : "";
+    const range = `${allowed}The slider goes from ${shownNumber(knob.low)} to ${withUnit(knob.high, knob.unit)}; ${defaultText(knob)} by default.`;
+    const text = `${knob.meaning ? `${knob.meaning} ` : ""}`.replace(/([^.!?\s])\s*$/, "$1. ") + range;
+    const made = element("div.knob", { "data-path": knob.path, role: "group", "aria-label": knob.title },
+      element("div.name", { title: text }, element("span", { text: knob.title }),
+        knob.unit ? element("span.unit", { text: knob.unit }) : null, reset),
+      knob.each || !several ? all.row : null, element("p.meaning.unseen", { id: meaning, text }), each?.made);
+    this.shown.push((playground, chosen) => {
+      value = playground.value(chosen, knob.path);
+      all.put(Array.isArray(value) ? value[0] : value);
+      each?.put(value);
+      const same = sameNumbers(value, knob.default);
+      reset.disabled = same;
+      made.classList.toggle("moved", !same);
+    });
+    return made;
+  }
+
+  perJoint(knob, joints, meaning, value, moved) {
+    const count = knob.inputs[1];
+    const at = (k, number) => listed(value(), count).map((one, other) => (other === k ? number : one));
+    const sliders = Array.from({ length: count }, (_, k) => numberSlider(knob, {
+      label: `${knob.title}, ${joints[k] ?? k + 1}`, described: meaning,
+      input: number => moved(at(k, number), false), commit: number => moved(at(k, number), true),
+    }));
+    const rows = sliders.map(({ row }, k) => element("div.joint", {}, element("span", { text: joints[k] ?? String(k + 1) }), row));
+    return {
+      made: element("details.each", { open: !knob.each }, element("summary", { text: knob.each ? "each joint" : "each number" }), rows),
+      put: now => listed(now, count).forEach((number, k) => sliders[k].put(number)),
+    };
+  }
+}
+
+function defaultText(knob) {
+  const values = Array.isArray(knob.default) ? knob.default : [knob.default];
+  const different = values.some(value => value !== values[0]);
+  return different ? values.map(value => shownNumber(value)).join(", ") : shownNumber(values[0]);
+}

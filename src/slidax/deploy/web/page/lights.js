@@ -1,0 +1,86 @@
+/* What is promised before a run, and what this run shows. Each light has a sign and words besides its colour. */
+
+import { firstOutside } from "./curves.js";
+import { element } from "./dom.js";
+import { capitalised, shownNumber } from "./numbers.js";
+
+const SIGNS = { good: "✓", bad: "✗", open: "?", grey: "–" };
+
+function light(state, title, words, details = []) {
+  return element("li.light", { "data-state": state }, element("span.sign", { "aria-hidden": "true", text: SIGNS[state] }),
+    element("div", {}, element("p", {}, element("b", { text: title }), ` ${words}`), details.map(text => element("p.small", { text }))));
+}
+
+/* Whether a path is what another names, or part of it, or the other way about. */
+function touches(path, read) {
+  return path === read || path.startsWith(`${read}.`) || read.startsWith(`${path}.`);
+}
+
+export function certificateLights(playground, chosen) {
+  const setting = playground.setting(chosen);
+  const moved = [...Object.keys(chosen.values), ...Object.keys(chosen.choices)];
+  const titles = path => playground.knob(chosen, path)?.title ?? playground.choice(chosen, path)?.title ?? path;
+  return (setting.certificates ?? []).map(({ certificate, title: name, holds, statement, margin, bound, words: said, reads }) => {
+    const title = capitalised(name ?? certificate.replaceAll("_", " "));
+    const stale = moved.filter(path => !reads?.length || reads.some(read => touches(path, read)));
+    if (stale.length) {
+      const names = [...new Set(stale.map(titles))].join(", ");
+      return light("grey", title, `is not known here: ${names} moved.`, [`As given it said: ${statement}`]);
+    }
+    const state = holds === true ? "good" : holds === false ? "bad" : "open";
+    const words = { good: "holds.", bad: "does not hold.", open: "is not decided." }[state];
+    const numbers = [numberText("margin", margin), said ? "" : numberText("bound", bound)].filter(Boolean).join(", ");
+    return light(state, title, words, [statement, capitalised([said ?? [], numbers].flat().filter(Boolean).join(", "))].filter(Boolean));
+  });
+}
+
+function numberText(name, value) {
+  if (value === null || value === undefined) return "";
+  const numbers = [typeof value === "object" ? Object.values(value) : value].flat(3).map(Number);
+  if (!numbers.length || numbers.every(number => !Number.isFinite(number))) return "";
+  return `${name} ${numbers.map(number => shownNumber(number, 3)).join(", ")}`;
+}
+
+export function runLights(result, joints) {
+  const lights = [];
+  if (!result.t.length) return [light("grey", "Inside its envelope", "is not known: nothing was run.")];
+  const first = firstOutside(result, joints);
+  if (first === undefined) lights.push(light("grey", "Envelope", "is not there: nothing is promised of the error."));
+  else if (first) lights.push(light("bad", "Inside its envelope", `no: joint ${first.joint} was outside at ${shownNumber(first.time)} s.`));
+  else if (broken(result)) lights.push(light("bad", "Inside its envelope", "only as far as the run went."));
+  else lights.push(light("good", "Inside its envelope", "in every sample of this run."));
+  lights.push(monitorLight(result));
+  return lights;
+}
+
+function monitorLight(result) {
+  const warned = result.signals.assumption_violated;
+  const title = "Assumptions, as the law watches them:";
+  if (!warned) return light("grey", title, "this scheme has no monitor.");
+  const wide = warned.length / result.t.length || 1;
+  const found = warned.findIndex(value => value > 0.5);
+  if (found < 0) return light("good", title, "none was seen broken.");
+  const joint = wide > 1 ? `, at joint ${(found % wide) + 1}` : "";
+  return light("bad", title, `one was broken, first at ${shownNumber(result.t[Math.floor(found / wide)])} s${joint}.`);
+}
+
+export function broken(result) {
+  return !["ok", "finished", "recovered"].includes(result.outcome.kind) && !staysOutside(result);
+}
+
+/* A run may go on outside its envelope to its end. */
+function staysOutside(result) {
+  return ["left_envelope", "left"].includes(result.outcome.kind) && result.asked && result.t.at(-1) >= result.asked - 1e-9;
+}
+
+/* [state, words] of how a run ended. */
+export function outcomeOf(result, joints) {
+  const { kind, message } = result.outcome;
+  if (["ok", "finished"].includes(kind)) {
+    const first = firstOutside(result, joints);
+    const seen = first === null ? "Every joint stayed inside its envelope. "
+      : first ? `Joint ${first.joint} was outside the envelope it is judged by, first at ${shownNumber(first.time)} s. ` : "";
+    return [first ? "warn" : "good", seen + (message || "The run reached its end.")];
+  }
+  return [kind === "recovered" ? "warn" : "bad", message || "The run ended early."];
+}

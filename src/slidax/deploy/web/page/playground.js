@@ -1,0 +1,154 @@
+/* What can be chosen in a playground, and what a choice means for its program.
+
+   A choice is {arm, scheme, choices: {path: index}, values: {path: number or one per joint}}; choices and values have
+   what differs from the default alone. */
+
+import { unpackedNumbers } from "./packed.js";
+
+export class Playground {
+  constructor(manifest) {
+    if (manifest?.format !== 1) throw new Error(`this page reads playgrounds of format 1, not ${manifest?.format}`);
+    this.manifest = manifest;
+    this.constants = new Map();
+  }
+
+  get first() {
+    return this.start(this.manifest.first.arm, this.manifest.first.scheme);
+  }
+
+  start(arm, scheme) {
+    return { arm, scheme, choices: {}, values: {} };
+  }
+
+  arm(id) {
+    return this.manifest.arms.find(arm => arm.id === id);
+  }
+
+  settingsOf(arm) {
+    return this.manifest.settings.filter(setting => setting.arm === arm);
+  }
+
+  setting(chosen) {
+    return this.manifest.settings.find(setting => setting.arm === chosen.arm && setting.scheme === chosen.scheme);
+  }
+
+  knob(chosen, path) {
+    return this.setting(chosen).knobs.find(knob => knob.path === path);
+  }
+
+  choice(chosen, path) {
+    return this.setting(chosen).choices.find(choice => choice.path === path);
+  }
+
+  /* The scheme of this arm that is the law as printed, or a rival; undefined if there is none. */
+  schemeOf(arm, kind) {
+    const settings = this.settingsOf(arm);
+    const named = settings.find(setting => setting.kind === kind);
+    if (named || settings.some(setting => setting.kind)) return named?.scheme;
+    const ours = this.manifest.first.scheme;
+    if (kind === "ours") return settings.find(setting => setting.scheme === ours)?.scheme;
+    if (kind === "printed") return settings.find(setting => setting.printed && setting.scheme !== ours)?.scheme;
+    return settings.find(setting => !setting.printed && setting.scheme !== ours)?.scheme;
+  }
+
+  value(chosen, path) {
+    return chosen.values[path] ?? this.knob(chosen, path).default;
+  }
+
+  choiceIndex(chosen, path) {
+    return chosen.choices[path] ?? this.choice(chosen, path).default;
+  }
+
+  /* The same choice with another number; the default is not kept. */
+  withValue(chosen, path, value) {
+    const values = { ...chosen.values };
+    if (sameNumbers(value, this.knob(chosen, path).default)) delete values[path];
+    else values[path] = value;
+    return { ...chosen, values };
+  }
+
+  withChoice(chosen, path, index) {
+    const choices = { ...chosen.choices };
+    if (index === this.choice(chosen, path).default) delete choices[path];
+    else choices[path] = index;
+    return { ...chosen, choices };
+  }
+
+  /* The same scene under another scheme: what both schemes have keeps its value. */
+  withScheme(chosen, scheme) {
+    let made = this.start(chosen.arm, scheme);
+    for (const [path, value] of Object.entries(chosen.values)) {
+      const knob = this.knob(made, path);
+      if (knob && !path.startsWith("scheme.") && fits(knob, value)) made = this.withValue(made, path, value);
+    }
+    for (const [path, index] of Object.entries(chosen.choices)) {
+      const value = this.choice(chosen, path).values[index];
+      const found = this.choice(made, path)?.values.findIndex(other => other === value) ?? -1;
+      if (found >= 0) made = this.withChoice(made, path, found);
+    }
+    return made;
+  }
+
+  variant(chosen) {
+    const setting = this.setting(chosen);
+    const at = setting.choices.map(choice => this.choiceIndex(chosen, choice.path));
+    return setting.variants.find(one => one.at.every((index, k) => index === at[k]));
+  }
+
+  program(chosen) {
+    const variant = this.variant(chosen);
+    return variant && this.manifest.programs.find(program => program.id === variant.program);
+  }
+
+  async inputs(chosen) {
+    const packed = this.variant(chosen)?.constants ?? this.setting(chosen).constants;
+    if (!packed) return new Float64Array(0);
+    if (!this.constants.has(packed)) this.constants.set(packed, unpackedNumbers(packed));
+    const inputs = Float64Array.from(await this.constants.get(packed));
+    for (const [path, value] of Object.entries(chosen.values)) {
+      const [start, count] = this.knob(chosen, path).inputs;
+      for (let k = 0; k < count; k++) inputs[start + k] = Array.isArray(value) ? value[k] : value;
+    }
+    return inputs;
+  }
+
+  /* The units of the joints' positions, in their order. */
+  units(arm) {
+    return this.jointLinks(arm).map(link => (link.type === "prismatic" ? "m" : "rad"));
+  }
+
+  /* A unit without what no joint of this arm has: "rad or m" is "rad" where all turn. */
+  unitOf(arm, unit) {
+    const parts = (unit ?? "").split(" or ");
+    const units = this.units(arm);
+    if (parts.length !== 2 || !units.every(one => one === units[0])) return unit ?? "";
+    return parts[units[0] === "rad" ? 0 : 1];
+  }
+
+  jointNames(arm) {
+    return this.jointLinks(arm).map((link, k) => link.name ?? `joint ${k + 1}`);
+  }
+
+  jointLinks(arm) {
+    return this.arm(arm).kinematics.filter(link => link.joint !== null).sort((a, b) => a.joint - b.joint);
+  }
+}
+
+export function listed(value, count) {
+  return Array.isArray(value) ? [...value] : new Array(count).fill(value);
+}
+
+export function sameNumbers(a, b) {
+  const count = Math.max(Array.isArray(a) ? a.length : 1, Array.isArray(b) ? b.length : 1);
+  const [left, right] = [listed(a, count), listed(b, count)];
+  return left.length === right.length && left.every((x, k) => x === right[k]);
+}
+
+/* Whether a value is what a knob takes: numbers within its range, one for all or one per joint. */
+export function fits(knob, value) {
+  const numbers = Array.isArray(value) ? value : [value];
+  const known = Array.isArray(knob.default) ? knob.default : [knob.default];
+  if (Array.isArray(value) && value.length !== (knob.inputs ? knob.inputs[1] : known.length)) return false;
+  return numbers.every((x, k) => Number.isFinite(x)
+    && ((x >= knob.low && x <= knob.high) || x === known[Math.min(k, known.length - 1)]));
+}

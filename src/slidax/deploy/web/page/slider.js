@@ -1,0 +1,67 @@
+/* One number with a slider and a box. */
+
+import { element } from "./dom.js";
+import { rounded, shownNumber, withUnit } from "./numbers.js";
+
+const STEPS = 1000;
+let sliderCount = 0;
+
+/* Where a value is between low and high, 0 to 1, and back; by decades where the scale says so and there is no 0. */
+export function scaleOf({ low, high, scale }) {
+  const logarithmic = scale === "log" && low > 0;
+  const [bent, straight] = logarithmic ? [Math.log, Math.exp] : [x => x, x => x];
+  const [a, b] = [bent(low), bent(high)];
+  return {
+    share: value => Math.min(1, Math.max(0, (bent(Math.max(value, logarithmic ? low * 1e-9 : -Infinity)) - a) / (b - a || 1))),
+    value: share => (share <= 0 ? low : share >= 1 ? high : rounded(straight(a + share * (b - a)))),
+  };
+}
+
+/* - `knob`: of the manifest: low, high, scale, unit.
+   - `given`: {label, described, input, commit}: the accessible name, the id of what describes it, and what is called
+     with a number while it moves and once it stands.
+   The answer is {row, put}: the two fields, and a function that shows another value. */
+export function numberSlider(knob, { label, described, input, commit }) {
+  const scale = scaleOf(knob);
+  const name = `number-${++sliderCount}`;
+  const bar = element("input.bar", {
+    type: "range", min: 0, max: STEPS, step: 1, "aria-label": label, "aria-describedby": described,
+    on: {
+      input: () => told(scale.value(bar.value / STEPS), input),
+      change: () => told(scale.value(bar.value / STEPS), commit),
+    },
+  });
+  const box = element("input.box", {
+    type: "number", step: "any", inputmode: "decimal", id: name, "aria-label": `${label}, value`,
+    "aria-describedby": described,
+    on: { change: typed, keydown: event => event.key === "Enter" && typed() },
+  });
+
+  function told(value, listener) {
+    put(value);
+    listener(value);
+  }
+
+  function typed() {
+    const value = box.valueAsNumber;
+    if (!Number.isFinite(value) || value < knob.low || value > knob.high) {
+      box.setAttribute("aria-invalid", "true");
+      box.setCustomValidity(`A number from ${shownNumber(knob.low)} to ${withUnit(knob.high, knob.unit)}.`);
+      box.reportValidity();
+      return;
+    }
+    told(value, input);
+    commit(value);
+  }
+
+  function put(value) {
+    box.removeAttribute("aria-invalid");
+    box.setCustomValidity("");
+    bar.value = Math.round(scale.share(value) * STEPS);
+    bar.style.setProperty("--share", scale.share(value));
+    bar.setAttribute("aria-valuetext", withUnit(value, knob.unit));
+    if (box.valueAsNumber !== value) box.value = value;
+  }
+
+  return { row: element("div.slider", {}, bar, box), put };
+}

@@ -1,0 +1,255 @@
+"""What the studio answers: its page, its files, its workbench, its jobs, and what they wrote."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import shutil
+import struct
+from collections.abc import AsyncIterator, Awaitable, Callable
+from contextlib import asynccontextmanager
+from typing import Any
+
+from starlette.applications import Starlette
+from starlette.middleware import Middleware
+from starlette.requests import ClientDisconnect, Request
+from starlette.responses import JSONResponse, Response
+from starlette.routing import Route
+
+from slidax._errors import DefinitionError
+
+from .ask import OvertakenError, Workbench
+from .folder import Folder, mark_of
+from .guard import LARGEST_FILE, Guard, TooLargeError
+from .jobs import Jobs, TooManyError
+from .names import OutsideError
+from .page import page
+from .process import scratch
+
+DEFAULT = "example-4.1-1khz"
+"""What is opened where nothing is asked for."""
+
+YAML = (".yaml", ".yml")
+
+ASKED = ("check", "run", "manifest", "compiled", "new", "catalogue", "part")
+"""Of the workbench."""
+
+COMPILING = 600.0
+"""Seconds for a scenario to be compiled for the page."""
+
+SHOWN = 1_000_000
+"""Bytes of a file that is shown as text."""
+
+KINDS = {
+    ".html": "text/html",
+    ".svg": "image/svg+xml",
+    ".png": "image/png",
+    ".json": "application/json",
+}
+"""Of results by their ending; everything else is plain text, or is saved."""
+
+PLAIN = (".yaml", ".yml", ".csv", ".md", ".c", ".h", ".txt", ".jsonl", ".urdf", ".xml", ".mjcf")
+
+SANDBOX = "sandbox allow-scripts allow-downloads; default-src 'none'; style-src 'unsafe-inline'; "
+SANDBOX += "script-src 'unsafe-inline' 'wasm-unsafe-eval' blob:; worker-src blob:; img-src 'self' data: blob:; "
+SANDBOX += "font-src data:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+"""A report is a page of its own, of no origin: what it says can ask the studio nothing."""
+
+Answered = Callable[[Request], Awaitable[Response]]
+
+
+class Studio:
+    """The answers.
+
+    - `folder`: the one that is read and written.
+    - `module`: with the command line, whose `main` a job calls.
+    - `opened`: what the page begins with: a built-in scenario, or a file below the folder.
+    """
+
+    def __init__(self, folder: Folder, *, module: str, opened: str) -> None:
+        self.folder, self.opened = folder, opened
+        self._private = scratch()
+        self.bench = Workbench(folder, self._private / "bench")
+        # Beside it, so that the sliders need not wait for a compiler.
+        self.compiler = Workbench(folder, self._private / "compiler", longest=COMPILING)
+        self._module = module
+        self._manifest: dict[str, Any] | None = None
+        self.jobs: Jobs
+
+    def app(self, *, port: int, token: str) -> Starlette:
+        """The application.
+
+        - `port`: at which it is served.
+        - `token`: that its page must say.
+        """
+        routes = [
+            Route("/", self._checked(self._page), methods=["GET"]),
+            Route("/results/{key}/{name:path}", self._checked(self._results), methods=["GET"]),
+            Route("/api/about", self._checked(self._about), methods=["GET"]),
+            Route("/api/files", self._checked(self._files), methods=["GET"]),
+            Route("/api/file", self._checked(self._file), methods=["GET"]),
+            Route("/api/file", self._checked(self._save), methods=["PUT"]),
+            Route("/api/jobs", self._checked(self._all_jobs), methods=["GET"]),
+            Route("/api/jobs", self._checked(self._new_job), methods=["POST"]),
+            Route("/api/jobs/{name}", self._checked(self._job), methods=["GET"]),
+            Route("/api/jobs/{name}", self._checked(self._end_job), methods=["DELETE"]),
+            Route("/api/{do}", self._checked(self._ask), methods=["POST"]),
+        ]
+        guard = Middleware(Guard, port=port, token=token)
+        return Starlette(routes=routes, middleware=[guard], lifespan=self._life)
+
+    @asynccontextmanager
+    async def _life(self, _: Starlette) -> AsyncIterator[None]:
+        self.jobs = Jobs(self.folder, self._private, self._module)
+        await self.bench.warm()
+        try:
+            yield
+        finally:
+            await self.close()
+            shutil.rmtree(self._private, ignore_errors=True)
+
+    async def close(self) -> None:
+        """Ends all processes: whoever waits for one is answered that there is none."""
+        await asyncio.gather(self.jobs.close(), self.bench.close(), self.compiler.close())
+
+    def _checked(self, answer: Answered) -> Answered:
+        """What is wrong with a request, as a line and a status."""
+
+        async def checked(request: Request) -> Response:
+            try:
+                return await answer(request)
+            except OutsideError as error:
+                return _error(403, error)
+            except OvertakenError as error:
+                return _error(409, error)
+            except TooManyError as error:
+                return _error(429, error)
+            except DefinitionError as error:
+                return _error(422, error)
+            except FileExistsError as error:
+                return JSONResponse({"error": {"where": "", "message": str(error)}, "exists": True}, 409)
+            except LookupError:
+                return JSONResponse({"error": {"where": "", "message": "there is no such thing"}}, 404)
+            except (TooLargeError, ClientDisconnect):
+                return JSONResponse({"error": {"where": "", "message": "the request is too large"}}, 413)
+
+        return checked
+
+    async def _page(self, request: Request) -> Response:
+        text, policy = page(await self._first())
+        return Response(text, headers={"content-security-policy": policy}, media_type="text/html")
+
+    async def _first(self) -> dict[str, Any]:
+        """The playground that the page begins with: the default one where the opened file is wrong."""
+        if self._manifest is None:
+            place = "path" if self.opened.lower().endswith(YAML) else "name"
+            for question in ({place: self.opened or DEFAULT}, {"name": DEFAULT}):
+                answer, _ = await self.bench.ask({**question, "do": "manifest"})
+                if "manifest" in answer:
+                    self._manifest = answer["manifest"]
+                    break
+            else:
+                raise DefinitionError(answer["error"]["message"])
+        return self._manifest
+
+    async def _about(self, request: Request) -> Response:
+        import slidax
+
+        from .commands import COMMANDS
+
+        return JSONResponse(
+            {
+                "version": slidax.__version__,
+                "folder": self.folder.root.name,
+                "opened": self.opened,
+                "jobs": {name: list(readers) for name, (_, readers, _) in COMMANDS.items()},
+                "restarts": self.bench.restarts,
+            }
+        )
+
+    async def _files(self, request: Request) -> Response:
+        found = [{"name": one.name, "size": one.size, "changed": one.changed} for one in self.folder.listing()]
+        return JSONResponse({"files": found})
+
+    async def _file(self, request: Request) -> Response:
+        name = request.query_params.get("path", "")
+        content = self.folder.read(name, SHOWN)
+        text = content.decode("utf-8", "replace")
+        return JSONResponse({"path": name, "text": text, "mark": mark_of(content)})
+
+    async def _save(self, request: Request) -> Response:
+        name = request.query_params.get("path", "")
+        before = request.headers.get("if-match")
+        mark = self.folder.write(name, await _body(request), before or None)
+        return JSONResponse({"path": name, "mark": mark})
+
+    async def _ask(self, request: Request) -> Response:
+        question = await _mapping(request)
+        do = request.path_params["do"]
+        if do not in ASKED:
+            raise LookupError(do)
+        who = str(request.headers.get("x-slidax-slot", ""))[:64]
+        bench = self.compiler if do == "compiled" else self.bench
+        answer, content = await bench.ask({**question, "do": do}, only_newest=who)
+        if "error" in answer:
+            outside = "outside of the studio's folder" in answer["error"]["message"]
+            return JSONResponse(answer, 403 if outside else 422)
+        if not content:
+            return JSONResponse(answer)
+        head = json.dumps(answer).encode()
+        head += b" " * (-len(head) % 8)
+        return Response(struct.pack("<Q", len(head)) + head + content, media_type="application/octet-stream")
+
+    async def _all_jobs(self, request: Request) -> Response:
+        return JSONResponse({"jobs": self.jobs.all()})
+
+    async def _new_job(self, request: Request) -> Response:
+        asked = await _mapping(request)
+        said = asked.get("said")
+        if not isinstance(said, dict):
+            raise DefinitionError("must be values by name", where="said")
+        job = self.jobs.add(str(asked.get("kind", "")), said)
+        return JSONResponse(self.jobs.shown(job), 201)
+
+    async def _job(self, request: Request) -> Response:
+        return JSONResponse(self.jobs.shown(self.jobs.find(request.path_params["name"])))
+
+    async def _end_job(self, request: Request) -> Response:
+        job = self.jobs.find(request.path_params["name"])
+        await self.jobs.cancel(job)
+        return JSONResponse(self.jobs.shown(job))
+
+    async def _results(self, request: Request) -> Response:
+        """A file that a job wrote, for whoever has the job's key; as a page of no origin."""
+        job, name = self.jobs.of_key(request.path_params["key"]), request.path_params["name"]
+        out = job.asked.out
+        if not out or not (name == out or name.startswith(f"{out}/")):
+            raise LookupError(name)
+        content = self.folder.read(name, LARGEST_FILE)
+        ending = name[name.rfind(".") :].lower()
+        kind = KINDS.get(ending, "text/plain" if ending in PLAIN else "application/octet-stream")
+        # A page of no origin has no files of its own origin; who has the key may have them.
+        headers = {"content-security-policy": SANDBOX, "cross-origin-resource-policy": "cross-origin"}
+        return Response(content, media_type=kind, headers=headers)
+
+
+async def _body(request: Request) -> bytes:
+    return await request.body()
+
+
+async def _mapping(request: Request) -> dict[str, Any]:
+    try:
+        found = json.loads(await _body(request), parse_constant=_no_number)
+    except (ValueError, RecursionError):
+        raise DefinitionError("the request is not JSON") from None
+    if not isinstance(found, dict):
+        raise DefinitionError("the request must be a mapping")
+    return found
+
+
+def _no_number(word: str) -> float:
+    raise ValueError(word)
+
+
+def _error(status: int, error: DefinitionError) -> Response:
+    return JSONResponse({"error": {"where": error.where, "message": error.message}}, status)

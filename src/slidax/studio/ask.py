@@ -1,0 +1,107 @@
+"""The server's side of the workbench: one question at a time, a new process where one ended or takes too long."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import subprocess
+from asyncio.subprocess import Process
+from pathlib import Path
+from typing import Any
+
+from slidax._errors import DefinitionError
+
+from .folder import Folder
+from .process import ended, started
+
+LONGEST = 120.0
+"""Seconds for an answer."""
+
+
+class OvertakenError(DefinitionError):
+    """A newer question of the same kind has taken its place."""
+
+
+class Workbench:
+    """Answers questions about scenarios by a process that is kept warm.
+
+    - `folder`: of the studio.
+    - `private`: of its process.
+    - `longest`: seconds for an answer.
+    """
+
+    def __init__(self, folder: Folder, private: Path, *, longest: float = LONGEST) -> None:
+        self._folder, self._private, self._longest = folder, private, longest
+        self._process: Process | None = None
+        self._turn = asyncio.Lock()
+        self._newest: dict[str, int] = {}
+        self._closed = False
+        self.restarts = 0
+
+    async def warm(self) -> None:
+        """Starts the process, so that the first question need not wait."""
+        async with self._turn:
+            if not self._closed:
+                await self._ready()
+
+    async def ask(self, question: dict[str, Any], *, only_newest: str = "") -> tuple[dict[str, Any], bytes]:
+        """The answer, and the bytes with it.
+
+        - `question`: of `Bench.answer`.
+        - `only_newest`: whose questions overtake each other: of those that wait, all but the last are not asked.
+
+        Raises OvertakenError if another one came meanwhile.
+        """
+        number = self._newest[only_newest] = self._newest.get(only_newest, 0) + 1
+        async with self._turn:
+            if only_newest and self._newest[only_newest] != number:
+                raise OvertakenError("a newer question took its place")
+            if self._closed:
+                return {"error": {"where": "", "message": "the studio ends"}}, b""
+            process = await self._ready()
+            try:
+                return await asyncio.wait_for(self._asked(process, question), self._longest)
+            except (TimeoutError, asyncio.IncompleteReadError, asyncio.LimitOverrunError, OSError, ValueError) as error:
+                await ended(process, gently=False)
+                took = isinstance(error, TimeoutError)
+                what = f"it took more than {self._longest:g} s" if took else f"its process ended ({process.returncode})"
+                return {
+                    "error": {"where": "", "message": f"This was not computed: {what}. It can be tried again."}
+                }, b""
+            except asyncio.CancelledError:
+                # Its answer would be taken for that of the next question.
+                await ended(process, gently=False)
+                raise
+
+    async def close(self) -> None:
+        """Ends the process; what is asked then, or waits for its answer, is told so."""
+        self._closed = True
+        if self._process is not None:
+            await ended(self._process, gently=False)
+
+    async def _asked(self, process: Process, question: dict[str, Any]) -> tuple[dict[str, Any], bytes]:
+        assert process.stdin is not None
+        assert process.stdout is not None
+        process.stdin.write(json.dumps(question).encode() + b"\n")
+        await process.stdin.drain()
+        line = await process.stdout.readuntil(b"\n")
+        answer: dict[str, Any] = json.loads(line)
+        content = await process.stdout.readexactly(int(answer.pop("bytes")))
+        return answer, content
+
+    async def _ready(self) -> Process:
+        if self._process is not None and self._process.returncode is None:
+            return self._process
+        self.restarts += self._process is not None
+        self._private.mkdir(mode=0o700, parents=True, exist_ok=True)
+        with (self._private / "log").open("ab") as log:
+            self._process = await started(
+                self._folder.root,
+                self._private,
+                "slidax.studio.bench",
+                [],
+                out=subprocess.PIPE,
+                errors=log,
+                calm=False,
+            )
+        return self._process

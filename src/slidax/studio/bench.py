@@ -1,0 +1,199 @@
+"""The workbench: one process that is kept warm, in which scenarios are read, checked and run for the page.
+
+A request is a line of JSON on standard input. An answer is a line of JSON on standard output, and as many bytes after
+it as it says under `bytes`.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+import threading
+import time
+import warnings
+from collections.abc import Callable
+from pathlib import Path
+from queue import SimpleQueue
+from typing import Any
+
+import numpy as np
+
+from slidax._errors import DefinitionError, DefinitionWarning
+
+from .folder import Folder
+from .names import require_ending
+from .references import YAML, require_beneath, require_file_beneath
+
+MOST_SAMPLES = 2_000_000
+"""Joints times samples of a run that is drawn while one waits; longer ones are jobs."""
+
+MOST_ROWS = 2001
+"""Of the signals that go to the page."""
+
+LARGEST = 1_000_000
+"""Bytes of a scenario file."""
+
+
+def main() -> None:
+    """Answers requests until standard input ends."""
+    import jax
+    from platformdirs import user_cache_path
+
+    jax.config.update("jax_enable_x64", True)
+    jax.config.update("jax_compilation_cache_dir", str(user_cache_path("slidax") / f"xla-{jax.__version__}"))
+    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.1)
+    # Whatever else is printed goes where errors go, so that answers are answers.
+    answers = os.fdopen(os.dup(1), "wb")
+    os.dup2(2, 1)
+    bench, asked = Bench(Folder(Path.cwd())), _lines()
+    while True:
+        answer, content = bench.answer(json.loads(asked.get()))
+        answers.write(json.dumps(answer | {"bytes": len(content)}).encode() + b"\n" + content)
+        answers.flush()
+
+
+def _lines() -> SimpleQueue[str]:
+    """Requests as they come; once there can be none any more, the process ends, whatever it does."""
+    found: SimpleQueue[str] = SimpleQueue()
+
+    def read() -> None:
+        for line in sys.stdin:
+            found.put(line)
+        os._exit(0)
+
+    threading.Thread(target=read, daemon=True).start()
+    return found
+
+
+class Bench:
+    """What the page asks of scenarios.
+
+    - `folder`: of the studio.
+    """
+
+    def __init__(self, folder: Folder) -> None:
+        self._folder = folder
+        self._able: dict[str, Callable[[dict[str, Any]], tuple[dict[str, Any], bytes]]] = {
+            "check": self._check,
+            "run": self._run,
+            "manifest": self._manifest,
+            "compiled": self._compiled,
+            "new": self._new,
+            "catalogue": self._catalogue,
+            "part": self._part,
+        }
+
+    def answer(self, asked: dict[str, Any]) -> tuple[dict[str, Any], bytes]:
+        """The answer, or what is wrong with the request, and bytes with it.
+
+        - `asked`: `do` says what.
+        """
+        with warnings.catch_warnings(record=True) as said:
+            warnings.simplefilter("always")
+            try:
+                answer, content = self._able[asked["do"]](asked)
+            except DefinitionError as error:
+                return {"error": {"where": error.where, "message": error.message}}, b""
+            except OSError as error:
+                return {"error": {"where": "", "message": f"{error.strerror}: `{error.filename}`"}}, b""
+            except (MemoryError, RecursionError) as error:
+                return {"error": {"where": "", "message": f"too large to compute here ({type(error).__name__})"}}, b""
+        return answer | {"warnings": _said(said)}, content
+
+    def _check(self, asked: dict[str, Any]) -> tuple[dict[str, Any], bytes]:
+        from slidax.diagnosis import beforehand
+
+        scenario = self._scenario(asked)
+        return _about(scenario) | {"beforehand": list(beforehand(scenario))}, b""
+
+    def _run(self, asked: dict[str, Any]) -> tuple[dict[str, Any], bytes]:
+        from .result import result_of
+
+        scenario = self._scenario(asked)
+        samples = scenario.t1 / scenario.period
+        if samples * scenario.state0.q.size > MOST_SAMPLES:
+            raise DefinitionError(
+                f"{samples:.3g} samples are too many to wait for: shorten `simulation.t1`, or use a job"
+            )
+        every = max(1, int(np.ceil(samples / (MOST_ROWS - 1))))
+        started = time.perf_counter()
+        run = scenario.simulate(log_every=every)
+        return result_of(run, scenario, 1e3 * (time.perf_counter() - started))
+
+    def _manifest(self, asked: dict[str, Any]) -> tuple[dict[str, Any], bytes]:
+        from .manifest import manifest_of
+
+        scenario = self._scenario(asked)
+        return {"manifest": manifest_of(scenario)} | _about(scenario), b""
+
+    def _compiled(self, asked: dict[str, Any]) -> tuple[dict[str, Any], bytes]:
+        from .manifest import compiled_manifest_of
+
+        return {"manifest": compiled_manifest_of(self._scenario(asked))}, b""
+
+    def _new(self, asked: dict[str, Any]) -> tuple[dict[str, Any], bytes]:
+        from slidax.commissioning import draft
+
+        robot = str(asked["robot"])
+        if "/" in robot or "." in robot:
+            place = self._folder.place(robot)
+            require_file_beneath(self._folder, place)
+            robot = str(place.relative_to(self._folder.root))
+        made = draft(robot, float(asked.get("rate", 1000.0)), tip=asked.get("tip") or None)
+        return {"text": made.text, "notes": list(made.notes)}, b""
+
+    def _catalogue(self, asked: dict[str, Any]) -> tuple[dict[str, Any], bytes]:
+        from slidax.scenarios import catalogue
+
+        return {"catalogue": catalogue()}, b""
+
+    def _part(self, asked: dict[str, Any]) -> tuple[dict[str, Any], bytes]:
+        from slidax.scenarios import explained
+
+        part = explained(str(asked["name"]))
+        return {"part": json.loads(json.dumps(part, default=str))}, b""
+
+    def _scenario(self, asked: dict[str, Any]) -> Any:
+        """A built-in one by `name`, a file by `path`, or a `text` that would be there; with `changes` by path."""
+        from slidax.scenarios import load
+        from slidax.scenarios.load import parse
+        from slidax.scenarios.yaml_text import read_yaml
+
+        changes = dict(asked.get("changes") or {})
+        require_beneath(self._folder, changes, self._folder.root)
+        if asked.get("name"):
+            name = str(asked["name"])
+            if "/" in name or "." in name.removeprefix("example-4."):
+                raise DefinitionError("a built-in scenario has a name; a file is asked for by its path")
+            return load(name, changes)
+        path = str(asked.get("path") or "scenario.yaml")
+        require_ending(path, YAML)
+        place = self._folder.place(path)
+        text = asked.get("text")
+        if text is None:
+            text = self._folder.content(place, path, LARGEST).decode("utf-8", "replace")
+        data = read_yaml(str(text))
+        require_beneath(self._folder, data, place.parent)
+        # From the folder, so that what is written of it names files from there, too.
+        return parse(str(text), changes, folder=place.parent.relative_to(self._folder.root)).build(place.stem)
+
+
+def _said(recorded: list[warnings.WarningMessage]) -> list[str]:
+    """What a user can do something about."""
+    return sorted({str(one.message) for one in recorded if issubclass(one.category, DefinitionWarning)})
+
+
+def _about(scenario: Any) -> dict[str, Any]:
+    from slidax.scenarios.written import as_yaml
+
+    return {
+        "scenario": scenario.name,
+        "title": scenario.description.title,
+        "robot": scenario.robot,
+        "scheme": scenario.scheme,
+        "joints": scenario.state0.q.size,
+        "period": scenario.period,
+        "t1": scenario.t1,
+        "text": as_yaml(scenario.description),
+    }

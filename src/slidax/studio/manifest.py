@@ -1,0 +1,148 @@
+"""A scenario as a playground whose runs are made by the studio, or, once it is compiled, by the page."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import numpy as np
+
+import slidax
+from slidax._errors import DefinitionError
+from slidax.deploy.web.arm import arm_entry
+from slidax.deploy.web.knob import knobs_of
+from slidax.deploy.web.playground import playground
+from slidax.deploy.web.setting import Setting
+from slidax.scenarios import Scenario, ScenarioDescription
+from slidax.scenarios.load import altered_description
+
+RIVALS = {
+    "computed_torque": "computed torque + PD",
+    "slotine_li": "Slotine-Li",
+    "super_twisting": "super-twisting",
+}
+"""Schemes that are offered beside the scenario's own, with the same estimator where it has one."""
+
+PERIODS = (0.5, 1.0, 2.0, 4.0)
+"""Times the scenario's own."""
+
+DELAYS = (0, 1, 2, 3)
+"""Periods by which a measurement is late."""
+
+PROGRAM = "server"
+
+
+def manifest_of(scenario: Scenario) -> dict[str, Any]:
+    """The playground of a scenario.
+
+    - `scenario`: any.
+    """
+    description = scenario.description
+    joints = int(scenario.state0.q.size)
+    settings = [_setting(description, scenario.scheme, scenario.scheme, "ours", joints)]
+    if "sampled_data" in type(description.scheme).model_fields and description.scheme.sampled_data is not None:
+        changes = {"scheme.sampled_data": None}
+        settings += _other(description, changes, "printed", f"{scenario.scheme} as printed", "printed", joints)
+    for name, title in RIVALS.items():
+        if name != scenario.scheme:
+            settings += _other(description, {"scheme.name": name}, name, title, "rival", joints)
+    torque, rate = _limits(scenario)
+    arm = scenario.robot
+    return {
+        "format": 1,
+        "title": description.title or scenario.name,
+        "made_by": f"slidax {slidax.__version__}",
+        "first": {"arm": arm, "scheme": settings[0]["scheme"]},
+        "arms": [arm_entry(scenario.plant.robot, arm, arm.replace("_", " "), torque, rate)],
+        "programs": [{"id": PROGRAM, "engine": "server", "inputs": 0, "signals": [], "rows": 0, "log_every": 0.0}],
+        "settings": [one | {"arm": arm} for one in settings],
+    }
+
+
+def compiled_manifest_of(scenario: Scenario) -> dict[str, Any]:
+    """The same, but the scenario itself runs in the page, as WebAssembly; other schemes, periods and delays do not.
+
+    - `scenario`: any whose arm our own plant moves.
+
+    Raises DefinitionError if it cannot be compiled for a page.
+    """
+    made = manifest_of(scenario)
+    first, arm = made["settings"][0], made["arms"][0]
+    setting = Setting(scenario.description, first["arm"], first["scheme"], first["title"])
+    compiled = playground(made["title"], [setting], {arm["id"]: arm["title"]})
+    own, at = compiled["settings"][0], [choice["default"] for choice in first["choices"]]
+    (variant,) = own["variants"]
+    first["variants"] = [variant | {"at": at} if one["at"] == at else one for one in first["variants"]]
+    first |= {name: own[name] for name in ("knobs", "constants", "certificates", "c_files", "c_parameters")}
+    made["programs"] += compiled["programs"]
+    return made
+
+
+def _other(
+    description: ScenarioDescription, changes: dict[str, Any], scheme: str, title: str, kind: str, joints: int
+) -> list[dict[str, Any]]:
+    """The setting of another scheme; none where it does not fit the scenario."""
+    try:
+        return [_setting(altered_description(description, changes), scheme, title, kind, joints)]
+    except DefinitionError:
+        return []
+
+
+def _setting(description: ScenarioDescription, scheme: str, title: str, kind: str, joints: int) -> dict[str, Any]:
+    resolved = description.model_copy(update={"robot": description.robot.resolved()})
+    choices = _choices(description)
+    return {
+        "scheme": scheme,
+        "title": title,
+        "kind": kind,
+        "printed": kind == "printed",
+        "note": "",
+        "choices": choices,
+        "variants": _variants([len(choice["values"]) for choice in choices]),
+        "knobs": [knob.entry(0) for knob in knobs_of(resolved, joints)],
+        "constants": None,
+        "scenario": json.loads(json.dumps(resolved.model_dump(exclude_unset=True), default=_listed)),
+        "c_files": None,
+        "c_parameters": None,
+        "certificates": [],
+    }
+
+
+def _choices(description: ScenarioDescription) -> list[dict[str, Any]]:
+    period, delay = description.simulation.period, description.sensor.delay
+    found = [
+        {
+            "path": "simulation.period",
+            "title": "period",
+            "unit": "s",
+            "values": [float(f"{factor * period:.6g}") for factor in PERIODS],
+            "default": PERIODS.index(1.0),
+        }
+    ]
+    if description.simulation.mode == "held" and isinstance(delay, int | float):
+        values = sorted({*DELAYS, delay})
+        found.append(
+            {
+                "path": "sensor.delay",
+                "title": "delay",
+                "unit": "periods",
+                "values": values,
+                "default": values.index(delay),
+            }
+        )
+    return found
+
+
+def _variants(counts: list[int]) -> list[dict[str, Any]]:
+    return [{"at": list(map(int, at)), "program": PROGRAM} for at in np.ndindex(*counts)]
+
+
+def _limits(scenario: Scenario) -> tuple[Any, Any]:
+    actuator = getattr(scenario.plant, "actuator", None)
+    if actuator is None:
+        return np.inf, np.inf
+    return np.asarray(actuator.limits.torque), np.asarray(actuator.limits.rate)
+
+
+def _listed(value: Any) -> Any:
+    return value.tolist() if hasattr(value, "tolist") else list(value)

@@ -1,0 +1,72 @@
+"""The studio's page: the playground's, with the studio's panels."""
+
+from __future__ import annotations
+
+import re
+import secrets
+from collections.abc import Mapping
+from html.parser import HTMLParser
+from importlib import resources
+from typing import Any
+
+from slidax.deploy.web.page_text import page_text
+
+FOLDER = resources.files("slidax.studio") / "page"
+
+SCRIPTS = ("api.js", "scenario.js", "job-card.js", "jobs.js", "files.js", "studio.js")
+"""In this order: each uses those before."""
+
+POLICY = (
+    "default-src 'none'; script-src 'nonce-{nonce}' 'wasm-unsafe-eval'; style-src 'unsafe-inline'; connect-src 'self'; "
+    "worker-src blob:; img-src data: blob:; font-src data:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+)
+
+
+def page(manifest: Mapping[str, Any]) -> tuple[str, str]:
+    """The page, and what the browser lets it do: no script that is not ours, and no request but to the studio.
+
+    - `manifest`: the playground that it begins with.
+    """
+    nonce = secrets.token_urlsafe(18)
+    text = page_text(
+        manifest,
+        scripts=[_source(name) for name in SCRIPTS],
+        styles=[_source("studio.css")],
+        policy=None,
+        loop=None if _has_loop() else "export async function openProgram() { throw new Error('none'); }",
+    )
+    return _with_nonce(text, nonce), POLICY.format(nonce=nonce)
+
+
+def _has_loop() -> bool:
+    return (resources.files("slidax.deploy.web") / "page" / "loop.js").is_file()
+
+
+def _source(name: str) -> str:
+    return (FOLDER / name).read_text(encoding="utf-8")
+
+
+class _Scripts(HTMLParser):
+    """Finds where scripts begin; what is only written in one is none."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.places: list[tuple[int, int]] = []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        """Notes the place of a script.
+
+        - `tag`, `attrs`: of the element.
+        """
+        if tag == "script":
+            self.places.append(self.getpos())
+
+
+def _with_nonce(text: str, nonce: str) -> str:
+    found = _Scripts()
+    found.feed(text)
+    lines = text.split("\n")
+    for line, column in reversed(found.places):
+        whole = lines[line - 1]
+        lines[line - 1] = whole[:column] + re.sub("^<script", f'<script nonce="{nonce}"', whole[column:])
+    return "\n".join(lines)

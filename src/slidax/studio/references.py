@@ -1,0 +1,165 @@
+"""The files that a file of ours names, and those that they name: each must be below the studio's folder."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from slidax._errors import DefinitionError, plain
+from slidax.robots.files.source import elements, read
+from slidax.scenarios.yaml_text import read_yaml
+
+from .folder import Folder
+from .names import OutsideError
+
+YAML, ROBOTS = (".yaml", ".yml"), (".urdf", ".xml", ".mjcf")
+
+MOST = 32_000_000
+"""Bytes of a file that is looked through."""
+
+FILES = 100
+"""That name each other, at most."""
+
+NAMING = re.compile(r"(^|\.)(file|scenario|robot|packages|log)(\.\d+)?$")
+"""Keys, and paths of values, under which files are named."""
+
+FOLDERS = ("meshdir", "texturedir", "assetdir")
+"""Attributes of MJCF with folders in which MuJoCo looks."""
+
+
+def require_beneath(folder: Folder, data: Any, where: Path) -> None:
+    """Raises OutsideError if a file is named that is outside of the folder, or names one that is.
+
+    What does not exist, or cannot be read, is left to the reader, which says it better.
+
+    - `folder`: of the studio.
+    - `data`: mappings, lists and values, of a scenario, a study, requirements, or of changes by path.
+    - `where`: the folder from which files are named.
+    """
+    _Walk(folder).through(data, where)
+
+
+def require_file_beneath(folder: Folder, place: Path) -> None:
+    """The same for what a file says.
+
+    - `folder`: of the studio.
+    - `place`: of the file, below the folder.
+    """
+    _Walk(folder).file(place)
+
+
+FILES_OF_MJCF = ("file", "fileup", "filedown", "fileleft", "fileright", "filefront", "fileback")
+"""Attributes of MJCF with files that MuJoCo opens."""
+
+
+class _Walk:
+    def __init__(self, folder: Folder) -> None:
+        self._folder = folder
+        self._seen: set[Path] = set()
+
+    def through(self, data: Any, where: Path) -> None:
+        if isinstance(data, list | tuple):
+            for part in data:
+                self.through(part, where)
+        if not isinstance(data, dict):
+            return
+        for key, value in data.items():
+            if isinstance(key, str) and NAMING.search(key):
+                for name in _texts(value):
+                    self._named(key, name, where)
+            self.through(value, where)
+        # Whether a mesh is there is nothing that a page should learn of other folders.
+        if data.get("meshes") is True and isinstance(data.get("file"), str):
+            self._meshes(where / data["file"])
+
+    def file(self, place: Path) -> None:
+        if place in self._seen:
+            return
+        self._seen.add(place)
+        if len(self._seen) > FILES:
+            raise DefinitionError(f"more than {FILES} files name each other")
+        try:
+            content = self._folder.content(place, place.name, MOST)
+        except OutsideError:
+            raise
+        except DefinitionError:
+            return
+        if place.suffix.lower() in YAML:
+            try:
+                data = read_yaml(content.decode("utf-8"))
+            except (DefinitionError, UnicodeDecodeError):
+                return
+            self.through(data, place.parent)
+        elif place.suffix.lower() in ROBOTS:
+            self._robot(content, place)
+
+    def _named(self, key: str, name: str, where: Path) -> None:
+        suffix = Path(name).suffix.lower() if "\0" not in name else ".yaml"
+        word = key.split(".")[-1] in ("scenario", "robot") and suffix not in (*YAML, *ROBOTS)
+        if word and "/" not in name and "\\" not in name:
+            return
+        place = self._beneath(where, name)
+        if place.suffix.lower() in (*YAML, *ROBOTS):
+            self.file(place)
+
+    def _beneath(self, where: Path, name: str) -> Path:
+        if "\0" in name:
+            raise OutsideError("a file's name has a NUL")
+        if "\\" in name or re.match(r"[A-Za-z]:", name) or name.startswith("~"):
+            raise OutsideError(f"`{plain(name)}` is no path below the studio's folder")
+        place = where / name
+        return place if place.resolve() == self._folder.root else self._folder.beneath(place, name)
+
+    def _robot(self, content: bytes, place: Path) -> None:
+        """MuJoCo opens what an MJCF file names; of a URDF file nothing is opened."""
+        text = content.decode("utf-8", "replace").lstrip("\ufeff")
+        if "<mujoco" not in text or "<robot" in text:
+            return
+        try:
+            root = read(text, "mujoco", "from_urdf reads <robot>").root
+        except DefinitionError as error:
+            raise DefinitionError(f"`{plain(place.name)}`: {error}") from None
+        bases = [place.parent, *self._asset_folders(root, place.parent)]
+        for element, name in _attributes(root, FILES_OF_MJCF):
+            if ":" in name:
+                raise OutsideError(f"`{plain(name)}` in `{plain(place.name)}` is no file below the studio's folder")
+            for base in bases:
+                found = self._beneath(base, name)
+                if element in ("include", "model"):
+                    self.file(found)
+
+    def _asset_folders(self, root: Any, where: Path) -> Iterator[Path]:
+        for _, name in _attributes(root, FOLDERS):
+            yield self._beneath(where, name)
+
+    def _meshes(self, place: Path) -> None:
+        try:
+            content = self._folder.content(self._folder.beneath(place, place.name), place.name, MOST)
+            root = read(content.decode("utf-8", "replace").lstrip("\ufeff"), "robot", "").root
+        except OutsideError:
+            raise
+        except DefinitionError:
+            return
+        for _, name in _attributes(root, ("filename",)):
+            self._beneath(place.parent, re.sub(r"^(file://|(package|model):///?)", "", name))
+
+
+def _attributes(root: Any, names: tuple[str, ...]) -> Iterator[tuple[str, str]]:
+    for _, element in elements(root):
+        for name in names:
+            found = element.get(name)
+            if found:
+                yield element.tag, found
+
+
+def _texts(value: Any) -> Iterator[str]:
+    if isinstance(value, str):
+        yield value
+    elif isinstance(value, list | tuple):
+        for part in value:
+            yield from _texts(part)
+    elif isinstance(value, dict):
+        for part in value.values():
+            yield from _texts(part)

@@ -1,0 +1,133 @@
+"""The studio served to this machine's browsers, and to nobody else."""
+
+from __future__ import annotations
+
+import asyncio
+import secrets
+import signal
+import socket
+import webbrowser
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+
+import uvicorn
+
+from slidax._errors import DefinitionError
+
+from .app import Studio
+from .folder import Folder
+
+PORT = 8577
+"""Where it is unless asked otherwise; if that is taken, at any free one."""
+
+
+def serve(
+    root: Path,
+    *,
+    module: str,
+    opened: str = "",
+    port: int | None = None,
+    browser: bool = True,
+    say: Callable[[str], None] = print,
+) -> None:
+    """Serves until Ctrl-C, which ends its processes, too.
+
+    - `root`: the folder that is read and written.
+    - `module`: with the command line, whose `main` a job calls.
+    - `opened`: what the page begins with: a built-in scenario, or a file below the folder.
+    - `port`: where; 0 for any free one, None for the usual one or a free one.
+    - `browser`: whether a browser is opened.
+    - `say`: is told the address.
+
+    Raises DefinitionError if there is no such folder, or the port is taken.
+    """
+    folder = Folder(root)
+    sockets = _sockets(port)
+    number = int(sockets[0].getsockname()[1])
+    token = secrets.token_urlsafe(32)
+    studio = Studio(folder, module=module, opened=opened)
+    address = f"http://127.0.0.1:{number}/#token={token}"
+    config = uvicorn.Config(
+        studio.app(port=number, token=token),
+        # Nothing stands before it, so nobody else says where a request came from.
+        proxy_headers=False,
+        server_header=False,
+        access_log=False,
+        log_level="warning",
+        ws="none",
+        http="h11",
+        lifespan="on",
+        limit_concurrency=100,
+        timeout_keep_alive=30,
+        timeout_graceful_shutdown=2,
+    )
+    server = _Server(config, studio)
+
+    def begin() -> None:
+        say(f"The studio is at {address} until Ctrl-C; it reads and writes {folder.root} alone")
+        if browser:
+            webbrowser.open(address)
+
+    with suppress(KeyboardInterrupt):
+        asyncio.run(_served(server, sockets, begin))
+
+
+class _Server(uvicorn.Server):
+    """Ends the studio's processes before it waits for the answers that wait for them."""
+
+    def __init__(self, config: uvicorn.Config, studio: Studio) -> None:
+        super().__init__(config)
+        self._studio = studio
+
+    async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
+        """Ends it.
+
+        - `sockets`: at which it listens.
+        """
+        await self._studio.close()
+        await super().shutdown(sockets)
+
+
+async def _served(server: uvicorn.Server, sockets: list[socket.socket], begin: Callable[[], None]) -> None:
+    # A closed terminal and `kill` end it as Ctrl-C does, so that its processes end.
+    if hasattr(signal, "SIGHUP"):
+        asyncio.get_running_loop().add_signal_handler(signal.SIGHUP, setattr, server, "should_exit", True)
+    task = asyncio.create_task(server.serve(sockets))
+    while not (server.started or task.done()):
+        await asyncio.sleep(0.02)
+    if server.started:
+        begin()
+    await task
+
+
+def _sockets(port: int | None) -> list[socket.socket]:
+    """Listening on loopback alone, by both versions of the protocol where the machine has them, at the same port."""
+    try:
+        first = _listening(socket.AF_INET, "127.0.0.1", PORT if port is None else port)
+    except OSError as error:
+        if port is not None:
+            raise DefinitionError(f"port {port} cannot be used: {error.strerror}; --port 0 takes a free one") from None
+        first = _listening(socket.AF_INET, "127.0.0.1", 0)
+    found = [first]
+    # Whoever else had the port there would be taken for the studio; without one nobody is.
+    with suppress(OSError):
+        found.append(_listening(socket.AF_INET6, "::1", int(first.getsockname()[1])))
+    return found
+
+
+def _listening(family: int, host: str, port: int) -> socket.socket:
+    made = socket.socket(family, socket.SOCK_STREAM)
+    try:
+        if family == socket.AF_INET6:
+            made.setsockopt(socket.IPPROTO_IPV6, socket.IPV6_V6ONLY, 1)
+        if hasattr(socket, "SO_EXCLUSIVEADDRUSE"):
+            made.setsockopt(socket.SOL_SOCKET, socket.SO_EXCLUSIVEADDRUSE, 1)
+        else:
+            made.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        made.bind((host, port))
+        made.listen(128)
+    except OSError:
+        made.close()
+        raise
+    return made

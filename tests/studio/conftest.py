@@ -1,0 +1,30 @@
+"""One studio for the tests of a worker: its workbench takes seconds to start."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from .tricks import planted
+
+
+@pytest.fixture(scope="session")
+def shared_root(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return planted(tmp_path_factory.mktemp("studio"))
+
+
+@pytest.fixture(scope="session")
+def client(shared_root: Path) -> Iterator[Any]:
+    from starlette.testclient import TestClient
+
+    from slidax.studio.app import Studio
+    from slidax.studio.folder import Folder
+
+    port = 8577
+    app = Studio(Folder(shared_root), module="slidax.cli", opened="").app(port=port, token="right")
+    with TestClient(app, base_url=f"http://127.0.0.1:{port}", client=("127.0.0.1", 1)) as made:
+        made.headers["x-slidax-token"] = "right"
+        yield made

@@ -1,0 +1,21 @@
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("uvicorn", reason="the extra `studio` is not installed")
+pytest.importorskip("playwright", reason="Playwright drives the browser")
+
+from .clicking import CHROMIUM, visit
+
+if CHROMIUM is None or not sys.platform.startswith("linux"):
+    pytest.skip("there is no Chromium on this machine", allow_module_level=True)
+
+
+@pytest.mark.full
+def test_twenty_seconds_of_random_clicking_break_nothing(tmp_path: Path):
+    found = visit(tmp_path, 20.0, seed=1)
+    assert found.faults == []
+    assert sum(found.actions.values()) > 20

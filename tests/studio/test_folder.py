@@ -1,0 +1,160 @@
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from slidax._errors import DefinitionError
+from slidax.studio.folder import Folder, mark_of
+from slidax.studio.names import OutsideError, parts_of
+
+from .tricks import SECRET, planted, state_of, tricks
+
+MOST = 1000
+
+
+@pytest.fixture
+def root(tmp_path: Path) -> Path:
+    return planted(tmp_path)
+
+
+def test_no_trick_reads_or_writes_the_planted_file(root: Path):
+    folder, before = Folder(root), state_of(root.parent / "outside")
+    names = tricks(root)
+    assert len(names) >= 40
+    for name in names:
+        with pytest.raises((DefinitionError, FileExistsError)):
+            folder.read(name, MOST)
+        # What is only an odd name may be written, in the folder.
+        try:
+            folder.write(name, b"x: 1\n")
+        except (DefinitionError, FileExistsError):
+            continue
+        assert folder.place(name).is_relative_to(root)
+    assert state_of(root.parent / "outside") == before
+
+
+def test_a_hidden_file_and_what_would_be_run_are_neither_read_nor_written(root: Path):
+    folder = Folder(root)
+    for name in (".bashrc.yaml", ".git/hooks.yaml", "sub/.ssh/keys.json"):
+        with pytest.raises(OutsideError, match="hidden"):
+            folder.write(name, b"")
+    for name in ("conftest.py", "run.sh", "index.html", "lib.so", "noending"):
+        with pytest.raises(DefinitionError, match="must end in one of"):
+            folder.write(name, b"")
+
+
+def test_links_within_the_folder_are_followed(root: Path):
+    os.symlink("own.yaml", root / "inner.yaml")
+    assert Folder(root).read("inner.yaml", MOST) == b"title: own\n"
+    assert Folder(root).read("self/own.yaml", MOST) == b"title: own\n"
+
+
+def test_a_file_is_written_whole_and_only_over_what_was_seen(root: Path):
+    folder = Folder(root)
+    mark = folder.write("new/deep/one.yaml", b"a: 1\n")
+    assert mark == mark_of(b"a: 1\n")
+    with pytest.raises(FileExistsError):
+        folder.write("new/deep/one.yaml", b"a: 2\n")
+    with pytest.raises(FileExistsError):
+        folder.write("new/deep/one.yaml", b"a: 2\n", before=mark_of(b"another"))
+    folder.write("new/deep/one.yaml", b"a: 2\n", before=mark)
+    assert (root / "new/deep/one.yaml").read_bytes() == b"a: 2\n"
+    assert [path.name for path in (root / "new/deep").iterdir()] == ["one.yaml"]
+
+
+def test_a_file_that_becomes_a_link_between_look_and_open_is_not_followed(root: Path, monkeypatch: pytest.MonkeyPatch):
+    folder, real = Folder(root), Folder.beneath
+
+    def swapped(self: Folder, path: Path, name: str) -> Path:
+        found = real(self, path, name)
+        found.unlink()
+        os.symlink("../outside/secret.yaml", found)
+        return found
+
+    monkeypatch.setattr(Folder, "beneath", swapped)
+    with pytest.raises(OutsideError, match="link"):
+        folder.read("own.yaml", MOST)
+
+
+def test_a_folder_that_becomes_a_link_between_look_and_open_is_not_followed(
+    root: Path, monkeypatch: pytest.MonkeyPatch
+):
+    (root / "sub" / "secret.yaml").write_text("title: own\n")
+    folder, real = Folder(root), Folder.beneath
+
+    def swapped(self: Folder, path: Path, name: str) -> Path:
+        found = real(self, path, name)
+        (root / "sub").rename(root / "moved")
+        os.symlink("../outside", root / "sub")
+        return found
+
+    monkeypatch.setattr(Folder, "beneath", swapped)
+    with pytest.raises(OutsideError):
+        folder.read("sub/secret.yaml", MOST)
+    before = state_of(root.parent / "outside")
+    (root / "sub").unlink()
+    (root / "moved").rename(root / "sub")
+    with pytest.raises((OutsideError, FileExistsError)):
+        folder.write("sub/secret.yaml", b"title: mine\n", before=mark_of(b"title: own\n"))
+    assert state_of(root.parent / "outside") == before
+
+
+FLIP = """
+import os, sys
+place, beside = sys.argv[1], sys.argv[1] + ".new"
+while True:
+    with open(beside, "w") as file:
+        file.write("title: own\\n")
+    os.replace(beside, place)
+    os.symlink("../outside/secret.yaml", beside)
+    os.replace(beside, place)
+"""
+
+
+def test_in_a_race_with_links_that_come_and_go_the_secret_is_never_read(root: Path):
+    """Another process swaps a file with a link to the secret as fast as it can."""
+    folder, place = Folder(root), root / "flip.yaml"
+    place.write_text("title: own\n")
+    read = refused = 0
+    with subprocess.Popen([sys.executable, "-S", "-c", FLIP, str(place)]) as other:
+        try:
+            while read + refused < 20_000 and not (read > 500 and refused > 500):
+                try:
+                    found = folder.read("flip.yaml", MOST)
+                except DefinitionError:
+                    refused += 1
+                else:
+                    assert SECRET.encode() not in found
+                    read += 1
+        finally:
+            other.kill()
+    assert read and refused
+
+
+def test_what_is_no_file_is_not_opened(root: Path):
+    if not hasattr(os, "mkfifo"):
+        pytest.skip("this system has no pipes by name")
+    os.mkfifo(root / "pipe.yaml")
+    with pytest.raises(DefinitionError, match="no file"):
+        Folder(root).read("pipe.yaml", MOST)
+    (root / "large.yaml").write_bytes(b"x" * (MOST + 1))
+    with pytest.raises(DefinitionError, match="at most"):
+        Folder(root).read("large.yaml", MOST)
+
+
+def test_a_listing_has_files_that_can_be_shown_and_no_links_out(root: Path):
+    (root / ".hidden.yaml").write_text("")
+    (root / "run.sh").write_text("")
+    (root / "sub" / "motion.csv").write_text("t\n0\n")
+    assert [one.name for one in Folder(root).listing()] == ["own.yaml", "sub/motion.csv"]
+    with pytest.raises(OutsideError):
+        Folder(root).listing("folder")
+
+
+@pytest.mark.parametrize("name", ["arm.yaml", "sub/arm-2.yaml", "Größe.yaml", "a b.csv", "x..y.yaml"])
+def test_ordinary_names_are_names(name: str):
+    assert parts_of(name) == tuple(name.split("/"))

@@ -1,0 +1,134 @@
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import pytest
+
+pytest.importorskip("starlette", reason="the extra `studio` is not installed")
+pytest.importorskip("httpx2", reason="Starlette's test client needs httpx2")
+
+from starlette.applications import Starlette
+from starlette.middleware import Middleware
+from starlette.requests import Request
+from starlette.responses import JSONResponse, Response
+from starlette.routing import Route
+from starlette.testclient import TestClient
+
+from slidax.studio import guard
+from slidax.studio.guard import Guard
+
+PORT, TOKEN = 8577, "right"
+
+
+async def _echo(request: Request) -> Response:
+    try:
+        body = await request.body()
+    except guard.TooLargeError:
+        return Response(status_code=413)
+    return JSONResponse({"length": len(body)})
+
+
+@pytest.fixture
+def client() -> Iterator[TestClient]:
+    routes = [Route("/", _echo, methods=["GET"]), Route("/api/x", _echo, methods=["GET", "POST", "PUT", "DELETE"])]
+    app = Starlette(routes=routes, middleware=[Middleware(Guard, port=PORT, token=TOKEN)])
+    with TestClient(app, base_url=f"http://127.0.0.1:{PORT}", client=("127.0.0.1", 1234)) as made:
+        made.headers["x-slidax-token"] = TOKEN
+        yield made
+
+
+@pytest.mark.parametrize("host", [f"127.0.0.1:{PORT}", f"localhost:{PORT}", f"[::1]:{PORT}", f"LOCALHOST:{PORT}"])
+def test_loopback_at_the_right_port_is_answered(client: TestClient, host: str):
+    assert client.get("/", headers={"host": host}).status_code == 200
+
+
+@pytest.mark.parametrize(
+    "host",
+    [
+        "127.0.0.1",
+        "127.0.0.1:80",
+        f"127.0.0.1.evil.example:{PORT}",
+        f"evil.example:{PORT}",
+        f"127.0.0.1:{PORT}@evil.example",
+        f"localhost.:{PORT}",
+        f"0.0.0.0:{PORT}",
+        f"2130706433:{PORT}",
+        f"[::ffff:127.0.0.1]:{PORT}",
+        f" 127.0.0.1:{PORT},evil.example",
+        "",
+    ],
+)
+def test_another_host_is_refused_whatever_it_resolves_to(client: TestClient, host: str):
+    assert client.get("/", headers={"host": host}).status_code == 403
+    assert client.post("/api/x", json={}, headers={"host": host}).status_code == 403
+
+
+@pytest.mark.parametrize(
+    "headers",
+    [
+        {"origin": "http://evil.example"},
+        {"origin": "null"},
+        {"origin": f"https://127.0.0.1:{PORT}"},
+        {"origin": "http://127.0.0.1:9999"},
+        {"origin": f"http://localhost:{PORT}"},
+        {"sec-fetch-site": "cross-site"},
+        {"sec-fetch-site": "same-site"},
+        {"sec-fetch-site": "none"},
+        {"sec-fetch-site": "anything"},
+    ],
+)
+def test_a_request_of_another_page_is_refused(client: TestClient, headers: dict[str, str]):
+    assert client.post("/api/x", json={}, headers=headers).status_code == 403
+
+
+def test_its_own_page_is_answered(client: TestClient):
+    headers = {"origin": f"http://127.0.0.1:{PORT}", "sec-fetch-site": "same-origin"}
+    assert client.post("/api/x", json={}, headers=headers).json() == {"length": 2}
+    assert client.get("/", headers={"sec-fetch-site": "none"}).status_code == 200
+
+
+@pytest.mark.parametrize("token", ["", "wrong", "right ", "righ", "rightright", "ümlaut".encode()])
+def test_without_the_token_nothing_is_read_and_nothing_changed(client: TestClient, token: str | bytes):
+    for method in ("GET", "POST", "PUT", "DELETE"):
+        headers = {"x-slidax-token": token, "content-type": "application/json"}
+        assert client.request(method, "/api/x", headers=headers).status_code == 401
+    client.cookies.set("x-slidax-token", TOKEN)
+    assert client.get("/api/x", headers={"x-slidax-token": ""}).status_code == 401
+
+
+def test_another_machine_is_refused():
+    app = Starlette(routes=[Route("/", _echo)], middleware=[Middleware(Guard, port=PORT, token=TOKEN)])
+    for host in ("192.168.1.7", "10.0.0.1", "::ffff:192.168.1.7", "not an address"):
+        with TestClient(app, base_url=f"http://127.0.0.1:{PORT}", client=(host, 1)) as far:
+            assert far.get("/", headers={"x-forwarded-for": "127.0.0.1"}).status_code == 403
+
+
+def test_a_form_and_a_simple_request_are_refused(client: TestClient):
+    for kind in ("text/plain", "application/x-www-form-urlencoded", "multipart/form-data", ""):
+        assert client.post("/api/x", content=b"{}", headers={"content-type": kind}).status_code == 415
+
+
+def test_too_much_is_refused_whether_it_is_announced_or_not(client: TestClient, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(guard, "LARGEST", 1000)
+    monkeypatch.setattr(guard, "LARGEST_FILE", 2000)
+    headers = {"content-type": "application/json"}
+    assert client.post("/api/x", content=b"x" * 1001, headers=headers).status_code == 413
+    assert client.post("/api/x", content=iter([b"x" * 600] * 2), headers=headers).status_code == 413
+    assert client.post("/api/x", content=iter([b"x" * 600]), headers=headers).json() == {"length": 600}
+    assert client.put("/api/x", content=b"x" * 1500).json() == {"length": 1500}
+    assert client.put("/api/x", content=b"x" * 2001).status_code == 413
+
+
+def test_every_answer_says_what_it_may_do(client: TestClient):
+    for answer in (client.get("/"), client.get("/", headers={"host": "evil"}), client.get("/nothing")):
+        assert answer.headers["x-content-type-options"] == "nosniff"
+        assert "default-src 'none'" in answer.headers["content-security-policy"]
+        assert answer.headers["cross-origin-resource-policy"] == "same-origin"
+        assert "access-control-allow-origin" not in answer.headers
+
+
+def test_a_socket_is_closed(client: TestClient):
+    from starlette.websockets import WebSocketDisconnect
+
+    with pytest.raises(WebSocketDisconnect), client.websocket_connect("/api/x"):
+        pass

@@ -1,0 +1,104 @@
+"""Jobs of the studio, as its page asks for them; their processes are real."""
+
+from __future__ import annotations
+
+import json
+import os
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+pytest.importorskip("starlette", reason="the extra `studio` is not installed")
+pytest.importorskip("httpx2", reason="Starlette's test client needs httpx2")
+
+from starlette.testclient import TestClient
+
+from .tricks import SECRET
+
+
+def ended(client: TestClient, job: dict[str, Any], seconds: float = 60.0) -> dict[str, Any]:
+    """The job, once it is over."""
+    until = time.monotonic() + seconds
+    while time.monotonic() < until:
+        found: dict[str, Any] = client.get(f"/api/jobs/{job['id']}").json()
+        if found["state"] not in ("waiting", "running"):
+            return found
+        time.sleep(0.1)
+    raise AssertionError(f"the job hangs: {found}")
+
+
+def alive(pid: int) -> bool:
+    try:
+        return "State:\tZ" not in Path(f"/proc/{pid}/status").read_text()
+    except OSError:
+        return False
+
+
+@pytest.mark.full
+def test_a_job_that_reads_a_file_which_names_one_outside_is_refused(client: TestClient, shared_root: Path):
+    (shared_root / "bad.yaml").write_text("study: monte_carlo\nscenario: ../outside/secret.yaml\nruns: 10\nseed: 1\n")
+    job = ended(client, client.post("/api/jobs", json={"kind": "study", "said": {"file": "bad.yaml"}}).json())
+    assert (job["state"], job["code"]) == ("failed", 2)
+    assert "outside of the studio's folder" in job["log"]
+    assert SECRET not in json.dumps(job)
+
+
+def test_a_job_leaves_what_the_command_would_and_its_report_has_no_origin(client: TestClient, shared_root: Path):
+    said = {"scenario": "example-4.1-1khz", "set": {"simulation.t1": 1.0}, "out": "results/one"}
+    job = ended(client, client.post("/api/jobs", json={"kind": "run", "said": said}).json())
+    assert (job["state"], job["code"], job["answer"]["outcome"]) == ("done", 0, "ok"), job
+    left = {path.name for path in (shared_root / "results/one").iterdir()}
+    assert {"report.html", "log.parquet", "scenario.yaml"} <= left
+    report = client.get(job["links"][0]["at"], headers={"x-slidax-token": ""})
+    assert report.status_code == 200 and report.headers["content-security-policy"].startswith("sandbox")
+    key = job["links"][0]["at"].split("/")[2]
+    assert client.get(f"/results/{key}/own.yaml").status_code == 404
+    assert client.get(f"/results/{key}/results/one/../../own.yaml").status_code in (403, 404)
+    assert client.get(f"/results/x{key}/results/one/report.html").status_code == 404
+    again = client.post("/api/jobs", json={"kind": "run", "said": said})
+    assert (again.status_code, again.json()["exists"]) == (409, True)
+
+
+def test_a_cancelled_job_and_its_children_end(client: TestClient):
+    said = {"scenario": "panda-payload", "runs": 100000}
+    job = client.post("/api/jobs", json={"kind": "certify", "said": said}).json()
+    while client.get(f"/api/jobs/{job['id']}").json()["state"] == "waiting":
+        time.sleep(0.05)
+    time.sleep(1.0)
+    running = [pid for pid in os.listdir("/proc") if pid.isdigit() and said_of(pid, job["command"].split()[1])]
+    assert running
+    assert client.delete(f"/api/jobs/{job['id']}").json()["state"] == "cancelled"
+    assert not any(alive(int(pid)) for pid in running)
+    assert client.delete(f"/api/jobs/{job['id']}").status_code == 200
+    assert client.get(f"/api/jobs/{job['id']}").status_code == 404
+
+
+def said_of(pid: str, word: str) -> bool:
+    try:
+        line = Path(f"/proc/{pid}/cmdline").read_bytes().decode(errors="replace")
+    except OSError:
+        return False
+    return "slidax.studio.confined" in line and f'"{word}"' in line
+
+
+@pytest.mark.parametrize(
+    ("kind", "said", "what"),
+    [
+        ("rm", {}, "no job"),
+        ("run", {}, "must be given"),
+        ("run", {"scenario": "--help"}, "no name"),
+        ("run", {"scenario": "example-4.1", "view": True}, "unknown"),
+        ("run", {"scenario": "example-4.1", "set": {"a=b --out": 1}}, "no path"),
+        ("certify", {"scenario": "example-4.1", "runs": "1; ls"}, "number"),
+        ("certify", {"scenario": "example-4.1", "runs": True}, "number"),
+        ("compare", {"scenario": "example-4.1", "schemes": "a,--out=x"}, "no name"),
+        ("export-c", {"scenario": "example-4.1"}, "where to write"),
+        ("design", {"requirements": "own.yaml", "out": "x.py"}, "must end in"),
+    ],
+)
+def test_a_job_is_said_nothing_but_what_it_takes(client: TestClient, kind: str, said: dict[str, Any], what: str):
+    answer = client.post("/api/jobs", json={"kind": kind, "said": said})
+    assert answer.status_code == 422
+    assert what in answer.json()["error"]["message"]

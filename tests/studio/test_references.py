@@ -1,0 +1,109 @@
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from slidax._errors import DefinitionError
+from slidax.scenarios.yaml_text import read_yaml
+from slidax.studio.folder import Folder
+from slidax.studio.names import OutsideError
+from slidax.studio.references import require_beneath, require_file_beneath
+
+from .tricks import planted, tricks
+
+MUJOCO = '<mujoco><compiler {compiler}/>{inner}<worldbody><body name="b"/></worldbody></mujoco>'
+
+
+@pytest.fixture
+def root(tmp_path: Path) -> Path:
+    return planted(tmp_path)
+
+
+def test_no_trick_can_be_named_in_a_scenario(root: Path):
+    folder = Folder(root)
+    refused = 0
+    for name in tricks(root):
+        try:
+            require_beneath(folder, {"robot": {"kind": "urdf", "file": name}}, root)
+        except OutsideError:
+            refused += 1
+        else:
+            # Odd, but a name in the folder.
+            assert (root / name).resolve().is_relative_to(root)
+    assert refused >= 30
+
+
+SHAPES: list[Any] = [
+    "robot: {kind: urdf, file: NAME}",
+    "robot: {kind: identified, file: NAME}",
+    "robot: {kind: urdf, file: own.yaml, packages: [sub, NAME]}",
+    "trajectory: {kind: csv, file: NAME}",
+    "uncertainty: {file: NAME}",
+    "scenario: NAME",
+    "uncertainty: {robot.file: {choices: [own.yaml, NAME]}}",
+    "cases: [{robot.file: NAME}]",
+    "one: &a {file: NAME}\ntwo: {three: *a}",
+]
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+@pytest.mark.parametrize("name", ["../outside/secret.yaml", "link.yaml", "folder/secret.yaml"])
+def test_whatever_names_a_file_is_looked_at(root: Path, shape: str, name: str):
+    with pytest.raises(OutsideError):
+        require_beneath(Folder(root), read_yaml(shape.replace("NAME", name)), root)
+    require_beneath(Folder(root), read_yaml(shape.replace("NAME", "own.yaml")), root)
+
+
+def test_files_that_are_named_by_named_files_are_looked_at(root: Path):
+    (root / "study.yaml").write_text("study: monte_carlo\nscenario: sub/scenario.yaml\n")
+    (root / "sub/scenario.yaml").write_text("robot: {kind: identified, file: arm.yaml}\n")
+    (root / "sub/arm.yaml").write_text("robot: {kind: urdf, file: ../../outside/secret.urdf}\n")
+    with pytest.raises(OutsideError, match="outside"):
+        require_file_beneath(Folder(root), root / "study.yaml")
+
+
+@pytest.mark.parametrize(
+    ("compiler", "inner"),
+    [
+        ("", '<include file="../outside/secret.xml"/>'),
+        ("", '<include file="folder/secret.xml"/>'),
+        ("", '<include file="sub/second.xml"/>'),
+        ('meshdir="../outside"', '<asset><mesh name="m" file="secret.xml"/></asset>'),
+        ('meshdir="folder"', '<asset><mesh name="m" file="secret.xml"/></asset>'),
+        ("", '<asset><mesh name="m" file="/etc/passwd"/></asset>'),
+        ('texturedir="sub/up"', '<asset><texture file="outside/secret.xml"/></asset>'),
+        ("", '<asset><hfield name="h" file="file:///etc/passwd"/></asset>'),
+        ("", '<asset><model name="m" file="../outside/secret.xml"/></asset>'),
+        ("", '<asset><texture fileup="../outside/secret.xml"/></asset>'),
+    ],
+)
+def test_what_mujoco_would_open_is_looked_at(root: Path, compiler: str, inner: str):
+    (root / "arm.xml").write_text(MUJOCO.format(compiler=compiler, inner=inner))
+    (root / "sub/second.xml").write_text(MUJOCO.format(compiler="", inner='<include file="../../outside/secret.xml"/>'))
+    with pytest.raises(OutsideError):
+        require_beneath(Folder(root), {"robot": {"kind": "mjcf", "file": "arm.xml"}}, root)
+
+
+def test_entities_are_not_expanded(root: Path):
+    (root / "arm.xml").write_text(
+        '<!DOCTYPE m [<!ENTITY s SYSTEM "../outside/secret.xml">]><mujoco>&s;<worldbody/></mujoco>'
+    )
+    with pytest.raises(DefinitionError, match="DOCTYPE"):
+        require_beneath(Folder(root), {"robot": {"kind": "mjcf", "file": "arm.xml"}}, root)
+
+
+def test_whether_meshes_are_elsewhere_is_not_told(root: Path):
+    mesh = '<robot name="r"><link name="l"><visual><geometry><mesh filename="NAME"/></geometry></visual></link></robot>'
+    (root / "arm.urdf").write_text(mesh.replace("NAME", "file:///etc/passwd"))
+    asked = {"robot": {"kind": "urdf", "file": "arm.urdf"}}
+    require_beneath(Folder(root), asked, root)
+    with pytest.raises(OutsideError):
+        require_beneath(Folder(root), {"robot": asked["robot"] | {"meshes": True}}, root)
+
+
+def test_files_that_name_each_other_in_a_circle_end(root: Path):
+    (root / "a.yaml").write_text("robot: {kind: identified, file: b.yaml}")
+    (root / "b.yaml").write_text("robot: {kind: identified, file: a.yaml}")
+    require_file_beneath(Folder(root), root / "a.yaml")
