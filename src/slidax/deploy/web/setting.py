@@ -64,7 +64,9 @@ class Setting:
         base = self._family({})
         templates = base.templates({})
         joints = templates.built.plant.robot.joints
-        knobs = _varying(base, templates, knobs_of(base.base, joints))
+        chosen = {choice.path for choice in self.choices}
+        possible = [knob for knob in knobs_of(base.base, joints) if knob.path not in chosen]
+        knobs = _varying(base, templates, possible)
         own = {knob.path: knob.defaults for knob in knobs}
         variants = []
         for at in itertools.product(*(range(len(choice.values)) for choice in self.choices)):
