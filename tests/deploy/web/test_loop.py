@@ -77,7 +77,11 @@ def test_as_it_is_the_page_computes_what_slidax_run_does(two_link: Any, tmp_path
 
 
 def test_so_it_does_with_other_numbers_and_another_period(two_link: Any, tmp_path: Path) -> None:
-    knobs = {"scheme.surface.k1": 0.5, "robot.plant.masses": [0.7, 1.2], "scheme.transformation.performance.final": 0.01}
+    knobs = {
+        "scheme.surface.k1": 0.5,
+        "robot.plant.masses": [0.7, 1.2],
+        "scheme.transformation.performance.final": 0.01,
+    }
     assert_same(two_link, 0, tmp_path, knobs, {"simulation.period": 2e-3})
 
 

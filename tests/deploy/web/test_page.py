@@ -48,6 +48,7 @@ def visit(chromium: Any, site: Path) -> Iterator[Visit]:
 
 
 def typed(visit: Visit, knob: str, value: str) -> None:
+    visit.page.evaluate("document.querySelectorAll('#knobs .group').forEach(one => { one.open = true; })")
     box = visit.page.locator(f"{knob} > .slider .box")
     box.fill(value)
     box.press("Enter")
@@ -138,7 +139,7 @@ def test_lights_go_grey_with_their_reason(visit: Visit) -> None:
     assert [lights.nth(k).get_attribute("data-state") for k in range(3)] == ["good", "bad", "open"]
     typed(visit, "[data-path='scheme.surface.k1']", "0.3")
     assert [lights.nth(k).get_attribute("data-state") for k in range(3)] == ["grey", "bad", "grey"]
-    assert "k₁ moved" in lights.nth(0).inner_text().replace("K", "k")
+    assert "k₁ moved" in lights.nth(0).inner_text()
 
 
 def test_leaving_the_envelope_and_breaking_off_are_said(visit: Visit) -> None:
