@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +12,7 @@ from slidax.deploy.web import write_page
 from slidax.deploy.web.setting import Choice
 from slidax.scenarios import load
 
-from .browser import Visit, browser, served
+from .browser import Visit, served
 from .test_loop import made
 
 CLOSE = 1e-12
@@ -28,12 +27,7 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return write_page(manifest, tmp_path_factory.mktemp("site"))
 
 
-@pytest.fixture(scope="module")
-def chromium() -> Iterator[Any]:
-    with browser() as found:
-        yield found
-
-
+@pytest.mark.full
 def test_through_sliders_and_download_it_is_the_run_of_python(chromium: Any, site: Path, tmp_path: Path) -> None:
     with served(site.parent) as (address, asked):
         visit = Visit(chromium, f"{address}/{site.name}")
