@@ -10,7 +10,7 @@ unexport PYTHONPATH PYTHONHOME PYTHONDONTWRITEBYTECODE
 # `pip install --user` is refused inside an environment, so that such a default must not reach it.
 export PIP_USER := 0
 
-.PHONY: help venv demo test lint format bench verify figures tables targets league schema api lock clean
+.PHONY: help venv demo test lint format bench verify figures tables targets league schema docs release lock clean
 .DEFAULT_GOAL := help
 
 help: ## Show these targets
@@ -24,6 +24,7 @@ venv: .venv/.installed ## Make or update the environment, .venv
 .venv-3.11/.installed: pyproject.toml requirements/dev.txt
 	@scripts/bootstrap .venv-3.11 3.11
 
+# What takes ten seconds is `slidax demo`.
 demo: .venv/.installed ## Reproduce the paper's results and say where the report is
 	@.venv/bin/slidax reproduce --out reproduction $(ARGS)
 
@@ -57,14 +58,20 @@ tables: .venv/.installed ## Renew the measured tables of docs/choosing.md
 targets: .venv/.installed ## Build and run the exported step on every target that is here, and renew docs/targets.md
 	@.venv/bin/python -m benchmarks.targets $(ARGS)
 
-league: .venv/.installed ## Play the league, and renew its table in README.md and docs/league.md
+league: .venv/.installed ## Play the league, and renew its table in docs/league.md and README.md
 	@.venv/bin/python scripts/write-league $(ARGS)
 
 schema: .venv/.installed ## Renew the JSON schema of scenario files
 	@.venv/bin/slidax schema > src/slidax/scenarios/scenario.schema.json
 
-api: .venv/.installed ## Write the API pages from the docstrings, docs/api
-	@.venv/bin/python scripts/write-api $(ARGS)
+docs: .venv/.installed .venv-docs/.installed ## Run the code of all pages, and build the documentation site, site/
+	@.venv/bin/python scripts/build-site $(ARGS)
+
+# The builder needs nothing of slidax: it has its own environment, as small as its packages.
+.venv-docs/.installed: requirements/docs.txt .venv/.installed
+	@.venv/bin/python -m venv --clear .venv-docs
+	@.venv-docs/bin/python -m pip install -qq --disable-pip-version-check --require-hashes -r requirements/docs.txt
+	@touch $@
 
 # The second run of the tests has the oldest Python, and with it the oldest jax, that pyproject.toml allows. The wheel
 # is tried in an environment of its own, away from the sources, where a data file left out of it is missed.
@@ -81,24 +88,29 @@ verify: .venv/.installed .venv-3.11/.installed ## Test on both Pythons, the long
 	@cd .venv-wheel && bin/slidax reproduce --out reproduction
 	@echo "make verify: all passed"
 
+release: .venv/.installed ## Rehearse a release: build, judge, install and run it; uploads nothing
+	@.venv/bin/python scripts/release --untagged $(ARGS)
+
 # Keeps the pins that still fit; to renew them all: make lock ARGS=--upgrade
 # uv has its own environment, since nothing but this target needs it. The pins of run.txt follow those of dev.txt.
-COMPILE = .venv-lock/bin/uv pip compile pyproject.toml --quiet --universal --python-version 3.11 --generate-hashes \
+LOCK = .venv-lock/bin/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes \
 	--no-emit-index-url --no-emit-find-links --custom-compile-command "make lock"
+COMPILE = $(LOCK) pyproject.toml
 # All but cuda, which is for machines with a card.
 EXTRAS = --extra parquet --extra frame --extra native --extra robots --extra trajectories --extra view --extra film \
-	--extra studies --extra cluster --extra fmu --extra log
+	--extra studies --extra cluster --extra fmu --extra log --extra linear --extra studio
 lock: .venv-lock/bin/uv ## Renew requirements/*.txt after a change in pyproject.toml
 	@mkdir -p requirements
 	@$(COMPILE) --group dev $(EXTRAS) --output-file requirements/dev.txt $(ARGS)
 	@$(COMPILE) --constraint requirements/dev.txt --output-file requirements/run.txt $(ARGS)
-	@echo "requirements/dev.txt and requirements/run.txt are up to date."
+	@$(LOCK) --group docs --constraint requirements/dev.txt --output-file requirements/docs.txt $(ARGS)
+	@echo "requirements/dev.txt, run.txt and docs.txt are up to date."
 
 .venv-lock/bin/uv:
 	@python=$$(scripts/find-python) && "$$python" -m venv --clear .venv-lock
 	@.venv-lock/bin/python -m pip install -qq uv
 
 clean: ## Remove everything that make made
-	@rm -rf .venv .venv-3.11 .venv-wheel .venv-lock .python build dist reproduction docs/api
+	@rm -rf .venv .venv-3.11 .venv-wheel .venv-lock .venv-docs .venv-release .python build dist reproduction site
 	@rm -rf .pytest_cache .hypothesis .mypy_cache .ruff_cache .import_linter_cache
 	@find src tests benchmarks -name __pycache__ -type d -prune -exec rm -rf {} + 2>/dev/null || true

@@ -18,7 +18,10 @@ def measure() -> dict[str, Any]:
     """Closed-loop steps per second of a batch of Example 4.1, held: most of all rounds, in turns."""
     import jax
 
+    from benchmarks import machine
+
     jax.config.update("jax_enable_x64", True)
+    machine.well_made_from_the_start()
     import equinox as eqx
     import jax.numpy as jnp
 

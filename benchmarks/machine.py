@@ -19,6 +19,13 @@ def describe() -> str:
     )
 
 
+def well_made_from_the_start() -> None:
+    """No code that was only made quickly: a speed that is measured is that of many runs."""
+    from slidax.codegen.llvm import by_demand
+
+    by_demand.WORTH.update(dict.fromkeys(by_demand.WORTH, 0))
+
+
 def _processor() -> str:
     information = Path("/proc/cpuinfo")
     if information.exists():

@@ -37,7 +37,10 @@ def measure() -> dict[str, Any]:
         os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})
     import jax
 
+    from benchmarks import machine
+
     jax.config.update("jax_enable_x64", True)
+    machine.well_made_from_the_start()
     from slidax import robots
 
     arm = robots.panda()

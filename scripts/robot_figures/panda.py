@@ -160,10 +160,10 @@ def draw(shown: list[Line]) -> Figure:
 
 
 def make() -> None:
-    """Simulates all of them, and writes the figure and the table of the README."""
+    """Simulates all of them, and writes the figure and the table of docs/rivals.md."""
     found = lines()
     drawn = {line.measured: line.run for line in found if line.form == "sampled-data"}
     rows = [_row(line, drawn[line.measured]) for line in found]
     head = ["law", "form", "measurements", "samples outside", "steady error [rad]", "torque step, steady [N m]"]
-    write_table("../README.md", "panda", table(head, rows))
+    write_table("rivals.md", "panda", table(head, rows))
     save(draw([line for line in found if line.measured == "encoders"]), "panda-payload")

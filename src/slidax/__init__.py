@@ -7,7 +7,8 @@
     scenario = sx.scenarios.load("example-4.1")
     run = scenario.simulate()
 
-The rooms are `trajectories`, `robots`, `disturbances`, `sensors`, `actuators` (the world); `performance`,
+The rooms are `trajectories`, `robots`, `disturbances`, `sensors`, `actuators` (the world); `kinematics` (from what a
+tool should do to what the joints should); `performance`,
 `transformations`, `surfaces`, `reaching`, `estimators`, `adaptation`, `controllers` (the law); `simulation` (the loop);
 `identification` (an arm's numbers from a log); `scenarios`; `metrics`, `figures`, `papers`, `reports`, `diagnosis`,
 `certificates` (the judgement). Each is imported when it is first used.
@@ -28,6 +29,8 @@ if TYPE_CHECKING:
     from . import estimators as estimators
     from . import figures as figures
     from . import identification as identification
+    from . import kinematics as kinematics
+    from . import linear as linear
     from . import metrics as metrics
     from . import numerics as numerics
     from . import papers as papers

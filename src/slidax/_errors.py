@@ -15,7 +15,11 @@ from jaxtyping import Array
 LONGEST = 80
 """Characters of a value, or of a name, that a message shows."""
 
-_SHORT = Repr(maxlist=LONGEST, maxtuple=LONGEST, maxdict=8, maxset=8, maxstring=LONGEST, maxlong=40, maxother=LONGEST)
+# Python 3.11 takes no keywords here.
+_SHORT = Repr()
+_SHORT.maxlist = _SHORT.maxtuple = _SHORT.maxstring = _SHORT.maxother = LONGEST
+_SHORT.maxdict = _SHORT.maxset = 8
+_SHORT.maxlong = 40
 
 
 class DefinitionError(ValueError):

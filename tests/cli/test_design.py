@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import json
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -89,3 +90,12 @@ def test_2_for_requirements_that_are_none(requirements: Path, tmp_path: Path) ->
     assert done.exit_code == 2 and "wishes.deadline" in done.output
     done = in_process("design", str(requirements), "--out", str(tmp_path / "law.json"))
     assert done.exit_code == 2 and "ending .yaml" in done.output
+
+
+def test_a_missing_package_is_said_before_minutes_of_work(
+    requirements: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "cmaes", None)
+    refused = in_process("design", str(requirements), "--out", str(tmp_path / "designed.yaml"))
+    assert refused.exit_code == 2
+    assert "slidax[studies]" in refused.output and "horizon" not in refused.output

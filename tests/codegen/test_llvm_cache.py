@@ -23,7 +23,7 @@ def test_the_same_program_is_compiled_once(monkeypatch, folder):
     llvm.compile(scaled())
     (kept,) = folder.iterdir()
 
-    def never(self, text):
+    def never(self, text, level):
         raise AssertionError("compiled again")
 
     monkeypatch.setattr(machine.Machine, "compiled", never)
@@ -67,9 +67,9 @@ def compilations(monkeypatch):
     """How often something was compiled."""
     made, compiled = [], machine.Machine.compiled
 
-    def counted(self, text):
+    def counted(self, text, level):
         made.append(text)
-        return compiled(self, text)
+        return compiled(self, text, level)
 
     monkeypatch.setattr(machine.Machine, "compiled", counted)
     return made

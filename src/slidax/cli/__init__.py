@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import atexit
 import gc
+import io
+import sys
 from typing import Annotated
 
 import typer
 
 from .certify import certify
 from .compare import compare
+from .demo import demo
 from .design import design
 from .excite import excite
 from .explain import explain
@@ -22,6 +25,7 @@ from .export_ur import export_ur
 from .export_web import export_web
 from .identify import identify
 from .league import league
+from .linear import linear
 from .listing import list_, schema
 from .loop import loop
 from .new import new
@@ -43,6 +47,7 @@ app = typer.Typer(
 export = typer.Typer(help="A scheme as code for a robot.", no_args_is_help=True, rich_markup_mode="rich")
 app.add_typer(export, name="export")
 
+app.command(epilog="Example:  slidax demo --open")(demo)
 app.command(epilog="Example:  slidax reproduce --out reproduction")(reproduce)
 app.command(epilog="Example:  slidax run example-4.1 --set disturbance.scale=0 --set scheme.surface.k1=0.4")(run)
 app.command(epilog="Example:  slidax new --robot my-arm.urdf --rate 500 --out my-arm.yaml")(new)
@@ -54,6 +59,7 @@ app.command(epilog="Example:  slidax identify log.csv --robot panda --out arm.ya
 app.command(epilog="Example:  slidax explain bad  (after  slidax run SCENARIO --out bad)")(explain)
 app.command(epilog="Example:  slidax study cases.yaml --out cases  (docs/studies.md has such files)")(study)
 app.command(epilog="Example:  slidax league --tasks scara-slow --schemes cftsmppc,pid --out league")(league)
+app.command(epilog="Example:  slidax linear example-4.1-1khz --at 5 --out linear")(linear)
 app.command(epilog="Example:  slidax loop panda-payload --time 60 --out log.mcap --histogram latency.svg")(loop)
 app.command(epilog="Example:  slidax replay log.mcap  (after  slidax run panda-payload --out log.mcap)")(replay)
 app.command(epilog="Example:  slidax studio my-arm.yaml  (then drag a slider)")(studio)
@@ -82,4 +88,8 @@ def main() -> None:
     # Most of what is made lives to the end; to look through it for garbage takes a quarter of a short command.
     gc.set_threshold(100_000, 50, 50)
     atexit.register(gc.freeze)
+    for stream in (sys.stdout, sys.stderr):
+        # A letter that a terminal or pipe lacks, as on Windows, becomes a question mark and does not end the command.
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")
     app()

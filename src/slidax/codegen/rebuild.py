@@ -19,10 +19,10 @@ def rebuild(program: Program, replace: Replace) -> Program:
     - `program`: stays as it is, and so do the functions that it calls: what is made calls new ones.
     - `replace`: is asked about each value that is neither a constant, an input, a store nor part of a block.
     """
-    return _Rebuilding(program, replace, {}).finish()
+    return Rebuilding(program, replace, {}).finish()
 
 
-class _Rebuilding:
+class Rebuilding:
     """What has been made so far.
 
     - `program`, `replace`: see `rebuild`.
@@ -59,7 +59,7 @@ class _Rebuilding:
 
     def _function(self, program: Program) -> Program:
         if id(program) not in self.functions:
-            self.functions[id(program)] = _Rebuilding(program, self.replace, self.functions).finish()
+            self.functions[id(program)] = Rebuilding(program, self.replace, self.functions).finish()
         return self.functions[id(program)]
 
     def _all(self, values: Sequence[Value]) -> tuple[Value, ...]:

@@ -13,6 +13,7 @@ from slidax.certificates import Verdict, statistical
 from slidax.certificates.extent import starts_of
 from slidax.commissioning.text import WIDTH
 from slidax.scenarios import ScenarioDescription
+from slidax.studies.search.island import require_cmaes
 
 from .choice import EXPONENT, OVERSHOOT, Choice, Frame, frame_of
 from .proof import Asked, asked_of, of_the_rate, radius_of
@@ -79,8 +80,10 @@ def design(requirements: Requirements, *, runs: int = RUNS, say: Say = _unheard)
     - `runs`: random cases of the check at the end.
     - `say`: is told what is done.
 
-    Raises DefinitionError if the requirements contradict themselves.
+    Raises DefinitionError if the requirements contradict themselves, or the package for searches is missing.
     """
+    # The search for the worst case comes last, after minutes.
+    require_cmaes()
     frame, first = _begin(requirements)
     say("what the motion and the set ask of the drives")
     asked = _asked(requirements, frame, first)

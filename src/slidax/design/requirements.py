@@ -95,7 +95,7 @@ class Requirements(AbstractDescription):
         if self.start is None:
             with located("trajectory"):
                 described = TypeAdapter(TrajectoryDescription).validate_python(data["trajectory"])
-                motion = trajectory_of(described, arms.limits, arms.true.joints)
+                motion = trajectory_of(described, arms.limits, arms.nominal)
                 reference = motion.reference(as_array(0.0))
             data["start"] = {"q": np.asarray(reference.q).tolist(), "dq": np.asarray(reference.dq).tolist()}
         return data

@@ -17,6 +17,7 @@ from .error import iae as iae
 from .error import rms_error as rms_error
 from .error import settling_time as settling_time
 from .error import steady_error as steady_error
+from .frames import frame as frame
 from .metric import Metric as Metric
 from .metric import metric as metric
 from .names import short_names as short_names

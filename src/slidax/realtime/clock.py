@@ -24,6 +24,8 @@ class _Timespec(ctypes.Structure):
 
 def now() -> int:
     """The monotonic clock [ns]; all processes of a machine read the same one."""
+    if sys.platform == "win32":
+        return time.monotonic_ns()
     return time.clock_gettime_ns(time.CLOCK_MONOTONIC)
 
 

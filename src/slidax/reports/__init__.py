@@ -3,6 +3,7 @@
 from .certificate_report import write_certificate_report as write_certificate_report
 from .comparison import write_comparison as write_comparison
 from .identification_report import write_identification_report as write_identification_report
+from .linear_report import write_linear_report as write_linear_report
 from .machine import machine as machine
 from .machine import versions as versions
 from .numbers import significant as significant

@@ -227,7 +227,7 @@ class ScenarioDescription(AbstractDescription):
             arms = self.robot.build()
             true = arms.true
         with located("trajectory"):
-            trajectory = trajectory_of(self.trajectory, arms.limits, true.joints)
+            trajectory = trajectory_of(self.trajectory, arms.limits, arms.nominal)
             followed = eqx.filter_eval_shape(trajectory.position, jax.ShapeDtypeStruct((), float)).shape
             if followed != (true.joints,):
                 raise DefinitionError(f"moves {followed[0]} joints, but the robot has {true.joints}")

@@ -2,33 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
-import numpy as np
-from pydantic import Field
-
-from slidax._errors import DefinitionError, located
+from slidax._errors import DefinitionError
+from slidax.robots import AbstractRobot
 from slidax.robots.joint_limits import JointLimits
 from slidax.trajectories import AbstractTrajectory, MinimumJerk, Tabulated, Trapezoidal
 
 from .base import AbstractDescription, FileName, Numbers, said
 from .derived import union_of
-
-Limit = Annotated[float | list[float] | Literal["robot"], Field(union_mode="left_to_right")]
-"""One number for all joints, one per joint, or `robot` for the robot's own limits."""
-
-
-class TrajectoryPart(AbstractDescription):
-    """What the joints should do."""
-
-    def build(self, limits: JointLimits | None = None) -> AbstractTrajectory:
-        """The trajectory.
-
-        - `limits`: those of the robot, for a field that says `robot`; None if it has none.
-
-        Raises DefinitionError if it makes no sense.
-        """
-        raise NotImplementedError
+from .limits import Limit, TrajectoryPart, limits_said
+from .tool_path import ToolPathTrajectory
 
 
 class WaypointTrajectory(TrajectoryPart):
@@ -69,7 +53,7 @@ class LimitedTrajectory(WaypointTrajectory):
     start: float = said("when it begins", "s", default=0.0)
 
     def _arguments(self, limits: JointLimits | None) -> dict[str, Any]:
-        return self.parameters() | _said(self, limits, "velocity")
+        return self.parameters() | limits_said(self, limits, "velocity")
 
 
 class QuinticTrajectory(LimitedTrajectory):
@@ -110,7 +94,7 @@ class TableTrajectory(TrajectoryPart):
     )
 
     def _arguments(self, limits: JointLimits | None) -> dict[str, Any]:
-        said = _said(self, limits, "lower", "upper", "velocity")
+        said = limits_said(self, limits, "lower", "upper", "velocity")
         return {name: value for name, value in (self.parameters() | said).items() if name not in ("file", "text")}
 
     def _source(self) -> str:
@@ -144,39 +128,32 @@ class JointTrajectory(TableTrajectory):
         return Tabulated.from_joint_trajectory(self._source(), **self._arguments(limits))
 
 
-def _said(described: TrajectoryPart, limits: JointLimits | None, *fields: str) -> dict[str, Any]:
-    """The fields that say `robot`, with the robot's numbers."""
-    said: dict[str, Any] = {}
-    for field in fields:
-        if getattr(described, field) == "robot":
-            with located(field):
-                if limits is None:
-                    raise DefinitionError("says `robot`, but this robot has no limits of its own: give numbers")
-                said[field] = np.asarray(getattr(limits, field))
-    return said
+if TYPE_CHECKING:
+    TrajectoryDescription = AbstractDescription
+else:
+    TrajectoryDescription = union_of(
+        AbstractTrajectory,
+        MinimumJerkTrajectory,
+        QuinticTrajectory,
+        TrapezoidalTrajectory,
+        CsvTrajectory,
+        JointTrajectory,
+        ToolPathTrajectory,
+    )
 
 
-TrajectoryDescription = union_of(
-    AbstractTrajectory,
-    MinimumJerkTrajectory,
-    QuinticTrajectory,
-    TrapezoidalTrajectory,
-    CsvTrajectory,
-    JointTrajectory,
-)
-
-
-def trajectory_of(described: Any, limits: JointLimits | None, joints: int) -> AbstractTrajectory:
+def trajectory_of(described: Any, limits: JointLimits | None, robot: AbstractRobot) -> AbstractTrajectory:
     """The trajectory that is described.
 
     - `described`: a member of `TrajectoryDescription`.
     - `limits`: those of the robot, for a field that says `robot`; None if it has none.
-
-    - `joints`: how many the robot has.
+    - `robot`: the arm, as the law knows it.
 
     Raises DefinitionError if it makes no sense.
     """
+    if isinstance(described, ToolPathTrajectory):
+        return described.build(limits, robot)
     if isinstance(described, WaypointTrajectory):
-        described.require_joints(joints)
+        described.require_joints(robot.joints)
     found: AbstractTrajectory = described.build(*([limits] if isinstance(described, TrajectoryPart) else []))
     return found

@@ -52,7 +52,8 @@ def drive(
     Raises NoNativeCodeError if there is no machine code for something in it.
     """
     arrays, static = eqx.partition((loop, state0), eqx.is_array)
-    native, kernel = _compiled(LoopSignature.of(arrays, static, every is not None))
+    native, code = _compiled(LoopSignature.of(arrays, static, every is not None))
+    kernel = code.kernel(samples)
     ready = time.perf_counter()
     stride = every or 1
     chunk = max(1, CHUNK // stride) * stride
@@ -141,8 +142,9 @@ def _driven(
     every: int | None,
     threads: int | None,
 ) -> tuple[Any, Any]:
-    native, kernel = _compiled_batch(known)
+    native, code = _compiled_batch(known)
     inputs, runs, rows = _asked(native, varied, samples, every, shared)
+    kernel = code.kernel(samples * -(-runs // code.lanes))
     return _collected(native, kernel.batch(inputs, runs, rows, threads), every)
 
 
@@ -180,9 +182,9 @@ class _Known:
 
 
 @functools.lru_cache(maxsize=64)
-def _compiled_batch(known: _Known) -> tuple[NativeLoop, llvm.Kernel]:
+def _compiled_batch(known: _Known) -> tuple[NativeLoop, llvm.ByDemand]:
     native = known.make()
-    return native, llvm.compile(native.program, lanes=llvm.LANES)
+    return native, llvm.ByDemand(native.program, lanes=llvm.LANES)
 
 
 @functools.lru_cache(maxsize=64)
@@ -193,9 +195,9 @@ def _compiled_for_card(known: _Known) -> tuple[NativeLoop, cuda.Kernel]:
 
 
 @functools.lru_cache(maxsize=64)
-def _compiled(signature: LoopSignature) -> tuple[NativeLoop, llvm.Kernel]:
+def _compiled(signature: LoopSignature) -> tuple[NativeLoop, llvm.ByDemand]:
     native = single_loop(signature.whole, signature.arrays, logged=signature.logged)
-    return native, llvm.compile(native.program)
+    return native, llvm.ByDemand(native.program)
 
 
 def _numbers(tree: Any) -> list[np.ndarray]:

@@ -78,7 +78,6 @@ def lowered(
     logged: bool,
     batch: bool,
     shared: Any = None,
-    known: bool = False,
     beforehand: Callable[[Any], Any] | None = None,
 ) -> NativeLoop:
     """The loop of two functions of arrays.
@@ -89,7 +88,6 @@ def lowered(
     - `logged`: whether one in `every` samples is logged.
     - `batch`: whether many are to run side by side.
     - `shared`: a tree before `arrays` that is the same for all runs of a batch; both are then given as a pair.
-    - `known`: whether arrays that the functions close over are numbers of the program, and no inputs.
     - `beforehand`: from `arrays` to what both functions are given in their place, computed once before all samples.
     """
     given = arrays if shared is None else (shared, arrays)
@@ -99,7 +97,7 @@ def lowered(
     turn = _Traced(turned, found, start.result[0])
     # What fails above fails by XLA too, and says so itself.
     with in_one_line(lambda: "the loop"):
-        return _program(before, start, turn, given, logged, batch, len(jax.tree.leaves(shared)), known)
+        return _program(before, start, turn, given, logged, batch, len(jax.tree.leaves(shared)))
 
 
 def _program(
@@ -110,10 +108,9 @@ def _program(
     logged: bool,
     batch: bool,
     shared: int,
-    known: bool,
 ) -> NativeLoop:
     b = Builder()
-    outside = _Outside(b, known)
+    outside = _Outside(b)
     of_before = [] if before is None else outside.inputs(before.jaxpr.consts)
     of_start, of_turn = outside.inputs(start.jaxpr.consts), outside.inputs(turn.jaxpr.consts)
     given = [
@@ -121,7 +118,9 @@ def _program(
         for place, (name, leaf) in enumerate(leaves((jax.tree.map(_shape, arrays),), ("",)))
     ]
     if before is not None:
-        given = inline(b, before.jaxpr, given, constants=of_before)
+        b.origin = BEFOREHAND
+        given = [_as_given(b, k, array) for k, array in enumerate(inline(b, before.jaxpr, given, constants=of_before))]
+        b.origin = None
     steps = b.input("steps", "i64", ()).item()
     every = b.input("every", "i64", ()).item() if logged else None
     rows = [
@@ -172,6 +171,18 @@ def _begun(b: Builder, start: _Traced, afresh: Callable[[], list[Values]], carri
     return unpacked(values, [array.shape for array in given])
 
 
+BEFOREHAND = "beforehand"
+"""Where values come from that a run is given, and does not compute."""
+
+
+def _as_given(b: Builder, which: int, array: Values) -> Values:
+    """An array of values that are as unknown as those of an input, so that the loop's own rounding is as it is there."""
+    found = np.empty(array.size, object)
+    for k, value in enumerate(array.ravel()):
+        found[k] = b.apply("copy", value, type=value.type, data=(which, k))
+    return found.reshape(array.shape)
+
+
 class _Traced:
     """A function's jaxpr, and its result with shapes for arrays."""
 
@@ -189,10 +200,10 @@ class _Traced:
 
 
 class _Outside:
-    """The arrays that functions close over, each an input once, or all of them numbers of the program."""
+    """The arrays that functions close over, each an input once."""
 
-    def __init__(self, builder: Builder, known: bool) -> None:
-        self.builder, self.known = builder, known
+    def __init__(self, builder: Builder) -> None:
+        self.builder = builder
         self.arrays: list[np.ndarray] = []
         self._known: dict[int, Values] = {}
 
@@ -200,7 +211,7 @@ class _Outside:
         found = []
         for const in consts:
             # A mask or an index that the code itself holds: what it switches off is not to be computed.
-            if self.known or (not isinstance(const, jax.Array) and np.asarray(const).dtype.kind in "bi"):
+            if not isinstance(const, jax.Array) and np.asarray(const).dtype.kind in "bi":
                 found.append(of_numbers(self.builder, np.asarray(const)))
                 continue
             if id(const) not in self._known:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, Literal, NamedTuple, TypeAlias
 
 import equinox as eqx
 import jax
@@ -15,6 +15,7 @@ from slidax._types import Envelope, Reference, Scalar, State
 
 from .columns import columns_of
 from .excursion import Excursion
+from .frames import Kind, data_frame
 from .free_body import FreeBody
 from .outcome import Fault, Outcome, describe
 from .overview import as_html, as_text
@@ -179,21 +180,32 @@ class Run(eqx.Module):
         kind = self.fault.kind
         return isinstance(kind, jax.Array | np.ndarray | np.generic) and not is_traced(self) and self.period.ndim < 2
 
-    def frame(self) -> Any:
-        """The log as a pandas data frame: a row per sample, columns such as `q[panda_joint1]`, units in its `attrs`.
+    def frame(self, kind: Kind = "pandas", joints: Literal["names", "numbers"] = "names") -> Any:
+        """The log as a data frame: a row per sample, columns such as `q[panda_joint1]`; pandas has units in `attrs`.
 
-        Raises DefinitionError if there is no log, these are many runs, or pandas is not installed.
+        - `kind`: "pandas" or "polars".
+        - `joints`: "names" for `q[panda_joint1]`, "numbers" for `q_1`, as in Parquet logs.
+
+        Raises DefinitionError if there is no log, these are many runs, or the library is not installed.
         """
-        try:
-            from pandas import DataFrame
-        except ImportError:
-            raise DefinitionError(
-                "a data frame needs pandas, which is not installed: pip install 'slidax[frame]'"
-            ) from None
-        found = columns_of(self, [f"[{name}]" for name in self.joint_names])
-        made = DataFrame({name: values for name, (values, _) in found.items()})
-        made.attrs["units"] = {name: unit for name, (_, unit) in found.items()}
-        return made
+        found = self._columns(joints)
+        units = {name: unit for name, (_, unit) in found.items()}
+        return data_frame({name: values for name, (values, _) in found.items()}, kind, units)
+
+    def units(self, joints: Literal["names", "numbers"] = "names") -> dict[str, str]:
+        """The units of the columns of `frame`, by name.
+
+        - `joints`: as there.
+
+        Raises DefinitionError as `frame` does.
+        """
+        return {name: unit for name, (_, unit) in self._columns(joints).items()}
+
+    def _columns(self, joints: str) -> dict[str, tuple[np.ndarray, str]]:
+        if joints not in ("names", "numbers"):
+            raise DefinitionError(f'`joints` must be "names" or "numbers"; got "{joints}"')
+        named = joints == "names"
+        return columns_of(self, [f"[{name}]" if named else f"_{k + 1}" for k, name in enumerate(self.joint_names)])
 
 
 def _picked(run: Run, which: int | slice) -> Run:

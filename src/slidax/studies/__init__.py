@@ -4,6 +4,7 @@ from .cases import Cases as Cases
 from .file import AnyStudy as AnyStudy
 from .file import read_study as read_study
 from .file import study_of as study_of
+from .frames import frame as frame
 from .monte_carlo import MonteCarlo as MonteCarlo
 from .monte_carlo import MonteCarloResult as MonteCarloResult
 from .predicate import Predicate as Predicate

@@ -48,7 +48,9 @@ def _add(made: dict[str, Any], arm: str, title: str, scenario: Any) -> None:
     bones = skeleton_of(scenario.plant.robot)
     n, log = bones.joints, run.log
     torque = {"two-link": [60.0] * n}.get(arm, [87.0] * 4 + [12.0] * 3)
-    made["arms"].append({"id": arm, "title": title, "joints": n, **_body(bones), "limits": {"torque": torque, "rate": None}})
+    made["arms"].append(
+        {"id": arm, "title": title, "joints": n, **_body(bones), "limits": {"torque": torque, "rate": None}}
+    )
     warned = np.zeros(len(log.t))
     signals = {"q": log.state.q, "e": log.e, "lower": log.envelope.lower, "upper": log.envelope.upper, "tau": log.tau}
     listed = [{"name": key, "title": key, "unit": "", "width": n} for key in signals]
@@ -146,9 +148,28 @@ def _knobs(described: dict[str, Any], n: int, scale: float) -> list[dict[str, An
 def _certificates() -> list[dict[str, Any]]:
     common = {"margin": 0.4, "bound": [0.1, 0.2]}
     return [
-        {"certificate": "loop_rate", "holds": True, "statement": "The period is short enough.", "reads": ["scheme"], **common},
-        {"certificate": "torque_budget", "holds": False, "statement": "The drives may be too weak.", "reads": ["robot"], **common},
-        {"certificate": "ultimate_bound", "holds": None, "statement": "No bound was found.", "reads": [], "margin": None, "bound": None},
+        {
+            "certificate": "loop_rate",
+            "holds": True,
+            "statement": "The period is short enough.",
+            "reads": ["scheme"],
+            **common,
+        },
+        {
+            "certificate": "torque_budget",
+            "holds": False,
+            "statement": "The drives may be too weak.",
+            "reads": ["robot"],
+            **common,
+        },
+        {
+            "certificate": "ultimate_bound",
+            "holds": None,
+            "statement": "No bound was found.",
+            "reads": [],
+            "margin": None,
+            "bound": None,
+        },
     ]
 
 
@@ -182,14 +203,30 @@ def _body(bones: Skeleton) -> dict[str, Any]:
         )
         long = float(np.linalg.norm(place))
         if long > 0.2 * radius:
-            shapes.append({"link": parent, "kind": "capsule", "size": [radius * 0.9, long], "at": between(place), "tone": 0})
+            shapes.append(
+                {"link": parent, "kind": "capsule", "size": [radius * 0.9, long], "at": between(place), "tone": 0}
+            )
         shapes.append(
-            {"link": joint, "kind": "cylinder", "size": [1.15 * radius, 2.6 * radius], "at": [0, 0, 0, 1, 0, 0, 0], "tone": 1}
+            {
+                "link": joint,
+                "kind": "cylinder",
+                "size": [1.15 * radius, 2.6 * radius],
+                "at": [0, 0, 0, 1, 0, 0, 0],
+                "tone": 1,
+            }
         )
     tip = bones.tip_translation
     size = [0.7 * radius, float(np.linalg.norm(tip))]
     shapes.append({"link": bones.tip_joint, "kind": "capsule", "size": size, "at": between(tip), "tone": 0})
-    shapes.append({"link": bones.tip_joint, "kind": "sphere", "size": [0.85 * radius], "at": [*tip.tolist(), 1, 0, 0, 0], "tone": 2})
+    shapes.append(
+        {
+            "link": bones.tip_joint,
+            "kind": "sphere",
+            "size": [0.85 * radius],
+            "at": [*tip.tolist(), 1, 0, 0, 0],
+            "tone": 2,
+        }
+    )
     return {
         "kinematics": links,
         "shapes": shapes,

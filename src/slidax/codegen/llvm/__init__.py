@@ -1,8 +1,9 @@
 """Machine code from programs, by LLVM."""
 
+from .by_demand import ByDemand as ByDemand
 from .kernel import LANES as LANES
 from .kernel import Kernel as Kernel
 from .kernel import compile as compile
 from .machine import available as available
 
-__all__ = ["LANES", "Kernel", "available", "compile"]
+__all__ = ["LANES", "ByDemand", "Kernel", "available", "compile"]

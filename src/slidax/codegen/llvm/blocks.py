@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from slidax.codegen.ir import ELEMENTARY, Branch, Loop, Program, Region, Value
 
 from . import memory, rearranged
+from .called import Called
 from .operations import operation
 from .uniformity import varying
 from .vectorise import Vector
@@ -27,19 +28,21 @@ class Blocks:
 
     - `program`: to be printed.
     - `lanes`: as many runs are computed side by side.
+    - `own`: whether elementary functions are ours, and called, and not those of libm.
     """
 
-    def __init__(self, program: Program, lanes: int) -> None:
+    def __init__(self, program: Program, lanes: int, *, own: bool = False) -> None:
         self.program = program
         self.lanes = lanes
+        self.own = own
         self.lines: list[str] = []
         self.declarations: set[str] = set()
+        self.called: set[Called] = set()
         self._write = self.lines.append
         self._differs = varying(program) if lanes > 1 else set()
         self._names: dict[Value, str] = {}
         self._spread: list[dict[Value, str]] = [{}]  # uniform values as vectors, by the regions that are open
-        self._label = "entry"
-        self._mask = ""  # the lanes that want what is being computed; "" for all
+        self._label, self._mask = "entry", ""  # the mask: the lanes that want what is being computed; "" for all
 
     def print(self) -> None:
         """Writes the whole body."""
@@ -52,13 +55,22 @@ class Blocks:
                 self.declarations |= memory.leave(self.program, which, element, word, self.lanes, self._write)
         self._write("ret void")
 
+    def print_function(self, whole: str) -> None:
+        """Writes the whole body as that of a function of numbers, the program's inputs `%x0`, `%x1`, to its output.
+
+        - `whole`: the type of its result.
+        """
+        self._names = {value: f"%x{value.data[0]}" for value in self.program.walk() if value.op == "input"}
+        self._region(self.program.body)
+        for result in self.program.outputs[0].values or ():
+            self._write(f"ret {whole} {self._word(result, self.lanes)}")
+
     # ---- words ------------------------------------------------------------------------------------------------------
 
     def _width(self, value: Value) -> int:
         """How many numbers a value is here."""
-        if isinstance(value, Vector):
-            return value.lanes
-        return self.lanes if value in self._differs else 1
+        alone = self.lanes if value in self._differs else 1
+        return value.lanes if isinstance(value, Vector) else alone
 
     def _own(self, value: Value) -> str:
         if value.op == "const":
@@ -71,9 +83,8 @@ class Blocks:
             return self._own(value)
         if value.op == "const":
             return literal(value.data, value.type, width)
-        for known in reversed(self._spread):
-            if value in known:
-                return known[value]
+        if known := next((words[value] for words in reversed(self._spread) if value in words), ""):
+            return known
         name = f"%s{value.number}x{len(self.lines)}"
         rearranged.spread(name, value.type, self._own(value), width, self._write)
         self._spread[-1][value] = name
@@ -106,7 +117,7 @@ class Blocks:
 
     def _value(self, value: Value) -> None:
         op = value.op
-        if op == "const" or op == "param":
+        if op == "const" or op == "param" or value in self._names:
             return
         if isinstance(value, Loop):
             self._loop(value)
@@ -126,7 +137,11 @@ class Blocks:
         else:
             width = self._width(value)
             words = [self._word(arg, width) for arg in value.args]
-            self.declarations |= operation(value, words, width, self._write)
+            if self.own and op in ELEMENTARY:
+                self.called.add(function := Called.by(value, width))
+                self._write(f"%v{value.number} = {function.called(words)}")
+            else:
+                self.declarations |= operation(value, words, width, self._write)
 
     def _rearrange(self, value: Value) -> None:
         name, words = f"%v{value.number}", [self._own(arg) for arg in value.args]
@@ -139,8 +154,7 @@ class Blocks:
 
     def _read(self, value: Value) -> None:
         if isinstance(value, Vector):
-            memory.read_vector(value, value.lanes, self._write)
-            return
+            return memory.read_vector(value, value.lanes, self._write)
         far = value.op == "load" and value.args[0] in self._differs
         index = self._own(value.args[0]) if value.op == "load" else str(value.data[1])
         self.declarations |= memory.read(self.program, value, index, self._width(value), far, self._mask, self._write)

@@ -18,7 +18,7 @@ from slidax.codegen.fold import DTYPES
 from slidax.codegen.ir import Program
 from slidax.codegen.no_native_code import in_one_line
 
-from .machine import host
+from . import machine
 from .module import module
 from .prepare import prepared
 
@@ -36,17 +36,20 @@ class Kernel:
 
     - `program`: what it computes.
     - `lanes`: as many runs are computed side by side in vectors.
+    - `quick`: whether the code is made in a fraction of the time, and takes 2 to 5 times as long for the same bits.
+    - `known`: the program's `identity`, if it is known.
     """
 
-    def __init__(self, program: Program, lanes: int) -> None:
-        self.lanes = lanes
+    def __init__(self, program: Program, lanes: int, *, quick: bool = False, known: str | None = None) -> None:
+        self.lanes, self.quick = lanes, quick
         self.inputs, self.outputs = program.inputs, program.outputs
         self.program = program
         with in_one_line(lambda: "the program"):
-            what = f"{digest(program)} {lanes}"
+            what = (known or identity(program, lanes)) + " quick" * quick
             # A name of its own: code of another program does not have it.
             self._entry = f"runs_{hashlib.sha256(what.encode()).hexdigest()[:32]}"
-            self._code = host().code_of(what, self._entry, lambda: self.text)
+            level = machine.QUICK if quick else machine.OPTIMISED
+            self._code = machine.host().code_of(what, self._entry, lambda: self.text, level)
         signature = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_int64, ctypes.c_int64)
         self._run: Any = signature(self._code.address)
 
@@ -71,7 +74,8 @@ class Kernel:
     @property
     def text(self) -> str:
         """LLVM's text of it."""
-        return module(prepared(self.program, self.lanes), self.lanes, self._entry)
+        ready = prepared(self.program, self.lanes, quick=self.quick)
+        return module(ready, self.lanes, self._entry, own=self.quick)
 
     def __call__(self, inputs: Sequence[Any], rows: int = 0) -> Arrays:
         """One run; returns its outputs.
@@ -175,6 +179,14 @@ def _pieces(groups: int, pieces: int) -> Iterator[slice]:
 def _processors() -> int:
     """Those that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def identity(program: Program, lanes: int) -> str:
+    """All that the code of a program depends on, but for the machine.
+
+    - `program`, `lanes`: as for `Kernel`.
+    """
+    return f"{digest(program)} {lanes}"
 
 
 def compile(program: Program, lanes: int = 1) -> Kernel:

@@ -13,8 +13,8 @@ from slidax._errors import DefinitionError
 
 from . import cache
 
-OPTIMISED = 2
-"""LLVM's level for instruction selection, scheduling and registers."""
+QUICK, OPTIMISED = 0, 2
+"""LLVM's levels for instruction selection, scheduling and registers. They change no bit of a result."""
 
 
 def available() -> bool:
@@ -55,21 +55,26 @@ class Machine:
         self.cpu: str = llvm.get_host_cpu_name()
         self.features: str = llvm.get_host_cpu_features().flatten()
         self.version = f"llvmlite {llvmlite.__version__}, LLVM {llvm.llvm_version_info}"
-        # Not the model for JITs, which spells out the address of every constant.
-        self.target: Any = llvm.Target.from_default_triple().create_target_machine(
-            cpu=self.cpu, features=self.features, opt=OPTIMISED, reloc="pic", codemodel="small"
-        )
-        self.jit: Any = llvm.create_lljit_compiler(self.target, use_jit_link=True)
+        self.jit: Any = llvm.create_lljit_compiler(self._target(OPTIMISED), use_jit_link=True)
         self.numbers = itertools.count()
 
-    def code_of(self, what: str, entry: str, text: Callable[[], str]) -> Code:
-        """A module's code, from the disk if the same was compiled before.
+    def key_of(self, what: str, level: int) -> str:
+        """What code on the disk is found by: all that it depends on.
 
         - `what`: all that the module depends on; printing it would take as long as compiling it.
+        - `level`: LLVM's.
+        """
+        return "\n".join([self.version, self.cpu, self.features, str(level), what])
+
+    def code_of(self, what: str, entry: str, text: Callable[[], str], level: int) -> Code:
+        """A module's code, from the disk if the same was compiled before.
+
+        - `what`: as in `key_of`.
         - `entry`: the name of its function.
         - `text`: gives the module.
+        - `level`: LLVM's.
         """
-        key = "\n".join([self.version, self.cpu, self.features, str(OPTIMISED), what])
+        key = self.key_of(what, level)
         kept = cache.kept(key)
         if kept is not None:
             try:
@@ -80,16 +85,23 @@ class Machine:
                     f"`{cache.path_of(key)}` holds other code than that of this program ({said}); it is compiled anew",
                     stacklevel=2,
                 )
-        made = self.compiled(text())
+        made = self.compiled(text(), level)
         cache.keep(key, made)
         return Code(self, made, entry)
 
-    def compiled(self, text: str) -> bytes:
+    def compiled(self, text: str, level: int) -> bytes:
         """An object file made anew; what LLVM's passes could do is done beforehand.
 
         - `text`: of the module.
+        - `level`: LLVM's.
         """
-        return bytes(self.target.emit_object(self.llvm.parse_assembly(text)))
+        return bytes(self._target(level).emit_object(self.llvm.parse_assembly(text)))
+
+    def _target(self, level: int) -> Any:
+        # Not the model for JITs, which spells out the address of every constant.
+        return self.llvm.Target.from_default_triple().create_target_machine(
+            cpu=self.cpu, features=self.features, opt=level, reloc="pic", codemodel="small"
+        )
 
 
 @functools.cache

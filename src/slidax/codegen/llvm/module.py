@@ -6,28 +6,35 @@ from slidax._errors import DefinitionError
 from slidax.codegen.ir import Program
 
 from .blocks import Blocks
+from .called import Called
+from .words import typed
 
 
-def module(program: Program, lanes: int = 1, entry: str = "runs") -> str:
+def module(program: Program, lanes: int = 1, entry: str = "runs", *, own: bool = False) -> str:
     """The program's text in LLVM's language.
 
     Its one function is `void runs(ptr tables, i64 groups, i64 rows)`: `tables` holds the addresses of the inputs and
     outputs, group after group; `rows` is the number of rows of each log.
 
-    - `program`: its functions that no processor has are called from libm.
+    - `program`: its functions that no processor has are called from libm, or are ours.
     - `lanes`: as many runs are computed side by side in vectors, a power of two; 1: no vectors.
     - `entry`: the name of the function.
+    - `own`: whether functions that no processor has are ours, written out once and called.
 
     Raises DefinitionError for another number of lanes.
     """
     if lanes < 1 or lanes & (lanes - 1):
         raise DefinitionError(f"`lanes` must be a power of two, as vectors are so long; got {lanes}")
-    blocks = Blocks(program, lanes)
+    blocks = Blocks(program, lanes, own=own)
     blocks.print()
+    functions = [
+        line for function in sorted(blocks.called, key=str) for line in _defined(function, blocks.declarations)
+    ]
     addresses = len(program.inputs) + len(program.outputs)
     return "\n".join(
         [
             *sorted(blocks.declarations),
+            *functions,
             "define internal void @group(ptr noalias readonly %table, i64 %rows) #0 {",
             "entry:",
             *blocks.lines,
@@ -56,3 +63,13 @@ def module(program: Program, lanes: int = 1, entry: str = "runs") -> str:
             "",
         ]
     )
+
+
+def _defined(function: Called, declarations: set[str]) -> list[str]:
+    """The lines of an elementary function; what it calls itself is added to the declarations."""
+    blocks = Blocks(function.program, function.width)
+    whole = typed(function.type, function.width)
+    blocks.print_function(whole)
+    declarations |= blocks.declarations
+    given = ", ".join(f"{whole} %x{k}" for k in range(function.arguments))
+    return [f"define internal {function.head}({given}) #0 {{", "entry:", *blocks.lines, "}"]

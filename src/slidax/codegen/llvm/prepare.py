@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Set
+
 from slidax.codegen.builder import Builder
 from slidax.codegen.elementary import lower
 from slidax.codegen.fuse import fused
@@ -13,13 +15,20 @@ from .vectorise import vectorise
 
 ASKED = frozenset(ELEMENTARY)
 
+CALLED = ASKED - {"exp", "erf_inv"}
+"""Functions that quick code calls. The others end with a product, which a sum around it may take in."""
 
-def prepared(program: Program, lanes: int = 1) -> Program:
+
+def prepared(program: Program, lanes: int = 1, *, quick: bool = False) -> Program:
     """The same program, to be printed.
 
     - `program`: stays as it is.
     - `lanes`: as many runs are computed side by side; for a single one vectors are made of what its joints do alike.
+    - `quick`: whether it may stay in the order in which it was written, with elementary functions that are called,
+      which takes less time to make.
     """
+    if quick:
+        return lowered_and_fused(program, ASKED - CALLED)
     ready = lowered_and_fused(program)
     if lanes == 1:
         vectorise(ready)
@@ -27,16 +36,18 @@ def prepared(program: Program, lanes: int = 1) -> Program:
     return ready
 
 
-def lowered_and_fused(program: Program) -> Program:
+def lowered_and_fused(program: Program, lowered: Set[str] = ASKED) -> Program:
     """The same program in operations that are all exactly rounded, but for functions that have no expansion.
 
     - `program`: stays as it is.
+    - `lowered`: the functions that are written out; of numbers that are known, all are.
     """
     fuse = fused()
 
     def replace(builder: Builder, value: Value, args: tuple[Value, ...]) -> Value | None:
         if value.op in ASKED:
-            return lower(builder, value.op, args)
+            known = all(arg.op == "const" for arg in args)
+            return lower(builder, value.op, args) if known or value.op in lowered else None
         return fuse(builder, value, args)
 
     return rebuild(program, replace)

@@ -11,8 +11,10 @@ from collections.abc import Iterator
 
 from slidax._errors import DefinitionError
 
+from .leb128 import read, written
+
 MAGIC = b"\0asm\1\0\0\0"
-CUSTOM, EXPORT = 0, 7
+CUSTOM, EXPORT, CODE = 0, 7, 10
 
 BEFORE_EXPORTS = (1, 2, 3, 4, 5, 13, 6)
 """Sections that come first: types, imports, functions, tables, memories, tags, globals."""
@@ -35,73 +37,72 @@ def with_export(object: bytes, name: str) -> bytes:
     if object[:8] != MAGIC:
         raise DefinitionError("this is no WebAssembly")
     sections = list(_sections(object))
-    which = _function(sections, name)
     label = name.encode()
-    export = bytes([1]) + _number(len(label)) + label + bytes([0]) + _number(which)
+    which = functions_of(object)[name]
+    export = bytes([1]) + written(len(label)) + label + bytes([0]) + written(which)
     kept = [(kind, body) for kind, body in sections if kind != CUSTOM]
     place = sum(kind in BEFORE_EXPORTS for kind, _ in kept)
     kept.insert(place, (EXPORT, export))
-    return MAGIC + b"".join(bytes([kind]) + _number(len(body)) + body for kind, body in kept)
+    return MAGIC + b"".join(bytes([kind]) + written(len(body)) + body for kind, body in kept)
+
+
+def bodies(module: bytes) -> Iterator[tuple[int, bytes]]:
+    """Where each function's body begins, and the body, in the order of the functions.
+
+    - `module`: or an object file.
+    """
+    at = len(MAGIC)
+    while at < len(module):
+        kind = module[at]
+        size, start = read(module, at + 1)
+        if kind == CODE:
+            count, place = read(module, start)
+            for _ in range(count):
+                length, place = read(module, place)
+                yield place, module[place : place + length]
+                place += length
+        at = start + size
 
 
 def _sections(object: bytes) -> Iterator[tuple[int, bytes]]:
     at = len(MAGIC)
     while at < len(object):
         kind = object[at]
-        size, start = _read(object, at + 1)
+        size, start = read(object, at + 1)
         yield kind, object[start : start + size]
         at = start + size
 
 
-def _function(sections: list[tuple[int, bytes]], name: str) -> int:
-    for kind, body in sections:
+def functions_of(object: bytes) -> dict[str, int]:
+    """The numbers of the functions that are defined in an object file, by their names.
+
+    - `object`: of one LLVM module.
+    """
+    for kind, body in _sections(object):
         if kind != CUSTOM:
             continue
-        length, at = _read(body, 0)
+        length, at = read(body, 0)
         if body[at : at + length] == b"linking":
-            _, at = _read(body, at + length)
+            _, at = read(body, at + length)
             while at < len(body):
                 part = body[at]
-                size, start = _read(body, at + 1)
+                size, start = read(body, at + 1)
                 if part == SYMBOLS:
-                    found = dict(_functions(body[start : start + size]))
-                    if name in found:
-                        return found[name]
+                    return dict(_functions(body[start : start + size]))
                 at = start + size
-    raise DefinitionError(f"the object file has no function `{name}`")
+    return {}
 
 
 def _functions(table: bytes) -> Iterator[tuple[str, int]]:
     """Those that are defined here, as far as they stand before any other kind of symbol."""
-    count, at = _read(table, 0)
+    count, at = read(table, 0)
     for _ in range(count):
         kind = table[at]
-        flags, at = _read(table, at + 1)
+        flags, at = read(table, at + 1)
         if kind != FUNCTIONS:
             return
-        which, at = _read(table, at)
+        which, at = read(table, at)
         if not flags & UNDEFINED or flags & EXPLICIT:
-            length, at = _read(table, at)
+            length, at = read(table, at)
             yield table[at : at + length].decode(), which
             at += length
-
-
-def _read(data: bytes, at: int) -> tuple[int, int]:
-    """An unsigned number in LEB128, and where the next thing begins."""
-    value = shift = 0
-    while True:
-        byte = data[at]
-        at += 1
-        value |= (byte & 0x7F) << shift
-        shift += 7
-        if not byte & 0x80:
-            return value, at
-
-
-def _number(value: int) -> bytes:
-    found = bytearray()
-    while True:
-        byte, value = value & 0x7F, value >> 7
-        if not value:
-            return bytes([*found, byte])
-        found.append(byte | 0x80)

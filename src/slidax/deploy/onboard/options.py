@@ -9,6 +9,7 @@ import argparse
 import gc
 import os
 import subprocess
+import sys
 from pathlib import Path
 
 from .law import Law, Pilot
@@ -80,7 +81,9 @@ def in_time(enforce: bool) -> None:
     gc.collect()
     gc.disable()
     try:
+        if sys.platform != "linux":
+            raise OSError("real-time priority is asked for on Linux only")
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(80))
-    except (OSError, AttributeError):
+    except OSError:
         if enforce:
             raise

@@ -35,9 +35,7 @@ def c_files(family: Family, templates: Templates, knobs: Sequence[Knob]) -> dict
         made = project(templates.built, name="law", with_golden=False)
     except DefinitionError:
         return {"c_files": None, "c_parameters": None}
-    files = {
-        FILES[name].format(prefix=made.prefix, name=made.name): render(name, {"x": made}) for name in TEMPLATES
-    }
+    files = {FILES[name].format(prefix=made.prefix, name=made.name): render(name, {"x": made}) for name in TEMPLATES}
     source = f"{made.prefix}.c"
     values = []
     for knob in knobs:

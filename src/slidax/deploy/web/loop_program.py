@@ -142,21 +142,21 @@ def loop_program(variants: Sequence[Variant]) -> LoopProgram | None:
     differs = [any(not np.array_equal(leaf, other[k]) for other in each) for k, leaf in enumerate(each[0])]
     if any(both for both in map(all, zip(differs, one.varies, strict=True))):
         return None
-    places = [k for k in range(len(fixed)) if differs[k] or one.varies[k]]
     promised: list[bool] = []
 
-    def beforehand(given: Array) -> list[Array]:
-        leaves, first = one.leaves(given[: one.size]), one.size
+    def beforehand(both: tuple[Array, list[Array]]) -> list[Array]:
+        # All arrays of the loop are as unknown as in a run of Python: so they are rounded alike.
+        given, known = both
+        found, first = one.leaves(given[: one.size]), one.size
         for k, leaf in enumerate(fixed):
             if differs[k]:
-                leaves[k] = given[first : first + leaf.size].reshape(leaf.shape).astype(leaf.dtype)
+                found[k] = given[first : first + leaf.size].reshape(leaf.shape).astype(leaf.dtype)
                 first += leaf.size
-        return [leaves[k] for k in places]
+            elif not one.varies[k]:
+                found[k] = known[k]
+        return found
 
-    def define(varied: list[Array]) -> tuple[Loop, State]:
-        leaves = list(fixed)
-        for k, leaf in zip(places, varied, strict=True):
-            leaves[k] = leaf
+    def define(leaves: list[Array]) -> tuple[Loop, State]:
         whole: tuple[Loop, State] = eqx.combine(jax.tree.unflatten(tree, leaves), rest)
         return whole
 
@@ -173,8 +173,11 @@ def loop_program(variants: Sequence[Variant]) -> LoopProgram | None:
 
     besides = sum(leaf.size for k, leaf in enumerate(fixed) if differs[k])
     inputs = jax.ShapeDtypeStruct((one.size + besides,), float)
-    native = lowered(begun, turned, inputs, logged=True, batch=False, known=True, beforehand=beforehand)
-    module = wasm_module(native.program)
+    both = (inputs, [jax.ShapeDtypeStruct(leaf.shape, leaf.dtype) for leaf in fixed])
+    native = lowered(begun, turned, both, logged=True, batch=False, beforehand=beforehand)
+    first = len(native.consts)
+    known = dict(enumerate(native.consts)) | {first + 1 + k: leaf for k, leaf in enumerate(each[0])}
+    module = wasm_module(native.program, known)
     constants = [
         np.array(
             [
@@ -231,6 +234,14 @@ def _entry(
         "joint_names": built.plant.robot.joint_names,
         "bands": BANDS,
         "has_envelope": has_envelope,
+        "code": {
+            "from": module.code[0],
+            "to": module.code[1],
+            "entry": module.entry_at,
+            "once": module.once,
+            "twice": module.twice,
+            "others": list(module.others),
+        },
         "reads": [list(entry) for entry in module.inputs],
         "writes": [[name, *entry] for name, entry in zip(names, module.outputs, strict=True)],
         "carried": carried,

@@ -75,9 +75,9 @@ class Setting:
         found = []
         for group in _alike(variants):
             together = loop_program([variant for _, variant in group])
-            programs = [(group, together)] if together is not None else [
-                ([one], loop_program([one[1]])) for one in group
-            ]
+            programs = (
+                [(group, together)] if together is not None else [([one], loop_program([one[1]])) for one in group]
+            )
             found += [(group, program) for group, program in programs if program is not None]
         return Made(self, base, templates, knobs, found)
 

@@ -1,9 +1,12 @@
 /* The sliders of a setting, in groups, and the selects of what needs another program. */
 
 import { element } from "./dom.js";
-import { shownNumber, withUnit } from "./numbers.js";
+import { capitalised, shownNumber, withUnit } from "./numbers.js";
 import { listed, sameNumbers } from "./playground.js";
 import { numberSlider } from "./slider.js";
+
+/* What a stranger understands, besides the first group. */
+const OPENED = ["World", "The arm as it is", "Disturbance"];
 
 let knobCount = 0;
 
@@ -13,6 +16,15 @@ export class Knobs {
   constructor(place, listeners) {
     this.place = place;
     this.listeners = listeners;
+    /* In a place of its own: text that came and went between the sliders would move them under a finger. */
+    const explain = event => {
+      const meaning = event.target.closest(".knob")?.querySelector(".meaning");
+      if (meaning) this.told.textContent = `${meaning.parentElement.getAttribute("aria-label")}: ${meaning.textContent}`;
+    };
+    this.told = element("p.told", { "aria-hidden": "true", text: "Touch a slider to read what it means." });
+    place.after(this.told);
+    place.addEventListener("focusin", explain);
+    place.addEventListener("pointerover", explain);
   }
 
   /* Shows a choice; fields are made anew only for another setting. */
@@ -27,7 +39,7 @@ export class Knobs {
       const plain = knob => ({ ...knob, unit: playground.unitOf(chosen.arm, knob.unit), title: capitalised(knob.title) });
       this.place.replaceChildren(
         ...(setting.choices.length ? [element("div.choices", {}, setting.choices.map(choice => this.select(choice)))] : []),
-        ...[...groups].map(([title, knobs], k) => element("details.group", { open: k < 2 },
+        ...[...groups].map(([title, knobs], k) => element("details.group", { open: k === 0 || OPENED.includes(title) },
           element("summary", { text: title }), knobs.map(knob => this.knob(plain(knob), joints)))));
     }
     for (const put of this.shown) put(playground, chosen);
@@ -72,7 +84,7 @@ export class Knobs {
     const made = element("div.knob", { "data-path": knob.path, role: "group", "aria-label": knob.title },
       element("div.name", { title: text }, element("span", { text: knob.title }),
         knob.unit ? element("span.unit", { text: knob.unit }) : null, reset),
-      knob.each || !several ? all.row : null, element("p.meaning", { id: meaning, text }), each?.made);
+      knob.each || !several ? all.row : null, element("p.meaning.unseen", { id: meaning, text }), each?.made);
     this.shown.push((playground, chosen) => {
       value = playground.value(chosen, knob.path);
       all.put(Array.isArray(value) ? value[0] : value);
@@ -97,10 +109,6 @@ export class Knobs {
       put: now => listed(now, count).forEach((number, k) => sliders[k].put(number)),
     };
   }
-}
-
-function capitalised(text) {
-  return text.charAt(0).toUpperCase() + text.slice(1);
 }
 
 function defaultText(knob) {

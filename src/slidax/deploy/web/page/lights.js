@@ -2,7 +2,7 @@
 
 import { firstOutside } from "./curves.js";
 import { element } from "./dom.js";
-import { shownNumber } from "./numbers.js";
+import { capitalised, shownNumber } from "./numbers.js";
 
 const SIGNS = { good: "✓", bad: "✗", open: "?", grey: "–" };
 
@@ -20,8 +20,8 @@ export function certificateLights(playground, chosen) {
   const setting = playground.setting(chosen);
   const moved = [...Object.keys(chosen.values), ...Object.keys(chosen.choices)];
   const titles = path => playground.knob(chosen, path)?.title ?? playground.choice(chosen, path)?.title ?? path;
-  return (setting.certificates ?? []).map(({ certificate, holds, statement, margin, bound, reads }) => {
-    const title = certificate.replaceAll("_", " ");
+  return (setting.certificates ?? []).map(({ certificate, title: name, holds, statement, margin, bound, words: said, reads }) => {
+    const title = capitalised(name ?? certificate.replaceAll("_", " "));
     const stale = moved.filter(path => !reads?.length || reads.some(read => touches(path, read)));
     if (stale.length) {
       const names = [...new Set(stale.map(titles))].join(", ");
@@ -29,14 +29,14 @@ export function certificateLights(playground, chosen) {
     }
     const state = holds === true ? "good" : holds === false ? "bad" : "open";
     const words = { good: "holds.", bad: "does not hold.", open: "is not decided." }[state];
-    const numbers = [numberText("margin", margin), numberText("bound", bound)].filter(Boolean).join(", ");
-    return light(state, title, words, [statement, numbers && `${numbers}.`].filter(Boolean));
+    const numbers = [numberText("margin", margin), said ? "" : numberText("bound", bound)].filter(Boolean).join(", ");
+    return light(state, title, words, [statement, capitalised([said ?? [], numbers].flat().filter(Boolean).join(", "))].filter(Boolean));
   });
 }
 
 function numberText(name, value) {
   if (value === null || value === undefined) return "";
-  const numbers = (Array.isArray(value) ? value : [value]).flat().map(Number);
+  const numbers = [typeof value === "object" ? Object.values(value) : value].flat(3).map(Number);
   if (!numbers.length || numbers.every(number => !Number.isFinite(number))) return "";
   return `${name} ${numbers.map(number => shownNumber(number, 3)).join(", ")}`;
 }

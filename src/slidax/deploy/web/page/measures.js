@@ -55,10 +55,10 @@ export function showMeasures(place, results, titles, joints, units) {
   }
   const name = ([, title, unit]) => (unit ? `${title} [${unitText(unit, units)}]` : title);
   const rows = list.map(measure => [name(measure), ...results.map(result => shownNumber(worst(result.metrics?.[measure[0]], measure[3]), 3))]);
-  const wide = tableOf("The worst joint of each; “–” is never or not known", ["", ...titles], rows);
+  const wide = tableOf("The worst joint of each; “–” is never or not known", ["measure", ...titles], rows);
   const open = place.querySelector("details")?.open ?? false;
   const each = element("details", { open }, element("summary", { text: "Each joint" }), results.map((result, k) => tableOf(
-    titles[k], ["", ...joints],
+    titles[k], ["measure", ...joints],
     list.filter(([key]) => result.metrics?.[key]?.length > 1)
       .map(measure => [name(measure), ...Array.from(result.metrics[measure[0]], value => shownNumber(value, 3))]))));
   place.replaceChildren(wide, each);

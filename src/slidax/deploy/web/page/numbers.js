@@ -37,3 +37,7 @@ export function ticksBetween(low, high, count) {
   for (let k = first; k * step <= high + 1e-9 * span; k++) ticks.push(Number((k * step).toPrecision(12)));
   return ticks;
 }
+
+export function capitalised(text) {
+  return text.charAt(0).toUpperCase() + text.slice(1);
+}

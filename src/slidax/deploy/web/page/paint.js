@@ -129,12 +129,16 @@ export class Painter {
   /* Translucent, but only their nearest faces, so that no inside is seen. */
   drawGhost(parts, alpha) {
     const gl = this.gl;
+    /* Behind what is at the same place: there is no ghost where both agree. */
+    gl.enable(gl.POLYGON_OFFSET_FILL);
+    gl.polygonOffset(2, 8);
     gl.colorMask(false, false, false, false);
     this.drawSolids(parts);
     gl.colorMask(true, true, true, true);
     gl.depthFunc(gl.EQUAL);
     for (const part of parts) this.drawOne(part, [...part.colour.slice(0, 3), alpha], 0);
     gl.depthFunc(gl.LESS);
+    gl.disable(gl.POLYGON_OFFSET_FILL);
   }
 
   /* What falls on the ground, each place darkened once. - `flat`: from the room onto the ground. */

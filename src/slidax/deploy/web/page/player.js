@@ -13,8 +13,9 @@ export class Player {
     this.told = 0;
     button.addEventListener("click", () => this.play(!this.runs));
     bar.addEventListener("input", () => {
+      const t = Number(bar.value);
       this.play(false);
-      this.seek(Number(bar.value));
+      this.seek(t);
     });
     document.addEventListener("keydown", event => {
       if (event.key !== " " || event.ctrlKey || event.altKey || event.metaKey) return;

@@ -1,0 +1,91 @@
+"""Postures along a curve, from the one where it begins on."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .curve import AbstractCurve
+from .newton import converged, solved
+from .task import Task, curvature, linearised
+
+Array = NDArray[np.float64]
+
+FAR = 0.05
+"""The next posture may be off what the slope foretells by this much, rad or m; else it may belong to another branch."""
+
+SHORTEST = 1e-5
+"""Steps along a curve that are shorter than this part of it say that it goes no further."""
+
+
+class Stuck(Exception):
+    """No posture is found beyond a point of the curve.
+
+    - `s`: the last point [0, 1].
+    - `z`: posture and forces there [n + m].
+    """
+
+    def __init__(self, s: float, z: Array) -> None:
+        super().__init__()
+        self.s, self.z = s, z
+
+
+class Slopes(NamedTuple):
+    """Points of a branch.
+
+    - `z`: postures and forces [k n+m].
+    - `first`, `second`: their derivatives along the curve.
+    """
+
+    z: Array
+    first: Array
+    second: Array
+
+
+def continued(task: Task, curve: AbstractCurve, z: Array, s: Array) -> Array:
+    """Postures and forces at points of a curve, one after the other [k n+m].
+
+    - `task`: what is asked.
+    - `curve`: where the tool should be.
+    - `z`: at its start, which solves the equations there [n + m].
+    - `s`: the points, from 0 on, not decreasing [k].
+
+    Raises Stuck where no next posture is found.
+    """
+    n = task.posture.size
+    found, here, now = [], 0.0, z
+    slope = slopes(task, curve, now[None], np.array([here]))
+    for point in s:
+        step = float(point) - here
+        while here < point:
+            step = min(step, float(point) - here)
+            # The last step ends at the point itself.
+            there = float(point) if float(point) - here - step < 1e-12 else here + step
+            x = there - here
+            foretold = now + x * slope.first[0] + 0.5 * x * x * slope.second[0]
+            found_there = converged(task, curve, foretold[None], np.array([there]))
+            if found_there is None or np.abs(found_there[0, :n] - foretold[:n]).max() > FAR:
+                step = 0.5 * x
+                if step < SHORTEST:
+                    raise Stuck(here, now)
+                continue
+            here, now = there, found_there[0]
+            slope = slopes(task, curve, now[None], np.array([here]))
+            step = 2.0 * x
+        found.append(now)
+    return np.array(found)
+
+
+def slopes(task: Task, curve: AbstractCurve, z: Array, s: Array) -> Slopes:
+    """The derivatives of postures and forces along the curve, exactly: the equations hold all along it.
+
+    - `task`, `curve`: as in `continued`.
+    - `z`: postures and forces [k n+m].
+    - `s`: the points [k].
+    """
+    at = linearised(task, curve, z, s)
+    first = -solved(at.by_z, at.by_s)
+    second = -solved(at.by_z, curvature(task, curve, z, s, first))
+    return Slopes(z, first, second)

@@ -1,0 +1,164 @@
+"""The joints from the base to the tool."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slidax._errors import DefinitionError
+from slidax.robots import AbstractRobot, Articulated, Scara, TwoLink
+
+from .series import Series, constant, cosine_and_sine, product, scaled, total, wide
+
+Array = NDArray[np.float64]
+
+
+class Axis(NamedTuple):
+    """A joint where it is.
+
+    - `joint`: its number.
+    - `turns`: whether it is revolute.
+    - `direction`, `place`: series of vectors [... 3].
+    """
+
+    joint: int
+    turns: bool
+    direction: Series
+    place: Series
+
+
+class Tool(NamedTuple):
+    """The tool where it is: series of vectors [... 3], its axes x, y, z and its place, and the joints before it."""
+
+    x: Series
+    y: Series
+    z: Series
+    place: Series
+    axes: tuple[Axis, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Chain:
+    """The joints that move a robot's tip, each about or along the z axis of its frame.
+
+    - `name`: of the robot.
+    - `names`, `units`: of all its joints.
+    - `joints`: numbers of those that move the tip [c].
+    - `rotations`, `translations`: of each frame in that before it, at position 0 [c 3 3], [c 3].
+    - `turns`: whether each is revolute.
+    - `rotation`, `translation`: the tool's frame in that of the last [3 3], [3].
+    - `lower`, `upper`: limits of all joints; infinite where there are none [n].
+    """
+
+    name: str
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    joints: tuple[int, ...]
+    rotations: Array
+    translations: Array
+    turns: tuple[bool, ...]
+    rotation: Array
+    translation: Array
+    lower: Array
+    upper: Array
+
+    @property
+    def size(self) -> int:
+        """The number of joints of the robot, n."""
+        return len(self.names)
+
+    def tool(self, q: Series) -> Tool:
+        """Where tool and joints are.
+
+        - `q`: positions [... n], a series.
+        """
+        orders, shape = len(q), q[0].shape[:-1]
+        columns = [constant(np.broadcast_to(axis, (*shape, 3)), orders) for axis in np.eye(3)]
+        place = constant(np.zeros((*shape, 3)), orders)
+        axes = []
+        for joint, rotation, translation, turns in zip(
+            self.joints, self.rotations, self.translations, self.turns, strict=True
+        ):
+            place = total(place, _combined(columns, translation))
+            x, y, z = (_combined(columns, column) for column in rotation.T)
+            own = [None if one is None else one[..., joint] for one in q]
+            axes.append(Axis(joint, turns, z, place))
+            if turns:
+                c, s = cosine_and_sine(own)
+                turned = total(product(c, x, wide), product(s, y, wide))
+                y = total(product(c, y, wide), scaled(product(s, x, wide), -1.0))
+                x = turned
+            else:
+                place = total(place, product(own, z, wide))
+            columns = [x, y, z]
+        place = total(place, _combined(columns, self.translation))
+        x, y, z = (_combined(columns, column) for column in self.rotation.T)
+        return Tool(x, y, z, place, tuple(axes))
+
+    def frame(self, q: Array) -> tuple[Array, Array]:
+        """The tool's axes, as columns, and its place in the base frame, [... 3 3] and [... 3], m.
+
+        - `q`: positions [... n].
+        """
+        tool = self.tool([np.asarray(q, float)])
+        return np.stack([tool.x[0], tool.y[0], tool.z[0]], axis=-1), tool.place[0]
+
+
+def chain_of(robot: AbstractRobot) -> Chain:
+    """The joints that move a robot's tip.
+
+    - `robot`: any arm of rigid links, a two-link arm or a SCARA.
+
+    Raises DefinitionError for a robot of another kind.
+    """
+    if isinstance(robot, Articulated):
+        joints: list[int] = []
+        joint = robot.tip_joint
+        while joint >= 0:
+            joints.insert(0, joint)
+            joint = robot.parents[joint]
+        return Chain(
+            name=robot.name,
+            names=robot.joint_names,
+            units=robot.joint_units,
+            joints=tuple(joints),
+            rotations=np.asarray(robot.rotations)[joints],
+            translations=np.asarray(robot.translations)[joints],
+            turns=tuple(robot.joint_units[joint] == "rad" for joint in joints),
+            rotation=np.asarray(robot.tip_rotation),
+            translation=np.asarray(robot.tip_translation),
+            lower=np.asarray(robot.limits.lower),
+            upper=np.asarray(robot.limits.upper),
+        )
+    if not isinstance(robot, TwoLink | Scara):
+        raise DefinitionError(
+            f"the kinematics of a {type(robot).__name__} are not known as a chain of joints: make it by "
+            "`slidax.robots.assemble`, or read it from a file"
+        )
+    first, second = np.asarray(robot.lengths)
+    ahead = [[0.0, 0.0, 0.0], [first, 0.0, 0.0]]
+    down = np.diag([1.0, -1.0, -1.0])
+    slides = isinstance(robot, Scara)
+    n = robot.joints
+    return Chain(
+        name=type(robot).__name__,
+        names=robot.joint_names,
+        units=robot.joint_units,
+        joints=tuple(range(n)),
+        rotations=np.array([np.eye(3), np.eye(3), down]) if slides else np.array([np.eye(3)] * 2),
+        translations=np.array([*ahead, [second, 0.0, 0.0]] if slides else ahead),
+        turns=(True, True, False)[:n],
+        rotation=down if slides else np.eye(3),
+        translation=np.zeros(3) if slides else np.array([second, 0.0, 0.0]),
+        lower=np.full(n, -np.inf),
+        upper=np.full(n, np.inf),
+    )
+
+
+def _combined(columns: list[Series], weights: Array) -> Series:
+    """A fixed combination of three vectors."""
+    parts = [scaled(column, weight) for column, weight in zip(columns, weights, strict=True) if weight != 0.0]
+    return total(*parts) if parts else scaled(columns[0], 0.0)

@@ -1,0 +1,144 @@
+"""Curves that a tool follows, s from 0 to 1."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from dataclasses import dataclass
+from math import comb
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .series import Series, constant, cosine_and_sine, cross, inverse_root, product, scaled, total, wide
+
+Array = NDArray[np.float64]
+
+
+class Aim(NamedTuple):
+    """Where the tool should be: series of vectors [... 3], its axes x, y, z and its place."""
+
+    x: Series
+    y: Series
+    z: Series
+    place: Series
+
+
+class AbstractCurve:
+    """A smooth curve of poses."""
+
+    @abstractmethod
+    def aim(self, s: Series) -> Aim:
+        """Where the tool should be.
+
+        - `s`: in [0, 1], a series of numbers [...].
+        """
+
+    def at(self, s: Array | float) -> tuple[Array, Array]:
+        """Orientation [... 3 3] and place [... 3], m.
+
+        - `s`: in [0, 1] [...].
+        """
+        aim = self.aim([np.asarray(s, float)])
+        return np.stack([aim.x[0], aim.y[0], aim.z[0]], axis=-1), aim.place[0]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Helix(AbstractCurve):
+    """`p(s) = c + R(a, s φ) (p_0 - c) + s d`, turned by `R(b, s ψ) R_0`: a line, an arc of a circle or a screw.
+
+    - `rotation`, `place`: R_0 [3 3] and p_0 [3], m.
+    - `shift`: d [3], m.
+    - `center`: c, a point of the axis [3], m.
+    - `axis`, `angle`: a of length 1 [3], and φ, rad.
+    - `spin_axis`, `spin`: b of length 1 [3], and ψ, rad.
+    """
+
+    rotation: Array
+    place: Array
+    center: Array
+    shift: Array
+    axis: Array
+    angle: float = 0.0
+    spin_axis: Array
+    spin: float = 0.0
+
+    def aim(self, s: Series) -> Aim:
+        """Where the tool should be.
+
+        - `s`: in [0, 1], a series of numbers [...].
+        """
+        arm = _turned(self.axis, scaled(s, self.angle), self.place - self.center)
+        shift = [None if one is None else one[..., None] * self.shift for one in s]
+        place = total(constant(self.center, len(s)), arm, shift)
+        x, y, z = (_turned(self.spin_axis, scaled(s, self.spin), column) for column in self.rotation.T)
+        return Aim(x, y, z, place)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Spline(AbstractCurve):
+    """Polynomials for the place and for a quaternion, which is then made as long as 1.
+
+    - `knots`: from 0 to 1 [k].
+    - `coefficients`: of place and quaternion in powers of `s - knots[i]`, highest first [powers k-1 7].
+    """
+
+    knots: Array
+    coefficients: Array
+
+    def aim(self, s: Series) -> Aim:
+        """Where the tool should be.
+
+        - `s`: in [0, 1], a series of numbers [...] whose second coefficient does not change the first power alone.
+        """
+        piece = np.clip(np.searchsorted(self.knots, s[0], side="right") - 1, 0, self.coefficients.shape[1] - 1)
+        into = s[0] - self.knots[piece]
+        powers = self.coefficients[::-1][:, piece]
+        own = [
+            sum(comb(k, order) * into[..., None] ** (k - order) * powers[k] for k in range(order, len(powers)))
+            for order in range(len(s))
+        ]
+        value: Series = [own[0]]
+        if len(s) > 1:
+            value.append(None if s[1] is None else own[1] * s[1][..., None])
+        if len(s) > 2:
+            bent = None if s[1] is None else own[2] * (s[1] ** 2)[..., None]
+            more = None if s[2] is None else own[1] * s[2][..., None]
+            value.append(bent if more is None else more if bent is None else bent + more)
+        place = [None if one is None else one[..., :3] for one in value]
+        size = product(value, value, lambda a, b: np.sum(a[..., 3:] * b[..., 3:], axis=-1))
+        unit = product(inverse_root(size), value, lambda a, b: a[..., None] * b[..., 3:])
+        x, y, z = _axes(unit)
+        return Aim(x, y, z, place)
+
+
+def _turned(axis: Array, angle: Series, vector: Array) -> Series:
+    """A vector turned about an axis, by Rodrigues' formula."""
+    cosine, sine = cosine_and_sine(angle)
+    crossed = cross(axis, vector)
+    again = cross(axis, crossed)
+    versine = total(constant(np.ones_like(angle[0]), len(angle)), scaled(cosine, -1.0))
+    still = constant(np.broadcast_to(vector, (*angle[0].shape, 3)), len(angle))
+    along = constant(crossed, len(angle))
+    return total(still, product(sine, along, wide), product(versine, constant(again, len(angle)), wide))
+
+
+def _axes(quaternion: Series) -> tuple[Series, Series, Series]:
+    """The columns of its rotation matrix."""
+
+    def columns(a: Array, b: Array) -> Array:
+        """The products of two quaternions' entries, which the matrix is made of."""
+        w, x, y, z = (a[..., k] for k in range(4))
+        v, i, j, k = (b[..., m] for m in range(4))
+        return np.stack(
+            [
+                np.stack([w * v + x * i - y * j - z * k, 2 * (x * j + w * k), 2 * (x * k - w * j)], axis=-1),
+                np.stack([2 * (x * j - w * k), w * v - x * i + y * j - z * k, 2 * (y * k + w * i)], axis=-1),
+                np.stack([2 * (x * k + w * j), 2 * (y * k - w * i), w * v - x * i - y * j + z * k], axis=-1),
+            ],
+            axis=0,
+        )
+
+    matrix = product(quaternion, quaternion, columns)
+    x, y, z = ([None if one is None else one[k] for one in matrix] for k in range(3))
+    return x, y, z

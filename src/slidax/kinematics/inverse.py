@@ -1,0 +1,238 @@
+"""The posture with which a tool has a pose."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slidax._errors import DefinitionError
+from slidax.robots import AbstractRobot
+
+from .chain import Chain, chain_of
+from .moves import standing
+from .newton import converged
+from .pose import Pose, numbers
+from .series import cross
+from .task import HOLDS, Hold, Task, apart, least_motion, ways
+
+TRIES, SEED = 16, 0
+"""Starts of a search that has not found the pose from where it was told to."""
+
+AT_LIMIT = 1e-5
+"""A joint that is no further from the end of its range, as a part of it, is there."""
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """A posture with which a tool has a pose.
+
+    - `q`: positions [n], rad or m.
+    - `place_error`, `turn_error`: how far the tool is off, m and rad.
+    - `least_motion`: how the tool moves in its worst direction, m or rad for each rad or m of the joints; 0 at a
+      singularity.
+    - `starts`: from how many postures it was searched for.
+    """
+
+    q: NDArray[np.float64]
+    place_error: float
+    turn_error: float
+    least_motion: float
+    starts: int
+
+
+def inverse(
+    robot: AbstractRobot, pose: Pose, *, start: object, hold: Hold = "pose", posture: object = None
+) -> Solution:
+    """The posture with which the tool has a pose, within the limits of the joints, near a start.
+
+    A trust-region search from the start on (damped least squares with bounds), and where that ends elsewhere, from
+    drawn postures, of which the nearest to the start that has the pose is taken. Of the postures that a redundant arm
+    has for a pose it is that nearest to `posture`, each joint by its range.
+
+    - `robot`: the arm.
+    - `pose`: where the tool should be.
+    - `start`: a posture from which to search [n], rad or m.
+    - `hold`: what is asked: "place" of the tip alone, "axis" for place and direction of the tool's z axis, or "pose".
+    - `posture`: what is liked [n]; the start if not given.
+
+    The same arguments give the same bits. Raises DefinitionError if no such posture is found, with how near it comes.
+    """
+    require_hold(hold)
+    chain = chain_of(robot)
+    begin = numbers("start", start, chain.size)
+    return at_pose(chain, pose, begin, begin if posture is None else numbers("posture", posture, chain.size), hold)
+
+
+def at_pose(chain: Chain, pose: Pose, begin: NDArray[np.float64], liked: NDArray[np.float64], hold: Hold) -> Solution:
+    """The same, by the joints.
+
+    - `chain`: the joints.
+    - `pose`: where the tool should be.
+    - `begin`, `liked`: from where to search, and what is liked [n].
+    - `hold`: what is asked.
+
+    Raises DefinitionError if no such posture is found.
+    """
+    lower, upper = chain.lower, chain.upper
+    outside = (begin < lower) | (begin > upper)
+    if outside.any():
+        joint = int(np.argmax(outside))
+        raise DefinitionError(
+            f"`start` must be within the limits of the joints: {chain.names[joint]} is at {begin[joint]:.4g}, and "
+            f"has {lower[joint]:.4g} to {upper[joint]:.4g}"
+        )
+    generator = np.random.default_rng(SEED)
+    best: tuple[float, NDArray[np.float64]] | None = None
+    nearest: tuple[float, NDArray[np.float64]] = (np.inf, begin)
+    tried = 0
+    span = np.where(np.isfinite(upper - lower), upper - lower, 2 * np.pi)
+    low = np.where(np.isfinite(lower), lower, begin - np.pi)
+    for tried in range(1, TRIES + 1):
+        guess = begin if tried == 1 else low + span * generator.random(chain.size)
+        q = _searched(chain, pose, guess, hold)
+        off = float(np.hypot(*_apart(chain, pose, q, hold)))
+        if off < nearest[0]:
+            nearest = (off, q)
+        if off < 1e-6:
+            away = float(np.linalg.norm((q - begin) / span))
+            if best is None or away < best[0]:
+                best = (away, q)
+            if tried == 1 or tried >= TRIES // 4:
+                break
+    if best is None:
+        raise DefinitionError(_refused(chain, pose, nearest[1], hold))
+    task = task_of(chain, liked, hold)
+    q = _polished(task, pose, best[1])
+    return Solution(q, *_apart(chain, pose, q, hold), float(least_motion(task, q)), tried)
+
+
+def require_hold(hold: str) -> None:
+    """Raises DefinitionError unless it is known what is asked.
+
+    - `hold`: what is asked of a tool.
+    """
+    if hold not in HOLDS:
+        raise DefinitionError(f'must be "place", "axis" or "pose"; got "{hold}"', where="hold")
+
+
+def task_of(chain: Chain, posture: NDArray[np.float64], hold: Hold, damping: float = 0.0) -> Task:
+    """What is asked of an arm, with the limits of its joints where it is redundant.
+
+    - `chain`: its joints.
+    - `posture`: what is liked [n], rad or m.
+    - `hold`: what is asked of the tool.
+    - `damping`: how much of it may be given up near a singularity.
+
+    Raises DefinitionError if the posture is beyond a limit.
+    """
+    lower, upper = chain.lower, chain.upper
+    half = 0.5 * (upper - lower)
+    open_ended = np.full(chain.size, np.inf)
+    widths = np.where(np.isfinite(half), half, 1.0)
+    free = Task(chain, hold, posture, widths, -open_ended, open_ended, damping)
+    if ways(free) >= chain.size:
+        return free
+    outside = (posture <= lower) | (posture >= upper)
+    if outside.any():
+        joint = int(np.argmax(outside))
+        raise DefinitionError(
+            f"`posture` must be inside of the limits of the joints: {chain.names[joint]} is at {posture[joint]:.4g}, "
+            f"and has {lower[joint]:.4g} to {upper[joint]:.4g}"
+        )
+    return replace(free, lower=lower, upper=upper)
+
+
+def _searched(chain: Chain, pose: Pose, guess: NDArray[np.float64], hold: Hold) -> NDArray[np.float64]:
+    """Damped least squares within the limits: differences of places and of axes, which are level nowhere else."""
+    from scipy.optimize import least_squares
+
+    room = 1e-9 * np.where(np.isfinite(chain.upper - chain.lower), chain.upper - chain.lower, 1.0)
+    kept = {"place": [], "axis": [2], "pose": [0, 1, 2]}[hold]
+
+    def error(q: NDArray[np.float64]) -> NDArray[np.float64]:
+        rotation, place = chain.frame(q)
+        turned = ((rotation - pose.rotation)[:, kept] / np.sqrt(2.0)).T.ravel()
+        return np.concatenate([place - pose.place, turned])
+
+    def slope(q: NDArray[np.float64]) -> NDArray[np.float64]:
+        tool = chain.tool([q])
+        found = np.zeros((3 + 3 * len(kept), chain.size))
+        axes = (tool.x[0], tool.y[0], tool.z[0])
+        for one in tool.axes:
+            direction = one.direction[0]
+            found[:3, one.joint] = cross(direction, tool.place[0] - one.place[0]) if one.turns else direction
+            for row, k in enumerate(kept):
+                if one.turns:
+                    found[3 * row + 3 : 3 * row + 6, one.joint] = cross(direction, axes[k]) / np.sqrt(2.0)
+        return found
+
+    found = least_squares(
+        error,
+        np.clip(guess, chain.lower + room, chain.upper - room),
+        jac=slope,
+        bounds=(chain.lower, chain.upper),
+        xtol=1e-14,
+        ftol=1e-14,
+        gtol=1e-14,
+        max_nfev=100,
+    )
+    return np.asarray(found.x)
+
+
+def _apart(chain: Chain, pose: Pose, q: NDArray[np.float64], hold: Hold) -> tuple[float, float]:
+    place, turn = apart(*chain.frame(q), pose.rotation, pose.place, hold)
+    return float(place), float(turn)
+
+
+def _polished(task: Task, pose: Pose, q: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The same to the last digits; for a redundant arm that nearest to what is liked, as far as it is followed."""
+    room = 1e-3 * task.widths
+    begin = np.clip(q, task.lower + room, task.upper - room)
+    found = liked_most(replace(task, posture=begin), pose, begin, task.posture)
+    q_found = None if found is None else found[: q.size]
+    if q_found is None or np.hypot(*_apart(task.chain, pose, q_found, task.hold)) > 1e-6:
+        return q
+    return q_found
+
+
+def liked_most(
+    task: Task, pose: Pose, q: NDArray[np.float64], liked: NDArray[np.float64]
+) -> NDArray[np.float64] | None:
+    """Posture and forces with the tool at a pose, as what is liked moves from a posture to another; None if they end.
+
+    - `task`: what is asked, with any posture.
+    - `pose`: of the tool.
+    - `q`: a posture with the tool there, or near [n].
+    - `liked`: what is liked in the end [n].
+    """
+    z = np.concatenate([q, np.zeros(HOLDS[task.hold])])
+    curve, at = standing(pose), np.zeros(1)
+    done, step = 0.0, 1.0 if (liked == q).all() else 0.25
+    while done < 1.0:
+        goal = min(done + step, 1.0)
+        found = converged(replace(task, posture=q + goal * (liked - q)), curve, z[None], at)
+        if found is None or np.abs(found[0, : q.size] - z[: q.size]).max() > 0.5:
+            step *= 0.5
+            if step < 1e-4:
+                return None
+            continue
+        z, done = found[0], goal
+    return z
+
+
+def _refused(chain: Chain, pose: Pose, q: NDArray[np.float64], hold: Hold) -> str:
+    place, turn = _apart(chain, pose, q, hold)
+    span = np.where(np.isfinite(chain.upper - chain.lower), chain.upper - chain.lower, 1.0)
+    ends = [
+        f"{name} at its {side} limit of {bound:.4g}"
+        for i, name in enumerate(chain.names)
+        for side, bound in (("lower", chain.lower[i]), ("upper", chain.upper[i]))
+        if abs(q[i] - bound) < AT_LIMIT * span[i]
+    ]
+    where = f"[{', '.join(f'{x:.4g}' for x in pose.place)}] m"
+    asked = {"place": where, "axis": f"{where} with this direction", "pose": f"{where} in this orientation"}[hold]
+    near = f"{place:.3g} m" + ("" if hold == "place" else f" and {np.rad2deg(turn):.3g} degrees")
+    why = f", with {' and '.join(ends)}" if ends else ""
+    return f"no posture was found that brings the tool to {asked}: the nearest is {near} off{why}"

@@ -1,0 +1,60 @@
+"""The equations of a task, solved by Newton's method."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .curve import AbstractCurve
+from .task import Task, linearised
+
+Array = NDArray[np.float64]
+
+TURNS = 15
+"""Newton steps before it is given up; near a solution three are enough."""
+
+SMALL = 1e-9
+"""A step that is no longer than this is the last one: the next would be rounding."""
+
+EMPTY = 1e-11
+"""Ways in which the tool cannot move at all, as a planar arm's across its plane, have singular values below this part
+of the largest."""
+
+
+def converged(task: Task, curve: AbstractCurve, z: Array, s: Array) -> Array | None:
+    """Postures and forces that solve the equations [k n+m]; None where some do not.
+
+    - `task`: what is asked.
+    - `curve`: where the tool should be.
+    - `z`: where to begin [k n+m].
+    - `s`: where on the curve [k].
+    """
+    n = task.posture.size
+    lower, upper = task.lower, task.upper
+    last = False
+    for _ in range(TURNS):
+        found = linearised(task, curve, z, s)
+        if not (np.isfinite(found.residual).all() and np.isfinite(found.by_z).all()):
+            return None
+        if last:
+            return z if np.abs(found.residual).max() < SMALL else None
+        step = -solved(found.by_z, found.residual)
+        # Not through the wall at a joint's limit, where the equations end.
+        with np.errstate(divide="ignore", invalid="ignore"):
+            q, dq = z[:, :n], step[:, :n]
+            room = np.where(dq > 0, (upper - q) / dq, np.where(dq < 0, (lower - q) / dq, np.inf))
+        share = np.minimum(1.0, 0.9 * room.min(axis=1))
+        z = z + share[:, None] * step
+        # Of the forces alone the size says nothing: they are large near a singularity.
+        last = bool(np.abs(step[:, :n]).max() < SMALL and (share == 1.0).all())
+    return None
+
+
+def solved(matrices: Array, right: Array) -> Array:
+    """`K⁻¹ r` for each of some matrices, without what is beyond their rank.
+
+    - `matrices`: K [k m m].
+    - `right`: r [k m].
+    """
+    found: Array = np.einsum("kij,kj->ki", np.linalg.pinv(matrices, rcond=EMPTY), right)
+    return found

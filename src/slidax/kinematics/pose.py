@@ -1,0 +1,100 @@
+"""Where a tool is, and how it is turned."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slidax._errors import DefinitionError, shown
+from slidax.robots import AbstractRobot
+
+from .chain import chain_of
+from .quaternion import matrix_of, quaternion_of
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Pose:
+    """A place and an orientation in the base frame.
+
+    - `place`: [3], m.
+    - `rotation`: the axes of the tool's frame as columns [3 3].
+
+    Raises DefinitionError if the place is not three finite numbers, or the axes are not orthonormal and right-handed.
+    """
+
+    place: Array
+    rotation: Array
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "place", numbers("Pose.place", self.place, 3))
+        rotation = np.asarray(self.rotation, float)
+        square = rotation.shape == (3, 3) and np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-9)
+        if not (square and np.linalg.det(rotation) > 0):
+            raise DefinitionError(f"`Pose.rotation` must have orthonormal axes, right-handed; got {shown(rotation)}")
+        object.__setattr__(self, "rotation", rotation)
+
+    @staticmethod
+    def of(place: Sequence[float] | Array, quaternion: Sequence[float] | Array = (1.0, 0.0, 0.0, 0.0)) -> Pose:
+        """A pose by a quaternion.
+
+        - `place`: [3], m.
+        - `quaternion`: w, x, y, z, of any length but zero [4].
+
+        Raises DefinitionError if they are not that many finite numbers.
+        """
+        return Pose(numbers("Pose.place", place, 3), matrix_of(unit_quaternion("Pose.quaternion", quaternion)))
+
+    @staticmethod
+    def of_tip(robot: AbstractRobot, q: object) -> Pose:
+        """Where a robot's tip is.
+
+        - `robot`: the arm.
+        - `q`: positions [n], rad or m.
+
+        Raises DefinitionError if there are not n finite numbers.
+        """
+        rotation, place = chain_of(robot).frame(numbers("q", q, robot.joints))
+        return Pose(place, rotation)
+
+    @property
+    def quaternion(self) -> Array:
+        """w, x, y, z of length 1, w >= 0 [4]."""
+        return quaternion_of(self.rotation)
+
+
+def numbers(owner: str, value: object, size: int) -> Array:
+    """So many finite numbers.
+
+    - `owner`: what they are, for the message.
+    - `value`: what was given.
+    - `size`: how many there must be.
+
+    Raises DefinitionError if they are not.
+    """
+    try:
+        found = np.asarray(value, dtype=float)
+    except (TypeError, ValueError):
+        found = np.empty(0)
+    if found.shape != (size,) or not np.isfinite(found).all():
+        raise DefinitionError(f"`{owner}` must be {size} finite numbers; got {shown(value)}")
+    return found
+
+
+def unit_quaternion(owner: str, value: object) -> Array:
+    """A quaternion of length 1 [4].
+
+    - `owner`: whose it is, for the message.
+    - `value`: w, x, y, z of any length but zero.
+
+    Raises DefinitionError if it is none.
+    """
+    found = numbers(owner, value, 4)
+    size = float(np.linalg.norm(found))
+    if size < 1e-6:
+        raise DefinitionError(f"`{owner}` must have a length > 0; got {shown(found)}")
+    return found / size

@@ -1,0 +1,66 @@
+"""Rotations as matrices, quaternions (w, x, y, z) and turns about an axis."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+def matrix_of(quaternion: Array) -> Array:
+    """The rotation matrix [3 3].
+
+    - `quaternion`: w, x, y, z of length 1 [4].
+    """
+    w, x, y, z = quaternion
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+
+
+def quaternion_of(rotation: Array) -> Array:
+    """w, x, y, z of length 1, with w >= 0 [4].
+
+    - `rotation`: [3 3].
+    """
+    r = rotation
+    # Four times the products of the components: the row of the largest keeps its digits.
+    squares = np.array(
+        [
+            [1 + r[0, 0] + r[1, 1] + r[2, 2], r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]],
+            [r[2, 1] - r[1, 2], 1 + r[0, 0] - r[1, 1] - r[2, 2], r[1, 0] + r[0, 1], r[0, 2] + r[2, 0]],
+            [r[0, 2] - r[2, 0], r[1, 0] + r[0, 1], 1 - r[0, 0] + r[1, 1] - r[2, 2], r[2, 1] + r[1, 2]],
+            [r[1, 0] - r[0, 1], r[0, 2] + r[2, 0], r[2, 1] + r[1, 2], 1 - r[0, 0] - r[1, 1] + r[2, 2]],
+        ]
+    )
+    row = squares[int(np.argmax(np.diag(squares)))]
+    found: Array = row / np.linalg.norm(row)
+    return found if found[0] >= 0 else -found
+
+
+def axis_and_angle(rotation: Array) -> tuple[Array, float]:
+    """The axis of length 1 [3], and the angle in [0, pi], rad, of a turn; any axis for a turn by nothing.
+
+    - `rotation`: [3 3].
+    """
+    w, *vector = quaternion_of(rotation)
+    size = float(np.linalg.norm(vector))
+    if size < 1e-15:
+        return np.array([0.0, 0.0, 1.0]), 0.0
+    return np.asarray(vector) / size, 2.0 * float(np.arctan2(size, w))
+
+
+def angle_between(one: Array, other: Array) -> Array:
+    """The angle of the turn from one orientation to another, rad.
+
+    - `one`, `other`: rotation matrices [... 3 3].
+    """
+    # By the difference, which keeps the digits of a small angle: |R - S|² = 8 sin²(a/2) in the sum of squares.
+    apart = np.sqrt(np.sum((one - other) ** 2, axis=(-2, -1)) / 8.0)
+    found: Array = 2.0 * np.arcsin(np.minimum(apart, 1.0))
+    return found

@@ -1,0 +1,157 @@
+"""Why a tool cannot follow its path: where, and what would help."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slidax._errors import DefinitionError, as_array
+from slidax.trajectories import Tabulated
+
+from .branch import Stuck
+from .chain import Chain
+from .inverse import at_pose
+from .joint_path import JointPath
+from .moves import Bound
+from .task import Task, jacobian, ways
+
+Array = NDArray[np.float64]
+
+NEAR_SINGULAR = 0.02
+"""A tool that moves by less than this in its worst direction, for each rad of the joints, is near a singularity."""
+
+NEAR_LIMIT = 0.01
+"""A redundant arm's joint that is this part of its range from a limit is held back by it."""
+
+LOOKED_AT = 40
+"""Times in a piece at which it is looked when a joint passes its limit."""
+
+
+def stuck(task: Task, move: Bound, caught: Stuck, now: float) -> str:
+    """What to say where no next posture is found.
+
+    - `task`: what was asked.
+    - `move`: which move it is.
+    - `caught`: where it ended.
+    - `now`: when the move begins [s].
+    """
+    n = task.posture.size
+    q = caught.z[:n]
+    sizes = np.linalg.svd(jacobian(task, q))
+    rank = ways(task)
+    weak = sizes[0][:, rank - 1]
+    held = _near_limits(task.chain, q)
+    end = _can_reach_end(task, move, q)
+    if float(sizes[1][rank - 1]) < NEAR_SINGULAR:
+        why = f"{_stretched(task, move, weak)}; keep away from it, or give up a little of the pose there with `damping`"
+    elif held:
+        why = f"{' and '.join(held)}; begin in another posture, or give another `posture`"
+    else:
+        why = "its postures end there; begin in another posture, or ask less of the tool with `hold`"
+    return f"the tool cannot follow {_place(move, caught.s, now)}: {why}{end}"
+
+
+def beyond_limits(chain: Chain, move: Bound, path: JointPath, now: float) -> None:
+    """Raises DefinitionError if a joint passes its limit, with the time and place at which it first does.
+
+    - `chain`: the joints.
+    - `move`: which move it is.
+    - `path`: the motion of its joints.
+    - `now`: when the move begins [s].
+    """
+    motion = Tabulated(times=as_array(path.times), coefficients=as_array(path.coefficients))
+    reach, lower, upper = motion.extremes(0), chain.lower, chain.upper
+    room = 1e-9
+    if not ((reach.least < lower - room) | (reach.largest > upper + room)).any():
+        return
+    width = np.diff(path.times)
+    times = (path.times[:-1, None] + width[:, None] * np.linspace(0.0, 1.0, LOOKED_AT)).ravel()
+    coefficients = path.coefficients
+    x = (width[:, None] * np.linspace(0.0, 1.0, LOOKED_AT))[:, :, None]
+    looked = np.zeros((len(width), LOOKED_AT, path.joints))
+    for power in coefficients:
+        looked = looked * x + power[:, None, :]
+    q = looked.reshape(-1, path.joints)
+    outside = (q < lower) | (q > upper)
+    row = int(np.argmax(outside.any(axis=1)))
+    joint = (
+        int(np.argmax(outside[row]))
+        if outside.any()
+        else int(np.argmax((reach.largest > upper) | (reach.least < lower)))
+    )
+    low = reach.least[joint] < lower[joint]
+    bound, extreme = (lower[joint], reach.least[joint]) if low else (upper[joint], reach.largest[joint])
+    t = float(times[row])
+    s = float(path.law.at(np.array([t]))[0][0])
+    raise DefinitionError(
+        f"{chain.names[joint]} is at its limit of {bound:.4g} {_place(move, s, now + t, t)}, and would go to "
+        f"{extreme:.4g}: begin in another posture, or move the path"
+    )
+
+
+def too_fast(chain: Chain, path: JointPath, fastest: Array, strongest: Array, now: float) -> None:
+    """Raises DefinitionError if a joint passes its limit of velocity or acceleration, with the time that is needed.
+
+    - `chain`: the joints.
+    - `path`: their motion in one move.
+    - `fastest`, `strongest`: the limits [n].
+    - `now`: when the move begins [s].
+    """
+    motion = Tabulated(times=as_array(path.times), coefficients=as_array(path.coefficients))
+    for order, name, limits in ((1, "velocity", fastest), (2, "acceleration", strongest)):
+        found = motion.extremes(order)
+        over = found.size / limits
+        if (over > 1 + 1e-9).any():
+            joint = int(np.argmax(over))
+            forward = found.largest[joint] >= -found.least[joint]
+            when = now + float((found.when_largest if forward else found.when_least)[joint])
+            unit = chain.units[joint] + ("/s" if order == 1 else "/s²")
+            slower = float(over[joint]) ** (1.0 / order)
+            raise DefinitionError(
+                f"{chain.names[joint]} would need {found.size[joint]:.4g} {unit} at t = {when:.4g} s, over its "
+                f"limit of {limits[joint]:g} for {name}: make the move {slower:.3g} times as long"
+            )
+
+
+def _place(move: Bound, s: float, now: float, into: float | None = None) -> str:
+    """Where on a move something is, and when."""
+    _, place = move.curve.at(s)
+    where = ", ".join(f"{x:.4g}" for x in np.asarray(place))
+    if into is None:
+        law = move.law
+        t = np.linspace(law.times[0], law.times[-1], 2001)
+        when = now + float(t[int(np.searchsorted(law.at(t)[0], s - 1e-12).clip(0, 2000))])
+        time = "" if move.free else f"t = {when:.4g} s, "
+        return f"beyond {time}{s * move.length:.4g} {move.unit} along this move, with the tip at [{where}] m"
+    return f"at t = {now:.4g} s, {s * move.length:.4g} {move.unit} along this move, with the tip at [{where}] m"
+
+
+def _stretched(task: Task, move: Bound, weak: Array) -> str:
+    """What a singularity is, by the direction in which the tool cannot move."""
+    moved, turned = np.linalg.norm(weak[:3]), np.linalg.norm(weak[3:])
+    direction = weak[:3] if moved >= turned else weak[3:]
+    direction = direction / np.linalg.norm(direction)
+    way = ", ".join(f"{x:.2f}" for x in direction)
+    if moved >= turned:
+        return f"a singularity, where the tip cannot move along [{way}]: there the arm is stretched out or folded"
+    return f"a singularity, where the tool cannot turn about [{way}]: there two axes are in line"
+
+
+def _near_limits(chain: Chain, q: Array) -> list[str]:
+    lower, upper = chain.lower, chain.upper
+    found = []
+    for joint, name in enumerate(chain.names):
+        span = upper[joint] - lower[joint]
+        for side, bound in (("lower", lower[joint]), ("upper", upper[joint])):
+            if np.isfinite(span) and abs(q[joint] - bound) < NEAR_LIMIT * span:
+                found.append(f"{name} is at its {side} limit of {bound:.4g}")
+    return found
+
+
+def _can_reach_end(task: Task, move: Bound, q: Array) -> str:
+    """Whether the arm has a posture for the end of the move at all."""
+    try:
+        at_pose(task.chain, move.end, np.clip(q, task.chain.lower, task.chain.upper), q, task.hold)
+    except DefinitionError as error:
+        return f". The end of the move is out of reach, too: {error.message}"
+    return ". The end of the move can be reached, but not along it from here"

@@ -1,0 +1,128 @@
+"""Truncated Taylor series of arrays, so that derivatives along a curve are exact and nothing is compiled.
+
+A series is a list of coefficients by power, the value first; None stands for zero.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Series: TypeAlias = list[Any]
+
+
+def constant(value: Array, orders: int) -> Series:
+    """A series that does not change.
+
+    - `value`: its value.
+    - `orders`: how many coefficients it has.
+    """
+    return [value, *[None] * (orders - 1)]
+
+
+def total(*terms: Series) -> Series:
+    """The sum.
+
+    - `terms`: series of equally many coefficients.
+    """
+    return [_sum([term[k] for term in terms]) for k in range(len(terms[0]))]
+
+
+def scaled(series: Series, factor: Any) -> Series:
+    """A series times what does not change.
+
+    - `series`: the series.
+    - `factor`: a number or an array.
+    """
+    return [None if one is None else factor * one for one in series]
+
+
+def product(a: Series, b: Series, bilinear: Callable[[Any, Any], Any] = np.multiply) -> Series:
+    """A product of two series.
+
+    - `a`, `b`: the factors.
+    - `bilinear`: how two of their coefficients are multiplied.
+    """
+    found: Series = []
+    for k in range(len(a)):
+        parts = [(a[i], b[k - i]) for i in range(k + 1)]
+        found.append(_sum([bilinear(x, y) for x, y in parts if x is not None and y is not None]))
+    return found
+
+
+def cosine_and_sine(angle: Series) -> tuple[Series, Series]:
+    """Of an angle, with at most three coefficients.
+
+    - `angle`: rad.
+    """
+    c, s = np.cos(angle[0]), np.sin(angle[0])
+    first, second = (*angle[1:], None, None)[:2]
+    cosine: Series = [c, None if first is None else -s * first]
+    sine: Series = [s, None if first is None else c * first]
+    square = None if first is None else 0.5 * first * first
+    cosine.append(_sum([None if second is None else -s * second, None if square is None else -c * square]))
+    sine.append(_sum([None if second is None else c * second, None if square is None else -s * square]))
+    return cosine[: len(angle)], sine[: len(angle)]
+
+
+def inverse_root(series: Series) -> Series:
+    """`x^(-1/2)`, with at most three coefficients.
+
+    - `series`: x > 0.
+    """
+    x = series[0]
+    root = x**-0.5
+    first, second = (*series[1:], None, None)[:2]
+    found: Series = [root, None if first is None else -0.5 * root / x * first]
+    found.append(
+        _sum(
+            [
+                None if second is None else -0.5 * root / x * second,
+                None if first is None else 0.375 * root / x**2 * first * first,
+            ]
+        )
+    )
+    return found[: len(series)]
+
+
+def cross(a: Array, b: Array) -> Array:
+    """`a × b`, in the last axis.
+
+    - `a`, `b`: [... 3].
+    """
+    # Twice as fast as NumPy's own for few vectors.
+    x, y = a[..., [1, 2, 0]], b[..., [2, 0, 1]]
+    found: Array = x * y - a[..., [2, 0, 1]] * b[..., [1, 2, 0]]
+    return found
+
+
+def dot(a: Array, b: Array) -> Array:
+    """`a · b`, in the last axis.
+
+    - `a`, `b`: [... 3].
+    """
+    found: Array = np.sum(a * b, axis=-1)
+    return found
+
+
+def wide(a: Array, b: Array) -> Array:
+    """Numbers times vectors.
+
+    - `a`: [...].
+    - `b`: [... 3].
+    """
+    return a[..., None] * b
+
+
+def _sum(terms: list[Any]) -> Any:
+    known = [term for term in terms if term is not None]
+    if not known:
+        return None
+    found = known[0]
+    for term in known[1:]:
+        found = found + term
+    return found

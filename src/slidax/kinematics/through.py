@@ -1,0 +1,182 @@
+"""A move through poses, smoothly, at given times or as fast as the joints can."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from slidax._errors import DefinitionError
+from slidax.trajectories.quintic_spline import quintic_spline
+from slidax.trajectories.source_text import source_text
+
+from .curve import Spline
+from .moves import AbstractMove, Array, Bound
+from .pose import Pose
+from .quaternion import angle_between, matrix_of
+from .time_law import linear
+
+APART = np.deg2rad(120.0)
+"""The orientations of two poses in a row may differ by this much: the curve between them is then near the slerp."""
+
+NEAR = 1e-4
+"""The first row of a table may be off where the tool is by this much, m or rad; it is then moved there."""
+
+COLUMNS = ("x", "y", "z", "qw", "qx", "qy", "qz")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Through(AbstractMove):
+    """A smooth curve through poses, without a stop, at rest at both ends.
+
+    Place and quaternion are quintic splines, and the quaternion is made as long as 1: four continuous derivatives. The
+    curve begins where the move before ended, which is no row of `poses`, except where `times` are given: then the
+    first row is where the tool is.
+
+    - `poses`: rows of x, y, z [m], or of x, y, z, qw, qx, qy, qz; without a quaternion the tool keeps its orientation.
+    - `times`: of each row, increasing [s]; the first is when the move begins.
+    - `duration`: of the whole [s], not with `times`.
+    - `speed`, `acceleration`: not for this move.
+    """
+
+    poses: Sequence[Sequence[float]] | Array
+    times: Sequence[float] | Array | None = None
+
+    @staticmethod
+    def from_csv(source: str | Path) -> Through:
+        """The poses of a CSV file, whose first line names the columns: x, y, z, perhaps qw, qx, qy, qz, perhaps time.
+
+        - `source`: its path; or the text itself, which has a line break in it.
+
+        Raises DefinitionError, with line and column, if it has not that form.
+        """
+        name, text = source_text(source, is_text=lambda text: "\n" in text)
+        lines = [
+            (number, [cell.strip() for cell in row])
+            for number, row in enumerate(csv.reader(io.StringIO(text, newline=""), skipinitialspace=True), start=1)
+        ]
+        lines = [(number, row) for number, row in lines if any(row) and not row[0].startswith("#")]
+        if len(lines) < 2:
+            raise DefinitionError(f"{name} needs a line that names the columns, such as `time,x,y,z`, and rows")
+        (number, header), rows = lines[0], lines[1:]
+        titles = [title.partition("[")[0].strip() for title in header]
+        wanted = COLUMNS if "qw" in titles else COLUMNS[:3]
+        missing = [column for column in wanted if column not in titles]
+        unknown = [title for title in titles if title not in (*wanted, "time")]
+        if missing or unknown or len(set(titles)) < len(titles):
+            said = (
+                f"`{missing[0]}` is missing" if missing else f"`{unknown[0]}` is none of them" if unknown else "twice"
+            )
+            raise DefinitionError(
+                f"{name}, line {number}: the columns must be x, y, z, perhaps qw, qx, qy, qz, and perhaps time: {said}"
+            )
+        values = np.empty((len(rows), len(titles)))
+        for row, (number, cells) in enumerate(rows):
+            if len(cells) != len(titles):
+                raise DefinitionError(
+                    f"{name}, line {number}: {len(cells)} entries, but there are {len(titles)} columns"
+                )
+            for column, cell in enumerate(cells):
+                try:
+                    values[row, column] = float(cell)
+                except ValueError:
+                    where = f"{name}, line {number}, column `{titles[column]}`"
+                    raise DefinitionError(f"{where}: `{cell}` is not a number") from None
+        times = values[:, titles.index("time")] if "time" in titles else None
+        return Through(poses=values[:, [titles.index(column) for column in wanted]], times=times)
+
+    def bound(self, pose: Pose) -> Bound:
+        """The move from a pose on.
+
+        - `pose`: where it begins.
+
+        Raises DefinitionError, with the row, if the poses make no smooth curve.
+        """
+        if self.speed is not None or self.acceleration is not None:
+            raise DefinitionError("`Through` takes `times` or a `duration`, or leaves its time to the joints' limits")
+        rows = _rows(self.poses)
+        own = np.concatenate([pose.place, pose.quaternion])
+        if rows.shape[1] == 3:
+            rows = np.concatenate([rows, np.broadcast_to(own[3:], (len(rows), 4))], axis=1)
+        if self.times is None:
+            rows = np.concatenate([own[None], rows])
+            rows = _aligned(rows, first=1)
+            steps = _steps(rows)
+            if (steps < 1e-9).any():
+                raise DefinitionError(f"`Through.poses` {int(np.argmin(steps)) + 1} is where the tool already is")
+            knots = np.concatenate([[0.0], np.cumsum(steps)]) / steps.sum()
+            curve = Spline(knots=knots, coefficients=quintic_spline(knots, rows))
+            return self._timed(curve, float(steps.sum()), _pose(rows[-1]))
+        if self.duration is not None:
+            raise DefinitionError("`Through` takes either `times` or a `duration`")
+        times = np.asarray(self.times, float)
+        increasing = times.shape == (len(rows),) and np.isfinite(times).all() and (np.diff(times) > 0).all()
+        if len(rows) < 2 or not increasing:
+            raise DefinitionError(
+                f"`Through.times` must be one for each of the {len(rows)} poses, at least two, and increase"
+            )
+        first = _pose(rows[0])
+        off = float(np.linalg.norm(first.place - pose.place))
+        turned = float(angle_between(first.rotation, pose.rotation))
+        if off > NEAR or turned > NEAR:
+            raise DefinitionError(
+                f"`Through.poses` 1 must be where the tool is when the move begins, {_said(pose)}; it is "
+                f"{off:.3g} m and {np.rad2deg(turned):.3g} degrees off: put a `Line` to it before"
+            )
+        rows = _aligned(np.concatenate([own[None], rows[1:]]), first=1)
+        span = float(times[-1] - times[0])
+        knots = (times - times[0]) / span
+        curve = Spline(knots=knots, coefficients=quintic_spline(knots, rows))
+        return Bound(curve, linear(span), False, float(_steps(rows).sum()), _pose(rows[-1]))
+
+
+def _rows(poses: object) -> Array:
+    try:
+        rows = np.asarray(poses, float)
+    except (TypeError, ValueError):
+        rows = np.empty(0)
+    if rows.ndim != 2 or rows.shape[1] not in (3, 7) or not len(rows):
+        raise DefinitionError("`Through.poses` must be rows of x, y, z, or of x, y, z, qw, qx, qy, qz, all alike")
+    if not np.isfinite(rows).all():
+        raise DefinitionError(f"`Through.poses` {int(np.argmax(~np.isfinite(rows).all(axis=1))) + 1} must be finite")
+    if rows.shape[1] == 7:
+        size = np.linalg.norm(rows[:, 3:], axis=1, keepdims=True)
+        if (size < 1e-6).any():
+            raise DefinitionError(f"`Through.poses` {int(np.argmin(size)) + 1} must have a quaternion of length > 0")
+        rows = np.concatenate([rows[:, :3], rows[:, 3:] / size], axis=1)
+    return rows
+
+
+def _aligned(rows: Array, first: int) -> Array:
+    """Each quaternion on the side of the one before it, since q and -q are one orientation."""
+    rows = rows.copy()
+    for row in range(1, len(rows)):
+        if rows[row, 3:] @ rows[row - 1, 3:] < 0:
+            rows[row, 3:] *= -1
+        cosine = min(float(rows[row, 3:] @ rows[row - 1, 3:]), 1.0)
+        if 2 * np.arccos(cosine) > APART:
+            raise DefinitionError(
+                f"`Through.poses` {row - first + 1} is turned by {np.rad2deg(2 * np.arccos(cosine)):.0f} degrees from "
+                f"the one before: at most {np.rad2deg(APART):.0f}; add a pose between them"
+            )
+    return rows
+
+
+def _steps(rows: Array) -> Array:
+    """How far it is from each pose to the next, m; where only the tool turns, by an arm of .1 m."""
+    places = np.linalg.norm(np.diff(rows[:, :3], axis=0), axis=1)
+    cosines = np.clip(np.sum(rows[1:, 3:] * rows[:-1, 3:], axis=1), -1.0, 1.0)
+    found: Array = np.hypot(places, 0.1 * 2 * np.arccos(cosines))
+    return found
+
+
+def _pose(row: Array) -> Pose:
+    return Pose(row[:3], matrix_of(row[3:] / np.linalg.norm(row[3:])))
+
+
+def _said(pose: Pose) -> str:
+    return f"[{', '.join(f'{x:.4g}' for x in pose.place)}] m"

@@ -1,0 +1,87 @@
+"""How far along its curve a tool is at a time."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+RAMP = 1.5
+"""Peak acceleration of a smooth ramp of velocity, times its duration, over the velocity."""
+
+
+class TimeLaw(NamedTuple):
+    """Polynomials from a time to s, from rest to rest, with a continuous second derivative.
+
+    - `times`: ends of the pieces, from 0 on [k], s.
+    - `coefficients`: in powers of the time in the piece, lowest first [k-1 powers].
+    """
+
+    times: Array
+    coefficients: Array
+
+    def at(self, t: Array) -> tuple[Array, Array, Array]:
+        """S with its first and second derivative.
+
+        - `t`: times [m], s.
+        """
+        piece = np.clip(np.searchsorted(self.times, t, side="right") - 1, 0, len(self.coefficients) - 1)
+        x = t - self.times[piece]
+        found = []
+        coefficients = self.coefficients
+        for order in range(3):
+            value = np.zeros_like(x)
+            for column in coefficients.T[::-1]:
+                value = value * x + column[piece]
+            found.append(value)
+            coefficients = coefficients[:, 1:] * np.arange(1, coefficients.shape[1]) if order < 2 else coefficients
+        s, rate, curvature = found
+        return np.clip(s, 0.0, 1.0), rate, curvature
+
+    def stretched(self, factor: float) -> TimeLaw:
+        """The same at another pace.
+
+        - `factor`: of all times.
+        """
+        powers = np.arange(self.coefficients.shape[1])
+        return TimeLaw(self.times * factor, self.coefficients / factor**powers)
+
+
+def smoothest(duration: float) -> TimeLaw:
+    """`s = 10 z³ - 15 z⁴ + 6 z⁵`, `z = t/T`: least jerk from rest to rest.
+
+    - `duration`: T [s].
+    """
+    return TimeLaw(np.array([0.0, 1.0]), np.array([[0.0, 0.0, 0.0, 10.0, -15.0, 6.0]])).stretched(duration)
+
+
+def linear(duration: float) -> TimeLaw:
+    """`s = t/T`, for a curve that has its own rest at both ends.
+
+    - `duration`: T [s].
+    """
+    return TimeLaw(np.array([0.0, duration]), np.array([[0.0, 1.0 / duration]]))
+
+
+def cruising(length: float, speed: float, acceleration: float) -> TimeLaw:
+    """A smooth ramp up to a speed, even motion, and the same ramp down.
+
+    On the ramp the speed is `v (3 z² - 2 z³)`. Where the curve is too short, the speed that is reached is less.
+
+    - `length`: of the curve, m or rad.
+    - `speed`: largest speed, m/s or rad/s.
+    - `acceleration`: largest acceleration, m/s² or rad/s².
+    """
+    speed = min(speed, float(np.sqrt(length * acceleration / RAMP)))
+    ramp = RAMP * speed / acceleration
+    even = max(length / speed - ramp, 0.0)
+    v, r = speed / length, ramp
+    up = [0.0, 0.0, 0.0, v / r**2, -v / (2 * r**3)]
+    start = v * r / 2
+    down = [start + v * even, v, 0.0, -v / r**2, v / (2 * r**3)]
+    if even <= 1e-9 * r:
+        return TimeLaw(np.array([0.0, r, 2 * r]), np.array([up, [start, *down[1:]]]))
+    return TimeLaw(np.array([0.0, r, r + even, 2 * r + even]), np.array([up, [start, v, 0.0, 0.0, 0.0], down]))

@@ -1,0 +1,155 @@
+"""The blocks of all pages: commands that exist, files that are there, valid YAML, reasons for what is not run."""
+
+from __future__ import annotations
+
+import ast
+import re
+from pathlib import Path
+
+import pytest
+
+from scripts.documentation.blocks import MARKS, PageError, blocks
+from scripts.documentation.commands import Files, check, commands
+from scripts.documentation.page_run import PageRun
+from scripts.documentation.parts_of_files import check_yaml, dotted
+from slidax import DefinitionError
+from slidax.cli import app
+from tests.documentation.pages import CODE, DOCS, PAGES, ROOT, TERMINAL, name, of
+
+EVERY = pytest.mark.parametrize("page", PAGES, ids=name)
+EVERY_OF_DOCS = pytest.mark.parametrize("page", DOCS, ids=name)
+SYNOPSIS = re.compile(r"^    slidax (.*)$", re.MULTILINE)
+
+
+@EVERY
+def test_every_command_of_a_page_is_one_that_slidax_takes(page: Path) -> None:
+    for block in of(page):
+        if block.language in TERMINAL:
+            for command in commands(block.language, block.text):
+                if command.line.startswith("slidax "):
+                    check(command.arguments if command.is_ours else [], app)
+
+
+@EVERY
+def test_a_form_of_a_command_names_options_that_it_has(page: Path) -> None:
+    for form in SYNOPSIS.findall(page.read_text(encoding="utf-8")):
+        words = re.findall(r"--[a-z-]+|[a-z0-9]+", form.partition(" --")[0])
+        known = " ".join(sorted(_options(words)))
+        for option in re.findall(r"--[a-z-]+", form):
+            assert option in known.split(), (form, option)
+
+
+def _options(words: list[str]) -> set[str]:
+    from typer.main import get_command
+
+    command = get_command(app)
+    for word in words:
+        if word in getattr(command, "commands", {}):
+            command = command.commands[word]
+    return {option for one in command.params for option in [*one.opts, *one.secondary_opts]}
+
+
+@EVERY_OF_DOCS
+def test_files_that_commands_read_are_there_or_made_before_on_the_page(page: Path) -> None:
+    files = Files(ROOT)
+    for block in of(page):
+        files.made |= {line.partition("=")[0].strip() for line in block.marks.get("file", "").splitlines()}
+        if named := re.match(r"# (\S+\.ya?ml)\n", block.text):
+            files.made.add(named[1])
+        if block.language in ("python", "before"):
+            files.made |= set(re.findall(r"[\"']([\w.-]+\.(?:csv|yaml|json|html))[\"']", block.text))
+        if block.language in TERMINAL and "not run" not in block.marks:
+            for command in commands(block.language, block.text):
+                if command.is_ours:
+                    files.follow(command.arguments)
+
+
+@EVERY_OF_DOCS
+def test_what_is_not_run_says_why_and_everything_else_can_be(page: Path) -> None:
+    for block in of(page):
+        where = f"{name(page)}, line {block.first + 1}"
+        assert set(block.marks) <= {*MARKS, "file"}, where
+        if "not run" in block.marks:
+            assert len(block.marks["not run"]) > 10, f"{where}: a reason is a sentence"
+        elif block.language in TERMINAL and "shell" not in block.marks:
+            assert all(one.is_ours for one in commands(block.language, block.text)), f"{where}: `shell` or `not run`"
+        if block.language in ("python", "py"):
+            ast.parse(block.text)
+
+
+@EVERY_OF_DOCS
+def test_the_yaml_of_a_page_is_what_slidax_reads(page: Path, tmp_path: Path) -> None:
+    for block in of(page):
+        if block.language == "yaml":
+            check_yaml(block.text, block.marks.get("part of", ""), tmp_path)
+
+
+@pytest.mark.parametrize("page", [page for page in DOCS if "<!-- small:" in page.read_text(encoding="utf-8")], ids=name)
+def test_blocks_for_every_day_run(page: Path, tmp_path: Path) -> None:
+    outcomes = PageRun(page, tmp_path, tmp_path / "made", small=True).run()
+    marked = [block for block in of(page) if "small" in block.marks]
+    assert len([one for one in outcomes if one.texts]) == len(marked)
+
+
+@pytest.mark.full
+def test_the_code_of_all_pages_runs() -> None:
+    from scripts.documentation.cache import run_all
+
+    found, failed = run_all(jobs=2, only=None)
+    assert not failed, "\n\n".join(failed)
+    assert len(found) >= len([page for page in DOCS if any(block.language in CODE for block in of(page))])
+
+
+# --- that these tests see what is wrong ---
+
+
+@pytest.mark.parametrize(
+    "line", ["run example-4.1 --outt x", "rum example-4.1", "export d example-4.1 --out x", "list --json=maybe", "run"]
+)
+def test_a_command_that_is_not_one_is_seen(line: str) -> None:
+    with pytest.raises(PageError):
+        check(line.split(), app)
+
+
+@pytest.mark.parametrize(
+    "line", ["run example-4.1 --set a.b=1 --set c=2 --out x", "list", "--help", "export c x --out y"]
+)
+def test_a_command_that_is_one_passes(line: str) -> None:
+    check(line.split(), app)
+
+
+def test_a_file_that_is_nowhere_is_seen() -> None:
+    files = Files(ROOT)
+    with pytest.raises(PageError, match=r"mine\.yaml"):
+        files.follow(["run", "mine.yaml"])
+    with pytest.raises(PageError, match=r"arm\.yaml"):
+        files.follow(["run", "example-4.1", "--set", "robot.file=arm.yaml"])
+    files.follow(["new", "--robot", "examples/robots/scara.urdf", "--out", "mine.yaml"])
+    files.follow(["run", "mine.yaml", "--out", "report"])
+    files.follow(["run", "report/worst.yaml"])
+
+
+def test_yaml_that_slidax_refuses_is_seen(tmp_path: Path) -> None:
+    with pytest.raises(DefinitionError, match="horizn"):
+        check_yaml("scheme:\n  sampled_data: {horizn: 0.01}\n", "example-4.1-1khz", tmp_path)
+    with pytest.raises(PageError, match="part of"):
+        check_yaml("sensor: {delay: 1}\n", "", tmp_path)
+    assert dotted({"a": {"b": 1, "c": {"kind": "x", "d": 2}}}) == {"a.b": 1, "a.c": {"kind": "x", "d": 2}}
+
+
+def test_a_block_knows_its_marks_and_a_mark_without_a_block_is_refused() -> None:
+    text = "<!-- exit: 3 -->\n<!-- with: --runs 2 -->\n\n```console\n$ slidax list\n```\n\n<!-- a remark -->\nText\n"
+    (block,) = blocks(text)
+    assert (block.language, block.first, block.last) == ("console", 0, 5)
+    assert block.marks == {"exit": "3", "with": "--runs 2"}
+    with pytest.raises(PageError, match="no block after it"):
+        blocks("<!-- exit: 3 -->\n\nText\n\n```sh\nls\n```\n")
+    with pytest.raises(PageError, match="no end"):
+        blocks("```sh\nls\n")
+
+
+def test_commands_of_a_terminal_are_those_after_the_prompt() -> None:
+    found = commands("console", "$ slidax run x \\\n    --out y   # why\nsaid\n$ ls\n")
+    assert [one.arguments for one in found] == [["run", "x", "--out", "y"], ["ls"]]
+    assert found[0].shown == ["said"]
+    assert [one.is_ours for one in commands("sh", "slidax list && ls\nslidax list\n# no\n")] == [False, True]

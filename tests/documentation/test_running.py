@@ -1,0 +1,93 @@
+"""How a page is run: one namespace, its own folder, exit codes, and what is shown of it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from scripts.documentation.blocks import PageError
+from scripts.documentation.cache import Found
+from scripts.documentation.page_run import PageRun
+from scripts.documentation.results import LONGEST, with_results
+
+PAGE = """# A page
+
+```python
+value = 20
+```
+
+```python
+from pathlib import Path
+
+Path("made.txt").write_text("here")
+print("printed")
+value + 2
+```
+
+<!-- exit: 2 -->
+```console
+$ slidax list nothing-like-that
+```
+"""
+
+
+def run(text: str, folder: Path) -> list[object]:
+    page = folder / "page.md"
+    page.write_text(text, encoding="utf-8")
+    (folder / "stand").mkdir(exist_ok=True)
+    return list(PageRun(page, folder / "stand", folder / "out").run())
+
+
+def test_blocks_share_their_names_and_show_what_a_notebook_would(tmp_path: Path) -> None:
+    first, second, third = run(PAGE, tmp_path)
+    assert first.texts == [""]
+    assert second.texts == ["printed\n22\n"]
+    assert (tmp_path / "stand" / "made.txt").read_text() == "here"
+    assert "nothing-like-that" in third.texts[0]
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("Text\n\n```python\n1 / 0\n```\n", r"page\.md, line 3: (.|\n)*ZeroDivisionError"),
+        ("```console\n$ slidax list nothing-like-that\n```\n", "exit code 2"),
+        ("```console\n$ rm -rf x\n```\n", "`shell` or `not run`"),
+        ("```console\n$ slidax --version\nslidax 9.9\n```\n", "the page shows 'slidax 9.9'"),
+        ("```python\nprint(1)\n```\n\n<!-- said: above -->\n```text\n2\n```\n", "the page shows '2'"),
+        ('<!-- show: nowhere.svg "A picture" -->\n', "no `nowhere.svg`"),
+    ],
+)
+def test_a_block_that_fails_is_an_error_with_its_line(text: str, said: str, tmp_path: Path) -> None:
+    with pytest.raises(PageError, match=said):
+        run(text, tmp_path)
+
+
+def test_blocks_that_are_marked_are_not_run_and_say_so(tmp_path: Path) -> None:
+    robot = "<!-- not run: it needs a robot -->\n```sh\nrobot --go\n```\n\n"
+    missing = "<!-- needs: no_such_package -->\n```python\n1/0\n```\n"
+    assert [one.skipped for one in run(robot + missing, tmp_path)] == ["it needs a robot", "no_such_package not here"]
+
+
+def test_a_shell_is_bash_with_slidax_in_it(tmp_path: Path) -> None:
+    (one,) = run("<!-- shell: bash -->\n```sh\necho first\nslidax --version | tr a-z A-Z\n```\n", tmp_path)
+    assert one.texts[0].startswith("first\nSLIDAX ")
+
+
+def test_figures_are_files_beside_the_page(tmp_path: Path) -> None:
+    text = "```python\nimport matplotlib.pyplot as plt\nfigure, _ = plt.subplots()\nfigure\n```\n"
+    (one,) = run(text, tmp_path)
+    assert (tmp_path / "out" / one.figures[0]).read_text(encoding="utf-8").lstrip().startswith("<?xml")
+
+
+def test_results_stand_below_their_blocks_as_text() -> None:
+    text = "# T\n\n```python\nprint('<b>')\n```\n\nEnd\n"
+    outcome = {"index": 0, "texts": ["<b> & 1\n\n2\n"], "figures": ["t-0.svg"], "skipped": "", "seconds": 0.0}
+    shown = with_results(text, "tutorials/t.md", Found([outcome], []))
+    assert "&lt;b&gt; &amp; 1\n&#8203;\n2" in shown
+    assert shown.index("print(") < shown.index("&lt;b&gt;") < shown.index("](made/t-0.svg)") < shown.index("End")
+    assert "&lt;b&gt;" not in with_results(text, "robots.md", Found([outcome], []))
+    long = {**outcome, "texts": ["\n".join(str(k) for k in range(LONGEST + 10))]}
+    assert f"<summary>{LONGEST // 2 + 10} more lines</summary>" in with_results(
+        text, "tutorials/t.md", Found([long], [])
+    )

@@ -1,0 +1,128 @@
+"""The site: its table of contents, its links, the reference that is made of declarations."""
+
+from __future__ import annotations
+
+import inspect
+import re
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from scripts.documentation import api, links
+from scripts.documentation.stage import Stage
+from tests.architecture.test_architecture import ROOMS, public
+from tests.documentation.pages import ROOT
+
+
+@pytest.fixture(scope="module")
+def reference() -> tuple[dict[str, str], dict[str, str]]:
+    return api.pages()
+
+
+@pytest.mark.parametrize("room", [room for room in ROOMS if room != "cli"])
+def test_the_page_of_a_room_has_all_that_it_exports(
+    reference: tuple[dict[str, str], dict[str, str]], room: str
+) -> None:
+    pages, _ = reference
+    text = pages[f"api/{room}.md"]
+    assert f"]({room}.md)" in pages["api/index.md"]
+    for name, thing in public(room):
+        assert len(re.findall(rf"^::: [\w.]+\.{name}$", text, re.MULTILINE)) == 1, name
+        assert f"[`{name}`](#" in text
+        first = (inspect.getdoc(thing) or "").partition("\n")[0].replace("|", "\\|")
+        assert first in text
+
+
+def test_a_preset_is_not_taken_for_the_module_that_defines_it(reference: tuple[dict[str, str], dict[str, str]]) -> None:
+    assert "\n::: slidax.controllers.cftsmppc.cftsmppc\n" in reference[0]["api/controllers.md"]
+    assert "\n::: slidax.controllers.SlidingMode\n" in reference[0]["api/controllers.md"]
+
+
+def test_facts_are_those_of_the_declarations(reference: tuple[dict[str, str], dict[str, str]]) -> None:
+    _, facts = reference
+    linear = facts["slidax.surfaces.linear.Linear"]
+    assert (
+        "| `rate` | diagonal of Λ, how fast the error decays on the surface (one number or [n]) | 1/s | > 0, so "
+        in linear
+    )
+    assert "Numbers: Table 1." in facts["slidax.controllers.cftsmppc.cftsmppc"]
+    assert "SmoothFixedTime(k1=0.2" in facts["slidax.controllers.cftsmppc.cftsmppc"]
+    assert "Unit: rad or m" in facts["slidax.metrics.error.steady_error"]
+    assert not [text for text in facts.values() if " at 0x" in text]
+
+
+def test_the_page_of_parameters_has_every_part_that_a_file_can_name() -> None:
+    from slidax.scenarios import catalogue
+
+    text = api.parameters_page()
+    for kind, members in catalogue().items():
+        for name in members if kind != "scenarios" else ():
+            assert f"\n\n### `{name}` {{ #{kind}.{name} }}\n\n" in text
+    assert (
+        "| `surface.k1` | Diagonal of K1 | rad/s or m/s | > 0, so that K1 is diagonal positive definite (eq. 40) |"
+        in text
+    )
+
+
+def test_every_page_of_the_table_of_contents_is_there_and_every_link_of_a_page_leads_to_one() -> None:
+    stage = Stage(ROOT / "nowhere")
+    stage.lay_out()
+    from ruamel.yaml import YAML
+
+    from scripts.documentation.site import named
+
+    contents = named(YAML().load((ROOT / "mkdocs.yml").read_text(encoding="utf-8"))["nav"])
+    assert len(contents) == len(set(contents))
+    assert set(contents) - {"reference/parameters.md"} <= set(stage.pages)
+    assert not [source for source in stage.files if not (ROOT / source).exists()]
+
+
+def test_links_lead_to_where_things_are_on_the_site_and_code_is_left_alone() -> None:
+    stage = Stage(ROOT / "nowhere")
+    text = "[a](../examples/design) [b](../benchmarks/PERFORMANCE.md#x) `[c](../d)` [symbols.md](symbols.md)"
+    found = stage.linked(f"{text}\n\n    [e](../f)\n", "docs/tutorials/../design.md", "design.md")
+    assert found == (
+        "[a](files/examples/design/index.md) [b](benchmarks.md#x) `[c](../d)` [Symbols](symbols.md)\n\n    [e](../f)\n"
+    )
+    assert stage.files == {"examples/design"}
+
+
+def site(folder: Path, **pages: str) -> Any:
+    for name, text in pages.items():
+        (folder / f"{name}.html").write_text(text, encoding="utf-8")
+    return links.checked(folder)
+
+
+def test_links_that_lead_nowhere_are_found(tmp_path: Path) -> None:
+    found = site(
+        tmp_path,
+        index='<a href="other.html#here"><a href="other.html#gone"><a href="lost.html"><img src="a.svg">',
+        other='<h1 id="here"></h1><a href="#here"><a href="https://example.org/"><a href="../out.html">',
+    )
+    assert [one.split(" (")[0] for one in found.broken] == [
+        "index.html: other.html#gone",
+        "index.html: lost.html",
+        "index.html: a.svg",
+        "other.html: ../out.html",
+    ]
+    assert list(found.outward) == ["https://example.org/"]
+    assert not found.foreign
+
+
+def test_what_is_fetched_from_another_host_is_found(tmp_path: Path) -> None:
+    (tmp_path / "style.css").write_text("@import url(//fonts.example.org/a.css);", encoding="utf-8")
+    found = site(tmp_path, index='<script src="https://cdn.example.org/x.js"></script><link href="style.css">')
+    assert found.foreign == [
+        "index.html: https://cdn.example.org/x.js",
+        "style.css: a font or a style of another host",
+    ]
+
+
+@pytest.mark.full
+@pytest.mark.skipif(not (ROOT / "site" / "index.html").exists(), reason="`make docs` has not been run")
+def test_the_site_that_was_built_has_no_wrong_link() -> None:
+    found = links.checked(ROOT / "site")
+    assert found.pages > 80
+    assert not found.broken
+    assert not found.foreign

@@ -1,0 +1,91 @@
+"""What is built for others: the wheel has every file of the package, the sdist all that the tests and pages need."""
+
+from __future__ import annotations
+
+import re
+import tarfile
+import tomllib
+import zipfile
+from pathlib import Path
+
+import pytest
+from hatchling.builders.sdist import SdistBuilder
+from hatchling.builders.wheel import WheelBuilder
+
+ROOT = Path(__file__).parents[2]
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+EXTRAS = PROJECT["optional-dependencies"]
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    (built,) = WheelBuilder(str(ROOT)).build(directory=str(tmp_path_factory.mktemp("wheel")), versions=["standard"])
+    return Path(built)
+
+
+@pytest.fixture(scope="module")
+def unpacked(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder that the sdist unpacks to."""
+    place = tmp_path_factory.mktemp("sdist")
+    (built,) = SdistBuilder(str(ROOT)).build(directory=str(place))
+    with tarfile.open(built) as archive:
+        archive.extractall(place, filter="data")
+    (folder,) = (path for path in place.iterdir() if path.is_dir())
+    return folder
+
+
+def own(folder: Path) -> set[str]:
+    """Files of a folder, without what Python and the system leave there."""
+    left = {"__pycache__", ".DS_Store"}
+    return {
+        path.relative_to(folder).as_posix()
+        for path in folder.rglob("*")
+        if path.is_file() and not left & set(path.parts)
+    }
+
+
+def test_the_wheel_has_every_file_of_the_package_and_none_else(wheel: Path) -> None:
+    expected = {f"slidax/{name}" for name in own(ROOT / "src" / "slidax")}
+    with zipfile.ZipFile(wheel) as archive:
+        found = {name for name in archive.namelist() if ".dist-info/" not in name}
+    assert {"slidax/py.typed", "slidax/scenarios/scenario.schema.json", "slidax/reports/templates/page.css"} <= found
+    assert found == expected
+
+
+def test_the_wheel_is_for_every_system(wheel: Path) -> None:
+    assert wheel.name == f"slidax-{PROJECT['version']}-py3-none-any.whl"
+    with zipfile.ZipFile(wheel) as archive:
+        (metadata,) = (name for name in archive.namelist() if name.endswith(".dist-info/METADATA"))
+        assert not [name for name in archive.namelist() if name.endswith((".so", ".pyd", ".dylib", ".dll"))]
+        assert "Requires-Python: >=3.11" in archive.read(metadata).decode()
+
+
+def test_the_sdist_makes_the_same_wheel(wheel: Path, unpacked: Path, tmp_path: Path) -> None:
+    (again,) = WheelBuilder(str(unpacked)).build(directory=str(tmp_path), versions=["standard"])
+    assert Path(again).read_bytes() == wheel.read_bytes()
+
+
+@pytest.mark.parametrize("folder", ["src", "tests", "docs", "examples", "benchmarks", "scripts", "requirements"])
+def test_the_sdist_has_the_whole_of_each_folder(unpacked: Path, folder: str) -> None:
+    missing = {name for name in own(ROOT / folder) - own(unpacked / folder) if not name.startswith("api/")}
+    assert not missing
+
+
+def test_the_sdist_has_every_file_that_its_readme_links_to(unpacked: Path) -> None:
+    text = (unpacked / "README.md").read_text(encoding="utf-8")
+    for link in re.findall(r"\]\((?!http)([^)#]+)", text):
+        assert (unpacked / link).exists(), link
+
+
+def test_all_means_every_extra_but_those_that_need_a_card_or_bring_another_licence() -> None:
+    named = [extra for line in EXTRAS["all"] for extra in line.split("]")[0].removeprefix("slidax[").split(",")]
+    assert sorted(named) == sorted(set(EXTRAS) - {"all", "cuda", "film"})
+
+
+def test_every_remedy_names_an_extra_that_there_is() -> None:
+    named = set()
+    for path in [*(ROOT / "src").rglob("*.py"), *(ROOT / "docs").rglob("*.md"), ROOT / "README.md"]:
+        for listed in re.findall(r"slidax\[([\w,-]+)\]", path.read_text(encoding="utf-8")):
+            named |= set(listed.split(","))
+    assert {"native", "robots", "view"} <= named
+    assert named <= set(EXTRAS)
