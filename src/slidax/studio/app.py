@@ -141,7 +141,8 @@ class Studio:
 
     async def _first(self) -> dict[str, Any]:
         """The playground that the page begins with: the default one where the opened file is wrong."""
-        if self._manifest is None:
+        # A file may be another one by now.
+        if self._manifest is None or self.opened.lower().endswith(YAML):
             place = "path" if self.opened.lower().endswith(YAML) else "name"
             for question in ({place: self.opened or DEFAULT}, {"name": DEFAULT}):
                 answer, _ = await self.bench.ask({**question, "do": "manifest"})

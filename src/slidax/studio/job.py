@@ -44,7 +44,7 @@ def end_with_the_server() -> None:
     def wait() -> None:
         while os.read(0, 4096):
             pass
-        if hasattr(os, "killpg"):
+        if sys.platform != "win32":
             os.killpg(0, signal.SIGKILL)
         os._exit(1)
 

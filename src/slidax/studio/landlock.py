@@ -41,7 +41,7 @@ def restrict(read: Iterable[Path], write: Iterable[Path]) -> bool:
     - `read`: folders and files that are read, and run.
     - `write`: those that are written, too.
     """
-    if not sys.platform.startswith("linux"):
+    if sys.platform != "linux":
         return False
     kernel = ctypes.CDLL(None, use_errno=True)
     version = kernel.syscall(CREATE, None, ctypes.c_size_t(0), VERSION)
@@ -65,6 +65,8 @@ def restrict(read: Iterable[Path], write: Iterable[Path]) -> bool:
 
 
 def _allow(kernel: ctypes.CDLL, rules: int, path: Path, rights: int) -> None:
+    if sys.platform != "linux":
+        return
     try:
         place = os.open(path, os.O_PATH | os.O_CLOEXEC)
     except OSError:

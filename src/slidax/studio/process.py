@@ -82,7 +82,7 @@ async def ended(process: Process, *, gently: bool = True) -> None:
 
 def _send(process: Process, what: int) -> None:
     with suppress(ProcessLookupError, PermissionError):
-        if hasattr(os, "killpg"):
+        if sys.platform != "win32":
             os.killpg(process.pid, what)
         elif process.returncode is None:
             process.kill()

@@ -6,6 +6,7 @@ import asyncio
 import secrets
 import signal
 import socket
+import sys
 import webbrowser
 from collections.abc import Callable
 from contextlib import suppress
@@ -91,7 +92,7 @@ class _Server(uvicorn.Server):
 
 async def _served(server: uvicorn.Server, sockets: list[socket.socket], begin: Callable[[], None]) -> None:
     # A closed terminal and `kill` end it as Ctrl-C does, so that its processes end.
-    if hasattr(signal, "SIGHUP"):
+    if sys.platform != "win32":
         asyncio.get_running_loop().add_signal_handler(signal.SIGHUP, setattr, server, "should_exit", True)
     task = asyncio.create_task(server.serve(sockets))
     while not (server.started or task.done()):

@@ -56,7 +56,7 @@
       home.replaceChildren(title, element("p.studio-soft", { text: `slidax ${about.version}, in the folder “${about.folder}”. Nothing outside of it is read or written.` }),
         ...tabs([["scenario", "Scenario", scenario.panel], ["jobs", "Jobs", jobs.panel], ["files", "Files", shelf.panel]]));
       home.hidden = false;
-      document.querySelector("header .theme")?.before(element("button.button.studio-jump", { type: "button", text: "Studio: files, jobs",
+      document.querySelector("header .theme")?.before(element("button.button.studio-jump", { type: "button", text: "Studio", title: "Files, scenario as text, jobs",
         on: { click: () => { home.scrollIntoView(); home.querySelector("[role=tab]").focus({ preventScroll: true }); } } }));
       await files.renew();
       await jobs.renew();

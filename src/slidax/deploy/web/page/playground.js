@@ -61,6 +61,8 @@ export class Playground {
 
   /* The same choice with another number; the default is not kept. */
   withValue(chosen, path, value) {
+    // A slider that lets go when another playground has taken its place.
+    if (!this.knob(chosen, path)) return chosen;
     const values = { ...chosen.values };
     if (sameNumbers(value, this.knob(chosen, path).default)) delete values[path];
     else values[path] = value;
@@ -68,6 +70,7 @@ export class Playground {
   }
 
   withChoice(chosen, path, index) {
+    if (!this.choice(chosen, path)) return chosen;
     const choices = { ...chosen.choices };
     if (index === this.choice(chosen, path).default) delete choices[path];
     else choices[path] = index;
