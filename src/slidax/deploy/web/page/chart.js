@@ -188,6 +188,10 @@ export class Chart {
   drawValues(pen, row, top, t, x) {
     pen.textBaseline = "top";
     let right = this.left + this.wide - 5;
+    /* Above where a curve ends, or below. */
+    const ended = row.lines[0]?.curve;
+    const last = ended ? row.axis.place(ended.y[ended.offset + (ended.rows - 1) * ended.stride]) : 0;
+    const text = last > 0.55 ? top + this.rowHeight - 16 : top + 4;
     for (const { curve, name } of row.lines.toReversed()) {
       const value = curve.y[curve.offset + rowAt(curve.t, t) * curve.stride];
       if (Number.isFinite(value) && t <= curve.t[curve.rows - 1] + 1e-9) {
@@ -199,10 +203,10 @@ export class Chart {
           pen.fill();
         }
       }
-      this.tag(pen, shownNumber(value, 3), right, top + 4, name);
+      this.tag(pen, shownNumber(value, 3), right, text, name);
       right -= VALUE;
     }
-    this.tag(pen, `${row.title} [${row.unit}]`, right, top + 4, "--ink");
+    this.tag(pen, `${row.title} [${row.unit}]`, right, text, "--ink");
   }
 
   /* Where an envelope is narrow: to the right. */

@@ -59,7 +59,7 @@ export class Scene {
         const poses = this.kinematics.poses(q, row * n);
         for (const { shape, at } of this.meshes) {
           const centre = point(times(this.kinematics.frame(poses, shape.link), at), [0, 0, 0]);
-          const r = 0.8 * ballRadius(shape);
+          const r = shape.link < 0 ? 0 : 0.8 * ballRadius(shape);
           centre.forEach((x, k) => {
             low[k] = Math.min(low[k], x - r);
             high[k] = Math.max(high[k], x + r);
@@ -133,7 +133,7 @@ export class Scene {
 
   /* A column under a base that hangs above the ground. */
   stand(colour) {
-    if (this.ground > -0.04 * this.size) return [];
+    if (this.ground > -0.15 * this.size) return [];
     const key = `${this.ground} ${this.size}`;
     if (this.standKey !== key) {
       this.standKey = key;
