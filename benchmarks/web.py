@@ -22,6 +22,8 @@ from slidax.scenarios import load  # noqa: E402
 ROOT = Path(__file__).parents[1]
 LOOP, DRIVER = ROOT / "src/slidax/deploy/web/page/loop.js", ROOT / "tests/deploy/web/run.mjs"
 TIMES = 5
+FLAG = "--experimental-wasm-relaxed-simd"
+"""Of node 20; newer ones know multiply-adds without it."""
 EXACT = {"sensor.resolution": 0.0, "sensor.velocity": "measured"}
 RUNS: tuple[tuple[str, str, dict[str, Any]], ...] = (
     ("example-4.1-1khz", "two-link, 10 s", {}),
@@ -44,7 +46,7 @@ def row(name: str, title: str, changes: dict[str, Any]) -> str:
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "playground.json"
         file.write_text(json.dumps(manifest), encoding="utf-8")
-        command = ["node", "--no-warnings", str(DRIVER), str(LOOP), str(file), program["id"], str(TIMES)]
+        command = ["node", "--no-warnings", FLAG, str(DRIVER), str(LOOP), str(file), program["id"], str(TIMES)]
         said = subprocess.run(command, input=json.dumps(inputs.tolist()), capture_output=True, text=True, check=True)
     result = json.loads(said.stdout)
     runs = [scenario.simulate(log_every=int(inputs[-1]), progress=False) for _ in range(TIMES)]

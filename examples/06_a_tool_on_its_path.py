@@ -27,7 +27,7 @@ moves = [Line(to=lower.place), Circle(center=center, axis=[0, 0, 1], speed=0.25,
 path = follow(arm, moves, start=home, velocity=np.asarray(arm.limits.velocity), acceleration=6.0)
 print(path)
 
-# The law follows the joints' motion, with 2 kg at the tool that it does not know, links 15 % lighter, and encoders alone.
+# The law follows, with 2 kg at the tool that it does not know, links 15 % lighter, and encoders alone.
 changes = {"start.q": home.tolist(), "simulation.t1": 4.0, "simulation.log_every": 10}
 scenario = sx.scenarios.load("panda-payload", changes).replace(trajectory=path.trajectory)
 run = scenario.simulate()

@@ -63,7 +63,8 @@ def _found(lines: list[str]) -> Iterator[Block]:
     row = 0
     while row < len(lines):
         line = lines[row]
-        if line.startswith("<!--"):
+        # In a list a block and its marks stand further in.
+        if line.lstrip().startswith("<!--"):
             end = row
             while "-->" not in lines[end]:
                 end += 1

@@ -39,7 +39,7 @@ for name in sys.argv[2:]:
         margin = sx.metrics.envelope_margin(run)
         if margin is not None:
             numbers["least room in the envelope"] = f"{100 * min(map(float, margin)):.0f} % of its width"
-    rows.append({"name": name, "title": scenario.title, "numbers": numbers})
+    rows.append({"name": name, "numbers": numbers})
 (out / "gallery.json").write_text(json.dumps(rows), encoding="utf-8")
 """
 
@@ -53,8 +53,12 @@ def with_gallery(stage: Stage, run_code: bool) -> None:
     if PAGE not in stage.pages or not run_code:
         return
     folder = _made()
+    from slidax.scenarios import catalogue
+
+    titles = catalogue()["scenarios"]
     rows = json.loads((folder / "gallery.json").read_text(encoding="utf-8"))
-    stage.pages[PAGE] = stage.pages[PAGE].replace(MARK, "\n".join(map(_section, rows)))
+    sections = [_section(row["name"], titles[row["name"]], row["numbers"]) for row in rows]
+    stage.pages[PAGE] = stage.pages[PAGE].replace(MARK, "\n".join(sections))
     stage.made |= {f"made/{path.name}": path for path in folder.glob("*.svg")}
 
 
@@ -69,14 +73,11 @@ def _made() -> Path:
     return folder
 
 
-def _section(row: dict[str, object]) -> str:
-    numbers = row["numbers"]
-    assert isinstance(numbers, dict)
+def _section(name: str, title: str, numbers: dict[str, str]) -> str:
     said = "; ".join(f"{key}: {value}" for key, value in numbers.items())
-    title, name = html.escape(str(row["title"])), row["name"]
     return "\n".join(
         [
-            f"## {title}",
+            f"## {html.escape(title)}",
             "",
             f"`slidax run {name}`: {said}.",
             "",

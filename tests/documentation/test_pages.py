@@ -142,6 +142,8 @@ def test_a_block_knows_its_marks_and_a_mark_without_a_block_is_refused() -> None
     (block,) = blocks(text)
     assert (block.language, block.first, block.last) == ("console", 0, 5)
     assert block.marks == {"exit": "3", "with": "--runs 2"}
+    (inner,) = blocks("1. In a list:\n\n    <!-- exit: 3 -->\n    ```sh\n    slidax list\n    ```\n")
+    assert (inner.marks, inner.text) == ({"exit": "3"}, "slidax list\n")
     with pytest.raises(PageError, match="no block after it"):
         blocks("<!-- exit: 3 -->\n\nText\n\n```sh\nls\n```\n")
     with pytest.raises(PageError, match="no end"):

@@ -157,7 +157,6 @@ def test_damping_gives_up_a_little_of_the_pose_at_a_singularity_and_says_how_muc
         ("moves.0: needs a `duration`", [Line(by=[0.1, 0, 0])], {}),
         ("moves.0: `Line` goes nowhere", [Line(by=[0, 0, 0], duration=1.0)], {}),
         ("either `to` or `by`", [Line(by=[0, 0, 0.1], to=[0, 0, 0.1], duration=1.0)], {}),
-        ("half a turn", [Line(quaternion=[0, 0.38268343236508984, 0.9238795325112867, 0], duration=1.0)], {}),
         ("`acceleration` is missing|acceleration` is missing", [Line(by=[0, 0, 0.1], speed=1.0)], {}),
         ("has no radius", [Circle(center=[0.30701957005161, 0, 0], axis=[0, 0, 1], duration=1.0)], {}),
         ("`Pause.duration` must be given", [Pause()], {}),

@@ -71,7 +71,7 @@ export.command("micro", epilog="Example:  slidax export micro example-4.1-1khz -
 export.command("franka", epilog="Example:  slidax export franka panda-payload --out franka")(export_franka)
 export.command("ur", epilog="Example:  slidax export ur ur5e-payload --out ur")(export_ur)
 export.command("ros2", epilog="Example:  slidax export ros2 panda-payload --gravity robot --out ros2")(export_ros2)
-export.command("web", epilog="Example:  slidax export web panda-payload --with printed,slotine_li --out site")(export_web)
+export.command("web", epilog="Example:  slidax export web panda-payload --with printed --out site")(export_web)
 
 
 @app.callback(invoke_without_command=True)

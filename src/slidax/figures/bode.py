@@ -25,7 +25,11 @@ def bode(frequencies: np.ndarray, loops: Mapping[str, np.ndarray], title: str = 
     for number, response in enumerate(loops.values()):
         look = _look(number)
         size.plot(frequencies, np.abs(response), **look)
-        phase.plot(frequencies, np.degrees(np.unwrap(np.angle(response))), **look)
+        turned = np.degrees(np.unwrap(np.angle(response)))
+        # By whole turns, so that where the loop has left 1 behind it is seen beside -180 degrees.
+        crossed = np.flatnonzero(np.abs(response) >= 1.0)
+        turned = turned - 360.0 * np.round((turned[crossed[-1] if len(crossed) else 0] + 180.0) / 360.0)
+        phase.plot(frequencies, turned, **look)
     size.axhline(1.0, **NARROW)
     phase.axhline(-180.0, **NARROW)
     size.set_xscale("log")

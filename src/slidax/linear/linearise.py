@@ -11,12 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slidax._errors import DefinitionError
-from slidax.controllers import SampledData
-from slidax.robots import Articulated
 from slidax.scenarios import Scenario
-from slidax.simulation.loop import Carry, Loop
 
 from .margins import Margins, margins_of, together
+from .notes import said_of
 from .operating_point import operating_point, reached
 from .period_map import INPUTS, OUTPUTS, PeriodMap, period_map
 from .sampled_system import SampledSystem, needed
@@ -31,9 +29,6 @@ ROUNDING = 16.0
 
 ROUGH = 1e-3
 """Where they differ by more than this, the loop bends within so little that its derivative says nothing."""
-
-SLOW = 5.0
-"""Times v_s: below this velocity the Coulomb friction of a joint acts as damping."""
 
 BROKEN = {"torque": ("torque", "torque"), "measurement": ("position", "position")}
 """Where a loop is broken open: what is added there, and what comes round."""
@@ -63,7 +58,7 @@ class Linear:
     held: bool
     notes: tuple[str, ...]
     apart: float
-    _known: dict[str, Any] = field(default_factory=dict, repr=False)
+    _known: dict[str, Any] = field(init=False, default_factory=dict, repr=False)
 
     @property
     def stable(self) -> bool:
@@ -234,7 +229,7 @@ def linearise(scenario: Scenario, at: float | None = None) -> Linear:
         ),
         joint_names=names,
         held=not loop.continuous,
-        notes=(*notes, *_said(loop, carry, apart > ROUGH)),
+        notes=(*notes, *said_of(loop, carry, rough=apart > ROUGH)),
         apart=apart,
     )
 
@@ -254,37 +249,6 @@ def _apart(found: PeriodMap, derivative: Array, kept: Any) -> float:
     off = np.maximum(off - (rounding / steps)[place], 0.0)
     size = np.abs(derivative)[place].max(axis=0)
     return float((off.max(axis=0) / np.where(size > 0, size, 1.0)).max())
-
-
-def _said(loop: Loop, carry: Carry, rough: bool) -> list[str]:
-    """What was frozen, and where the loop is not smooth."""
-    notes = []
-    law = loop.controller
-    if isinstance(law, SampledData) and law.adaptation is not None:
-        notes.append("learning: rotors and friction stay as they are believed to be at that time")
-    if rough:
-        notes.append(
-            "not smooth: within a millionth the loop bends so much that derivative and differences disagree; a gate, a "
-            "limit or a sign is near, and what is said of stability holds for smaller motions still"
-        )
-    robot = loop.plant.robot
-    if isinstance(robot, Articulated):
-        slow = (np.asarray(robot.coulomb) > 0) & (np.abs(carry.state.dq) < SLOW * np.asarray(robot.smoothing))
-        if slow.any():
-            joints = ", ".join(name for name, one in zip(robot.joint_names, slow, strict=True) if one)
-            notes.append(
-                f"Coulomb friction of {joints} counts as damping, f_c/v_s at rest: that holds for velocities below "
-                f"{float(robot.smoothing):g} rad/s alone"
-            )
-    drive = loop.plant.actuator
-    if drive is not None and carry.actuator is not None:
-        last = np.asarray(carry.actuator.commands[0])
-        limit = np.broadcast_to(np.asarray(drive.limits.torque), last.shape)
-        full = np.abs(last) >= limit * (1 - 1e-9)
-        if full.any():
-            joints = ", ".join(name for name, one in zip(robot.joint_names, full, strict=True) if one)
-            notes.append(f"{joints} is at its limit of torque: there its loop is open")
-    return notes
 
 
 def _names(groups: tuple[str, ...], joints: tuple[str, ...]) -> tuple[str, ...]:

@@ -56,7 +56,8 @@ def write_linear_report(scenario: Scenario, found: Linear, out: Path, *, seconds
 
 
 def _pictures(found: Linear, folder: Path) -> list[Picture]:
-    omega = np.geomspace(1e-4, 1.0, 800) * np.pi / found.system.period
+    # At half of the sampling frequency itself L may be 0.
+    omega = np.geomspace(1e-4, 0.99, 800) * np.pi / found.system.period
     names = short_names(found.joint_names)
     made = []
     for where, title in PLACES.items():

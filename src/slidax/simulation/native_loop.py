@@ -176,7 +176,7 @@ BEFOREHAND = "beforehand"
 
 
 def _as_given(b: Builder, which: int, array: Values) -> Values:
-    """An array of values that are as unknown as those of an input, so that the loop's own rounding is as it is there."""
+    """Values as unknown as those of an input, so that the loop's own rounding is as it is there."""
     found = np.empty(array.size, object)
     for k, value in enumerate(array.ravel()):
         found[k] = b.apply("copy", value, type=value.type, data=(which, k))

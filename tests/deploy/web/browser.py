@@ -83,6 +83,15 @@ class Visit:
         self.context.close()
 
 
+def typed(visit: Visit, knob: str, value: str) -> None:
+    """Types a number into a knob's box."""
+    visit.page.evaluate("document.querySelectorAll('#knobs .group').forEach(one => { one.open = true; })")
+    box = visit.page.locator(f"{knob} > .slider .box")
+    box.fill(value)
+    box.press("Enter")
+    visit.settle()
+
+
 @contextmanager
 def served(folder: Path) -> Iterator[tuple[str, list[str]]]:
     """A folder behind a plain file server on loopback: its address, and every path that was asked for."""

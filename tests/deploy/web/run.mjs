@@ -1,10 +1,12 @@
-// Runs one program of a playground with loop.js: node run.mjs LOOP_JS PLAYGROUND_JSON PROGRAM TIMES, inputs as JSON on
+// Runs one program of a playground with loop.js: node run.mjs LOOP_JS PLAYGROUND_JSON PROGRAM TIMES [plain], inputs as JSON on
 // standard input; the result on standard output, as JSON in which numbers keep all their digits.
 
 import { readFileSync } from "node:fs";
 import { pathToFileURL } from "node:url";
 
-const [loop, playground, program, times] = process.argv.slice(2);
+const [loop, playground, program, times, how] = process.argv.slice(2);
+// As in a browser that does not know all instructions.
+if (how === "plain") WebAssembly.validate = () => false;
 const { openProgram } = await import(pathToFileURL(loop).href);
 const inputs = Float64Array.from(JSON.parse(readFileSync(0, "utf8")));
 const opened = await openProgram(JSON.parse(readFileSync(playground, "utf8")), program);

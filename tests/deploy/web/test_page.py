@@ -6,10 +6,7 @@ The programs here only play back a log, which the first slider scales: what is t
 from __future__ import annotations
 
 import io
-import json
-import os
 import zipfile
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -19,39 +16,11 @@ import pytest
 import slidax as sx
 from slidax.deploy.web.page_text import page_text
 
-from .browser import Visit, browser, served
-from .fixture import FAKE_LOOP, RIVAL, fake_playground
+from .browser import Visit, served, typed
+from .fixture import FAKE_LOOP, RIVAL
 
 SCALE = "[data-path='disturbance.scale']"
 FRICTION = "[data-path='robot.plant.coulomb']"
-
-
-@pytest.fixture(scope="module")
-def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("site")
-    (folder / "index.html").write_text(page_text(fake_playground(), loop=FAKE_LOOP), encoding="utf-8")
-    return folder
-
-
-@pytest.fixture(scope="module")
-def chromium() -> Iterator[Any]:
-    with browser() as found:
-        yield found
-
-
-@pytest.fixture
-def visit(chromium: Any, site: Path) -> Iterator[Visit]:
-    made = Visit(chromium, (site / "index.html").as_uri())
-    yield made
-    assert made.errors == []
-    made.close()
-
-
-def typed(visit: Visit, knob: str, value: str) -> None:
-    box = visit.page.locator(f"{knob} > .slider .box")
-    box.fill(value)
-    box.press("Enter")
-    visit.settle()
 
 
 def test_one_request_and_no_other(chromium: Any, site: Path) -> None:
@@ -138,7 +107,7 @@ def test_lights_go_grey_with_their_reason(visit: Visit) -> None:
     assert [lights.nth(k).get_attribute("data-state") for k in range(3)] == ["good", "bad", "open"]
     typed(visit, "[data-path='scheme.surface.k1']", "0.3")
     assert [lights.nth(k).get_attribute("data-state") for k in range(3)] == ["grey", "bad", "grey"]
-    assert "k₁ moved" in lights.nth(0).inner_text().replace("K", "k")
+    assert "k₁ moved" in lights.nth(0).inner_text()
 
 
 def test_leaving_the_envelope_and_breaking_off_are_said(visit: Visit) -> None:
@@ -239,109 +208,6 @@ def test_a_chart_as_csv_and_as_a_table(visit: Visit) -> None:
     np.testing.assert_array_equal([float(row.split(",")[column]) for row in rows], log.e[:, 0])
     visit.page.click("#errors .data summary")
     assert visit.page.locator("#errors tbody tr").count() == 21
-
-
-def test_by_keyboard_alone(visit: Visit) -> None:
-    """Every control is reached by Tab, in an order, and does its work by keys."""
-    visit.page.keyboard.press("Tab")
-    assert visit.page.evaluate("document.activeElement.className") == "skip"
-    reached: list[str] = []
-    for _ in range(60):
-        visit.page.keyboard.press("Tab")
-        now = visit.page.evaluate(
-            "document.activeElement.id || document.activeElement.getAttribute('aria-label') || ''"
-        )
-        reached.append(now)
-        ring = visit.page.evaluate("getComputedStyle(document.activeElement).outlineStyle")
-        assert ring != "none" or now in ("", "arm") or visit.page.evaluate("document.activeElement.name") == "arm"
-        if now == "c":
-            break
-    order = [
-        "theme",
-        "scheme",
-        "keep",
-        "printed",
-        "rival",
-        "solid",
-        "play",
-        "time",
-        "speed",
-        "axis",
-        "copy",
-        "scenario",
-        "c",
-    ]
-    assert [name for name in reached if name in order] == order
-    assert "Scale of the error" in reached
-
-    visit.page.focus("#play")
-    visit.page.keyboard.press("Space")
-    running = visit.page.evaluate("slidaxPage.pictures.player.runs")
-    visit.page.keyboard.press("Space")
-    assert visit.page.evaluate("slidaxPage.pictures.player.runs") != running
-    visit.page.focus("#solid")
-    turn = visit.page.evaluate("slidaxPage.pictures.scene.camera.turn")
-    visit.page.keyboard.press("ArrowLeft")
-    assert visit.page.evaluate("slidaxPage.pictures.scene.camera.turn") != turn
-    visit.page.keyboard.press("0")
-    assert visit.page.evaluate("slidaxPage.pictures.scene.camera.turn") == turn
-    visit.page.focus("#time")
-    visit.page.keyboard.press("End")
-    assert visit.text("#clock") == "10.00 s"
-    assert not visit.page.evaluate("slidaxPage.pictures.player.runs")
-    visit.page.focus("#printed")
-    visit.page.keyboard.press("Enter")
-    visit.settle()
-    assert visit.page.locator("#outcomes li").count() == 2
-
-
-def test_the_outcome_is_told_to_a_screen_reader_once_it_stands(visit: Visit) -> None:
-    typed(visit, SCALE, "2")
-    visit.page.wait_for_timeout(800)
-    assert "The run reached its end." in visit.text("#said")
-    names = visit.page.evaluate(
-        "[...document.querySelectorAll('input,select,button,canvas')].filter(one => one.ariaHidden !== 'true'"
-        " && !one.labels?.length && !one.ariaLabel && !one.textContent).map(one => one.outerHTML)"
-    )
-    assert names == []
-
-
-@pytest.mark.parametrize("width", [320, 390, 768, 1280])
-def test_nothing_is_wider_than_the_window(chromium: Any, site: Path, width: int) -> None:
-    visit = Visit(chromium, (site / "index.html").as_uri(), viewport={"width": width, "height": 800})
-    visit.page.click("#printed")
-    visit.settle()
-    assert visit.page.evaluate("document.documentElement.scrollWidth") == width
-    visit.close()
-
-
-def test_colours_follow_the_system_or_the_switch(chromium: Any, site: Path) -> None:
-    visit = Visit(chromium, (site / "index.html").as_uri(), color_scheme="dark", reduced_motion="reduce")
-    ground = "getComputedStyle(document.documentElement).backgroundColor"
-    dark = visit.page.evaluate(ground)
-    visit.page.select_option("#theme", "light")
-    assert visit.page.evaluate(ground) != dark
-    assert not visit.page.evaluate("slidaxPage.pictures.player.runs"), "less motion was asked for"
-    visit.close()
-
-
-@pytest.mark.parametrize("colours", ["light", "dark"])
-def test_axe_finds_nothing_serious(chromium: Any, site: Path, colours: str) -> None:
-    path = os.environ.get("SLIDAX_AXE", "")
-    if not Path(path).is_file():
-        pytest.skip("SLIDAX_AXE names no axe.min.js: `npm install axe-core` has one")
-    visit = Visit(
-        chromium, (site / "index.html").as_uri(), color_scheme=colours, reduced_motion="reduce", bypass_csp=True
-    )
-    visit.page.click("#printed")
-    visit.settle()
-    visit.page.evaluate("document.querySelectorAll('details').forEach(one => { one.open = true; })")
-    visit.page.wait_for_timeout(100)
-    visit.page.add_script_tag(content=Path(path).read_text(encoding="utf-8"))
-    found = visit.page.evaluate("axe.run().then(found => found.violations)")
-    serious = [(one["id"], [node["html"][:120] for node in one["nodes"]]) for one in found]
-    assert serious == [], json.dumps(serious, indent=1)
-    visit.close()
 
 
 def test_a_playground_of_another_format_is_refused_with_a_line(chromium: Any, tmp_path: Path) -> None:

@@ -12,20 +12,6 @@ FUSED = f"declare {PAIR} @llvm.wasm.relaxed.madd.v2f64({PAIR}, {PAIR}, {PAIR})"
 class Body(Blocks):
     """The lines of a function."""
 
-    def print_function(self) -> str:
-        """Writes a function of numbers; returns the word of its one result."""
-        self._region(self.program.body)
-        (output,) = self.program.outputs
-        assert output.values is not None
-        word: str = self._word(output.values[0], 1)
-        return word
-
-    def _read(self, value: Value) -> None:
-        if self.program.outputs[0].name == "y" and value.op == "input":
-            self._names[value] = f"%x{value.data[0]}"
-        else:
-            super()._read(value)
-
     def _value(self, value: Value) -> None:
         if value.op != "fma":
             super()._value(value)

@@ -130,10 +130,10 @@ def _function(name: str) -> tuple[list[str], set[str]]:
     program = function(name)
     put_in_order(program)
     body = Body(program, 1)
-    result = body.print_function()
+    body.print_function("double")
     arguments = ", ".join(f"double %x{k}" for k in range(len(program.inputs)))
     head = f"define internal double @{name}({arguments}) #0 {{"
-    return [head, "entry:", *body.lines, f"ret double {result}", "}"], body.declarations
+    return [head, "entry:", *body.lines, "}"], body.declarations
 
 
 @functools.cache

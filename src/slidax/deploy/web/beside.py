@@ -90,7 +90,7 @@ def _rival(
     if name not in PRESETS:
         raise DefinitionError(f"there is no scheme `{plain(name)}`; {nearest(name, [*PRESETS, PRINTED])}")
     changes: dict[str, Any] = {"scheme.name": name, **{f"scheme.{gain}": value for gain, value in gains.items()}}
-    envelope = getattr(description.scheme, "transformation", None)
+    envelope: Any = getattr(description.scheme, "transformation", None)
     if description.tube is None and hasattr(envelope, "performance"):
         # What judges a law that promises no envelope is the one that ours draws.
         changes["tube"] = {

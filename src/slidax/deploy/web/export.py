@@ -7,12 +7,16 @@ from pathlib import Path
 from typing import Any
 
 from slidax._errors import DefinitionError
-from slidax.scenarios import Scenario
+from slidax.scenarios import Scenario, ScenarioDescription
 
 from .beside import settings_of
 from .playground import playground
+from .setting import Choice
 
 PAGE = "index.html"
+
+FEW = 3
+"""Joints up to which a program is made in seconds, so that there are several."""
 
 
 def of_scenario(scenario: Scenario, beside: Sequence[str] = ()) -> dict[str, Any]:
@@ -24,8 +28,21 @@ def of_scenario(scenario: Scenario, beside: Sequence[str] = ()) -> dict[str, Any
     Raises DefinitionError if there is no such scheme, or the scenario cannot run in a page.
     """
     description = scenario.description
-    settings = settings_of(description, scenario.robot, beside)
+    settings = settings_of(description, scenario.robot, beside, choices=_choices(description))
     return playground(description.title, settings, {scenario.robot: scenario.robot.replace("_", " ")})
+
+
+def _choices(description: ScenarioDescription) -> list[Choice]:
+    """Other periods, and fresh or late measurements, for a law at the arm's own rate."""
+    simulation, delay = description.simulation, description.sensor.delay
+    if description.scheme.sampled_data is None or len(description.start.q) > FEW:
+        return []
+    periods = (simulation.period / 2, simulation.period, simulation.period * 2)
+    whole = round(simulation.t1 / simulation.period) % 2 == 0
+    return [
+        Choice("simulation.period", "sampling period", "s", periods if whole else periods[:2]),
+        Choice("sensor.delay", "age of a measurement when it arrives", "periods", tuple(sorted({0.0, 1.0, delay}))),
+    ]
 
 
 def write_page(manifest: Mapping[str, Any], out: Path) -> Path:

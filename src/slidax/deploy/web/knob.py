@@ -24,7 +24,10 @@ ROOTS = {
 }
 """Blocks whose numbers vary, and what the page calls them; the first that fits counts."""
 
-NEVER = ("seed", "kind", "lengths", "phase", "attached", "gravity_acceleration")
+ORDER = ("Envelope", "Law", "The arm as it is", "Disturbance", "Sensor", "Drives", "Sampled data")
+"""Of the groups: what the law learns by, and how it recovers, comes last."""
+
+NEVER = ("seed", "kind", "lengths", "phase", "attached", "gravity_acceleration", "torque_density")
 """Numbers that nobody turns: names of noise, and what would be another arm."""
 
 REACH = 10.0
@@ -129,8 +132,7 @@ def knobs_of(description: ScenarioDescription, joints: int) -> list[Knob]:
         if leaf.own is None or leaf.integer or leaf.own.ndim > 1 or not np.isfinite(leaf.own).all():
             continue
         found.append(_knob(leaf, group, said))
-    order = list(dict.fromkeys(ROOTS.values()))
-    return sorted(found, key=lambda knob: order.index(knob.group))
+    return sorted(found, key=lambda knob: ORDER.index(knob.group))
 
 
 def _numbers(place: Any, path: str) -> Iterator[tuple[str, Any]]:

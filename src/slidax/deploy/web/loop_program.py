@@ -37,12 +37,17 @@ class Variant:
 
     - `family`: the scenario, with the paths that are inputs.
     - `templates`: the scenario, built.
-    - `shapes`: of the numbers that are inputs, by path.
+    - `defaults`: of the numbers that are inputs, by path.
     """
 
     family: Family
     templates: Templates
-    shapes: Mapping[str, tuple[int, ...]]
+    defaults: Mapping[str, np.ndarray]
+
+    @property
+    def shapes(self) -> dict[str, tuple[int, ...]]:
+        """Of the inputs, by path."""
+        return {path: value.shape for path, value in self.defaults.items()}
 
     def loop(self, values: Mapping[str, Any]) -> tuple[Loop, State]:
         """The closed loop with these numbers.
@@ -96,16 +101,40 @@ class Variant:
         """How many numbers the inputs are."""
         return sum(int(np.prod(shape, dtype=int)) for shape in self.shapes.values())
 
+    @cached_property
+    def depends(self) -> list[set[str]]:
+        """On which paths each of the arrays depends."""
+        given = [jax.ShapeDtypeStruct(shape, float) for shape in self.shapes.values()]
+        jaxpr = jax.make_jaxpr(lambda *values: self._arrays(dict(zip(self.shapes, values, strict=True))))(*given).jaxpr
+        known: dict[Any, set[str]] = {atom: {path} for atom, path in zip(jaxpr.invars, self.shapes, strict=True)}
+
+        def of(atoms: Sequence[Any]) -> set[str]:
+            return set().union(*(known.get(atom, set()) for atom in atoms if not hasattr(atom, "val")))
+
+        for equation in jaxpr.eqns:
+            known.update(dict.fromkeys(equation.outvars, of(equation.invars)))
+        return [of([atom]) for atom in jaxpr.outvars]
+
+    def values(self, given: Array) -> dict[str, Array]:
+        """The numbers by their paths.
+
+        - `given`: the inputs.
+        """
+        found, first = {}, 0
+        for path, shape in self.shapes.items():
+            size = int(np.prod(shape, dtype=int))
+            found[path] = given[first : first + size].reshape(shape)
+            first += size
+        return found
+
     def leaves(self, given: Array) -> list[Any]:
         """The arrays of the loop.
 
         - `given`: the inputs.
         """
-        values, first = {}, 0
-        for path, shape in self.shapes.items():
-            size = int(np.prod(shape, dtype=int))
-            values[path] = given[first : first + size].reshape(shape)
-            first += size
+        return self._arrays(self.values(given))
+
+    def _arrays(self, values: Mapping[str, Array]) -> list[Any]:
         # What does not depend on the inputs is known, and checked, while this is traced.
         with jax.ensure_compile_time_eval():
             arrays, _ = eqx.partition(self.loop(values), eqx.is_array)
@@ -148,12 +177,17 @@ def loop_program(variants: Sequence[Variant]) -> LoopProgram | None:
         # All arrays of the loop are as unknown as in a run of Python: so they are rounded alike.
         given, known = both
         found, first = one.leaves(given[: one.size]), one.size
+        values = one.values(given[: one.size])
         for k, leaf in enumerate(fixed):
             if differs[k]:
                 found[k] = given[first : first + leaf.size].reshape(leaf.shape).astype(leaf.dtype)
                 first += leaf.size
             elif not one.varies[k]:
                 found[k] = known[k]
+            else:
+                # Where nothing was changed that it depends on, it has Python's own digits.
+                same = [jnp.all(values[path] == one.defaults[path]) for path in one.depends[k]]
+                found[k] = jnp.where(jnp.all(jnp.stack(same)), known[k], found[k])
         return found
 
     def define(leaves: list[Array]) -> tuple[Loop, State]:

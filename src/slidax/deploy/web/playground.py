@@ -15,7 +15,7 @@ from .setting import Made, Setting
 FORMAT = 1
 
 
-NOTHING = {"c_files": None, "c_parameters": None, "certificates": []}
+NOTHING: dict[str, Any] = {"c_files": None, "c_parameters": None, "certificates": []}
 
 
 def playground(

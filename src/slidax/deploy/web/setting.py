@@ -64,14 +64,16 @@ class Setting:
         base = self._family({})
         templates = base.templates({})
         joints = templates.built.plant.robot.joints
-        knobs = _varying(base, templates, knobs_of(base.base, joints))
-        shapes = {knob.path: knob.shape for knob in knobs}
+        chosen = {choice.path for choice in self.choices}
+        possible = [knob for knob in knobs_of(base.base, joints) if knob.path not in chosen]
+        knobs = _varying(base, templates, possible)
+        own = {knob.path: knob.defaults for knob in knobs}
         variants = []
         for at in itertools.product(*(range(len(choice.values)) for choice in self.choices)):
             changes = {choice.path: choice.values[k] for choice, k in zip(self.choices, at, strict=True)}
             family = self._family(changes)
-            family = Family(family.base, Space({}, {}), Space({}, dict.fromkeys(shapes)))  # type: ignore[arg-type]
-            variants.append((at, Variant(family, family.templates({}), shapes)))
+            family = Family(family.base, Space({}, {}), Space({}, dict.fromkeys(own)))  # type: ignore[arg-type]
+            variants.append((at, Variant(family, family.templates({}), own)))
         found = []
         for group in _alike(variants):
             together = loop_program([variant for _, variant in group])

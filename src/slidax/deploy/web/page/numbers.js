@@ -38,6 +38,7 @@ export function ticksBetween(low, high, count) {
   return ticks;
 }
 
+/* With a great letter first, but for symbols: k₁ is not K₁. */
 export function capitalised(text) {
-  return text.charAt(0).toUpperCase() + text.slice(1);
+  return text.replace(/^\p{Ll}(?=\p{L}{2})/u, letter => letter.toUpperCase());
 }

@@ -1,0 +1,63 @@
+"""Programs as WebAssembly: what the module is, and what its functions compute."""
+
+from __future__ import annotations
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from slidax import codegen
+from slidax._errors import DefinitionError
+from slidax.codegen.wasm import wasm_module
+from slidax.codegen.wasm.instructions import MADD, madds
+from slidax.codegen.wasm.leb128 import read, written
+from slidax.codegen.wasm.object_file import MAGIC, bodies, with_export
+
+
+def example(x, y):
+    return {"z": jnp.sin(x) * y + jnp.exp(y) * x + x**2.5}
+
+
+PROGRAM = codegen.trace(example, jnp.ones(3), jnp.ones(3))
+
+
+@pytest.mark.parametrize("value", [0, 1, 127, 128, 300, 2**32 - 1])
+def test_numbers_of_variable_length_are_read_as_they_were_written(value):
+    assert read(b"x" + written(value), 1) == (value, 1 + len(written(value)))
+
+
+def test_a_module_has_its_one_function_and_says_what_that_takes():
+    module = wasm_module(PROGRAM)
+    assert module.bytes[:8] == MAGIC
+    assert b"\x03run\x00" in module.bytes
+    assert module.inputs == (("f64", 3), ("f64", 3))
+    assert module.outputs == (("f64", 3, False),)
+
+
+def test_each_multiply_add_is_found_and_no_constant_is_taken_for_one():
+    module = wasm_module(PROGRAM)
+    found = {start + at for start, body in bodies(module.bytes) for at in madds(body)}
+    first, last = module.code
+    seen = {at for at in range(first, last) if module.bytes[at : at + 3] == MADD}
+    assert len(found) > 20
+    assert found == seen - set(module.others)
+    # a constant that has their bytes is none
+    body = bytes([0, 0x44, 0, *MADD, 0, 0, 0, 0, 0x1A, 0x0B])
+    assert madds(body) == []
+
+
+def test_the_same_program_gives_the_same_bytes():
+    again = codegen.trace(example, jnp.ones(3), jnp.ones(3))
+    assert wasm_module(again).bytes == wasm_module(PROGRAM).bytes
+
+
+def test_known_inputs_are_numbers_of_the_module():
+    module = wasm_module(PROGRAM, {1: np.zeros(3)})
+    assert module.inputs == (("f64", 3),)
+    assert len(module.bytes) < len(wasm_module(PROGRAM).bytes)
+    assert module.digest != wasm_module(PROGRAM).digest
+
+
+def test_what_is_no_module_is_refused():
+    with pytest.raises(DefinitionError, match="no WebAssembly"):
+        with_export(b"\x7fELF....", "run")
