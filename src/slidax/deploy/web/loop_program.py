@@ -200,7 +200,7 @@ def loop_program(variants: Sequence[Variant]) -> LoopProgram | None:
         promised[:] = [envelope is not None]
         return carry, _start(loop, state, envelope, reference, held)
 
-    def turned(varied: list[Array], carry: Carry) -> tuple[Carry, dict[str, Array]]:
+    def turned(varied: list[Array], carry: Carry) -> tuple[Carry, dict[str, Any]]:
         loop = define(varied)[0]
         after, log = sample(loop, carry)
         return after, {"valid": log.valid, **signals_of(loop, carry, log)}

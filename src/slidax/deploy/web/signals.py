@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import jax.numpy as jnp
-from jaxtyping import Array
 
 from slidax._types import Envelope
 from slidax.simulation.loop import Carry, Loop
@@ -22,7 +23,7 @@ TITLES = {
 """By name what each is, and of what it has the unit."""
 
 
-def signals_of(loop: Loop, before: Carry, log: Log) -> dict[str, Array]:
+def signals_of(loop: Loop, before: Carry, log: Log) -> dict[str, Any]:
     """The signals of one sample, each one number or [n].
 
     Bounds are those of the scheme's envelope, or of the tube that judges a scheme without one.
@@ -51,5 +52,6 @@ def bounds_of(loop: Loop, before: Carry, log: Log) -> Envelope | None:
     if log.envelope is not None or loop.tube is None:
         return log.envelope
     assert before.tally.tube is not None
-    tube: Envelope = loop.tube.envelope(log.t, before.tally.tube.sides)
+    t: Any = log.t
+    tube: Envelope = loop.tube.envelope(t, before.tally.tube.sides)
     return tube
