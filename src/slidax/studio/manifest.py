@@ -53,7 +53,9 @@ def manifest_of(scenario: Scenario) -> dict[str, Any]:
         "title": description.title or scenario.name,
         "made_by": f"slidax {slidax.__version__}",
         "first": {"arm": arm, "scheme": settings[0]["scheme"]},
-        "arms": [arm_entry(scenario.plant.robot, arm, arm.replace("_", " "), torque, rate)],
+        "arms": [
+            arm_entry(scenario.plant.robot, arm, arm.replace("_", " "), torque, rate, scenario.trajectory, scenario.t1)
+        ],
         "programs": [{"id": PROGRAM, "engine": "server", "inputs": 0, "signals": [], "rows": 0, "log_every": 0.0}],
         "settings": [one | {"arm": arm} for one in settings],
     }

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from typing import Any
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 
 from slidax.robots import AbstractRobot, Articulated
+from slidax.trajectories import AbstractTrajectory
 from slidax.views import Skeleton, skeleton_of
 
 LINK, JOINT, TIP = 0, 1, 2
@@ -15,17 +18,25 @@ LINK, JOINT, TIP = 0, 1, 2
 THICK = 0.04
 """Radius of the base's bone, of the arm's reach; half of it at the tip."""
 
+INSTANTS = 200
+"""At which a motion is looked at."""
+
 Mapping = dict[str, Any]
 
 
-def arm_entry(robot: AbstractRobot, label: str, title: str, torque: Any, rate: Any) -> Mapping:
+def arm_entry(
+    robot: AbstractRobot, label: str, title: str, torque: Any, rate: Any, trajectory: AbstractTrajectory, t1: float
+) -> Mapping:
     """The arm in a playground.
 
     - `robot`: the arm.
     - `label`, `title`: what it is called there.
     - `torque`, `rate`: limits of torque and torque rate [n]; not finite where there are none.
+    - `trajectory`, `t1`: what it is to follow, and until when [s]: rods that slide are drawn as long as they go far.
     """
     bones = skeleton_of(robot)
+    times = jnp.linspace(0.0, t1, INSTANTS)
+    goes = np.max(np.abs(jax.vmap(trajectory.position)(times)), axis=0)
     kinematics = [
         {
             "name": name,
@@ -44,7 +55,7 @@ def arm_entry(robot: AbstractRobot, label: str, title: str, torque: Any, rate: A
         "title": title,
         "joints": bones.joints,
         "kinematics": kinematics,
-        "shapes": _shapes(bones),
+        "shapes": _shapes(bones, np.asarray(goes)),
         "tip": {"link": bones.tip_joint, "at": _plain(bones.tip_translation)},
         "up": _plain(bones.up),
         "limits": {"torque": _limit(torque, bones.joints), "rate": _limit(rate, bones.joints)},
@@ -52,8 +63,12 @@ def arm_entry(robot: AbstractRobot, label: str, title: str, torque: Any, rate: A
     }
 
 
-def _shapes(bones: Skeleton) -> list[Mapping]:
-    """A drum around each joint that turns, a rod for each that slides, a bone to each child, and a ball at the tip."""
+def _shapes(bones: Skeleton, goes: np.ndarray) -> list[Mapping]:
+    """A drum around each joint that turns, a rod for each that slides, a bone to each child, and a ball at the tip.
+
+    - `bones`: of the arm.
+    - `goes`: how far each joint goes [n].
+    """
     radii = _radii(bones)
     found: list[Mapping] = []
     for joint, parent in enumerate(bones.parents):
@@ -64,7 +79,7 @@ def _shapes(bones: Skeleton) -> list[Mapping]:
         else:
             place, turn = bones.translations[joint], bones.rotations[joint]
             found.append(_shape(parent, "cylinder", [1.3 * r, 3.0 * r], place, turn, JOINT))
-            rod = 0.35 * bones.reach
+            rod = 0.15 * bones.reach + float(goes[joint])
             found.append(_shape(joint, "capsule", [0.5 * r, rod], np.array([0, 0, -0.5 * rod]), np.eye(3), LINK))
     tip, end = bones.tip_joint, radii[bones.tip_joint + 1]
     found += _bone(tip, bones.tip_translation, 0.7 * end)

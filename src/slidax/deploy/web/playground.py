@@ -48,4 +48,4 @@ def _arm(label: str, title: str, made: Sequence[Made]) -> dict[str, Any]:
     built = next(one for one in made if one.setting.arm == label).templates.built
     limits = getattr(built.plant.actuator, "limits", None)
     torque, rate = (np.inf, np.inf) if limits is None else (limits.torque, limits.rate)
-    return arm_entry(built.plant.robot, label, title, torque, rate)
+    return arm_entry(built.plant.robot, label, title, torque, rate, built.trajectory, built.t1)
