@@ -15,6 +15,7 @@ import numpy as np
 
 jax.config.update("jax_enable_x64", True)
 
+from benchmarks import machine  # noqa: E402
 from slidax.deploy.web.beside import settings_of  # noqa: E402
 from slidax.deploy.web.playground import playground  # noqa: E402
 from slidax.scenarios import load  # noqa: E402
@@ -65,6 +66,7 @@ def row(name: str, title: str, changes: dict[str, Any]) -> str:
 
 def main() -> None:
     """Prints the table."""
+    machine.well_made_from_the_start()
     print("| run | error differs by | torque by | in node | native | program, gzipped |")
     print("|---|---:|---:|---:|---:|---:|")
     for one in RUNS:
