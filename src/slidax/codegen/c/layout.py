@@ -12,6 +12,9 @@ WIDTH = 100
 MARKS = (", ", " + ", " - ", " * ", " && ", " || ", " ? ", " : ", " = ")
 """Where a line may be broken."""
 
+DECLARED = re.compile(r"(double|float|bool|u?int(?:32|64)_t) \w+(?:\[\d+\])?(?:, \w+(?:\[\d+\])?)*;")
+"""Variables of one type that have no value yet."""
+
 MORE = 10
 """Letters that a line may have beyond that before it is broken."""
 
@@ -55,6 +58,25 @@ def laid_out(lines: list[Line]) -> list[str]:
         for line in run:
             texts += _broken(line)
     return texts
+
+
+def declared_together(lines: list[Line]) -> list[Line]:
+    """The lines with one declaration for what is declared together, of one type and without a value.
+
+    - `lines`: in order.
+    """
+    out: list[Line] = []
+    for line in lines:
+        last = out[-1] if out else line
+        match, before = DECLARED.fullmatch(line.text), DECLARED.fullmatch(last.text)
+        together = match is not None and before is not None and match.group(1) == before.group(1)
+        if out and together and (line.level, line.about) == (last.level, last.about):
+            text = f"{last.text[:-1]}, {line.text.partition(' ')[2]}"
+            if len(INDENT) * line.level + len(text) <= WIDTH:
+                out[-1] = Line(line.level, text, line.about)
+                continue
+        out.append(line)
+    return out
 
 
 def _broken(line: Line) -> list[str]:
