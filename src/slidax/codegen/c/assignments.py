@@ -30,11 +30,6 @@ class Run:
         self.writes = [where(one.name) for one in lanes]
 
     @property
-    def turns(self) -> int:
-        """How many turns its loop has; 1 for a single assignment, and for what is moved or cleared at once."""
-        return 1 if not self.at or self.at_once else len(self.lanes)
-
-    @property
     def at_once(self) -> bool:
         """Whether it moves a part of an array to another one, or makes it zero."""
         return bool(self.at) and self.at[0].step == 1 and self.lanes[0].piece.template == "\0" and self._is_flat()
@@ -51,20 +46,11 @@ class Run:
     def _overlaps(self) -> bool:
         return any(place in read for place in self.writes for read in self.reads)
 
-    def turns_with(self, other: Run) -> bool:
-        """Whether a loop that makes all of the other run before this one may make them turn by turn instead.
 
-        - `other`: of as many turns.
-        """
-        for i, (read, written) in enumerate(zip(self.reads, self.writes, strict=True)):
-            for reads, writes in zip(other.reads[i + 1 :], other.writes[i + 1 :], strict=True):
-                if written in reads or writes in read or written == writes:
-                    return False
-        return True
+def in_runs(statements: Sequence[Statement], stored: Stored, where: Where) -> list[Run]:
+    """Runs of assignments, in an order in which they can be made.
 
-
-def in_runs(statements: Sequence[Statement], stored: Stored, where: Where) -> list[list[Run]]:
-    """Runs of assignments in an order in which they can be made; those in one list are made in one loop.
+    A loop has one assignment: of several a compiler makes no vectors.
 
     - `statements`: that follow each other.
     - `stored`: numbers that have become elements of arrays.
@@ -74,9 +60,14 @@ def in_runs(statements: Sequence[Statement], stored: Stored, where: Where) -> li
     for one in statements:
         arrays = tuple(where(word).partition("[")[0] for word in (one.name, *one.piece.operands))
         kinds.setdefault((one.piece.template, *arrays), []).append(one)
-    runs = [run for those in kinds.values() for run in _split(those, stored, where)]
-    order = _ordered(runs)
-    return _together(_split(statements, stored, where) if order is None else order)
+    by_element = [sorted(those, key=lambda one: _element(where(one.name))) for those in kinds.values()]
+    order = _ordered([run for those in by_element for run in _split(those, stored, where)])
+    return _split(statements, stored, where) if order is None else order
+
+
+def _element(word: str) -> int:
+    """The number of an element, in its array."""
+    return int(word.partition("[")[2][:-1]) if word[-1] == "]" else 0
 
 
 def _split(statements: Sequence[Statement], stored: Stored, where: Where) -> list[Run]:
@@ -99,46 +90,34 @@ def _split(statements: Sequence[Statement], stored: Stored, where: Where) -> lis
 
 def _ordered(runs: Sequence[Run]) -> list[Run] | None:
     """The runs so that what one reads or writes of another keeps its order; None if there is no such order."""
-    readers: defaultdict[str, list[tuple[int, int]]] = defaultdict(list)
-    writers: defaultdict[str, list[tuple[int, int]]] = defaultdict(list)
+    readers: defaultdict[str, list[tuple[int, int, int]]] = defaultdict(list)
+    writers: defaultdict[str, list[tuple[int, int, int]]] = defaultdict(list)
     for k, run in enumerate(runs):
-        for one, reads, written in zip(run.lanes, run.reads, run.writes, strict=True):
-            writers[written].append((one.place, k))
+        for turn, (one, reads, written) in enumerate(zip(run.lanes, run.reads, run.writes, strict=True)):
+            writers[written].append((one.place, k, turn))
             for word in reads:
-                readers[word].append((one.place, k))
+                readers[word].append((one.place, k, turn))
     before: defaultdict[int, set[int]] = defaultdict(set)
     for word, those in writers.items():
-        for place, k in those:
+        for place, k, turn in those:
             # An array may also be read at an index that is computed.
             whole = readers.get(word.partition("[")[0], ()) if word[-1] == "]" else ()
-            for other, other_k in (*readers.get(word, ()), *whole, *those):
-                if (other, other_k) == (place, k):
-                    continue
-                sooner, later = (k, other_k) if place < other else (other_k, k)
-                if sooner != later:
-                    before[later].add(sooner)
+            for other, other_k, other_turn in (*readers.get(word, ()), *whole, *those):
+                if k == other_k:
+                    if (place < other) != (turn < other_turn):
+                        return None
+                elif place < other:
+                    before[other_k].add(k)
+                else:
+                    before[k].add(other_k)
     order: list[Run] = []
     left = list(range(len(runs)))
     done: set[int] = set()
     while left:
-        ready = [k for k in left if before[k] <= done]
+        ready = [k for k in left if before[k] <= done][:1]
         if not ready:
             return None
-        turns = order[-1].turns if order else 1
-        k = min(ready, key=lambda k: (runs[k].turns != turns, k))
-        order.append(runs[k])
-        done.add(k)
-        left.remove(k)
+        order.append(runs[ready[0]])
+        done.add(ready[0])
+        left.remove(ready[0])
     return order
-
-
-def _together(runs: Sequence[Run]) -> list[list[Run]]:
-    """The runs, with those in one list that one loop can make."""
-    loops: list[list[Run]] = []
-    for run in runs:
-        last = loops[-1] if loops else []
-        if last and run.turns == last[0].turns > 1 and all(run.turns_with(other) for other in last):
-            last.append(run)
-        else:
-            loops.append([run])
-    return loops

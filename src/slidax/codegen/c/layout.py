@@ -12,6 +12,9 @@ WIDTH = 100
 MARKS = (", ", " + ", " - ", " * ", " && ", " || ", " ? ", " : ", " = ")
 """Where a line may be broken."""
 
+JOINTS = (" && ", " || ")
+"""Where it is broken best."""
+
 DECLARED = re.compile(r"(double|float|bool|u?int(?:32|64)_t) \w+(?:\[\d+\])?(?:, \w+(?:\[\d+\])?)*;")
 """Variables of one type that have no value yet."""
 
@@ -84,7 +87,10 @@ def _broken(line: Line) -> list[str]:
     text, before = line.text, INDENT * line.level
     texts: list[str] = []
     while len(before) + len(text) > WIDTH + MORE:
-        at = max(text.rfind(mark, 0, WIDTH - len(before)) for mark in MARKS)
+        room = WIDTH - len(before)
+        at = max(text.rfind(mark, 0, room) for mark in JOINTS)
+        if at < room // 2:
+            at = max(text.rfind(mark, 0, room) for mark in MARKS)
         if at <= 0:
             break
         at += 1 if text[at] == "," else 2 if text[at + 1] == "=" else 0

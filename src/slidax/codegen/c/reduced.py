@@ -9,9 +9,9 @@ from .alike import LEAST, Access, Piece, accesses, parsed
 from .helpers import Helpers
 from .layout import INDENT, WIDTH, Line
 
-FINITE = "isfinite(\0)"
 ELEMENT = re.compile(r"(.*)\[(\d+)\]")
 ASKED = re.compile(r"((?:const bool )?[\w>\[\]-]+ = |if \(|while \()(.*)(;|\) \{)")
+DECLARED = re.compile(r"const bool (\w+) = ")
 LOOP = 4
 """Lines of a loop: what it finds, its head, its body, and its end."""
 
@@ -28,17 +28,25 @@ def reduced(lines: Sequence[Line], named: Named, index: str, helpers: Helpers) -
     - `helpers`: takes what is called.
     """
     out: list[Line] = []
+    turning = False
     for line in lines:
+        # The loops that are there already have no others in them.
+        turning = line.text.startswith(f"for (size_t {index} ") or (turning and line.text != "}")
         asked = ASKED.fullmatch(line.text)
         if asked is None or not (" && " in line.text or " || " in line.text):
             out.append(line)
             continue
         before, text, after = asked.groups()
-        # What a loop asks in each turn anew is asked there.
-        reduction = _Reduction(named, index, helpers, line, loops=before != "while (")
+        # What a loop asks before each turn is asked there.
+        reduction = _Reduction(named, index, helpers, line, loops=not turning and before != "while (")
         text = reduction.of(text)
         out += reduction.lines
-        out.append(Line(line.level, before + text + after, line.about))
+        declared = DECLARED.fullmatch(before)
+        if declared is not None and reduction.lines and text == reduction.found:
+            # The loop finds just that.
+            out[-LOOP:] = [_renamed(one, text, declared.group(1)) for one in out[-LOOP:]]
+        else:
+            out.append(Line(line.level, before + text + after, line.about))
     return out
 
 
@@ -50,6 +58,8 @@ class _Reduction:
         self.line = line
         self.loops = loops
         self.lines: list[Line] = []
+        # What the last loop finds.
+        self.found = ""
 
     def of(self, text: str) -> str:
         """A question, with its loops in `lines`.
@@ -64,7 +74,8 @@ class _Reduction:
                 return self._joined(terms, sign)
         for before in ("!(", "("):
             if text.startswith(before) and _closes(text, len(before) - 1) == len(text) - 1:
-                return f"{before}{self.of(text[len(before) : -1])})"
+                inner = self.of(text[len(before) : -1])
+                return before.rstrip("(") + inner if inner.isidentifier() else f"{before}{inner})"
         return text
 
     def _joined(self, terms: list[str], sign: str) -> str:
@@ -93,9 +104,9 @@ class _Reduction:
                     short.append(self.of(pieces[k].text))
                     k += 1
                     continue
-                if pieces[k].template == FINITE and at[0].step == 1:
+                if at[-1].step == 1 and pieces[k].text == f"isfinite({pieces[k].operands[-1]})" and sign == " && ":
                     self.helpers.named("all_finite", "f64")
-                    short.append(f"all_finite({at[0].pointer()}, {count})")
+                    short.append(f"all_finite({at[-1].pointer()}, {count})")
                 else:
                     loops.setdefault(count, []).append((pieces[k : k + count], at))
                 k += count
@@ -110,6 +121,7 @@ class _Reduction:
             return plain
         name = self.named("some" if sign == " || " else "every")
         turn = [pieces[0].filled([_element(access, self.index) for access in at]) for pieces, at in runs]
+        self.found = name
         level, about, index = self.line.level, self.line.about, self.index
         self.lines += [
             Line(level, f"bool {name} = {'false' if sign == ' || ' else 'true'};", about),
@@ -118,6 +130,10 @@ class _Reduction:
             Line(level, "}", about),
         ]
         return name
+
+
+def _renamed(line: Line, name: str, other: str) -> Line:
+    return Line(line.level, re.sub(rf"\b{name}\b", other, line.text), line.about)
 
 
 def _element(access: Access, index: str) -> str:

@@ -124,8 +124,10 @@ class _Rerolling:
         inside: Counter[str] = Counter(word for group in groups for one in group.lanes for word in one.piece.operands)
         local: Local = {}
         for group in groups:
-            if group.lanes[0].line.element is None and not group.looks_back and all(
-                inside[one.name] == self.used[one.name] for one in group.lanes
+            if (
+                group.lanes[0].line.element is None
+                and not group.looks_back
+                and all(inside[one.name] == self.used[one.name] for one in group.lanes)
             ):
                 assert group.target is not None
                 whole = len(group.lanes) == sum(array == group.array for array, _ in self.arrays.stored.values())
@@ -200,22 +202,17 @@ class _Rerolling:
 
     def _print_assigned(self, statements: list[Statement], level: int) -> None:
         """Assignments, in an order that leaves each the same."""
-        for runs in in_runs(statements, self.arrays.stored, self.arrays.where):
-            about = runs[0].lanes[0].line.about
-            if not runs[0].at:
-                one = runs[0].lanes[0]
+        for run in in_runs(statements, self.arrays.stored, self.arrays.where):
+            one = run.lanes[0]
+            about = one.line.about
+            if not run.at:
                 self.out.append(Line(level, f"{one.name} = {one.piece.text};", about))
-            elif runs[0].at_once:
-                self.out.append(Line(level, self._moved(runs[0]), about))
+            elif run.at_once:
+                self.out.append(Line(level, self._moved(run), about))
             else:
-                body = [Line(level + 1, self._turn(run, level)) for run in runs]
-                self._turns(runs[0].turns, body, level, about)
-
-    def _turn(self, run: Run, level: int) -> str:
-        """What one turn of a loop assigns."""
-        one = run.lanes[0]
-        texts = [self._operand(access, {}, level, _typed(one)) for access in run.at[1:]]
-        return f"{run.at[0].element(self.index)} = {one.piece.filled(texts)};"
+                texts = [self._operand(access, {}, level, _typed(one)) for access in run.at[1:]]
+                body = [Line(level + 1, f"{run.at[0].element(self.index)} = {one.piece.filled(texts)};")]
+                self._turns(len(run.lanes), body, level, about)
 
     def _moved(self, run: Run) -> str:
         """Moves a part of an array to another one, or makes it zero."""
