@@ -1,4 +1,4 @@
-"""Questions about all elements of arrays: loops, and calls of `all_finite`, in the place of long rows of `&&` and `||`."""
+"""Questions about all elements of arrays: loops and calls of `all_finite` in the place of long rows of `&&`, `||`."""
 
 from __future__ import annotations
 
