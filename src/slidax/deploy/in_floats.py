@@ -24,8 +24,8 @@ NEXT_TO_ONE = 4.0 * FLOAT
 def in_floats(program: Program) -> Program:
     """The same program with constants that mean in floats what they mean in doubles.
 
-    Tolerances become as many units in the last place, at least 4 and at most 16, so that a search that is to meet them ends; and a
-    number next to one, which keeps a logarithm finite, stays next to one.
+    Tolerances become as many units in the last place, at least 4 and at most 16, so that a search that is to meet them
+    ends; and a number next to one, which keeps a logarithm finite, stays next to one.
 
     - `program`: written for doubles.
     """
