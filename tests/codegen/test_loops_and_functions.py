@@ -5,12 +5,14 @@ from __future__ import annotations
 import jax
 import jax.numpy as jnp
 
+from slidax.codegen.builder import Builder
 from slidax.codegen.c import statements
 from slidax.codegen.c.layout import Line
 from slidax.codegen.c.scopes import scoped, stack
 from slidax.codegen.ir import Call, functions
 from slidax.codegen.rebuild import rebuild
 from slidax.codegen.trace import Library, trace
+from slidax.numerics import once
 
 N = 7
 
@@ -40,12 +42,99 @@ def test_columns_and_reversed_rows_are_found_by_a_rule():
 def test_what_hangs_on_the_element_before_stays_in_order():
     text = written(lambda x: jnp.cumsum(jnp.sin(x)), jnp.ones(N))
     assert len([line for line in text if line.startswith("for")]) <= 1
-    assert sum("sin(" in line for line in text) in (1, N)
+    sums = [line for line in text if "sin(" in line]
+    assert sums[:2] == ["v[0] = sin(x[0]);", "v[i + 1] = sin(x[i + 1]) + v[i];"]
+    assert text.index(sums[1]) < text.index(sums[2])
 
 
 def test_a_branch_within_leaves_an_array():
     text = written(lambda x: jax.lax.cond(x[0] > 0, lambda: jnp.exp(x), lambda: x), jnp.ones(N))
     assert "out[i] = exp(x[i]);" in text or any("exp(x[i])" in line for line in text)
+
+
+def test_a_sum_over_those_before_is_a_loop_once_it_lies_in_an_array():
+    def sums(x):
+        found = [jnp.sin(x[0])]
+        for k in range(1, N):
+            found.append(jnp.sin(x[k]) + found[-1])
+        return once(jnp.stack(found)) * 2.0
+
+    program = trace(sums, jnp.ones(N), library=Library())
+    outputs = [(f"out[{k}]", value) for k, value in enumerate(program.outputs[0].values)]
+    lines = statements(program, outputs, lambda k, e: f"x[{e}]", loops=True).lines
+    text = [line.strip() for line in lines if line.strip()]
+    assert text == [
+        "double found[7];",
+        "found[0] = sin(x[0]);",
+        "found[1] = found[0] + sin(x[1]);",
+        "for (size_t i = 0; i < 5; ++i) {",
+        "found[i + 2] = sin(x[i + 2]) + found[i + 1];",
+        "}",
+        "for (size_t i = 0; i < 7; ++i) {",
+        "out[i] = 2.0 * found[i];",
+        "}",
+    ]
+
+
+def test_what_one_joint_computes_otherwise_lies_beside_the_others():
+    def function(x, y):
+        others = jnp.concatenate([jnp.sin(x[:-1]) + y[1:], x[-1:] - y[:1]])
+        turned = jnp.tanh(others)
+        return turned * turned + x
+
+    text = written(function, jnp.ones(N), jnp.ones(N))
+    assert sum(line.startswith("for ") for line in text) == 2, text
+
+
+def test_what_is_asked_of_all_elements_is_asked_in_a_loop_or_by_a_function():
+    def function(x, low):
+        return jnp.all(jnp.isfinite(x)), jnp.any(jnp.abs(x) * 2.0 + low > low * low), jnp.any(x > low) & (low[0] > 0)
+
+    text = written(function, jnp.ones(30), jnp.ones(30))
+    assert "out[0] = all_finite(x, 30);" in text
+    some = text.index("bool some = false;")
+    assert text[some + 1 : some + 4] == [
+        "for (size_t i = 0; i < 30; ++i) {",
+        "some = some || 2.0 * fabs(x[i]) + y[i] > y[i] * y[i];",
+        "}",
+    ]
+    few = written(lambda x, low: jnp.any(x > low), jnp.ones(3), jnp.ones(3))
+    assert few == ["out[0] = x[0] > y[0] || x[1] > y[1] || x[2] > y[2];"]
+
+
+def assigned(*pairs):
+    """How assignments of inputs and numbers are written."""
+    builder = Builder()
+    inputs = builder.input("memory->x", "f64", (30,))
+    made = [(to, builder.constant(0.0, "f64") if of is None else inputs[of]) for to, of in pairs]
+    text = statements(builder.program, made, lambda k, e: f"memory->x[{e}]", loops=True).lines
+    return [line.strip() for line in text if line.strip()]
+
+
+def test_what_only_moves_is_moved_at_once_and_never_over_what_is_still_read():
+    assert assigned(*[(f"y[{k}]", k + 2) for k in range(4)], *[(f"z[{k}]", None) for k in range(9)]) == [
+        "memcpy(y, &memory->x[2], 4 * sizeof y[0]);",
+        "memset(z, 0, 9 * sizeof z[0]);",
+    ]
+    # The later half takes the earlier one, which takes something else: in this order alone.
+    moved = [(f"memory->x[{k + 10}]", k) for k in range(5)] + [(f"memory->x[{k}]", k + 20) for k in range(5)]
+    assert assigned(*moved[::-1]) == [
+        "memcpy(&memory->x[10], memory->x, 5 * sizeof memory->x[0]);",
+        "memcpy(memory->x, &memory->x[20], 5 * sizeof memory->x[0]);",
+    ]
+    # What lies over itself goes one by one, from the end that is not needed any more.
+    shifted = assigned(*[(f"memory->x[{k}]", k + 1) for k in range(6)])
+    assert shifted == ["for (size_t i = 0; i < 6; ++i) {", "memory->x[i] = memory->x[i + 1];", "}"]
+
+
+def test_what_others_read_is_written_after_them():
+    builder = Builder()
+    x = builder.input("x", "f64", (8,))
+    double = [builder.apply("add", one, one) for one in x]
+    pairs = [(f"x[{k}]", double[k + 4]) for k in range(4)]
+    pairs += [(f"y[{k}]", builder.apply("neg", x[k + 1])) for k in range(4)]
+    text = [line.strip() for line in statements(builder.program, pairs, lambda k, e: f"x[{e}]", loops=True).lines]
+    assert text.index("y[i] = -x[i + 1];") < text.index("x[i] = x[i + 4] + x[i + 4];")
 
 
 @jax.jit

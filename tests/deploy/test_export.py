@@ -38,8 +38,16 @@ def in_floats(tmp_path_factory):
     return folder
 
 
+@pytest.fixture(scope="module")
+def panda(tmp_path_factory):
+    """The law of seven joints that learns, in doubles."""
+    folder = tmp_path_factory.mktemp("panda")
+    export_c(load("panda-payload"), folder, name="law")
+    return folder
+
+
 # The sampled-data law is exported every day in `test_sampled_agreement.py`, and floats are in `test_agreement.py`.
-@pytest.fixture(params=["exported", pytest.param("in_floats", marks=pytest.mark.full)])
+@pytest.fixture(params=["exported", *(pytest.param(name, marks=pytest.mark.full) for name in ("in_floats", "panda"))])
 def folder(request):
     found = request.getfixturevalue(request.param)
     return found[0] if isinstance(found, tuple) else found
@@ -116,13 +124,11 @@ def test_the_stack_stays_below_the_promised_bound(exported, optimisation):
         ),
     ],
 )
-def test_clang_tidy_finds_nothing(exported, file):
-    folder, _ = exported
+def test_clang_tidy_finds_nothing(folder, file):
     run(folder, "clang-tidy", "--quiet", file, "--", "-std=c99")
 
 
-def test_nothing_is_allocated_global_or_recursive(exported):
-    folder, _ = exported
+def test_nothing_is_allocated_global_or_recursive(folder):
     text = (folder / "slidax_law.c").read_text()
     assert not re.search(r"\b(malloc|calloc|realloc|free|alloca)\b", text)
     compiled(COMPILERS[0], folder, "-O0", "-c", *LAW, "-o", "law.o")
@@ -134,6 +140,22 @@ def test_nothing_is_allocated_global_or_recursive(exported):
     # Each function calls only those that stand before it.
     for k, (name, inside) in enumerate(bodies):
         assert not any(re.search(rf"\b{later}\(", inside) for later in names[k:]), name
+
+
+def test_each_function_of_the_step_has_one_return_at_its_end_and_no_jumps(folder):
+    text = re.sub(r"/\*.*?\*/", "", (folder / "slidax_law.c").read_text(), flags=re.DOTALL)
+    assert not re.search(r"\b(goto|switch|continue|setjmp|longjmp)\b", text)
+    bodies = re.findall(r"^\{(.*?)^\}", text, re.MULTILINE | re.DOTALL)
+    assert len(bodies) > 8
+    for body in bodies:
+        assert body.count("return ") <= 1
+        # Behind the last statement at the outermost level there is nothing.
+        assert "return " not in body or re.search(r"^    return [^;]*;\n$", body, re.MULTILINE), body
+    # A loop counts to a constant, or has a counter in its condition.
+    for head in re.findall(r"\bfor \((.*)\) \{", text):
+        assert head == ";;" or re.fullmatch(r"(?:\w+ (\w+) = 0)?; \w+ < (?:\d+|n); \+\+\w+", head), head
+    asked = re.findall(r"for \(;;\) \{(.*?)break;", text, re.DOTALL) + re.findall(r"while \((.*)\) \{", text)
+    assert all(re.search(r"\bstep\w* < \d+", one) for one in asked)
 
 
 def test_the_law_of_example_4_1_is_short_and_keeps_its_names(exported):

@@ -29,4 +29,4 @@ def test_the_envelope_is_held_to_the_end(name, tmp_path):
     # As many turns as any search took in any step of either; `pytest -s` shows how often.
     print(f"\n{name}\n  doubles {double.steady:.3g} {double.turns}\n  floats {single.steady:.3g} {single.turns}")
     assert max(most for turns in double.turns for most in turns) <= 12
-    assert max(most for turns in single.turns for most in turns) <= 40
+    assert max(most for turns in single.turns for most in turns) <= 12

@@ -93,7 +93,13 @@ def test_a_sentence_is_cut_between_its_parts():
 
 @pytest.mark.parametrize(
     ("double", "single"),
-    [(1e-12, 16 * 2.0**-23), (4e-16, 4e-16 * 2.0**29), (1.0 - 1e-9, 1.0 - 2.0**-21), (-1e-12, -16 * 2.0**-23)],
+    [
+        (1e-12, 16 * 2.0**-23),
+        (4e-16, 4 * 2.0**-23),
+        (1.6e-15, 1.6e-15 * 2.0**29),
+        (1.0 - 1e-9, 1.0 - 2.0**-21),
+        (-1e-12, -16 * 2.0**-23),
+    ],
 )
 def test_a_tolerance_and_a_number_next_to_one_keep_their_meaning_in_floats(double, single):
     assert fitting(double) == pytest.approx(single, rel=1e-12)

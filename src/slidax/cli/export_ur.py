@@ -2,30 +2,18 @@
 
 from __future__ import annotations
 
-import shlex
-import sys
-from pathlib import Path
-from typing import Annotated
-
 import typer
 
+from .exporting import Floats, Folder, LawName, exporting
 from .options import Changes, Named
-from .session import errors_as_lines, parsed, prepare
 
 
 def export_ur(
-    scenario: Named,
-    out: Annotated[Path, typer.Option(help="The folder of the project.")],
-    name: Annotated[str | None, typer.Option(help="Of the law in C; after the scenario if not given.")] = None,
-    single: Annotated[bool, typer.Option("--float", help="Floats in place of doubles.")] = False,
-    changes: Changes = None,
+    scenario: Named, out: Folder, name: LawName = None, single: Floats = False, changes: Changes = None
 ) -> None:
     """The law as a program for an arm of Universal Robots: Python around ur_rtde's directTorque, and a rehearsal."""
-    with errors_as_lines():
-        prepare()
-        from slidax import scenarios
+    with exporting(scenario, changes) as (parts, command):
         from slidax.deploy.ur import export_ur as export
 
-        parts = scenarios.load(scenario, parsed(changes or []))
-        made = export(parts, out, name=name, single=single, command=shlex.join(["slidax", *sys.argv[1:]]))
+        made = export(parts, out, name=name, single=single, command=command)
         typer.echo(f"{made.law} in {made.real}s for an arm of Universal Robots: {out.resolve() / 'README.md'}")

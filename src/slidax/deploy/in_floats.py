@@ -15,14 +15,17 @@ TOLERANCES = (0.1 * DOUBLE, 1e-10)
 ULPS = 16.0
 """A tolerance of more units in the last place than these is one that a search is to meet with ease."""
 
+FEWEST = 4.0
+"""A tolerance of fewer would be below what a sum of some terms rounds to, and could not be met."""
+
 NEXT_TO_ONE = 4.0 * FLOAT
 
 
 def in_floats(program: Program) -> Program:
     """The same program with constants that mean in floats what they mean in doubles.
 
-    Tolerances become as many units in the last place, at most 16, so that a search that is to meet them ends; and a
-    number next to one, which keeps a logarithm finite, stays next to one.
+    Tolerances become as many units in the last place, at least 4 and at most 16, so that a search that is to meet them
+    ends; and a number next to one, which keeps a logarithm finite, stays next to one.
 
     - `program`: written for doubles.
     """
@@ -56,7 +59,7 @@ def fitting(number: float) -> float:
     """
     size = abs(number)
     if TOLERANCES[0] < size < TOLERANCES[1]:
-        return float(np.copysign(min(size / DOUBLE, ULPS) * FLOAT, number))
+        return float(np.copysign(min(max(size / DOUBLE, FEWEST), ULPS) * FLOAT, number))
     if 0.0 < abs(size - 1.0) < NEXT_TO_ONE:
         return float(np.copysign(1.0 + np.copysign(NEXT_TO_ONE, size - 1.0), number))
     return number

@@ -90,6 +90,10 @@ class Access:
             return f"{self.array}[{self.start} - {-self.step} * {index}]"
         return f"{self.array}[{self.step} * {index} + {self.start}]"
 
+    def pointer(self) -> str:
+        """Where the first element lies, in C."""
+        return f"&{self.array}[{self.start}]" if self.start else self.array
+
 
 def accesses(rows: Sequence[Operands], stored: Stored) -> tuple[int, list[Access]]:
     """How many of some expressions, from the first on, are the turns of one loop; and how each operand is found.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import defaultdict
+from collections.abc import Callable, Sequence
 
 from ..naming import identifier
 from .alike import LEAST, Access, Stored, accesses
@@ -70,9 +71,41 @@ class Arrays:
         for (visit, _, _), lanes in alike.items():
             several = visit is not None and len(lanes) >= LEAST
             made = self._split(lanes) if several else [self._alone(one) for one in lanes]
-            self.single |= {group.lanes[0].name: group for group in made if group.target is None}
+            self._know(made)
             groups += made
+        # What their operands have become is known only now.
+        groups = self._again(groups, lambda one: (one.line.visit, one.type, one.piece.template))
+        return self._again(groups, self._arrays_of)
+
+    def _know(self, groups: list[Group]) -> None:
+        self.single |= {group.lanes[0].name: group for group in groups if group.target is None}
+
+    def _again(self, groups: list[Group], kind: Callable[[Statement], object]) -> list[Group]:
+        """The groups, with those that stand alone tried once more.
+
+        - `groups`: all.
+        - `kind`: equal for statements that may be the turns of one loop; None for those that are not.
+        """
+        alike: defaultdict[object, list[Statement]] = defaultdict(list)
+        for group in groups:
+            if group.target is None and kind(group.lanes[0]) is not None:
+                alike[kind(group.lanes[0])].append(group.lanes[0])
+        for lanes in alike.values():
+            if len(lanes) >= LEAST:
+                made = self._split(lanes)
+                if any(group.target is not None for group in made):
+                    alone = {one.name for one in lanes}
+                    groups = [group for group in groups if group.target is not None or group.lanes[0].name not in alone]
+                    groups += made
+                    self._know(made)
         return groups
+
+    def _arrays_of(self, one: Statement) -> object:
+        """Equal for statements on elements of the same arrays, whatever operation they are of."""
+        if one.name not in self.stored:
+            return None
+        words = (self.where(word) for word in (one.name, *one.piece.operands))
+        return (one.type, one.piece.template, *(word.partition("[")[0] for word in words))
 
     def _alone(self, one: Statement) -> Group:
         return Group([one], self.stored[one.name][0] if one.name in self.stored else "")
@@ -80,16 +113,35 @@ class Arrays:
     def _gather(self, lanes: list[Statement]) -> None:
         """Puts numbers that stand alone into an array, where the turns of a loop would take one after the other."""
         for column in zip(*(one.piece.operands for one in lanes), strict=True):
-            if len(set(column)) == len(column) and all(
-                word in self.single and word not in self.stored for word in column
-            ):
-                first = self.single[column[0]].lanes[0]
-                if any(self.single[word].lanes[0].type != first.type for word in column):
-                    continue
-                array = self.named(column[0])
-                for k, word in enumerate(column):
-                    self.stored[word] = (array, k)
-                    self.single[word].array = array
+            alone = [word for word in column if word in self.single and word not in self.stored]
+            if len(set(column)) < len(column) or not alone:
+                continue
+            type = self.single[alone[0]].lanes[0].type
+            if any(self.single[word].lanes[0].type != type for word in alone):
+                continue
+            places = self._places_beside(column, alone)
+            if places is None:
+                continue
+            for word, place in zip(column, places, strict=True):
+                if word in alone:
+                    self.stored[word] = place
+                    self.single[word].array = place[0]
+
+    def _places_beside(self, column: Sequence[str], alone: list[str]) -> list[tuple[str, int]] | None:
+        """Where the numbers of a column lie once those that stand alone lie beside the others; None if they cannot."""
+        if len(alone) == len(column):
+            array = self.named(column[0])
+            return [(array, k) for k in range(len(column))]
+        known = [(k, self.stored[word]) for k, word in enumerate(column) if word in self.stored]
+        if len(known) < LEAST or len(known) + len(alone) < len(column) or len({array for _, (array, _) in known}) > 1:
+            return None
+        (k, (array, at)), (other, (_, end)) = known[0], known[-1]
+        step = (end - at) // (other - k)
+        places = [(array, at + (n - k) * step) for n in range(len(column))]
+        taken = set(self.stored.values())
+        if any(place[1] < 0 for place in places) or any(places[n] != place for n, place in known):
+            return None
+        return places if not any(place in taken for n, place in enumerate(places) if column[n] in alone) else None
 
     def _split(self, lanes: list[Statement]) -> list[Group]:
         """The groups that statements of one kind make: each as long as it goes, every so many of them."""

@@ -38,7 +38,7 @@ class Helpers:
     def named(self, op: str, type: Type) -> str:
         """The name of the helper of an operation.
 
-        - `op`: of the IR; `to_...` for a conversion from `type`, `bits_...` for the bits of a `type`.
+        - `op`: of the IR; `to_...` for a conversion from `type`, `bits_...` for the bits of a `type`, `all_finite`.
         - `type`: of its arguments.
         """
         real = self.dialect.narrowed("f64")
@@ -54,6 +54,8 @@ class Helpers:
         before = "static __device__ inline" if self.dialect.kernel else "static inline"
         if op == "erf_inv":
             return f"/* The y with erf(y) = x. */\n{before} double {name}(double x)\n{_ERF_INV}"
+        if op == "all_finite":
+            return _ALL_FINITE.format(before=before, own=own)
         if op.startswith("to_"):
             to: Type = op[3:]  # type: ignore[assignment]
             head = f"{before} {self.dialect.type(to)} {name}({own} x)"
@@ -113,6 +115,15 @@ class Helpers:
         )
 
 
+_ALL_FINITE = """/* Whether all of n numbers are finite. */
+{before} bool all_finite(const {own} *x, size_t n)
+{{
+    bool finite = true;
+    for (size_t i = 0; i < n; ++i) {{
+        finite = isfinite(x[i]) && finite;
+    }}
+    return finite;
+}}"""
 _BITS = """{{
     union {{
         {own} number;

@@ -12,6 +12,12 @@ WIDTH = 100
 MARKS = (", ", " + ", " - ", " * ", " && ", " || ", " ? ", " : ", " = ")
 """Where a line may be broken."""
 
+JOINTS = (" && ", " || ")
+"""Where it is broken best."""
+
+DECLARED = re.compile(r"(double|float|bool|u?int(?:32|64)_t) \w+(?:\[\d+\])?(?:, \w+(?:\[\d+\])?)*;")
+"""Variables of one type that have no value yet."""
+
 MORE = 10
 """Letters that a line may have beyond that before it is broken."""
 
@@ -57,12 +63,34 @@ def laid_out(lines: list[Line]) -> list[str]:
     return texts
 
 
+def declared_together(lines: list[Line]) -> list[Line]:
+    """The lines with one declaration for what is declared together, of one type and without a value.
+
+    - `lines`: in order.
+    """
+    out: list[Line] = []
+    for line in lines:
+        last = out[-1] if out else line
+        match, before = DECLARED.fullmatch(line.text), DECLARED.fullmatch(last.text)
+        together = match is not None and before is not None and match.group(1) == before.group(1)
+        if out and together and (line.level, line.about) == (last.level, last.about):
+            text = f"{last.text[:-1]}, {line.text.partition(' ')[2]}"
+            if len(INDENT) * line.level + len(text) <= WIDTH:
+                out[-1] = Line(line.level, text, line.about)
+                continue
+        out.append(line)
+    return out
+
+
 def _broken(line: Line) -> list[str]:
     """A line as text, in several where it is too long."""
     text, before = line.text, INDENT * line.level
     texts: list[str] = []
     while len(before) + len(text) > WIDTH + MORE:
-        at = max(text.rfind(mark, 0, WIDTH - len(before)) for mark in MARKS)
+        room = WIDTH - len(before)
+        at = max(text.rfind(mark, 0, room) for mark in JOINTS)
+        if at < room // 2:
+            at = max(text.rfind(mark, 0, room) for mark in MARKS)
         if at <= 0:
             break
         at += 1 if text[at] == "," else 2 if text[at + 1] == "=" else 0

@@ -11,11 +11,14 @@ import re
 from collections import Counter
 from collections.abc import Sequence
 
-from .alike import LEAST, Access, Operands, accesses, parsed
+from .alike import LEAST, Access, parsed
 from .arrays import Arrays
+from .assignments import Run, in_runs
 from .groups import Group, Statement, goes_on, ordered
+from .helpers import Helpers
 from .in_place import passed_in_place
 from .layout import Line
+from .reduced import reduced
 
 Local = dict[Access, str]
 """Numbers that live for a turn, by where they would lie, with their names."""
@@ -24,18 +27,20 @@ DECLARED = re.compile(r"(const )?(double|float|bool|u?int(?:32|64)_t) (\w+)(?: =
 ASSIGNED = re.compile(r"([A-Za-z_]\w*(?:->\w+)?(?:\[\d+\])?) = (.*);")
 
 
-def rerolled(lines: Sequence[Line], taken: set[str]) -> list[Line]:
+def rerolled(lines: Sequence[Line], taken: set[str], helpers: Helpers) -> list[Line]:
     """The lines with loops in them.
 
     - `lines`: of a function.
     - `taken`: names that are not free.
+    - `helpers`: takes what they call.
     """
-    return _Rerolling(lines, taken).run()
+    return _Rerolling(lines, taken, helpers).run()
 
 
 class _Rerolling:
-    def __init__(self, lines: Sequence[Line], taken: set[str]) -> None:
+    def __init__(self, lines: Sequence[Line], taken: set[str], helpers: Helpers) -> None:
         self.lines = lines
+        self.helpers = helpers
         self.out: list[Line] = []
         self.used: Counter[str] = Counter()
         self.declared: set[str] = set()
@@ -61,7 +66,8 @@ class _Rerolling:
             else:
                 self.out.append(self.lines[k])
             k = end
-        return passed_in_place([Line(line.level, self._renamed(line.text), line.about) for line in self.out])
+        renamed = [Line(line.level, self._renamed(line.text), line.about) for line in self.out]
+        return reduced(passed_in_place(renamed), self.arrays.named, self.index, self.helpers)
 
     def _run_of(self, k: int) -> tuple[int, str]:
         """Where the lines of one kind that begin here end, and their kind."""
@@ -118,8 +124,10 @@ class _Rerolling:
         inside: Counter[str] = Counter(word for group in groups for one in group.lanes for word in one.piece.operands)
         local: Local = {}
         for group in groups:
-            if group.lanes[0].line.element is None and all(
-                inside[one.name] == self.used[one.name] for one in group.lanes
+            if (
+                group.lanes[0].line.element is None
+                and not group.looks_back
+                and all(inside[one.name] == self.used[one.name] for one in group.lanes)
             ):
                 assert group.target is not None
                 whole = len(group.lanes) == sum(array == group.array for array, _ in self.arrays.stored.values())
@@ -193,35 +201,27 @@ class _Rerolling:
         self._print_assigned(statements, self.lines[first].level)
 
     def _print_assigned(self, statements: list[Statement], level: int) -> None:
-        """Assignments one after the other, in this very order, unless none reads what another writes."""
-        written = {one.name for one in statements}
-        if len(written) == len(statements) and not any(
-            self.arrays.where(word) in written for one in statements for word in one.piece.operands
-        ):
-            kinds: dict[object, list[Statement]] = {}
-            for one in statements:
-                arrays = tuple(self.arrays.where(word).partition("[")[0] for word in (one.name, *one.piece.operands))
-                kinds.setdefault((one.piece.template, *arrays), []).append(one)
-            statements = [one for those in kinds.values() for one in those]
-        k = 0
-        while k < len(statements):
-            end = k + 1
-            template = statements[k].piece.template
-            while end < len(statements) and statements[end].piece.template == template:
-                end += 1
-            rows: list[Operands] = [(one.name, *one.piece.operands) for one in statements[k:end]]
-            count, at = accesses(rows, self.arrays.stored)
-            # A table of numbers that are written once is no shorter than the writing.
-            if count < LEAST or not at[0].step:
-                one = statements[k]
-                self.out.append(Line(level, f"{one.name} = {one.piece.text};", one.line.about))
-                k += 1
-                continue
-            one = statements[k]
-            texts = [self._operand(access, {}, level, _typed(one)) for access in at[1:]]
-            body = [Line(level + 1, f"{at[0].element(self.index)} = {one.piece.filled(texts)};")]
-            self._turns(count, body, level, one.line.about)
-            k += count
+        """Assignments, in an order that leaves each the same."""
+        for run in in_runs(statements, self.arrays.stored, self.arrays.where):
+            one = run.lanes[0]
+            about = one.line.about
+            if not run.at:
+                self.out.append(Line(level, f"{one.name} = {one.piece.text};", about))
+            elif run.at_once:
+                self.out.append(Line(level, self._moved(run), about))
+            else:
+                texts = [self._operand(access, {}, level, _typed(one)) for access in run.at[1:]]
+                body = [Line(level + 1, f"{run.at[0].element(self.index)} = {one.piece.filled(texts)};")]
+                self._turns(len(run.lanes), body, level, about)
+
+    def _moved(self, run: Run) -> str:
+        """Moves a part of an array to another one, or makes it zero."""
+        target, given = run.at
+        arrays = (target.array, given.array) if given.step else (target.array,)
+        size = f"{len(run.lanes)} * sizeof {min(arrays, key=len)}[0]"
+        if given.step:
+            return f"memcpy({target.pointer()}, {given.pointer()}, {size});"
+        return f"memset({target.pointer()}, 0, {size});"
 
 
 def _typed(one: Statement) -> Statement:

@@ -13,6 +13,8 @@ from .layout import Line
 SIZES = {"double": 8, "float": 4, "int64_t": 8, "uint64_t": 8, "int32_t": 4, "uint32_t": 4, "int": 4, "bool": 1}
 DECLARED = re.compile(rf"(const )?({'|'.join(SIZES)}) (\w+)(?:\[(\d+)\])?(?: = (.*)|;)?;?")
 NAME = re.compile(r"[A-Za-z_]\w*")
+GIVEN = re.compile(r"\w+->\w+;?")
+"""Members of what a function is given: they are there from its start."""
 
 LEAST = 128
 """Bytes that another block must save."""
@@ -188,6 +190,9 @@ def _block(lines: Sequence[Line], leaving: set[str]) -> list[Line]:
             inside.append(Line(line.level + 1, line.text, line.about))
             continue
         _, type, name, size, value = match.groups()
+        if value is not None and GIVEN.fullmatch(value):
+            before.append(line)
+            continue
         before.append(Line(level, f"{type} {name}{f'[{size}]' if size else ''};"))
         if value is not None and size is None:
             inside.append(Line(line.level + 1, f"{name} = {value.rstrip(';')};", line.about))

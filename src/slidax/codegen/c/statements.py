@@ -11,7 +11,7 @@ from .blocks import BlockWriter
 from .calls import Callees
 from .dialect import Dialect
 from .helpers import Helpers
-from .layout import laid_out
+from .layout import declared_together, laid_out
 from .placement import Placement
 from .rerolled import rerolled
 from .scopes import scoped, stack
@@ -89,8 +89,9 @@ def statements(
     if writer.lines and assigned:
         writer.line("")
     writer.assign(assigned)
-    lines = scoped(rerolled(writer.lines, writer.taken)) if loops else writer.lines
-    return Statements(laid_out(lines), writer.helpers, frozenset(writer.reads), stack(lines), writer.called)
+    lines = scoped(rerolled(writer.lines, writer.taken, writer.helpers)) if loops else writer.lines
+    texts = laid_out(declared_together(lines) if loops else lines)
+    return Statements(texts, writer.helpers, frozenset(writer.reads), stack(lines), writer.called)
 
 
 def _arguments(program: Program) -> Iterator[tuple[Value, ...]]:

@@ -200,6 +200,9 @@ class Writer(ABC):
         args = list(dict.fromkeys(value.args))
         while True:
             written = self._operation(value)
+            # What asks the same of all elements of arrays becomes loops, and is then short.
+            if self.loops and value.type == "b1" and value.op in ("and", "or"):
+                return written
             heaviest = max(args, key=lambda arg: self.texts[arg].weight, default=None)
             if heaviest is None or self.texts[heaviest].weight == 0:
                 return written

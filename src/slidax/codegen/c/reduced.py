@@ -1,0 +1,163 @@
+"""Questions about all elements of arrays: loops and calls of `all_finite` in the place of long rows of `&&`, `||`."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Sequence
+
+from .alike import LEAST, Access, Piece, accesses, parsed
+from .helpers import Helpers
+from .layout import INDENT, WIDTH, Line
+
+ELEMENT = re.compile(r"(.*)\[(\d+)\]")
+ASKED = re.compile(r"((?:const bool )?[\w>\[\]-]+ = |if \(|while \()(.*)(;|\) \{)")
+DECLARED = re.compile(r"const bool (\w+) = ")
+LOOP = 4
+"""Lines of a loop: what it finds, its head, its body, and its end."""
+
+Named = Callable[[str], str]
+"""From a stem to a name that is free."""
+
+
+def reduced(lines: Sequence[Line], named: Named, index: str, helpers: Helpers) -> list[Line]:
+    """The lines with loops for what they ask of arrays; what is asked, and that it has no effects, stays the same.
+
+    - `lines`: of a function.
+    - `named`: gives names.
+    - `index`: of the loops.
+    - `helpers`: takes what is called.
+    """
+    out: list[Line] = []
+    turning = False
+    for line in lines:
+        # The loops that are there already have no others in them.
+        turning = line.text.startswith(f"for (size_t {index} ") or (turning and line.text != "}")
+        asked = ASKED.fullmatch(line.text)
+        if asked is None or not (" && " in line.text or " || " in line.text):
+            out.append(line)
+            continue
+        before, text, after = asked.groups()
+        # What a loop asks before each turn is asked there.
+        reduction = _Reduction(named, index, helpers, line, loops=not turning and before != "while (")
+        text = reduction.of(text)
+        out += reduction.lines
+        declared = DECLARED.fullmatch(before)
+        if declared is not None and reduction.lines and text == reduction.found:
+            # The loop finds just that.
+            out[-LOOP:] = [_renamed(one, text, declared.group(1)) for one in out[-LOOP:]]
+        else:
+            out.append(Line(line.level, before + text + after, line.about))
+    return out
+
+
+class _Reduction:
+    def __init__(self, named: Named, index: str, helpers: Helpers, line: Line, *, loops: bool) -> None:
+        self.named = named
+        self.index = index
+        self.helpers = helpers
+        self.line = line
+        self.loops = loops
+        self.lines: list[Line] = []
+        # What the last loop finds.
+        self.found = ""
+
+    def of(self, text: str) -> str:
+        """A question, with its loops in `lines`.
+
+        - `text`: in C.
+        """
+        if _parts(text, " ? ")[1:]:
+            return text
+        for sign in (" || ", " && "):
+            terms = _parts(text, sign)
+            if len(terms) > 1:
+                return self._joined(terms, sign)
+        for before in ("!(", "("):
+            if text.startswith(before) and _closes(text, len(before) - 1) == len(text) - 1:
+                inner = self.of(text[len(before) : -1])
+                return before.rstrip("(") + inner if inner.isidentifier() else f"{before}{inner})"
+        return text
+
+    def _joined(self, terms: list[str], sign: str) -> str:
+        """Terms with one sign between them, those that are alike by loops."""
+        kinds: dict[object, list[tuple[int, Piece]]] = {}
+        short: list[str] = []
+        for term in dict.fromkeys(terms):
+            piece = parsed(term)
+            found = [ELEMENT.fullmatch(word) for word in piece.operands]
+            places = [(one.group(1), int(one.group(2))) for one in found if one is not None]
+            if not places:
+                short.append(self.of(term))
+                continue
+            arrays = tuple(
+                word if one is None else one.group(1) for word, one in zip(piece.operands, found, strict=True)
+            )
+            kinds.setdefault((piece.template, arrays), []).append((places[0][1], piece))
+        loops: dict[int, list[tuple[list[Piece], list[Access]]]] = {}
+        for those in kinds.values():
+            pieces = [piece for _, piece in sorted(those, key=lambda pair: pair[0])]
+            k = 0
+            while k < len(pieces):
+                rows = [piece.operands for piece in pieces[k:]]
+                count, at = accesses(rows, {})
+                if count < LEAST or any(access.numbers for access in at):
+                    short.append(self.of(pieces[k].text))
+                    k += 1
+                    continue
+                if at[-1].step == 1 and pieces[k].text == f"isfinite({pieces[k].operands[-1]})" and sign == " && ":
+                    self.helpers.named("all_finite", "f64")
+                    short.append(f"all_finite({at[-1].pointer()}, {count})")
+                else:
+                    loops.setdefault(count, []).append((pieces[k : k + count], at))
+                k += count
+        for count, found_ in loops.items():
+            short.append(self._asked(count, found_, sign))
+        return sign.join(short)
+
+    def _asked(self, count: int, runs: list[tuple[list[Piece], list[Access]]], sign: str) -> str:
+        """The answer of a loop; the question itself where that is shorter."""
+        plain = sign.join(piece.text for pieces, _ in runs for piece in pieces)
+        if not self.loops or len(plain) < LOOP * (WIDTH - len(INDENT) * self.line.level):
+            return plain
+        name = self.named("some" if sign == " || " else "every")
+        turn = [pieces[0].filled([_element(access, self.index) for access in at]) for pieces, at in runs]
+        self.found = name
+        level, about, index = self.line.level, self.line.about, self.index
+        self.lines += [
+            Line(level, f"bool {name} = {'false' if sign == ' || ' else 'true'};", about),
+            Line(level, f"for (size_t {index} = 0; {index} < {count}; ++{index}) {{", about),
+            Line(level + 1, f"{name} = {sign.join([name, *turn])};"),
+            Line(level, "}", about),
+        ]
+        return name
+
+
+def _renamed(line: Line, name: str, other: str) -> Line:
+    return Line(line.level, re.sub(rf"\b{name}\b", other, line.text), line.about)
+
+
+def _element(access: Access, index: str) -> str:
+    return access.element(index) if access.step else access.text
+
+
+def _parts(text: str, sign: str) -> list[str]:
+    """A text at all signs that are in no parentheses."""
+    parts, depth, start, k = [], 0, 0, 0
+    while k < len(text):
+        depth += (text[k] == "(") - (text[k] == ")")
+        if depth == 0 and text.startswith(sign, k):
+            parts.append(text[start:k])
+            k = start = k + len(sign)
+            continue
+        k += 1
+    return [*parts, text[start:]]
+
+
+def _closes(text: str, opened: int) -> int:
+    """Where a parenthesis is closed."""
+    depth = 0
+    for k in range(opened, len(text)):
+        depth += (text[k] == "(") - (text[k] == ")")
+        if depth == 0:
+            return k
+    return -1
