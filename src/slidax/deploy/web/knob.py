@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ from pydantic import BaseModel
 
 from slidax._errors import DefinitionError
 from slidax.scenarios import ScenarioDescription
+from slidax.scenarios.load import validated
 from slidax.scenarios.uncertainty.leaf import Leaf, leaf_of
 
 ROOTS = {
@@ -32,6 +34,9 @@ NEVER = ("seed", "kind", "lengths", "phase", "attached", "gravity_acceleration",
 
 REACH = 10.0
 """A range that is not declared goes from a default's tenth to its tenfold."""
+
+HALVINGS = 12
+"""Of the way to an end that the scenario refuses."""
 
 FROM_ZERO = {
     "coulomb": 2.0,
@@ -131,7 +136,7 @@ def knobs_of(description: ScenarioDescription, joints: int) -> list[Knob]:
             continue
         if leaf.own is None or leaf.integer or leaf.own.ndim > 1 or not np.isfinite(leaf.own).all():
             continue
-        found.append(_knob(leaf, group, said))
+        found.append(_drawn_in(description, _knob(leaf, group, said)))
     return sorted(found, key=lambda knob: ORDER.index(knob.group))
 
 
@@ -192,3 +197,30 @@ def _span(leaf: Leaf) -> tuple[float, float, bool]:
 
 def _rounded(value: float) -> float:
     return float(f"{value:.2g}")
+
+
+def _drawn_in(description: ScenarioDescription, knob: Knob) -> Knob:
+    """The slider without what the scenario refuses at its ends: it must stay above or below other numbers, too."""
+    data = description.model_dump(exclude_unset=True)
+    shape = () if knob.each else knob.shape
+
+    def taken(value: float) -> bool:
+        try:
+            validated(data, {knob.path: np.full(shape, value).tolist()}, form=type(description)).build("end")
+        except DefinitionError:
+            return False
+        return True
+
+    def end(refused: float, own: float, rounds: Callable[[float], int]) -> float:
+        if taken(refused) or not taken(own):
+            return refused
+        good, bad = own, refused
+        for _ in range(HALVINGS):
+            between = 0.5 * (good + bad)
+            good, bad = (between, bad) if taken(between) else (good, between)
+        size = 10.0 ** (math.floor(math.log10(abs(good))) - 2) if good else 1.0
+        rounded = float(f"{rounds(good / size) * size:.6g}")
+        return rounded if taken(rounded) else good
+
+    least, most = float(knob.defaults.min()), float(knob.defaults.max())
+    return replace(knob, low=end(knob.low, least, math.ceil), high=end(knob.high, most, math.floor))

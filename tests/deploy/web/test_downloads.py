@@ -1,0 +1,127 @@
+"""What a page gives to be downloaded, once its sliders were moved: the scenario as `slidax run` takes it, and the C."""
+
+from __future__ import annotations
+
+import ctypes
+import json
+import zipfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from slidax.deploy.project import project
+from slidax.deploy.recording import recorded
+from slidax.deploy.robot_loop import guarded
+from slidax.deploy.web import setting, write_page
+from slidax.deploy.web.beside import settings_of
+from slidax.deploy.web.playground import playground
+from slidax.scenarios import load
+from tests.cli.commands import in_process
+from tests.deploy.exported import COMPILERS, STRICT, at, needs_a_compiler, run, structure
+
+from .browser import Visit, typed
+
+pytestmark = [pytest.mark.full, needs_a_compiler]
+
+CLOSE = 1e-12
+"""Of the largest value of a joint's signal."""
+
+MOVED = {
+    "scheme.surface.k1": "0.37",
+    "scheme.surface.q": "1.31",
+    "scheme.transformation.performance.final": "0.003",
+    "scheme.transformation.overshoot": "0.4",
+    "scheme.bound.b0": "10.5",
+    "scheme.sampled_data.recovery.deadline": "0.2",
+    "actuator.rate": "3500",
+    "robot.plant.inertias": "5.2",
+    "disturbance.scale": "1.3",
+}
+
+DRIVER = """
+#include "{p}.h"
+#include "{p}_scenario.h"
+void sequence(long count, const {p}_measurement *m, {p}_command *c, uint32_t *status)
+{{
+    {p}_state state;
+    {p}_parameters parameters;
+    {p}_reference reference;
+    long k;
+    {p}_reset(&state);
+    {p}_parameters_default(&parameters);
+    for (k = 0; k < count; ++k) {{
+        {p}_motion(m[k].t, parameters.period, &reference);
+        status[k] = {p}_step(&m[k], &reference, &state, &parameters, &c[k]);
+    }}
+}}
+"""
+
+
+@pytest.fixture(scope="module")
+def moved(chromium: Any, tmp_path_factory: pytest.TempPathFactory) -> tuple[Any, Path, Path]:
+    """What the page shows, the scenario that it gives, and the folder of its C."""
+    folder = tmp_path_factory.mktemp("moved")
+    described = load("example-4.1-1khz", {"simulation.t1": 2.0}).description
+    with pytest.MonkeyPatch.context() as patch:
+        # Its lights are no matter here, and take long.
+        patch.setattr(setting, "certificates_of", lambda scenario, paths: [])
+        manifest = playground("test", settings_of(described, "arm"), {"arm": "Arm"})
+    visit = Visit(chromium, write_page(manifest, folder).as_uri())
+    for path, value in MOVED.items():
+        typed(visit, f"[data-path='{path}']", value)
+    assert set(visit.state()["values"]) == set(MOVED)
+    shown = visit.page.evaluate(
+        "(() => { const { t, signals } = slidaxPage.result('A');"
+        " return { t: [...t], q: [...signals.q], tau: [...signals.tau] }; })()"
+    )
+    scenario = folder / "moved.yaml"
+    scenario.write_bytes(Path(visit.saved("#scenario").path()).read_bytes())
+    zipfile.ZipFile(visit.saved("#c").path()).extractall(folder)
+    assert visit.errors == []
+    visit.close()
+    return shown, scenario, folder
+
+
+def assert_close(found: Any, shown: Any, width: int) -> None:
+    theirs = np.reshape(shown, (-1, width))
+    worst = np.max(np.abs(np.asarray(found) - theirs) / np.max(np.abs(theirs), axis=0))
+    assert worst < CLOSE, worst
+
+
+def test_slidax_run_takes_the_scenario_and_does_the_same_run(moved: Any, tmp_path: Path) -> None:
+    shown, scenario, _ = moved
+    done = in_process("run", str(scenario), "--json", "--out", str(tmp_path / "report"))
+    assert done.exit_code == 0, done.output
+    assert json.loads(done.stdout)["outcome"] == "ok"
+    parquet = pytest.importorskip("pyarrow.parquet", reason="pyarrow is not installed")
+    table = parquet.read_table(tmp_path / "report" / "log.parquet").to_pydict()
+    rows = np.searchsorted(np.array(table["t"]), np.array(shown["t"]) - 1e-9)
+    assert len(rows) > 900
+    for name in ("q", "tau"):
+        columns = [np.array(table[f"{name}_{joint}"])[rows] for joint in (1, 2)]
+        assert_close(np.stack(columns, axis=1), shown[name], 2)
+
+
+def test_the_law_in_c_gives_the_torques_that_the_page_shows(moved: Any) -> None:
+    shown, scenario, folder = moved
+    assert "NOT" not in (folder / "READ-ME.txt").read_text(encoding="utf-8")
+    loaded = load(scenario)
+    made = project(loaded, name="law", with_golden=False)
+    law = folder / "law"
+    (law / "driver.c").write_text(DRIVER.format(p=made.prefix))
+    sources = ("slidax_law.c", "slidax_law_scenario.c", "driver.c")
+    run(law, COMPILERS[0], *STRICT, "-I.", *sources, "-shared", "-fPIC", "-O1", "-o", "law.so", "-lm")
+    # A user compiles the example, too.
+    run(law, COMPILERS[0], *STRICT, "slidax_law.c", "slidax_law_scenario.c", "example.c", "-o", "example", "-lm")
+
+    samples = recorded(loaded, guarded(loaded)).samples
+    count = len(samples.t)
+    measurement = np.zeros(count, structure(made.measurement, "f8"))
+    for field, leaf in zip(measurement.dtype.names or (), (samples.t, samples.state.q, samples.state.dq), strict=True):
+        measurement[field] = np.asarray(leaf)
+    command, status = np.zeros(count, structure(made.outputs, "f8")), np.zeros(count, np.uint32)
+    ctypes.CDLL(str(law / "law.so")).sequence(ctypes.c_long(count), *map(at, (measurement, command, status)))
+    rows = np.searchsorted(np.asarray(samples.t), np.array(shown["t"]) - 1e-9)
+    assert_close(command["tau"][rows], shown["tau"], 2)
