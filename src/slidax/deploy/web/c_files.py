@@ -15,7 +15,7 @@ from jaxtyping import Array
 from slidax._errors import DefinitionError, is_traced
 from slidax.deploy.project import FILES, STEP, project
 from slidax.deploy.text import render
-from slidax.scenarios.family import Family, Templates
+from slidax.scenarios.family import UNTRACEABLE, Family, Templates
 from slidax.scenarios.uncertainty import Space
 
 from .knob import Knob
@@ -79,5 +79,8 @@ def _alone(family: Family, templates: Templates, knob: Knob) -> bool:
         moved[:] = [is_traced(leaf) for leaf in jax.tree.leaves(eqx.filter(controller, eqx.is_array))]
         return 0
 
-    jax.eval_shape(probe, jax.ShapeDtypeStruct(np.shape(knob.defaults), float))
+    try:
+        jax.eval_shape(probe, jax.ShapeDtypeStruct(np.shape(knob.defaults), float))
+    except UNTRACEABLE:
+        return False
     return sum(moved) == 1
