@@ -36,7 +36,6 @@ MOVED = {
     "scheme.bound.b0": "10.5",
     "scheme.sampled_data.recovery.deadline": "0.2",
     "actuator.rate": "3500",
-    "robot.plant.inertias": "5.2",
     "disturbance.scale": "1.3",
 }
 
@@ -79,6 +78,15 @@ def moved(chromium: Any, tmp_path_factory: pytest.TempPathFactory) -> tuple[Any,
     scenario = folder / "moved.yaml"
     scenario.write_bytes(Path(visit.saved("#scenario").path()).read_bytes())
     zipfile.ZipFile(visit.saved("#c").path()).extractall(folder)
+    # A number of one joint alone, where the law in C has one for all: it is left out, and said.
+    visit.page.click("[data-path='scheme.surface.k2'] .each summary")
+    second = visit.page.locator("[data-path='scheme.surface.k2'] .joint .box").nth(1)
+    second.fill("0.9")
+    second.press("Enter")
+    visit.settle()
+    again = zipfile.ZipFile(visit.saved("#c").path())
+    assert "  scheme.surface.k2\n" in again.read("READ-ME.txt").decode()
+    assert again.read("law/slidax_law.c").decode() == (folder / "law" / "slidax_law.c").read_text(encoding="utf-8")
     assert visit.errors == []
     visit.close()
     return shown, scenario, folder

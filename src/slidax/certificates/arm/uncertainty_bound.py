@@ -48,7 +48,7 @@ class Samples:
     lumped: Floats
 
 
-@reads(*WORLD, "scheme.bound")
+@reads(*WORLD, "scheme")
 def uncertainty_bound(scenario: Scenario, family: Family | None = None) -> Verdict:
     """Do the law's b0, b1, b2 and γ bound the lumped uncertainty, `ρ <= b0 + b1‖q‖ + b2‖q̇‖² + γ‖τ‖` (19)?
 
