@@ -52,14 +52,15 @@ class Answers(NamedTuple):
 class Exported:
     """A scenario's step in C, as a shared library."""
 
-    def __init__(self, scenario: Any, folder: Path, *, single: bool = False) -> None:
+    def __init__(self, scenario: Any, folder: Path, *, single: bool = False, written: bool = False) -> None:
         self.project = project(scenario, name="law", single=single, with_golden=False)
         real = "f4" if single else "f8"
         self.types = {
             name: structure(getattr(self.project, name), real)
             for name in ("measurement", "reference", "memory", "outputs", "parameters")
         }
-        write_law(self.project, folder)
+        if not written:
+            write_law(self.project, folder)
         (folder / "driver.c").write_text(DRIVER.format(p=self.project.prefix))
         compiled(COMPILERS[0], folder, "slidax_law.c", "driver.c", "-shared", "-fPIC", "-O1", "-o", "law.so", "-lm")
         self.library = ctypes.CDLL(str(folder / "law.so"))

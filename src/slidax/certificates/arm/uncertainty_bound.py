@@ -13,7 +13,6 @@ from slidax.reaching import StateBound, UncertaintyBound
 from slidax.scenarios import Scenario
 from slidax.scenarios.family import Family
 
-from ..reads import WORLD, reads
 from ..verdict import Assumption, Verdict
 from .evaluated import Floats
 from .members import Members
@@ -48,7 +47,6 @@ class Samples:
     lumped: Floats
 
 
-@reads(*WORLD, "scheme")
 def uncertainty_bound(scenario: Scenario, family: Family | None = None) -> Verdict:
     """Do the law's b0, b1, b2 and γ bound the lumped uncertainty, `ρ <= b0 + b1‖q‖ + b2‖q̇‖² + γ‖τ‖` (19)?
 
