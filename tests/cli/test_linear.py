@@ -54,7 +54,7 @@ def test_the_table_the_json_and_the_page_say_the_same(tmp_path: Path) -> None:
 def test_a_loop_that_is_not_stable_has_an_exit_code_of_its_own() -> None:
     done = in_process(
         *("linear", "example-4.1-1khz", *STILL, "--at", "0.05", "--set", "scheme.name=pid"),
-        *("--set", "scheme.kp=4e6", "--set", "scheme.kd=0", "--set", "simulation.t1=0.05"),
+        *("--set", "scheme.kp=4e6", "--set", "scheme.kd=1", "--set", "simulation.t1=0.05"),
     )
     assert done.exit_code == 4, done.output
     assert "NOT stable" in done.stdout
