@@ -82,6 +82,9 @@ def print_run(parts: Scenario, finished: Run, answer: dict[str, Any]) -> None:
     violations = answer["metrics"]["envelope_violations"]
     kept = "no envelope promised" if violations is None else f"samples outside the envelope: {violations}"
     timing = answer["timing"]
+    error = answer["metrics"].get("tool_error")
+    if error is not None:
+        kept = f"{kept}, tool off by at most {error:.3g} m"
     console.print(
         f"\n{parts.scheme} on {parts.robot}: outcome {finished.outcome.kind}, {kept}; "
         f"{int(finished.tally.samples)} samples in {timing['run_s']:.2f} s, compiled in {timing['compile_s']:.1f} s",

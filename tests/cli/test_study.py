@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from slidax.studies import monte_carlo
+from slidax.studies import frame, monte_carlo
 
 from .commands import in_process
 
@@ -37,6 +37,10 @@ def test_a_study_is_written_resumed_and_its_rows_become_scenarios(tmp_path: Path
     assert again.exit_code == 2 and "--resume" in again.stderr
     resumed = in_process("study", str(file), "--out", str(out), "--resume", "--runs", "80")
     assert resumed.exit_code == 0 and "80 runs, none failed" in resumed.stdout
+    pytest.importorskip("pandas", reason="pandas is not installed")
+    rows = frame(out)
+    assert rows["row"].tolist() == list(range(80)) and (rows["outcome"] == 0).all()
+    assert rows["disturbance.scale"].between(0, 1).all() and rows.attrs["units"]["peak_torque"] == "N m or N"
 
     assert in_process("study", str(file), "--out", str(out), "--case", "70").exit_code == 0
     assert "truth" in (out / "case-70.yaml").read_text(encoding="utf-8")

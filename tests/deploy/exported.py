@@ -52,14 +52,15 @@ class Answers(NamedTuple):
 class Exported:
     """A scenario's step in C, as a shared library."""
 
-    def __init__(self, scenario: Any, folder: Path, *, single: bool = False) -> None:
+    def __init__(self, scenario: Any, folder: Path, *, single: bool = False, written: bool = False) -> None:
         self.project = project(scenario, name="law", single=single, with_golden=False)
         real = "f4" if single else "f8"
         self.types = {
-            name: _structure(getattr(self.project, name), real)
+            name: structure(getattr(self.project, name), real)
             for name in ("measurement", "reference", "memory", "outputs", "parameters")
         }
-        write_law(self.project, folder)
+        if not written:
+            write_law(self.project, folder)
         (folder / "driver.c").write_text(DRIVER.format(p=self.project.prefix))
         compiled(COMPILERS[0], folder, "slidax_law.c", "driver.c", "-shared", "-fPIC", "-O1", "-o", "law.so", "-lm")
         self.library = ctypes.CDLL(str(folder / "law.so"))
@@ -69,7 +70,7 @@ class Exported:
         if guard is not None:
             return self._filled("parameters", jax.tree.map(lambda x: x[None], guard))
         found = np.zeros(1, self.types["parameters"])
-        self.library[f"{self.project.prefix}_parameters_default"](_at(found))
+        self.library[f"{self.project.prefix}_parameters_default"](at(found))
         return found
 
     def answers(self, samples: Sample, parameters: np.ndarray | None = None) -> Answers:
@@ -82,7 +83,7 @@ class Exported:
             np.zeros(count, self.types["outputs"]), np.zeros(count, self.types["memory"]), np.zeros(count, np.uint32)
         )
         given = self.parameters() if parameters is None else parameters
-        self.library.many(ctypes.c_long(count), *map(_at, (measurement, reference, before, given, *found)))
+        self.library.many(ctypes.c_long(count), *map(at, (measurement, reference, before, given, *found)))
         return found
 
     def _filled(self, name: str, tree: Any) -> np.ndarray:
@@ -111,9 +112,9 @@ def run(folder: Path, *command: str) -> str:
     return done.stdout
 
 
-def _structure(members: list[Member], real: str) -> np.dtype:
+def structure(members: list[Member], real: str) -> np.dtype:
     return np.dtype([(m.name, TYPES.get(m.type, real), (m.size,) if m.shape else ()) for m in members], align=True)
 
 
-def _at(array: np.ndarray) -> ctypes.c_void_p:
+def at(array: np.ndarray) -> ctypes.c_void_p:
     return ctypes.c_void_p(array.ctypes.data)

@@ -1,9 +1,10 @@
 """Every trajectory: one line here enrols a new one in `tests/laws/test_trajectories.py`."""
 
-from slidax.trajectories import AbstractTrajectory, Constant, MinimumJerk, Tabulated, Trapezoidal
+from slidax.trajectories import AbstractTrajectory, Constant, MinimumJerk, Tabulated, ToolMotion, Trapezoidal
 from tests.paper import MOTION_4_1, MOTION_4_2
 
 WAYPOINTS = [[0.0, 1.0], [0.8, 0.2], [0.5, -0.4], [-0.3, 0.6]]
+SPLINE = MinimumJerk.through([0.5, 1.3, 2.0, 3.1], WAYPOINTS)
 
 TRAJECTORIES: list[tuple[str, AbstractTrajectory]] = [
     ("constant", Constant([0.3, -0.7])),
@@ -29,7 +30,8 @@ TRAJECTORIES: list[tuple[str, AbstractTrajectory]] = [
             [[0.5, 0.0], [-1.0, 0.3], [0.0, 2.0], [0.0, -1.0]],
         ),
     ),
+    ("tool_motion", ToolMotion(SPLINE.times, SPLINE.coefficients)),
 ]
 
-LIKE_OTHERS = ("minimum_jerk", "trapezoidal", "tabulated", "tabulated_with_velocities")
+LIKE_OTHERS = ("minimum_jerk", "trapezoidal", "tabulated", "tabulated_with_velocities", "tool_motion")
 """The same classes with other numbers: these run in the long version."""

@@ -4,6 +4,7 @@ from .admissibility import admissibility as admissibility
 from .certify import CERTIFICATES as CERTIFICATES
 from .certify import Certificates as Certificates
 from .certify import certify as certify
+from .reads import reads_any as reads_any
 from .statistical import statistical as statistical
 from .verdict import Assumption as Assumption
 from .verdict import Status as Status

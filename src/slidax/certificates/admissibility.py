@@ -20,11 +20,13 @@ from .extent import Extent, starts_of
 from .law_of import law_of
 from .members import Motion, members_of
 from .numbers import listed
+from .reads import reads
 from .verdict import Assumption, Status, Verdict
 
 NAME, TITLE = "admissibility", "parameters, starts and motion are admissible"
 
 
+@reads("scheme", "trajectory", "start", "robot.nominal", "simulation")
 def admissibility(scenario: Scenario) -> Verdict:
     """The ranges of (20) and (29)-(47), `bρ(0) < e(0) < b̄ρ(0)` for each start, and the motion within the limits.
 

@@ -19,7 +19,7 @@ from slidax.scenarios.mistakes import translated
 from slidax.scenarios.robots import RobotDescription
 from slidax.scenarios.trajectories import TrajectoryDescription, trajectory_of
 from slidax.scenarios.uncertainty.mapping import Uncertainty
-from slidax.scenarios.yaml_text import read_yaml, require_readable
+from slidax.scenarios.yaml_text import read_yaml_file, require_readable
 
 from .workspace import WorkspaceDescription
 
@@ -129,12 +129,7 @@ def read_requirements(path: str | Path) -> Requirements:
     Raises DefinitionError with the path of the first field that is wrong.
     """
     path = Path(path)
-    try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        reason = getattr(error, "strerror", None) or "it is not UTF-8 text"
-        raise DefinitionError(f"cannot read the requirements `{plain(str(path))}`: {reason}") from None
-    data = read_yaml(text)
+    data = read_yaml_file(path, "the requirements")
     if not isinstance(data, dict):
         raise DefinitionError("requirements are a mapping with the keys " + ", ".join(Requirements.model_fields))
     require_readable(data)

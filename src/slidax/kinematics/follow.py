@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from slidax._errors import DefinitionError, as_array, located
 from slidax.robots import AbstractRobot
-from slidax.trajectories import Tabulated
+from slidax.trajectories import Tabulated, ToolMotion
 from slidax.trajectories.motion_limits import limit
 
 from .branch import Stuck
@@ -42,7 +42,7 @@ class Followed:
     - `hold`: what was asked of the tool.
     """
 
-    trajectory: Tabulated
+    trajectory: ToolMotion
     ends: Array
     place_error: float
     turn_error: float
@@ -174,7 +174,7 @@ def _joined(task: Task, paths: list[JointPath], ends: Array, begin: float) -> Fo
     which = int(np.argmin([size.min() for size in sizes]))
     knot = int(np.argmin(sizes[which]))
     return Followed(
-        trajectory=Tabulated(times=as_array(times), coefficients=as_array(coefficients)),
+        trajectory=ToolMotion(times=as_array(times), coefficients=as_array(coefficients)),
         ends=ends,
         place_error=max(path.place_error for path in paths),
         turn_error=max(path.turn_error for path in paths),

@@ -101,6 +101,18 @@ def where(known: Any, values: np.ndarray) -> np.ndarray | None:
     return masked
 
 
+def of_the_run(known: Any, value: np.ndarray) -> np.ndarray | float | None:
+    """One number of a run, or None if it is not known; those of a batch, masked where they are not.
+
+    - `known`: [] or [runs].
+    - `value`: [] or [runs].
+    """
+    if value.ndim == 0:
+        return float(value) if known else None
+    masked: np.ndarray = np.ma.masked_array(value, ~np.asarray(known))
+    return masked
+
+
 def integral(run: Run, total: Any, first: Any, last: Any) -> np.ndarray:
     """The integral over the run by the trapezoidal rule, [n] or [runs n].
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from slidax.simulation import Run
 
-from .metric import metric
+from .metric import metric, of_the_run
 
 
 @metric("margin of the promise", "", per_joint=False, least_is_best=False)
@@ -18,7 +18,7 @@ def promise_margin(run: Run) -> np.ndarray | float | None:
     if run.tally.promise is None:
         return None
     margin = np.asarray(run.tally.promise.margin)
-    return _known(np.isfinite(margin), margin)
+    return of_the_run(np.isfinite(margin), margin)
 
 
 @metric("first warning of the monitor", "s", per_joint=False, least_is_best=False)
@@ -30,12 +30,4 @@ def warned_at(run: Run) -> np.ndarray | float | None:
     if run.tally.promise is None:
         return None
     warned = np.asarray(run.tally.promise.warned)
-    return _known(warned >= 0, warned * np.asarray(run.period))
-
-
-def _known(known: np.ndarray, values: np.ndarray) -> np.ndarray | float | None:
-    """One number of a run, or None if it is not known; those of a batch, masked where they are not."""
-    if values.ndim == 0:
-        return float(values) if known else None
-    masked: np.ndarray = np.ma.masked_array(values, ~known)
-    return masked
+    return of_the_run(warned >= 0, warned * np.asarray(run.period))

@@ -10,6 +10,7 @@ from slidax.simulation import Run
 
 from . import effort, envelope, error
 from . import promise as promises
+from . import tool as tools
 from . import tube as tubes
 from .metric import Metric
 
@@ -22,6 +23,10 @@ OF_TUBES: tuple[Metric[Any], ...] = (tubes.tube_violations, tubes.tube_margin)
 """What a run with a tube has besides."""
 
 
+OF_TOOLS: tuple[Metric[Any], ...] = (tools.tool_error, tools.steady_tool_error, tools.rms_tool_error)
+"""What a run has besides whose joints lead a tool."""
+
+
 OF_MONITORS: tuple[Metric[Any], ...] = (promises.promise_margin, promises.warned_at)
 """What a run whose law has a monitor has besides."""
 
@@ -32,6 +37,7 @@ def metrics_of(run: Run) -> tuple[Metric[Any], ...]:
     - `run`: a finished run, or a batch.
     """
     besides = (
+        *(OF_TOOLS if run.tally.tool is not None else ()),
         *(OF_TUBES if run.tally.tube is not None else ()),
         *(OF_MONITORS if run.tally.promise is not None else ()),
     )

@@ -14,7 +14,7 @@ from .changes import changed
 from .description import ScenarioDescription
 from .mistakes import translated
 from .scenario import Scenario
-from .yaml_text import read_yaml, require_readable
+from .yaml_text import read_yaml, require_readable, text_of
 
 BUILT_IN = resources.files("slidax.scenarios") / "built_in"
 
@@ -116,11 +116,7 @@ def _folder(scenario: str | Path) -> Path:
 def _read(scenario: str | Path) -> tuple[str, str]:
     path = Path(scenario)
     if path.suffix in (".yaml", ".yml"):
-        try:
-            return path.stem, path.read_text(encoding="utf-8")
-        except (OSError, UnicodeDecodeError) as error:
-            reason = getattr(error, "strerror", None) or "it is not UTF-8 text"
-            raise DefinitionError(f"cannot read the scenario file `{path}`: {reason}") from None
+        return path.stem, text_of(path, "the scenario file")
     if str(scenario) not in names():
         raise DefinitionError(
             f"unknown scenario `{plain(scenario)}`; {nearest(str(scenario), names())} (a file needs the ending .yaml)"

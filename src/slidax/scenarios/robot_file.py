@@ -7,7 +7,7 @@ from typing import Any
 
 from slidax._errors import DefinitionError
 
-from .yaml_text import read_yaml
+from .yaml_text import read_yaml_file
 
 
 def read_robot(path: str | Path) -> tuple[dict[str, Any], Path]:
@@ -18,12 +18,7 @@ def read_robot(path: str | Path) -> tuple[dict[str, Any], Path]:
     Raises DefinitionError if it cannot be read or has no such mapping.
     """
     path = Path(path)
-    try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        reason = getattr(error, "strerror", None) or "it is not UTF-8 text"
-        raise DefinitionError(f"cannot read the file `{path}`: {reason}") from None
-    data = read_yaml(text)
+    data = read_yaml_file(path)
     robot = data.get("robot") if isinstance(data, dict) else None
     if not isinstance(robot, dict) or not isinstance(robot.get("kind"), str):
         raise DefinitionError(f"the file `{path}` has no mapping `robot` with a `kind`")

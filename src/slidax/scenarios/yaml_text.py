@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from pathlib import Path
 from typing import Any
 
 from ruamel.yaml import YAML
@@ -20,6 +21,36 @@ DEEPEST = 50
 """Levels of lists and mappings in each other."""
 
 LONG = "long motions belong in a file of their own, such as `trajectory: {kind: csv, file: motion.csv}`"
+
+
+def text_of(path: Path, what: str = "the file") -> str:
+    """The text in a file.
+
+    - `path`: of the file.
+    - `what`: what it is called in a message.
+
+    Raises DefinitionError if it cannot be read.
+    """
+    try:
+        return path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        reason = getattr(error, "strerror", None) or "it is not UTF-8 text"
+        raise DefinitionError(f"cannot read {what} `{path}`: {reason}") from None
+
+
+def read_yaml_file(path: Path, what: str = "the file") -> Any:
+    """The value in a YAML file.
+
+    - `path`: of the file.
+    - `what`: what it is called in a message.
+
+    Raises DefinitionError, with the file and the line, if it cannot be read, is not YAML, or is too much of it.
+    """
+    text = text_of(path, what)
+    try:
+        return read_yaml(text)
+    except DefinitionError as error:
+        raise DefinitionError(f"{what} `{path}`: {error}") from None
 
 
 def read_yaml(text: str) -> Any:

@@ -8,6 +8,7 @@ import jax.numpy as jnp
 
 from slidax._types import Memory, Scalar, State, Vector
 from slidax.controllers import AbstractController
+from slidax.trajectories import ToolMotion
 
 from .evaluation import Evaluation, evaluate, where
 from .excursion import Excursion
@@ -17,6 +18,7 @@ from .period import HeldTorque, decided, moved
 from .promise import Promise
 from .run import Log
 from .tally import Tally
+from .tool import Tool
 from .tube import Watched
 
 
@@ -54,7 +56,11 @@ def begin(loop: Loop, state: State) -> Begun:
         good=state,
         memory=memory,
         tally=Tally.empty(
-            joints, loop.windows.bands.shape[0], tube, Promise.begin() if _has_monitor(loop.controller) else None
+            joints,
+            loop.windows.bands.shape[0],
+            tube,
+            Promise.begin() if _has_monitor(loop.controller) else None,
+            Tool.begin() if isinstance(loop.trajectory, ToolMotion) else None,
         ),
         fault=no_fault(),
         excursion=Excursion.none(joints) if loop.recover else None,
@@ -117,6 +123,10 @@ def _counted(
     if loop.tube is not None:
         tally = tally.watching(loop.tube, t, e, running)
     tally = tally.warned(carry.k, now.command.signals, good)
+    if tally.tool is not None:
+        robot = loop.plant.robot
+        away = robot.tip(carry.state.q) - robot.tip(now.reference.q)
+        tally = tally.leading(away, carry.k, loop.windows, good)
     after = Carry(
         # The number grows in runs that are over, too: so a batch has one time, and shares what depends on time alone.
         k=carry.k + 1,

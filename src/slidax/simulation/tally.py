@@ -10,6 +10,7 @@ from slidax._types import Envelope, Scalar, Vector
 from slidax.transformations import PrescribedPerformance
 
 from .promise import Promise
+from .tool import Tool
 from .tube import Watched
 
 
@@ -45,6 +46,7 @@ class Tally(eqx.Module):
     - `margin`: min over time of the distance to the nearer bound, divided by the envelope's width; inf without one.
     - `tube`: what was seen of the tube that judges the run; None without one.
     - `promise`: what the law's monitor said; None without one.
+    - `tool`: how far the tool was off; None where none is led.
     """
 
     samples: Int[Array, ""]
@@ -67,15 +69,19 @@ class Tally(eqx.Module):
     margin: Vector
     tube: Watched | None = None
     promise: Promise | None = None
+    tool: Tool | None = None
 
     @staticmethod
-    def empty(joints: int, bands: int, tube: Watched | None = None, promise: Promise | None = None) -> Tally:
+    def empty(
+        joints: int, bands: int, tube: Watched | None = None, promise: Promise | None = None, tool: Tool | None = None
+    ) -> Tally:
         """The tally before the first sample.
 
         - `joints`: number of joints.
         - `bands`: number of settling bands.
         - `tube`: the tube that judges it, if there is one.
         - `promise`: of a law with a monitor.
+        - `tool`: of a motion that leads one.
         """
         zero = jnp.zeros(joints)
         count = jnp.zeros((), int)
@@ -100,6 +106,7 @@ class Tally(eqx.Module):
             margin=jnp.full(joints, jnp.inf),
             tube=tube,
             promise=promise,
+            tool=tool,
         )
 
     def add(self, k: Int[Array, ""], e: Vector, tau: Vector, envelope: Envelope | None, windows: Windows) -> Tally:
@@ -141,6 +148,7 @@ class Tally(eqx.Module):
             margin=margin,
             tube=self.tube,
             promise=self.promise,
+            tool=self.tool,
         )
 
     def watching(self, tube: PrescribedPerformance, t: Scalar, e: Vector, running: Bool[Array, ""]) -> Tally:
@@ -164,6 +172,18 @@ class Tally(eqx.Module):
         said = self.promise.add(k, signals["margin"], running)
         heard: Tally = eqx.tree_at(lambda tally: tally.promise, self, said)
         return heard
+
+    def leading(self, away: Float[Array, "3"], k: Int[Array, ""], windows: Windows, running: Bool[Array, ""]) -> Tally:
+        """The tally with one more place of the tool.
+
+        - `away`, `k`, `running`: as in `Tool.add`.
+        - `windows`: from when each statistic counts.
+        """
+        if self.tool is None:
+            return self
+        led = self.tool.add(away, running, running & (k >= windows.steady))
+        found: Tally = eqx.tree_at(lambda tally: tally.tool, self, led)
+        return found
 
     def with_violation(self, outside: Bool[Array, ""]) -> Tally:
         """The tally with one more violation where `outside` is true.

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Annotated, Any, Union
 
 from pydantic import Field, TypeAdapter, ValidationError
 
-from slidax._errors import DefinitionError, plain
+from slidax._errors import DefinitionError
 from slidax.scenarios.mistakes import translated
-from slidax.scenarios.yaml_text import read_yaml, require_readable
+from slidax.scenarios.yaml_text import read_yaml_file, require_readable
 
 from .compare import Compare
 from .falsify import Falsify
@@ -37,12 +37,7 @@ def read_study(path: str | Path, changes: dict[str, Any] | None = None) -> Abstr
     Raises DefinitionError with the path of the first field that is wrong.
     """
     path = Path(path)
-    try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        reason = getattr(error, "strerror", None) or "it is not UTF-8 text"
-        raise DefinitionError(f"cannot read the study file `{plain(str(path))}`: {reason}") from None
-    return study_of(read_yaml(text), changes, folder=path.parent)
+    return study_of(read_yaml_file(path, "the study file"), changes, folder=path.parent)
 
 
 def study_of(data: Any, changes: dict[str, Any] | None = None, *, folder: Path = Path()) -> AbstractStudy:

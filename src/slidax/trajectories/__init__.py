@@ -5,5 +5,6 @@ from .exponential_sum import ExponentialSum as ExponentialSum
 from .minimum_jerk import MinimumJerk as MinimumJerk
 from .sinusoid import Sinusoid as Sinusoid
 from .tabulated import Tabulated as Tabulated
+from .tool_motion import ToolMotion as ToolMotion
 from .trajectory import AbstractTrajectory as AbstractTrajectory
 from .trapezoidal import Trapezoidal as Trapezoidal

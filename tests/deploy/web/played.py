@@ -29,6 +29,11 @@ def numbers(text: str) -> np.ndarray:
     return np.frombuffer(gzip.decompress(base64.b64decode(text)), "<f8").copy()
 
 
+def unpacked(text: str) -> Any:
+    """JSON that is base64 of gzip."""
+    return json.loads(gzip.decompress(base64.b64decode(text)))
+
+
 def variant_of(setting: Mapping[str, Any], choices: Mapping[str, Any]) -> Mapping[str, Any]:
     """The variant with these choices, and else the defaults."""
     at = [

@@ -11,6 +11,7 @@ from slidax.scenarios import Scenario
 
 from ..each import Each
 from ..members import Motion, members_of
+from ..reads import WORLD, reads
 from ..verdict import Assumption, Verdict
 from .law import PrintedLaw
 
@@ -21,6 +22,7 @@ SAFE = 0.95
 paper's examples 20-fold within 2 % (docs/certificates/paper.md)."""
 
 
+@reads(*WORLD, "scheme", "simulation")
 def printed_period(scenario: Scenario) -> Verdict:
     """`h < 2/λmax(M⁻¹ (M0 Λ + (u/s0) I))`: the printed law near its goal, held over a period.
 

@@ -85,7 +85,7 @@ ARMS = (
             "slotine_li": {"rate": 80.0, "damping": 2.5, "gain": 20.0, "layer": 0.1},
             "super_twisting": {"rate": 80.0, "k1": 20.0, "k2": 300.0},
         },
-        (SLOWER, COARSER),
+        (SLOWER, DELAYS, COARSER),
     ),
 )
 """In the order in which they are shown."""

@@ -15,7 +15,7 @@ from jaxtyping import Array
 from slidax._errors import DefinitionError, is_traced
 from slidax.deploy.project import FILES, STEP, project
 from slidax.deploy.text import render
-from slidax.scenarios.family import Family, Templates
+from slidax.scenarios.family import UNTRACEABLE, Family, Templates
 from slidax.scenarios.uncertainty import Space
 
 from .knob import Knob
@@ -36,16 +36,18 @@ def c_files(family: Family, templates: Templates, knobs: Sequence[Knob]) -> dict
     except DefinitionError:
         return {"c_files": None, "c_parameters": None}
     files = {FILES[name].format(prefix=made.prefix, name=made.name): render(name, {"x": made}) for name in TEMPLATES}
-    source = f"{made.prefix}.c"
+    source, header = f"{made.prefix}.c", f"{made.prefix}.h"
     values = []
     for knob in knobs:
         name = _member(knob.path)
-        found = name and re.search(rf"^( +\.{name} = )(.*),$", files[source], re.MULTILINE)
+        # Many numbers stand in several lines.
+        found = name and re.search(rf"^( +\.{name} = )({{[^{{}}]*}}|[^{{}},\n]+),$", files[source], re.MULTILINE)
         if not found or not _alone(family, templates, knob):
             continue
-        marks = [f"@{{{name}[{k}]}}" for k in range(_count(found.group(2)))]
-        text = marks[0] if len(marks) == 1 else "{" + ", ".join(marks) + "}"
+        marks = [f"@{{{name}[{k}]}}" for k in range(found.group(2).count(",") + 1)]
+        text = marks[0] if not found.group(2).startswith("{") else "{" + ", ".join(marks) + "}"
         files[source] = files[source].replace(found.group(0), f"{found.group(1)}{text},")
+        files[header] = _without_default(files[header], name, f"as {made.prefix}_parameters_default says")
         values.append({"path": knob.path, "marks": marks})
     whole = packed(json.dumps(files).encode())
     return {"c_files": whole, "c_parameters": {"file": source, "values": values}}
@@ -59,8 +61,11 @@ def _member(path: str) -> str | None:
     return rest.removeprefix("sampled_data.").replace(".", "_") if block == "scheme" else None
 
 
-def _count(text: str) -> int:
-    return text.count(",") + 1 if text.startswith("{") else 1
+def _without_default(header: str, name: str, words: str) -> str:
+    """The header with words in place of a default, which may be another now."""
+    return re.sub(
+        rf"(\b{name}(?:\[\w+\])?; +/\* )[^:*]*?(?=:| \*/)", lambda found: f"{found[1]}{words}", header, count=1
+    )
 
 
 def _alone(family: Family, templates: Templates, knob: Knob) -> bool:
@@ -74,5 +79,8 @@ def _alone(family: Family, templates: Templates, knob: Knob) -> bool:
         moved[:] = [is_traced(leaf) for leaf in jax.tree.leaves(eqx.filter(controller, eqx.is_array))]
         return 0
 
-    jax.eval_shape(probe, jax.ShapeDtypeStruct(np.shape(knob.defaults), float))
+    try:
+        jax.eval_shape(probe, jax.ShapeDtypeStruct(np.shape(knob.defaults), float))
+    except UNTRACEABLE:
+        return False
     return sum(moved) == 1

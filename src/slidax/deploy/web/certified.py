@@ -5,20 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from slidax.certificates import certify
+from slidax.certificates import CERTIFICATES, Verdict, certify, reads_any
+from slidax.certificates.loop.loop_rate import NAME, TITLE
 from slidax.scenarios import Scenario
-
-ARM = ("robot", "trajectory", "start", "disturbance", "actuator")
-
-READS: dict[str, tuple[str, ...]] = {
-    "admissibility": ("scheme", "trajectory", "start", "robot.nominal"),
-    "uncertainty_bound": (*ARM, "scheme.bound"),
-    "printed_period": (*ARM, "scheme", "simulation.period"),
-}
-"""What a certificate reads, by the roots of paths; any other may read all."""
-
-ALL = (*ARM, "scheme", "sensor", "simulation")
-
 
 SLOW = 3
 """Joints up to which the certificate of the loop's rate answers in seconds."""
@@ -30,24 +19,31 @@ def certificates_of(scenario: Scenario, paths: Sequence[str]) -> list[dict[str, 
     - `scenario`: it.
     - `paths`: of what a page can change; each light says on which of them it stands.
     """
-    left_out = ["loop_rate"] if scenario.plant.robot.joints > SLOW else []
+    left_out = [NAME] if scenario.plant.robot.joints > SLOW else []
+    answers = {verdict.name: verdict for verdict in certify(scenario, runs=0, without=left_out)}
     found = []
-    for verdict in certify(scenario, runs=0, without=left_out):
-        roots = READS.get(verdict.name, ALL)
+    for certificate in CERTIFICATES:
+        name = certificate.__name__
+        verdict = answers.get(name) or _not_asked(scenario.plant.robot.joints)
         said = verdict.as_json()
         found.append(
             {
-                "certificate": verdict.name,
+                "certificate": name,
                 "title": verdict.title,
                 "holds": verdict.holds,
                 "statement": verdict.statement,
                 "margin": said["margin"],
-                "bound": {name: value for name, value in said["bound"].items() if _brief(value)},
+                "bound": {key: value for key, value in said["bound"].items() if _brief(value)},
                 "words": verdict.bound_in_words,
-                "reads": [path for path in paths if any(f"{path}.".startswith(f"{root}.") for root in roots)],
+                "reads": [path for path in paths if reads_any(certificate, path)],
             }
         )
     return found
+
+
+def _not_asked(joints: int) -> Verdict:
+    text = f"It was not computed for this page: for {joints} joints that takes minutes. `slidax certify` answers for "
+    return Verdict(NAME, TITLE, None, None, {}, (), f"{text}the scenario that is downloaded here.")
 
 
 def _brief(value: Any) -> bool:

@@ -16,7 +16,7 @@ from .setting import Choice
 PAGE = "index.html"
 
 FEW = 3
-"""Joints up to which a program is made in seconds, so that there are several."""
+"""Joints up to which a program is made in seconds, so that there are more than two of a law."""
 
 
 def of_scenario(scenario: Scenario, beside: Sequence[str] = ()) -> dict[str, Any]:
@@ -35,13 +35,15 @@ def of_scenario(scenario: Scenario, beside: Sequence[str] = ()) -> dict[str, Any
 def _choices(description: ScenarioDescription) -> list[Choice]:
     """Other periods, and fresh or late measurements, for a law at the arm's own rate."""
     simulation, delay = description.simulation, description.sensor.delay
-    if description.scheme.sampled_data is None or len(description.start.q) > FEW:
+    if description.scheme.sampled_data is None:
         return []
+    # Periods share a program, delays do not.
+    delays = {0.0, 1.0, delay} if len(description.start.q) <= FEW else {0.0, delay or 1.0}
     periods = (simulation.period / 2, simulation.period, simulation.period * 2)
     whole = round(simulation.t1 / simulation.period) % 2 == 0
     return [
         Choice("simulation.period", "sampling period", "s", periods if whole else periods[:2]),
-        Choice("sensor.delay", "age of a measurement when it arrives", "periods", tuple(sorted({0.0, 1.0, delay}))),
+        Choice("sensor.delay", "age of a measurement when it arrives", "periods", tuple(sorted(delays))),
     ]
 
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import re
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -33,8 +34,14 @@ NEVER = ("seed", "kind", "lengths", "phase", "attached", "gravity_acceleration",
 REACH = 10.0
 """A range that is not declared goes from a default's tenth to its tenfold."""
 
+ABOVE = 1.01
+"""How far a slider stays above or below another number of the scenario."""
+
+_END = re.compile(r"^(>=?) (\w+)|^([\[(])\s*([^,]+), ([^\])]+)[\])]")
+
 FROM_ZERO = {
     "coulomb": 2.0,
+    "adaptation.coulomb": 0.2,
     "viscous": 2.0,
     "mass": 3.0,
     "position_noise": 1e-4,
@@ -131,7 +138,7 @@ def knobs_of(description: ScenarioDescription, joints: int) -> list[Knob]:
             continue
         if leaf.own is None or leaf.integer or leaf.own.ndim > 1 or not np.isfinite(leaf.own).all():
             continue
-        found.append(_knob(leaf, group, said))
+        found.append(_knob(leaf, group, said, _beside(description, leaf.path)))
     return sorted(found, key=lambda knob: ORDER.index(knob.group))
 
 
@@ -151,13 +158,16 @@ def _numbers(place: Any, path: str) -> Iterator[tuple[str, Any]]:
                 yield from _numbers(one, f"{path}.{k}")
 
 
-def _knob(leaf: Leaf, group: str, field: Any) -> Knob:
+def _knob(leaf: Leaf, group: str, field: Any, beside: tuple[float, float]) -> Knob:
     extra = field.json_schema_extra if isinstance(field.json_schema_extra, dict) else {}
     declared, unit = str(extra.get("range", "")), leaf.unit
     meaning = " ".join((field.description or "").split()).removesuffix(".")
     for suffix in (f", {declared}" if declared else "", f" [{unit}]" if unit else ""):
         meaning = meaning.removesuffix(suffix)
     low, high, logarithmic = _span(leaf)
+    assert leaf.own is not None
+    low = max(low, min(beside[0], float(leaf.own.min())))
+    high = min(high, max(beside[1], float(leaf.own.max())))
     name = leaf.path.rpartition(".")[2]
     title = name.replace("_", " ")
     within = leaf.path.split(".")
@@ -168,26 +178,73 @@ def _knob(leaf: Leaf, group: str, field: Any) -> Knob:
     return Knob(leaf, title, group, meaning, low, high, logarithmic, declared)
 
 
+def _beside(description: ScenarioDescription, path: str) -> tuple[float, float]:
+    """Where other numbers keep one from: those that are an end of its range, and those of whose range it is one."""
+    lower, upper = -np.inf, np.inf
+    *parents, name = path.split(".")
+    if path == "scheme.sampled_data.horizon":
+        # A horizon is no shorter than a period, which a page may double.
+        lower = 2.0 * description.simulation.period
+    place: Any = description
+    for parent in parents:
+        place = place[int(parent)] if isinstance(place, tuple) else getattr(place, parent)
+    if not isinstance(place, BaseModel):
+        return lower, upper
+    ranges = _said(place)
+    beside = {other: getattr(place, other) for other in ranges}
+    for other, said in ranges.items():
+        least, most = _named(said)
+        if other == name:
+            lower = max([lower, *(ABOVE * one for one in _numbers_at(beside, least))])
+            upper = min([upper, *(one / ABOVE for one in _numbers_at(beside, most))])
+        elif least == name:
+            upper = min([upper, *(one / ABOVE for one in _numbers_at(beside, other))])
+        elif most == name:
+            lower = max([lower, *(ABOVE * one for one in _numbers_at(beside, other))])
+    return lower, upper
+
+
+def _said(place: BaseModel) -> dict[str, str]:
+    """The range of each of its fields, as it is declared."""
+    extras = {name: field.json_schema_extra for name, field in type(place).model_fields.items()}
+    return {name: str(extra.get("range", "")) for name, extra in extras.items() if isinstance(extra, dict)}
+
+
+def _named(said: str) -> tuple[str, str]:
+    """What stands at the ends of a range: numbers, or names of other numbers."""
+    found = _END.match(said)
+    if found is None:
+        return "", ""
+    return (found[2], "") if found[2] else (found[4].strip(), found[5].strip())
+
+
+def _numbers_at(beside: Mapping[str, Any], name: str) -> list[float]:
+    value = beside.get(name)
+    return [] if value is None or isinstance(value, str | BaseModel) else np.ravel(np.asarray(value, float)).tolist()
+
+
 def _span(leaf: Leaf) -> tuple[float, float, bool]:
     """Lowest and highest, and whether the scale is logarithmic."""
     assert leaf.own is not None
     lower, upper = leaf.ends
-    name = leaf.path.rpartition(".")[2]
+    *_, block, name = leaf.path.split(".")
     size = np.abs(leaf.own)
     if np.isfinite(lower) and np.isfinite(upper) and upper - lower < 1e3:
         # An end itself may be outside.
         room = 0.01 * (upper - lower)
         return lower + room if lower not in leaf.own else lower, upper - room if upper not in leaf.own else upper, False
     if not size.any():
-        return 0.0, FROM_ZERO.get(name, 1.0), False
+        return 0.0, FROM_ZERO.get(f"{block}.{name}", FROM_ZERO.get(name, 1.0)), False
     if (leaf.own <= 0).any():
         reach = 3.0 * float(size.max())
         return max(-reach, lower), min(reach, upper), False
     least, most = float(size.min()), float(size.max())
     if name in FROM_ZERO and lower == 0.0:
-        return 0.0, max(FROM_ZERO[name], 3.0 * most), False
+        high = max(FROM_ZERO[name], 3.0 * most)
+        # A payload with an inertia has a mass.
+        return (1e-3 * high if block == "load" else 0.0), high, False
     low = least / REACH if lower <= 0 else max(lower + 0.01 * (least - lower), least / REACH)
-    return _rounded(low), _rounded(min(most * REACH, upper)), True
+    return _rounded(low) if _rounded(low) > lower else low, _rounded(min(most * REACH, upper)), True
 
 
 def _rounded(value: float) -> float:

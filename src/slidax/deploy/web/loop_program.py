@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import gzip
+import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -255,19 +256,7 @@ def _entry(
         if short in TITLES:
             title, unit = TITLES[short]
             signals.append({"name": short, "title": title, "unit": of[unit][0], "units": of[unit], "width": width})
-    return {
-        "id": module.digest[:12],
-        "wasm": packed(module.bytes),
-        "inputs": size + 2,
-        "signals": signals,
-        "rows": max(-(-variant.samples // variant.every) for variant in variants),
-        "log_every": variants[0].every * built.period,
-        "t1": built.t1,
-        "joints": n,
-        "joint_units": units,
-        "joint_names": built.plant.robot.joint_names,
-        "bands": BANDS,
-        "has_envelope": has_envelope,
+    layout = {
         "code": {
             "from": module.code[0],
             "to": module.code[1],
@@ -279,6 +268,21 @@ def _entry(
         "reads": [list(entry) for entry in module.inputs],
         "writes": [[name, *entry] for name, entry in zip(names, module.outputs, strict=True)],
         "carried": carried,
+    }
+    return {
+        "id": module.digest[:12],
+        "wasm": packed(module.bytes),
+        "layout": packed(json.dumps(layout, separators=(",", ":")).encode()),
+        "inputs": size + 2,
+        "signals": signals,
+        "rows": max(-(-variant.samples // variant.every) for variant in variants),
+        "log_every": variants[0].every * built.period,
+        "t1": built.t1,
+        "joints": n,
+        "joint_units": units,
+        "joint_names": built.plant.robot.joint_names,
+        "bands": BANDS,
+        "has_envelope": has_envelope,
     }
 
 

@@ -10,7 +10,7 @@ from pydantic_core import PydanticCustomError
 
 from slidax._errors import DefinitionError
 
-from ..yaml_text import read_yaml
+from ..yaml_text import read_yaml_file
 from .sets import AbstractSet, AnySet
 
 FILE = "file"
@@ -22,13 +22,9 @@ def _with_file(data: Any, info: Any) -> Any:
         return data
     path = Path((info.context or {}).get("folder", "")) / str(data[FILE])
     try:
-        text = path.read_text(encoding="utf-8")
-        given = read_yaml(text)
-    except (OSError, UnicodeDecodeError) as error:
-        reason = getattr(error, "strerror", None) or "it is not UTF-8 text"
-        raise _refused(f"cannot read the file `{path}`: {reason}") from None
+        given = read_yaml_file(path)
     except DefinitionError as error:
-        raise _refused(f"the file `{path}`: {error}") from None
+        raise _refused(str(error)) from None
     found = given.get("uncertainty") if isinstance(given, dict) else None
     if not isinstance(found, dict):
         raise _refused(f"the file `{path}` has no mapping `uncertainty`, as `slidax identify` writes one")

@@ -46,7 +46,12 @@ export async function projectInC(playground, chosen) {
   const where = setting.c_parameters ?? { file: null, values: [] };
   const known = new Map((where.values ?? []).map(({ path, marks }) => [path, marks]));
   for (const [path, marks] of known) {
-    const numbers = listed(playground.value(chosen, path), marks.length);
+    let numbers = listed(playground.value(chosen, path), marks.length);
+    // Where the law has one number for all joints, it cannot have one for each.
+    if (numbers.length > marks.length && numbers.some(x => x !== numbers[0])) {
+      numbers = listed(playground.knob(chosen, path).default, marks.length);
+      known.delete(path);
+    }
     marks.forEach((mark, k) => { files[where.file] = files[where.file].replace(mark, () => literalInC(numbers[k])); });
   }
   const moved = [...Object.keys(chosen.choices), ...Object.keys(chosen.values)];

@@ -1,0 +1,44 @@
+"""Metrics of the tool, for a run whose joints lead one along a path."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from slidax.simulation import Run
+
+from .error import reached_last_quarter
+from .metric import metric, of_the_run
+
+
+@metric("tool error", "m", per_joint=False)
+def tool_error(run: Run) -> np.ndarray | float | None:
+    """Most that the tip is away from where the reference has it [m]; None where no tool is led.
+
+    - `run`: a finished run, or a batch.
+    """
+    if run.tally.tool is None:
+        return None
+    return of_the_run(np.asarray(run.tally.samples) > 0, np.asarray(run.tally.tool.error))
+
+
+@metric("steady tool error", "m", per_joint=False)
+def steady_tool_error(run: Run) -> np.ndarray | float | None:
+    """The same over the last quarter of the run [m].
+
+    - `run`: a finished run, or a batch.
+    """
+    if run.tally.tool is None:
+        return None
+    return of_the_run(reached_last_quarter(run), np.asarray(run.tally.tool.steady))
+
+
+@metric("tool error, rms", "m", per_joint=False)
+def rms_tool_error(run: Run) -> np.ndarray | float | None:
+    """Root mean square of that distance over all samples [m].
+
+    - `run`: a finished run, or a batch.
+    """
+    if run.tally.tool is None:
+        return None
+    samples = np.asarray(run.tally.samples)
+    return of_the_run(samples > 0, np.sqrt(np.asarray(run.tally.tool.square) / np.maximum(samples, 1)))

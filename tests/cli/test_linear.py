@@ -1,0 +1,60 @@
+"""`slidax linear`."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from .commands import in_process
+
+STILL = [
+    *("--set", "trajectory={kind: constant, value: [0.3, 0.4]}", "--set", "start.q=[0.3, 0.4]"),
+    *("--set", "disturbance.scale=0", "--set", "simulation.t1=0.5", "--set", "actuator={}"),
+]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("example-4.1-1khz", "--at", "99"), "`at` must be from 0.001 to 10 s; got 99"),
+        (("example-4.1-1khz", "--at", "nan"), "`at` must be from"),
+        (("no-such",), "unknown scenario `no-such`"),
+    ],
+)
+def test_what_has_no_answer_is_refused_in_a_line(arguments: tuple[str, ...], said: str) -> None:
+    done = in_process("linear", *arguments)
+    assert done.exit_code == 2
+    assert said in done.stderr and done.stderr.count("\n") == 1
+
+
+@pytest.mark.full
+def test_the_table_the_json_and_the_page_say_the_same(tmp_path: Path) -> None:
+    done = in_process("linear", "example-4.1-1khz", *STILL, "--at", "0.4", "--json", "--out", str(tmp_path))
+    assert done.exit_code == 0, done.output
+    answer = json.loads(done.stdout)
+    assert answer["stable"] and answer["radius"] < 1.0 and answer["at"] == 0.4
+    a = np.array(answer["system"]["A"])
+    eigenvalues = [complex(*z) for z in answer["eigenvalues"]]
+    np.testing.assert_allclose(max(map(abs, eigenvalues)), answer["radius"], rtol=1e-12)
+    np.testing.assert_allclose(np.max(np.abs(np.linalg.eigvals(a))), answer["radius"], rtol=1e-9)
+    shown = in_process("linear", "example-4.1-1khz", *STILL, "--at", "0.4")
+    assert shown.exit_code == 0
+    assert f"near t = 0.4 s: stable, spectral radius {answer['radius']:.6g}, {len(a)} states" in shown.stdout
+    first = answer["margins"]["torque"]["joints"][0]
+    assert f"{first['gain_up']:.3g}" in shown.stdout and "Broken at the measured position" in shown.stdout
+    assert json.loads((tmp_path / "linear.json").read_text(encoding="utf-8"))["radius"] == answer["radius"]
+    page = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert f"spectral radius {answer['radius']:.6g}" in page and "<svg" in page
+
+
+@pytest.mark.full
+def test_a_loop_that_is_not_stable_has_an_exit_code_of_its_own() -> None:
+    done = in_process(
+        *("linear", "example-4.1-1khz", *STILL, "--at", "0.05", "--set", "scheme.name=pid"),
+        *("--set", "scheme.kp=4e6", "--set", "scheme.kd=1", "--set", "simulation.t1=0.05"),
+    )
+    assert done.exit_code == 4, done.output
+    assert "NOT stable" in done.stdout

@@ -1,0 +1,84 @@
+"""A tool on its path, from the command line: its error is a metric, in the table, the JSON and the report."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import slidax as sx
+from slidax._types import State
+from slidax.metrics import rms_tool_error, steady_tool_error, tool_error
+
+from .commands import in_process
+
+LINE = """
+title: a line of the tool
+robot: {kind: two_link, plant: {lengths: [1.0, 0.8], masses: [0.5, 1.5], inertias: [5.0, 5.0], gravity_acceleration: 9.8}}
+trajectory:
+  kind: tool_path
+  hold: place
+  start: [0.4, 1.2]
+  moves: [{kind: line, by: [-0.2, 0.1, 0.0], duration: 0.6}]
+start: {q: [0.4, 1.2], dq: [0.0, 0.0]}
+scheme: {name: computed_torque, kp: 400.0, kd: 40.0}
+disturbance: {scale: 1.0, terms: [{kind: harmonic, amplitude: [2.0, 1.0], frequency: 3.0}]}
+simulation: {mode: held, period: 1.0e-3, substeps: 2, t1: 1.0}
+"""
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    path = tmp_path / "line.yaml"
+    path.write_text(LINE, encoding="utf-8")
+    return path
+
+
+def test_the_tools_error_is_that_of_all_samples(file: Path) -> None:
+    scenario = sx.scenarios.load(file)
+    run = scenario.simulate(log_every=1)
+    actual, desired = sx.reports.tip_paths(scenario.plant.robot, run)
+    away = np.linalg.norm(actual - desired, axis=1)
+    assert away.max() > 1e-6
+    late = np.asarray(run.log.t) >= 0.75 * scenario.t1 - 1e-9
+    assert tool_error(run) == pytest.approx(away.max(), rel=1e-12)
+    assert steady_tool_error(run) == pytest.approx(away[late].max(), rel=1e-12)
+    assert rms_tool_error(run) == pytest.approx(np.sqrt(np.mean(away**2)), rel=1e-12)
+    thinned = scenario.simulate(log_every=None)
+    assert tool_error(thinned) == tool_error(run)
+
+
+def test_a_run_without_a_tool_has_no_such_metric_and_no_such_cost() -> None:
+    run = sx.scenarios.load("example-4.1-1khz", {"simulation.t1": 0.01}).simulate(log_every=None)
+    assert run.tally.tool is None and tool_error(run) is None
+    assert "tool_error" not in sx.metrics.summary(run)
+
+
+@pytest.mark.full
+@pytest.mark.parametrize("engine", ["native", "xla"])
+def test_of_many_runs_each_has_its_own(file: Path, engine: str) -> None:
+    scenario = sx.scenarios.load(file, {"simulation.t1": 0.2, "simulation.engine": engine})
+    starts = np.array([[0.4, 1.2], [0.42, 1.19], [0.38, 1.25]])
+
+    def begun(one: sx.scenarios.Scenario, q: Any) -> sx.scenarios.Scenario:
+        return one.replace(state0=State(q=q, dq=jnp.zeros(2)))
+
+    many = scenario.simulate_batch(begun, starts)
+    found = [tool_error(begun(scenario, jnp.asarray(q)).simulate()) for q in starts]
+    assert len(set(found)) == 3
+    np.testing.assert_allclose(np.asarray(tool_error(many)), found, rtol=1e-9)
+
+
+@pytest.mark.full
+def test_table_json_and_report_say_it(file: Path, tmp_path: Path) -> None:
+    done = in_process("run", str(file), "--json", "--out", str(tmp_path / "report"))
+    assert done.exit_code == 0, done.output
+    error = json.loads(done.stdout)["metrics"]["tool_error"]
+    assert error > 0
+    assert f"{error:.3g}"[:4] in (tmp_path / "report" / "report.html").read_text(encoding="utf-8")
+    shown = in_process("run", str(file))
+    assert f"tool off by at most {error:.3g} m" in shown.stdout
