@@ -27,10 +27,13 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("scenarios", nargs="*", default=SCENARIOS)
     parser.add_argument("--steps", type=float, default=0, help="of a long run; none if not given")
-    parser.add_argument("--count", type=float, default=0, help="steps whose instructions are counted; none if not given")
+    parser.add_argument(
+        "--count", type=float, default=0, help="steps whose instructions are counted; none if not given"
+    )
     given = parser.parse_args()
     if given.count:
-        print("| scenario | steps | median | p99 | p99.9 | longest | over the median |\n|---|---:|---:|---:|---:|---:|---:|")
+        print("| scenario | steps | median | p99 | p99.9 | longest | over the median |")
+        print("|---|---:|---:|---:|---:|---:|---:|")
     for name in given.scenarios:
         with tempfile.TemporaryDirectory() as place:
             program, resolution = built(name, Path(place))
@@ -87,7 +90,8 @@ def _counted(program: Path, steps: int, resolution: float) -> str:
 def _run_long(name: str, program: Path, steps: int, resolution: float) -> None:
     """One line for each tenth, and what the law keeps that is largest, in the first and in the last of them."""
     command = [str(program), str(steps), str(steps // LINES), str(resolution)]
-    print(f"\n{name}, {steps:,} steps\n\n| steps | torques that are no number | status | largest error |\n|---:|---:|---:|---:|")
+    print(f"\n{name}, {steps:,} steps\n")
+    print("| steps | torques that are no number | status | largest error |\n|---:|---:|---:|---:|")
     kept: list[dict[str, float]] = []
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as running:
         for line in running.stdout or ():

@@ -25,7 +25,9 @@ def make() -> None:
             one = found.judged(place)
             best = ", best" if place is not None and place == found.best else ""
             numbers = [f"{value:.4g}" for value in one.aims.values()]
-            rows.append(["today" if place is None else f"front-{place + 1}{best}", *numbers, f"{one.failures} of {one.runs}"])
+            rows.append(
+                ["today" if place is None else f"front-{place + 1}{best}", *numbers, f"{one.failures} of {one.runs}"]
+            )
         write_table("searches.md", f"tune-{name}", table(["gains", *LABELS, "failed"], rows))
         front = np.array([list(found.judged(place).aims.values()) for place in range(len(found.gains))])
         save(aims_front(LABELS, front, np.array(list(found.judged(None).aims.values())), found.best), f"tune-{name}")
