@@ -1,4 +1,4 @@
-"""The controller's package is built by colcon, with ROS 2's own ament and pluginlib, and headers of our own for the rest."""
+"""The controller's package is built by colcon, with ROS 2's own ament and pluginlib, and else headers of our own."""
 
 from __future__ import annotations
 
