@@ -68,15 +68,17 @@ def run(robot: Any, torques: Any, pilot: Pilot, log: Log | None = None, asked: l
             # It counts over 100 periods, and begins at 0.
             if pilot.report.steps > 100:
                 least = min(least, rate)
+            if action != STOP:
+                command = torques(list(pilot.report.tau))
+                finished = action == FINISH
+                command.motion_finished = finished
+                # First of all: what comes after the period's end is a lost packet.
+                control.writeOnce(command)
             if log is not None:
                 log.add(pilot, state.q, state.dq, rate)
             if action == STOP:
                 robot.stop()
                 return Outcome("stopped", pilot.why, pilot.phase, least)
-            command = torques(list(pilot.report.tau))
-            finished = action == FINISH
-            command.motion_finished = finished
-            control.writeOnce(command)
     except Exception as error:
         return Outcome("reflex", str(error), pilot.phase, least)
     return Outcome("finished", pilot.why, pilot.phase, least)
