@@ -18,7 +18,9 @@ from .commands import in_process
 
 LINE = """
 title: a line of the tool
-robot: {kind: two_link, plant: {lengths: [1.0, 0.8], masses: [0.5, 1.5], inertias: [5.0, 5.0], gravity_acceleration: 9.8}}
+robot:
+  kind: two_link
+  plant: {lengths: [1.0, 0.8], masses: [0.5, 1.5], inertias: [5.0, 5.0], gravity_acceleration: 9.8}
 trajectory:
   kind: tool_path
   hold: place

@@ -17,12 +17,17 @@ from .exported import COMPILERS, compiled, needs_a_compiler, run
 pytestmark = [needs_a_compiler, pytest.mark.full]
 
 PATH = """
-robot: {kind: two_link, plant: {lengths: [1.0, 0.8], masses: [0.5, 1.5], inertias: [5.0, 5.0], gravity_acceleration: 9.8}}
+title: a line and a circle of the tool
+robot:
+  kind: two_link
+  plant: {lengths: [1.0, 0.8], masses: [0.5, 1.5], inertias: [5.0, 5.0], gravity_acceleration: 9.8}
 trajectory:
   kind: tool_path
   hold: place
   start: [0.4, 1.2]
-  moves: [{kind: line, by: [-0.2, 0.1, 0.0], duration: 0.6}, {kind: circle, center: [0.75, 1.29, 0], axis: [0, 0, 1], duration: 2}]
+  moves:
+    - {kind: line, by: [-0.2, 0.1, 0.0], duration: 0.6}
+    - {kind: circle, center: [0.75, 1.29, 0], axis: [0, 0, 1], duration: 2}
 start: {q: [0.4, 1.2], dq: [0.0, 0.0]}
 scheme: {name: computed_torque, kp: 400.0, kd: 40.0}
 disturbance: {scale: 1.0, terms: [{kind: harmonic, amplitude: [2.0, 1.0], frequency: 3.0}]}

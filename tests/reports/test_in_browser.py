@@ -25,6 +25,7 @@ from slidax.reports import (
     write_run_report,
     write_study_report,
 )
+from slidax.studies import How
 from tests.deploy.web.browser import browser
 from tests.identification.recorded import recorded, true_arm
 from tests.studies.files import study
@@ -50,7 +51,7 @@ def of_a_certificate(out: Path) -> None:
 
 def of_a_study(out: Path) -> None:
     asked = study(runs=64)
-    write_study_report(asked, asked.run(), out, seconds=1.0)
+    write_study_report(asked, asked.run(How(None, False)), out, seconds=1.0)
 
 
 def of_a_linear_loop(out: Path) -> None:

@@ -44,6 +44,8 @@ def test_numbers_keep_their_significant_digits(number: float | None, digits: int
         ("two-link, (48)-(50), 10.1007/s11071-022", "two-link, (48)-(50), 10.1007/s11071-022"),
         ("joint_units 1e5x", "joint_units 1e5x"),
         ("<b>", "&lt;b&gt;"),
+        ("give `a_b < 1e-3`, or `-2`", "give <code>a_b &lt; 1e-3</code>, or <code>-2</code>"),
+        ("a ` alone, -1", "a ` alone, −1"),
     ],
 )
 def test_text_is_typeset_and_escaped(text: str, markup: str) -> None:

@@ -30,15 +30,22 @@ def significant(number: float | None, digits: int = 4) -> str:
 
 
 def typeset(text: object) -> Markup:
-    """The text as HTML, with powers of ten raised, minus signs long, and `T_max` with its index below.
+    """The text as HTML, with powers of ten raised, minus signs long, `T_max` with its index below; code in backticks.
 
     - `text`: plain text; what HTML would take for itself is escaped. Markup passes unchanged.
     """
     if isinstance(text, Markup):
         return text
-    safe = POWER_OF_TEN.sub(_raised, str(escape(text)))
-    safe = SUBSCRIPT.sub(r"\1<sub>\2</sub>", safe).replace("N m", "N\u00a0m")
-    return Markup(MINUS.sub("−", safe))
+    # Every other piece is what a reader would type.
+    pieces = str(escape(text)).split("`")
+    if len(pieces) % 2 == 0:
+        return Markup(_set("`".join(pieces)))
+    return Markup("".join(f"<code>{one}</code>" if k % 2 else _set(one) for k, one in enumerate(pieces)))
+
+
+def _set(safe: str) -> str:
+    safe = SUBSCRIPT.sub(r"\1<sub>\2</sub>", POWER_OF_TEN.sub(_raised, safe)).replace("N m", "N\u00a0m")
+    return MINUS.sub("−", safe)
 
 
 def _raised(match: re.Match[str]) -> str:

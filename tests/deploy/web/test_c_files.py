@@ -83,10 +83,17 @@ def moved_by(name: str, factor: float) -> dict[str, Any]:
     return found
 
 
-@pytest.mark.parametrize("name", ["example-4.1-1khz", pytest.param("panda-payload", marks=pytest.mark.full)])
-def test_moved_numbers_make_the_file_that_the_moved_scenario_is_exported_to(name: str) -> None:
+@pytest.mark.parametrize(
+    ("name", "marks"),
+    [
+        ("example-4.1", 10),
+        pytest.param("example-4.1-1khz", 20, marks=pytest.mark.full),
+        pytest.param("panda-payload", 20, marks=pytest.mark.full),
+    ],
+)
+def test_moved_numbers_make_the_file_that_the_moved_scenario_is_exported_to(name: str, marks: int) -> None:
     moved = moved_by(name, 1.07)
-    assert len(moved) > 20
+    assert len(moved) > marks
     ours, theirs = filled(name, moved), exported(name, moved)
     assert_same_text(ours["slidax_law.c"], theirs["slidax_law.c"])
     # The header's comments name no default that may have been moved.
@@ -108,7 +115,7 @@ def test_each_number_that_has_a_mark_is_all_of_it_that_the_law_has(shown: Any) -
 
 
 def test_what_the_law_is_not_told_has_no_mark() -> None:
-    _, files, where, _ = offered("example-4.1-1khz")
+    _, files, where, _ = offered("example-4.1")
     paths = {one["path"] for one in where["values"]}
     assert not {path for path in paths if not path.startswith(("scheme.", "actuator."))}
     assert set(files) >= {"slidax_law.h", "slidax_law.c", "example.c"}

@@ -42,7 +42,7 @@ def c_files(family: Family, templates: Templates, knobs: Sequence[Knob]) -> dict
         name = _member(knob.path)
         # Many numbers stand in several lines.
         found = name and re.search(rf"^( +\.{name} = )({{[^{{}}]*}}|[^{{}},\n]+),$", files[source], re.MULTILINE)
-        if not found or not _alone(family, templates, knob):
+        if not name or not found or not _alone(family, templates, knob):
             continue
         marks = [f"@{{{name}[{k}]}}" for k in range(found.group(2).count(",") + 1)]
         text = marks[0] if not found.group(2).startswith("{") else "{" + ", ".join(marks) + "}"

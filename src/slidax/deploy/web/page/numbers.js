@@ -40,5 +40,5 @@ export function ticksBetween(low, high, count) {
 
 /* With a great letter first, but for symbols: k₁ is not K₁. */
 export function capitalised(text) {
-  return text.replace(/^\p{Ll}(?=\p{L}{2})/u, letter => letter.toUpperCase());
+  return text.replace(/^\p{Ll}(?=\p{L})/u, letter => letter.toUpperCase());
 }
