@@ -34,7 +34,7 @@ class Seeded:
 SEEDED = (
     Seeded("weak-drives", "two-link arm, drives of 35 N m; mended: 60 N m", {"actuator.torque": 60}),
     Seeded("scara-drives", "SCARA, drives of 16.7 N m and N; mended: 20", {"actuator.torque": 20}),
-    Seeded("weak-wrist", "Panda, a sixth drive of 5.6 N m; mended: 12 N m", {"actuator.torque": "robot"}),
+    Seeded("weak-wrist", "Panda, a sixth drive of 5.75 N m; mended: 12 N m", {"actuator.torque": "robot"}),
     Seeded(
         "known-rotors",
         "UR5e that believes in its rotors; mended: it learns",
