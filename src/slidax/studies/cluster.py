@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Iterator
 from types import TracebackType
 from typing import Any
@@ -23,6 +24,9 @@ TRIES = 100
 
 PATIENCE = 30.0
 """For a scheduler to answer [s]."""
+
+LOOKS = 5.0
+"""Between two looks at whether the workers here are alive [s]."""
 
 
 class Cluster(AbstractPool):
@@ -66,6 +70,9 @@ class Cluster(AbstractPool):
                 silence_logs=50,
             )
             self._client = dask.Client(self._cluster)
+            self._over = threading.Event()
+            self._watch = threading.Thread(target=self._replace_the_dead, daemon=True)
+            self._watch.start()
         else:
             try:
                 self._client = dask.Client(self._where, timeout=PATIENCE)
@@ -76,9 +83,25 @@ class Cluster(AbstractPool):
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
+        if self._local is not None:
+            self._over.set()
+            self._watch.join()
         self._client.close()
         if self._local is not None:
             self._cluster.close()
+
+    def _replace_the_dead(self) -> None:
+        """Dask starts a worker anew that dies at work, but not one that dies while it starts."""
+        dead: set[Any] = set()
+        while not self._over.wait(LOOKS):
+            workers = self._cluster.workers
+            seen = {name: nanny for name, nanny in list(workers.items()) if not nanny.is_alive()}
+            # Dead at two looks: nobody is about to start it.
+            for name in dead & seen.keys():
+                workers.pop(name, None)
+                self._cluster.sync(seen[name].close)
+            dead = set(seen)
+            self._cluster.scale(self._local)
 
     def each(self, task: Task, chunks: Iterator[tuple[int, Values]]) -> Iterator[tuple[int, Values, Columns]]:
         """The rows of each chunk, as they become ready.
