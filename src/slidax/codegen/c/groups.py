@@ -47,16 +47,6 @@ class Group:
         return 1 if self.target is None else len(self.lanes)
 
     @property
-    def goes_forward(self) -> bool:
-        """Whether no turn needs what itself or a later one computes."""
-        left = [one.name for one in self.lanes]
-        for one in self.lanes:
-            if not set(left).isdisjoint(one.piece.operands):
-                return False
-            left.pop(0)
-        return True
-
-    @property
     def looks_back(self) -> bool:
         """Whether a turn needs what an earlier one has computed."""
         names = {one.name for one in self.lanes}
@@ -75,9 +65,8 @@ def ordered(groups: list[Group]) -> list[Group]:
         users: defaultdict[int, list[Group]] = defaultdict(list)
         for group in groups:
             needs = {id(maker[word]) for one in group.lanes for word in one.piece.operands if word in maker}
-            if group.goes_forward:
-                needs.discard(id(group))
-            missing[id(group)] = needs
+            # The turns keep the order of their statements: one needs none but earlier ones.
+            missing[id(group)] = needs - {id(group)}
             for need in needs:
                 users[need].append(group)
         ready = [group for group in groups if not missing[id(group)]]

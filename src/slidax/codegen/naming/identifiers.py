@@ -21,7 +21,8 @@ fabs fdim finite floor fma fmax fmin fmod frexp gamma hypot ilogb isfinite isgre
 jn labs ldexp lgamma llrint llround log log10 log1p log2 logb lrint lround main math modf nan nearbyint nextafter norm
 pow printf rand remainder remquo rint round rsqrt scalb scalbln scalbn signbit signgam significand sin sincos sinh sqrt
 tan tanh tgamma time trunc y0 y1 yn
-larger smaller erf_inv
+abort alloca calloc exit free malloc memcmp memcpy memmove memset qsort realloc
+all_finite larger smaller erf_inv
 int8_t int16_t int32_t int64_t uint8_t uint16_t uint32_t uint64_t size_t
 linux unix
 blockDim blockIdx gridDim threadIdx warpSize
