@@ -14,7 +14,6 @@ from slidax.diagnosis.linear_loop import LinearLoop
 from slidax.linear import Linear, linearise
 from slidax.linear.operating_point import operating_point
 from slidax.linear.period_map import INPUTS, period_map
-from slidax.linear.sampled_system import needed
 from slidax.simulation.loop import Loop
 
 HEAVY = 50.0
@@ -28,44 +27,6 @@ SHORT = {**STILL, "scheme.sampled_data.adaptation": None, "actuator": {}, "simul
 @pytest.fixture(scope="module")
 def found() -> Linear:
     return linearise(scenarios.load("example-4.1-1khz", SHORT))
-
-
-def off_by(changes: dict, at: float) -> float:
-    """How far derivatives are from differences of the simulated sample, as a part of the largest in their column.
-
-    Differences are extrapolated to a step of nothing. Each column has the step at which they agree most: rounding wants
-    a long one where a number does little, and powers near zero a short one.
-    """
-    loop, carry, _ = operating_point(scenarios.load("example-4.1-1khz", changes), at)
-    one = period_map(loop, carry)
-    derivative = one.derivative()
-    m = one.x.size
-    kept = needed(derivative[:m, :m], derivative[:m, m:], derivative[m:, :m])
-    assert len(kept) > 8
-    place = np.ix_(*(np.concatenate([kept, np.arange(m, size)]) for size in derivative.shape))
-    size = np.abs(derivative[place]).max(axis=0)
-    assert (size > 1e-6).all()
-    best = np.full(size.shape, np.inf)
-    for power in np.arange(1.0, 8.6, 0.5):
-        step = np.full(derivative.shape[1], 10.0**-power)
-        extrapolated = (4 * one.differences(0.5 * step) - one.differences(step)) / 3
-        off = (np.abs(derivative - extrapolated)[place] / size).max(axis=0)
-        best = np.fmin(best, off)
-    return float(best.max())
-
-
-@pytest.mark.parametrize(
-    ("changes", "at", "close"),
-    [
-        ({}, 1.0, 1e-9),
-        # Where s is next to zero, its power bends within what a step must have.
-        pytest.param({}, 5.0, 1e-8, marks=pytest.mark.full),
-        pytest.param({"scheme.name": "computed_torque"}, 1.0, 1e-9, marks=pytest.mark.full),
-        pytest.param({"scheme.name": "computed_torque"}, 5.0, 1e-9, marks=pytest.mark.full),
-    ],
-)
-def test_the_derivative_is_that_of_the_simulated_sample(changes, at, close):
-    assert off_by(changes, at) < close
 
 
 def test_the_difference_is_told(found):

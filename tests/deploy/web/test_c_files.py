@@ -12,7 +12,6 @@ import pytest
 
 from slidax.deploy.project import project
 from slidax.deploy.text import render
-from slidax.deploy.web.built_in import ARMS
 from slidax.deploy.web.c_files import TEMPLATES, c_files
 from slidax.deploy.web.knob import knobs_of
 from slidax.scenarios import load
@@ -100,18 +99,6 @@ def test_moved_numbers_make_the_file_that_the_moved_scenario_is_exported_to(name
     header = [line for line in ours["slidax_law.h"].split("\n") if "parameters_default says" in line]
     assert len(header) == len(offered(name)[2]["values"])
     assert len(ours["slidax_law.h"].split("\n")) == len(theirs["slidax_law.h"].split("\n"))
-
-
-@pytest.mark.full
-@pytest.mark.parametrize("shown", ARMS, ids=lambda shown: shown.arm)
-def test_each_number_that_has_a_mark_is_all_of_it_that_the_law_has(shown: Any) -> None:
-    name = shown.scenario
-    _, _, where, _ = offered(name)
-    every = moved_by(name, 0.95) | moved_by(name, 1.07)
-    for one in where["values"]:
-        if one["path"] in every:
-            moved = {one["path"]: every[one["path"]]}
-            assert_same_text(filled(name, moved)["slidax_law.c"], exported(name, moved)["slidax_law.c"])
 
 
 def test_what_the_law_is_not_told_has_no_mark() -> None:
