@@ -50,7 +50,7 @@ BUILT_IN: tuple[tuple[str, str, dict[str, Any], int], ...] = (
         "panda-drop",
         "payload .1 to 2 kg, mass ±15 %, friction likewise",
         {**PAYLOAD, "robot.plant.mass_factor": {"between": [0.85, 1.15]}, **FRICTION},
-        120,
+        60,
     ),
     (
         "panda-table",
@@ -60,7 +60,7 @@ BUILT_IN: tuple[tuple[str, str, dict[str, Any], int], ...] = (
             **FRICTION,
             "surroundings.table.height": {"between": [0.5303, 0.5308]},
         },
-        120,
+        60,
     ),
     (
         "ur5e-payload",

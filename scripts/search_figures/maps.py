@@ -38,5 +38,7 @@ def make() -> None:
         assert isinstance(study, Sweep)
         found = study.model_copy(update={"changes": {**study.changes, **changes}}).run(How())
         axes = {LABELS[path]: one_number(axis) for path, axis in found.axes.items()}
-        save(parameter_map(axes, np.maximum(found.worst, -1.0), "least margin", 0.0), name)
+        # A map without a bound in it shows nothing that the sentence does not say.
+        if not found.good:
+            save(parameter_map(axes, np.maximum(found.worst, -1.0), "least margin", 0.0), name)
         print(f"{name}: {found.lead}", flush=True)

@@ -41,16 +41,17 @@ def test_a_scheduler_that_does_not_answer_is_one_line(monkeypatch: pytest.Monkey
 
 
 def kill_workers(pool: Any, times: list[float], stop: threading.Event, killed: list[int]) -> None:
-    """Kills one worker after each of these times."""
+    """Kills one worker after each of these times, also one that is starting."""
     random = np.random.default_rng(0)
     for seconds in times:
         if stop.wait(seconds):
             return
-        workers = sorted(nanny.pid for nanny in pool._cluster.workers.values() if nanny.pid)
-        if workers:
-            pid = int(random.choice(workers))
-            os.kill(pid, signal.SIGKILL)
-            killed.append(pid)
+        while not (workers := sorted(nanny.pid for nanny in list(pool._cluster.workers.values()) if nanny.pid)):
+            if stop.wait(0.1):
+                return
+        pid = int(random.choice(workers))
+        os.kill(pid, signal.SIGKILL)
+        killed.append(pid)
 
 
 @pytest.mark.full
