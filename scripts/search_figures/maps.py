@@ -14,8 +14,6 @@ from slidax.studies.sweep import Sweep, one_number
 
 STUDIES = Path(__file__).parents[2] / "examples" / "studies"
 LABELS = {
-    "simulation.period": "period  [s]",
-    "scheme.performance.final": "final radius  [rad]",
     "robot.nominal.armature": "rotors that the law believes in  [kg m²]",
     "robot.plant.armature": "true rotors  [kg m²]",
     "robot.plant.load.mass": "payload  [kg]",
@@ -23,7 +21,6 @@ LABELS = {
 }
 UNLEARNT = {"scheme.sampled_data.adaptation": None}
 MAPS: dict[str, tuple[str, dict[str, Any]]] = {
-    "sweep-period": ("sweep-period", {}),
     "sweep-rotors-unlearnt": ("sweep-rotors", UNLEARNT),
     "sweep-rotors": ("sweep-rotors", {}),
     "sweep-payload": ("sweep-payload", {}),
