@@ -26,13 +26,13 @@ BUILT_IN: tuple[tuple[str, str, dict[str, Any], int], ...] = (
             "robot.plant.masses": {"between": [[0.48, 1.44], [0.72, 2.16]]},
             "robot.plant.inertias": {"between": [4.8, 7.2], "each": "joint"},
         },
-        1000,
+        1400,
     ),
     (
         "example-4.2-1khz",
         "also masses, 20 % either way",
         {**DISTURBANCE, "robot.plant.masses": {"between": [[1.92, 1.92, 0.96], [2.88, 2.88, 1.44]]}},
-        1000,
+        1500,
     ),
     (
         "panda-payload",
@@ -44,13 +44,13 @@ BUILT_IN: tuple[tuple[str, str, dict[str, Any], int], ...] = (
         "panda-pick",
         "payload .1 to 2 kg, mass ±5 %, friction likewise",
         {**PAYLOAD, "robot.plant.mass_factor": {"between": [0.95, 1.05]}, **FRICTION},
-        300,
+        160,
     ),
     (
         "panda-drop",
         "payload .1 to 2 kg, mass ±15 %, friction likewise",
         {**PAYLOAD, "robot.plant.mass_factor": {"between": [0.85, 1.15]}, **FRICTION},
-        120,
+        60,
     ),
     (
         "panda-table",
@@ -60,7 +60,7 @@ BUILT_IN: tuple[tuple[str, str, dict[str, Any], int], ...] = (
             **FRICTION,
             "surroundings.table.height": {"between": [0.5303, 0.5308]},
         },
-        120,
+        60,
     ),
     (
         "ur5e-payload",

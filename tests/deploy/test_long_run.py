@@ -31,9 +31,9 @@ def program(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_instructions_are_those_that_valgrind_counts(program: Path) -> None:
     found = counts(program, STEPS, 0.0)
     assert found[:, 1].sum() == STEPS - 1
-    # The calls to step_begins and step_ends, and a few instructions around them, are no part of the step.
+    # Calls to step_begins and step_ends are no part of the step; valgrind's processor has other elementary functions.
     expected = (collected(program, STEPS) - collected(program, 1)) / (STEPS - 1)
-    assert 0.0 <= (found[:, 0] * found[:, 1]).sum() / (STEPS - 1) - expected < 20.0
+    assert (found[:, 0] * found[:, 1]).sum() / (STEPS - 1) == pytest.approx(expected, rel=0.01)
 
 
 def collected(program: Path, steps: int) -> int:
@@ -54,4 +54,4 @@ def test_what_is_kept_is_read_where_it_is(program: Path) -> None:
         # The drives bear 60 N m.
         assert kept["t"] == kept["law_t"] == pytest.approx(1e-3 * (int(count) - 1), abs=1e-9)
         assert 0.0 < kept["tau"] <= 60.0 and bad == "0"
-        assert 0.0 < kept["law_adapted_memory_information"] <= 1.0
+        assert 0.0 < kept["law_adapted_memory_information"] < 1.0 + 1e-12

@@ -40,17 +40,58 @@ def test_a_scheduler_that_does_not_answer_is_one_line(monkeypatch: pytest.Monkey
         pass
 
 
+class Workers:
+    """A cluster of two, of which one died before Dask would start it anew."""
+
+    class Nanny:
+        def __init__(self, alive: bool) -> None:
+            self.alive, self.closed = alive, False
+
+        def is_alive(self) -> bool:
+            return self.alive
+
+        def close(self) -> None:
+            self.closed = True
+
+    def __init__(self, over: threading.Event) -> None:
+        self.workers = {0: self.Nanny(True), 1: self.Nanny(False)}
+        self.over, self.asked = over, 0
+
+    def sync(self, work: Any) -> None:
+        work()
+
+    def scale(self, count: int) -> None:
+        self.asked = count
+        if len(self.workers) < count:
+            self.over.set()
+
+
+def test_a_worker_that_died_while_it_started_is_replaced(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("slidax.studies.cluster.LOOKS", 1e-3)
+    pool = Cluster("local:2")
+    pool._over = threading.Event()
+    pool._cluster = Workers(pool._over)
+    alive, dead = pool._cluster.workers.values()
+    watch = threading.Thread(target=pool._replace_the_dead, daemon=True)
+    watch.start()
+    watch.join(10.0)
+    assert not watch.is_alive()
+    assert pool._cluster.workers == {0: alive} and pool._cluster.asked == 2
+    assert dead.closed and not alive.closed
+
+
 def kill_workers(pool: Any, times: list[float], stop: threading.Event, killed: list[int]) -> None:
-    """Kills one worker after each of these times."""
+    """Kills one worker after each of these times, also one that is starting."""
     random = np.random.default_rng(0)
     for seconds in times:
         if stop.wait(seconds):
             return
-        workers = sorted(nanny.pid for nanny in pool._cluster.workers.values() if nanny.pid)
-        if workers:
-            pid = int(random.choice(workers))
-            os.kill(pid, signal.SIGKILL)
-            killed.append(pid)
+        while not (workers := sorted(nanny.pid for nanny in list(pool._cluster.workers.values()) if nanny.pid)):
+            if stop.wait(0.1):
+                return
+        pid = int(random.choice(workers))
+        os.kill(pid, signal.SIGKILL)
+        killed.append(pid)
 
 
 @pytest.mark.full

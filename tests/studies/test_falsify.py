@@ -2,6 +2,7 @@
 
 import json
 from itertools import count
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,13 +10,15 @@ import pytest
 from slidax import scenarios
 from slidax._errors import DefinitionError
 from slidax.reports import write_scenario
-from slidax.studies import How
+from slidax.studies import How, read_study, study_of
 from slidax.studies.table import columns_of
 
 from .kinds import SHORT, asked, found, weak
 
 pytest.importorskip("cmaes")
 pytest.importorskip("llvmlite")
+
+EXAMPLES = Path(__file__).parents[2] / "examples" / "studies"
 
 
 @pytest.fixture(scope="module")
@@ -100,11 +103,20 @@ def test_what_cannot_be_searched_is_said_in_a_line(said, message):
 
 
 @pytest.mark.full
-def test_it_finds_what_ten_thousand_random_runs_miss_and_nothing_in_the_corrected_arm():
-    """Drives of 35 N m; with the 60 N m of the scenario as it is, nothing fails."""
-    random = weak("monte_carlo", 35, runs=10_000)
+@pytest.mark.parametrize(
+    ("name", "mended"),
+    [
+        ("weak-drives", {"actuator.torque": 60}),
+        ("scara-drives", {"actuator.torque": 20}),
+        ("weak-wrist", {"actuator.torque": "robot"}),
+    ],
+)
+def test_it_finds_what_ten_thousand_random_runs_miss_and_nothing_in_the_mended_arm(name, mended):
+    study = read_study(EXAMPLES / f"falsify-{name}.yaml")
+    said = study.model_dump(include={"scenario", "changes", "uncertainty"}, exclude_unset=True)
+    random = study_of({**said, "study": "monte_carlo", "runs": 10_000}).run(How())
     assert random.rates[0].failures == 0
-    worst = weak("falsify", 35, runs=2000)
+    worst = study.run(How())
     assert worst.failures > 0 and worst.table["margin"].min() < -0.02
-    mended = weak("falsify", 60, runs=2000)
-    assert mended.good and mended.table["margin"].min() > 0.02
+    held = study.model_copy(update={"changes": {**study.changes, **mended}}).run(How())
+    assert held.good and held.table["margin"].min() > 0.02
