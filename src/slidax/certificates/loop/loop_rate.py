@@ -13,10 +13,11 @@ from slidax.scenarios import Scenario
 
 from ..demand import Demand
 from ..verdict import Assumption, Verdict
-from .assembled import Assembly, Certified
+from .assembled import Assembly
 from .premises import of_the_loops
 from .proved import Proved, of_a_part, proved
 from .remedies import altered, found_remedies, least, resampled, scaled, tried
+from .setting import Certified
 from .subject import Subject
 
 Floats = NDArray[np.floating[Any]]

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from ..verdict import Assumption, Status
-from .assembled import Assembly, Certified
+from .assembled import Assembly
 from .entered import Entry
+from .setting import Certified
 
 
 def of_the_entry(entry: Entry, assembly: Assembly, spare: float) -> list[Assumption]:

@@ -13,11 +13,12 @@ from numpy.typing import NDArray
 from ..arm.demand import demand as demand_of
 from ..demand import Demand
 from ..verdict import Assumption
-from .assembled import Assembly, Certified, Since
+from .assembled import Assembly
 from .entered import Entry, approached
 from .ideal import Ideal, ideal_of
 from .premises import of_the_entry, of_the_loops
 from .remedies import scaled
+from .setting import Certified, Since
 from .subject import Subject
 
 Floats = NDArray[np.floating[Any]]
