@@ -77,7 +77,7 @@ class Members:
 
     - `scenario`: with the law that does not know which of them it moves.
     - `family`: which arms; that of the scenario's own `uncertainty` if it was not given.
-    - `parts`: numbers of axes that are not gone to their ends, each with the shares of its way where it begins and ends.
+    - `parts`: numbers of axes of which only a part is gone, each with the shares of its way where that begins and ends.
     """
 
     scenario: Scenario

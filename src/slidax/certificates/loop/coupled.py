@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from itertools import pairwise
 from typing import Any
 
 import jax.numpy as jnp
@@ -24,8 +26,8 @@ Floats = NDArray[np.floating[Any]]
 SEGMENT = 64
 """Decisions for which one K is taken."""
 
-SPARE = 0.01
-"""Share of each entry of K by which it may be otherwise beside the planned run."""
+SPARE = 0.002
+"""Share of each entry of K by which it may be off the line between two samples at which it is computed."""
 
 ABOVE = 1.05
 """By which each round takes more than it found, so that the next may confirm it."""
@@ -41,24 +43,31 @@ class Coupled(Setting):
 
     def __init__(self, subject: Subject, demand: Demand, since: Since, part: Part, chance: float = 1e-3) -> None:
         super().__init__(subject, demand, since)
+        # What uncertain numbers add is followed as a signal, with its part of the set.
+        self.demand = self.asked
         self.part, loops = part, subject.loops
         n = self.samples
         # A torque sets in at a sample or between two, and lasts for a period.
         ends = [slice(self.late + k, self.late + k + n) for k in range(2 + (subject.dead_time % 1.0 > 0))]
         low, high = np.min([part.low[one] for one in ends], axis=0), np.max([part.high[one] for one in ends], axis=0)
         edges = (*range(0, n - SEGMENT // 2, SEGMENT), n)
-        spans = [range(*one) for one in zip(edges, edges[1:], strict=False)]
+        spans = [range(*one) for one in pairwise(edges)]
         matrices = np.array([0.5 * (low[one].min(axis=0) + high[one].max(axis=0)) for one in spans])
         maps = [CoupledMaps.of(loops, one) for one in matrices]
         self.radius = np.array([one.radius for one in maps])
+        self.confirmed = False
         self.together: Together | None = None
         length = length_of(maps)
         if length is None:
             return
         kernels = [CoupledKernels.of(one, loops[0], length) for one in maps]
-        self.together = Together(edges, matrices, kernels, low, high, SPARE)
-        self.assumed = np.zeros((3, n, loops.__len__()))
-        self.confirmed = False
+        wider, queue = SPARE * np.maximum(np.abs(low), np.abs(high)), maps[0].own - 8
+        seen = np.abs(since.states).max(axis=0)
+        # Of a command under way: what it is planned to do, and what the estimate misses.
+        under_way = seen[2 : 2 + queue] + seen[4 + queue]
+        self.together = Together(edges, matrices, kernels, low, high, wider, under_way)
+        self.slope = np.max([part.slope[one] for one in ends], axis=0)
+        self.assumed, self.tube = np.zeros((3, n, len(loops))), np.zeros_like(part.push[0])
         self._know(maps, spans, chance)
 
     @property
@@ -83,15 +92,22 @@ class Coupled(Setting):
         reached = (sliding.size, sliding.s_next, sliding.root, sliding.mass, sliding.grown)
         passing = Passing(*(jnp.asarray(one) for one in (*given, *reached)))
         acceleration, aims, changes = self.assumed
-        before = self.together.before(acceleration, stray, aims, changes, self.subject.dead_time % 1.0)
-        bounds, *came = propagated(self.course, self.together, passing, self.first, before)
-        self.confirmed = bool((np.array(came) <= self.assumed).all())
-        self.assumed = np.maximum(self.assumed, ABOVE * np.array(came))
+        tube = np.maximum(
+            self.tube[self.late : self.late + len(stray)], self.tube[self.late + 1 : self.late + 1 + len(stray)]
+        )
+        around = self.together.wider + np.einsum("kijl,kl->kij", self.slope, tube)
+        together = replace(self.together, wider=around)
+        before = together.before(acceleration, stray, aims, changes, self.subject.dead_time % 1.0)
+        bounds, *came = propagated(self.course, together, passing, self.first, before)
         error, share = self.error_of(bounds)
         middle = np.sqrt(np.prod(self.demand.kappa, axis=0))[:, None]
-        return Certified(
-            self.subject, self.narrowing, bounds, error, share, middle, np.zeros_like(middle), self.noise_size[:, ERROR].max(axis=0)
-        )
+        noise = self.noise_size[:, ERROR].max(axis=0)
+        found = Certified(self.subject, self.narrowing, bounds, error, share, middle, np.zeros_like(middle), noise)
+        radius = self.reach(found)[0]
+        self.confirmed = bool((np.array(came) <= self.assumed).all() and (radius <= self.tube).all())
+        self.assumed = np.maximum(self.assumed, ABOVE * np.array(came))
+        self.tube = np.maximum(self.tube, ABOVE * radius)
+        return found
 
     def _know(self, maps: list[CoupledMaps], spans: list[range], chance: float) -> None:
         """What is known of the loops beforehand, and bounds at the first sample."""
@@ -119,9 +135,9 @@ class Coupled(Setting):
             self.bend[at] = bend / curve
         slid = np.abs(self.since.slid)
         size = float(np.sqrt(slid @ self.sliding.mass[0] @ slid))
-        known = sizes_at_first = self.free[0, :, LED, :, 0].max(axis=0)
+        known = self.free[0, :, LED, :, 0].max(axis=0)
         error = self.free[0, :, ERROR, :, 0]
-        self.first = First.of(error, sizes_at_first, np.full_like(known, np.inf), size, follows)
+        self.first = First.of(error, known, np.full_like(known, np.inf), size, follows)
 
     def _noise(self, kernels: CoupledKernels, times: int, chance: float) -> Floats:
         """How much of the sensors' noise arrives at each output [9 n], as `Noise.size` has it for one joint's loop."""

@@ -11,8 +11,20 @@ from numpy.typing import NDArray
 from slidax.diagnosis.linear_loop import LinearLoop
 
 from .coupled_maps import CoupledMaps
-from .kernels import ACCELERATION, ERROR, ESTIMATE, LAPSE, LED, MISSED, OUTPUTS, SHIFT, SLIP, SPEED
-from .kernels import largest_within, outputs_of
+from .kernels import (
+    ACCELERATION,
+    ERROR,
+    ESTIMATE,
+    LAPSE,
+    LED,
+    MISSED,
+    OUTPUTS,
+    SHIFT,
+    SLIP,
+    SPEED,
+    largest_within,
+    outputs_of,
+)
 
 Floats = NDArray[np.floating[Any]]
 

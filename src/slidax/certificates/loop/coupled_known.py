@@ -102,7 +102,9 @@ def pushed(
     at = np.arange(len(span))
     found = outputs_of(raw.reshape(len(raw), 7, n, -1).swapaxes(0, 1), at, whole, loop, 1.0)
     # When the torque of a decision sets in, and until the next does.
-    knots = np.array([given[skip + whole + k : skip + whole + k + len(span)] for k in range(2 + (loop.believed % 1.0 > 0))])
+    knots = np.array(
+        [given[skip + whole + k : skip + whole + k + len(span)] for k in range(2 + (loop.believed % 1.0 > 0))]
+    )
     found[ESTIMATE] -= knots[0]
     corner, effect = np.split(found, [len(corners)], axis=-1)
     moves, adds = np.split(knots, [len(corners)], axis=-1)
@@ -117,5 +119,3 @@ def pushed(
     turned = np.abs(np.einsum("ij,ckjm->ckim", matrix, np.diff(knots, axis=0)))
     bend = turned[..., : len(corners)].max(axis=(0, 3)) + turned[..., len(corners) :].max(axis=0).sum(axis=-1)
     return sizes.transpose(2, 0, 1, 3), bend
-
-

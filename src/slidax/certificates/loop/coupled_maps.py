@@ -62,7 +62,7 @@ class CoupledMaps:
 
     @property
     def joints(self) -> int:
-        """n."""
+        """N."""
         return int(self.asked.shape[1])
 
     @property

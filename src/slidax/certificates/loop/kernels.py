@@ -143,7 +143,7 @@ def _summed(placed: Floats, tail: Floats) -> Floats:
 
 
 def outputs_of(raw: Floats, at: NDArray[np.integer[Any]], whole: int, loop: LinearLoop, kappa: float) -> Floats:
-    """The outputs [9 L ...] from the rows that a loop is asked for [7 K ...], from its sample 0 on; before it all is zero.
+    """The outputs [9 L ...] from the rows that a loop is asked for [7 K ...], from sample 0 on; before it all is zero.
 
     - `raw`: the rows.
     - `at`: numbers of the decisions [L]; the torque of one sets in `whole` samples later.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import jax
@@ -25,7 +26,8 @@ class Together:
     - `edges`: of the segments, in decisions [S + 1].
     - `matrices`: K of each [S n n]; `kernels`: of each.
     - `low`, `high`: the least and the largest of each entry of K of all arms in each decision's period [N n n].
-    - `spare`: a share of each entry by which it may be otherwise beside the planned run.
+    - `wider`: by how much each entry may be otherwise, beside the planned run [N n n].
+    - `under_way`: bounds of `a + w*` of the commands that were decided before the first, the newest first [Q n].
     """
 
     edges: tuple[int, ...]
@@ -33,7 +35,8 @@ class Together:
     kernels: list[CoupledKernels]
     low: Floats
     high: Floats
-    spare: float
+    wider: Floats
+    under_way: Floats
 
     def off(self, segment: int, span: slice) -> Floats:
         """By how much K may be another than a segment's [K n n].
@@ -42,7 +45,7 @@ class Together:
         - `span`: of the decisions.
         """
         middle = self.matrices[segment]
-        found: Floats = np.maximum(self.high[span] - middle, middle - self.low[span]) + self.spare * np.abs(middle)
+        found: Floats = np.maximum(self.high[span] - middle, middle - self.low[span]) + self.wider[span]
         return found
 
     def before(self, acceleration: Floats, stray: Floats, aims: Floats, changes: Floats, part: float) -> Floats:
@@ -54,20 +57,21 @@ class Together:
         """
         count, n = aims.shape
         found = np.empty((count, 3, OUTPUTS, n))
+        largest = np.maximum.accumulate(np.stack([aims, changes]), axis=1)
         padded = [_padded(one, self.reach) for one in (aims, changes)]
-        for i, (start, stop) in enumerate(zip(self.edges, self.edges[1:], strict=False)):
+        for i, (start, stop) in enumerate(pairwise(self.edges)):
             off, size = self.off(i, slice(0, stop)), np.abs(self.matrices[i])
             pushes = np.einsum("kij,kj->ki", off, acceleration[:stop] + stray[:stop]) + stray[:stop] @ size.T
             if part > 0:
                 pushes[1:] = np.maximum(pushes[1:], pushes[:-1])
             kernels = self.kernels[i]
-            given = (_padded(pushes, self.reach), *padded)
+            given = (_padded(pushes, self.reach, self.under_way @ off[0].T), *padded)
             for kind, one in enumerate(given):
                 windows = self._windows(one, start, stop)
                 answer = (windows @ kernels.older[kind].T).reshape(stop - start, OUTPUTS, n)
-                # Nothing is older than the first decision.
-                long_ago = one[: start + 1].max(axis=0) if start + 1 > 0 else 0.0
-                found[start:stop, kind] = answer + kernels.tails[kind] @ np.maximum(long_ago, one[:stop].max(axis=0))
+                # What is older came in before these decisions.
+                most = given[0].max(axis=0) if kind == 0 else largest[kind - 1, stop - 1]
+                found[start:stop, kind] = answer + kernels.tails[kind] @ most
         return found
 
     @property
@@ -86,8 +90,12 @@ class Together:
         return recent[at].reshape(stop - start, -1)
 
 
-def _padded(values: Floats, reach: int) -> Floats:
-    return np.concatenate([np.zeros((reach, values.shape[1])), values])
+def _padded(values: Floats, reach: int, before: Floats | None = None) -> Floats:
+    """Values with as many zeros before them, or before what was just before them."""
+    found = np.concatenate([np.zeros((reach, values.shape[1])), values])
+    if before is not None:
+        found[reach - len(before) : reach] = before[::-1]
+    return found
 
 
 def propagated(
@@ -102,11 +110,16 @@ def propagated(
     """
     which = np.repeat(np.arange(len(together.kernels)), np.diff(together.edges))
     newest = jnp.asarray(np.array([one.newest for one in together.kernels]))
-    off = np.concatenate([
-        together.off(i, slice(*ends)) for i, ends in enumerate(zip(together.edges, together.edges[1:], strict=False))
-    ])
+    off = np.concatenate([together.off(i, slice(*ends)) for i, ends in enumerate(pairwise(together.edges))])
     size = np.abs(together.matrices)
-    found, came = _scanned(course, passing, first, newest, jnp.asarray(size), jnp.asarray(which), jnp.asarray(off), jnp.asarray(before))
+    if course.part > 0:
+        # A part of a period is still the last command's, also where another K begins to be taken.
+        for i, edge in enumerate(together.edges[1:-1]):
+            off[edge - 1] = np.maximum(off[edge - 1], together.off(i + 1, slice(edge - 1, edge))[0])
+        size[:-1] = np.maximum(size[:-1], size[1:])
+    found, came = _scanned(
+        course, passing, first, newest, jnp.asarray(size), jnp.asarray(which), jnp.asarray(off), jnp.asarray(before)
+    )
     bounds = Bounds(*(np.asarray(one) for one in found))
     acceleration, aims, changes = (np.asarray(one) for one in came)
     return bounds, acceleration, aims, changes
