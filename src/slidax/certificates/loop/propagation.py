@@ -109,7 +109,7 @@ class Bounds:
 
     - `error`: of e where torques set in, below and above zero, in size [N 2 n].
     - `missed`: of ω [N n], `acceleration`: of ë [N n], in rad/period² or m/period²; `led`: of ŷ [N n].
-    - `estimate`: of ŵ - w* [N n], in the same unit as ω; `speed`: of ė there [N n], rad or m per period; `lapse` and
+    - `estimate`: of ŵ - w* [N n], in the same unit as ω; `speed`: of ė there, below and above zero [N 2 n], rad or m per period; `lapse` and
       `shift`: of what the prediction misses of ė and of y [N n].
     - `needed`: what u must cover, ‖M0 s/H‖ [N], N m.
     """
@@ -173,7 +173,9 @@ def sampled(course: Course, first: First, at: Passing, begun: Any, carried: Any,
     around = led + shift
     mean = ((1.0 - eta) * last["error"] + eta * (last["around"] + around) + last["bent"]) / (1.0 + eta)
     error = jnp.where(begun, jnp.maximum(jnp.minimum(mean, linear), 0.0), side)
-    speed = jnp.minimum(either(SPEED) + course.part * coupled_last, (around + error) / lead)
+    # ė = (y - e)/c, so that y above and e below zero go together.
+    speed = jnp.minimum(either(SPEED) + course.part * coupled_last, (around + error[::-1]) / lead)
+    speed = jnp.maximum(speed, 0.0)
     # 2. s⁺ beside the ideal one: none, or what the boundary layer leaves where u covers twice what is missed.
     needed = at.root * (at.sliding + slid) / (horizon * h)
     s_bar = jnp.where(course.layer > 0.0, course.layer + at.s_next, 0.0)
@@ -229,7 +231,7 @@ def sampled(course: Course, first: First, at: Passing, begun: Any, carried: Any,
         jnp.max(accelerated, axis=1),
         jnp.max(led, axis=(0, 2)),
         jnp.max(estimate, axis=1),
-        jnp.max(speed, axis=(0, 2)),
+        jnp.max(speed, axis=2),
         jnp.max(either(LAPSE) + course.part * coupled_last, axis=(0, 2)),
         jnp.max(shift, axis=1),
         needed,

@@ -105,25 +105,26 @@ class Setting:
     def reach(self, found: Certified) -> tuple[Floats, Floats, Floats, Floats]:
         """How far the arm may be beside the ideal one around each of its samples, and beside what is predicted.
 
-        Position and velocity, and what the prediction misses of both, [K n] each; rad or m, and rad/s or m/s.
+        Position [K n], velocity below and above zero [2 K n], and what the prediction misses of both [K n] each; rad or m,
+        and rad/s or m/s.
 
         - `found`: bounds.
         """
         bounds, h = found.bounds, self.period
         within = bounds.acceleration
         radius = np.max(bounds.error, axis=1) + within / 8.0
-        speed = (bounds.speed + within) / h
+        below, above = ((bounds.speed[:, side] + within) / h for side in (0, 1))
         missed = bounds.shift + (self.horizon / h - 0.5) * bounds.lapse
         # Before a torque sets in nothing is beside; a period begins and ends at one, and samples lie between these.
         late = self.late + int(self.subject.dead_time % 1.0 > 0)
         spans = []
-        for one in (radius, speed, missed, bounds.lapse / h):
+        for one in (radius, below, above, missed, bounds.lapse / h):
             grown = np.maximum(one, np.concatenate([one[1:], one[-1:]]))
             whole = np.concatenate([np.repeat(grown[:1], late, axis=0), grown])
             count = self.demand.times.size
             whole = np.concatenate([whole, np.repeat(whole[-1:], max(count - len(whole), 0), axis=0)])[:count]
             spans.append(np.maximum(whole, np.concatenate([whole[1:], whole[-1:]])))
-        return spans[0], spans[1], spans[2], spans[3]
+        return spans[0], np.stack(spans[1:3]), spans[3], spans[4]
 
     def _course(self) -> Course:
         return Course(
