@@ -68,9 +68,7 @@ def _scanned(course: Course, apart: Apart, passing: Passing, first: First) -> An
             return apart.spread * moved + others[:, None] + strayed, moved + others[:, None]
 
         answers = Answers(
-            before=tuple(  # type: ignore[arg-type]
-                past(*one, k) for one in zip(apart.kernels, apart.tails, histories, most, strict=True)
-            ),
+            before=tuple(past(*one, k) for one in zip(apart.kernels, apart.tails, histories, most, strict=True)),
             newest=lambda kind, value: apart.kernels[kind][..., -1] * value,
             pushed=pushed,
         )

@@ -99,8 +99,7 @@ def pushed(
         if k >= skip:
             raw[k - skip] = rows @ state + through[3] @ given[k] + through[4] @ given[k + 1]
         state = maps.step @ state + forced[:, k]
-    at = np.arange(len(span))
-    found = outputs_of(raw.reshape(len(raw), 7, n, -1).swapaxes(0, 1), at, whole, loop, 1.0)
+    found = outputs_of(raw.reshape(len(raw), 7, n, -1).swapaxes(0, 1), np.arange(len(span)), whole, loop, 1.0)
     # When the torque of a decision sets in, and until the next does.
     knots = np.array(
         [given[skip + whole + k : skip + whole + k + len(span)] for k in range(2 + (loop.believed % 1.0 > 0))]

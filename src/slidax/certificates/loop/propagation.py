@@ -109,8 +109,8 @@ class Bounds:
 
     - `error`: of e where torques set in, below and above zero, in size [N 2 n].
     - `missed`: of ω [N n], `acceleration`: of ë [N n], in rad/period² or m/period²; `led`: of ŷ [N n].
-    - `estimate`: of ŵ - w* [N n], in the same unit as ω; `speed`: of ė there, below and above zero [N 2 n], rad or m per period; `lapse` and
-      `shift`: of what the prediction misses of ė and of y [N n].
+    - `estimate`: of ŵ - w* [N n], in the same unit as ω; `speed`: of ė there, below and above zero [N 2 n], rad or m
+      per period; `lapse` and `shift`: of what the prediction misses of ė and of y [N n].
     - `needed`: what u must cover, ‖M0 s/H‖ [N], N m.
     """
 

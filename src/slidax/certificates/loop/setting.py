@@ -105,8 +105,8 @@ class Setting:
     def reach(self, found: Certified) -> tuple[Floats, Floats, Floats, Floats]:
         """How far the arm may be beside the ideal one around each of its samples, and beside what is predicted.
 
-        Position [K n], velocity below and above zero [2 K n], and what the prediction misses of both [K n] each; rad or m,
-        and rad/s or m/s.
+        Position [K n], velocity below and above zero [2 K n], and what the prediction misses of both [K n] each;
+        rad or m, and rad/s or m/s.
 
         - `found`: bounds.
         """

@@ -87,7 +87,8 @@ class Together:
         # recent[i] is of the samples up to i + LAGS - 1 of what is padded by `reach`.
         newest = np.arange(start, stop)[:, None] - 1 + self.reach - (LAGS - 1)
         at = newest - LAGS * np.arange(blocks)[None]
-        return recent[at].reshape(stop - start, -1)
+        found: Floats = recent[at].reshape(stop - start, -1)
+        return found
 
 
 def _padded(values: Floats, reach: int, before: Floats | None = None) -> Floats:
