@@ -7,6 +7,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from slidax.certificates.arm.members import Members
 from slidax.certificates.loop.coupled_kernels import CoupledKernels, length_of
 from slidax.certificates.loop.coupled_known import begun, pushed
 from slidax.certificates.loop.coupled_maps import CoupledMaps
@@ -16,7 +17,7 @@ from slidax.certificates.loop.signals import entries
 from slidax.certificates.loop.together import Together
 from slidax.diagnosis.linear_loop import LinearLoop
 
-from .test_sets import share_of_the_bound, subject_of
+from .test_sets import SETS, share_of_the_bound, subject_of
 
 LOOPS = tuple(LinearLoop(1e-3, 7.0, 1.0, gains, False) for gains in [(0.24, 0.034, 0.0024), (0.39, 0.095, 0.0116)])
 MATRIX = np.array([[0.9, 0.3], [0.2, 1.1]])
@@ -107,6 +108,16 @@ def test_no_run_with_a_matrix_that_moves_exceeds_what_is_counted():
         assert (unknown <= (before[a:b] + alone[:, ERROR]) * (1.0 + 1e-9)).all()
         worst = max(worst, float(np.max(unknown / (before[a:b] + alone[:, ERROR]))))
     assert worst > 0.5
+
+
+def test_the_halves_of_a_set_meet_in_its_middle_and_end_where_it_does():
+    whole = Members.of(subject_of("example-4.1-1khz", SETS["masses"], {}).scenario)
+    halves = [whole.within(0, low, low + 0.5) for low in (0.0, 0.5)]
+    ends = np.array([[0.0, 0.3], [1.0, 0.3]])
+    path = "robot.plant.masses"
+    there = np.concatenate([one.values(ends)[path] for one in halves])
+    np.testing.assert_allclose(there[:, 0], whole.values(np.array([[x, 0.3] for x in (0.0, 0.5, 0.5, 1.0)]))[path][:, 0])
+    np.testing.assert_allclose(there[:, 1], whole.values(ends)[path][0, 1])
 
 
 SLOW = {"scheme.sampled_data.adaptation": None, "simulation.t1": 4.0}
