@@ -116,7 +116,9 @@ def test_the_halves_of_a_set_meet_in_its_middle_and_end_where_it_does():
     ends = np.array([[0.0, 0.3], [1.0, 0.3]])
     path = "robot.plant.masses"
     there = np.concatenate([one.values(ends)[path] for one in halves])
-    np.testing.assert_allclose(there[:, 0], whole.values(np.array([[x, 0.3] for x in (0.0, 0.5, 0.5, 1.0)]))[path][:, 0])
+    np.testing.assert_allclose(
+        there[:, 0], whole.values(np.array([[x, 0.3] for x in (0.0, 0.5, 0.5, 1.0)]))[path][:, 0]
+    )
     np.testing.assert_allclose(there[:, 1], whole.values(ends)[path][0, 1])
 
 

@@ -49,8 +49,8 @@ class Coupled(Setting):
         n = self.samples
         # A torque sets in at a sample or between two, and lasts for a period.
         ends = [slice(self.late + k, self.late + k + n) for k in range(2 + (subject.dead_time % 1.0 > 0))]
-        low: Floats = np.min([part.low[one] for one in ends], axis=0)
-        high: Floats = np.max([part.high[one] for one in ends], axis=0)
+        low: Floats = np.array([part.low[one] for one in ends]).min(axis=0)
+        high: Floats = np.array([part.high[one] for one in ends]).max(axis=0)
         edges = (*range(0, n - SEGMENT // 2, SEGMENT), n)
         spans = [range(*one) for one in pairwise(edges)]
         matrices = np.array([0.5 * (low[one].min(axis=0) + high[one].max(axis=0)) for one in spans])
