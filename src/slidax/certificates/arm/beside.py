@@ -57,10 +57,11 @@ class Beside:
         """The bound [N n], rad/s² or m/s²; inf where the arm is so far away that none is known.
 
         - `radius`: r, of each joint's error [n] or [N n], rad or m.
-        - `speed`: v, of its rate [n] or [N n], rad/s or m/s.
+        - `speed`: v, of its rate [n] or [N n], or below and above zero [2 N n], rad/s or m/s.
         """
         shape = self.motion.q.shape
-        r, v = np.broadcast_to(radius, shape), np.broadcast_to(speed, shape)
+        r, ways = np.broadcast_to(radius, shape), np.broadcast_to(speed, (2, *shape))
+        v = ways.max(axis=0)
         sigma: Floats = np.einsum("kj,j->k", r, self.rates)[:, None]
         dq = np.abs(self.motion.dq)
         lacks: Floats = np.einsum("kij,kj->ki", self.along_q, r) + np.einsum("kij,kj->ki", self.along_dq, v)
@@ -68,21 +69,21 @@ class Beside:
         lacks += np.minimum(0.5 * sigma**2, 2.0) * self.curved
         lacks += 2.0 * np.minimum(sigma, 2.0) * np.einsum("ijl,kj,kl->ki", self.coriolis, dq, v)
         lacks += np.einsum("ijl,kj,kl->ki", self.coriolis, v, v)
-        lacks += self._outer(r, v)
+        lacks += self._outer(r, ways)
         moved: Floats = (
             np.einsum("kijl,kl->kij", self.mass_slope, r) + np.minimum(0.5 * sigma**2, 2.0)[:, :, None] * self.mass
         )
         found: Floats = np.array([_solved(inverse, moved, lacks) for inverse in self.inverse]).max(axis=0)
         return found
 
-    def _outer(self, r: Floats, v: Floats) -> Floats:
+    def _outer(self, r: Floats, ways: Floats) -> Floats:
         """How much friction and outer forces can change [N n]: each falls or rises with its joint's own q and q̇."""
         here = outer(self.plants, self.motion)
         worst = np.zeros(r.shape)
         still = np.zeros_like(r)
         places = [still] if not _moves(self.plants, self.motion) else [-r, r]
         for place in places:
-            for side in (-v, v):
+            for side in (-ways[0], ways[1]):
                 worst = np.maximum(worst, self.hull.largest(outer(self.plants, self.motion.beside(place, side)) - here))
         return worst
 

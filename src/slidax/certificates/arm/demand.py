@@ -49,7 +49,7 @@ def demand(
     """
     members = Members.of(scenario, family)
     belief = Belief.of(scenario, members.plant)
-    hull = hull_of(lambda points: _probed(members, points, scenario), len(members.axes))
+    hull = hull_of(lambda points: probed(members, points, scenario), len(members.axes))
     plants = members.plants(hull.points)
     motion = Motion.of(scenario) if along is None else along
     if seen:
@@ -122,7 +122,7 @@ def between_samples(asked: Asked, motion: Motion) -> Floats:
     return found
 
 
-def _probed(members: Members, points: Floats, scenario: Scenario) -> Floats:
+def probed(members: Members, points: Floats, scenario: Scenario) -> Floats:
     """The torques of members at states drawn at random [P F]."""
     random = np.random.default_rng(0)
     n = members.plant.robot.joints

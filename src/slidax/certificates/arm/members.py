@@ -50,6 +50,14 @@ class Axis:
         """As it is called in a text."""
         return self.path if self.entry is None else f"{self.path}[{self.entry}]"
 
+    def between(self, low: float, high: float) -> Axis:
+        """A part of it.
+
+        - `low`, `high`: shares of its way.
+        """
+        ends = [self.lower + share * (self.upper - self.lower) for share in (low, high)]
+        return Axis(self.path, self.entry, *ends)
+
     def moved(self, value: Floats, share: Floats) -> Floats:
         """The values [P ...] with this axis at shares of its way [P].
 
@@ -69,10 +77,12 @@ class Members:
 
     - `scenario`: with the law that does not know which of them it moves.
     - `family`: which arms; that of the scenario's own `uncertainty` if it was not given.
+    - `parts`: numbers of axes of which only a part is gone, each with the shares of its way where that begins and ends.
     """
 
     scenario: Scenario
     family: Family
+    parts: tuple[tuple[int, float, float], ...] = ()
 
     @classmethod
     def of(cls, scenario: Scenario, family: Family | None = None) -> Members:
@@ -93,7 +103,17 @@ class Members:
         for path, one in space.sets.items():
             if path.split(".")[0] in MOVES:
                 found += _axes(path, one, space.leaves[path])
+        for axis, low, high in self.parts:
+            found[axis] = found[axis].between(low, high)
         return tuple(found)
+
+    def within(self, axis: int, low: float, high: float) -> Members:
+        """Those of a part of an axis's way.
+
+        - `axis`: its number.
+        - `low`, `high`: shares of its way.
+        """
+        return Members(self.scenario, self.family, (*self.parts, (axis, low, high)))
 
     @property
     def beside(self) -> tuple[str, ...]:

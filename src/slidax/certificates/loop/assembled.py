@@ -2,103 +2,42 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
-from slidax.transformations.psi import psi
-
 from ..demand import Demand
+from .apart import Apart, propagated
 from .beginning import entered, started
 from .cells import cells_of
-from .ideal import Ideal
 from .kernels import ERROR, OUTPUTS, Kernels
-from .narrowing import Narrowing
-from .noise import Noise
-from .propagation import Bounds, Course, Passing, propagated
-from .sliding import Sliding
-from .slopes import Slopes
+from .propagation import Passing
+from .setting import Certified, Setting, Since
 from .subject import Subject
 
 Floats = NDArray[np.floating[Any]]
 
 
-@dataclass(frozen=True)
-class Certified:
-    """The bounds of a scenario's errors.
-
-    - `subject`: whose.
-    - `narrowing`: its envelope, when torques set in.
-    - `bounds`: at these times.
-    - `error`: of e itself, below and above zero, in size [N 2 n].
-    - `share`: the bound of the error over the envelope's side, at each sample of the run [N n]; below 1 it holds.
-    - `kappa`, `spread`: for which κ [n j], and what around each is covered [n j].
-    - `noise`: the noise's part in the bound of e [n], rad or m.
-    """
-
-    subject: Subject
-    narrowing: Narrowing
-    bounds: Bounds
-    error: Floats
-    share: Floats
-    kappa: Floats
-    spread: Floats
-    noise: Floats
-
-
-@dataclass(frozen=True)
-class Since:
-    """Where the bound begins.
-
-    - `ideal`: the run that the law plans from there.
-    - `states`, `slid`: by how much others may differ from it, as in `Entry`.
-    """
-
-    ideal: Ideal
-    states: Floats
-    slid: Floats
-
-
-class Assembly:
+class Assembly(Setting):
     """All of a scenario's bounds but for what the arm asks for beside its motion, so that they can be found for more.
 
-    - `subject`: the law on its task.
-    - `demand`: what a set of arms asks of its loops: along `ideal`, or else along the reference.
+    Each joint's loop is followed by itself, and what moves it with another counts as a push.
+
+    - `subject`, `demand`, `since`: as of `Setting`.
     - `chance`: that normal noise is larger than is counted at some sample of the run.
-    - `since`: the run that the law plans, and where the arms of the set are when it begins; without it all is bounded
-      from the start and the reference on, and s taken as reached.
     """
 
     def __init__(self, subject: Subject, demand: Demand, chance: float = 1e-3, since: Since | None = None) -> None:
-        self.subject, self.demand, self.asked = subject, demand.boxed(), demand
-        self.since, self.ideal = since, None if since is None else since.ideal
-        law = subject.law
-        assert law.horizon is not None
-        h = self.period = float(law.period)
-        self.horizon = float(law.horizon)
-        # From the first sample of the arm that is followed to when the first torque sets in.
-        quiet = 0 if since is None else subject.quiet
-        self.late = quiet + int(subject.dead_time)
-        self.samples = demand.times.size - self.late - 2
-        self.set_in = demand.times[0] + (np.arange(self.samples) + quiet + subject.dead_time) * h
-        self.e, self.de, self.ddq = subject.start()
-        self.sides: Any = subject.drawn.init(jnp.zeros(()), jnp.asarray(self.e))
-        self.quiet = subject.quiet if since is None else 0
+        super().__init__(subject, demand, since)
         self.kappa, self.spread = cells_of(demand.kappa)
         self.kernels = Kernels.of(subject.loops, self.kappa)
         if self.kernels is None:
             return
-        self.noise = Noise.of(subject.scenario, law.joints)
-        times = self.samples * law.joints * OUTPUTS
-        self.noise_size = self.noise.size(h, self.kernels.noise, self.kernels.noise_square, times, chance)
-        self.noise_start = self.noise.start(h, times, chance)
-        self.narrowing = Narrowing.of(subject.drawn, self.sides, period=h, horizon=self.horizon, times=self.set_in)
-        self.sliding = Sliding.of(subject, self.ideal, self.set_in)
-        self.course = self._course()
+        times = self.samples * subject.law.joints * OUTPUTS
+        self.noise_size = self.noise.size(self.period, self.kernels.noise, self.kernels.noise_square, times, chance)
+        self.noise_start = self.noise.start(self.period, times, chance)
         self.known, self.first = started(self) if since is None else entered(self)
 
     @property
@@ -128,91 +67,35 @@ class Assembly:
         - `more`: what w* may be otherwise at each sample of the arm, beyond `demand.stray` [N n], rad/s² or m/s².
         - `misread`: by how much a command may be another where it is predicted [N n], likewise.
         """
-        bounds = propagated(self.course, self._passing(more, misread), self.first)
-        error = bounds.error
-        if self.ideal is not None:
-            middle = self.ideal.error[: self.samples]
-            error = np.maximum(np.stack([bounds.error[:, 0] - middle, bounds.error[:, 1] + middle], axis=1), 0.0)
+        bounds = propagated(self.course, self._apart(), self._passing(more, misread), self.first)
+        error, share = self.error_of(bounds)
         noise = np.max(self.noise_size[ERROR], axis=1)
-        share = self._share(error, bounds)
         return Certified(self.subject, self.narrowing, bounds, error, share, self.kappa, self.spread, noise)
 
-    @property
-    def lumped(self) -> Floats:
-        """‖M0 w*‖ when each torque sets in, the largest of all members [N], N m."""
-        first = self.late
-        push = self.demand.push[:, first : first + self.samples]
-        sizes = np.linalg.norm(np.einsum("kij,mkj->mki", self.sliding.inertia, push), axis=2).max(axis=0)
-        if self.asked.effects is not None and self.asked.effects.shape[1]:
-            parts = self.asked.effects[:, :, first : first + self.samples]
-            each = np.linalg.norm(np.einsum("kij,mekj->meki", self.sliding.inertia, parts), axis=3)
-            sizes = sizes + each.sum(axis=1).max(axis=0)
-        found: Floats = sizes
-        return found
-
-    def reach(self, found: Certified) -> tuple[Floats, Floats, Floats, Floats]:
-        """How far the arm may be beside the ideal one around each of its samples, and beside what is predicted.
-
-        Position and velocity, and what the prediction misses of both, [K n] each; rad or m, and rad/s or m/s.
-
-        - `found`: bounds.
-        """
-        bounds, h = found.bounds, self.period
-        within = bounds.acceleration
-        radius = np.max(bounds.error, axis=1) + within / 8.0
-        speed = (bounds.speed + within) / h
-        missed = bounds.shift + (self.horizon / h - 0.5) * bounds.lapse
-        # Before a torque sets in nothing is beside; a period begins and ends at one, and samples lie between these.
-        late = self.late + int(self.subject.dead_time % 1.0 > 0)
-        spans = []
-        for one in (radius, speed, missed, bounds.lapse / h):
-            grown = np.maximum(one, np.concatenate([one[1:], one[-1:]]))
-            whole = np.concatenate([np.repeat(grown[:1], late, axis=0), grown])
-            count = self.demand.times.size
-            whole = np.concatenate([whole, np.repeat(whole[-1:], max(count - len(whole), 0), axis=0)])[:count]
-            spans.append(np.maximum(whole, np.concatenate([whole[1:], whole[-1:]])))
-        return spans[0], spans[1], spans[2], spans[3]
-
-    def _course(self) -> Course:
+    def _apart(self) -> Apart:
         found = self.kernels
         assert found is not None
-        tails = (found.push_tail, found.place_tail, found.change_tail)
-        return Course(
-            surface=self.subject.surface,
-            sides=self.sides,
-            slopes=Slopes.of(self.subject.surface, self.sides),
-            period=jnp.asarray(self.period),
-            horizon=jnp.asarray(self.horizon / self.period),
-            part=jnp.asarray(self.subject.law.delay % 1.0),
-            of_push=jnp.asarray(found.of_push[..., ::-1]),
-            of_place=jnp.asarray(found.of_place[..., ::-1]),
-            of_change=jnp.asarray(found.of_change[..., ::-1]),
-            tails=tuple(jnp.asarray(one) for one in tails),
+        kernels, tails = (
+            (found.of_push, found.of_place, found.of_change),
+            (found.push_tail, found.place_tail, found.change_tail),
+        )
+        return Apart(
+            kernels=tuple(jnp.asarray(one[..., ::-1]) for one in kernels),  # type: ignore[arg-type]
+            tails=tuple(jnp.asarray(one) for one in tails),  # type: ignore[arg-type]
             fading=jnp.asarray(found.fading),
             spread=jnp.asarray(self.spread),
             kappa=jnp.asarray(self.kappa),
             coupling=jnp.asarray(self.demand.coupling),
-            layer=jnp.asarray(self.subject.cover()[1], float),
         )
 
     def _passing(self, more: Floats | None, misread: Floats | None) -> Passing:
-        narrowing, sliding, n = self.narrowing, self.sliding, self.samples
+        narrowing, sliding = self.narrowing, self.sliding
         free, held, bend = self.known
         if misread is not None:
             extra = self._misled(misread)
             free, held = free + extra, held + extra
-        push, first = self.demand.push, self.late
-        stray = np.broadcast_to(self.demand.stray, push.shape[1:]) + (0.0 if more is None else more)
-        if self.ideal is None:
-            # Between two samples w* is off the line by an eighth of its second difference.
-            curved = np.zeros(push.shape[1:])
-            if push.shape[1] > 2:
-                curved[1:-1] = np.max(np.abs(np.diff(push, 2, axis=1)), axis=0) / 8.0
-                curved[:-1] = np.maximum(curved[:-1], curved[1:])
-            stray = stray + curved
-        later = np.concatenate([stray, np.repeat(stray[-1:], 3, axis=0)]) * self.period**2
-        stray = np.array([later[first + k : first + k + n] for k in range(3)]).max(axis=0)
-        target, eps, turn = self._planned()
+        stray = self.strayed(more)
+        target, eps, turn = self.planned()
         given = (narrowing.now, narrowing.ahead, free, held, stray, bend, target, eps, turn)
         reached = (sliding.size, sliding.s_next, sliding.root, sliding.mass, sliding.grown)
         return Passing(*(jnp.asarray(one) for one in (*given, *reached)))
@@ -220,43 +103,9 @@ class Assembly:
     def _misled(self, misread: Floats) -> Floats:
         """What commands that are predicted as others do at most, by the largest of those that are not forgotten."""
         assert self.kernels is not None
-        found: Floats = self._recent(misread)[:, None, None, :, None] * self.kernels.of_command[None, None]
-        if self.demand.relearnt is not None:
-            moved = self._recent(self.demand.relearnt)
-            found = found + moved[:, None, None, :, None] * self.kernels.of_estimate[None, None]
-        return found
-
-    def _recent(self, sizes: Floats) -> Floats:
-        """The largest of those that a loop has not forgotten [N n], in units of periods."""
-        assert self.kernels is not None
         length = self.kernels.of_push.shape[-1]
-        size = np.concatenate([sizes[self.late :], np.repeat(sizes[-1:], self.late, axis=0)])[: self.samples]
-        padded = np.concatenate([np.repeat(size[:1], length - 1, axis=0), size])
-        window: Floats = np.lib.stride_tricks.sliding_window_view(padded, length, axis=0).max(axis=-1)
-        return self.period**2 * window
-
-    def _planned(self) -> tuple[Floats, Floats, Floats]:
-        """The ideal arm's x and ε, and `|Δx - ΔN ψ|` from the sample before [N n]."""
-        n, narrowing = self.samples, self.narrowing
-        if self.ideal is None:
-            return (np.zeros((n, self.e.size)),) * 3
-        target, eps = self.ideal.target[:n], self.ideal.eps[:n]
-        place = np.asarray(jax.vmap(lambda one: psi(one, self.sides))(jnp.asarray(eps)))
-        turn = np.zeros_like(target)
-        turn[1:] = np.abs(np.diff(target, axis=0) - np.diff(narrowing.now, axis=0) * place[:-1])
-        return target, eps, turn
-
-    def _share(self, error: Floats, bounds: Bounds) -> Floats:
-        """The bound over the envelope's side at each sample of the run, from when the first torque sets in."""
-        part = self.subject.dead_time % 1.0
-        times = self.set_in
-        if part > 0:
-            # A sample lies between two settings in; there e is off the line between them by h² ë/8 at most.
-            off = bounds.acceleration[:-1, None] / 8.0
-            error = np.maximum(error[:-1], error[1:]) + off
-            times = self.set_in[:-1] + (1.0 - part) * self.period
-        drawn = self.subject.drawn
-        radius = np.asarray(jax.vmap(lambda t: jnp.broadcast_to(drawn.performance.radius(t), self.e.shape))(times))
-        sides = np.stack([-np.asarray(self.sides.lower), np.asarray(self.sides.upper)])
-        found: Floats = np.max(error / (sides[None] * radius[:, None]), axis=1)
+        found: Floats = self.recent(misread, length)[:, None, None, :, None] * self.kernels.of_command[None, None]
+        if self.demand.relearnt is not None:
+            moved = self.recent(self.demand.relearnt, length)
+            found = found + moved[:, None, None, :, None] * self.kernels.of_estimate[None, None]
         return found

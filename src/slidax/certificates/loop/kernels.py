@@ -120,7 +120,7 @@ def _of_one(loop: LinearLoop, kappa: float, length: int) -> dict[str, Floats]:
     noise_tail = np.array([beyond(one, length) for one in noise])
     size_of_noise = np.sum(np.abs(by_noise), axis=2)
     return {
-        "of_push": _largest(by_v, by_q),
+        "of_push": largest_within(by_v, by_q),
         "of_place": np.abs(placed),
         "of_change": np.abs(np.cumsum(placed, axis=1)),
         "push_tail": beyond(kick_v, length - whole) + beyond(kick_q, length - whole),
@@ -143,7 +143,7 @@ def _summed(placed: Floats, tail: Floats) -> Floats:
 
 
 def outputs_of(raw: Floats, at: NDArray[np.integer[Any]], whole: int, loop: LinearLoop, kappa: float) -> Floats:
-    """The outputs [9 L] from the rows that a loop is asked for [7 K], from its sample 0 on; before it all is zero.
+    """The outputs [9 L ...] from the rows that a loop is asked for [7 K ...], from sample 0 on; before it all is zero.
 
     - `raw`: the rows.
     - `at`: numbers of the decisions [L]; the torque of one sets in `whole` samples later.
@@ -152,11 +152,13 @@ def outputs_of(raw: Floats, at: NDArray[np.integer[Any]], whole: int, loop: Line
     """
     lead, r = loop.horizon - 0.5, 1.0 / loop.horizon
 
+    more = raw.shape[2:]
+
     def row(i: int, k: NDArray[np.integer[Any]]) -> Floats:
-        return np.where(k >= 0, raw[i, np.maximum(k, 0)], 0.0)
+        return np.where((k >= 0).reshape(-1, *[1] * len(more)), raw[i, np.maximum(k, 0)], 0.0)
 
     led = row(2, at)
-    found = np.empty((OUTPUTS, at.size))
+    found = np.empty((OUTPUTS, at.size, *more))
     found[LED] = led
     found[ERROR] = row(0, at + whole)
     found[MISSED] = (row(2, at + 1) - (1.0 - r) * led) / r
@@ -169,7 +171,7 @@ def outputs_of(raw: Floats, at: NDArray[np.integer[Any]], whole: int, loop: Line
     return found
 
 
-def _largest(by_v: Floats, by_q: Floats) -> Floats:
+def largest_within(by_v: Floats, by_q: Floats) -> Floats:
     """`∫ |a + b (1 - t)| dt` over a period: a for what a step of the velocity does, b for one of the position."""
     end = by_v + by_q
     same = by_v * end >= 0.0

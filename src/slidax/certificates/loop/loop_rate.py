@@ -13,10 +13,12 @@ from slidax.scenarios import Scenario
 
 from ..demand import Demand
 from ..verdict import Assumption, Verdict
-from .assembled import Assembly, Certified
+from .assembled import Assembly
+from .coupled import SEGMENT, Coupled
 from .premises import of_the_loops
 from .proved import Proved, of_a_part, proved
 from .remedies import altered, found_remedies, least, resampled, scaled, tried
+from .setting import Certified, Setting
 from .subject import Subject
 
 Floats = NDArray[np.floating[Any]]
@@ -34,6 +36,9 @@ INSTANTS = 200
 
 FEW = 3
 """Joints up to which other numbers of the law are tried as remedies, each with its own cases."""
+
+PARTS = (0.5, 0.2)
+"""Of what is uncertain, tried for more joints."""
 
 
 def loop_rate(
@@ -58,7 +63,7 @@ def loop_rate(
         statement = f"No bound of the error was found: {whole}. Nothing is said of whether the envelope holds"
         return Verdict(NAME, TITLE, False, None, {}, [Assumption(text, "fails")], statement)
     if not whole.assembly.stable:
-        return _unstable(whole.assembly)
+        return _unstable(whole.assembly) if isinstance(whole.assembly, Assembly) else _unstable_together(whole)
     if whole.found is None:
         return _unbounded(whole, _for_a_set(scenario, whole, chance) if remedies else [])
     listed = [*whole.premises, *whole.demand.assumptions]
@@ -94,7 +99,7 @@ def _of_a_demand(subject: Subject, demand: Demand, chance: float, remedies: bool
     return Verdict(NAME, TITLE, False, verdict.margin, verdict.bound, verdict.assumptions, verdict.statement, fixes)
 
 
-def _judged(assembly: Assembly, found: Certified, listed: list[Assumption], radius: Floats) -> Verdict:
+def _judged(assembly: Setting, found: Certified, listed: list[Assumption], radius: Floats) -> Verdict:
     """The verdict of a bound."""
     settled = settled_from(found)
     worst = np.max(found.share, axis=0)
@@ -124,7 +129,7 @@ def _judged(assembly: Assembly, found: Certified, listed: list[Assumption], radi
     return Verdict(NAME, TITLE, holds, float(1.0 - np.max(worst)), bound, listed, statement)
 
 
-def _over_time(assembly: Assembly, found: Certified) -> dict[str, Floats]:
+def _over_time(assembly: Setting, found: Certified) -> dict[str, Floats]:
     """The bound of |e| at some times, each the largest until the next."""
     e = np.max(found.error, axis=1)
     first = np.unique(np.linspace(0, len(e) - 1, INSTANTS).astype(int))
@@ -153,7 +158,7 @@ def _least_radius(scenario: Scenario, whole: Proved, chance: float) -> Floats:
     assert whole.found is not None
     final = np.broadcast_to(np.asarray(whole.assembly.subject.drawn.performance.final), whole.assembly.e.shape)
     radius = 1.1 * _asked_radius(whole.found)
-    for _ in range(TRIES):
+    for _ in range(TRIES if scenario.controller.joints <= FEW else 1):
         if _share_of(altered(scenario, {"scheme.performance.final": _rounded(radius)}), chance) < 1.0:
             return np.array(_rounded(radius))
         radius = 1.5 * radius
@@ -190,7 +195,8 @@ def _for_a_set(scenario: Scenario, whole: Proved, chance: float, radius: Floats 
         smaller = of_a_part(whole, part, chance)
         return 0.0 if smaller.holds else float("inf")
 
-    part = least(share, 1.0, 0.05)
+    few = scenario.controller.joints <= FEW
+    part = least(share, 1.0, 0.05) if few else next((one for one in PARTS if share(one) < 1.0), None)
     if part is not None:
         found.append(Remedy(f"{part:.2g} of what is uncertain, such as the payload", {}))
     return found
@@ -199,15 +205,33 @@ def _for_a_set(scenario: Scenario, whole: Proved, chance: float, radius: Floats 
 def _unbounded(whole: Proved, fixes: list[Remedy]) -> Verdict:
     """Where what is asked for beside the planned run feeds on itself."""
     kappa, coupling = np.asarray(whole.demand.kappa), float(np.max(whole.demand.coupling))
+    if isinstance(whole.assembly, Coupled):
+        grows = "what K is not known to, and what is asked beside the planned run, grows"
+    else:
+        grows = "the sums of the responses' sizes grow"
     text = "what the arms ask for beside the planned run has a bound that confirms itself"
     statement = (
         f"No bound of the error was found: with κ from {kappa.min():.2g} to {kappa.max():.2g}, and joints that move "
-        f"each other with up to {coupling:.2g} of their accelerations, the sums of the responses' sizes grow from "
+        f"each other with up to {coupling:.2g} of their accelerations, {grows} from "
         "sample to sample (docs/certificates/loop-rate.md). Nothing is said of whether the envelope holds; "
         "`statistical` has runs"
     )
     listed = [*whole.premises, *whole.demand.assumptions, Assumption(text, "fails")]
     return Verdict(NAME, TITLE, False, None, {"kappa": kappa}, listed, statement, fixes)
+
+
+def _unstable_together(whole: Proved) -> Verdict:
+    assert isinstance(whole.assembly, Coupled)
+    assembly, radius = whole.assembly, whole.assembly.radius
+    worst = int(np.argmax(radius))
+    time = float(assembly.set_in[worst * SEGMENT])
+    text = "the loops of all joints forget what they knew within 2048 periods, for each K that there is, if it stayed"
+    statement = (
+        f"the loops of the joints together do not settle with the K of t = {time:.3g} s (modulus {radius[worst]:.4f} a "
+        "period), where joints of a wrongly known inertia move each other (docs/certificates/loop-rate.md)"
+    )
+    listed = [*whole.premises, Assumption(text, "fails", float(radius[worst]))]
+    return Verdict(NAME, TITLE, False, None, {"radius": radius}, listed, statement)
 
 
 def _unstable(assembly: Assembly) -> Verdict:

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
+from ..arm.part import Part
 from ..verdict import Assumption, Status
-from .assembled import Assembly, Certified
+from .assembled import Assembly
 from .entered import Entry
+from .setting import Certified, Setting
 
 
-def of_the_entry(entry: Entry, assembly: Assembly, spare: float) -> list[Assumption]:
+def of_the_entry(entry: Entry, assembly: Setting, spare: float) -> list[Assumption]:
     """How the arms of a set came to where their bounds begin.
 
     - `entry`: how.
@@ -48,7 +52,7 @@ def of_the_loops(assembly: Assembly, found: Certified, chance: float) -> list[As
     """
     spread = float(np.max(found.spread))
     cells = found.kappa.shape[1]
-    listed = [
+    return [
         Assumption(
             "κ may change in any way within its range"
             if cells == 1
@@ -57,9 +61,31 @@ def of_the_loops(assembly: Assembly, found: Certified, chance: float) -> list[As
             "proved" if cells == 1 else "assumed",
             (1.0 + spread) ** 2,
         ),
-        _covered(assembly, found),
-        _followed(assembly, found),
+        *of_the_law(assembly, found, chance),
     ]
+
+
+def of_the_parts(parts: Sequence[Part]) -> Assumption:
+    """How K is known for all arms of a set.
+
+    - `parts`: of the set.
+    """
+    arms = max(part.arms for part in parts)
+    text = (
+        f"K of every arm lies between those of {arms} {'member' if arms == 1 else 'members'} that were looked at"
+        f"{f', in each of {len(parts)} parts of the set' if len(parts) > 1 else ''}; along the "
+        "run it may change as it does"
+    )
+    return Assumption(text, "checked", float(len(parts)))
+
+
+def of_the_law(assembly: Setting, found: Certified, chance: float) -> list[Assumption]:
+    """That the law reaches s and follows what it estimates, and what else the bound takes for granted.
+
+    - `assembly`, `found`: the bound.
+    - `chance`: that normal noise is larger than is counted.
+    """
+    listed = [_covered(assembly, found), _followed(assembly, found)]
     if assembly.ideal is None:
         listed += [
             Assumption("torque and torque rate stay within their limits (see `torque_budget`)", "assumed"),
@@ -76,7 +102,7 @@ def of_the_loops(assembly: Assembly, found: Certified, chance: float) -> list[As
     return listed
 
 
-def _covered(assembly: Assembly, found: Certified) -> Assumption:
+def _covered(assembly: Setting, found: Certified) -> Assumption:
     """That u keeps s at zero."""
     u, layer = assembly.sliding.cover, assembly.subject.cover()[1]
     if np.isinf(u).all():
@@ -102,7 +128,7 @@ def _covered(assembly: Assembly, found: Certified) -> Assumption:
     return Assumption(text, "assumed", since)
 
 
-def _followed(assembly: Assembly, found: Certified) -> Assumption:
+def _followed(assembly: Setting, found: Certified) -> Assumption:
     """That the estimate is compensated as a whole."""
     u, h = assembly.sliding.cover, assembly.period
     missed = np.linalg.norm(np.einsum("kij,kj->ki", assembly.sliding.mass, found.bounds.estimate / h**2), axis=1)

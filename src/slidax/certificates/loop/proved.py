@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,13 +12,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arm.demand import demand as demand_of
+from ..arm.part import Part
 from ..demand import Demand
 from ..verdict import Assumption
-from .assembled import Assembly, Certified, Since
+from .assembled import Assembly
+from .at_rest import at_rest
+from .coupled import Coupled
 from .entered import Entry, approached
 from .ideal import Ideal, ideal_of
-from .premises import of_the_entry, of_the_loops
+from .jointly import JOINTS, jointly
+from .premises import of_the_entry, of_the_law, of_the_loops, of_the_parts
 from .remedies import scaled
+from .setting import Certified, Since
 from .subject import Subject
 
 Floats = NDArray[np.floating[Any]]
@@ -31,18 +37,6 @@ BEGINNINGS = (0.0, 0.3, 0.6, 1.0)
 NARROW = 1.05
 """An envelope has reached its final width where it is at most so many times as wide as at the end."""
 
-ROUNDS = 16
-"""In which what is asked for beside the planned run must have come to rest."""
-
-ABOVE = 1.05
-"""By which each round takes more than it found, so that the next may confirm it."""
-
-AGAIN = 2.0
-"""A torque is computed for one prediction, and what it does is predicted from another: each misses as much."""
-
-FAR = 1e3
-"""Shares of an envelope's side from which on a bound is none."""
-
 
 @dataclass(frozen=True, eq=False)
 class Proved:
@@ -52,14 +46,16 @@ class Proved:
     - `ideal`: the run that is planned from there, `demand` what the set asks for along it.
     - `assembly`, `found`: the bounds; None where a loop does not settle, or no bound was found.
     - `premises`: what the bounds stand on, beside what is asked of the loops.
+    - `parts`: of the set, where the joints' loops are taken as one.
     """
 
     entry: Entry
     ideal: Ideal
     demand: Demand
-    assembly: Assembly
+    assembly: Assembly | Coupled
     found: Certified | None
     premises: list[Assumption]
+    parts: Sequence[Part] = ()
 
     @property
     def holds(self) -> bool:
@@ -81,7 +77,7 @@ def proved(subject: Subject, chance: float = 1e-3) -> Proved | str:
     if isinstance(approach, str):
         return approach
     narrow = max(_narrow(subject, approach.samples), approach.late)
-    for share in BEGINNINGS:
+    for share in BEGINNINGS if subject.law.joints < JOINTS else BEGINNINGS[-1:]:
         entry = approach.entry(approach.late + round(share * (narrow - approach.late)))
         ideal = ideal_of(subject, entry)
         demand = demand_of(subject.scenario, along=ideal.motion, seen=entry.seen)
@@ -107,39 +103,30 @@ def of_a_part(whole: Proved, part: float, chance: float = 1e-3) -> Proved:
     - `part`: of each of its numbers.
     - `chance`: as in `proved`.
     """
-    return _bounded(whole.assembly.subject, whole.entry, whole.ideal, scaled(whole.demand, part), chance, part)
+    parts = [one.shrunk(part) for one in whole.parts]
+    subject, demand = whole.assembly.subject, scaled(whole.demand, part)
+    return _bounded(subject, whole.entry, whole.ideal, demand, chance, part, parts)
 
 
-def _bounded(subject: Subject, entry: Entry, ideal: Ideal, demand: Demand, chance: float, part: float = 1.0) -> Proved:
-    assembly = Assembly(subject, demand, chance, Since(ideal, part * SPARE * entry.states, part * SPARE * entry.slid))
-    found = _at_rest(assembly) if assembly.stable else None
+def _bounded(
+    subject: Subject,
+    entry: Entry,
+    ideal: Ideal,
+    demand: Demand,
+    chance: float,
+    part: float = 1.0,
+    parts: list[Part] | None = None,
+) -> Proved:
+    since = Since(ideal, part * SPARE * entry.states, part * SPARE * entry.slid)
+    if subject.law.joints >= JOINTS:
+        whole = jointly(subject, entry, demand, since, chance, parts)
+        premises = of_the_entry(entry, whole.worst, SPARE)
+        if whole.found is not None:
+            premises += [of_the_parts(whole.parts), *of_the_law(whole.worst, whole.found, chance)]
+        return Proved(entry, ideal, demand, whole.worst, whole.found, premises, whole.parts)
+    assembly = Assembly(subject, demand, chance, since)
+    found = at_rest(assembly) if assembly.stable else None
     premises = of_the_entry(entry, assembly, SPARE)
     if found is not None:
         premises += of_the_loops(assembly, found, chance)
     return Proved(entry, ideal, demand, assembly, found, premises)
-
-
-def _at_rest(assembly: Assembly) -> Certified | None:
-    """Bounds that ask for no more beside the planned run than they were given; None if none was found.
-
-    Each round takes what the last one's bounds ask for. Where it finds no more than that, induction over the samples
-    shows that the bounds are true: what is asked for in a period depends on what came before.
-    """
-    demand = assembly.demand
-    assert demand.beside is not None
-    assert demand.misread is not None
-    late = assembly.subject.law.delay > 0.0
-    more = misread = np.zeros(demand.push.shape[1:])
-    for _ in range(ROUNDS):
-        found = assembly.certified(more, misread)
-        if not np.max(found.share) < FAR:
-            return None
-        radius, speed, missed, lapse = assembly.reach(found)
-        read = demand.misread(missed, lapse)
-        asked = demand.beside(radius, speed) + read
-        if (asked <= more).all() and (AGAIN * late * read <= misread).all():
-            return found
-        more, misread = np.maximum(more, ABOVE * asked), np.maximum(misread, ABOVE * AGAIN * late * read)
-        if not np.isfinite(more).all():
-            return None
-    return None

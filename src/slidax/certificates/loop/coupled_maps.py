@@ -1,0 +1,81 @@
+"""The loops of all joints as one, where the joints move each other as one matrix K says."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slidax.diagnosis.linear_loop import LinearLoop
+
+Floats = NDArray[np.floating[Any]]
+
+
+@dataclass(frozen=True)
+class CoupledMaps:
+    """One period of all loops: `ë = K (a + w*)`, a being what each joint's law commands; units of periods.
+
+    The states of the joints' own loops (`LinearLoop.maps`) follow each other, and `asked` has its rows for each joint.
+
+    - `step`: [S S]; `asked`: [7 n S].
+    - `enters`: from each joint's noise of position and velocity, place, push and push at the end [5 S n]; `direct`: the
+      same to the rows [5 7 n n]. A push w* acts through K.
+    - `own`: states of one joint.
+    """
+
+    step: Floats
+    asked: Floats
+    enters: Floats
+    direct: Floats
+    own: int
+
+    @classmethod
+    def of(cls, loops: Sequence[LinearLoop], matrix: Floats) -> CoupledMaps:
+        """Those of the joints' loops.
+
+        - `loops`: of the joints, with one horizon and delay.
+        - `matrix`: K [n n].
+        """
+        n = len(loops)
+        still, moved = [loop.maps(0.0) for loop in loops], [loop.maps(1.0) for loop in loops]
+        own = still[0].step.shape[0]
+        step, asked = np.zeros((n, own, n, own)), np.zeros((7, n, n, own))
+        enters, direct = np.zeros((5, n, own, n)), np.zeros((5, 7, n, n))
+        for i in range(n):
+            step[i, :, i], asked[:, i, i] = still[i].step, still[i].asked
+            enters[:3, i, :, i] = still[i].enters.T[:3]
+            direct[:3, :, i, i] = still[i].direct.T[:3]
+            for j in range(n):
+                # What joint j commands moves joint i.
+                share = matrix[i, j]
+                step[i, :, j] += share * (moved[j].step - still[j].step)
+                asked[:, i, j] += share * (moved[j].asked - still[j].asked)
+                enters[:3, i, :, j] += share * (moved[j].enters - still[j].enters).T[:3]
+                direct[:3, :, i, j] += share * (moved[j].direct - still[j].direct).T[:3]
+                enters[3:, i, :, j] = share * still[i].enters.T[3:]
+                direct[3:, :, i, j] = share * still[i].direct.T[3:]
+        size = n * own
+        return cls(step.reshape(size, size), asked.reshape(7, n, size), enters.reshape(5, size, n), direct, own)
+
+    @property
+    def joints(self) -> int:
+        """N."""
+        return int(self.asked.shape[1])
+
+    @property
+    def radius(self) -> float:
+        """The largest modulus of an eigenvalue over one period; below 1 the loops are stable."""
+        return float(np.max(np.abs(np.linalg.eigvals(self.step))))
+
+    def placed(self, states: Floats, joint: int) -> Floats:
+        """States of one joint's loop as those of all [S m], the others at rest.
+
+        - `states`: [s m].
+        - `joint`: whose.
+        """
+        found = np.zeros((self.step.shape[0], states.shape[1]))
+        found[joint * self.own : (joint + 1) * self.own] = states
+        return found
