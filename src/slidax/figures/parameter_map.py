@@ -6,7 +6,9 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
+from matplotlib.axis import Axis
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
 from .style import LIMIT, LINES, styled
 
@@ -39,16 +41,20 @@ def parameter_map(axes: Mapping[str, np.ndarray], values: np.ndarray, label: str
             panel.contour(x, y, shown.T, levels=[bound], colors=LIMIT["color"], linewidths=1.2)
         figure.colorbar(mesh, ax=panel, label=label)
         panel.set_ylabel(second)
-        _logarithmic(y, panel.set_yscale)
+        _logarithmic(y, panel.set_yscale, panel.yaxis)
         panel.grid(False)
     panel.set_xlabel(first)
-    _logarithmic(x, panel.set_xscale)
+    _logarithmic(x, panel.set_xscale, panel.xaxis)
     return figure
 
 
-def _logarithmic(numbers: np.ndarray, set_scale: Callable[[str], Any]) -> None:
+def _logarithmic(numbers: np.ndarray, set_scale: Callable[[str], Any], axis: Axis) -> None:
     """Where the steps between the values are rather factors than distances."""
     if len(numbers) > 2 and np.min(numbers) > 0 and np.max(numbers) > 5 * np.min(numbers):
         ratios, steps = np.diff(np.log(numbers)), np.diff(numbers)
         if np.ptp(ratios) / abs(ratios.mean()) < np.ptp(steps) / abs(steps.mean()):
             set_scale("log")
+            if numbers[-1] < 1e3 * numbers[0]:
+                axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+                axis.set_major_formatter(StrMethodFormatter("{x:g}"))
+                axis.set_minor_formatter(NullFormatter())
