@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
@@ -16,8 +18,9 @@ from slidax.performance import FixedTime
 from slidax.reaching import UncertaintyBound
 from slidax.robots import AbstractRobot
 from slidax.scenarios import Scenario, load
-from slidax.simulation import Plant, simulate_batch
+from slidax.simulation import Plant
 from slidax.trajectories import Constant
+from tests.certificates.soundness.batches import simulated
 
 
 class LinearArm(AbstractRobot):
@@ -61,7 +64,8 @@ class Changing(AbstractDisturbance):
 
 
 def scenario(
-    rng: np.random.Generator, *, delay: int, kalman: bool, resolution: float, samples: int, joints: int = 2
+    rng: np.random.Generator, *, delay: int, kalman: bool, resolution: float, samples: int, joints: int = 2,
+    period: float | None = None,
 ) -> Scenario:
     """A random law on a random arm that it knows.
 
@@ -71,8 +75,9 @@ def scenario(
     - `resolution`: of the encoders [rad].
     - `samples`: of the run.
     - `joints`: of the arm.
+    - `period`: h [s]; drawn if not given.
     """
-    h = float(10 ** rng.uniform(-3.3, -2.4))
+    h = float(10 ** rng.uniform(-3.3, -2.4)) if period is None else period
     horizon = h * rng.uniform(2.0, 8.0)
     inertia = np.diag(10 ** rng.uniform(-1.0, 1.0, joints))
     error = rng.choice([-1.0, 1.0], joints) * 10 ** rng.uniform(-6.0, -0.3, joints)
@@ -121,22 +126,26 @@ def demand(
     )
 
 
-def errors(one: Scenario, inertias: np.ndarray, pushes: np.ndarray) -> np.ndarray:
-    """e of many runs of the law itself [m N n].
+def errors(ones: Sequence[Scenario], inertias: np.ndarray, pushes: np.ndarray) -> np.ndarray:
+    """e of many runs of each law itself [laws m N n].
 
-    - `one`: its scenario.
-    - `inertias`: of the true arms [m n n].
-    - `pushes`: w* in each period [m k n], rad/s².
+    - `ones`: their scenarios, of one period, delay and kind of estimator.
+    - `inertias`: of the true arms [laws m n n].
+    - `pushes`: w* in each period [laws m k n], rad/s².
     """
-    torques = np.einsum("ij,mkj->mki", np.asarray(one.controller.nominal.inertia), pushes)
+    first = ones[0]
+    believed = np.stack([np.asarray(one.controller.nominal.inertia) for one in ones])
+    torques = np.einsum("lij,lmkj->lmki", believed, pushes)
+    starts = np.stack([np.asarray(one.state0.q) for one in ones])
+    starts = np.repeat(starts[:, None], inertias.shape[1], axis=1)
 
-    def define(given):
-        inertia, torque = given
-        plant = Plant(LinearArm(inertia), Changing(torque, one.period), one.plant.sensor)
-        return plant, one.controller, one.trajectory, one.state0
+    def parts(law, given):
+        inertia, torque, q = given
+        plant = Plant(LinearArm(inertia), Changing(torque, first.period), first.plant.sensor)
+        return plant, law, first.trajectory, State(q=q, dq=jnp.zeros(law.joints))
 
-    stepping = one.replace(outside="recover", substeps=4).stepping
-    run = simulate_batch(
-        define, (jnp.asarray(inertias), jnp.asarray(torques)), t1=one.t1, stepping=stepping, log_every=1
-    )
-    return np.asarray(run.log.e)
+    stepping = first.replace(outside="recover", substeps=4).stepping
+    laws = [one.controller for one in ones]
+    run = simulated(laws, (inertias, torques, starts), parts, t1=first.t1, stepping=stepping)
+    e = np.asarray(run.log.e)
+    return e.reshape(*inertias.shape[:2], *e.shape[1:])

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+import numpy as np
+
 
 @dataclass
 class Counted:
@@ -26,21 +28,21 @@ class Counted:
     joints: set[int] = field(default_factory=set)
     notes: list[str] = field(default_factory=list)
 
-    def kept(self, shares: object, joints: int, where: str = "", slack: float = 1e-6) -> None:
+    def kept(self, shares: object, joints: int, where: str = "", slack: float = 1e-6, nearest: float | None = None) -> None:
         """Counts cases by the share of the bound that each came to.
 
         - `shares`: an array of numbers, one per case.
         - `joints`: of their arm.
         - `where`: what to say of those that came beyond it.
         - `slack`: of rounding.
+        - `nearest`: the largest of those that say how sharp the bound is; of all if not given.
         """
-        import numpy as np
-
         each = np.ravel(np.asarray(shares, float))
         beyond = ~(each <= 1.0 + slack)
         self.cases += each.size
         self.exceeded += int(beyond.sum())
-        self.nearest = max(self.nearest, float(np.max(each[np.isfinite(each)], initial=0.0)))
+        largest = float(np.max(each[np.isfinite(each)], initial=0.0)) if nearest is None else nearest
+        self.nearest = max(self.nearest, largest)
         self.joints.add(joints)
         if beyond.any():
             self.notes.append(f"{where}: {int(beyond.sum())} of {each.size} beyond, {np.max(each):.6g}")
