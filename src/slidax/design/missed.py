@@ -67,7 +67,10 @@ def missed_in_cases(trials: Trials, choice: Choice) -> Missed:
     """
     told, cases = trials.frame.values(choice), trials.cases(FEW)
     rows = len(next(iter(cases.values()))) if cases else 1
-    values: Values = {**cases, **{path: np.repeat(np.asarray([one], float), rows, axis=0) for path, one in told.items()}}
+    values: Values = {
+        **cases,
+        **{path: np.repeat(np.asarray([one], float), rows, axis=0) for path, one in told.items()},
+    }
     delay, h = trials.frame.delay, trials.frame.period
     worst = []
     for run in Cases(trials.family).logged(values):

@@ -64,7 +64,13 @@ class Changing(AbstractDisturbance):
 
 
 def scenario(
-    rng: np.random.Generator, *, delay: int, kalman: bool, resolution: float, samples: int, joints: int = 2,
+    rng: np.random.Generator,
+    *,
+    delay: int,
+    kalman: bool,
+    resolution: float,
+    samples: int,
+    joints: int = 2,
     period: float | None = None,
 ) -> Scenario:
     """A random law on a random arm that it knows.

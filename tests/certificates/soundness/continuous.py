@@ -58,7 +58,13 @@ def _base() -> Scenario:
 def _parts(law: Any) -> dict[str, Any]:
     still = np.zeros(law.joints)
     arm = Plant(law.nominal, Changing(still[None], END))
-    return {"plant": arm, "controller": law, "trajectory": Constant(still), "state0": State(q=still, dq=still), "t1": END}
+    return {
+        "plant": arm,
+        "controller": law,
+        "trajectory": Constant(still),
+        "state0": State(q=still, dq=still),
+        "t1": END,
+    }
 
 
 def scenario_of(law: Any, start: State, pushes: np.ndarray) -> Scenario:

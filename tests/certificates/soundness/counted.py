@@ -28,7 +28,9 @@ class Counted:
     joints: set[int] = field(default_factory=set)
     notes: list[str] = field(default_factory=list)
 
-    def kept(self, shares: object, joints: int, where: str = "", slack: float = 1e-6, nearest: float | None = None) -> None:
+    def kept(
+        self, shares: object, joints: int, where: str = "", slack: float = 1e-6, nearest: float | None = None
+    ) -> None:
         """Counts cases by the share of the bound that each came to.
 
         - `shares`: an array of numbers, one per case.
@@ -55,6 +57,4 @@ class Counted:
         """
         joints = f"{min(self.joints)} to {max(self.joints)}" if len(self.joints) > 1 else str(*self.joints)
         nearest = f"{self.nearest:.3f}" if self.cases else ""
-        return (
-            f"| `{name}` | {what} | {joints} | {self.cases} | {self.exceeded} | {nearest} | {self.refused} | {self.missed} |"
-        )
+        return f"| `{name}` | {what} | {joints} | {self.cases} | {self.exceeded} | {nearest} | {self.refused} | {self.missed} |"
