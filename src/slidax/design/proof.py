@@ -78,7 +78,7 @@ def radius_of(verdict: Verdict | None) -> Floats | None:
 
 
 def held_for(verdict: Verdict | None, final: Floats) -> Verdict | None:
-    """The same with the final radii that it was found to hold for, where it holds, and not those that its bound asks for.
+    """The same with the final radii that it holds for, if it does, in place of those that its bound asks for.
 
     - `verdict`: of `loop_rate`.
     - `final`: ρ∞ of the law that it is about [n].

@@ -1,4 +1,4 @@
-"""The rule along time, with delay, noise and s⁺: steps of the law's own plan on joints that are pushed, in large numbers."""
+"""The rule along time, with delay, noise and s⁺: steps of the law's own plan on many pushed joints."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ LONGEST = 4
 
 
 def drawn(rng: np.random.Generator, joints: int) -> dict:
-    """Joints with envelopes, surfaces, starts over six decades and bounds of their pushes; one h, H, delay and noise."""
+    """Joints with envelopes, surfaces, starts over six decades and bounds of pushes; one h, H, delay and noise."""
     h = float(10 ** rng.uniform(-3.7, -2.0))
     horizon = h * float(rng.uniform(1.5, 12.0))
     overshoot = float(rng.uniform(0.1, 1.0 - 1e-9))

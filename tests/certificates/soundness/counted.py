@@ -57,4 +57,5 @@ class Counted:
         """
         joints = f"{min(self.joints)} to {max(self.joints)}" if len(self.joints) > 1 else str(*self.joints)
         nearest = f"{self.nearest:.3f}" if self.cases else ""
-        return f"| `{name}` | {what} | {joints} | {self.cases} | {self.exceeded} | {nearest} | {self.refused} | {self.missed} |"
+        numbers = f"{self.cases} | {self.exceeded} | {nearest} | {self.refused} | {self.missed}"
+        return f"| `{name}` | {what} | {joints} | {numbers} |"

@@ -10,8 +10,6 @@ from slidax.certificates.loop.assembled import Assembly, Certified
 from slidax.certificates.loop.subject import Subject
 from tests.certificates.loop.linear_arm import demand, errors, scenario
 
-from .counted import Counted
-
 SAMPLES = 240
 KINDS = [(delay, kalman) for delay in (0, 1, 2) for kalman in (False, True)]
 
