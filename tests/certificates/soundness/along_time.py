@@ -70,7 +70,7 @@ def _stepped(surface, sides, numbers, each, start):
         e, v, eps, before = carry
         radius, ahead, push, s_next, noise_q, noise_v = now
         # What the last pushes did since the measurement: whole periods, and the rest of an older one.
-        ages = jnp.arange(LONGEST)[:, None]
+        ages = jnp.arange(float(LONGEST))[:, None]
         share = jnp.clip(part + whole - ages, 0.0, 1.0)
         unseen_v = h * jnp.sum(share * before, axis=0)
         unseen_e = h * h * jnp.sum(share * before * (ages + 0.5 * share), axis=0)
