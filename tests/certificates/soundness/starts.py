@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+import jax.numpy as jnp
 import numpy as np
 
 from slidax._errors import DefinitionError
@@ -48,7 +49,7 @@ def judged(seed: int, sets: int, draws: int, joints: int, count: Counted) -> Non
 def _of_a_set(rng: np.random.Generator, joints: int, draws: int) -> tuple[Any, np.ndarray]:
     base = load(ARMS[joints], {"simulation.t1": 0.1})
     own = np.asarray(base.state0.q, float)
-    reference = np.asarray(base.trajectory.reference(np.zeros(())).q)
+    reference = np.asarray(base.trajectory.reference(jnp.zeros(())).q)
     initial = np.asarray(base.controller.transformation.performance.initial if joints < 6 else
                          base.controller.step.transformation.performance.initial) * np.ones(joints)  # fmt: skip
     room = initial - np.abs(own - reference)

@@ -8,9 +8,10 @@ from . import along_time, continuous, ratios, starts, warned
 from .counted import Counted
 
 
-def test_no_pushed_joint_comes_beyond_the_rule_along_time():
+@pytest.mark.parametrize("groups", [2, pytest.param(8, marks=pytest.mark.full)])
+def test_no_pushed_joint_comes_beyond_the_rule_along_time(groups):
     count = Counted()
-    along_time.judged(1, 2, 400, count)
+    along_time.judged(1, groups, 400, count)
     assert (count.exceeded, count.missed) == (0, 0), count.notes
     assert count.nearest > 0.99 and count.refused > 50
 
