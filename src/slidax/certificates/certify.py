@@ -88,13 +88,21 @@ class Certificates:
         return {"certificates": [one.as_json() for one in self.verdicts]}
 
 
-def certify(scenario: Scenario, *, runs: int = RUNS, seed: int = 0, without: Sequence[str] = ()) -> Certificates:
+def certify(
+    scenario: Scenario,
+    *,
+    runs: int = RUNS,
+    seed: int = 0,
+    without: Sequence[str] = (),
+    known: Sequence[Verdict] = (),
+) -> Certificates:
     """Each certificate's answer for a scenario.
 
     - `scenario`: what is asked about, with its block `uncertainty`.
     - `runs`: of the statistical certificate; with 0 it is left out.
     - `seed`: of these runs.
     - `without`: names of certificates that are left out.
+    - `known`: answers for this scenario that are there already, which are not asked for again.
 
     Raises DefinitionError if the scenario was changed in Python, so that no file says what it is, or its block
     `uncertainty` is invalid.
@@ -109,7 +117,9 @@ def certify(scenario: Scenario, *, runs: int = RUNS, seed: int = 0, without: Seq
     asked = [*((one.__name__, one) for one in CERTIFICATES if one.__name__ not in without)]
     if runs:
         asked.append((statistical.__name__, lambda one: statistical(one, runs, seed)))
-    return Certificates(scenario.name, tuple(_answer(name, one, scenario) for name, one in asked))
+    answers = {one.name: one for one in known}
+    found = (answers.get(name) or _answer(name, one, scenario) for name, one in asked)
+    return Certificates(scenario.name, tuple(found))
 
 
 def _answer(name: str, certificate: Callable[[Scenario], Verdict], scenario: Scenario) -> Verdict:

@@ -57,7 +57,9 @@ def _tell(found: Designed, out: Path, json: bool) -> None:
     out.parent.mkdir(parents=True, exist_ok=True)
     out.write_text(written(found, out.parent), encoding="utf-8")
     scenario = load(out)
-    certificates = Certificates(scenario.name, (*certify(scenario, runs=0), found.check))
+    # Where it does not hold it is asked again, for what would do.
+    known = () if found.rate is None or not found.rate.holds else (found.rate,)
+    certificates = Certificates(scenario.name, (*certify(scenario, runs=0, known=known), found.check))
     beside = write_design(found, out, certificates)
     if json:
         answer = {

@@ -16,7 +16,7 @@ from slidax.scenarios import ScenarioDescription
 from slidax.studies.search.island import require_cmaes
 
 from .choice import EXPONENT, OVERSHOOT, Choice, Frame, frame_of
-from .proof import Asked, asked_of, of_the_rate, radius_of
+from .proof import Asked, asked_of, held_for, of_the_rate, radius_of
 from .refusal import Refused, of_accuracy, of_deadline, of_torque, of_torque_step, unproved
 from .requirements import Requirements
 from .search import LEAST_MARGIN, MANY, SPARE, cost, narrowest, searched
@@ -181,27 +181,33 @@ def _checked(
     """The same after its certificate and its check."""
     frame, choice, best = trials.frame, worst.choice, requirements.wishes.accuracy == "best"
     demand = None if asked is None else asked.demand
+
+    def rate_of(choice: Choice) -> Verdict | None:
+        return of_the_rate(_described(requirements, frame, choice).build("design"), demand)
+
     say("the certificate of the loops")
-    rate = of_the_rate(_described(requirements, frame, choice).build("design"), demand)
+    rate = rate_of(choice)
     certified = radius_of(rate)
     if certified is not None and best:
         wider = np.maximum(choice.final, 1.02 * certified)
-        if (wider <= LARGEST * frame.initial).all():
+        if (wider > choice.final).any() and (wider <= LARGEST * frame.initial).all():
             choice = replace(choice, final=wider)
-            rate = of_the_rate(_described(requirements, frame, choice).build("design"), demand)
-    proved = rate is not None and bool(rate.holds)
-    if requirements.wishes.proof == "certified" and not proved:
-        return unproved(rate, certified)
+            rate = rate_of(choice)
     for _ in range(TIMES):
+        proved = rate is not None and bool(rate.holds)
+        if requirements.wishes.proof == "certified" and not proved:
+            return unproved(trials, choice, rate, certified)
         say(f"{2 * runs} cases that were not seen before")
         description = _described(requirements, frame, choice, worst)
         check = statistical(description.build("design"), runs, seed=1)
         if check.holds is not False:
             found = "certified" if proved else "checked"
-            return Designed(description, found, frame, choice, worst, asked, rate, check, trials.runs)  # type: ignore[arg-type]
+            told = held_for(rate, choice.final)
+            return Designed(description, found, frame, choice, worst, asked, told, check, trials.runs)  # type: ignore[arg-type]
         if not best:
             break
         choice = replace(choice, final=np.minimum(WIDER * choice.final, LARGEST * frame.initial))
+        rate = rate_of(choice) if proved else rate
     return of_accuracy(trials, worst, None, check)
 
 

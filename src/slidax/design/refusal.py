@@ -12,6 +12,8 @@ from slidax._errors import DefinitionError
 from slidax.certificates.verdict import Verdict
 from slidax.diagnosis import Remedy
 
+from .choice import Choice
+from .missed import Missed, missed_by, missed_in_cases
 from .proof import Asked
 from .requirements import Requirements
 from .search import LEAST_MARGIN, MANY, SPARE
@@ -33,25 +35,29 @@ class Refused:
 
     - `reason`: one sentence with the joint, and the number against its limit.
     - `would_do`: changes of the requirements with which there is one, each by itself.
+    - `missed`: what each joint misses against the loop-rate rule; None where that is not the reason.
     """
 
     reason: str
     would_do: Sequence[Remedy]
+    missed: Missed | None = None
 
     def as_json(self) -> dict[str, Any]:
         """As `slidax design --json` prints it."""
         changes = [{"words": one.words, "set": dict(one.changes)} for one in self.would_do]
-        return {"designed": False, "reason": self.reason, "would_do": changes}
+        missed = {} if self.missed is None else {"missed": self.missed.as_json()}
+        return {"designed": False, "reason": self.reason, "would_do": changes, **missed}
 
 
-def refused(reason: str, would_do: list[Remedy]) -> Refused:
+def refused(reason: str, would_do: list[Remedy], missed: Missed | None = None) -> Refused:
     """A refusal.
 
     - `reason`: a sentence without its full stop.
     - `would_do`: what was found to do.
+    - `missed`: what each joint misses, if that is why.
     """
     words = ", or ".join(one.words for one in would_do)
-    return Refused(f"{reason}.{f' {words[:1].upper()}{words[1:]} would do.' if words else ''}", would_do)
+    return Refused(f"{reason}.{f' {words[:1].upper()}{words[1:]} would do.' if words else ''}", would_do, missed)
 
 
 def of_torque(requirements: Requirements, asked: Asked) -> Refused:
@@ -119,36 +125,40 @@ def of_accuracy(trials: Trials, best: Worst, held: Worst | None, check: Verdict 
     final = float(np.min(best.choice.final))
     unit = trials.requirements.robot.build().nominal.joint_units[best.joint]
     where = f"accuracy {final:.2g} {unit} at {1.0 / trials.frame.period:g} Hz"
+    missed = missed_in_cases(trials, best.choice)
     if check is not None:
         said = f"of {check.bound['runs']} random cases {check.bound['failures']} leave it"
     else:
         said = f"{best.outside} of {best.cases} cases leave it, first {_joint(trials, best)}"
         if not best.outside:
             said = f"{_joint(trials, best)} comes too near to it"
+    said = ", and ".join(one for one in (missed.in_words(), said) if one)
     would = []
     if held is not None:
         wider = float(f"{SPARE * float(np.min(held.choice.final)):.2g}")
         would.append(Remedy(f"{wider:g} {unit}", {"wishes.accuracy": _scaled(trials, wider / final)}))
     would += [*_rates(trials, best), *_payload(trials, best, trials.cases(MANY))]
-    return refused(f"{where} cannot be had: {said}", would)
+    return refused(f"{where} cannot be had: {said}", would, missed)
 
 
-def unproved(rate: Verdict | None, certified: Any) -> Refused:
+def unproved(trials: Trials, choice: Choice, rate: Verdict | None, certified: Any) -> Refused:
     """A certificate is wished, and there is none.
 
+    - `trials`: of which arm.
+    - `choice`: the law.
     - `rate`: what `loop_rate` says; None if nothing.
     - `certified`: the smallest final radii that it certifies; None if there are none.
     """
     if rate is None:
         return refused("a certificate is wished, and `loop_rate` has no answer for this arm", _unproved())
+    missed = missed_by(rate, trials, choice)
+    why = [one for one in ("" if missed is None else missed.in_words(), rate.statement) if one]
+    reason = f"a certificate is wished, and `loop_rate` gives none: {'; '.join(why)}"
     if certified is None:
-        return refused(f"a certificate is wished, and `loop_rate` gives none: {rate.statement}", _unproved())
+        return refused(reason, _unproved(), missed)
     radius = [float(f"{1.05 * one:.2g}") for one in certified]
     words = f"an accuracy of {max(radius):g}"
-    return refused(
-        f"a certificate is wished, and `loop_rate` gives none: {rate.statement}",
-        [Remedy(words, {"wishes.accuracy": radius}), *_unproved()],
-    )
+    return refused(reason, [Remedy(words, {"wishes.accuracy": radius}), *_unproved()], missed)
 
 
 def _unproved() -> list[Remedy]:

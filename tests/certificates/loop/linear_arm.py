@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import ClassVar
+from collections.abc import Sequence
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -18,16 +18,23 @@ from slidax.performance import FixedTime
 from slidax.reaching import UncertaintyBound
 from slidax.robots import AbstractRobot
 from slidax.scenarios import Scenario, load
-from slidax.simulation import Plant, simulate_batch
+from slidax.simulation import Plant
 from slidax.trajectories import Constant
+from tests.certificates.soundness.batches import simulated
 
 
 class LinearArm(AbstractRobot):
     """`M q̈ = τ + τ_d`."""
 
-    inertia: Matrix = eqx.field(converter=jnp.asarray)
-    joint_units: ClassVar[tuple[str, ...]] = ("rad", "rad")
-    joint_names: ClassVar[tuple[str, ...]] = ("one", "two")
+    inertia: Matrix
+    joint_units: tuple[str, ...] = eqx.field(static=True)
+    joint_names: tuple[str, ...] = eqx.field(static=True)
+
+    def __init__(self, inertia: Matrix) -> None:
+        self.inertia = jnp.asarray(inertia)
+        joints = self.inertia.shape[-1]
+        self.joint_units = ("rad",) * joints
+        self.joint_names = tuple(f"joint {k + 1}" for k in range(joints))
 
     def mass(self, q: Vector) -> Matrix:
         return self.inertia
@@ -56,21 +63,32 @@ class Changing(AbstractDisturbance):
         return self.torques[k]
 
 
-def scenario(rng: np.random.Generator, *, delay: int, kalman: bool, resolution: float, samples: int) -> Scenario:
-    """A random law on a random arm of two joints that it knows.
+def scenario(
+    rng: np.random.Generator,
+    *,
+    delay: int,
+    kalman: bool,
+    resolution: float,
+    samples: int,
+    joints: int = 2,
+    period: float | None = None,
+) -> Scenario:
+    """A random law on a random arm that it knows.
 
     - `rng`: the chance.
     - `delay`: of the sensor [periods].
     - `kalman`: whether velocities are estimated from positions.
     - `resolution`: of the encoders [rad].
     - `samples`: of the run.
+    - `joints`: of the arm.
+    - `period`: h [s]; drawn if not given.
     """
-    h = float(10 ** rng.uniform(-3.3, -2.4))
+    h = float(10 ** rng.uniform(-3.3, -2.4)) if period is None else period
     horizon = h * rng.uniform(2.0, 8.0)
-    inertia = np.diag(10 ** rng.uniform(-1.0, 1.0, 2))
-    error = rng.choice([-1.0, 1.0], 2) * 10 ** rng.uniform(-6.0, -0.3, 2)
-    initial = np.abs(error) * rng.uniform(1.3, 3.0, 2) + 200.0 * resolution
-    final = np.minimum(10 ** rng.uniform(-3.0, -1.5, 2), 0.5 * initial)
+    inertia = np.diag(10 ** rng.uniform(-1.0, 1.0, joints))
+    error = rng.choice([-1.0, 1.0], joints) * 10 ** rng.uniform(-6.0, -0.3, joints)
+    initial = np.abs(error) * rng.uniform(1.3, 3.0, joints) + 200.0 * resolution
+    final = np.minimum(10 ** rng.uniform(-3.0, -1.5, joints), 0.5 * initial)
     law = cftsmppc(
         LinearArm(inertia),
         performance=FixedTime(initial, final, 0.6 * samples * h, 2.01),
@@ -85,49 +103,55 @@ def scenario(rng: np.random.Generator, *, delay: int, kalman: bool, resolution: 
     made = sampled_data(law, period=h, horizon=horizon, estimator=estimator, delay=float(delay))
     changes = {"sensor.delay": delay, "actuator": {}, "sensor.resolution": resolution, "simulation.period": h}
     base = load("example-4.1-1khz", changes)
-    arm = Plant(LinearArm(inertia), Changing(np.zeros((1, 2)), h), base.plant.sensor)
-    start = State(q=error, dq=np.zeros(2))
+    arm = Plant(LinearArm(inertia), Changing(np.zeros((1, joints)), h), base.plant.sensor)
+    start = State(q=error, dq=np.zeros(joints))
     return base.replace(
-        plant=arm, controller=made, trajectory=Constant(np.zeros(2)), state0=start, t1=samples * h, limits="ignore"
+        plant=arm, controller=made, trajectory=Constant(np.zeros(joints)), state0=start, t1=samples * h, limits="ignore"
     )
 
 
-def demand(one: Scenario, *, stray: float, kappa: tuple[float, float], coupling: float) -> Demand:
+def demand(
+    one: Scenario, *, stray: float | np.ndarray, kappa: tuple[float, float], coupling: float | np.ndarray
+) -> Demand:
     """Any push within a bound, and an inertia that is wrong by so much.
 
     - `one`: the scenario.
-    - `stray`: w̄ [rad/s²].
-    - `kappa`: least and largest, of both joints.
-    - `coupling`: |K_ij/K_jj|.
+    - `stray`: w̄ [n], or of all joints [rad/s²].
+    - `kappa`: least and largest, of all joints.
+    - `coupling`: |K_ij/K_jj| [n n], or of all.
     """
     times = np.arange(round(one.t1 / one.period) + 1) * one.period
     n = one.controller.joints
     return Demand(
         times=times,
         push=np.zeros((1, times.size, n)),
-        stray=np.full((times.size, n), stray),
+        stray=np.broadcast_to(stray, (times.size, n)),
         kappa=np.array([[kappa[0]] * n, [kappa[1]] * n]),
         coupling=coupling * (1.0 - np.eye(n)),
         assumptions=(),
     )
 
 
-def errors(one: Scenario, inertias: np.ndarray, pushes: np.ndarray) -> np.ndarray:
-    """e of many runs of the law itself [m N n].
+def errors(ones: Sequence[Scenario], inertias: np.ndarray, pushes: np.ndarray) -> np.ndarray:
+    """e of many runs of each law itself [laws m N n].
 
-    - `one`: its scenario.
-    - `inertias`: of the true arms [m n n].
-    - `pushes`: w* in each period [m k n], rad/s².
+    - `ones`: their scenarios, of one period, delay and kind of estimator.
+    - `inertias`: of the true arms [laws m n n].
+    - `pushes`: w* in each period [laws m k n], rad/s².
     """
-    torques = np.einsum("ij,mkj->mki", np.asarray(one.controller.nominal.inertia), pushes)
+    first = ones[0]
+    believed = np.stack([np.asarray(one.controller.nominal.inertia) for one in ones])
+    torques = np.einsum("lij,lmkj->lmki", believed, pushes)
+    starts = np.stack([np.asarray(one.state0.q) for one in ones])
+    starts = np.repeat(starts[:, None], inertias.shape[1], axis=1)
 
-    def define(given):
-        inertia, torque = given
-        plant = Plant(LinearArm(inertia), Changing(torque, one.period), one.plant.sensor)
-        return plant, one.controller, one.trajectory, one.state0
+    def parts(law, given):
+        inertia, torque, q = given
+        plant = Plant(LinearArm(inertia), Changing(torque, first.period), first.plant.sensor)
+        return plant, law, first.trajectory, State(q=q, dq=jnp.zeros(law.joints))
 
-    stepping = one.replace(outside="recover", substeps=4).stepping
-    run = simulate_batch(
-        define, (jnp.asarray(inertias), jnp.asarray(torques)), t1=one.t1, stepping=stepping, log_every=1
-    )
-    return np.asarray(run.log.e)
+    stepping = first.replace(outside="recover", substeps=4).stepping
+    laws = [one.controller for one in ones]
+    run = simulated(laws, (inertias, torques, starts), parts, t1=first.t1, stepping=stepping)
+    e = np.asarray(run.log.e)
+    return e.reshape(*inertias.shape[:2], *e.shape[1:])

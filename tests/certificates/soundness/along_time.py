@@ -1,0 +1,150 @@
+"""The rule along time, with delay, noise and s⁺: steps of the law's own plan on many pushed joints."""
+
+from __future__ import annotations
+
+import functools
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from slidax.certificates.loop.narrowing import Narrowing
+from slidax.certificates.loop.rule import reached
+from slidax.controllers.steps.plan import Barrier
+from slidax.performance import FixedTime
+from slidax.surfaces import SmoothFixedTime
+from slidax.transformations import Frame, PrescribedPerformance, Sides
+
+from .counted import Counted
+
+SAMPLES = 200
+LONGEST = 4
+"""Delay that there is room for [periods]."""
+
+
+def drawn(rng: np.random.Generator, joints: int) -> dict:
+    """Joints with envelopes, surfaces, starts over six decades and bounds of pushes; one h, H, delay and noise."""
+    h = float(10 ** rng.uniform(-3.7, -2.0))
+    horizon = h * float(rng.uniform(1.5, 12.0))
+    overshoot = float(rng.uniform(0.1, 1.0 - 1e-9))
+    final = 10 ** rng.uniform(-4.5, -1.5, joints)
+    initial = final * 10 ** rng.uniform(0.3, 3.0, joints)
+    deadline = h * rng.uniform(0.2, 1.5, joints) * SAMPLES
+    envelope = PrescribedPerformance(FixedTime(initial, final, deadline, float(rng.uniform(2.01, 3.0))), overshoot)
+    sign = rng.choice([-1.0, 1.0], joints)
+    sides = Sides(jnp.asarray(np.where(sign > 0, -overshoot, -1.0)), jnp.asarray(np.where(sign > 0, 1.0, overshoot)))
+    seen = Narrowing.of(envelope, sides, period=h, horizon=horizon, times=np.arange(SAMPLES) * h)
+    surface = SmoothFixedTime(
+        k1=rng.uniform(0.05, 2.0, joints),
+        k2=rng.uniform(0.05, 2.0, joints),
+        p=rng.uniform(0.2, 0.9, joints),
+        q=rng.uniform(1.1, 2.0, joints),
+        delta=10 ** rng.uniform(-3.0, -0.5, joints),
+    )
+    delay = float(rng.choice([0.0, 1.0, 2.0, rng.uniform(0.0, LONGEST - 1.0)]))
+    size = overshoot * final / horizon**2
+    noisy = float(rng.choice([0.0, 1.0]))
+    noise = (
+        noisy * float(np.min(final)) * 10 ** rng.uniform(-3.0, -1.0),
+        noisy * float(np.min(final)) / horizon * 10 ** rng.uniform(-3.0, -1.0),
+    )
+    return {
+        "seen": seen,
+        "surface": surface,
+        "missed": size * 10 ** rng.uniform(-2.0, 0.5, joints) * np.ones((SAMPLES, 1)),
+        "s_next": rng.choice([0.0, 1.0]) * final * 10 ** rng.uniform(-2.0, 0.0, joints) * np.ones((SAMPLES, 1)),
+        "start": sign * initial * overshoot * 10 ** rng.uniform(-6.0, -0.02, joints),
+        "speed": initial * overshoot / horizon * rng.uniform(-0.1, 0.1, joints),
+        "delay": delay,
+        "noise": noise,
+    }
+
+
+@functools.partial(jax.jit)
+def _stepped(surface, sides, numbers, each, start):
+    """The errors under given pushes [N n]: the arm is a double integrator whose state is seen late and with noise."""
+    h, horizon, part, whole = numbers
+    lead = horizon - 0.5 * h
+
+    def step(carry, now):
+        e, v, eps, before = carry
+        radius, ahead, push, s_next, noise_q, noise_v = now
+        # What the last pushes did since the measurement: whole periods, and the rest of an older one.
+        ages = jnp.arange(float(LONGEST))[:, None]
+        share = jnp.clip(part + whole - ages, 0.0, 1.0)
+        unseen_v = h * jnp.sum(share * before, axis=0)
+        unseen_e = h * h * jnp.sum(share * before * (ages + 0.5 * share), axis=0)
+        seen_e, seen_v = e - unseen_e + noise_q, v - unseen_v + noise_v
+        y = seen_e + lead * seen_v
+        frame = Frame(now=radius, ahead=radius, sides=sides)
+        barrier = Barrier(frame, surface, horizon)
+        eps = barrier.solve(y + horizon * s_next, eps, barrier.value_and_slope(eps))
+        place = frame.place_and_slope(eps)[0]
+        a = ((ahead * place - y) / horizon - seen_v) / horizon + push
+        after = e + h * v + 0.5 * h * h * a, v + h * a, eps, jnp.concatenate([push[None], before[:-1]])
+        return after, e
+
+    e, v = start
+    begun = (e, v, jnp.zeros_like(e), jnp.zeros((LONGEST, e.size)))
+    return jax.lax.scan(step, begun, each)[1]
+
+
+def courses(rng: np.random.Generator, joints: int, kinds: int) -> np.ndarray:
+    """Signs of what pushes along time [kinds N n]: outwards on either side, by turns, at random, and once reversed."""
+    found = np.empty((kinds, SAMPLES, joints))
+    k = np.arange(SAMPLES)[:, None]
+    for kind in range(kinds):
+        if kind < 2:
+            found[kind] = 1.0 - 2.0 * kind
+        elif kind == 2:
+            found[kind] = np.sign(np.sin(10 ** rng.uniform(-2.0, 0.3, joints) * k + rng.uniform(0.0, 6.0, joints)))
+        elif kind == 3:
+            found[kind] = rng.choice([-1.0, 1.0], (SAMPLES, joints))
+        else:
+            found[kind] = np.where(k < rng.integers(0, SAMPLES, joints), -1.0, 1.0)
+    return found
+
+
+def judged(seed: int, groups: int, joints: int, count: Counted, kinds: int = 5) -> None:
+    """Counts the joints of some groups.
+
+    - `seed`: of all that is drawn.
+    - `groups`: with a period, a horizon, a delay and noise each.
+    - `joints`: of a group.
+    - `count`: in which they are counted.
+    - `kinds`: of courses of the pushes.
+    """
+    for group in range(groups):
+        rng = np.random.default_rng([seed, group])
+        given = drawn(rng, joints)
+        seen, surface, noise = given["seen"], given["surface"], given["noise"]
+        e, v = given["start"], given["speed"]
+        start = (e + seen.lead * v, e)
+        bound = reached(seen, surface, given["missed"], start, given["delay"], noise, given["s_next"])
+        sides = Sides(jnp.asarray(seen.lower), jnp.asarray(seen.upper))
+        numbers = tuple(
+            jnp.asarray(one) for one in (seen.period, seen.horizon, given["delay"] % 1.0, given["delay"] // 1.0)
+        )
+        below, above = bound.error
+        nearest = np.zeros(joints)
+        gone = np.zeros(joints, bool)
+        for signs in courses(rng, joints, kinds):
+            # Noise the other way makes the plan aim outwards; every so often it is anything.
+            against = np.where(rng.uniform(size=joints) < 0.5, -signs, rng.choice([-1.0, 1.0], signs.shape))
+            each = (
+                seen.now,
+                seen.ahead,
+                signs * given["missed"],
+                signs * given["s_next"],
+                against * noise[0],
+                against * noise[1],
+            )
+            found = np.asarray(_stepped(surface, sides, numbers, tuple(map(jnp.asarray, each)), (e, v)))
+            size = np.maximum(np.where(found > 0, above, below), 1e-15)
+            nearest = np.maximum(nearest, np.max(np.abs(found) / size, axis=0))
+            gone |= np.any((found >= seen.upper * seen.radius) | (found <= seen.lower * seen.radius), axis=0)
+        where = f"seed {seed}, group {group}"
+        count.kept(nearest, 1, where)
+        wrong = gone & bound.holds
+        count.refused += int((gone & ~bound.holds).sum())
+        count.missed += int(wrong.sum())

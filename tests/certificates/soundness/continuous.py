@@ -1,0 +1,162 @@
+"""`settling_time` and `ultimate_bound`: the printed law in continuous time on arms of constant inertia, in batches."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+
+from slidax._types import State
+from slidax.certificates.continuous import settling_time, ultimate_bound
+from slidax.certificates.continuous.law import PrintedLaw
+from slidax.controllers import cftsmppc
+from slidax.performance import FixedTime
+from slidax.reaching import UncertaintyBound
+from slidax.scenarios import Scenario, load
+from slidax.simulation import Plant
+from slidax.trajectories import Constant
+from tests.certificates.loop.linear_arm import Changing, LinearArm
+
+from .batches import simulated
+from .counted import Counted
+
+PERIOD, END, EVERY = 1e-3, 4.0, 4
+"""Of the integrator, of the runs [s], and of what is logged."""
+
+TURNS = 40
+"""How often what pushes turns within a run."""
+
+
+def law_of(rng: np.random.Generator, joints: int, layered: bool) -> Any:
+    """A random law with all hypotheses met: a constant inertia that it knows, and u beyond what pushes by k."""
+    root = rng.normal(size=(joints, joints))
+    inertia = np.eye(joints) * 10 ** rng.uniform(-1.0, 0.2)
+    if rng.uniform() < 0.5:
+        inertia = inertia + 0.05 * root @ root.T
+    heaviest = float(np.linalg.eigvalsh(inertia)[-1])
+    initial = rng.uniform(0.3, 1.5, joints)
+    layer = float(10 ** rng.uniform(-2.0, -1.0)) if layered else 0.0
+    return cftsmppc(
+        LinearArm(inertia),
+        performance=FixedTime(initial, initial * rng.uniform(0.02, 0.3, joints), rng.uniform(0.3, 1.5, joints), 2.01),
+        overshoot=float(rng.uniform(0.1, 0.9)),
+        bound=UncertaintyBound(1.0 / heaviest, 1.0 / heaviest, float(rng.uniform(0.5, 5.0)), 0.0, 0.0,
+                               float(rng.uniform(2.0, 8.0))),
+        gain=float(rng.uniform(0.1, 5.0)), exponent=float(rng.uniform(1.1, 1.8)), layer=layer,
+        k1=float(rng.uniform(0.6, 2.0)), k2=float(rng.uniform(0.8, 2.5)), p=float(rng.uniform(0.3, 0.8)),
+        q=float(rng.uniform(1.2, 1.8)), delta=float(rng.uniform(0.05, 0.3)),
+    )  # fmt: skip
+
+
+@lru_cache(maxsize=1)
+def _base() -> Scenario:
+    return load("example-4.1", {"simulation": {"mode": "continuous", "period": PERIOD, "t1": END}})
+
+
+def _parts(law: Any) -> dict[str, Any]:
+    still = np.zeros(law.joints)
+    arm = Plant(law.nominal, Changing(still[None], END))
+    return {
+        "plant": arm,
+        "controller": law,
+        "trajectory": Constant(still),
+        "state0": State(q=still, dq=still),
+        "t1": END,
+    }
+
+
+def scenario_of(law: Any, start: State, pushes: np.ndarray) -> Scenario:
+    """The law on its own arm.
+
+    - `law`: with its nominal arm.
+    - `start`: at t = 0.
+    - `pushes`: from outside, one after the other [k n], N m.
+    """
+    arm = Plant(law.nominal, Changing(pushes, END / len(pushes)))
+    return _base().replace(**{**_parts(law), "plant": arm, "state0": start})
+
+
+def starts_and_pushes(rng: np.random.Generator, law: Any, cases: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Errors over six decades, velocities and pushes as large as u allows for: steady ones, and ones that turn."""
+    joints = law.joints
+    initial = np.asarray(law.transformation.performance.initial)
+    q = rng.choice([-1.0, 1.0], (cases, joints)) * initial * 10 ** rng.uniform(-6.0, -0.03, (cases, joints))
+    dq = rng.uniform(-0.5, 0.5, (cases, joints)) * rng.choice([0.0, 1.0], (cases, 1))
+    direction = rng.normal(size=(cases, TURNS, joints))
+    steady = rng.uniform(size=cases) < 0.5
+    direction[steady] = direction[steady][:, :1]
+    size = float(law.bound.b0)
+    return q, dq, size * direction / np.linalg.norm(direction, axis=2, keepdims=True)
+
+
+def _runs(laws: list[Any], q: np.ndarray, dq: np.ndarray, pushes: np.ndarray) -> Any:
+    """Each law with its own cases: arrays [laws cases ...]."""
+
+    def parts(law: Any, given: Any) -> Any:
+        start, speed, torques = given
+        plant = Plant(law.nominal, Changing(torques, jnp.asarray(END / TURNS)))
+        return plant, law, Constant(jnp.zeros(law.joints)), State(q=start, dq=speed)
+
+    return simulated(laws, (q, dq, pushes), parts, t1=END, stepping=_base().stepping, log_every=EVERY)
+
+
+def judged_settling(seed: int, laws: int, cases: int, joints: int, count: Counted, each: int = 4) -> None:
+    """Counts cases of random laws: when |ε1| <= δ for good, over the bound for the start, or that for any start.
+
+    - `seed`: of all that is drawn.
+    - `laws`, `cases`: how many, and of each.
+    - `joints`: of the arms.
+    - `count`: in which they are counted, where the bound ends within the run.
+    - `each`: of one law, for which the bound of the start is computed; for the others it is that of any start.
+    """
+    rng = np.random.default_rng([seed, joints, 0])
+    made = [law_of(rng, joints, layered=False) for _ in range(laws)]
+    drawn = [starts_and_pushes(rng, law, cases) for law in made]
+    q, dq, pushes = (np.stack(one) for one in zip(*drawn, strict=True))
+    run = _runs(made, q, dq, pushes)
+    t = np.asarray(run.log.t)[0]
+    e = np.asarray(run.log.e).reshape(laws, cases, -1, joints)
+    for i, law in enumerate(made):
+        scenarios = [scenario_of(law, State(q=q[i, k], dq=dq[i, k]), pushes[i, k]) for k in range(min(each, cases))]
+        verdicts = [settling_time(one) for one in scenarios]
+        assert all(one.holds for one in verdicts), verdicts[0].assumptions
+        supremum = np.asarray(verdicts[0].bound["supremum"])
+        bounds = np.stack([*(np.asarray(one.bound["given_start"]) for one in verdicts), *[supremum] * (cases - each)])
+        assert np.all(bounds <= supremum * (1 + 1e-9))
+        assert np.all(supremum <= np.asarray(verdicts[0].bound["printed"]) * (1 + 1e-9))
+        printed = PrintedLaw.of(scenarios[0])
+        sides = printed.places(np.stack([printed.powers.delta, -printed.powers.delta]))
+        radius = printed.radius(t)
+        outside = (e[i] > sides[0] * radius) | (e[i] < sides[1] * radius)
+        last = len(t) - 1 - np.argmax(outside[:, ::-1], axis=1)
+        seen = np.where(outside.any(axis=1), t[last], 0.0)
+        within = bounds < END
+        count.kept((seen / bounds)[within], joints, f"seed {seed}, law {i}, {joints} joints")
+
+
+def judged_ultimate(seed: int, laws: int, cases: int, joints: int, count: Counted) -> None:
+    """Counts cases of random laws with a layer: |e| over its bound, once s and e have been as small as is assumed.
+
+    - `seed`, `laws`, `cases`, `joints`, `count`: as above.
+    """
+    rng = np.random.default_rng([seed, joints, 1])
+    made = [law_of(rng, joints, layered=True) for _ in range(laws)]
+    drawn = [starts_and_pushes(rng, law, cases) for law in made]
+    q, dq, pushes = (np.stack(one) for one in zip(*drawn, strict=True))
+    run = _runs(made, q, dq, pushes)
+    e = np.abs(np.asarray(run.log.e).reshape(laws, cases, -1, joints))
+    s = np.linalg.norm(np.asarray(run.log.signals["s"]), axis=2).reshape(laws, cases, -1)
+    for i, law in enumerate(made):
+        verdict = ultimate_bound(scenario_of(law, State(q=q[i, 0], dq=dq[i, 0]), pushes[i, 0]))
+        if not verdict.holds:
+            continue
+        values = np.linalg.eigvalsh(np.asarray(law.nominal.inertia))
+        small = float(verdict.bound["sliding_variable"]) / np.sqrt(values[-1] / values[0])
+        radius = PrintedLaw.of(_base().replace(**_parts(law))).radius(np.asarray(run.log.t)[0])
+        share = np.max(e[i] / (np.asarray(verdict.bound["error"]) * radius / radius[-1]), axis=2)
+        near = (s[i] <= small) & (share <= 1.0)
+        since = np.maximum.accumulate(near, axis=1)
+        kept = np.max(np.where(since, share, 0.0), axis=1)
+        count.kept(kept[near.any(axis=1)], joints, f"law {i}, {joints} joints")

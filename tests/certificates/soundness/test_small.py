@@ -1,0 +1,44 @@
+"""The small version of `scripts/measure-soundness`: nothing certified is exceeded, and what cannot be is refused."""
+
+from __future__ import annotations
+
+import pytest
+
+from . import along_time, continuous, ratios, starts, warned
+from .counted import Counted
+
+
+@pytest.mark.parametrize("groups", [2, pytest.param(8, marks=pytest.mark.full)])
+def test_no_pushed_joint_comes_beyond_the_rule_along_time(groups):
+    count = Counted()
+    along_time.judged(1, groups, 400, count)
+    assert (count.exceeded, count.missed) == (0, 0), count.notes
+    assert count.nearest > 0.99 and count.refused > 50
+
+
+def test_no_number_out_of_its_range_is_taken():
+    count = Counted()
+    starts.judged_parameters(1, 20, count)
+    assert count.missed == 0 and count.refused == 100, count.notes
+
+
+@pytest.mark.full
+@pytest.mark.parametrize("joints", range(1, 8))
+def test_no_certified_quantity_of_an_arm_is_exceeded(joints):
+    for judge, numbers in (
+        (continuous.judged_settling, (4, 100)),
+        (continuous.judged_ultimate, (4, 100)),
+        (starts.judged, (4, 500)),
+        (ratios.judged, (2, 100)),
+    ):
+        count = Counted()
+        judge(1, *numbers, joints, count)
+        assert (count.exceeded, count.missed) == (0, 0), count.notes
+
+
+@pytest.mark.full
+@pytest.mark.parametrize("joints", range(1, 8))
+def test_no_run_leaves_before_the_monitor_warns_where_the_state_is_measured(joints):
+    count = Counted()
+    warned.judged(1, 2, 100, joints, count)
+    assert count.missed == 0 and count.refused > 0
