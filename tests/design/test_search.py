@@ -22,6 +22,12 @@ def test_of_those_that_hold_the_least_error_times_step_is_taken() -> None:
     assert chosen([worst(1e-3, 10.0), calm], 10.0, None) is calm
 
 
+def test_below_a_step_that_is_wished_the_most_exact_is_taken() -> None:
+    exact, calm, wild = worst(1.0, 8.0), worst(5.0, 1.0), worst(0.1, 12.0)
+    assert chosen([exact, calm, wild], 10.0, None) is calm
+    assert chosen([exact, calm, wild], 10.0, None, calm=True) is exact
+
+
 def test_with_an_accuracy_that_is_enough_the_calmest_is_taken() -> None:
     exact, calm = worst(1.0, 2.0), worst(9.0, 1.9)
     assert chosen([exact, calm], np.inf, 10.0) is calm

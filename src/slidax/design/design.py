@@ -156,7 +156,8 @@ def _best(requirements: Requirements, frame: Frame, first: Choice) -> tuple[Tria
         best, _ = searched(trials, kalman=kalman, step=wishes.torque_step, error=small)
         found.append((trials, best))
     held = [one for one in found if one[1].holds] or found
-    return min(held, key=lambda one: cost(one[1]))
+    below = [one for one in held if wishes.torque_step is not None and one[1].step <= wishes.torque_step]
+    return min(below, key=lambda one: one[1].error) if below else min(held, key=lambda one: cost(one[1]))
 
 
 def _sized(requirements: Requirements, trials: Trials, best: Worst) -> Worst | Refused:

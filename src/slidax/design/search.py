@@ -40,31 +40,32 @@ def searched(trials: Trials, *, kalman: bool, step: float | None, error: float |
     - `error`: the steady error that is small enough [rad]; None for as small as it gets.
     """
     cases, first = trials.cases(FEW), trials.first
-    step = min(trials.frame.change, np.inf if step is None else step)
+    calm, step = step is not None, min(trials.frame.change, np.inf if step is None else step)
     drifts = DRIFTS if kalman else (None,)
     found = trials.judged(
         [replace(first, horizon=H, drift=one) for H in trials.frame.horizons for one in drifts], cases
     )
-    best = chosen(found, step, error)
+    best = chosen(found, step, error, calm=calm)
     steeper = [replace(best.choice, slope=one) for one in SLOPES if one != best.choice.slope]
     found = [*found, *trials.judged(steeper, cases)]
-    return chosen(found, step, error), found
+    return chosen(found, step, error, calm=calm), found
 
 
-def chosen(found: Sequence[Worst], step: float, error: float | None) -> Worst:
+def chosen(found: Sequence[Worst], step: float, error: float | None, *, calm: bool = False) -> Worst:
     """Of those in which no case left: calm, exact enough, then the calmest; else the most exact, or by `cost`.
 
     - `found`: some.
     - `step`, `error`: as in `searched`.
+    - `calm`: whether the step was wished, so that below it nothing is gained by less.
     """
     held = [one for one in found if one.holds]
     if not held:
         return max(found, key=lambda one: (-one.outside, one.margin))
-    calm = [one for one in held if one.step <= CALM * step] or [min(held, key=lambda one: one.step)]
-    enough = [one for one in calm if error is not None and one.error <= error]
+    below = [one for one in held if one.step <= CALM * step] or [min(held, key=lambda one: one.step)]
+    enough = [one for one in below if error is not None and one.error <= error]
     if enough:
         return min(enough, key=lambda one: (one.step, one.error))
-    return min(calm, key=cost if error is None else lambda one: one.error)
+    return min(below, key=cost if error is None and not calm else lambda one: one.error)
 
 
 def cost(one: Worst) -> float:
