@@ -20,7 +20,7 @@ from .test_search import worst
 def made(folder: Path) -> Designed:
     requirements = read_requirements(changed(folder))
     two = np.ones(2)
-    frame = Frame(two, two, 60.0 * two, 1e-3, 1.0, False, 4.0)
+    frame = Frame(two, two, 60.0 * two, 60.0 * two, 1e-3, 1.0, False, 4.0)
     choice = Choice(0.009, 1.0, 2.0, np.array([2e-3, 3e-3]), 2.0, margin=12.5)
     described = requirements.scenario(frame.scheme(choice))
     check = {"runs": 128, "failures": 0, "searched": 128, "worst_margin": 0.2}

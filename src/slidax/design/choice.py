@@ -22,6 +22,12 @@ HORIZONS = (6.0, 9.0, 14.0, 20.0, 28.0)
 DRIFTS = (0.25, 1.0, 4.0)
 """Times the drift of the disturbance that `slidax new` takes: the torque density goes with its square."""
 
+FINER, EVEN = (0.5, 1.0, 2.0), (0.0, 0.5, 1.0)
+"""Drifts about the best one, times it, and how alike those of the joints are, that are tried at last."""
+
+SHORTER = 0.8
+"""Times the best H, a horizon that is tried with them."""
+
 SLOPES = (1.0, 2.0, 4.0)
 """Times k1 and k2 of `slidax new`."""
 
@@ -44,6 +50,7 @@ class Choice:
     - `final`: ρ∞ of each joint [n], rad or m.
     - `deadline`: T [s].
     - `margin`: u [N m]; None where the arm's own is taken.
+    - `even`: 0 where drifts of the joints go with their torques, 1 where they are the same.
     """
 
     horizon: float
@@ -52,6 +59,7 @@ class Choice:
     final: Floats
     deadline: float
     margin: float | None = None
+    even: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -61,6 +69,7 @@ class Frame:
     - `initial`: ρ0 of each joint [n], rad or m.
     - `shape`: ρ∞ of each joint for a radius of 1 [n].
     - `torque`: rated, or what takes its place [n], N m or N.
+    - `middle`: for each joint the geometric mean of those of the same unit [n].
     - `period`: h [s]; `delay`: of measurement and command [periods].
     - `has_velocity`: whether velocities are measured.
     - `change`: the largest change of torque in a period that the drives allow [N m or N].
@@ -69,6 +78,7 @@ class Frame:
     initial: Floats
     shape: Floats
     torque: Floats
+    middle: Floats
     period: float
     delay: float
     has_velocity: bool
@@ -85,12 +95,13 @@ class Frame:
         unit, least = max(self.period, 1e-3), (2.0 + 2.0 * self.delay) * self.period
         return tuple(sorted({round(max(count * unit, least), 9) for count in HORIZONS}))
 
-    def density(self, drift: float) -> Floats:
+    def density(self, drift: float, even: float = 0.0) -> Floats:
         """The torque density of the Kalman filter of each joint, `(drift √density)²` [n], (N m/s)² s.
 
         - `drift`: times that of `slidax new`.
+        - `even`: of the choice.
         """
-        found: Floats = (drift * DRIFT * self.torque) ** 2
+        found: Floats = (drift * DRIFT * self.torque * (self.middle / self.torque) ** even) ** 2
         return found
 
     def scheme(self, choice: Choice) -> dict[str, Any]:
@@ -100,7 +111,8 @@ class Frame:
         """
         sampled: dict[str, Any] = {"horizon": choice.horizon}
         if choice.drift is not None:
-            sampled["estimator"] = {"kind": "kalman", "torque_density": rounded(self.density(choice.drift))}
+            density = rounded(self.density(choice.drift, choice.even))
+            sampled["estimator"] = {"kind": "kalman", "torque_density": density}
         sampled["monitor"] = {"share": 1.0, "led": 1.0}
         scheme: dict[str, Any] = {
             "name": "cftsmppc",
@@ -135,7 +147,7 @@ class Frame:
             f"{performance}.deadline": choice.deadline,
         }
         if choice.drift is not None:
-            density = np.asarray(rounded(self.density(choice.drift)))
+            density = np.asarray(rounded(self.density(choice.drift, choice.even)))
             found["scheme.sampled_data.estimator.torque_density"] = density
         return found
 
@@ -163,7 +175,10 @@ def frame_of(
     holds = np.abs(bias) + np.abs(mass) @ (np.abs(ddq) + np.abs(dq) + 1.0)
     torque = np.where(np.isfinite(torque), torque, UNRATED * holds)
     initial = np.maximum(wide, np.ceil(20.0 * ROOM * away) / 20.0)
-    return Frame(initial, shape, torque, period, delay, has_velocity, period * float(np.max(np.asarray(limits.rate))))
+    alike = np.array([[one == other for other in arm.joint_units] for one in arm.joint_units], float)
+    middle = np.exp(alike @ np.log(torque) / alike.sum(axis=1))
+    change = period * float(np.max(np.asarray(limits.rate)))
+    return Frame(initial, shape, torque, middle, period, delay, has_velocity, change)
 
 
 def rounded(values: Any) -> list[float]:

@@ -70,11 +70,11 @@ def _unheard(_: str) -> None:
 def design(requirements: Requirements, *, runs: int = RUNS, say: Say = _unheard) -> Design:
     """The law for an arm and its task, by the certificates where they have an answer, else by simulated cases.
 
-    In closed form: ρ0 from the starts, T as wished, u from `robust_torque`, H and the estimator's density in proportion
-    to the period, the delay and the drives. Then fifteen pairs of H and density and three surfaces on the same twelve
-    cases of the set, of which the calmest of the most exact is taken; ρ∞ from `loop_rate`, or the smallest that 48
-    cases held. Last, random cases that were not seen before and a search for the worst one, after which ρ∞ is widened
-    if one of them left.
+    In closed form: ρ0 from the starts, T as wished, u from `robust_torque`, H and the estimator's density in
+    proportion to the period, the delay and the drives. Then fifteen pairs of H and density, three surfaces and some
+    finer densities on the same eight cases of the set, of which the calmest of the most exact is taken; ρ∞ from
+    `loop_rate`, or the smallest that 48 cases held. Last, random cases that were not seen before and a search for
+    the worst one, after which ρ∞ is widened if one of them left.
 
     - `requirements`: as `read_requirements` gives them.
     - `runs`: random cases of the check at the end.

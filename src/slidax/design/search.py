@@ -9,7 +9,7 @@ import numpy as np
 
 from slidax.studies.cases import Values
 
-from .choice import DRIFTS, SLOPES
+from .choice import DRIFTS, EVEN, FINER, SHORTER, SLOPES, Choice
 from .trials import Trials, Worst
 
 FEW, MANY = 8, 48
@@ -48,7 +48,22 @@ def searched(trials: Trials, *, kalman: bool, step: float | None, error: float |
     best = chosen(found, step, error, calm=calm)
     steeper = [replace(best.choice, slope=one) for one in SLOPES if one != best.choice.slope]
     found = [*found, *trials.judged(steeper, cases)]
+    if kalman:
+        found += trials.judged(_finer(trials, chosen(found, step, error, calm=calm).choice), cases)
     return chosen(found, step, error, calm=calm), found
+
+
+def _finer(trials: Trials, best: Choice) -> list[Choice]:
+    """Other drifts about the best, of all joints and by joint, also with a shorter horizon."""
+    assert best.drift is not None
+    horizons = {max(share * best.horizon, min(trials.frame.horizons)) for share in (1.0, SHORTER)}
+    return [
+        replace(best, horizon=horizon, drift=factor * best.drift, even=even)
+        for horizon in sorted(horizons)
+        for factor in FINER
+        for even in EVEN
+        if (horizon, factor, even) != (best.horizon, 1.0, best.even)
+    ]
 
 
 def chosen(found: Sequence[Worst], step: float, error: float | None, *, calm: bool = False) -> Worst:

@@ -108,7 +108,8 @@ def _law(found: Designed, scheme: dict[str, Any]) -> str:
         f"    horizon: {sampled['horizon']:.6g}\n",
     ]
     if choice.drift is not None:
-        drift = f"The disturbance drifts by {choice.drift * 0.8:.2g} % of the rated torque in a second."
+        drift = f"The disturbance drifts by {choice.drift * 0.8:.2g} % of the rated torque in a second"
+        drift += f"; by joint this is made more even, {choice.even:g} of the way." if choice.even else "."
         lines += [_comment(drift, 4), _inside("estimator", sampled["estimator"], 4)]
     lines += [
         _comment(f"Warns before the envelope is left: by what {MANY} common cases used of it, and a quarter more.", 4),
