@@ -42,7 +42,7 @@ def scenario():
 def test_the_numbers_of_the_page_are_these(scenario):
     verdict = loop_rate(scenario, demand(scenario))
     assert verdict.holds
-    np.testing.assert_allclose(verdict.bound["share"], [0.809, 0.868], rtol=0.01)
+    np.testing.assert_allclose(verdict.bound["share"], [0.750, 0.833], rtol=0.01)
     np.testing.assert_allclose(verdict.bound["error_bound"], [7.1e-6, 8.3e-6], rtol=0.02)
     np.testing.assert_allclose(verdict.bound["required_radius"], [3.6e-5, 4.2e-5], rtol=0.03)
     np.testing.assert_allclose(verdict.bound["w_bar"], [0.23, 0.23], rtol=0.03)
