@@ -22,11 +22,24 @@ HORIZONS = (6.0, 9.0, 14.0, 20.0, 28.0)
 DRIFTS = (0.25, 1.0, 4.0)
 """Times the drift of the disturbance that `slidax new` takes: the torque density goes with its square."""
 
-FINER, EVEN = (0.5, 1.0, 2.0), (0.0, 0.5, 1.0)
-"""Drifts about the best one, times it, and how alike those of the joints are, that are tried at last."""
 
-SHORTER = 0.8
-"""Times the best H, a horizon that is tried with them."""
+@dataclass(frozen=True)
+class About:
+    """What is tried about the best choice.
+
+    - `horizons`, `drifts`: times its own.
+    - `evens`: how much more alike the drifts of the joints are.
+    """
+
+    horizons: tuple[float, ...]
+    drifts: tuple[float, ...]
+    evens: tuple[float, ...]
+
+
+FINER = About((0.8, 1.0), (0.5, 1.0, 2.0), (0.0, 0.5, 1.0))
+
+FINEST = About((0.9, 1.0, 1.1), (0.7, 1.0, 1.4), (-0.25, 0.0, 0.25))
+"""Where a torque step is wished, that as much of it is used as can be."""
 
 SLOPES = (1.0, 2.0, 4.0)
 """Times k1 and k2 of `slidax new`."""

@@ -9,7 +9,7 @@ import numpy as np
 
 from slidax.studies.cases import Values
 
-from .choice import DRIFTS, EVEN, FINER, SHORTER, SLOPES, Choice
+from .choice import DRIFTS, FINER, FINEST, SLOPES, About, Choice
 from .trials import Trials, Worst
 
 FEW, MANY = 8, 48
@@ -48,22 +48,22 @@ def searched(trials: Trials, *, kalman: bool, step: float | None, error: float |
     best = chosen(found, step, error, calm=calm)
     steeper = [replace(best.choice, slope=one) for one in SLOPES if one != best.choice.slope]
     found = [*found, *trials.judged(steeper, cases)]
-    if kalman:
-        found += trials.judged(_finer(trials, chosen(found, step, error, calm=calm).choice), cases)
+    for about in (FINER, FINEST)[: 1 + calm] if kalman else ():
+        found += trials.judged(_finer(trials, chosen(found, step, error, calm=calm).choice, about), cases)
     return chosen(found, step, error, calm=calm), found
 
 
-def _finer(trials: Trials, best: Choice) -> list[Choice]:
-    """Other drifts about the best, of all joints and by joint, also with a shorter horizon."""
+def _finer(trials: Trials, best: Choice, about: About) -> list[Choice]:
+    """Choices about the best one, which is not among them."""
     assert best.drift is not None
-    horizons = {max(share * best.horizon, min(trials.frame.horizons)) for share in (1.0, SHORTER)}
-    return [
-        replace(best, horizon=horizon, drift=factor * best.drift, even=even)
-        for horizon in sorted(horizons)
-        for factor in FINER
-        for even in EVEN
-        if (horizon, factor, even) != (best.horizon, 1.0, best.even)
-    ]
+    least = min(trials.frame.horizons)
+    found = {
+        (max(share * best.horizon, least), factor * best.drift, min(max(best.even + more, 0.0), 1.0))
+        for share in about.horizons
+        for factor in about.drifts
+        for more in about.evens
+    } - {(best.horizon, best.drift, best.even)}
+    return [replace(best, horizon=horizon, drift=drift, even=even) for horizon, drift, even in sorted(found)]
 
 
 def chosen(found: Sequence[Worst], step: float, error: float | None, *, calm: bool = False) -> Worst:
