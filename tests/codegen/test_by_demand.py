@@ -10,6 +10,7 @@ from slidax.codegen import llvm
 from slidax.codegen.builder import Builder
 from slidax.codegen.ir import ELEMENTARY
 from slidax.codegen.llvm import by_demand, cache, kernel, machine
+from slidax.simulation import native_engine
 
 from .test_llvm import scaled
 
@@ -71,6 +72,7 @@ def test_the_stack_that_quick_code_takes_is_less_than_what_its_values_are_counte
 
     with pytest.MonkeyPatch.context() as patched:
         patched.setattr(kernel.Kernel, "__init__", noted)
+        native_engine._compiled.cache_clear()
         scenario.simulate()
     largest = max(programs, key=lambda program: sum(1 for _ in program.walk()))
     counted = sum(1 for _ in largest.walk()) * by_demand.NUMBER

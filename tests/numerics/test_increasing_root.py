@@ -3,8 +3,11 @@
 import jax
 import jax.numpy as jnp
 import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from slidax.numerics import increasing_root
+from slidax.numerics.increasing_root import STEPS
 
 
 def cubic(parameters, x):
@@ -41,6 +44,34 @@ def test_a_guess_that_is_the_root_stays_as_it_is():
     parameters = (jnp.asarray(2.0), jnp.asarray(1.0))
     target = cubic(parameters, guess)[0]
     np.testing.assert_array_equal(solved(cubic, parameters, target, guess), guess)
+
+
+@settings(max_examples=12, deadline=None)
+@given(st.lists(st.floats(-9, 2), min_size=1, max_size=5), st.floats(-1, 1), st.floats(-1, 1), st.floats(-8, -1))
+def test_it_ends_within_its_turns_and_then_the_root_is_as_near_as_it_says(steepness, where, guess, rate):
+    """Stairs, on each of which a Newton step learns nothing of the next."""
+    turns = 0
+
+    def stairs(parameters, x):
+        nonlocal turns
+        turns += 1
+        width = 10.0**parameters
+        places = jnp.linspace(-0.9, 0.9, len(steepness))
+        up = jnp.tanh((x[:, None] - places) / width)
+        slope = jnp.sum((1.0 - up**2) / width, axis=1) + 10.0**rate
+        return jnp.sum(up, axis=1) + 10.0**rate * x, slope
+
+    wanted, parameters = jnp.array([where]), jnp.asarray(steepness)
+    target, start = stairs(parameters, wanted)[0], jnp.array([guess])
+    with jax.disable_jit():
+        at_guess = stairs(parameters, start)
+        turns = 1
+        bracket = (jnp.array([-1.0]), jnp.array([1.0]))
+        found = increasing_root(stairs, parameters, target, start, at_guess, bracket, jnp.array([1e-15]))
+    assert turns <= STEPS
+    left = abs(float(stairs(parameters, found)[0][0] - target[0]))
+    # Where a step is steep the rounding of x alone is this much.
+    assert left <= 1e-15 or abs(float(found[0] - where)) <= 2 * 2.0**-52 + 1e-15 / 10.0**rate
 
 
 def test_the_derivative_is_that_of_the_root_forwards_and_backwards():

@@ -14,9 +14,14 @@ from slidax._types import Vector
 
 from .tangent_mask import tangent_mask
 
-STEPS = 200
-"""At most so many steps: each but the first of a bisection halves the residual or the bracket, and a bracket of n bits
-ends after n halvings, whatever the tolerance. Two or three are usual."""
+FREE = 16
+"""Turns in which a Newton step is tried. Two or three are usual, 14 the most that a plan was seen to take."""
+
+HALVINGS = 52
+"""Turns after these, each of which halves the bracket, so that what is left of it is what its ends are rounded by."""
+
+STEPS = FREE + HALVINGS + 4
+"""Turns at most. In the last ones a Newton step is tried again, from as near as that."""
 
 Increasing = Callable[[Any, Vector], tuple[Vector, Vector]]
 """From parameters and a point [n] to values [n] and slopes [n], each entry a function of its own."""
@@ -41,7 +46,11 @@ def increasing_root(
     bracket: tuple[Vector, Vector],
     tolerance: Vector,
 ) -> Vector:
-    """The x with `f(x) = target`, [n], by Newton steps that fall back on bisection: at most `STEPS`, for any guess.
+    """The x with `f(x) = target`, [n], by Newton steps that fall back on bisection.
+
+    It takes at most `STEPS` turns, for any f, target and guess, and then either `|f(x) - target| <= tolerance`, or x is
+    within `(upper - lower) 2⁻⁵²` of the root: the root stays between two points, and each of 52 turns halves what
+    is between them.
 
     Its derivative is that of the root, `dx = (d target - ∂f/∂parameters d parameters)/f'`, whatever steps led there.
 
@@ -70,7 +79,8 @@ def _root(function: Increasing, parameters: Any, target: Vector, search: Any) ->
     def step(now: _Search) -> _Search:
         residual = now.value - target
         newton = now.x - residual / now.slope
-        trusted = now.halved & (newton > now.lower) & (newton < now.upper)
+        tried = (now.step < FREE) | (now.step >= FREE + HALVINGS)
+        trusted = tried & now.halved & (newton > now.lower) & (newton < now.upper)
         x = jnp.where(trusted, newton, 0.5 * (now.lower + now.upper))
         x = jnp.where(jnp.abs(residual) <= tolerance, now.x, x)
         value, slope = function(parameters, x)
