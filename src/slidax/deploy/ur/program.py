@@ -118,7 +118,7 @@ def run(
     try:
         while True:
             begun = control.initPeriod()
-            now = receive.getTimestamp()
+            now, fresh = receive.getTimestamp(), False
             if receive.isEmergencyStopped() or receive.isProtectiveStopped():
                 return Outcome("robot", "the robot is stopped: look at its screen", pilot.phase)
             elapsed = 0.0 if before is None else now - before
@@ -128,17 +128,19 @@ def run(
                 if waited >= pilot.options.lost:
                     return Outcome("robot", "the robot tells no new state", pilot.phase)
             else:
-                before, waited = now, 0
+                before, waited, fresh = now, 0, True
                 if asked:
                     pilot.rest()
                     asked.clear()
                 q, dq = receive.getActualQ(), receive.getActualQd()
                 action = pilot.step(elapsed, q, dq)
-                if log is not None:
-                    log.add(pilot, q, dq)
-                if action == STOP:
-                    return Outcome("stopped", pilot.why, pilot.phase)
-            if not control.directTorque(list(pilot.report.tau), viscous, coulomb):
+            accepted = action == STOP or control.directTorque(list(pilot.report.tau), viscous, coulomb)
+            # Written once the torque is under way, which nothing here may make late.
+            if log is not None and fresh:
+                log.add(pilot, q, dq)
+            if action == STOP:
+                return Outcome("stopped", pilot.why, pilot.phase)
+            if not accepted:
                 return Outcome("robot", "the robot refused a torque", pilot.phase)
             control.kickWatchdog()
             if action == FINISH:
