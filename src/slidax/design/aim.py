@@ -9,8 +9,8 @@ import numpy as np
 
 from .trials import Worst
 
-CALM = 0.97
-"""Of what is wished of the torque step, or of what the drives can change in a period, where they are at their limit."""
+CALM = 0.94
+"""Of the torque step that is wished, since other cases show some more, or that the drives can do in a period."""
 
 NARROW, HARDLY = 0.1, 0.001
 """The weight of a narrow envelope: half the final radius is worth 7 % of the error, below a wished step nearly none."""
