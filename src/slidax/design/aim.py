@@ -12,6 +12,10 @@ from .trials import Worst
 CALM = 0.94
 """Of the torque step that is wished, since other cases show some more, or that the drives can do in a period."""
 
+CALMNESS = 0.5
+"""The weight of the torque step beside the error, where none of both is wished: half the error is worth four times the
+step."""
+
 NARROW, HARDLY = 0.1, 0.001
 """The weight of a narrow envelope: half the final radius is worth 7 % of the error, below a wished step nearly none."""
 
@@ -45,7 +49,7 @@ class Aim:
         if self.error is not None:
             return float(step) if one.error <= self.error else COARSE + float(error)
         narrow = np.log(float(np.min(one.choice.final)))
-        return float(error + HARDLY * narrow if self.wished else error + step + NARROW * narrow)
+        return float(error + HARDLY * narrow if self.wished else error + CALMNESS * step + NARROW * narrow)
 
     def best(self, found: Sequence[Worst]) -> Worst:
         """The one that costs least.
