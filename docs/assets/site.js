@@ -1,0 +1,12 @@
+// Tables that scroll by themselves can be reached by the keyboard, and the bars of buttons beside code have names.
+const reachable = () => {
+  for (const wrap of document.querySelectorAll(".md-typeset__scrollwrap")) {
+    wrap.tabIndex = 0;
+    wrap.setAttribute("role", "group");
+    wrap.setAttribute("aria-label", "table");
+  }
+  document.querySelectorAll(".md-code__nav").forEach((bar, i) => bar.setAttribute("aria-label", `code block ${i + 1}`));
+};
+// The theme wraps tables, and adds the bars, after the page has loaded.
+new MutationObserver(reachable).observe(document.documentElement, { childList: true, subtree: true });
+reachable();
