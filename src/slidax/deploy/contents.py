@@ -147,7 +147,7 @@ class Project:
         loops = f"its loops take {' or '.join(map(str, most))} turns at most" if most else "it has no loops"
         if self.longest is None:
             return loops
-        return f"{loops}, and its operations are never more than {self.longest}"
+        return f"{loops},\nand its operations are never more than {self.longest}"
 
     @property
     def law_words(self) -> str:

@@ -57,8 +57,7 @@ class TwoPowerReaching(AbstractReaching):
         return self.k1 * far + self.k2 * s * ratio, self.k1 * far_slope + self.k2 * near_slope
 
     def moved(self, s: Vector, step: Vector) -> Vector:
-        """The s with `sig^v2` of it that which a step along its tangent leads to, [n]: there Newton's steps do not
-        jump to and fro over zero.
+        """The s that a step along the tangent of `sig^v2` leads to, [n], with which Newton does not jump over zero.
 
         - `s`: sliding variable [n], rad/s or m/s.
         - `step`: of it [n].
