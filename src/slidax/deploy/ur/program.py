@@ -117,7 +117,7 @@ def run(
     action, before, waited = GO, None, 0
     try:
         while True:
-            begun = control.initPeriod()
+            begun, sample = control.initPeriod(), None
             now = receive.getTimestamp()
             if receive.isEmergencyStopped() or receive.isProtectiveStopped():
                 return Outcome("robot", "the robot is stopped: look at its screen", pilot.phase)
@@ -132,13 +132,15 @@ def run(
                 if asked:
                     pilot.rest()
                     asked.clear()
-                q, dq = receive.getActualQ(), receive.getActualQd()
-                action = pilot.step(elapsed, q, dq)
-                if log is not None:
-                    log.add(pilot, q, dq)
-                if action == STOP:
-                    return Outcome("stopped", pilot.why, pilot.phase)
-            if not control.directTorque(list(pilot.report.tau), viscous, coulomb):
+                sample = receive.getActualQ(), receive.getActualQd()
+                action = pilot.step(elapsed, *sample)
+            # First of all: the robot waits for it.
+            taken = action == STOP or control.directTorque(list(pilot.report.tau), viscous, coulomb)
+            if log is not None and sample is not None:
+                log.add(pilot, *sample)
+            if action == STOP:
+                return Outcome("stopped", pilot.why, pilot.phase)
+            if not taken:
                 return Outcome("robot", "the robot refused a torque", pilot.phase)
             control.kickWatchdog()
             if action == FINISH:
