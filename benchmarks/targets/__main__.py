@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import importlib
 import re
 import sys
@@ -18,15 +19,20 @@ TARGETS = ("micro", "franka", "ros2", "fmu")
 
 
 def main() -> None:
-    """Prints the table, and writes it where the page has a place for it. Arguments: names of targets; all if none."""
+    """Prints the table, and writes it where the page has a place for it, if all were asked for."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.targets", description=__doc__)
+    parser.add_argument("target", nargs="*", help=f"of {', '.join(TARGETS)}; all if none is named")
+    asked = parser.parse_args().target
+    if unknown := set(asked) - set(TARGETS):
+        parser.error(f"no target is called {', '.join(sorted(unknown))}: there are {', '.join(TARGETS)}")
     found: list[Row] = []
-    for name in sys.argv[1:] or TARGETS:
+    for name in asked or TARGETS:
         print(f"building and running {name} ...", file=sys.stderr)
         with tempfile.TemporaryDirectory() as folder:
             found += importlib.import_module(f"benchmarks.targets.{name}").rows(Path(folder))
     table = "\n".join([*_table(found), "", f"Machine: {machine.describe()}."])
     print(table)
-    if not sys.argv[1:]:
+    if not asked:
         page = PAGE.read_text(encoding="utf-8")
         PAGE.write_text(MARK.sub(lambda match: f"{match[1]}\n{table}\n\n{match[2]}", page), encoding="utf-8")
 

@@ -56,6 +56,12 @@ def test_good_code_of_another_time_is_taken(levels):
     assert levels == [machine.OPTIMISED]
 
 
+def test_a_folder_that_may_not_be_looked_into_stops_nobody(levels, monkeypatch, tmp_path):
+    # Another user's folder, as in a container: a name that is too long is refused to root as well.
+    monkeypatch.setattr(cache, "folder", lambda: tmp_path / ("a" * 300))
+    assert llvm.ByDemand(scaled()).kernel(1).quick
+
+
 def test_a_program_whose_values_might_fill_a_threads_stack_is_made_well(levels, monkeypatch):
     monkeypatch.setattr(by_demand, "STACK", 8)
     assert not llvm.ByDemand(scaled()).kernel(1).quick

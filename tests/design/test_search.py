@@ -2,40 +2,57 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from slidax.design.aim import CALM, Aim
 from slidax.design.choice import Choice, Frame
-from slidax.design.search import chosen
 from slidax.design.trials import Worst
+
+CHOICE = Choice(0.01, 1.0, 1.0, np.array([0.01]), 1.0)
+
+ANY = Aim(np.inf, False, None)
 
 
 def worst(error: float, step: float, outside: int = 0) -> Worst:
-    choice = Choice(0.01, 1.0, 1.0, np.array([0.01]), 1.0)
-    return Worst(choice, -0.1 if outside else 0.1, error, step, 0, 0.5, outside, 8)
+    return Worst(CHOICE, -0.1 if outside else 0.1, error, step, 0, 0.5, outside, 8)
 
 
 def test_of_those_that_hold_the_least_error_times_step_is_taken() -> None:
     exact, calm, both, outside = worst(1.0, 9.0), worst(9.0, 1.0), worst(2.0, 2.0), worst(0.1, 0.1, outside=1)
-    assert chosen([exact, calm, both, outside], np.inf, None) is both
+    assert ANY.best([exact, calm, both, outside]) is both
     # A drive at its limit is no law, however small its error.
-    assert chosen([worst(1e-3, 10.0), calm], 10.0, None) is calm
+    assert Aim(10.0, False, None).best([worst(1e-3, 10.0), calm]) is calm
 
 
 def test_below_a_step_that_is_wished_the_most_exact_is_taken() -> None:
     exact, calm, wild = worst(1.0, 8.0), worst(5.0, 1.0), worst(0.1, 12.0)
-    assert chosen([exact, calm, wild], 10.0, None) is calm
-    assert chosen([exact, calm, wild], 10.0, None, calm=True) is exact
+    assert Aim(10.0, False, None).best([exact, calm, wild]) is calm
+    assert Aim(10.0, True, None).best([exact, calm, wild]) is exact
+    assert Aim(10.0, True, None).stricter(0.7).best([exact, calm, wild]) is calm
+    assert Aim(8.0 / CALM * 1.001, True, None).best([exact, calm]) is exact
 
 
 def test_with_an_accuracy_that_is_enough_the_calmest_is_taken() -> None:
     exact, calm = worst(1.0, 2.0), worst(9.0, 1.9)
-    assert chosen([exact, calm], np.inf, 10.0) is calm
-    assert chosen([exact, calm], np.inf, 5.0) is exact
+    assert Aim(np.inf, False, 10.0).best([exact, calm]) is calm
+    assert Aim(np.inf, False, 5.0).best([exact, calm]) is exact
+
+
+def test_of_two_that_are_alike_the_narrower_is_taken_and_a_much_better_one_before_it() -> None:
+    wide = worst(1.0, 1.0)
+    narrow = replace(wide, choice=replace(CHOICE, final=np.array([0.005])))
+    assert ANY.best([wide, narrow]) is narrow
+    assert ANY.best([wide, replace(narrow, error=1.1)]) is wide
 
 
 def test_where_none_holds_the_one_with_the_fewest_outside_is_the_best() -> None:
-    assert chosen([worst(1, 1, 5), worst(9, 9, 2)], np.inf, None).outside == 2
+    assert ANY.best([worst(1, 1, 5), worst(9, 9, 2)]).outside == 2
+    lost = Worst(CHOICE, -np.inf, np.inf, np.inf, 0, -1.0, 2, 8)
+    assert np.isfinite(ANY.cost(lost))
+    assert ANY.best([lost, worst(9, 9, 2)]).margin == -0.1
 
 
 def test_horizons_go_with_the_period_and_leave_room_for_the_delay() -> None:

@@ -85,5 +85,5 @@ def test_the_derivative_is_that_of_the_root_forwards_and_backwards():
     slope = cubic((a, b), x)[1]
     for jacobian in (jax.jacfwd, jax.jit(jax.jacrev(root, argnums=(0, 1, 2)))):
         found = jacobian(a, b, target) if jacobian is not jax.jacfwd else jax.jacfwd(root, (0, 1, 2))(a, b, target)
-        for each, expected in zip(found, (-(x**3) / slope, -x / slope, 1 / slope), strict=True):
-            np.testing.assert_allclose(each, np.diag(expected), rtol=1e-9)
+        for seen, expected in zip(found, (-(x**3) / slope, -x / slope, 1 / slope), strict=True):
+            np.testing.assert_allclose(seen, np.diag(expected), rtol=1e-9)

@@ -22,29 +22,13 @@ HORIZONS = (6.0, 9.0, 14.0, 20.0, 28.0)
 DRIFTS = (0.25, 1.0, 4.0)
 """Times the drift of the disturbance that `slidax new` takes: the torque density goes with its square."""
 
-
-@dataclass(frozen=True)
-class About:
-    """What is tried about the best choice.
-
-    - `horizons`, `drifts`: times its own.
-    - `evens`: how much more alike the drifts of the joints are.
-    """
-
-    horizons: tuple[float, ...]
-    drifts: tuple[float, ...]
-    evens: tuple[float, ...]
-
-
-FINER = About((0.8, 1.0), (0.5, 1.0, 2.0), (0.0, 0.5, 1.0))
-
-FINEST = About((0.9, 1.0, 1.1), (0.7, 1.0, 1.4), (-0.25, 0.0, 0.25))
-"""Where a torque step is wished, that as much of it is used as can be."""
-
 SLOPES = (1.0, 2.0, 4.0)
 """Times k1 and k2 of `slidax new`."""
 
 K1, K2 = 0.5, 1.0
+
+LARGEST = 0.25
+"""Of the envelope at the start, that the final one may be at most."""
 
 ROOM = 1.6
 """The envelope at the start over the largest error there."""
@@ -59,11 +43,13 @@ class Choice:
 
     - `horizon`: H [s].
     - `drift`: of the estimator's disturbance, as in `DRIFTS`; None with the `measured` estimator.
-    - `slope`: times k1 and k2.
+    - `slope`: times k1 and k2; `bend`: times k2 besides.
     - `final`: ρ∞ of each joint [n], rad or m.
     - `deadline`: T [s].
     - `margin`: u [N m]; None where the arm's own is taken.
     - `even`: 0 where drifts of the joints go with their torques, 1 where they are the same.
+    - `overshoot`: ϑ, the width of the envelope's far side over ρ.
+    - `gain`: of the `measured` estimator, times its own for this horizon.
     """
 
     horizon: float
@@ -73,6 +59,9 @@ class Choice:
     deadline: float
     margin: float | None = None
     even: float = 0.0
+    bend: float = 1.0
+    overshoot: float = OVERSHOOT
+    gain: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -103,10 +92,15 @@ class Frame:
         return RADIUS * self.period
 
     @property
+    def least(self) -> float:
+        """The shortest H that is tried, by what a delay leaves: `(2 + 2 D) h` [s]."""
+        return (2.0 + 2.0 * self.delay) * self.period
+
+    @property
     def horizons(self) -> tuple[float, ...]:
-        """H that are tried [s]: not shorter than what a delay leaves, `(2 + 2 D) h`."""
-        unit, least = max(self.period, 1e-3), (2.0 + 2.0 * self.delay) * self.period
-        return tuple(sorted({round(max(count * unit, least), 9) for count in HORIZONS}))
+        """H that are tried first [s]."""
+        unit = max(self.period, 1e-3)
+        return tuple(sorted({round(max(count * unit, self.least), 9) for count in HORIZONS}))
 
     def density(self, drift: float, even: float = 0.0) -> Floats:
         """The torque density of the Kalman filter of each joint, `(drift √density)²` [n], (N m/s)² s.
@@ -117,6 +111,13 @@ class Frame:
         found: Floats = (drift * DRIFT * self.torque * (self.middle / self.torque) ** even) ** 2
         return found
 
+    def measured_gain(self, choice: Choice) -> float:
+        """The gain of the `measured` estimator: after the horizon, as a scenario without one has it.
+
+        - `choice`: its numbers.
+        """
+        return float(f"{min(choice.gain * min(0.5, 2.0 * self.period / choice.horizon), 1.0):.4g}")
+
     def scheme(self, choice: Choice) -> dict[str, Any]:
         """The law, as a scenario file has it.
 
@@ -126,6 +127,8 @@ class Frame:
         if choice.drift is not None:
             density = rounded(self.density(choice.drift, choice.even))
             sampled["estimator"] = {"kind": "kalman", "torque_density": density}
+        else:
+            sampled["estimator"] = {"kind": "measured", "gain": self.measured_gain(choice)}
         sampled["monitor"] = {"share": 1.0, "led": 1.0}
         scheme: dict[str, Any] = {
             "name": "cftsmppc",
@@ -136,8 +139,14 @@ class Frame:
                 "deadline": choice.deadline,
                 "exponent": EXPONENT,
             },
-            "overshoot": OVERSHOOT,
-            "surface": {"k1": K1 * choice.slope, "k2": K2 * choice.slope, "p": 0.5, "q": 1.2, "delta": 0.01},
+            "overshoot": choice.overshoot,
+            "surface": {
+                "k1": K1 * choice.slope,
+                "k2": K2 * choice.slope * choice.bend,
+                "p": 0.5,
+                "q": 1.2,
+                "delta": 0.01,
+            },
             "reaching": {"gain": 0.1, "exponent": 1.2, "layer": 0.0},
             "sampled_data": sampled,
         }
@@ -155,13 +164,16 @@ class Frame:
         found: dict[str, Any] = {
             "scheme.sampled_data.horizon": choice.horizon,
             "scheme.surface.k1": K1 * choice.slope,
-            "scheme.surface.k2": K2 * choice.slope,
+            "scheme.surface.k2": K2 * choice.slope * choice.bend,
+            "scheme.transformation.overshoot": choice.overshoot,
             f"{performance}.final": np.asarray(rounded(choice.final)),
             f"{performance}.deadline": choice.deadline,
         }
         if choice.drift is not None:
             density = np.asarray(rounded(self.density(choice.drift, choice.even)))
             found["scheme.sampled_data.estimator.torque_density"] = density
+        else:
+            found["scheme.sampled_data.estimator.gain"] = self.measured_gain(choice)
         return found
 
 

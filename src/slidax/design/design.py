@@ -15,11 +15,12 @@ from slidax.commissioning.text import WIDTH
 from slidax.scenarios import ScenarioDescription
 from slidax.studies.search.island import require_cmaes
 
-from .choice import EXPONENT, OVERSHOOT, Choice, Frame, frame_of
+from .aim import CALM, Aim
+from .choice import EXPONENT, LARGEST, OVERSHOOT, Choice, Frame, frame_of
 from .proof import Asked, asked_of, held_for, of_the_rate, radius_of
 from .refusal import Refused, of_accuracy, of_deadline, of_torque, of_torque_step, unproved
 from .requirements import Requirements
-from .search import LEAST_MARGIN, MANY, SPARE, cost, narrowest, searched
+from .search import LEAST_MARGIN, MANY, MOST, SPARE, coarse, fine, narrowest
 from .trials import Trials, Worst
 
 RUNS = 128
@@ -31,8 +32,8 @@ WIDER, TIMES = 1.5, 3
 U_OVER = 1.15
 """u over what the model lacks."""
 
-LARGEST = 0.25
-"""Of the envelope at the start, that the final one may be at most."""
+ROOM_LEFT = 0.12
+"""Of an envelope's width, that the common cases must leave of one that is not widened by `SPARE`."""
 
 
 @dataclass(frozen=True)
@@ -71,8 +72,8 @@ def design(requirements: Requirements, *, runs: int = RUNS, say: Say = _unheard)
     """The law for an arm and its task, by the certificates where they have an answer, else by simulated cases.
 
     In closed form: ρ0 from the starts, T as wished, u from `robust_torque`, H and the estimator's density in
-    proportion to the period, the delay and the drives. Then fifteen pairs of H and density, three surfaces and some
-    finer densities on the same eight cases of the set, of which the calmest of the most exact is taken; ρ∞ from
+    proportion to the period, the delay and the drives. Then fifteen pairs of H and density and three surfaces on the
+    same eight cases of the set, and from the best of them a search of all these numbers, ϑ and ρ∞ at once; ρ∞ from
     `loop_rate`, or the smallest that 48 cases held. Last, random cases that were not seen before and a search for
     the worst one, after which ρ∞ is widened if one of them left.
 
@@ -145,35 +146,39 @@ def _asked(requirements: Requirements, frame: Frame, first: Choice) -> Asked | N
         return None
 
 
-def _best(requirements: Requirements, frame: Frame, first: Choice) -> tuple[Trials, Worst]:
-    """The best of both estimators, where velocities are measured."""
+def _aim(requirements: Requirements, frame: Frame) -> Aim:
+    """What is better, of two laws."""
     wishes = requirements.wishes
     small = None if wishes.accuracy == "best" else float(np.min(frame.shape)) / (2.0 * SPARE)
-    how = (True, False) if frame.has_velocity else (True,)
-    found = []
-    for kalman in how:
+    step = wishes.torque_step
+    return Aim(min(frame.change, np.inf if step is None else step), step is not None, small)
+
+
+def _best(requirements: Requirements, frame: Frame, first: Choice) -> tuple[Trials, Worst]:
+    """The best law with the better estimator, where velocities are measured."""
+    aim, found = _aim(requirements, frame), []
+    for kalman in (True, False) if frame.has_velocity else (True,):
         trials = Trials(requirements, frame, first if kalman else replace(first, drift=None))
-        best, _ = searched(trials, kalman=kalman, step=wishes.torque_step, error=small)
-        found.append((trials, best))
-    held = [one for one in found if one[1].holds] or found
-    below = [one for one in held if wishes.torque_step is not None and one[1].step <= wishes.torque_step]
-    return min(below, key=lambda one: one[1].error) if below else min(held, key=lambda one: cost(one[1]))
+        found.append((trials, coarse(trials, aim, kalman=kalman)))
+    trials, best = min(found, key=lambda one: aim.cost(one[1]))
+    return trials, fine(trials, best, aim)
 
 
 def _sized(requirements: Requirements, trials: Trials, best: Worst) -> Worst | Refused:
     """The law with its final radius."""
-    frame = trials.frame
-    most = float(np.min(LARGEST * frame.initial / frame.shape))
-    if requirements.wishes.accuracy == "best":
-        held = narrowest(trials, best, most)
-        if held is None:
-            return of_accuracy(trials, best, None)
-        choice = replace(held.choice, final=np.minimum(SPARE * held.choice.final, most * frame.shape))
-        return replace(held, choice=choice)
+    frame, wishes = trials.frame, requirements.wishes
+    if wishes.accuracy == "best":
+        step = np.inf if wishes.torque_step is None else wishes.torque_step
+        held = narrowest(trials, best, CALM * step)
+        found = [best] if wishes.torque_step is not None and best.holds and best.margin >= ROOM_LEFT else []
+        if held is not None:
+            wider = np.minimum(SPARE * held.choice.final, trials.most * frame.shape)
+            found += trials.judged([replace(held.choice, final=wider)], trials.cases(MOST))
+        return _aim(requirements, frame).best(found) if found else of_accuracy(trials, best, None)
     (wished,) = trials.judged([replace(best.choice, final=frame.shape)], trials.cases(MANY))
     if wished.holds and wished.margin >= LEAST_MARGIN:
         return wished
-    return of_accuracy(trials, wished, narrowest(trials, best, most))
+    return of_accuracy(trials, wished, narrowest(trials, best))
 
 
 def _checked(

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from slidax.certificates.verdict import Verdict
 from slidax.studies.cases import Cases, Values
 
-from .choice import OVERSHOOT, Choice
+from .choice import Choice
 from .trials import Trials
 
 Floats = NDArray[np.floating[Any]]
@@ -83,7 +83,7 @@ def missed_in_cases(trials: Trials, choice: Choice) -> Missed:
         each = np.abs(residual[1:]) + delay * np.abs(np.diff(push, axis=0))
         worst.append(np.max(each[narrow] if narrow.any() else each, axis=0))
     arm = trials.requirements.robot.build().nominal
-    allowed = OVERSHOOT * np.asarray(choice.final) / (choice.horizon + delay * h) ** 2
+    allowed = choice.overshoot * np.asarray(choice.final) / (choice.horizon + delay * h) ** 2
     return Missed(arm.joint_names, arm.joint_units, np.max(worst, axis=0), allowed)
 
 
@@ -97,5 +97,5 @@ def missed_by(rate: Verdict, trials: Trials, choice: Choice) -> Missed | None:
     if "w_bar" not in rate.bound:
         return None
     arm = trials.requirements.robot.build().nominal
-    allowed = OVERSHOOT * np.asarray(choice.final) / choice.horizon**2
+    allowed = choice.overshoot * np.asarray(choice.final) / choice.horizon**2
     return Missed(arm.joint_names, arm.joint_units, np.asarray(rate.bound["w_bar"], float), allowed)

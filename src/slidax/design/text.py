@@ -91,7 +91,7 @@ def _law(found: Designed, scheme: dict[str, Any]) -> str:
         ),
         _inside("performance", envelope["performance"]),
         f"  overshoot: {envelope['overshoot']:g}\n",
-        _comment("Steeper or flatter ones were not calmer at the same error.", 2),
+        _comment("Steeper or flatter ones were not better.", 2),
         _inside("surface", scheme["surface"]),
         _inside("reaching", scheme["reaching"]),
     ]
@@ -104,12 +104,15 @@ def _law(found: Designed, scheme: dict[str, Any]) -> str:
     periods = choice.horizon / frame.period
     lines += [
         "  sampled_data:\n",
-        _comment(f"{periods:.3g} periods: the calmest of those whose error is near the smallest.", 4),
+        _comment(
+            f"{periods:.3g} periods: found on common cases, with surface, `overshoot` and estimator.",
+            4,
+        ),
         f"    horizon: {sampled['horizon']:.6g}\n",
     ]
     if choice.drift is not None:
         drift = f"The disturbance drifts by {choice.drift * 0.8:.2g} % of the rated torque in a second"
-        drift += f"; by joint this is made more even, {choice.even:g} of the way." if choice.even else "."
+        drift += f"; by joint this is made more even, {choice.even:.2g} of the way." if choice.even else "."
         lines += [_comment(drift, 4), _inside("estimator", sampled["estimator"], 4)]
     lines += [
         _comment(f"Warns before the envelope is left: by what {MANY} common cases used of it, and a quarter more.", 4),

@@ -21,7 +21,7 @@ from slidax.studies.runner import Runner
 from slidax.studies.table import Columns
 from slidax.studies.task import Task
 
-from .choice import Choice, Frame
+from .choice import LARGEST, Choice, Frame
 from .requirements import Requirements
 
 Floats = NDArray[np.floating[Any]]
@@ -77,6 +77,11 @@ class Trials:
     period: float | None = None
     smaller: dict[str, float] = field(default_factory=dict)
     runs: int = field(default=0, init=False)
+
+    @property
+    def most(self) -> float:
+        """The largest final radius, times the shape."""
+        return float(np.min(LARGEST * self.frame.initial / self.frame.shape))
 
     @cached_property
     def base(self) -> ScenarioDescription:
@@ -155,8 +160,8 @@ def _set(value: Any) -> dict[str, Any]:
     """A set around a value, which gives it its form; rows are given as they are."""
     if np.ndim(value):
         numbers = np.asarray(value, float).tolist()
-        return {"between": [numbers, [1.5 * one for one in numbers]], "each": "joint"}
-    return {"between": [float(value), 1.5 * float(value)]}
+        return {"between": [[one / 1.5 for one in numbers], numbers], "each": "joint"}
+    return {"between": [float(value) / 1.5, float(value)]}
 
 
 def _worst(choice: Choice, table: Columns, rows: slice) -> Worst:

@@ -61,21 +61,21 @@ def _steady_covariance(f: Three, q: Three) -> Three:
     By doubling: each step joins two equal numbers of samples into one, so that it converges quadratically (Anderson
     1978; Chu, Fan, Lin and Wang, 2004).
     """
-    eye = jnp.eye(3)
-
-    def twice(_: Any, agh: tuple[Three, Three, Three]) -> tuple[Three, Three, Three]:
-        a, g, h = agh
-        solved = _product(_inverse(eye + _product(g, h)), jnp.concatenate([a, _product(g, a.T)], axis=1))
-        onward, back = solved[:, :3], solved[:, 3:]
-        return (
-            _product(a, onward),
-            _symmetric(g + _product(a, back)),
-            _symmetric(h + _product(_product(a.T, h), onward)),
-        )
-
     measured = _matrix([1.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0])
-    covariance: Three = jax.lax.fori_loop(0, DOUBLINGS, twice, (f.T, measured, q))[2]
+    covariance: Three = jax.lax.fori_loop(0, DOUBLINGS, _twice, (f.T, measured, q))[2]
     return covariance
+
+
+# By itself, and not within what calls it: jax compiles a loop again for each function that it has not seen.
+def _twice(_: Any, agh: tuple[Three, Three, Three]) -> tuple[Three, Three, Three]:
+    a, g, h = agh
+    solved = _product(_inverse(jnp.eye(3) + _product(g, h)), jnp.concatenate([a, _product(g, a.T)], axis=1))
+    onward, back = solved[:, :3], solved[:, 3:]
+    return (
+        _product(a, onward),
+        _symmetric(g + _product(a, back)),
+        _symmetric(h + _product(_product(a.T, h), onward)),
+    )
 
 
 def _matrix(*rows: list[Any]) -> Three:

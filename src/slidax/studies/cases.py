@@ -22,6 +22,9 @@ from .table import Columns, columns_of, joined
 MOST_LOOPS = 64
 """That are compiled for one study, each for other values of what cannot vary within a compiled loop."""
 
+LEAST_SIZE = 256
+"""Rows that the arrays of a loop are made for at least, so that for few rows they are compiled once."""
+
 Values = Mapping[str, NDArray[Any]]
 """Values by path, each with the case as its first axis."""
 
@@ -221,7 +224,7 @@ class _Loop:
         """
         rows = len(next(iter(values.values()))) if values else 1
         # A few sizes, so that little is compiled anew.
-        size = 1 << max(rows - 1, 0).bit_length()
+        size = max(LEAST_SIZE, 1 << max(rows - 1, 0).bit_length())
         given = {path: np.resize(values[path], (size, *values[path].shape[1:])) for path in self.paths}
         varied = [np.asarray(leaf)[:rows] for leaf in self.arrays(given)] if self.paths else []
         if not varied:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os.path
+
 from slidax.codegen.ir import Program
 from slidax.codegen.no_native_code import in_one_line
 
@@ -57,7 +59,8 @@ class ByDemand:
     def _made(self, identity: str) -> bool:
         """Whether good code is on the disk from another time."""
         key = machine.host().key_of(identity, machine.OPTIMISED)
-        return cache.path_of(key).is_file()
+        # Not `Path.is_file`, which raises where the folder is closed to this user.
+        return os.path.isfile(cache.path_of(key))
 
     def _large(self) -> bool:
         """Whether quick code might take more of the stack than there is."""

@@ -117,8 +117,8 @@ def run(
     action, before, waited = GO, None, 0
     try:
         while True:
-            begun, sample = control.initPeriod(), None
-            now = receive.getTimestamp()
+            begun = control.initPeriod()
+            now, fresh = receive.getTimestamp(), False
             if receive.isEmergencyStopped() or receive.isProtectiveStopped():
                 return Outcome("robot", "the robot is stopped: look at its screen", pilot.phase)
             elapsed = 0.0 if before is None else now - before
@@ -128,19 +128,19 @@ def run(
                 if waited >= pilot.options.lost:
                     return Outcome("robot", "the robot tells no new state", pilot.phase)
             else:
-                before, waited = now, 0
+                before, waited, fresh = now, 0, True
                 if asked:
                     pilot.rest()
                     asked.clear()
-                sample = receive.getActualQ(), receive.getActualQd()
-                action = pilot.step(elapsed, *sample)
-            # First of all: the robot waits for it.
-            taken = action == STOP or control.directTorque(list(pilot.report.tau), viscous, coulomb)
-            if log is not None and sample is not None:
-                log.add(pilot, *sample)
+                q, dq = receive.getActualQ(), receive.getActualQd()
+                action = pilot.step(elapsed, q, dq)
+            accepted = action == STOP or control.directTorque(list(pilot.report.tau), viscous, coulomb)
+            # Written once the torque is under way, which nothing here may make late.
+            if log is not None and fresh:
+                log.add(pilot, q, dq)
             if action == STOP:
                 return Outcome("stopped", pilot.why, pilot.phase)
-            if not taken:
+            if not accepted:
                 return Outcome("robot", "the robot refused a torque", pilot.phase)
             control.kickWatchdog()
             if action == FINISH:

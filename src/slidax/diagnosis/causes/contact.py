@@ -11,7 +11,8 @@ import numpy as np
 from slidax.robots import Articulated
 
 from ..cause import AbstractCause, Finding, Remedy
-from ..record import Record
+from ..filtered import low_passed
+from ..record import SLOW, Record
 
 SUDDEN = 0.1
 """Within which time a contact shows [s]."""
@@ -21,6 +22,9 @@ FITS = 0.85
 
 HANGS, GRAVITY = 0.9, 9.81
 """The cosine between a force and gravity's direction from which on it is a weight."""
+
+CARRIED = 0.9
+"""The cosine between a force and the tip's deceleration from which on it may be the inertia of what the arm carries."""
 
 RARE = 4.0
 """Times the usual change in that time that it must be."""
@@ -55,6 +59,12 @@ class Contact(AbstractCause):
         if explained < FITS or size[at] < RARE * usual:
             return None
         newtons = float(np.linalg.norm(force))
+        before, after = _accelerations(record, robot, [at, at + span])
+        slower = before - after
+        deceleration = float(np.linalg.norm(slower))
+        # A load resists the tip's acceleration as well, but none is heavier than the arm itself.
+        if force @ slower > CARRIED * newtons * deceleration and newtons < float(np.sum(robot.masses)) * deceleration:
+            return None
         x, y, z = force / max(newtons, 1e-300)
         place = ", ".join(f"{one:.3f}" for one in np.asarray(robot.tip(q)))
         evidence = (
@@ -73,6 +83,23 @@ class Contact(AbstractCause):
             numbers={"t": float(record.t[middle]), "force": newtons, "explained": explained},
             remedies=_remedies(record),
         )
+
+
+def _accelerations(record: Record, robot: Articulated, samples: list[int]) -> np.ndarray:
+    """Of the tip at some samples, below the loop's band [N 3], m/s²."""
+    q = low_passed(record.q, SLOW, record.period)
+    dq = np.gradient(q, record.period, axis=0)
+    ddq = np.gradient(dq, record.period, axis=0)
+
+    def acceleration(q: jax.Array, dq: jax.Array, ddq: jax.Array) -> jax.Array:
+        def velocity(q: jax.Array, dq: jax.Array) -> jax.Array:
+            moved: jax.Array = jax.jvp(robot.tip, (q,), (dq,))[1]
+            return moved
+
+        found: jax.Array = jax.jvp(velocity, (q, dq), (dq, ddq))[1]
+        return found
+
+    return np.stack([np.asarray(acceleration(*map(jnp.asarray, (q[k], dq[k], ddq[k])))) for k in samples])
 
 
 def _remedies(record: Record) -> list[Remedy]:

@@ -1,0 +1,62 @@
+"""What is better, of two laws."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from .trials import Worst
+
+CALM = 0.94
+"""Of the torque step that is wished, since other cases show some more, or that the drives can do in a period."""
+
+NARROW, HARDLY = 0.1, 0.001
+"""The weight of a narrow envelope: half the final radius is worth 7 % of the error, below a wished step nearly none."""
+
+OUTSIDE, WILD, COARSE = 300.0, 200.0, 100.0
+"""Costs of a law that leaves, or is too wild, or not exact enough: more than any of a law that is better in that."""
+
+
+@dataclass(frozen=True)
+class Aim:
+    """Laws in which no case leaves; of those the calm ones; of those the exact ones; of those the best.
+
+    - `step`: largest change of torque that is allowed [N m].
+    - `wished`: whether it is a wish, so that below it nothing is gained by less.
+    - `error`: the steady error that is small enough, so that below it the calmest is best [rad]; None for none.
+    """
+
+    step: float
+    wished: bool
+    error: float | None
+
+    def cost(self, one: Worst) -> float:
+        """The smaller, the better; finite, so that a search finds its way.
+
+        - `one`: a law, as judged.
+        """
+        if not one.holds:
+            return OUTSIDE + one.outside - float(np.clip(one.margin, -1.0, 1.0))
+        error, step = np.log(max(one.error, 1e-300)), np.log(max(one.step, 1e-12))
+        if one.step > CALM * self.step:
+            return WILD + float(step)
+        if self.error is not None:
+            return float(step) if one.error <= self.error else COARSE + float(error)
+        narrow = np.log(float(np.min(one.choice.final)))
+        return float(error + HARDLY * narrow if self.wished else error + step + NARROW * narrow)
+
+    def best(self, found: Sequence[Worst]) -> Worst:
+        """The one that costs least.
+
+        - `found`: some.
+        """
+        return min(found, key=self.cost)
+
+    def stricter(self, share: float) -> Aim:
+        """The same with a smaller step: few cases show less of it than many.
+
+        - `share`: of the step.
+        """
+        return replace(self, step=share * self.step)
