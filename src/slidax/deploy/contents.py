@@ -101,7 +101,7 @@ class Project:
     @property
     def calls(self) -> int:
         """The part of them that is for calls."""
-        return CALLS
+        return CALLS[self.dialect.real]
 
     @property
     def read_names(self) -> list[str]:
