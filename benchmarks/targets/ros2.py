@@ -8,11 +8,13 @@ import shutil
 import subprocess
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 from benchmarks.targets import Row
 from slidax import scenarios
 from slidax.deploy.onboard.law import Law
 from slidax.deploy.ros2 import export_ros2
+from tests.deploy.ros2 import colcon
 
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
@@ -49,13 +51,31 @@ def rows(folder: Path) -> list[Row]:
                 step=f"{said['received']} of {said['sent']} states answered, {said['off']:.1e} rad from the goal",
             )
         ]
-    if shutil.which("colcon") is None or not os.environ.get("ROS_DISTRO"):
-        return [*made, Row("ROS 2, controller for ros2_control", missing="ROS 2 itself, with colcon")]
-    source = folder / "workspace" / "src" / "controller"
-    export_ros2(scenarios.load(SCENARIO), source, name="law", golden=False)
-    done = subprocess.run(["colcon", "build"], cwd=folder / "workspace", capture_output=True, text=True, check=False)
-    step, by = "built" if done.returncode == 0 else "did not build", f"colcon, {os.environ['ROS_DISTRO']}"
-    return [*made, Row("ROS 2, controller for ros2_control", compiled_by=by, step=step)]
+    return [*made, _controller(folder)]
+
+
+def _controller(folder: Path) -> Row:
+    """The package by colcon: in ROS 2 itself, or with what Debian has of it."""
+    name, scenario = "ROS 2, controller for ros2_control", scenarios.load(SCENARIO)
+    distribution = os.environ.get("ROS_DISTRO")
+    if distribution and shutil.which("colcon"):
+        export_ros2(scenario, folder / "workspace" / "src" / "controller", name="law", golden=False)
+        where = folder / "workspace"
+        done = subprocess.run(["colcon", "build"], cwd=where, capture_output=True, text=True, check=False)
+        by = f"colcon, {distribution}"
+    elif reason := colcon.missing():
+        return Row(name, missing=f"ROS 2 itself; nor {reason}")
+    else:
+        done = colcon.built(scenario, folder / "workspace")
+        versions = [f"{one} {_version(one)}" for one in ("ament_cmake", "pluginlib")]
+        by = f"colcon with {' and '.join(versions)}, and headers of our own for the rest of ROS 2"
+    return Row(name, compiled_by=by, step="built" if done.returncode == 0 else "did not build")
+
+
+def _version(package: str) -> str:
+    """Of a package of Debian's ROS 2."""
+    found = ElementTree.parse(colcon.SHARE / package / "package.xml").getroot().findtext("version")
+    return found or ""
 
 
 def exchanged(folder: Path, steps: int) -> dict[str, Any]:

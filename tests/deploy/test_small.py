@@ -8,7 +8,10 @@ import shutil
 import pytest
 
 from slidax.codegen.ir import Loop, functions
+from slidax.codegen.longest import turns
 from slidax.deploy.project import project
+from slidax.numerics.increasing_root import STEPS as SEARCH_OF_PLAN
+from slidax.reaching.proximal_step import STEPS as SEARCH_OF_S
 from slidax.scenarios import load
 
 from .exported import compiled, needs_a_compiler, run, write_law
@@ -52,14 +55,15 @@ def test_it_is_short_and_what_is_asked_for_often_stands_in_it_once(panda):
     assert all(len(line) <= 140 for line in text.splitlines())
 
 
-def test_every_loop_ends(panda):
+def test_every_loop_ends_and_so_do_the_operations(panda):
     _, made = panda
-    for program in (made.step.answered.program, *functions(made.step.answered.program)):
-        for loop in (value for value in program.walk() if isinstance(value, Loop)):
-            counted = loop.turns is not None or any(
-                value.op == "lt" and value.args[1].op == "const" for value in loop.head.values
-            )
-            assert counted, loop
+    program = made.step.answered.program
+    every = [value for one in (program, *functions(program)) for value in one.walk() if isinstance(value, Loop)]
+    assert {turns(loop) for loop in every} >= {SEARCH_OF_S, SEARCH_OF_PLAN - 1}
+    assert all(turns(loop) is not None for loop in every)
+    # Were each search to go on to its end, it would be some three steps of the usual length.
+    assert made.longest.operations < 200_000
+    assert f"{made.longest.operations}" in made.longest_text
 
 
 @needs_a_compiler

@@ -18,5 +18,6 @@ def export_c(
         out.mkdir(parents=True, exist_ok=True)
         made = deploy.export_c(parts, out, name=name, single=single, command=command)
         size = deploy.measured(made, out)
-        said = f"{made.law} in {made.real}s, at most {made.stack} bytes of stack, {size}"
+        most = "" if made.longest is None else f" and {made.longest.operations} operations"
+        said = f"{made.law} in {made.real}s, at most {made.stack} bytes of stack{most} a step, {size}"
         typer.echo(f"{said}: {out.resolve() / 'README.md'}")

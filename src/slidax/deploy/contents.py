@@ -11,7 +11,8 @@ from typing import Any
 
 import slidax
 from slidax.codegen.c import Dialect
-from slidax.codegen.ir import Loop
+from slidax.codegen.ir import Loop, functions
+from slidax.codegen.longest import NOTHING, Longest, longest, turns
 
 from .comment_text import comment
 from .golden import Golden
@@ -100,7 +101,7 @@ class Project:
     @property
     def calls(self) -> int:
         """The part of them that is for calls."""
-        return CALLS
+        return CALLS[self.dialect.real]
 
     @property
     def read_names(self) -> list[str]:
@@ -131,10 +132,22 @@ class Project:
         return next((name for name in names if name.startswith(("surface_", "k"))), names[0])
 
     @property
-    def loops_text(self) -> str:
-        """Why a step always ends."""
-        loops = [value for value in self.step.answered.program.walk() if isinstance(value, Loop)]
-        return "all its loops end after a known number of turns at most" if loops else "it has no loops"
+    def longest(self) -> Longest | None:
+        """What a step does at most; None if nothing bounds one of its loops."""
+        step = self.step
+        each = [longest(one.program) for one in (step.checked, step.begun, step.held, step.answered)]
+        return None if None in each else sum((one for one in each if one), NOTHING)
+
+    @property
+    def longest_text(self) -> str:
+        """Why a step always ends, and what it does until then."""
+        program = self.step.answered.program
+        every = [value for one in (*functions(program), program) for value in one.walk() if isinstance(value, Loop)]
+        most = sorted({found for loop in every if (found := turns(loop)) is not None}, reverse=True)
+        loops = f"its loops take {' or '.join(map(str, most))} turns at most" if most else "it has no loops"
+        if self.longest is None:
+            return loops
+        return f"{loops},\nand its operations are never more than {self.longest}"
 
     @property
     def law_words(self) -> str:

@@ -33,7 +33,7 @@ class Measured(NamedTuple):
         if self.code is not None:
             parts.append(f"{self.code} bytes of code by this machine's cc -O2")
         if self.instructions is not None:
-            parts.append(f"{self.instructions} instructions a step")
+            parts.append(f"{self.instructions} instructions a step on average")
         return ", ".join(parts)
 
 

@@ -51,7 +51,7 @@ class Source:
     bytes: int
 
 
-CALLS = 640
+CALLS = {"double": 640, "float": 384}
 """Bytes for what calls keep: return addresses, saved registers, arguments, numbers between two operations."""
 
 SPILLED = 1.25
@@ -86,7 +86,7 @@ def source(step: Step, dialect: Dialect) -> Source:
     inside = _body(answered, answered.assigned, dialect, arguments, helpers, names, given, library)
     # One after the other, and never one within another but what `derived` calls.
     deriving = derived.bytes + max((each.derived_bytes for each in library.shared), default=0)
-    total = round(SPILLED * max(checked.bytes, held.bytes, begun.bytes, deriving, inside.bytes)) + CALLS
+    total = round(SPILLED * max(checked.bytes, held.bytes, begun.bytes, deriving, inside.bytes)) + CALLS[dialect.real]
     lines = [*derived.lines, *(line for each in library.shared for line in each.derived)]
     return Source(
         checked=checked,

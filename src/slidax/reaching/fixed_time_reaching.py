@@ -56,6 +56,14 @@ class FixedTimeReaching(AbstractReaching):
         powers, slope = sig_and_slope(s, self.exponent)
         return self.gain * powers, self.gain * slope
 
+    def moved(self, s: Vector, step: Vector) -> Vector:
+        """`s + step`, [n]: a power above one is met by Newton's steps as it is.
+
+        - `s`: sliding variable [n], rad/s or m/s.
+        - `step`: of it [n].
+        """
+        return s + step
+
     def implicit(self, metric: Matrix, s: Vector, u: Scalar) -> Vector:
         """The implicit step, [n], with a diagonal K0: a full one times Sig^r is not monotone, so it may have none.
 

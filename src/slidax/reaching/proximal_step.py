@@ -12,8 +12,8 @@ from jaxtyping import Array, Bool, Int
 from slidax.numerics import matvec, solve_symmetric, tangent_mask, vector_norm
 from slidax.parts import Matrix, Scalar, Vector
 
-STEPS = 300
-"""At most so many Newton steps and halvings; nearly always two to four are enough."""
+STEPS = 64
+"""Newton steps and halvings at most; nearly always two to four are enough."""
 
 PRECISION = 2e-13
 """The residual that is reached, relative to 1 and the push."""
@@ -35,6 +35,13 @@ class Reaching(Protocol):
         - `s`: sliding variable [n].
         """
 
+    def moved(self, s: Vector, step: Vector) -> Vector:
+        """Where a Newton step leads, in coordinates in which the continuous term is nearly straight, [n].
+
+        - `s`: sliding variable [n].
+        - `step`: of it [n].
+        """
+
 
 class _Search(eqx.Module):
     s: Vector
@@ -49,9 +56,10 @@ def proximal_step(reaching: Reaching, metric: Matrix, s: Vector, u: Scalar) -> V
     """The s⁺ with `A (s⁺ - s) = -P(s⁺) - u N(s⁺)`, `N(s) = s/(‖s‖ + s0)`; for s0 = 0 N(0) is the whole unit ball.
 
     The right-hand side is minus a monotone map, and A is positive definite: there is exactly one such s⁺. With s0 = 0
-    it is exactly zero where `‖A s‖ <= u`. Else Newton's steps lead to it, from the root without P; where they do not
-    halve what is left, those with the chords of P do. The derivative is that of the solution, by the implicit function
-    theorem.
+    it is exactly zero where `‖A s‖ <= u`. Else Newton's steps lead to it, from the root without P; one that does not
+    halve what is left is taken again with the chords of P, and then shorter until it is better. What is left of the
+    equation, r, never grows, and tells how far s⁺ is: no more than ‖r‖ over A's least eigenvalue, as the right-hand
+    side is monotone. The derivative is that of the solution, by the implicit function theorem.
     Source: Acary, Brogliato and Orlov, IEEE Transactions on Automatic Control 57 (2012), 1087-1101.
 
     - `reaching`: P and s0.
@@ -118,8 +126,9 @@ def _step(reaching: Any, metric: Matrix, s: Vector, u: Scalar) -> Vector:
             return found
 
         def step(now: _Search) -> _Search:
-            candidate = now.s + now.fraction * now.direction
-            direction, length = direction_from(candidate, now.careful)
+            change = now.fraction * now.direction
+            candidate = jnp.where(now.careful, now.s + change, reaching.moved(now.s, change))
+            direction, length = direction_from(candidate, jnp.zeros((), bool))
             # A step that does not halve what is left, the first time, is taken again from where it began, carefully.
             better = length < jnp.where(now.careful, 1.0, 0.5) * now.size
             again = ~better & ~now.careful
@@ -133,7 +142,7 @@ def _step(reaching: Any, metric: Matrix, s: Vector, u: Scalar) -> Vector:
                 size=jnp.where(better, length, now.size),
                 direction=direction,
                 fraction=jnp.where(better | again, 1.0, 0.5 * now.fraction),
-                careful=now.careful | again,
+                careful=~better,
                 step=now.step + 1,
             )
 

@@ -10,6 +10,9 @@ from slidax.parts import Matrix, PerJoint, Scalar, Vector, parameter
 from .proximal_step import proximal_step
 from .reaching import AbstractReaching
 
+LEAST = 1e-30
+"""Within so much of zero [rad/s or m/s] the power below one is a straight line, with a slope that is a number."""
+
 
 class TwoPowerReaching(AbstractReaching):
     """`-K1 Sig^v1(s) - K2 Sig^v2(s) - u s/(‖s‖ + s0)`, with `v1 > 1 > v2`: fast from far, and finite in time when near.
@@ -45,14 +48,29 @@ class TwoPowerReaching(AbstractReaching):
         return unit_vector(s, self.layer)
 
     def continuous_term_and_slope(self, s: Vector) -> tuple[Vector, Vector]:
-        """`K1 Sig^v1(s) + K2 Sig^v2(s)` and its derivative, [n]; below 1e-30 the slope stays as it is there.
+        """`K1 Sig^v1(s) + K2 Sig^v2(s)` and its derivative, [n]; below 1e-30 the second power is a straight line.
 
         - `s`: sliding variable [n], rad/s or m/s.
         """
         far, far_slope = sig_and_slope(s, self.v1)
-        # The slope of sig^v2 is infinite at 0; held finite, it stays larger than any other there.
-        ratio = power(jnp.maximum(jnp.abs(s), 1e-30), self.v2 - 1.0)
-        return self.k1 * far + self.k2 * s * ratio, self.k1 * far_slope + self.k2 * self.v2 * ratio
+        ratio, near_slope = self._near(s)
+        return self.k1 * far + self.k2 * s * ratio, self.k1 * far_slope + self.k2 * near_slope
+
+    def moved(self, s: Vector, step: Vector) -> Vector:
+        """The s that a step along the tangent of `sig^v2` leads to, [n], with which Newton does not jump over zero.
+
+        - `s`: sliding variable [n], rad/s or m/s.
+        - `step`: of it [n].
+        """
+        ratio, slope = self._near(s)
+        near = s * ratio + slope * step
+        straight, _ = self._near(jnp.zeros_like(s))
+        return jnp.where(jnp.abs(near) > LEAST * straight, sig(near, 1.0 / self.v2), near / straight)
+
+    def _near(self, s: Vector) -> tuple[Vector, Vector]:
+        """`|s|^(v2 - 1)` and the slope of `sig^v2`, which is infinite at 0 but for the straight line there."""
+        ratio = power(jnp.maximum(jnp.abs(s), LEAST), self.v2 - 1.0)
+        return ratio, jnp.where(jnp.abs(s) > LEAST, self.v2, 1.0) * ratio
 
     def implicit(self, metric: Matrix, s: Vector, u: Scalar) -> Vector:
         """The implicit step, [n].

@@ -42,6 +42,7 @@ class Robot:
         self.repeats: set[int] = set()
         self.protective_at: int | None = None
         self.nan_from: int | None = None
+        self.log: Log | None = None
 
     @property
     def period(self) -> int:
@@ -65,6 +66,8 @@ class Robot:
 
     def directTorque(self, torque: list[float], viscous: list[float], coulomb: list[float]) -> bool:
         assert len(torque) == len(viscous) == len(coulomb) == 6 and all(map(math.isfinite, torque))
+        if self.log is not None and self.period not in self.repeats:
+            assert len(self.log.rows) == self.period - sum(one < self.period for one in self.repeats), "not sent first"
         self.torques.append(torque)
         if self.period not in self.repeats:
             self.arm.move(torque)
@@ -108,7 +111,7 @@ def begun(law: onboard.Law) -> tuple[onboard.Pilot, Robot]:
 def test_it_moves_the_arm_to_the_end_also_where_a_state_comes_twice(law: onboard.Law) -> None:
     pilot, robot = begun(law)
     robot.repeats = {300, 700, 701}
-    log = Log(law)
+    log = robot.log = Log(law)
     outcome = program.run(robot, robot, pilot, log)
     assert (outcome.ending, outcome.phase) == ("finished", "rest"), outcome
     assert robot.ended and robot.kicks == robot.period == len(log.rows) + 3

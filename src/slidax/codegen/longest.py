@@ -1,0 +1,116 @@
+"""How long a program can take: the turns of its loops, and its operations, at most."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+from .ir import ELEMENTARY, Branch, Call, Loop, Program, Region, Value
+
+FREE = frozenset({"const", "input", "param", "result", "copy", "bitcast"})
+"""What stands for no work of its own."""
+
+
+class Longest(NamedTuple):
+    """What a program does at most.
+
+    - `operations`: additions, products, comparisons, choices, elementary functions and so on.
+    - `elementary`: those of them that are elementary functions.
+    """
+
+    operations: int
+    elementary: int
+
+    def __str__(self) -> str:
+        return f"{self.operations}, {self.elementary} of them elementary functions"
+
+    def __add__(self, other: object) -> Longest:
+        assert isinstance(other, Longest)
+        return Longest(self.operations + other.operations, self.elementary + other.elementary)
+
+    def times(self, turns: int) -> Longest:
+        """The same so many times.
+
+        - `turns`: how many.
+        """
+        return Longest(self.operations * turns, self.elementary * turns)
+
+
+NOTHING = Longest(0, 0)
+
+
+def longest(program: Program) -> Longest | None:
+    """What a program does where every loop goes on as long as it can, and every branch is the longer one.
+
+    - `program`: the program.
+
+    None if a loop does not count its own turns.
+    """
+    return _of_region(program.body)
+
+
+def turns(loop: Loop) -> int | None:
+    """How many turns a loop takes at most: it counts them by ones, and goes on while the count is below a number.
+
+    - `loop`: the loop.
+
+    None if it does not.
+    """
+    bounds = [bound for condition in _all_of(loop.condition) if (bound := _count(loop, condition)) is not None]
+    return min(bounds, default=None)
+
+
+def _all_of(condition: Value) -> Iterator[Value]:
+    """The conditions that all must hold."""
+    if condition.op == "and":
+        for part in condition.args:
+            yield from _all_of(part)
+    else:
+        yield condition
+
+
+def _count(loop: Loop, condition: Value) -> int | None:
+    if condition.op != "lt":
+        return None
+    counter, end = condition.args
+    if counter not in loop.params or end.op != "const":
+        return None
+    k = loop.params.index(counter)
+    start, following = loop.args[k], loop.following[k]
+    by_one = following.op == "add" and any(
+        one is counter and other.op == "const" and other.data == 1
+        for one, other in (following.args, following.args[::-1])
+    )
+    if start.op != "const" or not by_one:
+        return None
+    return max(int(end.data) - int(start.data), 0)
+
+
+def _of_region(region: Region) -> Longest | None:
+    total = NOTHING
+    for value in region.values:
+        found = _of_value(value)
+        if found is None:
+            return None
+        total += found
+    return total
+
+
+def _of_value(value: Value) -> Longest | None:
+    if value.op in FREE:
+        return NOTHING
+    if isinstance(value, Call):
+        return longest(value.program)
+    if isinstance(value, Loop):
+        most, head, body = turns(value), _of_region(value.head), _of_region(value.body)
+        if most is None or head is None or body is None:
+            return None
+        # The condition is asked once more than there are turns.
+        return (head + body).times(most) + head
+    if isinstance(value, Branch):
+        then, otherwise = _of_region(value.then), _of_region(value.otherwise)
+        if then is None or otherwise is None:
+            return None
+        # Each part by itself: the side with more operations may have fewer elementary functions.
+        return Longest(1, 0) + Longest(*(max(one, other) for one, other in zip(then, otherwise, strict=True)))
+    return Longest(1, int(value.op in ELEMENTARY))

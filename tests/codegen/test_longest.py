@@ -1,0 +1,82 @@
+"""How long a program can take, beside how long it took."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from slidax.codegen import trace
+from slidax.codegen.builder import Builder
+from slidax.codegen.ir import Loop
+from slidax.codegen.longest import FREE, longest, turns
+
+from . import interpreter
+
+
+def halving(most, start=0, step=1, compared="lt"):
+    """A number that is halved while it is above one, and not more often than `most`."""
+    b = Builder()
+    number, one = b.input("x", "f64", ())[()], b.constant(1.0, "f64")
+    count, by = b.constant(start, "i64"), b.constant(step, "i64")
+
+    def goes_on(carried):
+        return b.apply("and", b.apply("gt", carried[0], one), b.apply(compared, carried[1], b.constant(most, "i64")))
+
+    left = b.loop(
+        [number, count],
+        goes_on,
+        lambda carried: [b.apply("mul", carried[0], b.constant(0.5, "f64")), b.apply("add", carried[1], by)],
+    )
+    b.output("y", "f64", np.array([left[0]], object))
+    return b.finish()
+
+
+def only_loop(program):
+    return next(value for value in program.walk() if isinstance(value, Loop))
+
+
+def test_a_loop_that_counts_itself_has_a_bound():
+    program = halving(20)
+    assert turns(only_loop(program)) == 20
+    assert turns(only_loop(halving(20, start=5))) == 15
+    # Three of the condition, asked once more than there are turns, and two in the body.
+    assert longest(program).operations == 21 * 3 + 20 * 2
+    assert longest(program).elementary == 0
+
+
+@pytest.mark.parametrize("other", [{"step": 2}, {"step": 0}, {"step": -1}, {"compared": "gt"}])
+def test_a_loop_that_counts_otherwise_has_none(other):
+    program = halving(20, **other)
+    assert turns(only_loop(program)) is None
+    assert longest(program) is None
+
+
+@pytest.mark.parametrize(("x", "turns_taken"), [(1e30, 20), (4.0, 2), (0.5, 0)])
+def test_it_is_what_a_run_that_goes_on_to_the_end_takes(monkeypatch, x, turns_taken):
+    computed, original = [], interpreter._Run.computed
+    monkeypatch.setattr(interpreter._Run, "computed", lambda run, value: computed.append(value) or original(run, value))
+    program = halving(20)
+    (y,) = interpreter.interpreted(program, np.array([x]))
+    assert y.item() == x * 0.5**turns_taken
+    taken, most = sum(value.op not in FREE for value in computed), longest(program).operations
+    assert (taken == most) if turns_taken == 20 else (taken == most - (20 - turns_taken) * 5)
+
+
+def test_a_branch_is_its_longer_side_and_a_function_is_all_that_it_does():
+    b = Builder()
+    x = b.input("x", "f64", ())[()]
+    left = b.branch(
+        b.apply("gt", x, b.constant(0.0, "f64")),
+        lambda: [b.apply("exp", x)],
+        lambda: [b.apply("mul", x, b.apply("add", x, b.constant(3.0, "f64")))],
+    )
+    b.output("y", "f64", np.array(left, object))
+    # The comparison, the choice, and two operations or one elementary function.
+    assert longest(b.finish()) == (4, 1)
+
+    @jax.jit
+    def within(x):
+        return jnp.sin(x) + x
+
+    program = trace(lambda x: within(within(x)), jnp.ones(()))
+    assert longest(program) == (4, 2)
