@@ -47,6 +47,10 @@ class Coupled(Setting):
         super().__init__(subject, demand, since)
         # What uncertain numbers add is followed as a signal, with its part of the set.
         self.demand = self.asked
+        ideal = since.ideal
+        nothing = np.zeros_like(demand.push[0])
+        self.shared = nothing if ideal.push is None else ideal.push
+        self.rest = nothing if ideal.rest is None else ideal.rest
         self.part, loops = part, subject.loops
         n, late = self.samples, self.late
         # Of each period of the arm.
@@ -83,7 +87,7 @@ class Coupled(Setting):
         - `more`, `misread`: as of `Assembly.certified`.
         """
         assert self.together is not None
-        stray = self.strayed(more)
+        stray = self.strayed(self.rest if more is None else more + self.rest)
         free, held = self.free, self.held
         if misread is not None:
             extra = self._misled(misread)[:, None, :, :, None]
@@ -120,7 +124,7 @@ class Coupled(Setting):
         joints, part = len(loops), self.subject.dead_time % 1.0
         slope = self.course.slopes.between(*(jnp.asarray(self.since.ideal.eps[0]),) * 2)[0]
         follows = self.narrowing.ahead[0] / (self.narrowing.now[0] + self.horizon * np.asarray(slope))
-        pushes = np.concatenate([self.part.push, self.part.effects]) * h * h
+        pushes = np.concatenate([self.part.push - self.shared, self.part.effects]) * h * h
         decisions = np.arange(0, n, WIDTH) + WIDTH // 2
         kernels = CoupledKernels(self.along, len(decisions), memory)
         starts = beginnings(self.along, loops, follows, self.since.states)

@@ -48,7 +48,7 @@ class CoupledKernels:
     - `older`: what they do from one period later on, lags together as of `lumped` [3 Z B 9n n].
     - `tails`: what is older than these does at most, times the largest that came in [Z 9n n].
     - `of_command`, `of_estimate`: sums of sizes, as in `Kernels` [Z 9n n].
-    - `noise`, `noise_square`: the same of a measurement's noise, position and velocity, and of their squares [2 Z 9n n].
+    - `noise`, `noise_square`: the same of noise of position and velocity, and of squares [2 Z 9n n].
 
     - `along`, `decisions`: of which loops and outputs.
     - `memory`: from `memory_of`.

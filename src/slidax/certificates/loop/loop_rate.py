@@ -226,7 +226,7 @@ def _unstable_together(whole: Proved) -> Verdict:
     time = float(whole.assembly.set_in[min(found.then, whole.assembly.samples - 1)])
     text = "the loops of all joints together forget what they knew within 2048 periods, with K as it moves"
     statement = (
-        f"the loops of the joints together do not settle along the motion: at t = {time:.3g} s an error of one joint of "
+        f"the loops of the joints together do not settle along the motion: at t = {time:.3g} s an error of one joint "
         f"{found.apart} periods before has become up to {found.grown:.3g} times as large in another, where joints of a "
         "wrongly known inertia move each other (docs/certificates/loop-rate.md)"
     )
