@@ -1,19 +1,17 @@
-"""The joints' loops as one: what they do is what one matrix K at a time makes known, and a push for the rest."""
+"""The joints' loops as one: what they do is what a matrix K that moves makes known, and a push for the rest."""
 
 from __future__ import annotations
-
-from itertools import pairwise
 
 import numpy as np
 import pytest
 
 from slidax.certificates.arm.members import Members
-from slidax.certificates.loop.coupled_kernels import CoupledKernels, length_of
-from slidax.certificates.loop.coupled_known import begun, pushed
+from slidax.certificates.loop.adjoint import Along, carried_back
+from slidax.certificates.loop.coupled_kernels import CoupledKernels, forgetting
+from slidax.certificates.loop.coupled_known import CoupledKnown, beginnings
 from slidax.certificates.loop.coupled_maps import CoupledMaps
-from slidax.certificates.loop.kernels import ACCELERATION, ERROR, ESTIMATE, LED, MISSED, SHIFT, Kernels
+from slidax.certificates.loop.kernels import ACCELERATION, ERROR, ESTIMATE, LED, MISSED, OUTPUTS, SHIFT, Kernels
 from slidax.certificates.loop.proved import proved
-from slidax.certificates.loop.signals import entries
 from slidax.certificates.loop.together import Together
 from slidax.diagnosis.linear_loop import LinearLoop
 
@@ -22,20 +20,29 @@ from .test_sets import SETS, share_of_the_bound, subject_of
 LOOPS = tuple(LinearLoop(1e-3, 7.0, 1.0, gains, False) for gains in [(0.24, 0.034, 0.0024), (0.39, 0.095, 0.0116)])
 MATRIX = np.array([[0.9, 0.3], [0.2, 1.1]])
 EVERY = (LED, ERROR, MISSED, SHIFT, ACCELERATION, ESTIMATE)
+COUNT, WIDTH, MEMORY = 320, 16, 256
+DECISIONS = np.arange(0, COUNT, WIDTH) + WIDTH // 2
 
 
-def kernels_of(matrix):
-    maps = CoupledMaps.of(LOOPS, matrix)
-    length = length_of([maps])
-    return maps, CoupledKernels.of(maps, LOOPS[0], length)
+def told(along, decisions, pushes, states, memory=MEMORY):
+    """What is known of all loops, and how they answer to what is not."""
+    kernels = CoupledKernels(along, len(decisions), memory)
+    known = CoupledKnown(along, decisions, WIDTH, pushes, beginnings(along, LOOPS, np.zeros(2), states), memory)
+    for back in carried_back(along, decisions, memory):
+        kernels.take(back)
+        known.take(back)
+    kernels.finish()
+    known.finish(kernels.later)
+    return kernels, known
 
 
 def test_joints_that_do_not_move_each_other_have_the_loops_that_each_has_by_itself():
     kappa = np.array([0.9, 1.2])
-    _, found = kernels_of(np.diag(kappa))
+    along = Along(LOOPS, np.repeat(np.diag(kappa)[None], 700, axis=0))
+    kernels, _ = told(along, np.array([600]), np.zeros((1, 700, 2)), np.zeros((1, 9, 2)), 512)
     alone = Kernels.of(LOOPS, kappa[:, None])
     for kind, one in enumerate((alone.of_push, alone.of_place, alone.of_change)):
-        whole = found.older[kind].reshape(9, 2, -1, 2).sum(axis=2) + found.newest[kind]
+        whole = (kernels.older[kind, 0].sum(axis=0) + kernels.newest[kind, 0]).reshape(OUTPUTS, 2, 2)
         if kind < 2:
             assert np.abs(whole[:, 0, 1]).max() == np.abs(whole[:, 1, 0]).max() == 0.0
         for i in range(2):
@@ -44,6 +51,27 @@ def test_joints_that_do_not_move_each_other_have_the_loops_that_each_has_by_itse
             sums[ACCELERATION] /= kappa[i]
             outputs = [k for k in EVERY if kind < 2 or k not in (LED, ERROR)]
             np.testing.assert_allclose(whole[outputs, i, i], sums[outputs], rtol=2e-3)
+    for i in range(2):
+        for name in ("of_command", "noise"):
+            found, sums = getattr(kernels, name), getattr(alone, name)
+            found, sums = (one if name == "noise" else one[None] for one in (found, sums))
+            np.testing.assert_allclose(
+                found[:, 0].reshape(-1, OUTPUTS, 2, 2)[:, LED, i, i], sums[:, LED, i, 0], rtol=2e-3, atol=2e-3
+            )
+
+
+def moved():
+    """K in each period."""
+    t = np.arange(COUNT + 8)
+    return MATRIX + 0.1 * np.sin(t / 30.0)[:, None, None] * np.array([[0.3, 1.0], [1.0, 0.2]])
+
+
+def started(push, beside):
+    """A state in which all loops rest under a push, but for some of each joint's own."""
+    own = CoupledMaps.of(LOOPS, MATRIX).own
+    found = np.zeros((2, own))
+    found[:, 2], found[:, 5] = -push[0], push[0]
+    return (found + beside).reshape(-1)
 
 
 def run_of(matrices, push, start):
@@ -59,55 +87,56 @@ def run_of(matrices, push, start):
     return asked[1:, 0], np.max(np.abs(ends), axis=0)
 
 
-def test_what_the_loops_do_under_a_known_push_is_known_exactly():
-    maps, _ = kernels_of(MATRIX)
-    t = np.arange(400)
+@pytest.mark.parametrize("memory", [256, 512])
+def test_what_the_loops_do_under_a_known_push_is_known_exactly_along_a_matrix_that_moves(memory):
+    matrices, t = moved(), np.arange(COUNT + 8)
     push = 1e-6 * np.stack([np.sin(t / 30.0), np.cos(t / 17.0)], axis=1)
-    start = np.zeros(maps.step.shape[0])
-    for j in range(2):
-        start[j * maps.own + 2], start[j * maps.own + 5] = -push[0, j], push[0, j]
-    e, _ = run_of([MATRIX] * 300, push, start)
-    sizes, _ = pushed(
-        maps, LOOPS[0], MATRIX, (push.T[None].swapaxes(1, 2), np.zeros((0, 400, 2))), range(200, 260), 512
-    )
-    np.testing.assert_allclose(sizes[:, 1, ERROR], e[200:260], rtol=1e-9, atol=1e-16)
-    np.testing.assert_allclose(sizes[:, 0, ERROR], -e[200:260], rtol=1e-9, atol=1e-16)
+    e, _ = run_of(matrices[: COUNT + 2], push, started(push, 0.0))
+    _, known = told(Along(LOOPS, matrices), DECISIONS, push[None], np.zeros((1, 9, 2)), memory)
+    sizes, _ = known.told(COUNT, 1, 1, False)
+    at = DECISIONS
+    # What is older than the memory counts as it was then.
+    close = 1e-9 if memory > COUNT else 1e-3
+    scale = np.abs(e).max()
+    np.testing.assert_allclose(sizes[at, 1, ERROR], e[at], rtol=0.0, atol=close * scale)
+    np.testing.assert_allclose(sizes[at, 0, ERROR], -e[at], rtol=0.0, atol=close * scale)
 
 
 def test_no_run_with_a_matrix_that_moves_exceeds_what_is_counted():
-    count, edges = 320, (0, 64, 128, 192, 256, 320)
-    t = np.arange(count + 8)
-    moved = MATRIX + 0.1 * np.sin(t / 100.0)[:, None, None] * np.array([[0.3, 1.0], [1.0, 0.2]])
+    matrices, t = moved(), np.arange(COUNT + 8)
     later = np.maximum(t - 3, 0)
     push = 1e-6 * np.stack([np.cos(later / 30.0), np.sign(np.cos(later / 40.0))], axis=1)
-    # What is taken for K is wrong by more than it moves.
-    matrices = np.array([0.5 * (moved[a + 1] + moved[b]) - 0.15 for a, b in pairwise(edges)])
-    maps = [CoupledMaps.of(LOOPS, one) for one in matrices]
-    length = length_of(maps)
-    kernels = [CoupledKernels.of(one, LOOPS[0], length) for one in maps]
-    # A torque sets in one sample after its decision.
-    after = moved[1 : count + 1]
-    together = Together(edges, matrices, kernels, after, after, np.zeros_like(after), np.zeros((1, 2)))
+    # What is taken for K is wrong by more than it moves within a window.
+    along = Along(LOOPS, matrices - 0.05)
     beside = np.zeros((1, 9, 2))
     beside[0, 0] = 1e-7
-    start = np.zeros(maps[0].step.shape[0])
+    kernels, known = told(along, DECISIONS, push[None], beside)
+    start = np.zeros((2, along.own))
     for j in range(2):
-        at = j * maps[0].own
-        start[at + 2], start[at + 5] = -push[0, j], push[0, j]
-        # Where the plan asks for no acceleration.
-        start[at : at + 9] += 1e-7 * entries(LOOPS[j], 0.0, beside[:, :, j])[0][:, 0]
-    e, asked = run_of(moved[: count + 1], push, start)
-    nothing = np.zeros((count, 2))
-    before = together.before(asked[:count], nothing, nothing, nothing, 0.0)[:, 0, ERROR]
-    worst = 0.0
-    for i, (a, b) in enumerate(pairwise(edges)):
-        given = (push.T[None].swapaxes(1, 2), np.zeros((0, len(t), 2)))
-        known, _ = pushed(maps[i], LOOPS[0], matrices[i], given, range(a, b), 512)
-        alone, _ = begun(maps[i], LOOPS, np.zeros(2), beside, range(a, b))
-        unknown = np.abs(e[a:b] - known[:, 1, ERROR])
-        assert (unknown <= (before[a:b] + alone[:, ERROR]) * (1.0 + 1e-9)).all()
-        worst = max(worst, float(np.max(unknown / (before[a:b] + alone[:, ERROR]))))
-    assert worst > 0.5
+        column = beginnings(along, LOOPS, np.zeros(2), beside)[0][:, j]
+        start.reshape(-1)[along.kept] += column
+    e, asked = run_of(matrices[: COUNT + 1], push, started(push, start))
+    # A torque sets in one sample after its decision, and the K of a window is up to half of one away.
+    around = [np.roll(along.matrices, -1 + k, axis=0)[:COUNT] for k in range(-WIDTH // 2, WIDTH // 2 + 1)]
+    off = np.max([np.abs(matrices[1 : COUNT + 1] - one) for one in around], axis=0)
+    off[:WIDTH] = off[-WIDTH:] = off.max()
+    together = Together(kernels, WIDTH, np.abs(MATRIX) + off, off, np.zeros((1, 2)))
+    nothing = np.zeros((COUNT, 2))
+    before = together.before(asked[:COUNT], nothing, nothing, nothing, 0.0)[:, 0, ERROR]
+    sizes, _ = known.told(COUNT, 1, 1, False)
+    unknown = np.abs(e[:COUNT] - sizes[:, 1, ERROR])
+    bound = before + known.free.reshape(-1, OUTPUTS, 2)[:COUNT, ERROR]
+    assert (unknown <= bound * (1.0 + 1e-9)).all()
+    assert float(np.max(unknown / bound)) > 0.3
+
+
+def test_loops_that_grow_for_a_while_and_then_settle_are_told_by_how_much():
+    wild = 1.0 + 1.5 * (np.abs(np.arange(1200) - 700) < 100)
+    found = forgetting(Along(LOOPS, MATRIX * wild[:, None, None]), 1200)
+    calm = forgetting(Along(LOOPS, np.repeat(MATRIX[None], 1200, axis=0)), 1200)
+    assert calm.memory is not None
+    assert calm.grown < 1.0 < found.grown
+    assert 600 <= found.then <= 1199
 
 
 def test_the_halves_of_a_set_meet_in_its_middle_and_end_where_it_does():

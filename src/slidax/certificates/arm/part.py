@@ -49,14 +49,17 @@ class Part:
     slope: Floats
     arms: int
 
-    def shrunk(self, share: float) -> Part:
-        """The same of a set that is so many times as large around the arm that the law believes in.
+    def shrunk(self, share: float, push: Floats) -> Part:
+        """The same of a set that is so many times as large around its middle.
 
         - `share`: of each of its numbers.
+        - `push`: w* of the middle [N n].
         """
-        one = np.eye(self.low.shape[-1])
-        low, high = (one + share * (side - one) for side in (self.low, self.high))
-        return Part(self.members, share * self.push, share * self.effects, low, high, share * self.slope, self.arms)
+        middle = 0.5 * (self.low + self.high)
+        low, high = (middle + share * (side - middle) for side in (self.low, self.high))
+        return Part(
+            self.members, push + share * (self.push - push), share * self.effects, low, high, self.slope, self.arms
+        )
 
 
 def part_of(

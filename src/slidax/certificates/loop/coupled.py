@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from itertools import pairwise
 from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from ..arm.part import Part
 from ..demand import Demand
-from .coupled_kernels import CoupledKernels, length_of
-from .coupled_known import begun, pushed
-from .coupled_maps import CoupledMaps
+from .adjoint import Along, carried_back
+from .coupled_kernels import CoupledKernels, forgetting
+from .coupled_known import CoupledKnown, beginnings
 from .kernels import ERROR, LED, OUTPUTS
 from .propagation import First, Passing
 from .setting import Certified, Setting, Since
@@ -23,8 +23,10 @@ from .together import Together, propagated
 
 Floats = NDArray[np.floating[Any]]
 
-SEGMENT = 64
-"""Decisions for which one K is taken."""
+_FILTERS = (minimum_filter1d, maximum_filter1d)
+
+WIDTH = 16
+"""Decisions around one whose responses are taken for all of them."""
 
 SPARE = 0.002
 """Share of each entry of K by which it may be off the line between two samples at which it is computed."""
@@ -45,35 +47,38 @@ class Coupled(Setting):
         super().__init__(subject, demand, since)
         # What uncertain numbers add is followed as a signal, with its part of the set.
         self.demand = self.asked
+        ideal = since.ideal
+        nothing = np.zeros_like(demand.push[0])
+        self.shared = nothing if ideal.push is None else ideal.push
+        self.rest = nothing if ideal.rest is None else ideal.rest
         self.part, loops = part, subject.loops
-        n = self.samples
-        # A torque sets in at a sample or between two, and lasts for a period.
-        ends = [slice(self.late + k, self.late + k + n) for k in range(2 + (subject.dead_time % 1.0 > 0))]
-        low: Floats = np.array([part.low[one] for one in ends]).min(axis=0)
-        high: Floats = np.array([part.high[one] for one in ends]).max(axis=0)
-        edges = (*range(0, n - SEGMENT // 2, SEGMENT), n)
-        spans = [range(*one) for one in pairwise(edges)]
-        matrices = np.array([0.5 * (low[one].min(axis=0) + high[one].max(axis=0)) for one in spans])
-        maps = [CoupledMaps.of(loops, one) for one in matrices]
-        self.radius = np.array([one.radius for one in maps])
+        n, late = self.samples, self.late
+        # Of each period of the arm.
+        low, high = np.minimum(part.low[:-1], part.low[1:]), np.maximum(part.high[:-1], part.high[1:])
+        self.along = Along(loops, 0.5 * (low + high))
+        self.forgetting = forgetting(self.along, n)
         self.confirmed = False
         self.together: Together | None = None
-        length = length_of(maps)
-        if length is None:
+        if self.forgetting.memory is None:
             return
-        kernels = [CoupledKernels.of(one, loops[0], length) for one in maps]
-        wider, queue = SPARE * np.maximum(np.abs(low), np.abs(high)), maps[0].own - 8
+        least, most = (one(self.along.matrices, WIDTH + 1, axis=0, mode="nearest") for one in _FILTERS)
+        off = np.maximum(high - least, most - low) + SPARE * np.maximum(np.abs(low), np.abs(high))
+        size = np.maximum(np.abs(least), np.abs(most))
+        # A torque sets in at a sample or between two, and lasts for a period.
+        ends = [slice(late + k, late + k + n) for k in range(1 + (subject.dead_time % 1.0 > 0))]
+        queue = self.along.own - 8
         seen = np.abs(since.states).max(axis=0)
         # Of a command under way: what it is planned to do, and what the estimate misses.
         under_way = seen[2 : 2 + queue] + seen[4 + queue]
-        self.together = Together(edges, matrices, kernels, low, high, wider, under_way)
-        self.slope = np.max([part.slope[one] for one in ends], axis=0)
+        kernels = self._know(chance)
+        off, size = (np.array([one[end] for end in ends]).max(axis=0) for one in (off, size))
+        self.together = Together(kernels, WIDTH, size, off, under_way)
+        self.slope = np.max([part.slope[late + k : late + k + n] for k in range(len(ends) + 1)], axis=0)
         self.assumed, self.tube = np.zeros((3, n, len(loops))), np.zeros_like(part.push[0])
-        self._know(maps, spans, chance)
 
     @property
     def stable(self) -> bool:
-        """Whether all loops forget, with each K along the motion as if it stayed."""
+        """Whether all loops together forget along the motion."""
         return self.together is not None
 
     def certified(self, more: Floats | None = None, misread: Floats | None = None) -> Certified:
@@ -82,7 +87,7 @@ class Coupled(Setting):
         - `more`, `misread`: as of `Assembly.certified`.
         """
         assert self.together is not None
-        stray = self.strayed(more)
+        stray = self.strayed(self.rest if more is None else more + self.rest)
         free, held = self.free, self.held
         if misread is not None:
             extra = self._misled(misread)[:, None, :, :, None]
@@ -96,13 +101,14 @@ class Coupled(Setting):
         tube = np.maximum(
             self.tube[self.late : self.late + len(stray)], self.tube[self.late + 1 : self.late + 1 + len(stray)]
         )
-        around = self.together.wider + np.einsum("kijl,kl->kij", self.slope, tube)
-        together = replace(self.together, wider=around)
+        around = self.together.off + np.einsum("kijl,kl->kij", self.slope, tube)
+        together = replace(self.together, off=around)
         before = together.before(acceleration, stray, aims, changes, self.subject.dead_time % 1.0)
         bounds, *came = propagated(self.course, together, passing, self.first, before)
         error, share = self.error_of(bounds)
         middle = np.sqrt(np.prod(self.demand.kappa, axis=0))[:, None]
-        noise = self.noise_size[:, ERROR].max(axis=0)
+        joints = len(middle)
+        noise = self.noise_size[:, ERROR * joints : (ERROR + 1) * joints].max(axis=0)
         found = Certified(self.subject, self.narrowing, bounds, error, share, middle, np.zeros_like(middle), noise)
         radius = self.reach(found)[0]
         self.confirmed = bool((np.array(came) <= self.assumed).all() and (radius <= self.tube).all())
@@ -110,38 +116,46 @@ class Coupled(Setting):
         self.tube = np.maximum(self.tube, ABOVE * radius)
         return found
 
-    def _know(self, maps: list[CoupledMaps], spans: list[range], chance: float) -> None:
+    def _know(self, chance: float) -> CoupledKernels:
         """What is known of the loops beforehand, and bounds at the first sample."""
-        assert self.together is not None
         assert self.since is not None
-        n, h, loops = self.samples, self.period, self.subject.loops
-        joints, kernels = len(loops), self.together.kernels
-        times = n * joints * OUTPUTS
-        self.noise_size = np.array([self._noise(one, times, chance) for one in kernels])
+        assert self.forgetting.memory is not None
+        n, h, loops, memory = self.samples, self.period, self.subject.loops, self.forgetting.memory
+        joints, part = len(loops), self.subject.dead_time % 1.0
         slope = self.course.slopes.between(*(jnp.asarray(self.since.ideal.eps[0]),) * 2)[0]
         follows = self.narrowing.ahead[0] / (self.narrowing.now[0] + self.horizon * np.asarray(slope))
-        pushes = (self.part.push * h * h, self.part.effects * h * h)
+        pushes = np.concatenate([self.part.push - self.shared, self.part.effects]) * h * h
+        decisions = np.arange(0, n, WIDTH) + WIDTH // 2
+        kernels = CoupledKernels(self.along, len(decisions), memory)
+        starts = beginnings(self.along, loops, follows, self.since.states)
+        known = CoupledKnown(self.along, decisions, WIDTH, pushes, starts, memory)
+        for back in carried_back(self.along, decisions, memory):
+            kernels.take(back)
+            known.take(back)
+        kernels.finish()
+        known.finish(kernels.later)
+        sizes, bend = known.told(n, len(self.part.push), self.late, part > 0)
+        self.bend = bend / (12.0 if part == 0 else 4.0)
         # Pushes of long ago differ by no more than this from what they are taken as.
-        older = 2.0 * (np.abs(pushes[0]).max(axis=(0, 1)) + np.abs(pushes[1]).sum(axis=0).max(axis=0))
-        self.free, self.held = np.empty((2, n, 2, OUTPUTS, joints, 1))
-        self.bend = np.empty((n, joints))
-        curve = 12.0 if self.subject.dead_time % 1.0 == 0 else 4.0
-        for i, (one, span) in enumerate(zip(maps, spans, strict=True)):
-            sizes, bend = pushed(one, loops[0], self.together.matrices[i], pushes, span, self.together.reach)
-            extra = self.noise_size[i] + kernels[i].tails[0] @ (np.abs(self.together.matrices[i]) @ older)
-            alone, kept = begun(one, loops, follows, self.since.states, span)
-            at = slice(span.start, span.stop)
-            for into, whence in ((self.free, alone), (self.held, kept)):
-                into[at, ..., 0] = sizes + extra + whence[:, None]
-            self.bend[at] = bend / curve
+        older = 2.0 * (
+            np.abs(pushes[: len(self.part.push)]).max()
+            + np.abs(pushes[len(self.part.push) :]).sum(axis=0).max(initial=0.0)
+        )
+        widest = max(1.0, float(np.abs(self.along.matrices).sum(axis=2).max()))
+        self.noise_size = self._noise(kernels, n * joints * OUTPUTS, chance)
+        extra = (self.noise_size + 2.0 * widest * older * kernels.tails[..., 0])[np.arange(n) // WIDTH]
+        self.free, self.held = (
+            (sizes + (extra + one.reshape(-1, extra.shape[1])[:n]).reshape(n, 1, OUTPUTS, joints))[..., None]
+            for one in (known.free, known.held)
+        )
         slid = np.abs(self.since.slid)
         size = float(np.sqrt(slid @ self.sliding.mass[0] @ slid))
-        known = self.free[0, :, LED, :, 0].max(axis=0)
-        error = self.free[0, :, ERROR, :, 0]
-        self.first = First.of(error, known, np.full_like(known, np.inf), size, follows)
+        error, led = self.free[0, :, ERROR, :, 0], self.free[0, :, LED, :, 0].max(axis=0)
+        self.first = First.of(error, led, np.full_like(led, np.inf), size, follows)
+        return kernels
 
     def _noise(self, kernels: CoupledKernels, times: int, chance: float) -> Floats:
-        """How much of the sensors' noise arrives at each output [9 n], as `Noise.size` has it for one joint's loop."""
+        """How much of the sensors' noise arrives at each output [Z 9n], as `Noise.size` has it for one joint's loop."""
         noise, h = self.noise, self.period
         position, velocity = noise.position_deviation**2, (h * noise.velocity_deviation) ** 2
         spread = np.sqrt(kernels.noise_square[0] @ position + kernels.noise_square[1] @ velocity)
@@ -151,11 +165,9 @@ class Coupled(Setting):
     def _misled(self, misread: Floats) -> Floats:
         """What commands that are predicted as others do at most [N 9 n]."""
         assert self.together is not None
-        length = self.together.reach
-        which = np.repeat(np.arange(len(self.together.kernels)), np.diff(self.together.edges))
-        of_command = np.array([one.of_command for one in self.together.kernels])
-        found: Floats = np.einsum("koij,kj->koi", of_command[which], self.recent(misread, length))
+        kernels, which = self.together.kernels, self.together.which
+        found: Floats = np.einsum("koj,kj->ko", kernels.of_command[which], self.recent(misread, kernels.longest))
         if self.demand.relearnt is not None:
-            of_estimate = np.array([one.of_estimate for one in self.together.kernels])
-            found = found + np.einsum("koij,kj->koi", of_estimate[which], self.recent(self.demand.relearnt, length))
-        return found
+            relearnt = self.recent(self.demand.relearnt, kernels.longest)
+            found = found + np.einsum("koj,kj->ko", kernels.of_estimate[which], relearnt)
+        return found.reshape(len(found), OUTPUTS, -1)

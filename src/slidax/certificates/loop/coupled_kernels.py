@@ -1,4 +1,4 @@
-"""How much of what comes into the loops of all joints arrives where, for one matrix K: responses in size."""
+"""How much of what comes into the loops of all joints arrives where, along a K that moves: responses in size."""
 
 from __future__ import annotations
 
@@ -8,154 +8,157 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from slidax.diagnosis.linear_loop import LinearLoop
-
-from .coupled_maps import CoupledMaps
-from .kernels import (
-    ACCELERATION,
-    ERROR,
-    ESTIMATE,
-    LAPSE,
-    LED,
-    MISSED,
-    OUTPUTS,
-    SHIFT,
-    SLIP,
-    SPEED,
-    largest_within,
-    outputs_of,
-)
+from .adjoint import Along, Back, carried_back
+from .kernels import ERROR, LED, MISSED, OUTPUTS, largest_within
 
 Floats = NDArray[np.floating[Any]]
 
-LENGTHS = tuple(256 * k for k in range(1, 9))
-"""Of impulse responses [periods]: the first after which little is left."""
+MEMORIES = tuple(128 * k for k in range(1, 17))
+"""Ages up to which responses are told [periods]: the first after which little is left."""
 
-LITTLE = 1e-5
-"""Of a state, after one length."""
+LITTLE = 1e-6
+"""Of a state, after that."""
 
-LAGS = 4
-"""That are taken together, with the largest of what came in at them."""
+EVERY = 128
+"""Samples from one at which it is looked at to the next."""
+
+LUMPS = ((32, 4), (128, 8), (1 << 30, 16))
+"""Up to which lag so many are taken together, with the largest of what came in at them."""
 
 
-@dataclass(frozen=True)
+def lumped(longest: int) -> list[range]:
+    """Lags from one on, those together that are taken together.
+
+    - `longest`: the last.
+    """
+    found, lag = [], 1
+    for end, width in LUMPS:
+        while lag <= min(end, longest):
+            found.append(range(lag, min(lag + width, longest + 1)))
+            lag += width
+    return found
+
+
 class CoupledKernels:
-    """Of all loops for one K; units of periods. From the last axis's joint, or rows of joint and lag, to each output.
+    """Of all loops, for outputs of some decisions; units of periods. From the last axis's joint to each output.
 
     The outputs are those of `kernels`, but that of the acceleration is `a + w*` without K.
 
-    - `newest`: what pushes, places and changes of place do at once [3 9 n n].
-    - `older`: what they do from one period later on, LAGS of them together [3 9n nB].
-    - `tails`: what is older than these does at most, times the largest that came in [3 9 n n].
-    - `of_command`, `of_estimate`: sums of sizes, as in `Kernels` [9 n n].
-    - `noise`, `noise_square`: the same of a measurement's noise, position and velocity, and of their squares [2 9 n n].
+    - `newest`: what pushes, places and changes of place do at once [3 Z 9n n].
+    - `older`: what they do from one period later on, lags together as of `lumped` [3 Z B 9n n].
+    - `tails`: what is older than these does at most, times the largest that came in [Z 9n n].
+    - `of_command`, `of_estimate`: sums of sizes, as in `Kernels` [Z 9n n].
+    - `noise`, `noise_square`: the same of noise of position and velocity, and of squares [2 Z 9n n].
+
+    - `along`, `decisions`: of which loops and outputs.
+    - `memory`: from `memory_of`.
     """
 
-    newest: Floats
-    older: Floats
-    tails: Floats
-    of_command: Floats
-    of_estimate: Floats
-    noise: Floats
-    noise_square: Floats
+    def __init__(self, along: Along, count: int, memory: int) -> None:
+        n, self.along, self.memory = along.joints, along, memory
+        self.longest = memory + along.late
+        self.lumps = lumped(self.longest)
+        self._lump = np.full(self.longest + 1, -1)
+        for k, lags in enumerate(self.lumps):
+            self._lump[list(lags)] = k
+        shape = (count, OUTPUTS * n, n)
+        self.newest = np.zeros((3, *shape))
+        self.older = np.zeros((3, count, len(self.lumps), *shape[1:]))
+        self.of_command, self.of_estimate = np.zeros((2, *shape))
+        self.noise, self.noise_square = np.zeros((2, 2, *shape))
+        self._kicked = [along.columns(k) for k in (0, 1)]
+        self._estimate, self._led_to = along.columns(along.own - 4), along.led_to
+        self._most, self._left, self._weights = 1.0, 0.0, np.zeros((count, OUTPUTS * n))
+        self._leads = np.zeros((OUTPUTS, n, n))
+        self._leads[[LED, ERROR]] = np.eye(n)
+        self._leads = self._leads.reshape(-1, n)
 
-    @classmethod
-    def of(cls, maps: CoupledMaps, loop: LinearLoop, length: int) -> CoupledKernels:
-        """Those of some maps.
+    def take(self, back: Back) -> None:
+        """What comes in at one sample.
 
-        - `maps`: of all loops.
-        - `loop`: of any joint, for horizon and delay.
-        - `length`: from `length_of`.
+        - `back`: the outputs as of its state.
         """
-        n, whole = maps.joints, int(loop.believed)
-        steps = length + whole + 3
-        kicks = np.eye(maps.step.shape[0])
-        place = maps.enters[2]
-        # Of p held from some time on, less where it leads in the end.
-        held = -np.linalg.solve(np.eye(maps.step.shape[0]) - maps.step, place)
-        first = [kicks[:, k :: maps.own] for k in (0, 1)]
-        sources = [*first, place, maps.enters[0], maps.enters[1], kicks[:, maps.own - 4 :: maps.own], held]
-        powers = _powers(maps.step, np.concatenate(sources, axis=1), steps)
-        rows = (maps.asked.reshape(7 * n, -1) @ powers).reshape(steps, 7, n, len(sources), n).swapaxes(0, 1)
-        raw = np.concatenate([np.zeros((7, 1, *rows.shape[2:])), rows], axis=1)
-        for source, which in ((2, 2), (3, 0), (4, 1)):
-            raw[:, 0, :, source] = maps.direct[which]
+        ages, n, late = back.ages, self.along.joints, self.along.late
+        size = np.abs(back.reached).sum(axis=2).max(axis=1)
+        self._most = max(self._most, float(size.max()))
+        cut = np.flatnonzero(ages == self.memory)
+        if cut.size:
+            self._left = max(self._left, float(size[cut].max()))
+            self._weights[back.which.start + cut] = np.abs(back.rows[cut]).sum(axis=2)
+        by_q, by_v = (back.rows @ one for one in self._kicked)
+        self._add(0, back, ages + late + 1, largest_within(by_v, by_q))
+        placed = back.entering(2)
+        place = placed.copy()
+        newest = np.flatnonzero(ages == -1)
+        place[newest[:, None], MISSED * n + np.arange(n), np.arange(n)] -= 1.0
+        self._add(1, back, ages + 1, np.abs(place))
+        self._add(2, back, ages, np.abs(self._leads - back.rows @ self._led_to))
+        for source in (0, 1):
+            noisy = back.entering(source)
+            self.noise[source, back.which] += np.abs(noisy)
+            self.noise_square[source, back.which] += noisy**2
+        decided = np.flatnonzero(ages >= -1)
+        self.of_command[back.which][decided] += self.along.loop.horizon**2 * np.abs(placed[decided])
+        known = np.flatnonzero(ages >= 0)
+        self.of_estimate[back.which][known] += np.abs(back.rows[known] @ self._estimate)
 
-        def seen(source: int, at: Any) -> Floats:
-            return outputs_of(raw[:, :, :, source], at, whole, loop, 1.0)
+    def _add(self, kind: int, back: Back, lags: NDArray[np.integer[Any]], sizes: Floats) -> None:
+        first = back.which.start
+        at = np.flatnonzero(lags == 0)
+        self.newest[kind, first + at] = sizes[at]
+        at = np.flatnonzero((lags > 0) & (lags <= self.longest))
+        self.older[kind, first + at, self._lump[lags[at]]] += sizes[at]
 
-        lags = np.arange(length)
-        pushed = largest_within(seen(1, lags - whole), seen(0, lags - whole))
-        placed = seen(2, lags)
-        placed[MISSED, 0] -= np.eye(n)
-        jumped = outputs_of(raw[:, 1:, :, 5], lags, whole, loop, 1.0)
-        noisy = np.array([seen(source, np.arange(-whole - 1, length)) for source in (3, 4)])
-
-        tails = _tails(maps, loop, powers, length).reshape(OUTPUTS, n, len(sources), n)
-        whole_place = placed.copy()
-        whole_place[MISSED, 0] += np.eye(n)
-        kernels = np.stack([pushed, np.abs(placed), np.abs(np.cumsum(placed, axis=1))])
-        blocks = kernels[:, :, 1:].reshape(3, OUTPUTS, -1, LAGS, n, n).sum(axis=3)
-        noise_tail = np.stack([tails[:, :, 3], tails[:, :, 4]])
-        return cls(
-            newest=kernels[:, :, 0],
-            older=blocks.transpose(0, 1, 3, 2, 4).reshape(3, OUTPUTS * n, -1),
-            tails=np.stack([tails[:, :, 0] + tails[:, :, 1], tails[:, :, 2], tails[:, :, 6]]),
-            of_command=loop.horizon**2 * (np.sum(np.abs(whole_place), axis=1) + tails[:, :, 2]),
-            of_estimate=np.sum(np.abs(jumped), axis=1) + tails[:, :, 5],
-            noise=np.sum(np.abs(noisy), axis=2) + noise_tail,
-            noise_square=np.sum(noisy**2, axis=2) + noise_tail**2,
-        )
+    def finish(self) -> None:
+        """What is older: `Σ |R Φ_1 Φ_2 ... x|`, each Φ over one memory, of which f is left; within one at most m."""
+        here = self.along.at(0).step
+        power = np.eye(len(here))
+        for _ in range(int(np.ceil(self.along.ahead)) + 64):
+            power = power @ here
+            self._most = max(self._most, float(np.abs(power).sum(axis=1).max()))
+        self.left = self._left
+        self.later = self._weights * self._most
+        total = self.later * self.memory / (1.0 - self._left)
+        n = self.along.joints
+        self.tails = np.repeat(total[:, :, None], n, axis=2)
+        reach = self.along.reach
+        self.of_command += self.along.loop.horizon**2 * reach * self.tails
+        self.of_estimate += self.tails
+        self.noise += reach * self.tails
+        self.noise_square += (reach * self.tails) ** 2
+        self.tails = max(1.0, reach) * self.tails
 
 
-def length_of(maps: list[CoupledMaps]) -> int | None:
-    """A length after which little is left of any state in all of them, a multiple of LAGS and one; None for too long.
+@dataclass(frozen=True)
+class Forgetting:
+    """How the loops forget along a motion.
 
-    - `maps`: for each K.
+    - `memory`: periods after which little is left of any state; None for too long.
+    - `grown`: what an error of one joint has become in another at most, `apart` periods later, at sample `then`.
     """
-    longest = 0
-    for one in maps:
-        fits = [k for k, length in enumerate(LENGTHS) if _left(one.step, length) < LITTLE]
-        if not fits:
-            return None
-        longest = max(longest, fits[0])
-    return LENGTHS[longest] + 1
+
+    memory: int | None
+    grown: float
+    apart: int
+    then: int
 
 
-def _left(step: Floats, length: int) -> float:
-    return float(np.max(np.sum(np.abs(np.linalg.matrix_power(step, length)), axis=1)))
+def forgetting(along: Along, samples: int) -> Forgetting:
+    """How the loops forget.
 
-
-def _powers(step: Floats, first: Floats, count: int) -> Floats:
-    """`step^k first` for k from 0 on [K S m]."""
-    found = np.empty((count, *first.shape))
-    found[0] = first
-    for k in range(1, count):
-        np.matmul(step, found[k - 1], out=found[k])
-    return found
-
-
-def _tails(maps: CoupledMaps, loop: LinearLoop, powers: Floats, length: int) -> Floats:
-    """Bounds of what each source does later than the responses reach [9 n m].
-
-    `Σ_{k >= K} |c step^k x|` is at most |c| times the sum of the sizes of `step^k x`: those that were computed, and of
-    all later ones `f/(1 - f)` times the sum over one length, f being what one length leaves.
+    - `along`: the loops along the motion; `samples`: of it.
     """
-    whole, lead, r = int(loop.believed), loop.horizon - 0.5, 1.0 / loop.horizon
-    asked, step = maps.asked, maps.step
-    later = np.linalg.matrix_power(step, whole)
-    rows = np.empty((OUTPUTS, *asked.shape[1:]))
-    rows[LED] = asked[2]
-    rows[ERROR] = asked[0] @ later
-    rows[MISSED] = (asked[2] @ step - (1.0 - r) * asked[2]) / r
-    rows[SHIFT] = (asked[0] + lead * asked[1]) @ later - asked[2]
-    rows[SLIP] = asked[3] @ step - asked[3] - asked[5]
-    rows[ACCELERATION] = asked[4]
-    rows[ESTIMATE] = asked[6]
-    rows[SPEED] = asked[1] @ later
-    rows[LAPSE] = rows[SPEED] - asked[3]
-    left = _left(step, length)
-    sizes = np.max(np.abs(powers), axis=1)
-    total = sizes[length - whole - 2 :].sum(axis=0) + left / (1.0 - left) * sizes[:length].sum(axis=0)
-    found: Floats = np.sum(np.abs(rows), axis=2)[:, :, None] * total
-    return found
+    looked = np.arange(samples - 1, 0, -EVERY)[::-1]
+    left = np.zeros(len(MEMORIES))
+    error, placed = along.columns(0), along.led_to
+    grown, apart, then = 0.0, 0, 0
+    for back in carried_back(along, looked, MEMORIES[-1]):
+        for k in np.flatnonzero(back.ages >= MEMORIES[0]):
+            size = float(np.abs(error.T @ back.reached[k] @ placed).max())
+            if size > grown:
+                grown, apart, then = size, int(back.ages[k]), int(back.sample + back.ages[k])
+            if back.ages[k] in MEMORIES:
+                number = MEMORIES.index(int(back.ages[k]))
+                left[number] = max(left[number], float(np.abs(back.reached[k]).sum(axis=1).max()))
+    fits = [memory for memory, one in zip(MEMORIES, left, strict=True) if one < LITTLE]
+    return Forgetting(min(fits) if fits else None, grown, apart, then)

@@ -1,4 +1,4 @@
-"""What the loops of all joints do with what is known, for one matrix K: where they begin, and the pushes of a set."""
+"""What the loops of all joints do with what is known, along a K that moves: where they begin, and a set's pushes."""
 
 from __future__ import annotations
 
@@ -10,111 +10,123 @@ from numpy.typing import NDArray
 
 from slidax.diagnosis.linear_loop import LinearLoop
 
-from .coupled_maps import CoupledMaps
-from .kernels import ACCELERATION, ESTIMATE, MISSED, OUTPUTS, outputs_of
+from .adjoint import Along, Back
+from .kernels import ACCELERATION, ESTIMATE, OUTPUTS
 from .signals import entries
 
 Floats = NDArray[np.floating[Any]]
 
 
-def begun(
-    maps: CoupledMaps, loops: Sequence[LinearLoop], follows: Floats, states: Floats, span: range
-) -> tuple[Floats, Floats]:
-    """What the loops do from where the arms of a set may be at the first sample, in size [K 9 n] each.
+def beginnings(along: Along, loops: Sequence[LinearLoop], follows: Floats, states: Floats) -> tuple[Floats, Floats]:
+    """Where the arms of a set may be at the first sample: columns [S m], and what is left of them when a p is held.
 
-    Without p, and with the p held that ŷ has there.
-
-    - `maps`, `loops`: of all joints.
-    - `follows`: θ [n].
+    - `along`, `loops`: of all joints.
+    - `follows`: θ [n]; held is the p that ŷ has there.
     - `states`: as in `Entry` [m 8 + Q n].
-    - `span`: of the decisions.
     """
-    n, size = maps.joints, maps.step.shape[0]
-    columns, places = [], []
+    n, columns, less = along.joints, [], []
+    asked, led_to = along.at(0).asked, along.led_to
     for j, loop in enumerate(loops):
         basis, reach = entries(loop, float(follows[j]), states[:, :, j])
-        whole = maps.placed(basis * reach, j)[:, reach > 0.0]
-        columns.append(whole)
-        held = np.zeros((n, whole.shape[1]))
-        held[j] = follows[j] * (maps.asked[2, j] @ whole)
-        places.append(held)
-    start, place = np.concatenate(columns, axis=1), np.concatenate(places, axis=1)
-    if not start.shape[1]:
-        return (np.zeros((len(span), OUTPUTS, n)),) * 2
-    # p stays, as a state that keeps itself.
-    step = np.block([[maps.step, maps.enters[2]], [np.zeros((n, size)), np.eye(n)]])
-    rows = np.concatenate([maps.asked.reshape(7 * n, size), maps.direct[2].reshape(7 * n, n)], axis=1)
-    both = np.concatenate([start, start], axis=1)
-    state = np.concatenate([both, np.concatenate([0.0 * place, place], axis=1)])
-    state = np.linalg.matrix_power(step, span.start) @ state
-    count = len(span) + int(loops[0].believed) + 2
-    raw = np.empty((count, 7 * n, state.shape[1]))
-    for k in range(count):
-        raw[k] = rows @ state
-        state = step @ state
-    found = outputs_of(
-        raw.reshape(count, 7, n, -1).swapaxes(0, 1), np.arange(len(span)), int(loops[0].believed), loops[0], 1.0
-    )
-    half = start.shape[1]
-    found[MISSED, :, :, half:] -= place
-    sizes = np.abs(found).swapaxes(0, 1)
-    return sizes[..., :half].sum(axis=-1), sizes[..., half:].sum(axis=-1)
+        whole = np.zeros((n, along.own, basis.shape[1]))
+        whole[j] = basis * reach
+        column = whole.reshape(n * along.own, -1)[along.kept][:, reach > 0.0]
+        columns.append(column)
+        less.append(column - np.outer(led_to[:, j], follows[j] * (asked[2, j] @ column)))
+    return np.concatenate(columns, axis=1), np.concatenate(less, axis=1)
 
 
-def pushed(
-    maps: CoupledMaps, loop: LinearLoop, matrix: Floats, pushes: tuple[Floats, Floats], span: range, memory: int
-) -> tuple[Floats, Floats]:
-    """What the pushes of a set do to the loops that they have brought to rest, below and above zero [K 2 9 n].
+class CoupledKnown:
+    """What is known of the outputs of each decision, some decisions around each that is carried back at a time.
 
-    And by how much they bend e at most [K n]. What is older than the memory counts as it was then; what it was
-    otherwise is in the tails of the kernels.
+    - `found`: what the pushes do to loops that they have brought to rest [Z W 9n M].
+    - `free`, `held`: what the beginning does in size, without p and with the first p held [Z W 9n].
 
-    - `maps`: of all joints; `loop`: any of them.
-    - `matrix`: K.
-    - `pushes`: w* at the arm's samples, linear in between, of each corner [M T n]; and what half the width of an
-      uncertain number adds [E T n]; in units of periods.
-    - `span`: of the decisions.
-    - `memory`: periods.
+    - `along`, `decisions`: of which loops and outputs; `width`: W, samples, of which the middle one is carried back.
+    - `pushes`: w* at the arm's samples, linear in between [M T n], units of periods.
+    - `starts`: from `beginnings`.
+    - `memory`: ages that are looked at.
     """
-    corners, effects = pushes
-    every = np.concatenate([corners, effects])
-    n, whole = maps.joints, int(loop.believed)
-    first = max(0, span.start - memory)
-    last = span.stop + whole + 3
-    given = np.moveaxis(every[:, first : last + 1], 0, -1)
-    given = np.concatenate([given, np.repeat(given[-1:], max(last + 1 - first - len(given), 0), axis=0)])
-    state = np.zeros((maps.step.shape[0], len(every)))
-    queue = maps.own - 8
-    for j in range(n):
-        at = j * maps.own
-        state[at + 2 : at + 2 + queue] = -given[0, j]
-        state[at + 4 + queue] = given[0, j]
-    rows = maps.asked.reshape(7 * n, -1)
-    through = maps.direct.reshape(5, 7 * n, n)
-    entered = given[:-1].swapaxes(0, 1).reshape(n, -1), given[1:].swapaxes(0, 1).reshape(n, -1)
-    forced = (maps.enters[3] @ entered[0] + maps.enters[4] @ entered[1]).reshape(state.shape[0], -1, len(every))
-    skip = span.start - first
-    raw = np.empty((last - span.start, 7 * n, len(every)))
-    for k in range(last - first):
-        if k >= skip:
-            raw[k - skip] = rows @ state + through[3] @ given[k] + through[4] @ given[k + 1]
-        state = maps.step @ state + forced[:, k]
-    found = outputs_of(raw.reshape(len(raw), 7, n, -1).swapaxes(0, 1), np.arange(len(span)), whole, loop, 1.0)
-    # When the torque of a decision sets in, and until the next does.
-    knots = np.array(
-        [given[skip + whole + k : skip + whole + k + len(span)] for k in range(2 + (loop.believed % 1.0 > 0))]
-    )
-    found[ESTIMATE] -= knots[0]
-    corner, effect = np.split(found, [len(corners)], axis=-1)
-    moves, adds = np.split(knots, [len(corners)], axis=-1)
-    acts = np.max(np.abs(effect[ACCELERATION] + adds), axis=0)
-    more = np.abs(effect)
-    more[ACCELERATION] = acts
-    more = more.sum(axis=-1)
-    above, below = corner.copy(), -corner
-    above[ACCELERATION] += moves.max(axis=0)
-    below[ACCELERATION] -= moves.min(axis=0)
-    sizes = np.stack([below.max(axis=-1) + more, above.max(axis=-1) + more])
-    turned = np.abs(np.einsum("ij,ckjm->ckim", matrix, np.diff(knots, axis=0)))
-    bend = turned[..., : len(corners)].max(axis=(0, 3)) + turned[..., len(corners) :].max(axis=0).sum(axis=-1)
-    return sizes.transpose(2, 0, 1, 3), bend
+
+    def __init__(
+        self,
+        along: Along,
+        decisions: NDArray[np.integer[Any]],
+        width: int,
+        pushes: Floats,
+        starts: tuple[Floats, Floats],
+        memory: int,
+    ) -> None:
+        self.along, self.decisions, self.memory = along, decisions, memory
+        self.offsets = np.arange(width) - width // 2
+        self.pushes, self.starts = np.moveaxis(pushes, 0, -1), starts
+        shape = (len(decisions), width, OUTPUTS * along.joints)
+        self.found = np.zeros((*shape, len(pushes)))
+        self.free, self.held = np.zeros((2, *shape))
+        self._resting = along.resting
+
+    def take(self, back: Back) -> None:
+        """What comes in at one sample.
+
+        - `back`: the outputs as of its state.
+        """
+        before = back.sample - 1 + self.offsets
+        inside = np.flatnonzero(before >= 0)
+        going = np.flatnonzero(back.ages < self.memory)
+        if inside.size and going.size:
+            last = self.pushes.shape[0] - 1
+            ends = [self.pushes[np.minimum(before[inside] + k, last)] for k in (0, 1)]
+            answers = [back.entering(source) for source in (3, 4)]
+            whole = np.concatenate(answers, axis=2)[going].reshape(-1, 2 * self.along.joints)
+            given = np.concatenate(ends, axis=1).transpose(1, 0, 2).reshape(2 * self.along.joints, -1)
+            added = (whole @ given).reshape(going.size, -1, inside.size, self.pushes.shape[2]).swapaxes(1, 2)
+            first, start = back.which.start + going[0], inside[0]
+            self.found[first : first + going.size, start:] += added
+        for k in np.flatnonzero(back.ages == self.memory):
+            for w in np.flatnonzero(back.sample + self.offsets >= 0):
+                rests = back.rows[k] @ self._resting @ self.pushes[back.sample + self.offsets[w]]
+                self.found[back.which.start + k, w] += rests
+        w = -back.sample - self.offsets[0]
+        if 0 <= w < self.offsets.size:
+            # Of these decisions this sample is the first that there is.
+            begins = np.flatnonzero(back.ages < self.memory)
+            at = back.which.start + begins
+            self.found[at, w] += back.rows[begins] @ self._resting @ self.pushes[0]
+            self.free[at, w], self.held[at, w] = (np.abs(back.rows[begins] @ one).sum(axis=2) for one in self.starts)
+
+    def finish(self, later: Floats) -> None:
+        """What is older counts as it was when it became so.
+
+        - `later`: of a state of one as old as that, at most what is left in the outputs [Z 9n].
+        """
+        sizes = [float(np.abs(one).sum(axis=1).max(initial=0.0)) for one in self.starts]
+        old = (self.decisions[:, None] + self.offsets) >= self.memory
+        for into, size in zip((self.free, self.held), sizes, strict=True):
+            into += np.where(old[..., None], size * later[:, None], 0.0)
+
+    def told(self, count: int, corners: int, late: int, part: bool) -> tuple[Floats, Floats]:
+        """What the pushes of a set do, below and above zero [N 2 9 n], and by how much they bend e, for K [N n].
+
+        - `count`: N.
+        - `corners`: how many of the pushes are extreme ones; the others are added, each to either side.
+        - `late`: periods of delay that are whole; `part`: whether there is more.
+        """
+        n = self.along.joints
+        found = self.found.reshape(-1, OUTPUTS, n, self.pushes.shape[2])[:count]
+        last = self.pushes.shape[0] - 1
+        # When the torque of a decision sets in, and until the next does.
+        at = np.arange(count) + late
+        knots = np.array([self.pushes[np.minimum(at + k, last)] for k in range(2 + part)])
+        found[:, ESTIMATE] -= knots[0]
+        corner, effect = found[..., :corners], found[..., corners:]
+        moves, adds = knots[..., :corners], knots[..., corners:]
+        more = np.abs(effect)
+        more[:, ACCELERATION] = np.max(np.abs(effect[:, ACCELERATION] + adds), axis=0)
+        above, below = corner.copy(), -corner
+        above[:, ACCELERATION] += moves.max(axis=0)
+        below[:, ACCELERATION] -= moves.min(axis=0)
+        sizes = np.stack([below.max(axis=-1), above.max(axis=-1)], axis=1) + more.sum(axis=-1)[:, None]
+        matrix = np.abs(self.along.matrices[np.minimum(at, len(self.along.matrices) - 1)])
+        turned = np.abs(np.diff(knots, axis=0)).max(axis=0)
+        widest = turned[..., :corners].max(axis=-1) + turned[..., corners:].sum(axis=-1)
+        return sizes, np.einsum("kij,kj->ki", matrix, widest)

@@ -102,7 +102,7 @@ class Approach:
     """
 
     subject: Subject
-    seen: list[_Seen]
+    seen: list[Seen]
     plants: list[Plant]
     late: int
 
@@ -111,14 +111,19 @@ class Approach:
         """Of a run."""
         return int(self.seen[0].e.shape[0])
 
-    def entry(self, sample: int) -> Entry:
+    def entry(self, sample: int, beside: Seen | None = None) -> Entry:
         """Where they are at a sample.
 
         - `sample`: not before `late`.
+        - `beside`: the run that they are followed beside; what the middle one's law plans if None.
         """
-        subject, middle = self.subject, self.seen[0]
+        subject, middle = self.subject, self.seen[0] if beside is None else beside
+        states = np.array([one.state(sample, middle) for one in self.seen])
+        if beside is not None:
+            states = states - beside.state(sample, beside)
         ends = slice(sample - subject.quiet, sample + int(np.ceil(subject.dead_time)) + 2)
         kept = np.array([one.s[sample] for one in self.seen])
+        s = middle.s[sample]
         learning = learns(subject.scenario)
         return Entry(
             sample=sample,
@@ -126,9 +131,9 @@ class Approach:
             margin=min(one.margin(sample) for one in self.seen),
             q=middle.q[ends],
             dq=middle.dq[ends],
-            s=kept[0],
-            slid=np.max(np.abs(kept - kept[0]), axis=0),
-            states=np.array([one.state(sample, middle) for one in self.seen]),
+            s=s,
+            slid=np.max(np.abs(kept - s), axis=0),
+            states=states,
             seen=[(arm, one.belief) for arm, one in zip(self.plants, self.seen, strict=True)] if learning else [],
         )
 
@@ -147,7 +152,7 @@ def approached(subject: Subject, cases: int = CASES, seed: int = 0) -> Approach 
     shares = [_shares(seed + k, cases if width else 1, size) for k, size in enumerate((width, len(members.axes)))]
     values = {**family.space.values(shares[0]), **members.values(shares[1])}
     runs = Cases(family, around=Watching).logged(values)
-    seen = [_Seen.of(subject, run) for run in runs]
+    seen = [Seen.of(subject, run) for run in runs]
     lost = [one for one in seen if one is None]
     if lost:
         return f"{len(lost)} of {len(seen)} cases of the set leave their envelope"
@@ -170,7 +175,7 @@ def _shares(seed: int, rows: int, width: int) -> Floats:
 
 
 @dataclass(frozen=True, eq=False)
-class _Seen:
+class Seen:
     """A run, relative to its reference and in units of periods."""
 
     subject: Subject
@@ -190,7 +195,7 @@ class _Seen:
     belief: Belief
 
     @classmethod
-    def of(cls, subject: Subject, run: Run) -> _Seen | None:
+    def of(cls, subject: Subject, run: Run) -> Seen | None:
         """None if it left its envelope."""
         log, h = run.log, subject.scenario.period
         assert log is not None
@@ -241,7 +246,7 @@ class _Seen:
         """The least room up to a sample."""
         return float(self.room[: until + 1].min())
 
-    def state(self, first: int, middle: _Seen) -> Floats:
+    def state(self, first: int, middle: Seen) -> Floats:
         """What is known of it at a decision beside the middle one [8 + Q, n]; the middle one does what it did."""
         subject = self.subject
         m, queue = first - subject.quiet, max(1, int(np.ceil(subject.law.delay)))

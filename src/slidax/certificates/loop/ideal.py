@@ -31,19 +31,23 @@ class Ideal:
 
     - `motion`: of this arm from the sample that the first decision is made from [N n], with the reference's velocities.
     - `error`: e when each torque sets in [K n], rad or m.
-    - `target`: `x = y + H s⁺`, which the plan's equation is solved for [K n], rad or m.
+    - `target`: `x = y + H s⁺`, which the plan's equation is solved for [K n], rad or m; None where it follows from ε.
     - `eps`: its ε [K n].
     - `sliding`: s, which the law remembers [K n], rad/s or m/s; `s_next`: s⁺ [K n].
     - `cover`: u [K], N m; inf for a law that has none.
+    - `push`: w* that this run has itself [N n], and `rest`: by how much it is otherwise in a period [N n], rad/s² or
+      m/s²; None where it has none.
     """
 
     motion: Motion
     error: Floats
-    target: Floats
+    target: Floats | None
     eps: Floats
     sliding: Floats
     s_next: Floats
     cover: Floats
+    push: Floats | None = None
+    rest: Floats | None = None
 
 
 def ideal_of(subject: Subject, entry: Entry) -> Ideal:

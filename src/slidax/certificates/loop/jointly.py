@@ -19,6 +19,9 @@ from .subject import Subject
 HALVINGS = 3
 """So often a part of a set that is not bounded is divided."""
 
+AT_ONCE = 2
+"""So often the set is divided before a bound is looked for: what is not known of K then feeds itself less."""
+
 JOINTS = 4
 """From so many on the joints' loops are bounded as one: fewer are bounded more sharply each by itself."""
 
@@ -53,9 +56,12 @@ def jointly(
     while waiting:
         one, left = waiting.pop()
         part = part_of(scenario, one, motion, entry.seen, demand.push) if isinstance(one, Members) else one
+        divided = halves(part, scenario, motion) if left and not entry.seen and not given else []
+        if divided and left > HALVINGS - AT_ONCE:
+            waiting += [(half, left - 1) for half in divided]
+            continue
         coupled = Coupled(subject, demand, since, part, chance)
         bounds = at_rest(coupled) if coupled.stable else None
-        divided = halves(part, scenario, motion) if left and not entry.seen and not given else []
         if divided and (bounds is None or np.max(bounds.share) >= 1.0):
             waiting += [(half, left - 1) for half in divided]
             continue

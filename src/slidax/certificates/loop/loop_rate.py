@@ -14,7 +14,7 @@ from slidax.scenarios import Scenario
 from ..demand import Demand
 from ..verdict import Assumption, Verdict
 from .assembled import Assembly
-from .coupled import SEGMENT, Coupled
+from .coupled import Coupled
 from .premises import of_the_loops
 from .proved import Proved, of_a_part, proved
 from .remedies import altered, found_remedies, least, resampled, scaled, tried
@@ -222,16 +222,16 @@ def _unbounded(whole: Proved, fixes: list[Remedy]) -> Verdict:
 
 def _unstable_together(whole: Proved) -> Verdict:
     assert isinstance(whole.assembly, Coupled)
-    assembly, radius = whole.assembly, whole.assembly.radius
-    worst = int(np.argmax(radius))
-    time = float(assembly.set_in[worst * SEGMENT])
-    text = "the loops of all joints forget what they knew within 2048 periods, for each K that there is, if it stayed"
+    found = whole.assembly.forgetting
+    time = float(whole.assembly.set_in[min(found.then, whole.assembly.samples - 1)])
+    text = "the loops of all joints together forget what they knew within 2048 periods, with K as it moves"
     statement = (
-        f"the loops of the joints together do not settle with the K of t = {time:.3g} s (modulus {radius[worst]:.4f} a "
-        "period), where joints of a wrongly known inertia move each other (docs/certificates/loop-rate.md)"
+        f"the loops of the joints together do not settle along the motion: at t = {time:.3g} s an error of one joint "
+        f"{found.apart} periods before has become up to {found.grown:.3g} times as large in another, where joints of a "
+        "wrongly known inertia move each other (docs/certificates/loop-rate.md)"
     )
-    listed = [*whole.premises, Assumption(text, "fails", float(radius[worst]))]
-    return Verdict(NAME, TITLE, False, None, {"radius": radius}, listed, statement)
+    listed = [*whole.premises, Assumption(text, "fails", found.grown)]
+    return Verdict(NAME, TITLE, False, None, {"grown": np.array(found.grown)}, listed, statement)
 
 
 def _unstable(assembly: Assembly) -> Verdict:

@@ -21,6 +21,7 @@ from .coupled import Coupled
 from .entered import Entry, approached
 from .ideal import Ideal, ideal_of
 from .jointly import JOINTS, jointly
+from .middle import Middle
 from .premises import of_the_entry, of_the_law, of_the_loops, of_the_parts
 from .remedies import scaled
 from .setting import Certified, Since
@@ -77,9 +78,13 @@ def proved(subject: Subject, chance: float = 1e-3) -> Proved | str:
     if isinstance(approach, str):
         return approach
     narrow = max(_narrow(subject, approach.samples), approach.late)
+    middle = Middle.of(subject) if subject.law.joints >= JOINTS else None
+    if middle is None and subject.law.joints >= JOINTS:
+        return "the arm in the middle of the set leaves its envelope"
     for share in BEGINNINGS if subject.law.joints < JOINTS else BEGINNINGS[-1:]:
-        entry = approach.entry(approach.late + round(share * (narrow - approach.late)))
-        ideal = ideal_of(subject, entry)
+        sample = approach.late + round(share * (narrow - approach.late))
+        entry = approach.entry(sample, None if middle is None else middle.seen)
+        ideal = ideal_of(subject, entry) if middle is None else middle.ideal(entry)
         demand = demand_of(subject.scenario, along=ideal.motion, seen=entry.seen)
         whole = _bounded(subject, entry, ideal, demand, chance)
         if not whole.assembly.stable or whole.holds:
@@ -97,14 +102,16 @@ def _narrow(subject: Subject, samples: int) -> int:
 
 
 def of_a_part(whole: Proved, part: float, chance: float = 1e-3) -> Proved:
-    """The same for a set that is so many times as large, around the arm that the law believes in.
+    """The same for a set that is so many times as large, around its middle, or the arm that the law believes in.
 
     - `whole`: of the whole set.
     - `part`: of each of its numbers.
     - `chance`: as in `proved`.
     """
-    parts = [one.shrunk(part) for one in whole.parts]
-    subject, demand = whole.assembly.subject, scaled(whole.demand, part)
+    subject, shared = whole.assembly.subject, whole.ideal.push
+    parts = [] if shared is None else [one.shrunk(part, shared) for one in whole.parts]
+    # Beside the middle one's run an arm asks for as much, however large the set.
+    demand = whole.demand if parts else scaled(whole.demand, part)
     return _bounded(subject, whole.entry, whole.ideal, demand, chance, part, parts)
 
 

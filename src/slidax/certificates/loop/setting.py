@@ -182,8 +182,13 @@ class Setting:
         n, narrowing = self.samples, self.narrowing
         if self.ideal is None:
             return (np.zeros((n, self.e.size)),) * 3
-        target, eps = self.ideal.target[:n], self.ideal.eps[:n]
+        eps = self.ideal.eps[:n]
         place = np.asarray(jax.vmap(lambda one: psi(one, self.sides))(jnp.asarray(eps)))
+        if self.ideal.target is None:
+            pull = np.asarray(jax.vmap(lambda one: self.subject.surface.pull_and_slope(one)[0])(jnp.asarray(eps)))
+            target = narrowing.now * place + self.horizon * pull
+        else:
+            target = self.ideal.target[:n]
         turn = np.zeros_like(target)
         turn[1:] = np.abs(np.diff(target, axis=0) - np.diff(narrowing.now, axis=0) * place[:-1])
         return target, eps, turn
