@@ -84,7 +84,8 @@ def _arm(robot: str, tip: str | None, folder: Path) -> tuple[Articulated, tuple[
 
 
 def _held(chain: Chain) -> str:
-    return f"{', '.join(chain.locked)}: not of the arm, whose tip is `{chain.tip}`; held where they are nearest to 0"
+    where = "held where each is" if len(chain.locked) > 1 else "held where it is"
+    return f"{', '.join(chain.locked)}: not of the arm, whose tip is `{chain.tip}`; {where} nearest to 0"
 
 
 def _quoted(name: str) -> str:

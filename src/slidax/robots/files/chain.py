@@ -110,7 +110,7 @@ class _Tree:
                 return found
             if len(ways) > 1 and self._length(ways[0]) == self._length(ways[1]) and self._length(ways[0]) >= ARM:
                 ends = ", ".join(f"`{self._tip(self._end(way))}`" for way in ways if self._length(way) >= ARM)
-                raise DefinitionError(f"there are several arms; say which by its tip: {ends}")
+                raise DefinitionError(f"there are several arms; say which by its tip (`--tip`): {ends}")
             if ways[0].held is not None:
                 found.append(ways[0])
             link = ways[0].child
