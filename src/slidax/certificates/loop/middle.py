@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +18,7 @@ from .ideal import Ideal
 from .remedies import altered
 from .subject import Subject
 
-Floats = NDArray[np.floating]
+Floats = NDArray[np.floating[Any]]
 
 SILENT = {"sensor.resolution": 0.0, "sensor.position_noise": 0.0, "sensor.velocity_noise": 0.0}
 
@@ -100,7 +101,7 @@ class Middle:
         found: Floats = np.linalg.solve(mass, lacks[..., None])[..., 0]
         return found
 
-    def _unexplained(self, motion: Motion, samples: NDArray[np.integer], push: Floats) -> Floats:
+    def _unexplained(self, motion: Motion, samples: NDArray[np.integer[Any]], push: Floats) -> Floats:
         """`|a - q̈ + w*|` in the mean of each period [N n], rad/s² or m/s²: what holding the torque does."""
         h, dead = self.subject.scenario.period, self.subject.dead_time
         whole, part = int(dead), dead % 1.0
