@@ -75,6 +75,7 @@ class Frame:
     - `period`: h [s]; `delay`: of measurement and command [periods].
     - `has_velocity`: whether velocities are measured.
     - `change`: the largest change of torque in a period that the drives allow [N m or N].
+    - `least_margin`: the smallest u where it is searched for, too [N m]; None where it is not.
     """
 
     initial: Floats
@@ -85,6 +86,7 @@ class Frame:
     delay: float
     has_velocity: bool
     change: float
+    least_margin: float | None = None
 
     @property
     def radius(self) -> float:
@@ -152,11 +154,11 @@ class Frame:
         }
         if choice.margin is not None:
             flat = {"inverse_inertia_min": 1.0, "inverse_inertia_max": 1.0, "b0": 0.0, "b1": 0.0, "b2": 0.0}
-            scheme["bound"] = {**flat, "margin": choice.margin}
+            scheme["bound"] = {**flat, "margin": float(f"{choice.margin:.4g}")}
         return scheme
 
     def values(self, choice: Choice) -> dict[str, Any]:
-        """The numbers of a choice by their paths in a scenario, but for u.
+        """The numbers of a choice by their paths in a scenario, u where it is searched for.
 
         - `choice`: its numbers.
         """
@@ -169,6 +171,8 @@ class Frame:
             f"{performance}.final": np.asarray(rounded(choice.final)),
             f"{performance}.deadline": choice.deadline,
         }
+        if self.least_margin is not None and choice.margin is not None:
+            found["scheme.bound.margin"] = float(f"{choice.margin:.4g}")
         if choice.drift is not None:
             density = np.asarray(rounded(self.density(choice.drift, choice.even)))
             found["scheme.sampled_data.estimator.torque_density"] = density

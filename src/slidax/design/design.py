@@ -91,8 +91,12 @@ def design(requirements: Requirements, *, runs: int = RUNS, say: Say = _unheard)
     if asked is not None:
         if (asked.torque >= asked.limit).any():
             return of_torque(requirements, asked)
-        if asked.needed * U_OVER > asked.u:
-            first = replace(first, margin=float(f"{asked.needed * U_OVER:.4g}"))
+        least = float(f"{asked.needed * U_OVER:.4g}")
+        if requirements.wishes.torque_step is not None:
+            # How much more is searched for: on the two-link arm three times as much is calmer, and more exact.
+            frame, first = replace(frame, least_margin=least), replace(first, margin=max(asked.u, least))
+        elif least > asked.u:
+            first = replace(first, margin=least)
     say("horizon, estimator and surface on common cases")
     trials, best = _best(requirements, frame, first)
     wishes = requirements.wishes

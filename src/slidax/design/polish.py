@@ -18,7 +18,7 @@ from .trials import Trials, Worst
 GENERATIONS = 10
 """Of CMA-ES."""
 
-TIMES = {"horizon": 2.5, "slope": 8.0, "bend": 6.0, "overshoot": 4.0, "drift": 6.0, "gain": 4.0}
+TIMES = {"horizon": 2.5, "slope": 8.0, "bend": 6.0, "overshoot": 4.0, "drift": 6.0, "gain": 4.0, "margin": 4.0}
 """What is multiplied, by at most so much, or by one over it."""
 
 FINAL = 10.0
@@ -51,8 +51,10 @@ def polished(
     - `size`: first standard deviation, of the cube.
     - `seed`: of the random numbers.
     """
-    left_out = "gain" if start.drift is not None else "drift"
-    names = [name for name in TIMES if name != left_out]
+    left_out = {"gain" if start.drift is not None else "drift"}
+    if trials.frame.least_margin is None:
+        left_out.add("margin")
+    names = [name for name in TIMES if name not in left_out]
     dimension = len(names) + free + (start.drift is not None)
     island = Island(np.full(dimension, 0.5), size, population(dimension), seed)
     found: list[Worst] = []
@@ -70,6 +72,8 @@ def _moved(frame: Frame, start: Choice, names: list[str], free: bool, point: NDA
     changes: dict[str, Any] = {name: getattr(start, name) * TIMES[name] ** next(turns) for name in names}
     changes["horizon"] = max(changes["horizon"], frame.least)
     changes["overshoot"] = float(np.clip(changes["overshoot"], *OVERSHOOTS))
+    if frame.least_margin is not None:
+        changes["margin"] = max(changes["margin"], frame.least_margin)
     if start.drift is not None:
         changes["even"] = float(np.clip(start.even + next(turns), *EVENS))
     if free:

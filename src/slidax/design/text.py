@@ -98,6 +98,8 @@ def _law(found: Designed, scheme: dict[str, Any]) -> str:
     if choice.margin is not None:
         lacks = "" if found.asked is None else f", {found.asked.needed:.3g} N m"
         over = f"u: {100 * (U_OVER - 1):.0f} % more than what the model lacks at most{lacks}, (44), (45)."
+        if frame.least_margin is not None:
+            over = f"u: at least {100 * (U_OVER - 1):.0f} % more than what the model lacks at most{lacks}, (44), (45)."
         lines += [_comment(over, 2), _inside("bound", scheme["bound"])]
     else:
         lines.append(_comment("`bound` is not given: it follows from the arm, its drives and the mismatch above.", 2))

@@ -204,7 +204,7 @@ class SampledData(AbstractController):
         if decision.limited is not None:
             step = jax.tree.map(lambda usual, limited: jnp.where(free, usual, limited), step, decision.limited)
         learnt = None if self.adaptation is None or adapted is None else self.adaptation.learnt(adapted.memory)
-        watched, said = self._watched(moment, decision, ~missed, learnt, memory)
+        watched, said = self._watched(moment, state.q - estimate.state.q, decision, ~missed, learnt, memory)
         kept = Kept(
             t=jnp.asarray(t, memory.t.dtype),
             prior=Estimate(state=following, push=push),
@@ -231,7 +231,13 @@ class SampledData(AbstractController):
         return self.step.envelope(t, memory.step)
 
     def _watched(
-        self, moment: Moment, decision: Decision, fresh: Bool[Array, ""], learnt: Learnt | None, memory: Kept
+        self,
+        moment: Moment,
+        unseen: Vector,
+        decision: Decision,
+        fresh: Bool[Array, ""],
+        learnt: Learnt | None,
+        memory: Kept,
     ) -> tuple[Watched | None, dict[str, Array]]:
         """What the monitor keeps and says."""
         if self.monitor is None or memory.watched is None:
@@ -243,7 +249,8 @@ class SampledData(AbstractController):
             raise DefinitionError("`SampledData.monitor` watches an envelope, and this law has none: leave it out")
         desired = State(q=moment.reference.q, dq=moment.reference.dq)
         span = self.period, self.horizon
-        return self.monitor(moment.state, desired, decision.acceleration, fresh, envelope, learnt, span, memory.watched)
+        wanted = decision.acceleration
+        return self.monitor(moment.state, unseen, desired, wanted, fresh, envelope, learnt, span, memory.watched)
 
     def _robot(self, adapted: Adapted | None) -> AbstractRobot:
         """The arm as it is believed to be."""

@@ -22,17 +22,23 @@ NO_ROOM = 4.0
 """`assumption_violated`: the led error is nearer to its envelope than the promise allows: the error will follow it."""
 
 
+FASTER = 4.0
+"""Times as fast as the horizon is the second look, at positions as they are measured."""
+
+
 class Watched(eqx.Module):
     """What a monitor keeps between two samples.
 
     - `begun`: whether there was a sample before.
     - `missed`: x, the part of the led error that was not planned [n], rad or m.
     - `expected`: the state that was wanted for the next sample.
+    - `followed`: the same by the second look, which knows of the positions alone.
     """
 
     begun: Bool[Array, ""]
     missed: Vector
     expected: State
+    followed: State
 
 
 class Monitor(AbstractPart):
@@ -44,7 +50,10 @@ class Monitor(AbstractPart):
         x⁺ = (1 - r) x + (q - q_planned) + c (q̇ - q̇_planned),
 
     with the state for which the step decides and the one for which the last step planned; torque that the limits
-    withheld counts as missed. The loop-rate rule promises that `|x| <= share ϑ ρ(t + c)`, and that y stays within `led`
+    withheld counts as missed. An estimator that is slower than the horizon shows that too late. So x and y are also
+    followed from the positions as measured, by an α-β filter of what was planned with the poles `p1 = 1 - h/H` and
+    `p2 = 1 - 4 h/H`, whose innovation times `(1 - p2) H/h` is x behind the second of them; the worse of both
+    counts. The loop-rate rule promises that `|x| <= share ϑ ρ(t + c)`, and that y stays within `led`
     times its own envelope, of which e is a mean: e cannot leave before y does.
 
     Signals: `margin`, the least `1 - |x|/(share ϑ ρ)` and `1 - |y|/(led ρ)` of all joints, negative where the promise
@@ -87,11 +96,12 @@ class Monitor(AbstractPart):
 
         - `state`: measured positions and velocities.
         """
-        return Watched(begun=jnp.zeros((), bool), missed=jnp.zeros_like(state.q), expected=state)
+        return Watched(jnp.zeros((), bool), jnp.zeros_like(state.q), state, state)
 
     def __call__(
         self,
         now: State,
+        unseen: Vector,
         desired: State,
         wanted: Vector,
         fresh: Bool[Array, ""],
@@ -103,6 +113,7 @@ class Monitor(AbstractPart):
         """What is kept, and the signals.
 
         - `now`: the state when this sample's torque sets in, as it is predicted.
+        - `unseen`: by how much the measured positions are beyond what the estimator makes of them [n], rad or m.
         - `desired`: where the joints should be then.
         - `wanted`: acceleration that the step decided for [n].
         - `fresh`: whether the last sample was one period ago.
@@ -115,15 +126,35 @@ class Monitor(AbstractPart):
         lead = horizon - 0.5 * period
         revised = now.q - expected.q + lead * (now.dq - expected.dq)
         missed = (1.0 - period / horizon) * memory.missed + jnp.where(fresh & memory.begun, revised, 0.0)
-        y = now.q - desired.q + lead * (now.dq - desired.dq)
-        of_room = jnp.max(jnp.abs(missed) / (self.share * jnp.minimum(envelope.upper, -envelope.lower)))
-        of_way = jnp.max(jnp.maximum(y / (self.led * envelope.upper), y / (self.led * envelope.lower)))
+        usual = fresh & memory.begun
+        seen = now.q + unseen
+        quick = jnp.minimum(FASTER * period / horizon, 1.0)
+        surprise = jnp.where(usual, seen - memory.followed.q, 0.0)
+        slow = period / horizon
+        position = jnp.where(usual, memory.followed.q + (slow + quick - slow * quick) * surprise, seen)
+        speed = jnp.where(usual, memory.followed.dq + slow * quick / period * surprise, now.dq)
+        followed = State(q=position, dq=speed)
+        most = jnp.maximum(jnp.abs(missed), jnp.abs(surprise) * (quick / slow))
+        of_room = jnp.max(most / (self.share * jnp.minimum(envelope.upper, -envelope.lower)))
+        of_way = jnp.maximum(
+            self._way(now.q - desired.q + lead * (now.dq - desired.dq), envelope),
+            self._way(seen - desired.q + lead * (speed - desired.dq), envelope),
+        )
         violated = jnp.where(of_room > 1.0, MISSED, 0.0) + jnp.where(of_way > 1.0, NO_ROOM, 0.0)
         margin = 1.0 - jnp.maximum(of_room, of_way)
         if learnt is not None:
             violated = violated + jnp.where(self._unlike(learnt.rotor), INERTIA, 0.0)
-        kept = Watched(begun=jnp.ones((), bool), missed=missed, expected=moved_on(now, wanted, period))
+        planned = moved_on(now, wanted, period), moved_on(followed, wanted, period)
+        kept = Watched(jnp.ones((), bool), missed, *planned)
         return kept, {"margin": margin, "assumption_violated": violated}
+
+    def _way(self, y: Vector, envelope: Envelope) -> Array:
+        """How much of its envelope the led error takes up, where it takes most.
+
+        - `y`: the led error [n], rad or m.
+        - `envelope`: as drawn.
+        """
+        return jnp.max(jnp.maximum(y / (self.led * envelope.upper), y / (self.led * envelope.lower)))
 
     def _unlike(self, rotor: Vector) -> Bool[Array, ""]:
         """Whether what was learnt is not what the promise is for."""
