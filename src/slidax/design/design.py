@@ -23,7 +23,7 @@ from .requirements import Requirements
 from .search import LEAST_MARGIN, MANY, MOST, SPARE, coarse, fine, narrowest
 from .trials import Trials, Worst
 
-RUNS = 128
+RUNS = 256
 """Random cases of the check at the end, and as many of a search for the worst."""
 
 WIDER, TIMES = 1.5, 3
@@ -174,7 +174,7 @@ def _sized(requirements: Requirements, trials: Trials, best: Worst) -> Worst | R
     if wishes.accuracy == "best":
         step = np.inf if wishes.torque_step is None else wishes.torque_step
         held = narrowest(trials, best, CALM * step)
-        found = [best] if wishes.torque_step is not None and best.holds and best.margin >= ROOM_LEFT else []
+        found = [best] if best.holds and best.margin >= ROOM_LEFT else []
         if held is not None:
             wider = np.minimum(SPARE * held.choice.final, trials.most * frame.shape)
             found += trials.judged([replace(held.choice, final=wider)], trials.cases(MOST))

@@ -164,7 +164,7 @@ def carried_back(along: Along, decisions: NDArray[np.integer[Any]], oldest: int)
 def _read(along: Along) -> dict[int, Floats]:
     """From the rows that a loop is asked for so many samples after a decision to the outputs [9 7]."""
     lead, r, late = along.loop.horizon - 0.5, 1.0 / along.loop.horizon, along.late
-    read = {ahead: np.zeros((OUTPUTS, 7)) for ahead in {0, 1, late}}
+    read: dict[int, Floats] = {ahead: np.zeros((OUTPUTS, 7)) for ahead in {0, 1, late}}
     read[0][LED, 2] = 1.0
     read[late][ERROR, 0] += 1.0
     read[1][MISSED, 2] += 1.0 / r

@@ -31,8 +31,10 @@ class Assembly(Setting):
 
     def __init__(self, subject: Subject, demand: Demand, chance: float = 1e-3, since: Since | None = None) -> None:
         super().__init__(subject, demand, since)
-        self.kappa, self.spread = cells_of(demand.kappa)
-        self.kernels = Kernels.of(subject.loops, self.kappa)
+        # A joint whose own inertia the others outweigh answers a torque the wrong way: no loop of it settles.
+        answers = bool(np.all(demand.kappa > 0))
+        self.kappa, self.spread = cells_of(demand.kappa) if answers else (demand.kappa.T, np.zeros_like(demand.kappa.T))
+        self.kernels = Kernels.of(subject.loops, self.kappa) if answers else None
         if self.kernels is None:
             return
         times = self.samples * subject.law.joints * OUTPUTS

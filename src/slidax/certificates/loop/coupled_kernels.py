@@ -69,9 +69,9 @@ class CoupledKernels:
         self._kicked = [along.columns(k) for k in (0, 1)]
         self._estimate, self._led_to = along.columns(along.own - 4), along.led_to
         self._most, self._left, self._weights = 1.0, 0.0, np.zeros((count, OUTPUTS * n))
-        self._leads = np.zeros((OUTPUTS, n, n))
-        self._leads[[LED, ERROR]] = np.eye(n)
-        self._leads = self._leads.reshape(-1, n)
+        leads = np.zeros((OUTPUTS, n, n))
+        leads[[LED, ERROR]] = np.eye(n)
+        self._leads = leads.reshape(-1, n)
 
     def take(self, back: Back) -> None:
         """What comes in at one sample.

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from slidax.controllers import SampledData
 from slidax.scenarios import Scenario
 from slidax.simulation import MujocoPlant, Plant, Run
 
@@ -54,7 +55,9 @@ class Middle:
         }
         scenario = members.family.scenario({path: one[0] for path, one in values.items()}, "middle")
         longer = scenario.t1 + (int(np.ceil(subject.dead_time)) + SPARE) * scenario.period
-        run = _silent(scenario).replace(controller=Watching(scenario.controller), t1=longer)
+        law = scenario.controller
+        assert isinstance(law, SampledData)
+        run = _silent(scenario).replace(controller=Watching(law), t1=longer)
         found = run.simulate(log_every=1, progress=False)
         seen = Seen.of(subject, found)
         (plant,) = members.plants(np.full((1, axes), 0.5))
