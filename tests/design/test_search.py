@@ -20,15 +20,17 @@ def worst(error: float, step: float, outside: int = 0) -> Worst:
     return Worst(CHOICE, -0.1 if outside else 0.1, error, step, 0, 0.5, outside, 8)
 
 
-def test_of_those_that_hold_the_least_error_times_step_is_taken() -> None:
+def test_of_those_that_hold_half_the_error_is_worth_four_times_the_step() -> None:
     exact, calm, both, outside = worst(1.0, 9.0), worst(9.0, 1.0), worst(2.0, 2.0), worst(0.1, 0.1, outside=1)
     assert ANY.best([exact, calm, both, outside]) is both
+    assert ANY.best([worst(1.0, 3.9), worst(2.0, 1.0)]).error == 1.0
+    assert ANY.best([worst(1.0, 4.1), worst(2.0, 1.0)]).error == 2.0
     # A drive at its limit is no law, however small its error.
     assert Aim(10.0, False, None).best([worst(1e-3, 10.0), calm]) is calm
 
 
 def test_below_a_step_that_is_wished_the_most_exact_is_taken() -> None:
-    exact, calm, wild = worst(1.0, 8.0), worst(5.0, 1.0), worst(0.1, 12.0)
+    exact, calm, wild = worst(1.0, 8.0), worst(2.0, 1.0), worst(0.1, 12.0)
     assert Aim(10.0, False, None).best([exact, calm, wild]) is calm
     assert Aim(10.0, True, None).best([exact, calm, wild]) is exact
     assert Aim(10.0, True, None).stricter(0.7).best([exact, calm, wild]) is calm
