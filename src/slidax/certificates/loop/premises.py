@@ -31,7 +31,7 @@ def of_the_entry(entry: Entry, assembly: Setting, spare: float) -> list[Assumpti
             entry.margin,
         ),
         Assumption(
-            f"then no arm is farther from the planned run than {spare:g} times what these cases show, {far:.2g} "
+            f"then no arm is farther from the middle one's than {spare:g} times what these cases show, {far:.2g} "
             f"{'rad' if 'rad' in unit else unit[0]} and less",
             "checked",
             far,
@@ -77,6 +77,14 @@ def of_the_parts(parts: Sequence[Part]) -> Assumption:
         "run it may change as it does"
     )
     return Assumption(text, "checked", float(len(parts)))
+
+
+def of_the_middle() -> Assumption:
+    """Of the run beside which all members are followed."""
+    text = (
+        "what the prediction misses in the middle one's own run does the same to all members: to first order it cancels"
+    )
+    return Assumption(text, "assumed")
 
 
 def of_the_law(assembly: Setting, found: Certified, chance: float) -> list[Assumption]:

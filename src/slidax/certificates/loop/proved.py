@@ -22,7 +22,7 @@ from .entered import Entry, approached
 from .ideal import Ideal, ideal_of
 from .jointly import JOINTS, jointly
 from .middle import Middle
-from .premises import of_the_entry, of_the_law, of_the_loops, of_the_parts
+from .premises import of_the_entry, of_the_law, of_the_loops, of_the_middle, of_the_parts
 from .remedies import scaled
 from .setting import Certified, Since
 from .subject import Subject
@@ -129,7 +129,7 @@ def _bounded(
         whole = jointly(subject, entry, demand, since, chance, parts)
         premises = of_the_entry(entry, whole.worst, SPARE)
         if whole.found is not None:
-            premises += [of_the_parts(whole.parts), *of_the_law(whole.worst, whole.found, chance)]
+            premises += [of_the_parts(whole.parts), of_the_middle(), *of_the_law(whole.worst, whole.found, chance)]
         return Proved(entry, ideal, demand, whole.worst, whole.found, premises, whole.parts)
     assembly = Assembly(subject, demand, chance, since)
     found = at_rest(assembly) if assembly.stable else None
