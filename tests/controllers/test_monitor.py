@@ -13,7 +13,7 @@ from slidax.controllers import ComputedTorque, Monitor, ftsmc, sampled_data
 from slidax.deploy.guarded_step import GuardedStep
 from slidax.deploy.status import PROMISE_VOID
 from slidax.disturbances import Constant
-from slidax.estimators import Measured
+from slidax.estimators import Kalman, Measured
 from slidax.scenarios import load
 from slidax.simulation import Plant, simulate
 from slidax.trajectories import Constant as Still
@@ -71,6 +71,20 @@ def test_it_warns_before_the_envelope_is_left(wrong):
     run = run_of(MONITOR | wrong)
     assert not run.outcome.ok
     assert 0.0 < metrics.warned_at(run) < run.outcome.t
+
+
+def test_it_warns_of_a_push_that_its_filter_is_too_slow_to_see():
+    """The estimate shows hardly anything of the push until the mass is outside; the positions show it."""
+    slow = Kalman.steady(density=1e-6, variance=1e-6, period=PERIOD)
+    law = sampled_data(
+        mass_law(final=FINAL), period=PERIOD, horizon=H, estimator=slow, monitor=Monitor(share=1.0, led=1.0)
+    )
+    plant, start = Plant(FreeMass(), Constant([-60.0])), State(q=jnp.array([0.1]), dq=jnp.array([0.0]))
+    given = {"t1": 1.0, "period": PERIOD, "outside": "recover", "log_every": 1}
+    log = simulate(plant, law, Still([0.0]), start, **given).log
+    left = int(np.argmax(np.asarray(log.e[:, 0] <= log.envelope.lower[:, 0])))
+    warned = np.asarray(log.signals["assumption_violated"]) > 0
+    assert left > 0 and warned[:left].any() and not warned[: max(left // 4, 1)].any()
 
 
 def test_an_inertia_that_the_promise_is_not_for_is_said():
