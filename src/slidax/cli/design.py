@@ -19,7 +19,7 @@ def design(
     requirements: Annotated[Path, typer.Argument(help="What the law must do, a YAML file.")],
     out: Annotated[Path, typer.Option(help="Write the scenario there, as YAML, and its certificate beside it.")],
     json: AsJson = False,
-    runs: Annotated[int, typer.Option(help="Random cases of the check, and as many of a search.", min=10)] = 256,
+    runs: Annotated[int, typer.Option(help="Random cases of the check, and as many of a search.", min=10)] = 1000,
 ) -> None:
     """From an arm, its motion and what is not known of it to the numbers of a law, with a certificate; or why not.
 

@@ -23,7 +23,7 @@ from .requirements import Requirements
 from .search import LEAST_MARGIN, MANY, MOST, SPARE, coarse, fine, narrowest
 from .trials import Trials, Worst
 
-RUNS = 256
+RUNS = 1000
 """Random cases of the check at the end, and as many of a search for the worst."""
 
 WIDER, TIMES = 1.5, 3
