@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 
 from slidax.scenarios import Scenario
-from slidax.scenarios.family import Family
 
 from .members import family_of
 from .verdict import Assumption, Verdict
@@ -19,6 +18,9 @@ RUNS = 300
 
 SEARCHED = 1.0
 """Runs of the search for the worst case, as a share of those that are drawn."""
+
+KEPT, APART = 4, 0.25
+"""Of the worst cases: the worst of those that are drawn, and those of the search that differ by so much of a set."""
 
 
 def statistical(scenario: Scenario, runs: int = RUNS, seed: int = 0, confidence: float = 0.99) -> Verdict:
@@ -35,30 +37,56 @@ def statistical(scenario: Scenario, runs: int = RUNS, seed: int = 0, confidence:
 
     Raises DefinitionError if a set is empty or the search's package is not installed.
     """
+    return tried(scenario, runs, seed, confidence)[0]
+
+
+def tried(
+    scenario: Scenario, runs: int = RUNS, seed: int = 0, confidence: float = 0.99
+) -> tuple[Verdict, dict[str, Any]]:
+    """The certificate `statistical`, and its worst cases by path, the worst first, at most `KEPT`.
+
+    - `scenario`, `runs`, `seed`, `confidence`: as of `statistical`.
+
+    Raises DefinitionError if a set is empty or the search's package is not installed.
+    """
     if runs < 1:
-        return Verdict(NAME, TITLE, None, None, {}, (), "left out: no runs are asked for")
+        return Verdict(NAME, TITLE, None, None, {}, (), "left out: no runs are asked for"), {}
     family = family_of(scenario)
     if family is None or not family.space.dimensions:
         text = "the scenario says of nothing that it is uncertain, so that all runs are the same: write `uncertainty`"
-        return Verdict(NAME, TITLE, None, None, {}, (), text)
+        return Verdict(NAME, TITLE, None, None, {}, (), text), {}
     from slidax.studies import Predicate
+    from slidax.studies.asked import Asked
+    from slidax.studies.falsify import MARGIN, badness
     from slidax.studies.points import points
     from slidax.studies.predicate import ENVELOPE
     from slidax.studies.runner import Runner
+    from slidax.studies.search import lowest
     from slidax.studies.statistics import clopper_pearson
     from slidax.studies.task import Task
 
     simulation = scenario.description.simulation
     samples = round(simulation.t1 / simulation.period)
     runner = Runner(Task.of(family, simulation.engine), Runner.rows_of_chunk(samples))
-    drawn = runner.rows(0, family.space.values(points(seed, 0, runs, family.space.dimensions)))
+    every = Asked(runner, family.space)
+    drawn = every.points(points(seed, 0, runs, family.space.dimensions))
     if np.isnan(drawn["margin"]).all() and not np.asarray(drawn["outcome"]).any():
         text = "the scheme draws no envelope, so that there is nothing to leave: write a `tube`"
-        return Verdict(NAME, TITLE, None, None, {}, (), text)
+        return Verdict(NAME, TITLE, None, None, {}, (), text), {}
     failures = int((~Predicate(ENVELOPE).holds(drawn)).sum())
     upper = clopper_pearson(failures, runs, confidence, side="upper").upper
-    worst, searched = _worst(family, runner, max(round(SEARCHED * runs), 10), seed)
-    worst = float(np.nanmin([np.nanmin(drawn["margin"]), worst]))
+    lows = lowest(
+        lambda cube: badness(every.points(cube), MARGIN),
+        family.space.dimensions,
+        evaluations=max(round(SEARCHED * runs), 10),
+        seed=seed,
+        keep=KEPT - 1,
+        distance=APART,
+    )
+    searched, margins = every.rows - runs, badness(every.table, MARGIN)
+    worst = float(margins.min())
+    rows = dict.fromkeys(int(np.argmax(margins == one)) for one in (float(margins[:runs].min()), *lows.values))
+    kept = [every.values_of(row) for row in sorted(rows, key=lambda row: float(margins[row]))]
     found: dict[str, Any] = {
         "probability": upper,
         "confidence": confidence,
@@ -88,15 +116,5 @@ def statistical(scenario: Scenario, runs: int = RUNS, seed: int = 0, confidence:
             worst,
         ),
     )
-    return Verdict(NAME, TITLE, holds, worst, found, assumptions, statement)
-
-
-def _worst(family: Family, runner: Any, budget: int, seed: int) -> tuple[float, int]:
-    """The least margin that a search finds, and in how many runs."""
-    from slidax.studies.asked import Asked
-    from slidax.studies.falsify import MARGIN, badness
-    from slidax.studies.search import lowest
-
-    asked = Asked(runner, family.space)
-    lowest(lambda cube: badness(asked.points(cube), MARGIN), family.space.dimensions, evaluations=budget, seed=seed)
-    return float(badness(asked.table, MARGIN).min()), asked.rows
+    cases = {path: np.stack([np.asarray(one[path]) for one in kept]) for path in kept[0]}
+    return Verdict(NAME, TITLE, holds, worst, found, assumptions, statement), cases

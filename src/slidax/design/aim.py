@@ -19,22 +19,25 @@ step."""
 NARROW, HARDLY = 0.1, 0.001
 """The weight of a narrow envelope: half the final radius is worth 7 % of the error, below a wished step nearly none."""
 
-OUTSIDE, WILD, COARSE = 300.0, 200.0, 100.0
-"""Costs of a law that leaves, or is too wild, or not exact enough: more than any of a law that is better in that."""
+OUTSIDE, NEAR, WILD, COARSE = 400.0, 300.0, 200.0, 100.0
+"""Costs of a law that leaves, or comes too near, or is too wild, or not exact enough: more than any of a law that is
+better in that."""
 
 
 @dataclass(frozen=True)
 class Aim:
-    """Laws in which no case leaves; of those the calm ones; of those the exact ones; of those the best.
+    """Laws that all cases keep with some room; of those the calm ones; of those the exact ones; of those the best.
 
     - `step`: largest change of torque that is allowed [N m].
     - `wished`: whether it is a wish, so that below it nothing is gained by less.
     - `error`: the steady error that is small enough, so that below it the calmest is best [rad]; None for none.
+    - `room`: of an envelope's width, that the worst case must leave.
     """
 
     step: float
     wished: bool
     error: float | None
+    room: float = 0.0
 
     def cost(self, one: Worst) -> float:
         """The smaller, the better; finite, so that a search finds its way.
@@ -43,6 +46,8 @@ class Aim:
         """
         if not one.holds:
             return OUTSIDE + one.outside - float(np.clip(one.margin, -1.0, 1.0))
+        if one.margin < self.room:
+            return NEAR - one.margin
         error, step = np.log(max(one.error, 1e-300)), np.log(max(one.step, 1e-12))
         if one.step > CALM * self.step:
             return WILD + float(step)

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
 
 from slidax._errors import DefinitionError
-from slidax.certificates import Verdict, statistical
+from slidax.certificates import Verdict
 from slidax.certificates.extent import starts_of
+from slidax.certificates.loop import BEGINNINGS
+from slidax.certificates.statistical import tried
 from slidax.commissioning.text import WIDTH
 from slidax.scenarios import ScenarioDescription
 from slidax.studies.search.island import require_cmaes
@@ -26,11 +28,14 @@ from .trials import Trials, Worst
 RUNS = 1000
 """Random cases of the check at the end, and as many of a search for the worst."""
 
-WIDER, TIMES = 1.5, 3
-"""The final radius after a case of the check left, or came near to it, and how often that is tried."""
+TIMES = 3
+"""How often a law is checked, each with cases of its own, before it is refused."""
+
+WIDER = 1.02
+"""The final radius over the one that a certificate asks for."""
 
 ENOUGH = 0.1
-"""The margin that the worst case of the check must leave, since a longer search finds worse ones."""
+"""The margin that the worst case of the check must leave, but for the last, since a longer search finds worse ones."""
 
 U_OVER = 1.15
 """u over what the model lacks."""
@@ -78,7 +83,7 @@ def design(requirements: Requirements, *, runs: int = RUNS, say: Say = _unheard)
     proportion to the period, the delay and the drives. Then fifteen pairs of H and density and three surfaces on the
     same eight cases of the set, and from the best of them a search of all these numbers, ϑ and ρ∞ at once; ρ∞ from
     `loop_rate`, or the smallest that 48 cases held. Last, random cases that were not seen before and a search for
-    the worst one, after which ρ∞ is widened if one of them left.
+    the worst one; where one of them left, the second search begins anew with the worst among its cases.
 
     - `requirements`: as `read_requirements` gives them.
     - `runs`: random cases of the check at the end.
@@ -158,7 +163,8 @@ def _aim(requirements: Requirements, frame: Frame) -> Aim:
     wishes = requirements.wishes
     small = None if wishes.accuracy == "best" else float(np.min(frame.shape)) / (2.0 * SPARE)
     step = wishes.torque_step
-    return Aim(min(frame.change, np.inf if step is None else step), step is not None, small)
+    room = ROOM_LEFT if wishes.accuracy == "best" else LEAST_MARGIN
+    return Aim(min(frame.change, np.inf if step is None else step), step is not None, small, room)
 
 
 def _best(requirements: Requirements, frame: Frame, first: Choice) -> tuple[Trials, Worst]:
@@ -191,38 +197,57 @@ def _sized(requirements: Requirements, trials: Trials, best: Worst) -> Worst | R
 def _checked(
     requirements: Requirements, trials: Trials, worst: Worst, asked: Asked | None, runs: int, say: Say
 ) -> Design:
-    """The same after its certificate and its check."""
-    frame, choice, best = trials.frame, worst.choice, requirements.wishes.accuracy == "best"
-    demand = None if asked is None else asked.demand
-
-    def rate_of(choice: Choice) -> Verdict | None:
-        return of_the_rate(_described(requirements, frame, choice).build("design"), demand)
-
-    say("the certificate of the loops")
-    rate = rate_of(choice)
-    certified = radius_of(rate)
-    if certified is not None and best:
-        wider = np.maximum(choice.final, 1.02 * certified)
-        if (wider > choice.final).any() and (wider <= LARGEST * frame.initial).all():
-            choice = replace(choice, final=wider)
-            rate = rate_of(choice)
+    """The same after its certificate and its check; where a case left or came near, another law that bears it, too."""
+    best = requirements.wishes.accuracy == "best"
     for turn in range(TIMES):
+        say("the certificate of the loops")
+        choice, rate = _certified(requirements, trials, worst.choice, asked)
         proved = rate is not None and bool(rate.holds)
         if requirements.wishes.proof == "certified" and not proved:
-            return unproved(trials, choice, rate, certified)
+            return unproved(trials, choice, rate, radius_of(rate))
         say(f"{2 * runs} cases that were not seen before")
-        description = _described(requirements, frame, choice, worst)
-        check = statistical(description.build("design"), runs, seed=1)
-        near = best and turn < TIMES - 1 and float(check.bound["worst_margin"]) < ENOUGH
-        if check.holds is not False and not near:
+        description = _described(requirements, trials.frame, choice, worst)
+        check, hard = tried(description.build("design"), runs, seed=1 + turn)
+        last = turn == TIMES - 1
+        enough = last or not best or check.holds is None or float(check.bound["worst_margin"]) >= ENOUGH
+        if check.holds is not False and enough:
             found = "certified" if proved else "checked"
             told = held_for(rate, choice.final)
-            return Designed(description, found, frame, choice, worst, asked, told, check, trials.runs)  # type: ignore[arg-type]
-        if not best:
+            return Designed(description, found, trials.frame, choice, worst, asked, told, check, trials.runs)  # type: ignore[arg-type]
+        if last:
             break
-        choice = replace(choice, final=np.minimum(WIDER * choice.final, LARGEST * frame.initial))
-        rate = rate_of(choice) if proved else rate
+        say("a law for the hardest of them, too")
+        trials = trials.with_harder(hard)
+        sized = _sized(requirements, trials, fine(trials, worst, _aim(requirements, trials.frame)))
+        if isinstance(sized, Refused):
+            return sized
+        worst = sized
     return of_accuracy(trials, worst, None, check)
+
+
+def _certified(
+    requirements: Requirements, trials: Trials, choice: Choice, asked: Asked | None
+) -> tuple[Choice, Verdict | None]:
+    """A law and what `loop_rate` says of it, with the final radius that this asks for, where any may be had."""
+    if asked is None:
+        return choice, None
+
+    def rate_of(choice: Choice, beginnings: Sequence[float] = BEGINNINGS) -> Verdict | None:
+        built = _described(requirements, trials.frame, choice).build("design")
+        return of_the_rate(built, asked.demand, beginnings)
+
+    if requirements.wishes.accuracy != "best":
+        return choice, rate_of(choice)
+    # From where the envelope is narrow the radius that is asked for is the smallest, and soonest found.
+    first = rate_of(choice, BEGINNINGS[-1:])
+    radius = radius_of(first)
+    if first is None or radius is None:
+        return choice, first
+    wider = np.maximum(choice.final, WIDER * radius)
+    if (wider > LARGEST * trials.frame.initial).any():
+        return choice, first
+    choice = replace(choice, final=wider)
+    return choice, rate_of(choice)
 
 
 def _described(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -14,7 +15,7 @@ from slidax.certificates.arm import robust_torque
 from slidax.certificates.arm.members import Members
 from slidax.certificates.arm.torque_budget import along_the_motion, limits_of
 from slidax.certificates.demand import Demand
-from slidax.certificates.loop import loop_rate
+from slidax.certificates.loop import BEGINNINGS, loop_rate
 from slidax.certificates.verdict import Verdict
 from slidax.scenarios import Scenario
 
@@ -52,16 +53,17 @@ def asked_of(scenario: Scenario) -> Asked:
     return Asked(demand, torque, limit, float(enough["u"]), float(enough["needed"]))
 
 
-def of_the_rate(scenario: Scenario, demand: Demand | None) -> Verdict | None:
+def of_the_rate(scenario: Scenario, demand: Demand | None, beginnings: Sequence[float] = BEGINNINGS) -> Verdict | None:
     """The certificate `loop_rate`; None where it has no answer.
 
     - `scenario`: with its law.
     - `demand`: what its set asks for; None where that is not known.
+    - `beginnings`: as `loop_rate` takes them.
     """
     if demand is None:
         return None
     try:
-        return loop_rate(scenario, remedies=False)
+        return loop_rate(scenario, remedies=False, beginnings=beginnings)
     except DefinitionError:
         return None
 

@@ -128,6 +128,8 @@ def of_accuracy(trials: Trials, best: Worst, held: Worst | None, check: Verdict 
     missed = missed_in_cases(trials, best.choice)
     if check is not None:
         said = f"of {check.bound['runs']} random cases {check.bound['failures']} leave it"
+        if not check.bound["failures"]:
+            said = f"of {check.bound['runs']} random cases none leaves it, but one of a search does"
     else:
         said = f"{best.outside} of {best.cases} cases leave it, first {_joint(trials, best)}"
         if not best.outside:

@@ -25,6 +25,9 @@ SIZES, WISHED = (0.15, 0.08), (0.15, 0.1, 0.06)
 TOP = 5
 """Of the laws of each turn, that are tried in the many cases."""
 
+HARD = 3
+"""Of the many cases, that are among the few of the next turn where laws came too near in them."""
+
 AGAIN = 3
 """How often the ladder begins anew: a narrower envelope has a steeper surface, and a smaller error."""
 
@@ -48,7 +51,7 @@ def coarse(trials: Trials, aim: Aim, *, kalman: bool) -> Worst:
     - `aim`: what is better.
     - `kalman`: whether the estimator has a density.
     """
-    cases, first = trials.cases(FEW), trials.first
+    cases, first = trials.beyond(FEW), trials.first
     drifts = DRIFTS if kalman else (None,)
     found = trials.judged(
         [replace(first, horizon=H, drift=one) for H in trials.frame.horizons for one in drifts], cases
@@ -61,13 +64,14 @@ def coarse(trials: Trials, aim: Aim, *, kalman: bool) -> Worst:
 def fine(trials: Trials, best: Worst, aim: Aim) -> Worst:
     """The best law about one, judged in many cases.
 
-    In few cases the largest torque step is smaller than in many, by a share that the first turn finds for the second.
+    In few cases the largest torque step is smaller than in many, by a share that a turn finds for the next, and some of
+    the many are harder: the next turn has these.
 
     - `trials`: on what.
     - `best`: where the search begins.
     - `aim`: what is better.
     """
-    cases, many = trials.cases(POLISH), trials.cases(MOST)
+    cases, many = trials.beyond(POLISH), trials.beyond(MOST)
     free = trials.requirements.wishes.accuracy == "best"
     start = _near(trials, best, aim) if free else replace(best, choice=replace(best.choice, final=trials.frame.shape))
     found, share = trials.judged([start.choice, best.choice], many), 1.0
@@ -78,7 +82,12 @@ def fine(trials: Trials, best: Worst, aim: Aim) -> Worst:
         found += judged
         start = aim.best(found)
         share = float(np.median([few.step / more.step for few, more in zip(top, judged, strict=True)]))
-    return start
+        hard = [one.case for one in sorted(judged, key=lambda one: one.margin) if one.margin < aim.room]
+        if hard and many:
+            rows = list(dict.fromkeys(hard))[:HARD]
+            trials = trials.with_harder({path: array[rows] for path, array in trials.cases(MOST).items()})
+            cases = trials.beyond(POLISH)
+    return trials.judged([start.choice], trials.cases(MOST))[0]
 
 
 def _near(trials: Trials, best: Worst, aim: Aim) -> Worst:
@@ -88,7 +97,7 @@ def _near(trials: Trials, best: Worst, aim: Aim) -> Worst:
     shape, most = trials.frame.shape, trials.most
     base = max(best.error / float(np.min(shape)), 1e-9)
     tried = trials.judged(
-        [replace(best.choice, final=min(base * factor, most) * shape) for factor in NEAR], trials.cases(FEW)
+        [replace(best.choice, final=min(base * factor, most) * shape) for factor in NEAR], trials.beyond(FEW)
     )
     return next((one for one in tried if one.holds and one.margin >= LEAST_MARGIN), best)
 
@@ -100,7 +109,7 @@ def narrowest(trials: Trials, best: Worst, step: float = np.inf) -> Worst | None
     - `best`: the law.
     - `step`: largest change of torque that is allowed [N m].
     """
-    held, cases = None, trials.cases(MANY)
+    held, cases = None, trials.beyond(MANY)
     for _ in range(AGAIN):
         found = _climbed(trials, best, step, cases)
         if found is None or (held is not None and found.choice.final[0] > 0.8 * held.choice.final[0]):

@@ -13,6 +13,7 @@ from pydantic import TypeAdapter
 
 from slidax.scenarios import ScenarioDescription
 from slidax.scenarios.family import Family
+from slidax.scenarios.uncertainty import Space
 from slidax.scenarios.uncertainty.mapping import Uncertainty
 from slidax.studies.cases import Values
 from slidax.studies.points import points
@@ -29,6 +30,10 @@ Floats = NDArray[np.floating[Any]]
 SEED = 0
 """Of the common cases."""
 
+PLANT, BEYOND = "robot.plant.", 1.15
+"""Of the arm is unknown so many times as much in the search as in the set: a loop that is nearly unstable at a corner
+holds in many cases, and a longer search finds one in which it does not."""
+
 LOAD = "load.mass"
 """How the path of a payload ends."""
 
@@ -42,7 +47,7 @@ class Worst:
     - `error`, `step`: largest steady error [rad or m] and change of torque in a period [N m or N].
     - `joint`: which is nearest to its envelope in the worst case, from 0.
     - `promise`: least margin of the monitor, with the whole envelope as its share.
-    - `outside`: how many cases left; `cases`: of how many.
+    - `outside`: how many cases left; `cases`: of how many; `case`: which has the least margin, from 0.
     """
 
     choice: Choice
@@ -53,6 +58,7 @@ class Worst:
     promise: float
     outside: int
     cases: int
+    case: int = 0
 
     @property
     def holds(self) -> bool:
@@ -76,7 +82,12 @@ class Trials:
     first: Choice
     period: float | None = None
     smaller: dict[str, float] = field(default_factory=dict)
-    runs: int = field(default=0, init=False)
+    harder: Values = field(default_factory=dict)
+
+    @property
+    def runs(self) -> int:
+        """How many were simulated, with what shares this loop."""
+        return self._runner.computed
 
     @property
     def most(self) -> float:
@@ -102,7 +113,7 @@ class Trials:
         return Runner(Task.of(self.family, "auto"), Runner.rows_of_chunk(samples))
 
     def cases(self, count: int, seed: int = SEED) -> Values:
-        """Corners of the uncertain set, and points drawn in it, by path; no paths where nothing is uncertain.
+        """Corners of the uncertain set, cases that were hard, and points drawn in it; none where nothing is uncertain.
 
         - `count`: how many.
         - `seed`: of those that are drawn.
@@ -111,11 +122,28 @@ class Trials:
         if not space.sets:
             return {}
         drawn = points(seed, 0, count, space.dimensions)
-        low, high = np.zeros(space.dimensions), np.full(space.dimensions, np.nextafter(1.0, 0.0))
-        turns = np.arange(space.dimensions) % 2 == 0
-        corners = np.array([high, low, np.where(turns, low, high), np.where(turns, high, low)])[: max(count // 2, 1)]
+        corners = _corners(space, len(self.frame.torque))[: max(count // 2, 1)]
         drawn[: len(corners)] = corners
-        return self._shrunk(space.values(drawn))
+        found = space.values(drawn)
+        for path, array in self.harder.items():
+            room = found[path][len(corners) : len(corners) + len(array)]
+            room[...] = array[: len(room)]
+        return self._shrunk(found)
+
+    def beyond(self, count: int) -> Values:
+        """The same cases of an arm that is unknown by more, so that a law is not at the edge of what it bears.
+
+        - `count`: how many.
+        """
+        found = dict(self.cases(count))
+        ends = self.family.uncertain.values(_corners(self.family.uncertain, 0)[:2]) if found else {}
+        for path, array in found.items():
+            if path.startswith(PLANT) and np.issubdtype(array.dtype, np.floating):
+                high, low = ends[path]
+                wider = low + (high - low) * 0.5 + BEYOND * (array - low - (high - low) * 0.5)
+                # What is never negative in the set stays so.
+                found[path] = np.where(low >= 0.0, np.maximum(wider, 0.5 * low), wider)
+        return found
 
     def _shrunk(self, values: Values) -> Values:
         low = self.family.uncertain.values(np.zeros((1, self.family.uncertain.dimensions)))
@@ -136,7 +164,6 @@ class Trials:
         for path in told[0]:
             values[path] = np.repeat(np.asarray([one[path] for one in told], float), each, axis=0)
         table = self._runner.rows(0, values)
-        self.runs += each * len(choices)
         return [_worst(choice, table, slice(k * each, (k + 1) * each)) for k, choice in enumerate(choices)]
 
     def with_less(self, smaller: dict[str, float]) -> Trials:
@@ -144,7 +171,19 @@ class Trials:
 
         - `smaller`: paths, and the share of the width of their sets that is used.
         """
-        made = replace(self, smaller=smaller)
+        return self._sharing(replace(self, smaller=smaller))
+
+    def with_harder(self, cases: Values) -> Trials:
+        """The same loop on common cases of which some are these, before those that were hard already.
+
+        - `cases`: by path, the worst first.
+        """
+        old = self.harder
+        every = {path: np.concatenate([one, old[path]]) if old else one for path, one in cases.items()}
+        return self._sharing(replace(self, harder=every))
+
+    def _sharing(self, made: Trials) -> Trials:
+        """Another one with what is compiled."""
         for name in ("base", "family", "_runner"):
             if name in self.__dict__:
                 made.__dict__[name] = self.__dict__[name]
@@ -154,6 +193,20 @@ class Trials:
     def payload(self) -> str | None:
         """The path of an uncertain payload, if there is one."""
         return next((path for path in self.family.uncertain.sets if path.endswith(LOAD)), None)
+
+
+def _corners(space: Space, joints: int) -> Floats:
+    """Of the unit cube: all high, all low, by turns, and one joint's numbers against those of all others.
+
+    A light joint among heavy ones is where a loop is nearest to oscillating.
+    """
+    owner = np.concatenate(
+        [np.arange(width) if width == joints else np.full(width, -1) for width in space.widths.values()]
+    )
+    turns = np.arange(space.dimensions) % 2 == 0
+    masks = [np.ones_like(turns), ~turns, *(owner != joint for joint in range(joints))]
+    found: Floats = np.where(np.concatenate([(mask, ~mask) for mask in masks]), np.nextafter(1.0, 0.0), 0.0)
+    return found
 
 
 def _set(value: Any) -> dict[str, Any]:
@@ -181,4 +234,5 @@ def _worst(choice: Choice, table: Columns, rows: slice) -> Worst:
         -1.0 if promise is None or np.isnan(promise).any() else float(promise.min()),
         int((~held).sum()),
         len(held),
+        k,
     )

@@ -2,3 +2,4 @@
 
 from .inertia_ratio import inertia_ratio as inertia_ratio
 from .loop_rate import loop_rate as loop_rate
+from .proved import BEGINNINGS as BEGINNINGS

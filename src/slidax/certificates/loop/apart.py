@@ -35,13 +35,23 @@ class Apart:
 jax.tree_util.register_dataclass(Apart, data_fields=list(Apart.__dataclass_fields__), meta_fields=[])
 
 
-def propagated(course: Course, apart: Apart, passing: Passing, first: First) -> Bounds:
+def propagated(course: Course, apart: Apart, passing: Passing, first: First, most: int = 0) -> Bounds:
     """The bounds of all samples, the worst of all κ.
 
     - `course`, `apart`, `passing`: the loops.
     - `first`: how they begin.
+    - `most`: samples that other calls of this kind may have, so that all share one compiled program.
     """
-    return Bounds(*(np.asarray(one) for one in _scanned(course, apart, passing, first)))
+    count = passing.now.shape[0]
+    # What comes after the last sample does not touch those before, and is cut off.
+    padded = jax.tree.map(lambda one: _padded(one, most), passing)
+    return Bounds(*(np.asarray(one)[:count] for one in _scanned(course, apart, padded, first)))
+
+
+def _padded(values: Any, count: int) -> Any:
+    """The same with the last row again and again, up to so many."""
+    given = np.asarray(values)
+    return jnp.asarray(np.concatenate([given, np.repeat(given[-1:], max(count - len(given), 0), axis=0)]))
 
 
 @functools.partial(jax.jit)

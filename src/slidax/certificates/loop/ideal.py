@@ -66,23 +66,25 @@ def ideal_of(subject: Subject, entry: Entry) -> Ideal:
     a = (entry.dq[begun + 1] - dq) / h
     first = State(jnp.asarray(entry.q[begun] + part * (dq + 0.5 * part * a)), jnp.asarray(dq + part * a))
     start = scenario.state0
-    after, ddq, found = _followed(law, scenario.trajectory, start, first, jnp.asarray(entry.s), jnp.asarray(set_in))
+    # As many as from the start of the run on, so that all entries share one compiled program.
+    times = jnp.asarray(np.concatenate([set_in, np.full(total - set_in.size, set_in[-1])]))
+    went = _followed(law, scenario.trajectory, start, first, jnp.asarray(entry.s), times)
+    after, ddq, found = jax.tree.map(lambda one: np.asarray(one)[: set_in.size], went)
     states = [
-        np.concatenate([np.asarray(one)[None], np.asarray(many)])
-        for one, many in zip((first.q, first.dq), after, strict=True)
+        np.concatenate([np.asarray(one)[None], many]) for one, many in zip((first.q, first.dq), after, strict=True)
     ]
     wanted = _references(scenario.trajectory, jnp.asarray(np.append(set_in, set_in[-1] + h)))
     e = states[0] - np.asarray(wanted.q)
     y = e + (float(law.horizon or h) - 0.5 * h) * (states[1] - np.asarray(wanted.dq))
-    s_next = np.asarray(found["s_next"])
+    s_next = found["s_next"]
     return Ideal(
-        motion=_at_samples(scenario, entry, states, np.asarray(ddq), set_in, quiet),
+        motion=_at_samples(scenario, entry, states, ddq, set_in, quiet),
         error=e[:-1],
         target=y[:-1] + float(law.horizon or h) * s_next,
-        eps=np.asarray(found["eps1"]),
-        sliding=np.asarray(found["s"]),
+        eps=found["eps1"],
+        sliding=found["s"],
         s_next=s_next,
-        cover=np.asarray(found["cover"])[:, 0],
+        cover=found["cover"][:, 0],
     )
 
 

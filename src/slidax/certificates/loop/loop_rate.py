@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -16,7 +17,7 @@ from ..verdict import Assumption, Verdict
 from .assembled import Assembly
 from .coupled import Coupled
 from .premises import of_the_loops
-from .proved import Proved, of_a_part, proved
+from .proved import BEGINNINGS, Proved, of_a_part, proved
 from .remedies import altered, found_remedies, least, resampled, scaled, tried
 from .setting import Certified, Setting
 from .subject import Subject
@@ -42,7 +43,12 @@ PARTS = (0.5, 0.2)
 
 
 def loop_rate(
-    scenario: Scenario, demand: Demand | None = None, *, chance: float = 1e-3, remedies: bool = True
+    scenario: Scenario,
+    demand: Demand | None = None,
+    *,
+    chance: float = 1e-3,
+    remedies: bool = True,
+    beginnings: Sequence[float] = BEGINNINGS,
 ) -> Verdict:
     """Whether the error's certain bound stays within the envelope at all samples (docs/certificates/loop-rate.md).
 
@@ -51,13 +57,15 @@ def loop_rate(
       along the run that its law plans, if not given.
     - `chance`: that normal noise is larger than is counted at some sample of the run.
     - `remedies`: whether the smallest changes that make it hold, and the least final radius, are looked for.
+    - `beginnings`: where the bound of a set may begin, from 0, when all its cases keep s, to 1, when the envelope is
+      narrow: the first with which it holds.
     """
     subject = Subject.of(scenario)
     if isinstance(subject, str):
         return Verdict(NAME, TITLE, None, None, {}, [], f"not applicable: {subject}")
     if demand is not None:
         return _of_a_demand(subject, demand, chance, remedies)
-    whole = proved(subject, chance)
+    whole = proved(subject, chance, beginnings)
     if isinstance(whole, str):
         text = "a time from which on all cases of the set keep s and their limits, inside the envelope"
         statement = f"No bound of the error was found: {whole}. Nothing is said of whether the envelope holds"

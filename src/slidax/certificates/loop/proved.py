@@ -66,11 +66,12 @@ class Proved:
         return bool(np.max(self.found.share) < 1.0)
 
 
-def proved(subject: Subject, chance: float = 1e-3) -> Proved | str:
+def proved(subject: Subject, chance: float = 1e-3, beginnings: Sequence[float] = BEGINNINGS) -> Proved | str:
     """The bounds of a scenario's set; a reason if its cases do not come to where they could begin.
 
     - `subject`: the law on its task.
     - `chance`: that normal noise is larger than is counted at some sample.
+    - `beginnings`: where a bound may begin, of up to three joints.
 
     Raises DefinitionError for a set that is invalid.
     """
@@ -81,7 +82,7 @@ def proved(subject: Subject, chance: float = 1e-3) -> Proved | str:
     middle = Middle.of(subject) if subject.law.joints >= JOINTS else None
     if middle is None and subject.law.joints >= JOINTS:
         return "the arm in the middle of the set leaves its envelope"
-    for share in BEGINNINGS if subject.law.joints < JOINTS else BEGINNINGS[-1:]:
+    for share in beginnings if subject.law.joints < JOINTS else BEGINNINGS[-1:]:
         sample = approach.late + round(share * (narrow - approach.late))
         entry = approach.entry(sample, None if middle is None else middle.seen)
         ideal = ideal_of(subject, entry) if middle is None else middle.ideal(entry)
