@@ -29,6 +29,14 @@ def test_of_those_that_hold_half_the_error_is_worth_four_times_the_step() -> Non
     assert Aim(10.0, False, None).best([worst(1e-3, 10.0), calm]) is calm
 
 
+def test_a_law_that_comes_near_is_no_better_than_a_wild_one_that_does_not() -> None:
+    near, far, outside = worst(0.1, 1.0), replace(worst(9.0, 9.0), margin=0.2), worst(0.1, 0.1, outside=1)
+    roomy = Aim(np.inf, False, None, room=0.15)
+    assert roomy.best([near, far, outside]) is far
+    assert roomy.best([near, outside]) is near
+    assert replace(roomy, step=5.0).best([near, far]) is far
+
+
 def test_below_a_step_that_is_wished_the_most_exact_is_taken() -> None:
     exact, calm, wild = worst(1.0, 8.0), worst(2.0, 1.0), worst(0.1, 12.0)
     assert Aim(10.0, False, None).best([exact, calm, wild]) is calm
