@@ -41,12 +41,21 @@ def radius_needed(law: SampledData, push: float) -> float:
     """
     h, horizon, delay = float(law.period), float(law.horizon), law.delay
     square = (horizon + delay * h) ** 2
-    target = (2.0 if delay else 1.0) * square / horizon * push
+    return square * push / (float(law.step.transformation.overshoot) * (1.0 - taken(law, push)))
+
+
+def taken(law: SampledData, push: float) -> float:
+    """What ψ(ε̄) takes of the overshoot, a share.
+
+    - `law`, `push`: as above.
+    """
+    h, horizon, delay = float(law.period), float(law.horizon), law.delay
+    target = (2.0 if delay else 1.0) * (horizon + delay * h) ** 2 / horizon * push
     side = float(law.step.transformation.overshoot)
     sides = Sides(jnp.asarray(-1.0), jnp.asarray(side))
     pull = law.step.surface.pull_and_slope
     eps = brentq(lambda x: float(np.max(pull(jnp.full(law.joints, x))[0])) - target, 0.0, 1e3)
-    return square * push / (side - float(psi(jnp.asarray(eps), sides)))
+    return float(psi(jnp.asarray(eps), sides)) / side
 
 
 def residual(scenario: Scenario, since: float = 5.0) -> float:
@@ -94,11 +103,13 @@ class Rate:
 
     - `horizon`: H [s].
     - `push`: w [rad/s²].
+    - `share`: of the overshoot that ψ(ε̄) takes.
     - `rule`, `held`: final radius by the rule, and the smallest one that holds [rad].
     """
 
     horizon: float
     push: float
+    share: float
     rule: float
     held: float
 
@@ -115,6 +126,7 @@ def of_arm(name: str, period: float) -> Rate:
     return Rate(
         horizon=float(scenario.controller.horizon),
         push=push,
+        share=taken(scenario.controller, push),
         rule=rule,
         held=_smallest_radius(name, period, {}, rule / 300.0, 2.0 * rule, 7),
     )
@@ -189,9 +201,17 @@ def make() -> None:
     head = ["constant push", "h [ms]", "ρ∞ by the rule [rad]", "smallest that held, over it"]
     write_table("loop-rate.md", "constant push", table(head, rows))
     rows = [
-        [name, milliseconds(h), milliseconds(rate.horizon), f"{rate.push:.2g}", small(rate.rule), small(rate.held)]
+        [
+            name,
+            milliseconds(h),
+            milliseconds(rate.horizon),
+            f"{rate.push:.2g}",
+            f"{100.0 * rate.share:.2g} %",
+            small(rate.rule),
+            small(rate.held),
+        ]
         for name, rates in arms.items()
         for h, rate in zip(ARM_PERIODS, rates, strict=True)
     ]
-    head = ["arm", "h [ms]", "H [ms]", "w̄ [rad/s²]", "ρ∞ by the rule [rad]", "smallest ρ∞ that held [rad]"]
+    head = ["arm", "h [ms]", "H [ms]", "w̄ [rad/s²]", "ψ(ε̄) of ϑ", "ρ∞ by the rule [rad]", "smallest ρ∞ that held [rad]"]
     write_table("loop-rate.md", "rule", table(head, [[f"`{row[0]}`", *row[1:]] for row in rows]))

@@ -84,7 +84,9 @@ def print_run(parts: Scenario, finished: Run, answer: dict[str, Any]) -> None:
     timing = answer["timing"]
     error = answer["metrics"].get("tool_error")
     if error is not None:
-        kept = f"{kept}, tool off by at most {error:.3g} m"
+        turn = answer["metrics"].get("tool_turn")
+        turned = "" if turn is None else f" and {turn:.3g} rad"
+        kept = f"{kept}, tool off by at most {error:.3g} m{turned}"
     console.print(
         f"\n{parts.scheme} on {parts.robot}: outcome {finished.outcome.kind}, {kept}; "
         f"{int(finished.tally.samples)} samples in {timing['run_s']:.2f} s, compiled in {timing['compile_s']:.1f} s",

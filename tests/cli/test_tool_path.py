@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,7 @@ import pytest
 
 import slidax as sx
 from slidax._types import State
-from slidax.metrics import rms_tool_error, steady_tool_error, tool_error
+from slidax.metrics import rms_tool_error, rms_tool_turn, steady_tool_error, steady_tool_turn, tool_error, tool_turn
 
 from .commands import in_process
 
@@ -50,13 +51,19 @@ def test_the_tools_error_is_that_of_all_samples(file: Path) -> None:
     assert tool_error(run) == pytest.approx(away.max(), rel=1e-12)
     assert steady_tool_error(run) == pytest.approx(away[late].max(), rel=1e-12)
     assert rms_tool_error(run) == pytest.approx(np.sqrt(np.mean(away**2)), rel=1e-12)
+    # In a plane the tool is turned by the sum of both joints.
+    turned = np.abs(np.sum(np.asarray(run.log.e), axis=1))
+    assert turned.max() > 1e-6
+    assert tool_turn(run) == pytest.approx(turned.max(), rel=1e-9)
+    assert steady_tool_turn(run) == pytest.approx(turned[late].max(), rel=1e-9)
+    assert rms_tool_turn(run) == pytest.approx(np.sqrt(np.mean(turned**2)), rel=1e-9)
     thinned = scenario.simulate(log_every=None)
-    assert tool_error(thinned) == tool_error(run)
+    assert tool_error(thinned) == tool_error(run) and tool_turn(thinned) == tool_turn(run)
 
 
 def test_a_run_without_a_tool_has_no_such_metric_and_no_such_cost() -> None:
     run = sx.scenarios.load("example-4.1-1khz", {"simulation.t1": 0.01}).simulate(log_every=None)
-    assert run.tally.tool is None and tool_error(run) is None
+    assert run.tally.tool is None and tool_error(run) is None and tool_turn(run) is None
     assert "tool_error" not in sx.metrics.summary(run)
 
 
@@ -79,8 +86,14 @@ def test_of_many_runs_each_has_its_own(file: Path, engine: str) -> None:
 def test_table_json_and_report_say_it(file: Path, tmp_path: Path) -> None:
     done = in_process("run", str(file), "--json", "--out", str(tmp_path / "report"))
     assert done.exit_code == 0, done.output
-    error = json.loads(done.stdout)["metrics"]["tool_error"]
-    assert error > 0
-    assert f"{error:.3g}"[:4] in (tmp_path / "report" / "report.html").read_text(encoding="utf-8")
+    metrics = json.loads(done.stdout)["metrics"]
+    error, turn = metrics["tool_error"], metrics["tool_turn"]
+    assert error > 0 and turn > 0
+    page = (tmp_path / "report" / "report.html").read_text(encoding="utf-8")
+    number = r"at most ([\d.]+)\s×\s10<sup>−(\d+)</sup>\s"
+    said = re.search(number + "m from where .* turned by " + number + "rad from how", page)
+    assert said, "the report says nothing of the tool"
+    found = [float(said[1]) * 10.0 ** -int(said[2]), float(said[3]) * 10.0 ** -int(said[4])]
+    assert found == pytest.approx([error, turn], rel=1e-2)
     shown = in_process("run", str(file))
-    assert f"tool off by at most {error:.3g} m" in shown.stdout
+    assert f"tool off by at most {error:.3g} m and {turn:.3g} rad" in shown.stdout

@@ -111,3 +111,11 @@ def test_nor_does_any_other(name: str) -> None:
 )
 def test_what_is_likely_to_go_wrong_is_said_before(which: str, said: str) -> None:
     assert any(said in sentence for sentence in beforehand(seeded(which)))
+
+
+def test_a_fast_estimator_is_doubted_where_its_noise_needs_the_drives_rate() -> None:
+    density = "scheme.sampled_data.estimator.torque_density"
+    (doubt,) = beforehand(load("panda-payload", {density: 1e4}))
+    assert "so fast" in doubt and "rate limit" in doubt
+    # As fast, with encoders as fine as that.
+    assert beforehand(load("panda-payload", {density: 1.0, "sensor.resolution": 1e-6})) == []

@@ -34,7 +34,11 @@ def test_the_chain_of_an_arm_has_its_tip_where_the_arm_has_it(name):
 @pytest.mark.parametrize("arm", [PLANAR, SCARA], ids=["two_link", "scara"])
 def test_so_have_the_arms_of_the_paper_and_they_reach_where_their_tips_were(arm):
     q = np.random.default_rng(2).uniform(0.2, 1.2, arm.joints)
-    np.testing.assert_allclose(chain_of(arm).frame(q)[1], arm.tip(jnp.asarray(q)), atol=1e-15)
+    rotation, place = chain_of(arm).frame(q)
+    there, tip = arm.tip_frame(jnp.asarray(q))
+    np.testing.assert_allclose(place, arm.tip(jnp.asarray(q)), atol=1e-15)
+    np.testing.assert_allclose(tip, place, atol=1e-15)
+    np.testing.assert_allclose(there, rotation, atol=1e-15)
     found = inverse(arm, Pose.of_tip(arm, q), start=q + 0.2, hold="place")
     np.testing.assert_allclose(found.q, q, atol=1e-10)
 

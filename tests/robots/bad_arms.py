@@ -171,6 +171,11 @@ BAD_ARMS = {
         "link `forearm` of arm, moved by joint `elbow`, has no mass, nor has anything that is fixed to it: "
         "give it mass and inertia, or lock the joint",
     ),
+    "nothing heavy at all": (
+        [still(name="shoulder", link="upper arm"), still(parent="shoulder"), FLANGE],
+        TIP,
+        "no link that a joint of arm moves has a mass, as in files that are for drawing alone",
+    ),
     "a point alone": (
         [SHOULDER, still(parent="shoulder"), Joint("flange", "fixed", "elbow", "tool", mass=1.0)],
         TIP,

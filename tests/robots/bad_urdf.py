@@ -249,6 +249,11 @@ TEXTS = [
     BadFile("no text, but numbers", b"\x89PNG\r\n\x1a\n\x00\x00\x00", ("XML",)),
     BadFile("a text in Latin-1 that says UTF-8", GOOD.replace("tool", "Träger").encode("latin-1"), ("XML", "line")),
     BadFile("an encoding that does not exist", GOOD.replace("utf-8", "utf-88").encode(), ("utf-88",)),
+    BadFile(
+        "a prefix that nothing declares",
+        GOOD.replace("</robot>", '<gazebo><sensor:camera name="eye"/></gazebo></robot>'),
+        ("sensor:camera", "xmlns:sensor", "<robot>"),
+    ),
     BadFile("two roots of the text", GOOD + "<robot/>", ("XML", "line")),
     BadFile("an SDF file", '<sdf version="1.9"><model name="a"/></sdf>', ("sdf", "robot")),
     BadFile("an MJCF file", "<mujoco><worldbody/></mujoco>", ("mujoco", "from_mjcf")),

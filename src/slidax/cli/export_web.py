@@ -21,6 +21,10 @@ def export_web(
         str | None,
         typer.Option("--with", help="With commas: schemes beside the scenario's own, and `printed` for it as printed."),
     ] = None,
+    certify_rate: Annotated[
+        bool,
+        typer.Option(help="Also certify the loop's rate of an arm of more than three joints, which takes minutes."),
+    ] = False,
     changes: Changes = None,
 ) -> None:
     """A page that runs the closed loop in the browser, with a slider for every number: one file, without a server.
@@ -34,12 +38,12 @@ def export_web(
         from slidax.scenarios import load
 
         if scenario is None:
-            if beside or changes:
-                raise DefinitionError("`--with` and `--set` are for one scenario: name it")
+            if beside or changes or certify_rate:
+                raise DefinitionError("`--with`, `--certify-rate` and `--set` are for one scenario: name it")
             manifest = web.built_in()
         else:
             names = [name.strip() for name in (beside or "").split(",") if name.strip()]
-            manifest = web.of_scenario(load(scenario, parsed(changes or [])), names)
+            manifest = web.of_scenario(load(scenario, parsed(changes or [])), names, certify_rate)
         page = web.write_page(manifest, out)
         knobs = sum(len(setting["knobs"]) for setting in manifest["settings"])
         typer.echo(

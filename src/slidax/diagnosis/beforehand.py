@@ -18,7 +18,7 @@ from slidax.scenarios import Scenario
 from slidax.simulation import Plant
 
 from .along import along
-from .causes.estimator import FAST, SLOW
+from .causes.estimator import FAST, NOISY, SLOW
 from .causes.substeps import coarseness
 from .linear_loop import LinearLoop
 from .loops import loops_of
@@ -147,13 +147,30 @@ class _Ahead:
         if loop.measures_velocity:
             return
         paces = {joint: loop.bandwidth * float(self.law.horizon) for joint, loop in found}
-        for joint, wrong in ((min(paces, key=paces.__getitem__), "slow"), (max(paces, key=paces.__getitem__), "fast")):
-            if paces[joint] < SLOW if wrong == "slow" else paces[joint] > FAST:
-                yield (
-                    f"the estimator of `{self.names[joint]}` follows at {paces[joint]:.2g} times 1/H, too "
-                    f"{wrong} for the "
-                    "horizon: change `torque_density`, the encoders or `horizon`"
-                )
+        slowest = min(paces, key=paces.__getitem__)
+        if paces[slowest] < SLOW:
+            yield (
+                f"the estimator of `{self.names[slowest]}` follows at {paces[slowest]:.2g} times 1/H, too slow for the "
+                "horizon: raise `torque_density`, or take finer encoders or a longer `horizon`"
+            )
+        noises = {joint: self._noise(joint, loop) for joint, loop in found if paces[joint] > FAST}
+        loudest = max(noises, key=noises.__getitem__, default=None)
+        if loudest is not None and noises[loudest] >= NOISY:
+            yield (
+                f"the estimator of `{self.names[loudest]}` follows at {paces[loudest]:.2g} times 1/H, so fast that "
+                f"noise alone asks for torque steps of {noises[loudest]:.2g} times the rate limit: lower "
+                "`torque_density`, or take finer encoders"
+            )
+
+    def _noise(self, joint: int, loop: LinearLoop) -> float:
+        """Three standard deviations of the torque's steps from the position's noise, over the rate limit."""
+        mass = jnp.asarray(self.believed[0].mean(axis=0))
+        if self.law.adaptation is not None:
+            mass = self.law.adaptation.mass_at_start(mass)
+        variance = np.broadcast_to(np.asarray(self.scenario.description.sensor.variance()), self.law.joints)[joint]
+        rate = np.broadcast_to(np.asarray(self.law.limits.rate), self.law.joints)[joint]
+        step = loop.noise(float(variance))[1] * float(mass[joint, joint])
+        return float(3.0 * step / (rate * float(self.law.period)))
 
     def cover(self) -> Iterator[str]:
         """Whether u covers what the model lacks."""

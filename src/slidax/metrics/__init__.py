@@ -30,7 +30,10 @@ from .summary import OF_TUBES as OF_TUBES
 from .summary import metrics_of as metrics_of
 from .summary import summary as summary
 from .tool import rms_tool_error as rms_tool_error
+from .tool import rms_tool_turn as rms_tool_turn
 from .tool import steady_tool_error as steady_tool_error
+from .tool import steady_tool_turn as steady_tool_turn
 from .tool import tool_error as tool_error
+from .tool import tool_turn as tool_turn
 from .tube import tube_margin as tube_margin
 from .tube import tube_violations as tube_violations

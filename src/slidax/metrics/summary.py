@@ -23,8 +23,8 @@ OF_TUBES: tuple[Metric[Any], ...] = (tubes.tube_violations, tubes.tube_margin)
 """What a run with a tube has besides."""
 
 
-OF_TOOLS: tuple[Metric[Any], ...] = (tools.tool_error, tools.steady_tool_error, tools.rms_tool_error)
-"""What a run has besides whose joints lead a tool."""
+OF_TOOLS: tuple[Metric[Any], ...] = tuple(thing for thing in vars(tools).values() if isinstance(thing, Metric))
+"""What a run has besides whose joints lead a tool; the turns, if the robot says how its tip is turned."""
 
 
 OF_MONITORS: tuple[Metric[Any], ...] = (promises.promise_margin, promises.warned_at)
@@ -37,7 +37,7 @@ def metrics_of(run: Run) -> tuple[Metric[Any], ...]:
     - `run`: a finished run, or a batch.
     """
     besides = (
-        *(OF_TOOLS if run.tally.tool is not None else ()),
+        *(one for one in OF_TOOLS if one(run) is not None),
         *(OF_TUBES if run.tally.tube is not None else ()),
         *(OF_MONITORS if run.tally.promise is not None else ()),
     )

@@ -18,7 +18,7 @@ def tool_error(run: Run) -> np.ndarray | float | None:
     """
     if run.tally.tool is None:
         return None
-    return of_the_run(np.asarray(run.tally.samples) > 0, np.asarray(run.tally.tool.error))
+    return of_the_run(np.asarray(run.tally.samples) > 0, np.asarray(run.tally.tool.place.error))
 
 
 @metric("steady tool error", "m", per_joint=False)
@@ -29,7 +29,7 @@ def steady_tool_error(run: Run) -> np.ndarray | float | None:
     """
     if run.tally.tool is None:
         return None
-    return of_the_run(reached_last_quarter(run), np.asarray(run.tally.tool.steady))
+    return of_the_run(reached_last_quarter(run), np.asarray(run.tally.tool.place.steady))
 
 
 @metric("tool error, rms", "m", per_joint=False)
@@ -41,4 +41,37 @@ def rms_tool_error(run: Run) -> np.ndarray | float | None:
     if run.tally.tool is None:
         return None
     samples = np.asarray(run.tally.samples)
-    return of_the_run(samples > 0, np.sqrt(np.asarray(run.tally.tool.square) / np.maximum(samples, 1)))
+    return of_the_run(samples > 0, np.sqrt(np.asarray(run.tally.tool.place.square) / np.maximum(samples, 1)))
+
+
+@metric("tool turn", "rad", per_joint=False)
+def tool_turn(run: Run) -> np.ndarray | float | None:
+    """Largest angle of the rotation between the tool and how the reference has it [rad]; None where no tool is led.
+
+    - `run`: a finished run, or a batch.
+    """
+    turn = None if run.tally.tool is None else run.tally.tool.turn
+    return None if turn is None else of_the_run(np.asarray(run.tally.samples) > 0, np.asarray(turn.error))
+
+
+@metric("steady tool turn", "rad", per_joint=False)
+def steady_tool_turn(run: Run) -> np.ndarray | float | None:
+    """The same over the last quarter of the run [rad].
+
+    - `run`: a finished run, or a batch.
+    """
+    turn = None if run.tally.tool is None else run.tally.tool.turn
+    return None if turn is None else of_the_run(reached_last_quarter(run), np.asarray(turn.steady))
+
+
+@metric("tool turn, rms", "rad", per_joint=False)
+def rms_tool_turn(run: Run) -> np.ndarray | float | None:
+    """Root mean square of that angle over all samples [rad].
+
+    - `run`: a finished run, or a batch.
+    """
+    turn = None if run.tally.tool is None else run.tally.tool.turn
+    if turn is None:
+        return None
+    samples = np.asarray(run.tally.samples)
+    return of_the_run(samples > 0, np.sqrt(np.asarray(turn.square) / np.maximum(samples, 1)))

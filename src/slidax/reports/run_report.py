@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from slidax import figures
-from slidax.metrics import Metric, envelope_violations, metrics_of, tool_error
+from slidax.metrics import Metric, envelope_violations, metrics_of, tool_error, tool_turn
 from slidax.scenarios import Scenario
 from slidax.simulation import Run
 
@@ -41,6 +41,7 @@ def write_run_report(
         "rows": [(metric, metric.units(run), metric.shown(run)) for metric in listed],
         "violations": envelope_violations(run),
         "tool": tool_error(run),
+        "turn": tool_turn(run),
         "pictures": _pictures(scenario, run, out / "figures"),
         "parameters": parameters(scenario),
         "versions": versions(),

@@ -79,3 +79,12 @@ class Scara(AbstractRobot):
         x = l1 * jnp.cos(q[0]) + l2 * jnp.cos(q[0] + q[1])
         y = l1 * jnp.sin(q[0]) + l2 * jnp.sin(q[0] + q[1])
         return jnp.array([x, y, -q[2]])
+
+    def tip_frame(self, q: Vector) -> tuple[Float[Array, "3 3"], Float[Array, "3"]]:
+        """The tip's axes, as columns, x along the second link, and its place, [3 3] and [3], m.
+
+        - `q`: positions [3], rad, rad, m.
+        """
+        c, s = jnp.cos(q[0] + q[1]), jnp.sin(q[0] + q[1])
+        zero, one = jnp.zeros_like(c), jnp.ones_like(c)
+        return jnp.array([[c, -s, zero], [s, c, zero], [zero, zero, one]]), self.tip(q)

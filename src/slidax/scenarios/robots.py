@@ -198,6 +198,17 @@ class AbstractFile(AbstractArticulated):
     inertias: Literal["given", "nearest"] = "given"
     """An inertia that no rigid body can have: refused, or replaced by the nearest that one can."""
 
+    def described(self) -> Articulated:
+        """The arm as the file has it."""
+        try:
+            return self._from_file()
+        except DefinitionError as error:
+            # The file's own path is no part of that in a scenario.
+            raise DefinitionError(str(error), where="file" if error.where else "") from error
+
+    @abstractmethod
+    def _from_file(self) -> Articulated: ...
+
     def _how(self) -> dict[str, Any]:
         return {"tip": self.tip, "locked": self.locked, "meshes": self.meshes, "inertias": self.inertias}
 
@@ -209,8 +220,7 @@ class UrdfDescription(AbstractFile):
     packages: list[FileName] = Field(default=[])
     """Folders in which the packages are that it names."""
 
-    def described(self) -> Articulated:
-        """The arm as the file has it."""
+    def _from_file(self) -> Articulated:
         return from_urdf(self.file, packages=self.packages, **self._how())
 
 
@@ -219,8 +229,7 @@ class MjcfDescription(AbstractFile):
 
     kind: Literal["mjcf"]
 
-    def described(self) -> Articulated:
-        """The arm as the file has it."""
+    def _from_file(self) -> Articulated:
         return from_mjcf(self.file, **self._how())
 
 

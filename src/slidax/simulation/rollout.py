@@ -60,7 +60,7 @@ def begin(loop: Loop, state: State) -> Begun:
             loop.windows.bands.shape[0],
             tube,
             Promise.begin() if _has_monitor(loop.controller) else None,
-            Tool.begin() if isinstance(loop.trajectory, ToolMotion) else None,
+            Tool.begin(loop.plant.robot) if isinstance(loop.trajectory, ToolMotion) else None,
         ),
         fault=no_fault(),
         excursion=Excursion.none(joints) if loop.recover else None,
@@ -124,9 +124,9 @@ def _counted(
         tally = tally.watching(loop.tube, t, e, running)
     tally = tally.warned(carry.k, now.command.signals, good)
     if tally.tool is not None:
-        robot = loop.plant.robot
-        away = robot.tip(carry.state.q) - robot.tip(now.reference.q)
-        tally = tally.leading(away, carry.k, loop.windows, good)
+        steady = good & (carry.k >= loop.windows.steady)
+        tool = tally.tool.add(loop.plant.robot, carry.state.q, now.reference.q, good, steady)
+        tally = eqx.tree_at(lambda tally: tally.tool, tally, tool)
     after = Carry(
         # The number grows in runs that are over, too: so a batch has one time, and shares what depends on time alone.
         k=carry.k + 1,

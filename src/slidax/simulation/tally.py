@@ -173,18 +173,6 @@ class Tally(eqx.Module):
         heard: Tally = eqx.tree_at(lambda tally: tally.promise, self, said)
         return heard
 
-    def leading(self, away: Float[Array, "3"], k: Int[Array, ""], windows: Windows, running: Bool[Array, ""]) -> Tally:
-        """The tally with one more place of the tool.
-
-        - `away`, `k`, `running`: as in `Tool.add`.
-        - `windows`: from when each statistic counts.
-        """
-        if self.tool is None:
-            return self
-        led = self.tool.add(away, running, running & (k >= windows.steady))
-        found: Tally = eqx.tree_at(lambda tally: tally.tool, self, led)
-        return found
-
     def with_violation(self, outside: Bool[Array, ""]) -> Tally:
         """The tally with one more violation where `outside` is true.
 

@@ -10,7 +10,7 @@ import pytest
 
 from slidax._errors import DefinitionError
 from slidax.certificates import CERTIFICATES, Verdict, reads_any
-from slidax.deploy.web import certified
+from slidax.deploy.web import certified, export
 from slidax.deploy.web.knob import knobs_of
 from slidax.scenarios import Scenario, load
 from slidax.scenarios.load import altered
@@ -101,7 +101,16 @@ def test_a_light_that_was_not_computed_says_so_in_words(monkeypatch: pytest.Monk
     (light,) = certified.certificates_of(scenario, ["scheme.surface.k1"])
     assert asked == [["loop_rate"]]
     assert light["holds"] is None and "not computed" in light["statement"] and "2 joints" in light["statement"]
-    assert light["reads"] == ["scheme.surface.k1"]
+    assert "--certify-rate" in light["statement"] and light["reads"] == ["scheme.surface.k1"]
+    certified.certificates_of(scenario, ["scheme.surface.k1"], rate=True)
+    assert asked[1:] == [[]]
+
+
+def test_the_rate_is_certified_of_the_scenarios_own_law_where_it_is_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(export, "playground", lambda title, settings, arms: [one.rate for one in settings])
+    scenario = load("example-4.1-1khz")
+    assert export.of_scenario(scenario, ["printed", "slotine_li"], rate=True) == [True, False, False]
+    assert export.of_scenario(scenario) == [False]
 
 
 @pytest.mark.full

@@ -45,7 +45,7 @@ def moved(chromium: Any, tmp_path_factory: pytest.TempPathFactory) -> tuple[Any,
     described = load("example-4.1-1khz", {"simulation.t1": 2.0, "actuator": {}}).description
     with pytest.MonkeyPatch.context() as patch:
         # Its lights are no matter here, and take long.
-        patch.setattr(setting, "certificates_of", lambda scenario, paths: [])
+        patch.setattr(setting, "certificates_of", lambda scenario, paths, rate: [])
         manifest = playground("test", settings_of(described, "arm"), {"arm": "Arm"})
     visit = Visit(chromium, write_page(manifest, folder).as_uri())
     for path, value in MOVED.items():

@@ -13,13 +13,14 @@ SLOW = 3
 """Joints up to which the certificate of the loop's rate answers in seconds."""
 
 
-def certificates_of(scenario: Scenario, paths: Sequence[str]) -> list[dict[str, Any]]:
+def certificates_of(scenario: Scenario, paths: Sequence[str], rate: bool = False) -> list[dict[str, Any]]:
     """What is certified of a scenario as it is: without what asks many runs, or, for arms of many joints, minutes.
 
     - `scenario`: it.
     - `paths`: of what a page can change; each light says on which of them it stands.
+    - `rate`: whether that of the loop's rate is asked for arms of many joints, too.
     """
-    left_out = [NAME] if scenario.plant.robot.joints > SLOW else []
+    left_out = [NAME] if scenario.plant.robot.joints > SLOW and not rate else []
     answers = {verdict.name: verdict for verdict in certify(scenario, runs=0, without=left_out)}
     found = []
     for certificate in CERTIFICATES:
@@ -42,8 +43,11 @@ def certificates_of(scenario: Scenario, paths: Sequence[str]) -> list[dict[str, 
 
 
 def _not_asked(joints: int) -> Verdict:
-    text = f"It was not computed for this page: for {joints} joints that takes minutes. `slidax certify` answers for "
-    return Verdict(NAME, TITLE, None, None, {}, (), f"{text}the scenario that is downloaded here.")
+    text = (
+        f"It was not computed for this page: for {joints} joints that takes minutes. Download the scenario, and ask "
+        "`slidax certify FILE`; or make the page by `slidax export web FILE --certify-rate --out DIR`."
+    )
+    return Verdict(NAME, TITLE, None, None, {}, (), text)
 
 
 def _brief(value: Any) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -19,16 +20,18 @@ FEW = 3
 """Joints up to which a program is made in seconds, so that there are more than two of a law."""
 
 
-def of_scenario(scenario: Scenario, beside: Sequence[str] = ()) -> dict[str, Any]:
+def of_scenario(scenario: Scenario, beside: Sequence[str] = (), rate: bool = False) -> dict[str, Any]:
     """The manifest of one scenario.
 
     - `scenario`: it, as `load` gives it.
     - `beside`: names of schemes that are shown beside its own, and `printed` for the law as it is printed.
+    - `rate`: whether its loop's rate is certified for any number of joints, which may take minutes.
 
     Raises DefinitionError if there is no such scheme, or the scenario cannot run in a page.
     """
     description = scenario.description
-    settings = settings_of(description, scenario.robot, beside, choices=_choices(description))
+    own, *others = settings_of(description, scenario.robot, beside, choices=_choices(description))
+    settings = [replace(own, rate=rate), *others]
     return playground(description.title, settings, {scenario.robot: scenario.robot.replace("_", " ")})
 
 

@@ -46,6 +46,7 @@ class Setting:
     - `kind`: whether it is ours, the law as printed, or a rival.
     - `choices`: what has several programs.
     - `note`: a line beside its title.
+    - `rate`: whether its loop's rate is certified for any number of joints, which may take minutes.
     """
 
     description: ScenarioDescription
@@ -55,6 +56,7 @@ class Setting:
     kind: str = "ours"
     choices: Sequence[Choice] = ()
     note: str = ""
+    rate: bool = False
 
     def made(self) -> Made:
         """Its programs and knobs.
@@ -141,7 +143,7 @@ class Made:
     def beside(self) -> dict[str, Any]:
         """What stands beside the setting: the law in C, and, if it promises something, its certificates."""
         paths = [*(choice.path for choice in self.setting.choices), *(knob.path for knob in self.knobs)]
-        certified = [] if self.setting.kind == "rival" else certificates_of(self.templates.built, paths)
+        certified = [] if self.setting.kind == "rival" else certificates_of(self.templates.built, paths, self.setting.rate)
         return {**c_files(self.family, self.templates, self.knobs), "certificates": certified}
 
 

@@ -16,6 +16,9 @@ SLOW, FAST = 0.25, 4.0
 """ω H of an estimator that is slower or faster than a loop with that horizon can use; the built-in scenarios have .6 to
 3."""
 
+NOISY = 0.5
+"""Of the torque's rate limit that noise may ask for, before a fast estimator is too fast."""
+
 ESTIMATOR = "scheme.sampled_data.estimator"
 
 
@@ -54,7 +57,7 @@ class Estimator(AbstractCause):
             return Finding(self.name, slowest, 0.75, evidence, numbers, _remedies(record))
         if pace[fastest] > FAST:
             noise = noise_of(record)
-            if noise[fastest] < 0.5:
+            if noise[fastest] < NOISY:
                 return None
             bandwidth = loops[fastest].bandwidth
             evidence = (

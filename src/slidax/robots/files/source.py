@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -82,11 +83,36 @@ class _Guarded(ET.TreeBuilder):
         raise DefinitionError("the robot file has a DOCTYPE, which may define entities; remove it")
 
 
+def _undeclared(text: str | bytes, error: ET.ParseError) -> str:
+    """What to do about a prefix that is not declared, as old files for Gazebo have them; empty for another error."""
+    line, column = error.position
+    lines = text.splitlines()
+    if error.code != expat.errors.codes[expat.errors.XML_ERROR_UNBOUND_PREFIX] or line > len(lines):
+        return ""
+    here = lines[line - 1]
+    here = here.decode("utf-8", "replace") if isinstance(here, bytes) else here
+    found = re.match(r"<([\w.-]+):[\w.-]+", here[column:])
+    if found is None:
+        return ""
+    name, prefix = found[0][1:], found[1]
+    return (
+        f"; <{name}> has a prefix that nothing declares: remove the element, of which nothing is read here, or write "
+        f'xmlns:{prefix}="{prefix}" into <{_root(text)}>'
+    )
+
+
+def _root(text: str | bytes) -> str:
+    """The name of the outermost element, as far as it can be seen in a text that is no XML."""
+    plain = text.decode("utf-8", "replace") if isinstance(text, bytes) else text
+    found = re.search(r"<([A-Za-z_][\w.-]*)", plain)
+    return found[1] if found else "robot"
+
+
 def _parsed(text: str | bytes) -> ET.Element:
     try:
         return ET.XML(text, ET.XMLParser(target=_Guarded()))
     except ET.ParseError as error:
-        raise DefinitionError(f"the robot file is not XML: {error}") from error
+        raise DefinitionError(f"the robot file is not XML: {error}{_undeclared(text, error)}") from error
     except (LookupError, ValueError) as error:
         if isinstance(error, DefinitionError):
             raise

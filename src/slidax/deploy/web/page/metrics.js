@@ -46,11 +46,14 @@ export function loopMetrics(program, ended) {
     found.tube_violations = ended("tally.tube.outside");
     found.tube_margin = tube.every(Number.isFinite) ? tube : each(unknown);
   }
-  const tool = ended("tally.tool.error");
-  if (tool !== null) {
-    found.tool_error = samples > 0 ? tool : Float64Array.of(NaN);
-    found.steady_tool_error = steady ? ended("tally.tool.steady") : Float64Array.of(NaN);
-    found.rms_tool_error = Float64Array.of(samples > 0 ? Math.sqrt(ended("tally.tool.square")[0] / samples) : NaN);
+  for (const [part, name] of [["place", "tool_error"], ["turn", "tool_turn"]]) {
+    const most = ended(`tally.tool.${part}.error`);
+    if (most !== null) {
+      found[name] = samples > 0 ? most : Float64Array.of(NaN);
+      found[`steady_${name}`] = steady ? ended(`tally.tool.${part}.steady`) : Float64Array.of(NaN);
+      const square = ended(`tally.tool.${part}.square`)[0];
+      found[`rms_${name}`] = Float64Array.of(samples > 0 ? Math.sqrt(square / samples) : NaN);
+    }
   }
   const promise = ended("tally.promise.margin");
   if (promise !== null) {

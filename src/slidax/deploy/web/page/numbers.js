@@ -17,7 +17,8 @@ export function exactNumber(x) {
 }
 
 export function withUnit(x, unit, digits = 4) {
-  return unit ? `${shownNumber(x, digits)} ${unit}` : shownNumber(x, digits);
+  const one = x === 1 && unit === "periods" ? "period" : unit;
+  return unit ? `${shownNumber(x, digits)} ${one}` : shownNumber(x, digits);
 }
 
 /* The nearest number of few digits, as a slider sets it. */
