@@ -9,8 +9,11 @@ import numpy as np
 
 from .trials import Worst
 
-CALM = 0.94
-"""Of the torque step that is wished, since other cases show some more, or that the drives can do in a period."""
+CALM = 0.97
+"""Of the torque step that is allowed, since other cases show some more."""
+
+DRIVEN = 0.97
+"""Of what the drives can do in a period, that is allowed: at their limit a plan is not carried out."""
 
 CALMNESS = 0.5
 """The weight of the torque step beside the error, where none of both is wished: half the error is worth four times the
