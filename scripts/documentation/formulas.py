@@ -25,7 +25,10 @@ def with_mathml(text: str) -> str:
     def block(match: re.Match[str]) -> str:
         number = TAG.search(match[1])
         drawn = convert(TAG.sub("", match[1]).strip(), display="block")
-        return f'<div class="formula">{drawn}{f"<span>({number[1]})</span>" if number else ""}</div>'
+        name = f"Formula ({number[1]})" if number else "Formula"
+        shown = f"<span>({number[1]})</span>" if number else ""
+        # A wide one scrolls, and so has to be reached by keys.
+        return f'<div class="formula" tabindex="0" role="group" aria-label="{name}">{drawn}{shown}</div>'
 
     # In a span, since a line that begins with <math> would end the paragraph.
     return INLINE.sub(lambda match: f"<span>{convert(match[1])}</span>", BLOCK.sub(block, text))

@@ -179,8 +179,8 @@ def _check_masses(moved: Mapping[str, _Moved], name: str) -> None:
     """A link may be without mass between two joints that meet, but not where nothing heavy follows."""
     if moved and not any(body.mass > 0 or body.joint.armature > 0 for body in moved.values()):
         raise DefinitionError(
-            f"no link that a joint of {name} moves has a mass, as in files that are for drawing alone: take a file with "
-            "masses and inertias, or write each link's own; without them nothing says how the arm moves"
+            f"no link that a joint of {name} moves has a mass, as in files that are for drawing alone: take a file "
+            "with masses and inertias, or write each link's own; without them nothing says how the arm moves"
         )
     carried = {joint: body.mass for joint, body in moved.items()}
     for joint in reversed(list(moved)):

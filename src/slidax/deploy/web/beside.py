@@ -31,7 +31,11 @@ PRINTED = "printed"
 LAYER = 0.05
 """Of the printed law: without one it chatters at once at a robot's rate."""
 
+OURS = "in its form for an arm that is commanded once a period; the envelope is its own"
+
 WITH = "with the same estimator, learning, prediction and limits"
+
+JUDGED = "; it draws no envelope, and is judged by that of our law"
 
 
 def title_of(scheme: str) -> str:
@@ -62,7 +66,7 @@ def settings_of(
     own = description.scheme.name
     sampled = description.scheme.sampled_data is not None
     kind = "ours" if sampled else "printed"
-    found = [Setting(description, arm, own, title_of(own), kind, choices)]
+    found = [Setting(description, arm, own, title_of(own), kind, choices, OURS if _draws(description) else "")]
     for name in beside:
         if name == PRINTED:
             if sampled:
@@ -70,6 +74,12 @@ def settings_of(
         elif name != own:
             found.append(_rival(description, arm, name, gains.get(name, {}), choices))
     return found
+
+
+def _draws(description: ScenarioDescription) -> bool:
+    """Whether the law is in sampled-data form, and has an envelope."""
+    transformation = getattr(description.scheme, "transformation", None)
+    return description.scheme.sampled_data is not None and hasattr(transformation, "performance")
 
 
 def _printed(description: ScenarioDescription, arm: str, choices: Sequence[Choice]) -> Setting:
@@ -96,8 +106,11 @@ def _rival(
         changes["tube"] = {
             key: value for key, value in envelope.model_dump(exclude_unset=True).items() if key != "kind"
         }
+    rival = _with(description, changes)
     note = WITH if description.scheme.sampled_data is not None else ""
-    return Setting(_with(description, changes), arm, name, title_of(name), "rival", choices, note)
+    if note and "tube" in changes and not _draws(rival):
+        note += JUDGED
+    return Setting(rival, arm, name, title_of(name), "rival", choices, note)
 
 
 def _with(description: ScenarioDescription, changes: dict[str, Any]) -> ScenarioDescription:

@@ -143,7 +143,9 @@ class Made:
     def beside(self) -> dict[str, Any]:
         """What stands beside the setting: the law in C, and, if it promises something, its certificates."""
         paths = [*(choice.path for choice in self.setting.choices), *(knob.path for knob in self.knobs)]
-        certified = [] if self.setting.kind == "rival" else certificates_of(self.templates.built, paths, self.setting.rate)
+        certified = (
+            [] if self.setting.kind == "rival" else certificates_of(self.templates.built, paths, self.setting.rate)
+        )
         return {**c_files(self.family, self.templates, self.knobs), "certificates": certified}
 
 

@@ -47,7 +47,9 @@ export class Knobs {
 
   select(choice) {
     const id = `choice-${++knobCount}`;
-    const option = (value, k) => element("option", { value: k, text: typeof value === "number" ? withUnit(value, choice.unit) : String(value) });
+    const exact = value => value === 0 && choice.path === "sensor.resolution";
+    const text = value => exact(value) ? "exact" : typeof value === "number" ? withUnit(value, choice.unit) : String(value);
+    const option = (value, k) => element("option", { value: k, text: text(value) });
     const made = element("select", { id, on: { change: () => this.listeners.chosen(choice.path, Number(made.value)) } }, choice.values.map(option));
     this.shown.push((playground, chosen) => { made.value = playground.choiceIndex(chosen, choice.path); });
     return element("div.choice", {}, element("label", { for: id, text: capitalised(choice.title) }), made);

@@ -234,7 +234,7 @@ function outcomeItem(result, title, joints) {
   const sign = { good: "✓", warn: "!", bad: "✗" }[state];
   return element("li", { "data-state": state }, element("span.sign", { "aria-hidden": "true", text: sign }),
     element("span", {}, title ? element("b", { text: `${title}. ` }) : null, words,
-      element("span.small", { text: ` ${result.t.length} logged samples, run in ${shownNumber(result.milliseconds, 2)} ms.` })));
+      element("span.small", { text: ` ${shownNumber(result.t.at(-1) ?? 0, 3)} s of motion, computed in ${shownNumber(result.milliseconds, 2)} ms.` })));
 }
 
 function save(name, blob) {
