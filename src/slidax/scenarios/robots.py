@@ -199,18 +199,15 @@ class AbstractFile(AbstractArticulated):
     """An inertia that no rigid body can have: refused, or replaced by the nearest that one can."""
 
     def described(self) -> Articulated:
-        """The arm as the file has it."""
+        """The arm as the file has it; the file's own path is no part of the path in a scenario."""
+        how: dict[str, Any] = {"tip": self.tip, "locked": self.locked, "meshes": self.meshes, "inertias": self.inertias}
         try:
-            return self._from_file()
+            return self._read(how)
         except DefinitionError as error:
-            # The file's own path is no part of that in a scenario.
             raise DefinitionError(str(error), where="file" if error.where else "") from error
 
     @abstractmethod
-    def _from_file(self) -> Articulated: ...
-
-    def _how(self) -> dict[str, Any]:
-        return {"tip": self.tip, "locked": self.locked, "meshes": self.meshes, "inertias": self.inertias}
+    def _read(self, how: dict[str, Any]) -> Articulated: ...
 
 
 class UrdfDescription(AbstractFile):
@@ -220,8 +217,8 @@ class UrdfDescription(AbstractFile):
     packages: list[FileName] = Field(default=[])
     """Folders in which the packages are that it names."""
 
-    def _from_file(self) -> Articulated:
-        return from_urdf(self.file, packages=self.packages, **self._how())
+    def _read(self, how: dict[str, Any]) -> Articulated:
+        return from_urdf(self.file, packages=self.packages, **how)
 
 
 class MjcfDescription(AbstractFile):
@@ -229,8 +226,8 @@ class MjcfDescription(AbstractFile):
 
     kind: Literal["mjcf"]
 
-    def _from_file(self) -> Articulated:
-        return from_mjcf(self.file, **self._how())
+    def _read(self, how: dict[str, Any]) -> Articulated:
+        return from_mjcf(self.file, **how)
 
 
 class IdentifiedDescription(AbstractRobotDescription):
@@ -285,9 +282,8 @@ def _of_numbers(kind: str, part: type[AbstractRobot]) -> type[NumbersDescription
 
 
 def _ready(name: str) -> type[ReadyDescription]:
-    called: Any = Literal[name]
-    title = f"{ready.title(name)}."
-    return create_model(f"robot.{name}", __base__=ReadyDescription, __doc__=title, kind=(called, Field()))
+    kind: Any = (Literal[name], Field())
+    return create_model(f"robot.{name}", __base__=ReadyDescription, __doc__=f"{ready.title(name)}.", kind=kind)
 
 
 MADE_OF_NUMBERS = {kind: part for kind, part in members_of(robots, AbstractRobot).items() if part is not Articulated}
