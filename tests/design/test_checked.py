@@ -1,0 +1,70 @@
+"""What becomes of a design after its check."""
+
+from __future__ import annotations
+
+import sys
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from slidax.certificates import Verdict
+from slidax.design import Refused
+
+design = sys.modules["slidax.design.design"]
+
+
+def check(margin: float) -> Verdict:
+    return Verdict("statistical", "", margin > 0, margin, {"worst_margin": margin}, (), "")
+
+
+@pytest.fixture
+def checked(monkeypatch: pytest.MonkeyPatch) -> Any:
+    """Of the margins that the checks find, one after the other, the design, and what the checks were asked."""
+
+    def of(*margins: float, accuracy: Any = "best") -> tuple[Any, list[int], list[Any]]:
+        found, seeds, harder = iter(margins), [], []
+
+        def tried(_: Any, __: int, seed: int) -> tuple[Verdict, Any]:
+            seeds.append(seed)
+            return check(next(found)), f"the worst with {seed}"
+
+        trials = SimpleNamespace(frame=None, runs=0)
+        trials.with_harder = lambda cases: harder.append(cases) or trials
+        laws = iter(SimpleNamespace(choice=SimpleNamespace(final=np.ones(1), law=k)) for k in range(1, 4))
+        monkeypatch.setattr(design, "tried", tried)
+        monkeypatch.setattr(design, "fine", lambda *_: None)
+        monkeypatch.setattr(design, "_aim", lambda *_: None)
+        monkeypatch.setattr(design, "_sized", lambda *_: next(laws))
+        monkeypatch.setattr(design, "_described", lambda *_: SimpleNamespace(build=lambda _: None))
+        monkeypatch.setattr(design, "of_accuracy", lambda *_: Refused("no", [], None))
+        wishes = SimpleNamespace(accuracy=accuracy, proof="checked")
+        first = SimpleNamespace(choice=SimpleNamespace(final=np.ones(1), law=0))
+        made = design._checked(SimpleNamespace(wishes=wishes), trials, first, None, 10, lambda _: None)
+        return made, seeds, harder
+
+    return of
+
+
+def test_a_design_whose_worst_case_has_room_is_taken_at_once(checked: Any) -> None:
+    made, seeds, harder = checked(0.2)
+    assert (made.choice.law, seeds, harder) == (0, [1], [])
+
+
+def test_a_design_that_was_left_is_made_anew_with_the_worst_cases_and_other_ones_for_its_check(checked: Any) -> None:
+    made, seeds, harder = checked(-0.1, 0.15)
+    assert (made.choice.law, seeds, harder) == (1, [1, 2], ["the worst with 1"])
+
+
+def test_of_designs_that_hold_without_much_room_the_roomiest_is_taken(checked: Any) -> None:
+    assert checked(0.05, 0.07, -0.1)[0].choice.law == 1
+    assert checked(0.05, -0.2, -0.1)[0].choice.law == 0
+
+
+def test_with_an_accuracy_that_is_wished_a_design_that_holds_is_taken(checked: Any) -> None:
+    assert checked(0.01, accuracy=1e-3)[0].choice.law == 0
+
+
+def test_what_is_left_three_times_is_refused(checked: Any) -> None:
+    assert isinstance(checked(-0.1, -0.2, -0.1)[0], Refused)
