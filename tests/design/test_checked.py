@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import Any
 
@@ -13,6 +14,12 @@ from slidax.certificates import Verdict
 from slidax.design import Refused
 
 design = sys.modules["slidax.design.design"]
+
+
+@dataclass
+class Law:
+    final: Any
+    law: int
 
 
 def check(margin: float) -> Verdict:
@@ -30,9 +37,9 @@ def checked(monkeypatch: pytest.MonkeyPatch) -> Any:
             seeds.append(seed)
             return check(next(found)), f"the worst with {seed}"
 
-        trials = SimpleNamespace(frame=None, runs=0)
+        trials = SimpleNamespace(frame=SimpleNamespace(initial=np.full(1, 1e3)), runs=0)
         trials.with_harder = lambda cases: harder.append(cases) or trials
-        laws = iter(SimpleNamespace(choice=SimpleNamespace(final=np.ones(1), law=k)) for k in range(1, 4))
+        laws = iter(SimpleNamespace(choice=Law(np.full(1, 1.0), k)) for k in range(1, 4))
         monkeypatch.setattr(design, "tried", tried)
         monkeypatch.setattr(design, "fine", lambda *_: None)
         monkeypatch.setattr(design, "_aim", lambda *_: None)
@@ -40,7 +47,7 @@ def checked(monkeypatch: pytest.MonkeyPatch) -> Any:
         monkeypatch.setattr(design, "_described", lambda *_: SimpleNamespace(build=lambda _: None))
         monkeypatch.setattr(design, "of_accuracy", lambda *_: Refused("no", [], None))
         wishes = SimpleNamespace(accuracy=accuracy, proof="checked")
-        first = SimpleNamespace(choice=SimpleNamespace(final=np.ones(1), law=0))
+        first = SimpleNamespace(choice=Law(np.full(1, 1.0), 0))
         made = design._checked(SimpleNamespace(wishes=wishes), trials, first, None, 10, lambda _: None)
         return made, seeds, harder
 
@@ -58,13 +65,20 @@ def test_a_design_that_was_left_is_made_anew_with_the_worst_cases_and_other_ones
 
 
 def test_of_designs_that_hold_without_much_room_the_roomiest_is_taken(checked: Any) -> None:
-    assert checked(0.05, 0.07, -0.1)[0].choice.law == 1
-    assert checked(0.05, -0.2, -0.1)[0].choice.law == 0
+    assert checked(0.05, 0.07, -0.1, -0.1)[0].choice.law == 1
+    assert checked(0.05, -0.2, -0.1, -0.1)[0].choice.law == 0
 
 
 def test_with_an_accuracy_that_is_wished_a_design_that_holds_is_taken(checked: Any) -> None:
     assert checked(0.01, accuracy=1e-3)[0].choice.law == 0
 
 
-def test_what_is_left_three_times_is_refused(checked: Any) -> None:
-    assert isinstance(checked(-0.1, -0.2, -0.1)[0], Refused)
+def test_each_time_the_envelope_ends_wider_where_no_accuracy_is_wished(checked: Any) -> None:
+    assert checked(0.2)[0].choice.final == 1.0
+    assert checked(-0.1, 0.2)[0].choice.final == 1.5
+    assert checked(-0.1, -0.1, 0.2)[0].choice.final == 1.5**2
+    assert checked(-0.1, 0.2, accuracy=1e-3)[0].choice.final == 1.0
+
+
+def test_what_is_left_four_times_is_refused(checked: Any) -> None:
+    assert isinstance(checked(-0.1, -0.2, -0.1, -0.1)[0], Refused)
