@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
@@ -32,14 +32,14 @@ TIMES, SLACK = 4, 1.5
 """How often a law is checked, each with cases of its own, before it is refused; and what the final radius is each time
 multiplied by besides, where it is not wished."""
 
-WIDER = 1.02
-"""The final radius over the one that a certificate asks for."""
+WIDER, WIDENED = 1.02, 3
+"""The final radius over the one that a certificate asks for, and how often it is widened to it."""
 
 ENOUGH = 0.1
 """The margin that the worst case of the check must leave, but for the last, since a longer search finds worse ones."""
 
-U_OVER = 1.15
-"""u over what the model lacks."""
+U_OVER, U_AMPLE = 1.15, 2.0
+"""u over what the model lacks: where it is searched for at least, and where it is not."""
 
 ROOM_LEFT = 0.12
 """Of an envelope's width, that the common cases must leave of one that is not widened by `SPARE`."""
@@ -108,12 +108,12 @@ def design(requirements: Requirements, *, runs: int = RUNS, say: Say = _unheard)
     if asked is not None:
         if (asked.torque >= asked.limit).any():
             return of_torque(requirements, asked)
-        least = float(f"{asked.needed * U_OVER:.4g}")
+        least, ample = (float(f"{asked.needed * times:.4g}") for times in (U_OVER, U_AMPLE))
         if requirements.wishes.torque_step is not None:
             # How much more is searched for: on the two-link arm three times as much is calmer, and more exact.
             frame, first = replace(frame, least_margin=least), replace(first, margin=max(asked.u, least))
-        elif least > asked.u:
-            first = replace(first, margin=least)
+        elif ample > asked.u:
+            first = replace(first, margin=ample)
     say("horizon, estimator and surface on common cases")
     trials, best = _best(requirements, frame, first)
     wishes = requirements.wishes
@@ -247,22 +247,24 @@ def _certified(
 ) -> tuple[Choice, Verdict | None]:
     """A law and what `loop_rate` says of it, with the final radius that this asks for, where any may be had."""
 
-    def rate_of(choice: Choice, beginnings: Sequence[float] = BEGINNINGS) -> Verdict | None:
+    def rate_of(choice: Choice) -> Verdict | None:
         built = _described(requirements, trials.frame, choice).build("design")
-        return of_the_rate(built, asked.demand, beginnings)
+        return of_the_rate(built, asked.demand, BEGINNINGS[-1:])
 
     if requirements.wishes.accuracy != "best":
         return choice, rate_of(choice)
     # From where the envelope is narrow the radius that is asked for is the smallest, and soonest found.
-    first = rate_of(choice, BEGINNINGS[-1:])
-    radius = radius_of(first)
-    if first is None or radius is None:
-        return choice, first
-    wider = np.maximum(choice.final, WIDER * radius)
-    if (wider > LARGEST * trials.frame.initial).any():
-        return choice, first
-    choice = replace(choice, final=wider)
-    return choice, rate_of(choice)
+    rate = rate_of(choice)
+    for _ in range(WIDENED):
+        radius = radius_of(rate)
+        if rate is None or radius is None or rate.holds:
+            break
+        wider = np.maximum(choice.final, WIDER * radius)
+        if (wider > LARGEST * trials.frame.initial).any():
+            break
+        choice = replace(choice, final=wider)
+        rate = rate_of(choice)
+    return choice, rate
 
 
 def _described(

@@ -87,7 +87,12 @@ def fine(trials: Trials, best: Worst, aim: Aim) -> Worst:
             rows = list(dict.fromkeys(hard))[:HARD]
             trials = trials.with_harder({path: array[rows] for path, array in trials.cases(MOST).items()})
             cases = trials.beyond(POLISH)
-    return trials.judged([start.choice], trials.cases(MOST))[0]
+    (last,) = trials.judged([start.choice], trials.cases(MOST))
+    if last.holds:
+        return last
+    # What an arm of the set does that is less unknown is not always less.
+    others = sorted(found, key=aim.cost)[: 2 * TOP]
+    return aim.best([last, *trials.judged([one.choice for one in others], trials.cases(MOST))])
 
 
 def _near(trials: Trials, best: Worst, aim: Aim) -> Worst:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
@@ -68,15 +69,13 @@ class Kalman(AbstractEstimator):
 
         Raises DefinitionError if one of them is out of its range.
         """
-        inertia, torque_density = jnp.diagonal(as_array(mass)), as_array(torque_density)
+        torque_density = as_array(torque_density)
         if not is_traced(torque_density) and not np.all((np.asarray(torque_density) > 0) & np.isfinite(torque_density)):
             raise DefinitionError(
                 f"`torque_density` of a Kalman filter must be > 0 (N m/s)² s and finite; got {torque_density}"
             )
-        density = torque_density / (inertia * inertia)
-        gains, h = steady_gains(density, variance, period), as_array(period)
-        pace = jnp.clip(density / as_array(variance) * h**5, 1e-18, 1e18) ** (1.0 / 6.0)
-        return cls(gains, inertia, pace)
+        inertia, density, pace = _paces(*(as_array(one) for one in (mass, torque_density, variance, period)))
+        return cls(steady_gains(density, variance, period), inertia, pace)
 
     def for_inertia(self, inertia: Vector) -> Kalman:
         """The gains for joints of another inertia.
@@ -140,3 +139,12 @@ def paced(pace: Vector) -> Float[Array, "3 n"]:
     away = jnp.square(jnp.expm1(-0.5 * pace)) + 4.0 * half * jnp.square(jnp.sin(0.5 * turn))
     third = -jnp.expm1(-pace) * away
     return jnp.stack([first, 3.0 - first - 0.5 * third - real - pair, third])
+
+
+# As one program: JAX would compile each of its operations alone.
+@jax.jit
+def _paces(mass: Any, torque_density: Any, variance: Any, period: Any) -> tuple[Any, Any, Any]:
+    """The diagonal of the inertia, the density of the push, and d."""
+    inertia = jnp.diagonal(mass)
+    density = torque_density / (inertia * inertia)
+    return inertia, density, jnp.clip(density / variance * period**5, 1e-18, 1e18) ** (1.0 / 6.0)

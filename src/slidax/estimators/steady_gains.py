@@ -34,6 +34,13 @@ def steady_gains(density: Any, variance: Any, period: Any) -> Float[Array, "..."
         if not is_traced(value) and not np.all((np.asarray(value) > 0) & np.isfinite(value)):
             raise DefinitionError(f"`{name}` of a Kalman filter must be > 0 {unit} and finite; got {value}")
     spread, noise, h = jnp.broadcast_arrays(*given)
+    found: Float[Array, "..."] = _steady(spread, noise, h)
+    return found
+
+
+# As one program: JAX would compile each of its operations alone, which takes a second.
+@jax.jit
+def _steady(spread: Any, noise: Any, h: Any) -> Any:
     # The far ends are out of reach of any arm; they keep the matrices apart from singular ones.
     ratio = jnp.clip(spread / noise * h * h * h * h * h, 1e-42, 1e24)
     gains = jax.vmap(_gains)(ratio.reshape(-1)).T.reshape(3, *ratio.shape)

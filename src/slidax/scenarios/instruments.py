@@ -111,8 +111,8 @@ class SensorDescription(AbstractDescription):
         """The variance of a measured position, one number or [n], rad² or m²."""
         of = self if self.instrument is None else self.instrument
         rounding, noise = (as_array(getattr(of, name, 0.0)) for name in ("resolution", "position_noise"))
-        # A filter needs some noise to weigh the model against.
-        return jnp.maximum(rounding * rounding / 12.0 + noise * noise, 1e-18)
+        found: Array = _variance(rounding, noise)
+        return found
 
 
 class ActuatorDescription(AbstractDescription):
@@ -165,3 +165,9 @@ class ActuatorDescription(AbstractDescription):
         if perfect and not as_array(self.time_constant).any():
             return None
         return Actuator(self.limits(), as_array(self.time_constant), self.dead_time)
+
+
+@jax.jit
+def _variance(rounding: Array, noise: Array) -> Array:
+    # A filter needs some noise to weigh the model against.
+    return jnp.maximum(rounding * rounding / 12.0 + noise * noise, 1e-18)

@@ -9,6 +9,7 @@ from typing import Any
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 
 from slidax._errors import DefinitionError, is_traced
 from slidax._types import State
@@ -18,7 +19,7 @@ from slidax.trajectories import AbstractTrajectory
 from slidax.transformations import PrescribedPerformance
 
 from . import native_engine
-from .define import define_loop, windows_of
+from .define import constant, define_loop, windows_of
 from .engine import engine_for_batch, say_xla_instead
 from .loop import Loop
 from .mujoco_plant import MujocoPlant
@@ -116,11 +117,14 @@ def _natively(task: Task, varied: Any, threads: int | None, on: native_engine.Ou
     )
     runs = jax.tree.leaves(varied)[0].shape[0]
     step = task.stepping.period
-    shared = windows_of(samples - 1, step, task.bands), jnp.asarray(step, float), jnp.asarray(task.t1)
-    each = jax.tree.map(lambda x: jnp.broadcast_to(x, (runs, *x.shape)), shared)
+    shared = windows_of(samples - 1, step, task.bands), np.asarray(step, float), np.asarray(task.t1, float)
+    # By NumPy: JAX would compile a program for each shape, which takes longer than few runs.
+    each = jax.tree.map(lambda x: constant(np.broadcast_to(x, (runs, *np.shape(x)))), shared)
     arrays = (log, carry.tally, carry.fault, carry.excursion, carry.good, each)
     # Made of the first run's numbers, which have the shapes that a run says, and then filled with those of all.
-    log, tally, fault, excursion, state, (windows, period, t1) = jax.tree.map(lambda x: x[0], arrays)
+    log, tally, fault, excursion, state, (windows, period, t1) = jax.tree.map(
+        lambda x: constant(np.asarray(x)[0, ...]), arrays
+    )
     first = Run(
         log=log,
         tally=tally,

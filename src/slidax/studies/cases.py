@@ -22,7 +22,7 @@ from .table import Columns, columns_of, joined
 MOST_LOOPS = 64
 """That are compiled for one study, each for other values of what cannot vary within a compiled loop."""
 
-LEAST_SIZE = 256
+LEAST_SIZE = 512
 """Rows that the arrays of a loop are made for at least, so that for few rows they are compiled once."""
 
 Values = Mapping[str, NDArray[Any]]

@@ -108,7 +108,8 @@ def beside_of(
         along_q = along_q + np.einsum("kijl,kj->kil", mass_slope, size)
     dq, ddq = np.abs(motion.dq), np.abs(motion.ddq)
     curved = ddq @ difference.T + weight + np.einsum("ijl,kj,kl->ki", coriolis, dq, dq) + size @ mass.T
-    masses = [one.mass_and_bias(motion.t, motion.q, motion.dq)[0] for one in beliefs]
+    at_first, _ = belief.at_first(motion.t, motion.q, motion.dq)
+    masses = [one.learnt(at_first, motion.t) for one in beliefs]
     return Beside(
         motion=motion,
         plants=plants,

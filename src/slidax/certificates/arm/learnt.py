@@ -157,8 +157,9 @@ def as_seen(
     - `motion`: along which.
     """
     push, lacking = [], np.zeros((*motion.q.shape, motion.joints))
+    at_first, bias = belief.at_first(motion.t, motion.q, motion.dq)
     for arm, known in seen:
-        mass, bias = known.mass_and_bias(motion.t, motion.q, motion.dq)
+        mass = known.learnt(at_first, motion.t)
         masses, torques = needed([arm], motion)
         believed = np.einsum("kij,kj->ki", mass, motion.ddq) + bias + known.friction(motion.t, motion.wanted_dq)
         lacks = believed - torques[0] + outer([arm], motion)[0]

@@ -26,25 +26,24 @@ class Misread:
     def of(cls, beliefs: Sequence[Belief], motion: Motion, push: Floats) -> Misread:
         """The slopes by central differences.
 
-        - `beliefs`: what the law may believe.
+        - `beliefs`: what the law may believe, all of one arm of which they learnt.
         - `motion`: along which.
         - `push`: bounds of |w*| [N n], which the command makes up for.
         """
-        n = motion.joints
+        n, first = motion.joints, beliefs[0]
         slopes = np.zeros((2, *motion.q.shape, n))
-        for belief in beliefs:
-            mass, _ = belief.mass_and_bias(motion.t, motion.q, motion.dq)
-            for joint in range(n):
-                step = np.where(np.arange(n) == joint, STEP, 0.0)
-                for k, way in enumerate(((step, 0.0 * step), (0.0 * step, step))):
-                    torque, moved = np.zeros_like(motion.q), np.zeros_like(mass)
-                    for sign in (1.0, -1.0):
-                        there = motion.beside(sign * way[0], sign * way[1])
-                        inertia, bias = belief.mass_and_bias(there.t, there.q, there.dq)
-                        torque += sign * (np.einsum("kij,kj->ki", inertia, there.ddq) + bias)
-                        moved += sign * inertia
-                    slope = np.abs(np.linalg.solve(mass, torque[..., None])[..., 0])
-                    slope += np.einsum("kij,kj->ki", np.abs(np.linalg.solve(mass, moved)), push)
+        known, _ = first.at_first(motion.t, motion.q, motion.dq)
+        inverse = [np.linalg.inv(belief.learnt(known, motion.t)) for belief in beliefs]
+        for joint in range(n):
+            step = np.where(np.arange(n) == joint, STEP, 0.0)
+            for k, way in enumerate(((step, 0.0 * step), (0.0 * step, step))):
+                there = [motion.beside(sign * way[0], sign * way[1]) for sign in (1.0, -1.0)]
+                (most, above), (least, below) = (first.at_first(one.t, one.q, one.dq) for one in there)
+                for belief, back in zip(beliefs, inverse, strict=True):
+                    moved = belief.learnt(most, motion.t) - belief.learnt(least, motion.t)
+                    torque = np.einsum("kij,kj->ki", moved, motion.ddq) + (above - below)
+                    slope = np.abs(np.einsum("kij,kj->ki", back, torque))
+                    slope += np.einsum("kij,kj->ki", np.abs(back @ moved), push)
                     slope /= 2.0 * STEP
                     slopes[k, ..., joint] = np.maximum(slopes[k, ..., joint], (1.0 + SPARE) * slope)
         return cls(slopes[0], slopes[1])

@@ -94,14 +94,33 @@ class Belief:
         - `t`: times [N], s.
         - `q`, `dq`: positions and velocities [N n].
         """
-        mass, bias = mass_and_bias(self.robot, unloaded(self.robot, self.like), t, q, dq)
-        if self.rotor is not None:
-            assert self.counted is not None
-            rotor = np.broadcast_to(self._then(self.rotor, t), q.shape)
-            if (rotor >= 0).all():
-                return mass + (rotor - self.counted)[:, :, None] * np.eye(q.shape[1]), bias
-            mass = np.asarray(_with_rotors(mass, rotor, self.counted))
-        return mass, bias
+        mass, bias = self.at_first(t, q, dq)
+        return self.learnt(mass, t), bias
+
+    def at_first(self, t: Floats, q: Floats, dq: Floats) -> tuple[Floats, Floats]:
+        """M0 [N n n], and C0 q̇ + G0 [N n]: the same for all that is learnt of one arm.
+
+        - `t`: times [N], s.
+        - `q`, `dq`: positions and velocities [N n].
+        """
+        return mass_and_bias(self.robot, unloaded(self.robot, self.like), t, q, dq)
+
+    def learnt(self, mass: Floats, t: Floats) -> Floats:
+        """M̂ [N n n].
+
+        - `mass`: M0 [N n n].
+        - `t`: times [N], s.
+        """
+        if self.rotor is None:
+            return mass
+        assert self.counted is not None
+        rotor = np.broadcast_to(self._then(self.rotor, t), mass.shape[:2])
+        if (rotor >= 0).all():
+            return mass + (rotor - self.counted)[:, :, None] * np.eye(mass.shape[1])
+        # A few sizes, so that little is compiled anew.
+        size = 1 << (len(mass) - 1).bit_length()
+        given = (np.resize(one, (size, *one.shape[1:])) for one in (mass, rotor))
+        return np.asarray(_with_rotors(*given, self.counted))[: len(mass)]
 
 
 @jax.jit

@@ -10,6 +10,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from .padded import padded
 from .propagation import Answers, Bounds, Course, First, Passing, carried_at_first, sampled
 
 
@@ -44,14 +45,8 @@ def propagated(course: Course, apart: Apart, passing: Passing, first: First, mos
     """
     count = passing.now.shape[0]
     # What comes after the last sample does not touch those before, and is cut off.
-    padded = jax.tree.map(lambda one: _padded(one, most), passing)
-    return Bounds(*(np.asarray(one)[:count] for one in _scanned(course, apart, padded, first)))
-
-
-def _padded(values: Any, count: int) -> Any:
-    """The same with the last row again and again, up to so many."""
-    given = np.asarray(values)
-    return jnp.asarray(np.concatenate([given, np.repeat(given[-1:], max(count - len(given), 0), axis=0)]))
+    whole = jax.tree.map(lambda one: jnp.asarray(padded(one, most)), passing)
+    return Bounds(*(np.asarray(one)[:count] for one in _scanned(course, apart, whole, first)))
 
 
 @functools.partial(jax.jit)

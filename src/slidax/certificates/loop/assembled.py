@@ -69,8 +69,7 @@ class Assembly(Setting):
         - `more`: what w* may be otherwise at each sample of the arm, beyond `demand.stray` [N n], rad/s² or m/s².
         - `misread`: by how much a command may be another where it is predicted [N n], likewise.
         """
-        most = round(self.subject.scenario.t1 / self.period)
-        bounds = propagated(self.course, self._apart(), self._passing(more, misread), self.first, most)
+        bounds = propagated(self.course, self._apart(), self._passing(more, misread), self.first, self.most)
         error, share = self.error_of(bounds)
         noise = np.max(self.noise_size[ERROR], axis=1)
         return Certified(self.subject, self.narrowing, bounds, error, share, self.kappa, self.spread, noise)

@@ -21,13 +21,14 @@ FAR = 1e3
 """Shares of an envelope's side from which on a bound is none."""
 
 
-def at_rest(assembly: Assembly | Coupled) -> Certified | None:
+def at_rest(assembly: Assembly | Coupled, enough: float = FAR) -> Certified | None:
     """Bounds that ask for no more beside the planned run than they were given; None if none was found.
 
     Each round takes what the last one's bounds ask for. Where it finds no more than that, induction over the samples
     shows that the bounds are true: what is asked for in a period depends on what came before.
 
     - `assembly`: of the bounds.
+    - `enough`: shares of an envelope's side from which on they are not looked for; each round finds more than the last.
     """
     demand = assembly.demand
     assert demand.beside is not None
@@ -36,7 +37,7 @@ def at_rest(assembly: Assembly | Coupled) -> Certified | None:
     more = misread = np.zeros(demand.push.shape[1:])
     for _ in range(ROUNDS if isinstance(assembly, Assembly) else 2 * ROUNDS):
         found = assembly.certified(more, misread)
-        if not np.max(found.share) < FAR:
+        if not np.max(found.share) < min(enough, FAR):
             return None
         radius, speed, missed, lapse = assembly.reach(found)
         read = demand.misread(missed, lapse)

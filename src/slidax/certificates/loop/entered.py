@@ -152,7 +152,8 @@ def approached(subject: Subject, cases: int = CASES, seed: int = 0) -> Approach 
     shares = [_shares(seed + k, cases if width else 1, size) for k, size in enumerate((width, len(members.axes)))]
     values = {**family.space.values(shares[0]), **members.values(shares[1])}
     runs = Cases(family, around=Watching).logged(values)
-    seen = [Seen.of(subject, run) for run in runs]
+    believed = Belief.of(scenario, members.plant)
+    seen = [Seen.of(subject, run, believed) for run in runs]
     lost = [one for one in seen if one is None]
     if lost:
         return f"{len(lost)} of {len(seen)} cases of the set leave their envelope"
@@ -195,8 +196,8 @@ class Seen:
     belief: Belief
 
     @classmethod
-    def of(cls, subject: Subject, run: Run) -> Seen | None:
-        """None if it left its envelope."""
+    def of(cls, subject: Subject, run: Run, first: Belief) -> Seen | None:
+        """None if it left its envelope; `first` is what the law believes of its arm before it learns."""
         log, h = run.log, subject.scenario.period
         assert log is not None
         assert log.envelope is not None
@@ -217,7 +218,7 @@ class Seen:
         at = np.minimum(np.arange(n) + dead, n - 1)
         mean = np.diff(want_v, axis=0, append=want_v[-1:]) * h
         t = np.asarray(log.t)
-        belief = _believed(subject, said, t + subject.dead_time * h)
+        belief = _believed(first, said, t + subject.dead_time * h)
         mass, bias = belief.mass_and_bias(t[at], q[at], dq[at])
         bias = bias + belief.friction(t[at], want_v[at])
         command = np.linalg.solve(mass, (np.asarray(log.tau) - bias)[..., None])[..., 0] * h * h
@@ -269,10 +270,8 @@ class Seen:
         return np.array(rows)
 
 
-def _believed(subject: Subject, said: dict[str, Floats], times: Floats) -> Belief:
+def _believed(first: Belief, said: dict[str, Floats], times: Floats) -> Belief:
     """What the law believed of its arm at each time."""
-    scenario = subject.scenario
-    belief = Belief.of(scenario, Members.of(scenario).plant)
-    if belief.rotor is None:
-        return belief
-    return replace(belief, rotor=said["rotor"], coulomb=said["coulomb"], times=times)
+    if first.rotor is None:
+        return first
+    return replace(first, rotor=said["rotor"], coulomb=said["coulomb"], times=times)

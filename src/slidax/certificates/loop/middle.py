@@ -13,7 +13,7 @@ from slidax.scenarios import Scenario
 from slidax.simulation import MujocoPlant, Plant, Run
 
 from ..arm.members import Members
-from ..arm.motion import Motion, needed, outer
+from ..arm.motion import Belief, Motion, needed, outer
 from .entered import Entry, Seen, Watching
 from .ideal import Ideal
 from .remedies import altered
@@ -59,7 +59,7 @@ class Middle:
         assert isinstance(law, SampledData)
         run = _silent(scenario).replace(controller=Watching(law), t1=longer)
         found = run.simulate(log_every=1, progress=False)
-        seen = Seen.of(subject, found)
+        seen = Seen.of(subject, found, Belief.of(subject.scenario, members.plant))
         (plant,) = members.plants(np.full((1, axes), 0.5))
         return None if seen is None else cls(subject, plant, seen, found)
 

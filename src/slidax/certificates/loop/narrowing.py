@@ -5,12 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
 from slidax.transformations import PrescribedPerformance, Sides
+
+from .padded import of_rows
 
 Floats = NDArray[np.floating[Any]]
 
@@ -40,7 +43,7 @@ class Narrowing:
 
     @classmethod
     def of(
-        cls, drawn: PrescribedPerformance, sides: Sides, *, period: float, horizon: float, times: Floats
+        cls, drawn: PrescribedPerformance, sides: Sides, *, period: float, horizon: float, times: Floats, most: int = 0
     ) -> Narrowing:
         """What the law of this envelope sees.
 
@@ -48,17 +51,10 @@ class Narrowing:
         - `sides`: of it, as the start decides them.
         - `period`, `horizon`: h and H [s].
         - `times`: when torques set in [N], s.
+        - `most`: times that other calls may have, so that all share one compiled program.
         """
         lead = horizon - 0.5 * period
-        joints = sides.lower.shape
-
-        @jax.jit
-        def at(t: Any) -> Any:
-            frame = drawn.frame(t, jnp.asarray(lead), jnp.asarray(horizon), sides)
-            moved = drawn.performance.radius_rate_curvature(t)
-            return (*(jnp.broadcast_to(one, joints) for one in moved), frame.now, frame.ahead)
-
-        radius, rate, curvature, now, ahead = (np.asarray(one) for one in jax.vmap(at)(jnp.asarray(times)))
+        radius, rate, curvature, now, ahead = of_rows(_seen, times, most, drawn, sides, lead, horizon)
         lower, upper = np.asarray(sides.lower), np.asarray(sides.upper)
         return cls(np.asarray(times), radius, rate, curvature, now, ahead, lower, upper, lead, horizon, period)
 
@@ -96,3 +92,15 @@ class Narrowing:
         lost = np.sum(self.outgrown + self.sagging, axis=0)
         found: NDArray[np.bool_] = np.any(self.slim, axis=0) | (lost > 1e-6 * self.radius[-1])
         return found
+
+
+@eqx.filter_jit
+def _seen(drawn: PrescribedPerformance, sides: Sides, lead: Any, horizon: Any, times: Any) -> Any:
+    """ρ, ρ̇, ρ̈, N and A at each time."""
+
+    def at(t: Any) -> Any:
+        frame = drawn.frame(t, jnp.asarray(lead), jnp.asarray(horizon), sides)
+        moved = drawn.performance.radius_rate_curvature(t)
+        return (*(jnp.broadcast_to(one, sides.lower.shape) for one in moved), frame.now, frame.ahead)
+
+    return jax.vmap(at)(jnp.asarray(times))

@@ -71,7 +71,7 @@ def proved(subject: Subject, chance: float = 1e-3, beginnings: Sequence[float] =
 
     - `subject`: the law on its task.
     - `chance`: that normal noise is larger than is counted at some sample.
-    - `beginnings`: where a bound may begin, of up to three joints.
+    - `beginnings`: where a bound may begin, of up to three joints; the last of them is tried first.
 
     Raises DefinitionError for a set that is invalid.
     """
@@ -82,14 +82,21 @@ def proved(subject: Subject, chance: float = 1e-3, beginnings: Sequence[float] =
     middle = Middle.of(subject) if subject.law.joints >= JOINTS else None
     if middle is None and subject.law.joints >= JOINTS:
         return "the arm in the middle of the set leaves its envelope"
-    for share in beginnings if subject.law.joints < JOINTS else BEGINNINGS[-1:]:
+
+    def since(share: float, enough: float = np.inf) -> Proved:
         sample = approach.late + round(share * (narrow - approach.late))
         entry = approach.entry(sample, None if middle is None else middle.seen)
         ideal = ideal_of(subject, entry) if middle is None else middle.ideal(entry)
         demand = demand_of(subject.scenario, along=ideal.motion, seen=entry.seen)
-        whole = _bounded(subject, entry, ideal, demand, chance)
-        if not whole.assembly.stable or whole.holds:
-            break
+        return _bounded(subject, entry, ideal, demand, chance, enough=enough)
+
+    *earlier, latest = beginnings if subject.law.joints < JOINTS else BEGINNINGS[-1:]
+    whole = since(latest)
+    # A bound from earlier on has all of its samples, and more: where the latest does not hold none is looked for.
+    for share in earlier if whole.holds else ():
+        sooner = since(share, 1.0)
+        if sooner.holds:
+            return sooner
     return whole
 
 
@@ -124,6 +131,7 @@ def _bounded(
     chance: float,
     part: float = 1.0,
     parts: list[Part] | None = None,
+    enough: float = np.inf,
 ) -> Proved:
     since = Since(ideal, part * SPARE * entry.states, part * SPARE * entry.slid)
     if subject.law.joints >= JOINTS:
@@ -133,7 +141,7 @@ def _bounded(
             premises += [of_the_parts(whole.parts), of_the_middle(), *of_the_law(whole.worst, whole.found, chance)]
         return Proved(entry, ideal, demand, whole.worst, whole.found, premises, whole.parts)
     assembly = Assembly(subject, demand, chance, since)
-    found = at_rest(assembly) if assembly.stable else None
+    found = at_rest(assembly, enough) if assembly.stable else None
     premises = of_the_entry(entry, assembly, SPARE)
     if found is not None:
         premises += of_the_loops(assembly, found, chance)

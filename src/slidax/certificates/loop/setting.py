@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -16,12 +17,16 @@ from ..demand import Demand
 from .ideal import Ideal
 from .narrowing import Narrowing
 from .noise import Noise
+from .padded import of_rows
 from .propagation import Bounds, Course
 from .sliding import Sliding
 from .slopes import Slopes
 from .subject import Subject
 
 Floats = NDArray[np.floating[Any]]
+
+SPARE = 8
+"""Samples by which what is compiled may be longer than the run."""
 
 
 @dataclass(frozen=True)
@@ -85,8 +90,11 @@ class Setting:
         self.sides: Any = subject.drawn.init(jnp.zeros(()), jnp.asarray(self.e))
         self.quiet = subject.quiet if since is None else 0
         self.noise = Noise.of(subject.scenario, law.joints)
-        self.narrowing = Narrowing.of(subject.drawn, self.sides, period=h, horizon=self.horizon, times=self.set_in)
-        self.sliding = Sliding.of(subject, self.ideal, self.set_in)
+        self.most = round(subject.scenario.t1 / h) + SPARE
+        self.narrowing = Narrowing.of(
+            subject.drawn, self.sides, period=h, horizon=self.horizon, times=self.set_in, most=self.most
+        )
+        self.sliding = Sliding.of(subject, self.ideal, self.set_in, self.most)
         self.course = self._course()
 
     @property
@@ -183,12 +191,9 @@ class Setting:
         if self.ideal is None:
             return (np.zeros((n, self.e.size)),) * 3
         eps = self.ideal.eps[:n]
-        place = np.asarray(jax.vmap(lambda one: psi(one, self.sides))(jnp.asarray(eps)))
-        if self.ideal.target is None:
-            pull = np.asarray(jax.vmap(lambda one: self.subject.surface.pull_and_slope(one)[0])(jnp.asarray(eps)))
-            target = narrowing.now * place + self.horizon * pull
-        else:
-            target = self.ideal.target[:n]
+        place, pull = of_rows(_place_and_pull, eps, self.most, self.sides, self.subject.surface)
+        given = self.ideal.target
+        target = narrowing.now * place + self.horizon * pull if given is None else given[:n]
         turn = np.zeros_like(target)
         turn[1:] = np.abs(np.diff(target, axis=0) - np.diff(narrowing.now, axis=0) * place[:-1])
         return target, eps, turn
@@ -202,8 +207,18 @@ class Setting:
             off = bounds.acceleration[:-1, None] / 8.0
             error = np.maximum(error[:-1], error[1:]) + off
             times = self.set_in[:-1] + (1.0 - part) * self.period
-        drawn = self.subject.drawn
-        radius = np.asarray(jax.vmap(lambda t: jnp.broadcast_to(drawn.performance.radius(t), self.e.shape))(times))
+        radius = of_rows(_radius, times, self.most, self.subject.drawn.performance, self.e)
         sides = np.stack([-np.asarray(self.sides.lower), np.asarray(self.sides.upper)])
         found: Floats = np.max(error / (sides[None] * radius[:, None]), axis=1)
         return found
+
+
+@eqx.filter_jit
+def _place_and_pull(sides: Any, surface: Any, eps: Any) -> tuple[Any, Any]:
+    """ψ and the pull at each ε."""
+    return jax.vmap(lambda one: (psi(one, sides), surface.pull_and_slope(one)[0]))(eps)
+
+
+@eqx.filter_jit
+def _radius(performance: Any, like: Any, times: Any) -> Any:
+    return jax.vmap(lambda t: jnp.broadcast_to(performance.radius(t), like.shape))(times)

@@ -5,14 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+import equinox as eqx
 import jax
-import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
-from slidax.diagnosis.along import along
-
+from ..arm.evaluated import mass_and_bias
 from .ideal import Ideal
+from .padded import of_rows
 from .subject import Subject
 
 Floats = NDArray[np.floating[Any]]
@@ -36,23 +36,24 @@ class Sliding:
     cover: Floats
 
     @classmethod
-    def of(cls, subject: Subject, ideal: Ideal | None, times: Floats) -> Sliding:
+    def of(cls, subject: Subject, ideal: Ideal | None, times: Floats, most: int = 0) -> Sliding:
         """Those of a law.
 
         - `subject`: whose.
         - `ideal`: the run that it plans; None where s is taken as reached from the start.
         - `times`: at which torques set in [N], s.
+        - `most`: times that other calls may have, so that all share one compiled program.
         """
         law, n = subject.law, times.size
         if ideal is None:
             heavy = subject.heavy(times)
             none = np.zeros((n, law.joints))
-            mass = heavy[:, None, None] * np.eye(law.joints)
-            return cls(np.sqrt(heavy), mass, mass, np.ones(n), np.zeros(n), none, np.full(n, subject.cover()[0]))
+            even = heavy[:, None, None] * np.eye(law.joints)
+            return cls(np.sqrt(heavy), even, even, np.ones(n), np.zeros(n), none, np.full(n, subject.cover()[0]))
         motion = ideal.motion
-        mass = along(law.nominal, motion.q, motion.dq)[0]
+        mass: Floats = mass_and_bias(law.nominal, None, motion.t, motion.q, motion.dq)[0]
         if law.adaptation is not None:
-            mass = np.asarray(jax.jit(jax.vmap(law.adaptation.mass_at_start))(jnp.asarray(mass)))
+            mass = of_rows(_at_start, mass, most, law.adaptation)
         mass = np.concatenate([mass, mass[-1:]])
         factor = np.linalg.cholesky(mass)
         inner = np.linalg.solve(factor[:-1], np.swapaxes(np.linalg.solve(factor[:-1], mass[1:]), 1, 2))
@@ -69,3 +70,8 @@ class Sliding:
             s_next=np.abs(ideal.s_next[:n]),
             cover=ideal.cover[:n],
         )
+
+
+@eqx.filter_jit
+def _at_start(adaptation: Any, mass: Any) -> Any:
+    return jax.vmap(adaptation.mass_at_start)(mass)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -45,16 +46,9 @@ class Slopes:
 
         - `surface`, `sides`: of it.
         """
-        size = jnp.geomspace(NEAREST, FARTHEST, 2**STEPS)
-        eps = jnp.concatenate([-size[::-1], jnp.zeros(1), size])
-
-        def at(one: Any) -> Any:
-            each = jnp.broadcast_to(one, sides.lower.shape)
-            pulled = surface.pull_and_slope(each)[1]
-            moved = psi_and_slope(each, sides)[1]
-            return jnp.clip(pulled / jnp.maximum(moved, SLOPES[0]), *SLOPES)
-
-        slope = np.asarray(jax.jit(jax.vmap(at))(eps)).T
+        size = np.geomspace(NEAREST, FARTHEST, 2**STEPS)
+        eps = jnp.asarray(np.concatenate([-size[::-1], np.zeros(1), size]))
+        slope = np.asarray(_slope(surface, sides, eps)).T
         # Between two places it is off them by no more than their own difference, wherever it turns.
         ratio = np.maximum(slope[:, 1:] / slope[:, :-1], slope[:, :-1] / slope[:, 1:])
         step = np.concatenate([ratio, ratio[:, -1:]], axis=1)
@@ -83,6 +77,17 @@ class Slopes:
 
 
 jax.tree_util.register_dataclass(Slopes, data_fields=["eps", "least", "most"], meta_fields=[])
+
+
+@eqx.filter_jit
+def _slope(surface: AbstractSurface, sides: Sides, eps: Any) -> Any:
+    def at(one: Any) -> Any:
+        each = jnp.broadcast_to(one, sides.lower.shape)
+        pulled = surface.pull_and_slope(each)[1]
+        moved = psi_and_slope(each, sides)[1]
+        return jnp.clip(pulled / jnp.maximum(moved, SLOPES[0]), *SLOPES)
+
+    return jax.vmap(at)(eps)
 
 
 def _later(values: Floats, span: int) -> Floats:
