@@ -12,6 +12,7 @@ import pytest
 
 from slidax.certificates import Verdict
 from slidax.design import Refused
+from slidax.design.choice import Choice
 
 design = sys.modules["slidax.design.design"]
 
@@ -82,3 +83,49 @@ def test_each_time_the_envelope_ends_wider_where_no_accuracy_is_wished(checked: 
 
 def test_what_is_left_four_times_is_refused(checked: Any) -> None:
     assert isinstance(checked(-0.1, -0.2, -0.1, -0.1)[0], Refused)
+
+
+@pytest.fixture
+def certified(monkeypatch: pytest.MonkeyPatch) -> Any:
+    """The radius of a law whose certificate asks for these, one after the other, and how often it was asked."""
+
+    def of(*radii: float, accuracy: Any = "best") -> tuple[float, bool, int]:
+        asked = []
+
+        def rate(*_: Any) -> Verdict:
+            asked.append(radii[len(asked)])
+            bound = {"required_radius": np.array([asked[-1]])}
+            return Verdict("loop_rate", "", bool(laws[-1].final[0] > asked[-1]), 0.0, bound, (), "")
+
+        laws = []
+        monkeypatch.setattr(design, "of_the_rate", rate)
+        monkeypatch.setattr(
+            design,
+            "_described",
+            lambda _, __, choice: laws.append(choice) or SimpleNamespace(build=lambda _: None),
+        )
+        frame = SimpleNamespace(initial=np.array([8.0]))
+        law, found = design._certified(
+            SimpleNamespace(wishes=SimpleNamespace(accuracy=accuracy)),
+            SimpleNamespace(frame=frame),
+            Choice(0.01, 1.0, 1.0, np.array([0.5]), 1.0),
+            SimpleNamespace(demand=None),
+        )
+        return float(law.final[0]), bool(found.holds), len(asked)
+
+    return of
+
+
+def test_an_envelope_that_is_certified_stays_as_it_is(certified: Any) -> None:
+    assert certified(0.4) == (0.5, True, 1)
+
+
+def test_an_envelope_is_widened_to_what_its_certificate_asks_for(certified: Any) -> None:
+    assert certified(1.0, 1.01) == (1.0 * design.WIDER, True, 2)
+    # Of the wider one more is asked for.
+    assert certified(1.0, 1.1, 1.11) == (1.1 * design.WIDER, True, 3)
+
+
+def test_what_would_be_too_wide_or_is_wished_is_not_widened(certified: Any) -> None:
+    assert certified(3.0) == (0.5, False, 1)
+    assert certified(1.0, accuracy=0.5) == (0.5, False, 1)

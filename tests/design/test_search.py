@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from slidax.design.aim import CALM, Aim
 from slidax.design.choice import Choice, Frame
+from slidax.design.search import fine
 from slidax.design.trials import Worst
 
 CHOICE = Choice(0.01, 1.0, 1.0, np.array([0.01]), 1.0)
@@ -83,3 +85,28 @@ def test_densities_can_be_made_alike_without_more_or_less_of_all() -> None:
     assert shares[1][0] / shares[1][1] == pytest.approx(4.0)
     assert shares[2][0] == pytest.approx(shares[2][1])
     assert np.allclose([np.prod(one) for one in shares], np.prod(shares[0]))
+
+
+def test_a_law_that_is_left_where_less_is_unknown_gives_way_to_one_that_is_not(monkeypatch: pytest.MonkeyPatch) -> None:
+    laws = [replace(CHOICE, slope=float(k)) for k in range(3)]
+
+    class Some:
+        requirements = SimpleNamespace(wishes=SimpleNamespace(accuracy=1.0))
+        frame = SimpleNamespace(shape=np.ones(1))
+
+        def beyond(self, count: int) -> str:
+            return ""
+
+        cases = staticmethod(lambda count: "real")
+
+        def judged(self, choices: list[Choice], cases: str) -> list[Worst]:
+            # The smallest slope is the most exact, and is left by an arm of the set itself.
+            return [
+                replace(worst(1.0 + one.slope, 1.0, outside=int(cases == "real" and one.slope < 1.0)), choice=one)
+                for one in choices
+            ]
+
+    monkeypatch.setattr("slidax.design.search.polished", lambda trials, *_, **__: trials.judged(laws, ""))
+    found = fine(Some(), replace(worst(9.0, 1.0), choice=replace(CHOICE, slope=8.0)), ANY)
+    assert found.holds
+    assert found.choice.slope == 1.0

@@ -1,0 +1,97 @@
+"""From when on a set's bound is told, and how little is computed to find it."""
+
+from __future__ import annotations
+
+import sys
+from types import SimpleNamespace
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from slidax.certificates.loop.at_rest import at_rest
+from slidax.certificates.loop.padded import of_rows, padded
+
+proved = sys.modules["slidax.certificates.loop.proved"]
+
+
+@pytest.fixture
+def begun(monkeypatch):
+    """Which beginning is taken, where some of them hold, and which were tried with how much at most."""
+
+    def of(*holding):
+        asked = []
+
+        def bounded(subject, entry, ideal, demand, chance, *, enough):
+            asked.append((entry, enough))
+            return SimpleNamespace(entry=entry, holds=entry in holding)
+
+        approach = SimpleNamespace(late=0, samples=200, entry=Sample)
+        monkeypatch.setattr(proved, "approached", lambda _: approach)
+        monkeypatch.setattr(proved, "_narrow", lambda *_: 100)
+        monkeypatch.setattr(proved, "ideal_of", lambda *_: SimpleNamespace(motion=None))
+        monkeypatch.setattr(proved, "demand_of", lambda *_, **__: None)
+        monkeypatch.setattr(proved, "_bounded", bounded)
+        subject = SimpleNamespace(law=SimpleNamespace(joints=2), scenario=None)
+        return proved.proved(subject).entry, asked
+
+    return of
+
+
+class Sample(int):
+    """The number of an entry, of which nothing was learnt."""
+
+    seen = ()
+
+    def __new__(cls, sample, beside):
+        return super().__new__(cls, sample)
+
+
+def test_where_the_latest_beginning_does_not_hold_no_other_is_tried(begun):
+    assert begun() == (100, [(100, np.inf)])
+
+
+def test_the_first_beginning_that_holds_is_taken(begun):
+    assert begun(0, 30, 60, 100) == (0, [(100, np.inf), (0, 1.0)])
+    assert begun(60, 100)[0] == 60
+    assert begun(100) == (100, [(100, np.inf), (0, 1.0), (30, 1.0), (60, 1.0)])
+
+
+class Growing:
+    """Bounds that are larger each round, as they are asked for more."""
+
+    demand = SimpleNamespace(push=np.zeros((1, 4, 2)), beside=lambda *_: np.ones((4, 2)), misread=lambda *_: 0.0)
+    subject = SimpleNamespace(law=SimpleNamespace(delay=1.0))
+    confirmed = False
+    share = 0.5
+
+    def certified(self, more, misread):
+        self.share *= 2.0
+        return SimpleNamespace(share=np.array([self.share]))
+
+    def reach(self, found):
+        return np.zeros((4, 2)), np.zeros((2, 4, 2)), 0.0, 0.0
+
+
+def test_bounds_that_are_too_large_already_are_not_looked_for_any_longer():
+    soon, late = Growing(), Growing()
+    assert at_rest(soon, 1.0) is None
+    assert at_rest(late) is None
+    assert soon.share < late.share
+
+
+def test_rows_of_any_number_share_one_program_and_their_values():
+    traced = []
+
+    @eqx.filter_jit
+    def square(by, rows):
+        traced.append(rows.shape)
+        return {"x": by * jnp.square(rows)}
+
+    values = np.arange(5.0)
+    few, many = of_rows(square, values[:3], 8, 2.0), of_rows(square, values, 8, 2.0)
+    assert traced == [(8,)]
+    assert np.array_equal(few["x"], 2.0 * values[:3] ** 2)
+    assert np.array_equal(many["x"], 2.0 * values**2)
+    assert np.array_equal(padded(values, 2), values)
