@@ -11,7 +11,6 @@ import numpy as np
 from slidax._errors import DefinitionError
 from slidax.certificates import Verdict
 from slidax.certificates.extent import starts_of
-from slidax.certificates.loop import BEGINNINGS
 from slidax.certificates.statistical import tried
 from slidax.commissioning.text import WIDTH
 from slidax.scenarios import ScenarioDescription
@@ -249,11 +248,10 @@ def _certified(
 
     def rate_of(choice: Choice) -> Verdict | None:
         built = _described(requirements, trials.frame, choice).build("design")
-        return of_the_rate(built, asked.demand, BEGINNINGS[-1:])
+        return of_the_rate(built, asked.demand)
 
     if requirements.wishes.accuracy != "best":
         return choice, rate_of(choice)
-    # From where the envelope is narrow the radius that is asked for is the smallest, and soonest found.
     rate = rate_of(choice)
     for _ in range(WIDENED):
         radius = radius_of(rate)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -53,17 +52,18 @@ def asked_of(scenario: Scenario) -> Asked:
     return Asked(demand, torque, limit, float(enough["u"]), float(enough["needed"]))
 
 
-def of_the_rate(scenario: Scenario, demand: Demand | None, beginnings: Sequence[float] = BEGINNINGS) -> Verdict | None:
-    """The certificate `loop_rate`; None where it has no answer.
+def of_the_rate(scenario: Scenario, demand: Demand | None) -> Verdict | None:
+    """The certificate `loop_rate` from when the envelope is narrow; None where it has no answer.
+
+    From there the radius that it asks for is the smallest, and soonest found.
 
     - `scenario`: with its law.
     - `demand`: what its set asks for; None where that is not known.
-    - `beginnings`: as `loop_rate` takes them.
     """
     if demand is None:
         return None
     try:
-        return loop_rate(scenario, remedies=False, beginnings=beginnings)
+        return loop_rate(scenario, remedies=False, beginnings=BEGINNINGS[-1:])
     except DefinitionError:
         return None
 

@@ -13,7 +13,7 @@ from ruamel.yaml import YAML
 
 from slidax.certificates import Certificates
 
-from .design import U_OVER, Designed
+from .design import U_AMPLE, U_OVER, Designed
 from .search import MANY
 
 CERTIFICATE = ".certificate.json"
@@ -97,9 +97,8 @@ def _law(found: Designed, scheme: dict[str, Any]) -> str:
     ]
     if choice.margin is not None:
         lacks = "" if found.asked is None else f", {found.asked.needed:.3g} N m"
-        over = f"u: {100 * (U_OVER - 1):.0f} % more than what the model lacks at most{lacks}, (44), (45)."
-        if frame.least_margin is not None:
-            over = f"u: at least {100 * (U_OVER - 1):.0f} % more than what the model lacks at most{lacks}, (44), (45)."
+        times = f"{U_AMPLE:g} times" if frame.least_margin is None else f"at least {U_OVER:g} times"
+        over = f"u: {times} what the model lacks at most{lacks}, (44), (45)."
         lines += [_comment(over, 2), _inside("bound", scheme["bound"])]
     else:
         lines.append(_comment("`bound` is not given: it follows from the arm, its drives and the mismatch above.", 2))
