@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 
 from slidax.certificates.loop.assembled import Assembly, Certified
@@ -85,7 +87,8 @@ def left(one, found: Certified, e: np.ndarray) -> np.ndarray:
     """
     late = round(float(found.narrowing.times[0] - 0.0) / one.period)
     drawn = one.controller.step.transformation.performance
-    radius = np.array([np.asarray(drawn.radius(t)) * np.ones(e.shape[2]) for t in np.arange(e.shape[1]) * one.period])
+    times = jnp.arange(e.shape[1]) * one.period
+    radius = np.asarray(jax.vmap(lambda t: jnp.broadcast_to(drawn.radius(t), e.shape[2]))(times))
     outside = (e >= found.narrowing.upper * radius) | (e <= found.narrowing.lower * radius)
     gone: np.ndarray = outside[:, late : late + len(found.share)].any(axis=(1, 2))
     return gone

@@ -71,7 +71,7 @@ def proved(subject: Subject, chance: float = 1e-3, beginnings: Sequence[float] =
 
     - `subject`: the law on its task.
     - `chance`: that normal noise is larger than is counted at some sample.
-    - `beginnings`: where a bound may begin, of up to three joints; the last of them is tried first.
+    - `beginnings`: where a bound may begin, of up to three joints, the first of them that holds.
 
     Raises DefinitionError for a set that is invalid.
     """
@@ -91,13 +91,12 @@ def proved(subject: Subject, chance: float = 1e-3, beginnings: Sequence[float] =
         return _bounded(subject, entry, ideal, demand, chance, enough=enough)
 
     *earlier, latest = beginnings if subject.law.joints < JOINTS else BEGINNINGS[-1:]
-    whole = since(latest)
-    # A bound from earlier on has all of its samples, and more: where the latest does not hold none is looked for.
-    for share in earlier if whole.holds else ():
-        sooner = since(share, 1.0)
-        if sooner.holds:
-            return sooner
-    return whole
+    for share in earlier:
+        # Of a bound that does not hold, all but the last are forgotten.
+        whole = since(share, 1.0)
+        if not whole.assembly.stable or whole.holds:
+            return whole
+    return since(latest)
 
 
 def _narrow(subject: Subject, samples: int) -> int:
