@@ -128,4 +128,5 @@ def test_an_envelope_is_widened_to_what_its_certificate_asks_for(certified: Any)
 
 def test_what_would_be_too_wide_or_is_wished_is_not_widened(certified: Any) -> None:
     assert certified(3.0) == (0.5, False, 1)
+    assert certified(0.6, 0.8, 1.2, 1.9) == (0.5, False, 4)
     assert certified(1.0, accuracy=0.5) == (0.5, False, 1)

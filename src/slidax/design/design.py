@@ -252,17 +252,19 @@ def _certified(
 
     if requirements.wishes.accuracy != "best":
         return choice, rate_of(choice)
-    rate = rate_of(choice)
+    first = rate = rate_of(choice)
+    wide = choice
     for _ in range(WIDENED):
         radius = radius_of(rate)
         if rate is None or radius is None or rate.holds:
             break
-        wider = np.maximum(choice.final, WIDER * radius)
+        wider = np.maximum(wide.final, WIDER * radius)
         if (wider > LARGEST * trials.frame.initial).any():
             break
-        choice = replace(choice, final=wider)
-        rate = rate_of(choice)
-    return choice, rate
+        wide = replace(choice, final=wider)
+        rate = rate_of(wide)
+    # An envelope that is wider, and not certified either, is good for nothing.
+    return (wide, rate) if rate is not None and rate.holds else (choice, first)
 
 
 def _described(

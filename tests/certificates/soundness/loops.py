@@ -87,7 +87,7 @@ def left(one, found: Certified, e: np.ndarray) -> np.ndarray:
     """
     late = round(float(found.narrowing.times[0] - 0.0) / one.period)
     drawn = one.controller.step.transformation.performance
-    times = jnp.arange(e.shape[1]) * one.period
+    times = jnp.asarray(np.arange(e.shape[1]) * one.period)
     radius = np.asarray(jax.vmap(lambda t: jnp.broadcast_to(drawn.radius(t), e.shape[2]))(times))
     outside = (e >= found.narrowing.upper * radius) | (e <= found.narrowing.lower * radius)
     gone: np.ndarray = outside[:, late : late + len(found.share)].any(axis=(1, 2))
