@@ -105,14 +105,11 @@ def after_learning(members: Members, belief: Belief, hull: Hull, plants: list[Pl
     kappa, coupling = ratios(arms, beliefs, motion)
     pushes = np.concatenate(push)
     largest = (np.abs(pushes) + np.abs(np.array(effects)).sum(axis=1)).max(axis=0)
-    texts = (
-        (
-            "the law has learnt: it believes each joint's mean inertia along the motion, and its Coulomb friction, "
-            "within the ends that it may learn",
-            "assumed",
-        ),
-        (f"the set between its ends in inertia: {len(arms)} members were looked at", "checked"),
+    learnt = (
+        "the law has learnt: it believes each joint's mean inertia along the motion, and its Coulomb friction, within "
+        "the ends that it may learn"
     )
+    between = f"the set between its ends in inertia: {len(arms)} members were looked at"
     return Asked(
         push=pushes,
         effects=np.array(effects),
@@ -124,7 +121,7 @@ def after_learning(members: Members, belief: Belief, hull: Hull, plants: list[Pl
         held=np.array([held(one, motion, largest) for one in beliefs]).max(axis=0),
         beliefs=beliefs,
         relearnt=None,
-        assumptions=[Assumption(text, status) for text, status in texts],  # type: ignore[arg-type]
+        assumptions=[Assumption(learnt, "assumed"), Assumption(between, "checked")],
     )
 
 

@@ -77,8 +77,8 @@ def _limits(printed: PrintedLaw, member: Scenario, layer: float) -> tuple[float,
     u = Each(lambda q, dq, tau: law.bound(State(q=q, dq=dq), tau))(q, dq, feedforward)[0].reshape(-1)
     surface = np.linalg.solve(mass, mass0 * rate[:, None, :])
     edge = np.linalg.inv(mass) * (u / layer)[:, None, None]
-    return tuple(2.0 / max(_largest(one), 1e-300) for one in (surface + edge, surface, edge))  # type: ignore[return-value]
+    return _period(surface + edge), _period(surface), _period(edge)
 
 
-def _largest(matrices: np.ndarray) -> float:
-    return float(np.max(np.abs(np.linalg.eigvals(matrices))))
+def _period(matrices: np.ndarray) -> float:
+    return 2.0 / max(float(np.max(np.abs(np.linalg.eigvals(matrices)))), 1e-300)

@@ -77,13 +77,10 @@ class Assembly(Setting):
     def _apart(self) -> Apart:
         found = self.kernels
         assert found is not None
-        kernels, tails = (
-            (found.of_push, found.of_place, found.of_change),
-            (found.push_tail, found.place_tail, found.change_tail),
-        )
+        push, place, change = (jnp.asarray(one[..., ::-1]) for one in (found.of_push, found.of_place, found.of_change))
         return Apart(
-            kernels=tuple(jnp.asarray(one[..., ::-1]) for one in kernels),  # type: ignore[arg-type]
-            tails=tuple(jnp.asarray(one) for one in tails),  # type: ignore[arg-type]
+            kernels=(push, place, change),
+            tails=(jnp.asarray(found.push_tail), jnp.asarray(found.place_tail), jnp.asarray(found.change_tail)),
             fading=jnp.asarray(found.fading),
             spread=jnp.asarray(self.spread),
             kappa=jnp.asarray(self.kappa),

@@ -92,7 +92,7 @@ def proved(subject: Subject, chance: float = 1e-3, beginnings: Sequence[float] =
 
     *earlier, latest = beginnings if subject.law.joints < JOINTS else BEGINNINGS[-1:]
     for share in earlier:
-        # Of a bound that does not hold, all but the last are forgotten.
+        # Only the latest bound is told where none holds, so that others need not be known in full.
         whole = since(share, 1.0)
         if not whole.assembly.stable or whole.holds:
             return whole
