@@ -57,6 +57,7 @@ def test_runs_that_all_hold_bound_the_probability_exactly() -> None:
     assert verdict.holds and verdict.bound["failures"] == 0
     assert verdict.bound["probability"] == pytest.approx(1 - 0.01 ** (1 / 64))
     assert verdict.margin == verdict.bound["worst_margin"] and verdict.margin > 0
+    assert verdict.bound["steady_error"] > 0 and verdict.bound["steady_torque_step"] > 0
 
 
 def test_runs_that_leave_are_counted_and_the_search_finds_worse() -> None:

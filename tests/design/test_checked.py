@@ -12,6 +12,7 @@ import pytest
 
 from slidax.certificates import Verdict
 from slidax.design import Refused
+from slidax.design.aim import CALM, Aim
 from slidax.design.choice import Choice
 
 design = sys.modules["slidax.design.design"]
@@ -23,35 +24,41 @@ class Law:
     law: int
 
 
-def check(margin: float) -> Verdict:
-    return Verdict("statistical", "", margin > 0, margin, {"worst_margin": margin}, (), "")
+def check(margin: float, step: float) -> Verdict:
+    bound = {"worst_margin": margin, "steady_torque_step": step, "runs": 10}
+    return Verdict("statistical", "", margin > 0, margin, bound, (), "")
 
 
 @pytest.fixture
 def checked(monkeypatch: pytest.MonkeyPatch) -> Any:
     """Of the margins that the checks find, one after the other, the design, and what the checks were asked."""
 
-    def of(*margins: float, accuracy: Any = "best") -> tuple[Any, list[int], list[Any]]:
+    def of(
+        *margins: float, accuracy: Any = "best", steps: Any = (), wished: float | None = None
+    ) -> tuple[Any, list[int], list[Any]]:
         found, seeds, harder = iter(margins), [], []
+        wild = iter(steps or [0.0] * len(margins))
 
         def tried(_: Any, __: int, seed: int) -> tuple[Verdict, Any]:
             seeds.append(seed)
-            return check(next(found)), f"the worst with {seed}"
+            return check(next(found), next(wild)), f"the worst with {seed}"
 
-        trials = SimpleNamespace(frame=SimpleNamespace(initial=np.full(1, 1e3)), runs=0)
+        trials = SimpleNamespace(frame=SimpleNamespace(initial=np.full(1, 1e3), learns=True, period=1e-3), runs=0)
         trials.with_harder = lambda cases: harder.append(cases) or trials
         laws = iter(SimpleNamespace(choice=Law(np.full(1, 1.0), k)) for k in range(1, 4))
+        aims.clear()
         monkeypatch.setattr(design, "tried", tried)
-        monkeypatch.setattr(design, "fine", lambda *_: None)
-        monkeypatch.setattr(design, "_aim", lambda *_: None)
+        monkeypatch.setattr(design, "fine", lambda _, __, aim: aims.append(aim))
+        monkeypatch.setattr(design, "_aim", lambda *_: Aim(1.0, wished is not None, None))
         monkeypatch.setattr(design, "_sized", lambda *_: next(laws))
         monkeypatch.setattr(design, "_described", lambda *_: SimpleNamespace(build=lambda _: None))
         monkeypatch.setattr(design, "of_accuracy", lambda *_: Refused("no", [], None))
-        wishes = SimpleNamespace(accuracy=accuracy, proof="checked")
+        wishes = SimpleNamespace(accuracy=accuracy, proof="checked", torque_step=wished)
         first = SimpleNamespace(choice=Law(np.full(1, 1.0), 0))
         made = design._checked(SimpleNamespace(wishes=wishes), trials, first, None, 10, lambda _: None)
         return made, seeds, harder
 
+    of.aims = aims = []
     return of
 
 
@@ -83,6 +90,22 @@ def test_each_time_the_envelope_ends_wider_where_no_accuracy_is_wished(checked: 
 
 def test_what_is_left_four_times_is_refused(checked: Any) -> None:
     assert isinstance(checked(-0.1, -0.2, -0.1, -0.1)[0], Refused)
+
+
+def test_a_design_that_is_wilder_in_its_check_than_is_wished_gives_way_to_a_calmer_one(checked: Any) -> None:
+    assert checked(0.2, 0.2, steps=(0.7, 0.5), wished=0.6)[0].choice.law == 1
+    # It is looked for as much below what was allowed as the first was above it.
+    (aim,) = checked.aims
+    assert aim.step == pytest.approx(CALM * 0.6 / 0.7)
+    assert checked(0.2, steps=(0.6,), wished=0.6)[0].choice.law == 0
+    assert checked(0.2, steps=(0.7,))[0].choice.law == 0
+
+
+def test_a_torque_step_that_no_law_has_in_its_check_is_refused_with_what_it_has(checked: Any) -> None:
+    made = checked(0.2, 0.2, 0.2, 0.2, steps=(0.7, 0.7, 0.7, 0.65), wished=0.6)[0]
+    assert isinstance(made, Refused)
+    assert "0.65 N m in the worst of 10 cases" in made.reason
+    assert made.would_do[0].changes == {"wishes.torque_step": 0.75}
 
 
 @pytest.fixture

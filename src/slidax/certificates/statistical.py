@@ -19,6 +19,9 @@ RUNS = 300
 SEARCHED = 1.0
 """Runs of the search for the worst case, as a share of those that are drawn."""
 
+STEADY = ("steady_error", "steady_torque_step")
+"""Of which the largest of all drawn runs is told, if none ended early."""
+
 KEPT, APART = 4, 0.25
 """Of the worst cases: the worst of those that are drawn, and those of the search that differ by so much of a set."""
 
@@ -94,6 +97,7 @@ def tried(
         "failures": failures,
         "worst_margin": worst,
         "searched": searched,
+        **{name: float(np.max(drawn[name])) for name in STEADY if np.isfinite(drawn.get(name, np.nan)).all()},
     }
     holds = failures == 0 and worst > 0.0
     outside = "none" if not failures else str(failures)

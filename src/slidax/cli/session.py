@@ -22,9 +22,9 @@ def prepare() -> None:
 
     jax.config.update("jax_enable_x64", True)
     if jax.config.jax_compilation_cache_dir is None:
-        # Compiling takes most of the time of a short run; the second run of a scenario then need not.
+        # Compiling takes most of the time of a short run; the second then need not, not even many small programs.
         jax.config.update("jax_compilation_cache_dir", str(user_cache_path("slidax") / f"xla-{jax.__version__}"))
-        jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.1)
+        jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
 
 
 @contextmanager

@@ -76,6 +76,7 @@ class Frame:
     - `has_velocity`: whether velocities are measured.
     - `change`: the largest change of torque in a period that the drives allow [N m or N].
     - `least_margin`: the smallest u where it is searched for, too [N m]; None where it is not.
+    - `learns`: whether the law learns the inertia.
     """
 
     initial: Floats
@@ -87,6 +88,7 @@ class Frame:
     has_velocity: bool
     change: float
     least_margin: float | None = None
+    learns: bool = True
 
     @property
     def radius(self) -> float:
@@ -131,6 +133,8 @@ class Frame:
             sampled["estimator"] = {"kind": "kalman", "torque_density": density}
         else:
             sampled["estimator"] = {"kind": "measured", "gain": self.measured_gain(choice)}
+        if not self.learns:
+            sampled["adaptation"] = None
         sampled["monitor"] = {"share": 1.0, "led": 1.0}
         scheme: dict[str, Any] = {
             "name": "cftsmppc",

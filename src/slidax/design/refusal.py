@@ -99,18 +99,20 @@ def of_deadline(trials: Trials, best: Worst) -> Refused:
     return refused(reason, [*would, *_payload(trials, best, cases)])
 
 
-def of_torque_step(trials: Trials, best: Worst, wished: float) -> Refused:
+def of_torque_step(trials: Trials, best: Worst, wished: float, check: Verdict | None = None) -> Refused:
     """The calmest law is not calm enough.
 
     - `trials`: on what.
     - `best`: the calmest.
     - `wished`: largest change of torque from sample to sample [N m].
+    - `check`: of cases that were not seen before, if that is why.
     """
+    step, cases = (best.step, best.cases) if check is None else (check.bound["steady_torque_step"], check.bound["runs"])
     reason = (
         f"a torque step of {wished:g} N m cannot be had at {1.0 / trials.frame.period:g} Hz: the calmest law that was "
-        f"tried has {best.step:.3g} N m in the worst of {best.cases} cases"
+        f"tried has {step:.3g} N m in the worst of {cases} cases"
     )
-    smallest = float(f"{1.15 * best.step:.2g}")
+    smallest = float(f"{1.15 * step:.2g}")
     return refused(reason, [Remedy(f"{smallest:g} N m", {"wishes.torque_step": smallest})])
 
 

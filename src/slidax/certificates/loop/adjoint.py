@@ -16,6 +16,9 @@ from .kernels import ACCELERATION, ERROR, ESTIMATE, LAPSE, LED, MISSED, OUTPUTS,
 
 Floats = NDArray[np.floating[Any]]
 
+AT_ONCE = 16
+"""Decisions that are carried back together: what is known of them then stays near the processor."""
+
 
 class Along:
     """The loops of all joints along a motion, one K in each period; states that nothing reads are left out.
@@ -28,14 +31,21 @@ class Along:
         self.loop, self.matrices = loops[0], matrices
         n = self.joints = len(loops)
         # Linear in K: what there is without it, and what each entry adds.
-        self._still, moved = CoupledMaps.of(loops, np.zeros((n, n))), CoupledMaps.of(loops, np.ones((n, n)))
-        self._adds = [
-            getattr(moved, name) - getattr(self._still, name) for name in ("step", "asked", "enters", "direct")
-        ]
-        self.own = self._still.own
-        used = [np.abs(one).sum(axis=0) for one in (self._still.step, self._adds[0])]
-        asked = [np.abs(one).sum(axis=(0, 1)) for one in (self._still.asked, self._adds[1])]
-        self.kept = np.flatnonzero(sum(used) + sum(asked) > 0.0)
+        still, moved = CoupledMaps.of(loops, np.zeros((n, n))), CoupledMaps.of(loops, np.ones((n, n)))
+        self.own = still.own
+        used = sum(np.abs(one.step).sum(axis=0) + np.abs(one.asked).sum(axis=(0, 1)) for one in (still, moved))
+        self.kept = np.flatnonzero(used > 0.0)
+        self._still = still = still.states(self.kept)
+        moved = moved.states(self.kept)
+        self._adds = CoupledMaps(
+            moved.step - still.step,
+            moved.asked - still.asked,
+            moved.enters - still.enters,
+            moved.direct - still.direct,
+            self.own,
+        )
+        # Whose state each is.
+        self._whose = self.kept // self.own
         self.late = int(self.loop.believed)
 
     @property
@@ -48,19 +58,41 @@ class Along:
         """Samples after a decision at which its outputs are read."""
         return max(1, self.late)
 
-    def at(self, sample: int) -> CoupledMaps:
-        """The maps of a period.
+    def at(self, samples: NDArray[np.integer[Any]]) -> CoupledMaps:
+        """The maps of some periods, along the first axis.
 
-        - `sample`: from which on.
+        - `samples`: from which on they are [T].
         """
-        matrix = self.matrices[min(max(sample, 0), len(self.matrices) - 1)]
-        still, kept = self._still, self.kept
-        wide = np.repeat(matrix, self.own, axis=1)
-        step = still.step + np.repeat(wide, self.own, axis=0) * self._adds[0]
-        asked = still.asked + wide * self._adds[1]
-        enters = still.enters + np.repeat(matrix, self.own, axis=0) * self._adds[2]
-        direct = still.direct + matrix * self._adds[3]
-        return CoupledMaps(step[np.ix_(kept, kept)], asked[..., kept], enters[:, kept], direct, self.own)
+        matrix, still, adds = self._matrices(samples), self._still, self._adds
+        return CoupledMaps(
+            self.step(samples),
+            still.asked + matrix[..., self._whose][:, None] * adds.asked,
+            self.enters(samples),
+            still.direct + matrix[:, None, None] * adds.direct,
+            self.own,
+        )
+
+    def step(self, samples: NDArray[np.integer[Any]]) -> Floats:
+        """Of these maps alone what becomes of the states [T S S].
+
+        - `samples`: as of `at`.
+        """
+        matrix = self._matrices(samples)[:, self._whose[:, None], self._whose]
+        found: Floats = self._still.step + matrix * self._adds.step
+        return found
+
+    def enters(self, samples: NDArray[np.integer[Any]]) -> Floats:
+        """Of these maps alone what comes in [T 5 S n].
+
+        - `samples`: as of `at`.
+        """
+        matrix = self._matrices(samples)[:, self._whose]
+        found: Floats = self._still.enters + matrix[:, None] * self._adds.enters
+        return found
+
+    def _matrices(self, samples: NDArray[np.integer[Any]]) -> Floats:
+        found: Floats = self.matrices[np.clip(samples, 0, len(self.matrices) - 1)]
+        return found
 
     def columns(self, *places: int) -> Floats:
         """States that are one in some places of each joint's own [S n], as far as they are kept.
@@ -72,11 +104,26 @@ class Along:
             found[:, place] += np.eye(self.joints)
         return found.reshape(-1, self.joints)[self.kept]
 
+    def places(self, place: int) -> NDArray[np.integer[Any]]:
+        """Where a state of each joint's own is among all that are kept [n].
+
+        - `place`: its number.
+        """
+        found = np.searchsorted(self.kept, np.arange(self.joints) * self.own + place)
+        assert (self.kept[found] == np.arange(self.joints) * self.own + place).all()
+        return found
+
+    @property
+    def noisy(self) -> list[int]:
+        """The numbers of the kinds of noise that come in at all, of `CoupledMaps.enters`."""
+        maps = (self._still, self._adds)
+        return [k for k in (0, 1) if any(one.enters[k].any() or one.direct[k].any() for one in maps)]
+
     @property
     def reach(self) -> float:
         """No state is larger after a measurement's noise or a place of one has come in."""
-        widest = np.repeat(np.abs(self.matrices).max(axis=0), self.own, axis=0)
-        most = np.abs(self._still.enters[:3]) + widest * np.abs(self._adds[2][:3])
+        widest = np.abs(self.matrices).max(axis=0)[self._whose]
+        most = np.abs(self._still.enters[:3]) + widest * np.abs(self._adds.enters[:3])
         return max(1.0, float(most.max()))
 
     @property
@@ -94,71 +141,102 @@ class Along:
 
 @dataclass(frozen=True)
 class Back:
-    """Some decisions' outputs as of one sample's state, with K of the periods between.
+    """Some decisions' outputs as of the states so many samples before each, with K of the periods between.
 
-    - `sample`: which, counted as the decisions are.
-    - `which`: the decisions' numbers.
-    - `ages`: samples from it to each decision [Z]; negative where it is later.
+    - `age`: samples from the state to the decision; negative where it is later.
+    - `which`: the decisions' numbers; `samples`: of their states [Z].
     - `rows`: of the outputs [Z 9n S]; `reached`: of the states at the decision [Z S S].
-    - `maps`: of the period that ends at this sample.
-    - `read`: from the rows that a loop is asked for at the sample before to the outputs, by its age [9 7].
+    - `enters`: what comes in during the periods that end at these samples [Z 5 S n].
+    - `direct`: the same to what is read one sample before the states [Z 5 9n n]; None where nothing is.
     """
 
-    sample: int
+    age: int
     which: slice
-    ages: NDArray[np.integer[Any]]
+    samples: NDArray[np.integer[Any]]
     rows: Floats
     reached: Floats
-    maps: CoupledMaps
-    read: dict[int, Floats]
+    enters: Floats
+    direct: Floats | None
 
     def entering(self, source: int) -> Floats:
-        """What comes in during the period that ends at this sample does to the outputs [Z 9n n].
+        """What comes in during the period that ends with the state does to the outputs [Z 9n n].
 
         - `source`: number of `CoupledMaps.enters`.
         """
-        found: Floats = self.rows @ self.maps.enters[source]
-        n = found.shape[-1]
-        for age, read in self.read.items():
-            # What comes in at a sample goes through to what is read there.
-            at = np.flatnonzero(self.ages + 1 == -age)
-            if at.size:
-                through = np.einsum("or,rij->oij", read, self.maps.direct[source]).reshape(-1, n)
-                found[at] += through
-        return found
+        found: Floats = self.rows @ self.enters[:, source]
+        # What comes in at a sample goes through to what is read there.
+        return found if self.direct is None else found + self.direct[:, source]
+
+
+def bunches(decisions: NDArray[np.integer[Any]]) -> list[slice]:
+    """The numbers of those that are carried back together.
+
+    - `decisions`: their samples.
+    """
+    return [slice(begin, min(begin + AT_ONCE, len(decisions))) for begin in range(0, len(decisions), AT_ONCE)]
 
 
 def carried_back(along: Along, decisions: NDArray[np.integer[Any]], oldest: int) -> Iterator[Back]:
-    """From the latest sample at which an output is read to the first, or the oldest that counts.
+    """From the latest sample at which an output is read to the first, or the oldest that counts; bunch by bunch.
 
     - `along`: the loops along the motion.
-    - `decisions`: their samples, in ascending order.
-    - `oldest`: ages that are looked at.
+    - `decisions`: their samples, in ascending order, as far from each other.
+    - `oldest`: age that is looked at.
     """
-    n, size = along.joints, along.states
-    read = _read(along)
-    outputs = OUTPUTS * n
-    rows = np.zeros((len(decisions), outputs + size, size))
-    first, last = len(decisions), len(decisions)
-    half = int(np.max(np.diff(decisions, prepend=0)))
-    maps = along.at(int(decisions[-1]) + along.ahead)
-    for sample in range(int(decisions[-1]) + along.ahead, -half - 1, -1):
-        while first > 0 and decisions[first - 1] + along.ahead >= sample:
-            first -= 1
-        while last > first and decisions[last - 1] - sample > oldest:
-            last -= 1
-        if last == 0:
+    for which in bunches(decisions):
+        yield from _carried(along, decisions, which, oldest)
+
+
+def _carried(along: Along, decisions: NDArray[np.integer[Any]], which: slice, oldest: int) -> Iterator[Back]:
+    apart = _apart(decisions)
+    own, size, outputs = decisions[which], along.states, OUTPUTS * along.joints
+    first = max(int(own[0]) - oldest - 1, -apart - 1)
+    stretch = np.arange(first, int(own[-1]) + along.ahead)
+    step, enters, read = along.step(stretch), along.enters(stretch), _read(along)
+    rows, reached = np.zeros((len(own), outputs, size)), np.zeros((len(own), size, size))
+    for age in range(-along.ahead, oldest + 1):
+        # Of the decisions that are far enough from the first sample.
+        begun = int(np.searchsorted(own, age - apart))
+        if begun == len(own):
             return
-        ages = decisions[first:last] - sample
-        for ahead, one in read.items():
-            for k in first + np.flatnonzero(ages == -ahead):
-                rows[k, :outputs] += np.einsum("or,ris->ois", one, maps.asked).reshape(outputs, size)
-        for k in first + np.flatnonzero(ages == 0):
-            rows[k, outputs:] = np.eye(size)
-        maps = along.at(sample - 1)
-        now = rows[first:last]
-        yield Back(sample, slice(first, last), ages, now[:, :outputs], now[:, outputs:], maps, read)
-        rows[first:last] = (now.reshape(-1, size) @ maps.step).reshape(now.shape)
+        rows, reached, which, own = rows[begun:], reached[begun:], slice(which.start + begun, which.stop), own[begun:]
+        samples, direct = own - age, None
+        if -age in read:
+            rows = rows + np.einsum("or,zris->zois", read[-age], along.at(samples).asked).reshape(rows.shape)
+        if age == 0:
+            reached = reached + np.eye(size)
+        if -age - 1 in read:
+            direct = np.einsum("or,zcrij->zcoij", read[-age - 1], along.at(samples - 1).direct)
+            direct = direct.reshape(*direct.shape[:2], outputs, -1)
+        # Their periods lie as far apart as they do.
+        at = slice(int(samples[0]) - 1 - first, int(samples[-1]) - first, apart)
+        yield Back(age, which, samples, rows, reached, enters[at], direct)
+        rows, reached = rows @ step[at], reached @ step[at]
+
+
+def reached_back(
+    along: Along, decisions: NDArray[np.integer[Any]], which: slice, oldest: int
+) -> Iterator[tuple[int, NDArray[np.integer[Any]], Floats]]:
+    """What the states of some samples have become at decisions: their age, these samples, and that [Z S S].
+
+    - `along`, `decisions`, `oldest`: as of `carried_back`; `which`: a bunch of the decisions.
+    """
+    apart, own = _apart(decisions), decisions[which]
+    first = max(int(own[0]) - oldest - 1, -apart - 1)
+    step = along.step(np.arange(first, int(own[-1])))
+    reached = np.repeat(np.eye(along.states)[None], len(own), axis=0)
+    for age in range(oldest + 1):
+        begun = int(np.searchsorted(own, age - apart))
+        if begun == len(own):
+            return
+        reached, own = reached[begun:], own[begun:]
+        samples = own - age
+        yield age, samples, reached
+        reached = reached @ step[int(samples[0]) - 1 - first : int(samples[-1]) - first : apart]
+
+
+def _apart(decisions: NDArray[np.integer[Any]]) -> int:
+    return int(np.max(np.diff(decisions, prepend=0)))
 
 
 def _read(along: Along) -> dict[int, Floats]:

@@ -25,7 +25,7 @@ Floats = NDArray[np.floating[Any]]
 
 _FILTERS = (minimum_filter1d, maximum_filter1d)
 
-WIDTH = 16
+WIDTH = 32
 """Decisions around one whose responses are taken for all of them."""
 
 SPARE = 0.002

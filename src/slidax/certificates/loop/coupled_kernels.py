@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .adjoint import Along, Back, carried_back
+from .adjoint import Along, Back, bunches, reached_back
 from .kernels import ERROR, LED, MISSED, OUTPUTS, largest_within
 
 Floats = NDArray[np.floating[Any]]
@@ -66,63 +66,63 @@ class CoupledKernels:
         self.older = np.zeros((3, count, len(self.lumps), *shape[1:]))
         self.of_command, self.of_estimate = np.zeros((2, *shape))
         self.noise, self.noise_square = np.zeros((2, 2, *shape))
-        self._kicked = [along.columns(k) for k in (0, 1)]
-        self._estimate, self._led_to = along.columns(along.own - 4), along.led_to
-        self._most, self._left, self._weights = 1.0, 0.0, np.zeros((count, OUTPUTS * n))
+        *self._kicked, self._estimate = (along.places(k) for k in (0, 1, along.own - 4))
+        self._led_to, self._ones = along.led_to, np.ones(along.states)
+        self._noisy = along.noisy
+        self._most, self._left = np.ones(count), np.zeros(count)
+        self._weights = np.zeros((count, OUTPUTS * n))
         leads = np.zeros((OUTPUTS, n, n))
         leads[[LED, ERROR]] = np.eye(n)
         self._leads = leads.reshape(-1, n)
 
     def take(self, back: Back) -> None:
-        """What comes in at one sample.
+        """What comes in at one sample of each decision.
 
         - `back`: the outputs as of its state.
         """
-        ages, n, late = back.ages, self.along.joints, self.along.late
-        size = np.abs(back.reached).sum(axis=2).max(axis=1)
-        self._most = max(self._most, float(size.max()))
-        cut = np.flatnonzero(ages == self.memory)
-        if cut.size:
-            self._left = max(self._left, float(size[cut].max()))
-            self._weights[back.which.start + cut] = np.abs(back.rows[cut]).sum(axis=2)
-        by_q, by_v = (back.rows @ one for one in self._kicked)
-        self._add(0, back, ages + late + 1, largest_within(by_v, by_q))
+        age, n, late = back.age, self.along.joints, self.along.late
+        sizes = (np.abs(back.reached) @ self._ones).max(axis=1)
+        self._most[back.which] = np.maximum(self._most[back.which], sizes)
+        if age == self.memory:
+            self._left[back.which] = sizes
+            self._weights[back.which] = np.abs(back.rows).sum(axis=2)
+        by_q, by_v = (back.rows[..., one] for one in self._kicked)
+        self._add(0, back, age + late + 1, largest_within(by_v, by_q))
         placed = back.entering(2)
         place = placed.copy()
-        newest = np.flatnonzero(ages == -1)
-        place[newest[:, None], MISSED * n + np.arange(n), np.arange(n)] -= 1.0
-        self._add(1, back, ages + 1, np.abs(place))
-        self._add(2, back, ages, np.abs(self._leads - back.rows @ self._led_to))
-        for source in (0, 1):
+        if age == -1:
+            place[:, MISSED * n + np.arange(n), np.arange(n)] -= 1.0
+        self._add(1, back, age + 1, np.abs(place))
+        self._add(2, back, age, np.abs(self._leads - back.rows @ self._led_to))
+        for source in self._noisy:
             noisy = back.entering(source)
             self.noise[source, back.which] += np.abs(noisy)
             self.noise_square[source, back.which] += noisy**2
-        decided = np.flatnonzero(ages >= -1)
-        self.of_command[back.which][decided] += self.along.loop.horizon**2 * np.abs(placed[decided])
-        known = np.flatnonzero(ages >= 0)
-        self.of_estimate[back.which][known] += np.abs(back.rows[known] @ self._estimate)
+        if age >= -1:
+            self.of_command[back.which] += np.abs(placed)
+        if age >= 0:
+            self.of_estimate[back.which] += np.abs(back.rows[..., self._estimate])
 
-    def _add(self, kind: int, back: Back, lags: NDArray[np.integer[Any]], sizes: Floats) -> None:
-        first = back.which.start
-        at = np.flatnonzero(lags == 0)
-        self.newest[kind, first + at] = sizes[at]
-        at = np.flatnonzero((lags > 0) & (lags <= self.longest))
-        self.older[kind, first + at, self._lump[lags[at]]] += sizes[at]
+    def _add(self, kind: int, back: Back, lag: int, sizes: Floats) -> None:
+        if lag == 0:
+            self.newest[kind, back.which] = sizes
+        elif 0 < lag <= self.longest:
+            self.older[kind, back.which, self._lump[lag]] += sizes
 
     def finish(self) -> None:
         """What is older: `Σ |R Φ_1 Φ_2 ... x|`, each Φ over one memory, of which f is left; within one at most m."""
-        here = self.along.at(0).step
-        power = np.eye(len(here))
+        (here,) = self.along.step(np.zeros(1, int))
+        power, most, left = np.eye(len(here)), float(self._most.max()), float(self._left.max())
         for _ in range(int(np.ceil(self.along.ahead)) + 64):
             power = power @ here
-            self._most = max(self._most, float(np.abs(power).sum(axis=1).max()))
-        self.left = self._left
-        self.later = self._weights * self._most
-        total = self.later * self.memory / (1.0 - self._left)
+            most = max(most, float(np.abs(power).sum(axis=1).max()))
+        self.left = left
+        self.later = self._weights * most
+        total = self.later * self.memory / (1.0 - left)
         n = self.along.joints
         self.tails = np.repeat(total[:, :, None], n, axis=2)
         reach = self.along.reach
-        self.of_command += self.along.loop.horizon**2 * reach * self.tails
+        self.of_command = self.along.loop.horizon**2 * (self.of_command + reach * self.tails)
         self.of_estimate += self.tails
         self.noise += reach * self.tails
         self.noise_square += (reach * self.tails) ** 2
@@ -152,13 +152,19 @@ def forgetting(along: Along, samples: int) -> Forgetting:
     left = np.zeros(len(MEMORIES))
     error, placed = along.columns(0), along.led_to
     grown, apart, then = 0.0, 0, 0
-    for back in carried_back(along, looked, MEMORIES[-1]):
-        for k in np.flatnonzero(back.ages >= MEMORIES[0]):
-            size = float(np.abs(error.T @ back.reached[k] @ placed).max())
-            if size > grown:
-                grown, apart, then = size, int(back.ages[k]), int(back.sample + back.ages[k])
-            if back.ages[k] in MEMORIES:
-                number = MEMORIES.index(int(back.ages[k]))
-                left[number] = max(left[number], float(np.abs(back.reached[k]).sum(axis=1).max()))
+    for which in bunches(looked):
+        for age, seen, reached in reached_back(along, looked, which, MEMORIES[-1]):
+            if age < MEMORIES[0]:
+                continue
+            sizes = np.abs(error.T @ reached @ placed).max(axis=(1, 2))
+            k = int(np.argmax(sizes))
+            if sizes[k] > grown:
+                grown, apart, then = float(sizes[k]), age, int(seen[k]) + age
+            if age in MEMORIES:
+                number, size = MEMORIES.index(age), float(np.abs(reached).sum(axis=2).max())
+                left[number] = max(left[number], size)
+                # What is so small now is not the largest later.
+                if size < min(LITTLE, grown):
+                    break
     fits = [memory for memory, one in zip(MEMORIES, left, strict=True) if one < LITTLE]
     return Forgetting(min(fits) if fits else None, grown, apart, then)

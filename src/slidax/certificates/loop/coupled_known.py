@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from slidax.diagnosis.linear_loop import LinearLoop
@@ -25,7 +26,7 @@ def beginnings(along: Along, loops: Sequence[LinearLoop], follows: Floats, state
     - `states`: as in `Entry` [m 8 + Q n].
     """
     n, columns, less = along.joints, [], []
-    asked, led_to = along.at(0).asked, along.led_to
+    (asked,), led_to = along.at(np.zeros(1, int)).asked, along.led_to
     for j, loop in enumerate(loops):
         basis, reach = entries(loop, float(follows[j]), states[:, :, j])
         whole = np.zeros((n, along.own, basis.shape[1]))
@@ -60,39 +61,55 @@ class CoupledKnown:
         self.along, self.decisions, self.memory = along, decisions, memory
         self.offsets = np.arange(width) - width // 2
         self.pushes, self.starts = np.moveaxis(pushes, 0, -1), starts
-        shape = (len(decisions), width, OUTPUTS * along.joints)
-        self.found = np.zeros((*shape, len(pushes)))
-        self.free, self.held = np.zeros((2, *shape))
+        # Over time along the last axis. What is before the first sample comes in with where the arms are then.
+        lasting = np.moveaxis(pushes, 1, -1).swapaxes(0, 1)
+        before = np.zeros((*lasting.shape[:2], memory + 2 * width))
+        after = np.repeat(lasting[..., -1:], decisions[-1] + width, axis=-1)
+        self._before = before.shape[-1]
+        self._now = np.concatenate([before, lasting, after], axis=-1)
+        self._then = np.concatenate([before, lasting[..., 1:], after], axis=-1)
+        count, outputs = len(decisions), OUTPUTS * along.joints
+        self._answers = np.zeros((count, outputs, width * len(pushes)))
+        self.free, self.held = np.zeros((2, count, width, outputs))
         self._resting = along.resting
 
+    @property
+    def found(self) -> Floats:
+        """As above."""
+        count, outputs, _ = self._answers.shape
+        return self._answers.reshape(count, outputs, -1, self.offsets.size).transpose(0, 3, 1, 2)
+
     def take(self, back: Back) -> None:
-        """What comes in at one sample.
+        """What comes in at one sample of each decision.
 
         - `back`: the outputs as of its state.
         """
-        before = back.sample - 1 + self.offsets
-        inside = np.flatnonzero(before >= 0)
-        going = np.flatnonzero(back.ages < self.memory)
-        if inside.size and going.size:
-            last = self.pushes.shape[0] - 1
-            ends = [self.pushes[np.minimum(before[inside] + k, last)] for k in (0, 1)]
-            answers = [back.entering(source) for source in (3, 4)]
-            whole = np.concatenate(answers, axis=2)[going].reshape(-1, 2 * self.along.joints)
-            given = np.concatenate(ends, axis=1).transpose(1, 0, 2).reshape(2 * self.along.joints, -1)
-            added = (whole @ given).reshape(going.size, -1, inside.size, self.pushes.shape[2]).swapaxes(1, 2)
-            first, start = back.which.start + going[0], inside[0]
-            self.found[first : first + going.size, start:] += added
-        for k in np.flatnonzero(back.ages == self.memory):
-            for w in np.flatnonzero(back.sample + self.offsets >= 0):
-                rests = back.rows[k] @ self._resting @ self.pushes[back.sample + self.offsets[w]]
-                self.found[back.which.start + k, w] += rests
-        w = -back.sample - self.offsets[0]
-        if 0 <= w < self.offsets.size:
-            # Of these decisions this sample is the first that there is.
-            begins = np.flatnonzero(back.ages < self.memory)
-            at = back.which.start + begins
-            self.found[at, w] += back.rows[begins] @ self._resting @ self.pushes[0]
-            self.free[at, w], self.held[at, w] = (np.abs(back.rows[begins] @ one).sum(axis=2) for one in self.starts)
+        if back.age < self.memory:
+            answers = np.concatenate([back.entering(3), back.entering(4)], axis=2)
+            given = [self._around(pushes, back.samples - 1) for pushes in (self._now, self._then)]
+            self._answers[back.which] += answers @ np.concatenate(given, axis=1)
+            self._begun(back)
+        else:
+            rests = back.rows @ self._resting
+            self._answers[back.which] += rests @ self._around(self._now, back.samples)
+
+    def _around(self, pushes: Floats, samples: NDArray[np.integer[Any]]) -> Floats:
+        """The pushes about some samples [Z n M W]."""
+        windows = sliding_window_view(pushes, self.offsets.size, axis=-1)
+        found = windows[:, :, self._before + samples + self.offsets[0]]
+        return np.moveaxis(found, 2, 0).reshape(len(samples), self.along.joints, -1)
+
+    def _begun(self, back: Back) -> None:
+        """Of some decisions the sample is the first that there is."""
+        if back.samples[0] > self.offsets.size:
+            return
+        w = -back.samples - self.offsets[0]
+        for k in np.flatnonzero((w >= 0) & (w < self.offsets.size)):
+            at, rows = back.which.start + k, back.rows[k]
+            self._answers[at].reshape(len(rows), -1, self.offsets.size)[..., w[k]] += (
+                rows @ self._resting @ self.pushes[0]
+            )
+            self.free[at, w[k]], self.held[at, w[k]] = (np.abs(rows @ one).sum(axis=1) for one in self.starts)
 
     def finish(self, later: Floats) -> None:
         """What is older counts as it was when it became so.

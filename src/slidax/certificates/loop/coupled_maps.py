@@ -60,6 +60,14 @@ class CoupledMaps:
         size = n * own
         return cls(step.reshape(size, size), asked.reshape(7, n, size), enters.reshape(5, size, n), direct, own)
 
+    def states(self, which: NDArray[np.integer[Any]]) -> CoupledMaps:
+        """The same of some states alone.
+
+        - `which`: their numbers.
+        """
+        step, asked, enters = self.step[np.ix_(which, which)], self.asked[..., which], self.enters[:, which]
+        return CoupledMaps(step, asked, enters, self.direct, self.own)
+
     @property
     def joints(self) -> int:
         """N."""

@@ -40,24 +40,31 @@ class Jointly:
 
 
 def jointly(
-    subject: Subject, entry: Entry, demand: Demand, since: Since, chance: float, given: list[Part] | None = None
+    subject: Subject,
+    entry: Entry,
+    demand: Demand,
+    since: Since,
+    chance: float,
+    given: list[Part] | None = None,
+    halvings: int = HALVINGS,
 ) -> Jointly:
     """The bounds of a set whose joints' loops are taken as one.
 
     - `subject`, `entry`, `demand`, `since`: the law, how its arms came to their plans, and what they ask for.
     - `chance`: that normal noise is larger than is counted.
     - `given`: the parts of the set, which are then not divided.
+    - `halvings`: how often a part that does not hold is divided.
     """
     scenario, motion = subject.scenario, since.ideal.motion
     waiting: list[tuple[Members | Part, int]]
-    waiting = [(one, 0) for one in given] if given else [(Members.of(scenario), HALVINGS)]
+    waiting = [(one, 0) for one in given] if given else [(Members.of(scenario), halvings)]
     parts: list[Part] = []
     found: list[tuple[Coupled, Certified]] = []
     while waiting:
         one, left = waiting.pop()
         part = part_of(scenario, one, motion, entry.seen, demand.push) if isinstance(one, Members) else one
         divided = halves(part, scenario, motion) if left and not entry.seen and not given else []
-        if divided and left > HALVINGS - AT_ONCE:
+        if divided and left > halvings - AT_ONCE:
             waiting += [(half, left - 1) for half in divided]
             continue
         coupled = Coupled(subject, demand, since, part, chance)

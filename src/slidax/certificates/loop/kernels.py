@@ -21,6 +21,8 @@ how much that is predicted wrongly."""
 
 OUTPUTS = 9
 
+TINY = np.finfo(float).tiny
+
 LENGTHS = (256, 512, 1024, 2048, 4096)
 """Of impulse responses [periods]: the first after which little is left."""
 
@@ -174,9 +176,11 @@ def outputs_of(raw: Floats, at: NDArray[np.integer[Any]], whole: int, loop: Line
 def largest_within(by_v: Floats, by_q: Floats) -> Floats:
     """`∫ |a + b (1 - t)| dt` over a period: a for what a step of the velocity does, b for one of the position."""
     end = by_v + by_q
-    same = by_v * end >= 0.0
-    gap = np.where(same, 1.0, np.abs(by_v) + np.abs(end))
-    return np.where(same, 0.5 * np.abs(by_v + end), 0.5 * (by_v**2 + end**2) / gap)
+    sizes = np.abs(by_v) + np.abs(end)
+    # Of what changes its sign within the period, a part of the trapezoid is taken away.
+    crossed = np.minimum(by_v * end, 0.0)
+    found: Floats = 0.5 * sizes + crossed / np.maximum(sizes, TINY)
+    return found
 
 
 class _Beyond:

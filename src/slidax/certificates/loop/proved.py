@@ -20,7 +20,7 @@ from .at_rest import at_rest
 from .coupled import Coupled
 from .entered import Entry, approached
 from .ideal import Ideal, ideal_of
-from .jointly import JOINTS, jointly
+from .jointly import HALVINGS, JOINTS, jointly
 from .middle import Middle
 from .premises import of_the_entry, of_the_law, of_the_loops, of_the_middle, of_the_parts
 from .remedies import scaled
@@ -66,12 +66,15 @@ class Proved:
         return bool(np.max(self.found.share) < 1.0)
 
 
-def proved(subject: Subject, chance: float = 1e-3, beginnings: Sequence[float] = BEGINNINGS) -> Proved | str:
+def proved(
+    subject: Subject, chance: float = 1e-3, beginnings: Sequence[float] = BEGINNINGS, halvings: int = HALVINGS
+) -> Proved | str:
     """The bounds of a scenario's set; a reason if its cases do not come to where they could begin.
 
     - `subject`: the law on its task.
     - `chance`: that normal noise is larger than is counted at some sample.
     - `beginnings`: where a bound may begin, of up to three joints, the first of them that holds.
+    - `halvings`: how often a part of the set that does not hold is divided, from four joints on.
 
     Raises DefinitionError for a set that is invalid.
     """
@@ -88,7 +91,7 @@ def proved(subject: Subject, chance: float = 1e-3, beginnings: Sequence[float] =
         entry = approach.entry(sample, None if middle is None else middle.seen)
         ideal = ideal_of(subject, entry) if middle is None else middle.ideal(entry)
         demand = demand_of(subject.scenario, along=ideal.motion, seen=entry.seen)
-        return _bounded(subject, entry, ideal, demand, chance, enough=enough)
+        return _bounded(subject, entry, ideal, demand, chance, enough=enough, halvings=halvings)
 
     *earlier, latest = beginnings if subject.law.joints < JOINTS else BEGINNINGS[-1:]
     for share in earlier:
@@ -131,10 +134,11 @@ def _bounded(
     part: float = 1.0,
     parts: list[Part] | None = None,
     enough: float = np.inf,
+    halvings: int = HALVINGS,
 ) -> Proved:
     since = Since(ideal, part * SPARE * entry.states, part * SPARE * entry.slid)
     if subject.law.joints >= JOINTS:
-        whole = jointly(subject, entry, demand, since, chance, parts)
+        whole = jointly(subject, entry, demand, since, chance, parts, halvings)
         premises = of_the_entry(entry, whole.worst, SPARE)
         if whole.found is not None:
             premises += [of_the_parts(whole.parts), of_the_middle(), *of_the_law(whole.worst, whole.found, chance)]

@@ -10,6 +10,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter1d
 
 from slidax.transformations.psi import psi
 
@@ -181,8 +182,8 @@ class Setting:
         - `length`: periods after which it has.
         """
         size = np.concatenate([sizes[self.late :], np.repeat(sizes[-1:], self.late, axis=0)])[: self.samples]
-        padded = np.concatenate([np.repeat(size[:1], length - 1, axis=0), size])
-        window: Floats = np.lib.stride_tricks.sliding_window_view(padded, length, axis=0).max(axis=-1)
+        # Of each window the last sample is the newest.
+        window: Floats = maximum_filter1d(size, length, axis=0, mode="nearest", origin=(length - 1) // 2)
         return self.period**2 * window
 
     def planned(self) -> tuple[Floats, Floats, Floats]:
