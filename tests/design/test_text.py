@@ -49,3 +49,13 @@ def test_it_never_calls_certified_what_is_only_checked_and_says_what_a_certifica
     rate = Verdict("loop_rate", "", True, 0.2, {}, stands_on, "")
     text = " ".join(written(replace(found, proof="certified", rate=rate), tmp_path).replace("#", "").split())
     assert "Certified by `loop_rate`, which stands on 4 statements: 1 proved, 1 checked, 2 assumed" in text
+
+
+def test_of_many_joints_it_names_the_wish_that_looks_for_a_law_with_a_proof(tmp_path: Path) -> None:
+    found = made(tmp_path)
+    assert "`loop_rate` certifies no such envelope" in written(found, tmp_path)
+    four = replace(found.frame, initial=np.ones(4))
+    text = " ".join(written(replace(found, frame=four), tmp_path).replace("#", "").split())
+    assert "from 4 joints on `loop_rate` has no bound for a law that learns the inertia" in text
+    text = written(replace(found, frame=replace(four, learns=False)), tmp_path)
+    assert "`loop_rate` certifies no such envelope" in text

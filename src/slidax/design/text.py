@@ -12,8 +12,10 @@ from typing import Any
 from ruamel.yaml import YAML
 
 from slidax.certificates import Certificates
+from slidax.certificates.loop.jointly import JOINTS
 
 from .design import U_AMPLE, U_OVER, Designed
+from .proof import boundable
 from .search import MANY
 
 CERTIFICATE = ".certificate.json"
@@ -61,13 +63,22 @@ def _proof(found: Designed) -> str:
     said = (
         f"Certified by `loop_rate`{_counted(found)}; the file beside this one lists them."
         if found.proof == "certified"
-        else "Checked in simulation, not proved: `loop_rate` certifies no such envelope for this set."
+        else f"Checked in simulation, not proved: {_unproved(found)}."
     )
     if not check:
         return f"{said} Nothing is uncertain, so that one run says all."
     return (
         f"{said} {check['runs']} random cases of the set and {check['searched']} of a search for the worst stay "
         f"inside, the worst with {check['worst_margin']:.2g} of the envelope's width to spare."
+    )
+
+
+def _unproved(found: Designed) -> str:
+    if boundable(found.frame.initial.size, found.frame.learns):
+        return "`loop_rate` certifies no such envelope for this set"
+    return (
+        f"from {JOINTS} joints on `loop_rate` has no bound for a law that learns the inertia; with `proof: certified` "
+        "one is looked for that does not"
     )
 
 

@@ -1,0 +1,35 @@
+"""What a design begins with."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+from ruamel.yaml import YAML
+
+from slidax.design import read_requirements
+
+from .test_requirements import EXAMPLES
+
+design = sys.modules["slidax.design.design"]
+
+
+@pytest.mark.parametrize(
+    ("file", "proof", "learns"),
+    [("two-link", "certified", True), ("panda-light", "certified", False), ("panda-light", "checked", True)],
+)
+def test_only_a_certified_law_of_many_joints_does_not_learn(
+    file: str, proof: str, learns: bool, tmp_path: Path
+) -> None:
+    data = YAML(typ="safe").load((EXAMPLES / f"{file}.yaml").read_text(encoding="utf-8"))
+    data["wishes"]["proof"] = proof
+    path = tmp_path / "requirements.yaml"
+    with path.open("w", encoding="utf-8") as written:
+        YAML(typ="safe").dump(data, written)
+    requirements = read_requirements(path)
+    frame, choice = design._begin(requirements)
+    assert frame.learns is learns
+    scenario: Any = requirements.scenario(frame.scheme(choice)).build("begun")
+    assert (scenario.controller.adaptation is not None) is learns
