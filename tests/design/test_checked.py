@@ -94,9 +94,9 @@ def test_what_is_left_four_times_is_refused(checked: Any) -> None:
 
 def test_a_design_that_is_wilder_in_its_check_than_is_wished_gives_way_to_a_calmer_one(checked: Any) -> None:
     assert checked(0.2, 0.2, steps=(0.7, 0.5), wished=0.6)[0].choice.law == 1
-    # It is looked for as much below what was allowed as the first was above it.
+    # It is looked for half as much below what was allowed as the first was above it.
     (aim,) = checked.aims
-    assert aim.step == pytest.approx(CALM * 0.6 / 0.7)
+    assert aim.step == pytest.approx(np.sqrt(CALM * 0.6 / 0.7))
     assert checked(0.2, steps=(0.6,), wished=0.6)[0].choice.law == 0
     assert checked(0.2, steps=(0.7,))[0].choice.law == 0
 

@@ -240,7 +240,8 @@ def _checked(
         if turn == TIMES - 1:
             break
         say("a law for the hardest of them, too")
-        trials, aim = trials.with_harder(hard), aim.stricter(min(CALM / wild, 1.0) if wild > 1.0 else 1.0)
+        # The largest of many cases is a rare one, which a law that is half as much calmer may not show.
+        trials, aim = trials.with_harder(hard), aim.stricter(float(np.sqrt(CALM / wild)) if wild > 1.0 else 1.0)
         sized = _sized(requirements, trials, fine(trials, worst, aim), aim)
         if isinstance(sized, Refused):
             return kept or sized
