@@ -23,7 +23,7 @@ def begun(monkeypatch):
     def of(*holding):
         asked = []
 
-        def bounded(subject, entry, ideal, demand, chance, *, enough, halvings):
+        def bounded(subject, entry, ideal, demand, chance, *, enough, fineness):
             asked.append((entry, enough))
             return SimpleNamespace(entry=entry, holds=entry in holding, assembly=SimpleNamespace(stable=True))
 

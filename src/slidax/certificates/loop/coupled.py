@@ -25,9 +25,6 @@ Floats = NDArray[np.floating[Any]]
 
 _FILTERS = (minimum_filter1d, maximum_filter1d)
 
-WIDTH = 32
-"""Decisions around one whose responses are taken for all of them."""
-
 SPARE = 0.002
 """Share of each entry of K by which it may be off the line between two samples at which it is computed."""
 
@@ -41,10 +38,12 @@ class Coupled(Setting):
     - `subject`, `demand`, `since`: as of `Setting`; the demand is that of the whole set.
     - `part`: the members.
     - `chance`: that normal noise is larger than is counted at some sample of the run.
+    - `width`: decisions around one whose responses are taken for all of them.
     """
 
-    def __init__(self, subject: Subject, demand: Demand, since: Since, part: Part, chance: float = 1e-3) -> None:
+    def __init__(self, subject: Subject, demand: Demand, since: Since, part: Part, chance: float, width: int) -> None:
         super().__init__(subject, demand, since)
+        self.width = width
         # What uncertain numbers add is followed as a signal, with its part of the set.
         self.demand = self.asked
         ideal = since.ideal
@@ -61,7 +60,7 @@ class Coupled(Setting):
         self.together: Together | None = None
         if self.forgetting.memory is None:
             return
-        least, most = (one(self.along.matrices, WIDTH + 1, axis=0, mode="nearest") for one in _FILTERS)
+        least, most = (one(self.along.matrices, width + 1, axis=0, mode="nearest") for one in _FILTERS)
         off = np.maximum(high - least, most - low) + SPARE * np.maximum(np.abs(low), np.abs(high))
         size = np.maximum(np.abs(least), np.abs(most))
         # A torque sets in at a sample or between two, and lasts for a period.
@@ -72,7 +71,7 @@ class Coupled(Setting):
         under_way = seen[2 : 2 + queue] + seen[4 + queue]
         kernels = self._know(chance)
         off, size = (np.array([one[end] for end in ends]).max(axis=0) for one in (off, size))
-        self.together = Together(kernels, WIDTH, size, off, under_way)
+        self.together = Together(kernels, width, size, off, under_way)
         self.slope = np.max([part.slope[late + k : late + k + n] for k in range(len(ends) + 1)], axis=0)
         self.assumed, self.tube = np.zeros((3, n, len(loops))), np.zeros_like(part.push[0])
 
@@ -125,10 +124,10 @@ class Coupled(Setting):
         slope = self.course.slopes.between(*(jnp.asarray(self.since.ideal.eps[0]),) * 2)[0]
         follows = self.narrowing.ahead[0] / (self.narrowing.now[0] + self.horizon * np.asarray(slope))
         pushes = np.concatenate([self.part.push - self.shared, self.part.effects]) * h * h
-        decisions = np.arange(0, n, WIDTH) + WIDTH // 2
+        decisions = np.arange(0, n, self.width) + self.width // 2
         kernels = CoupledKernels(self.along, len(decisions), memory)
         starts = beginnings(self.along, loops, follows, self.since.states)
-        known = CoupledKnown(self.along, decisions, WIDTH, pushes, starts, memory)
+        known = CoupledKnown(self.along, decisions, self.width, pushes, starts, memory)
         for back in carried_back(self.along, decisions, memory):
             kernels.take(back)
             known.take(back)
@@ -143,7 +142,7 @@ class Coupled(Setting):
         )
         widest = max(1.0, float(np.abs(self.along.matrices).sum(axis=2).max()))
         self.noise_size = self._noise(kernels, n * joints * OUTPUTS, chance)
-        extra = (self.noise_size + 2.0 * widest * older * kernels.tails[..., 0])[np.arange(n) // WIDTH]
+        extra = (self.noise_size + 2.0 * widest * older * kernels.tails[..., 0])[np.arange(n) // self.width]
         self.free, self.held = (
             (sizes + (extra + one.reshape(-1, extra.shape[1])[:n]).reshape(n, 1, OUTPUTS, joints))[..., None]
             for one in (known.free, known.held)

@@ -16,14 +16,26 @@ from .propagation import Bounds
 from .setting import Certified, Since
 from .subject import Subject
 
-HALVINGS = 3
-"""So often a part of a set that is not bounded is divided."""
-
 AT_ONCE = 2
 """So often the set is divided before a bound is looked for: what is not known of K then feeds itself less."""
 
 JOINTS = 4
 """From so many on the joints' loops are bounded as one: fewer are bounded more sharply each by itself."""
+
+
+@dataclass(frozen=True)
+class Fineness:
+    """How finely a set of arms with many joints is looked at: the finer, the smaller its bounds, and the later.
+
+    - `halvings`: so often a part of the set for which a bound does not hold is divided in two.
+    - `width`: decisions around one whose responses are taken for all of them.
+    """
+
+    halvings: int = 3
+    width: int = 16
+
+
+FINE = Fineness()
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,28 +58,28 @@ def jointly(
     since: Since,
     chance: float,
     given: list[Part] | None = None,
-    halvings: int = HALVINGS,
+    fineness: Fineness = FINE,
 ) -> Jointly:
     """The bounds of a set whose joints' loops are taken as one.
 
     - `subject`, `entry`, `demand`, `since`: the law, how its arms came to their plans, and what they ask for.
     - `chance`: that normal noise is larger than is counted.
     - `given`: the parts of the set, which are then not divided.
-    - `halvings`: how often a part that does not hold is divided.
+    - `fineness`: of its parts and responses.
     """
     scenario, motion = subject.scenario, since.ideal.motion
     waiting: list[tuple[Members | Part, int]]
-    waiting = [(one, 0) for one in given] if given else [(Members.of(scenario), halvings)]
+    waiting = [(one, 0) for one in given] if given else [(Members.of(scenario), fineness.halvings)]
     parts: list[Part] = []
     found: list[tuple[Coupled, Certified]] = []
     while waiting:
         one, left = waiting.pop()
         part = part_of(scenario, one, motion, entry.seen, demand.push) if isinstance(one, Members) else one
         divided = halves(part, scenario, motion) if left and not entry.seen and not given else []
-        if divided and left > halvings - AT_ONCE:
+        if divided and left > fineness.halvings - AT_ONCE:
             waiting += [(half, left - 1) for half in divided]
             continue
-        coupled = Coupled(subject, demand, since, part, chance)
+        coupled = Coupled(subject, demand, since, part, chance, fineness.width)
         bounds = at_rest(coupled) if coupled.stable else None
         if divided and (bounds is None or np.max(bounds.share) >= 1.0):
             waiting += [(half, left - 1) for half in divided]

@@ -16,7 +16,7 @@ from ..demand import Demand
 from ..verdict import Assumption, Verdict
 from .assembled import Assembly
 from .coupled import Coupled
-from .jointly import HALVINGS
+from .jointly import FINE, Fineness
 from .premises import of_the_loops
 from .proved import BEGINNINGS, Proved, of_a_part, proved
 from .remedies import altered, found_remedies, least, resampled, scaled, tried
@@ -50,7 +50,7 @@ def loop_rate(
     chance: float = 1e-3,
     remedies: bool = True,
     beginnings: Sequence[float] = BEGINNINGS,
-    halvings: int = HALVINGS,
+    fineness: Fineness = FINE,
 ) -> Verdict:
     """Whether the error's certain bound stays within the envelope at all samples (docs/certificates/loop-rate.md).
 
@@ -61,14 +61,14 @@ def loop_rate(
     - `remedies`: whether the smallest changes that make it hold, and the least final radius, are looked for.
     - `beginnings`: where the bound of a set may begin, from 0, when all its cases keep s, to 1, when the envelope is
       narrow: the first with which it holds.
-    - `halvings`: with four joints and more, how often a part of the set for which it does not hold is divided in two.
+    - `fineness`: of the bounds from four joints on.
     """
     subject = Subject.of(scenario)
     if isinstance(subject, str):
         return Verdict(NAME, TITLE, None, None, {}, [], f"not applicable: {subject}")
     if demand is not None:
         return _of_a_demand(subject, demand, chance, remedies)
-    whole = proved(subject, chance, beginnings, halvings)
+    whole = proved(subject, chance, beginnings, fineness)
     if isinstance(whole, str):
         text = "a time from which on all cases of the set keep s and their limits, inside the envelope"
         statement = f"No bound of the error was found: {whole}. Nothing is said of whether the envelope holds"

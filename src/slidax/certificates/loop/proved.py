@@ -20,7 +20,7 @@ from .at_rest import at_rest
 from .coupled import Coupled
 from .entered import Entry, approached
 from .ideal import Ideal, ideal_of
-from .jointly import HALVINGS, JOINTS, jointly
+from .jointly import FINE, JOINTS, Fineness, jointly
 from .middle import Middle
 from .premises import of_the_entry, of_the_law, of_the_loops, of_the_middle, of_the_parts
 from .remedies import scaled
@@ -67,14 +67,14 @@ class Proved:
 
 
 def proved(
-    subject: Subject, chance: float = 1e-3, beginnings: Sequence[float] = BEGINNINGS, halvings: int = HALVINGS
+    subject: Subject, chance: float = 1e-3, beginnings: Sequence[float] = BEGINNINGS, fineness: Fineness = FINE
 ) -> Proved | str:
     """The bounds of a scenario's set; a reason if its cases do not come to where they could begin.
 
     - `subject`: the law on its task.
     - `chance`: that normal noise is larger than is counted at some sample.
     - `beginnings`: where a bound may begin, of up to three joints, the first of them that holds.
-    - `halvings`: how often a part of the set that does not hold is divided, from four joints on.
+    - `fineness`: of the bounds from four joints on.
 
     Raises DefinitionError for a set that is invalid.
     """
@@ -91,7 +91,7 @@ def proved(
         entry = approach.entry(sample, None if middle is None else middle.seen)
         ideal = ideal_of(subject, entry) if middle is None else middle.ideal(entry)
         demand = demand_of(subject.scenario, along=ideal.motion, seen=entry.seen)
-        return _bounded(subject, entry, ideal, demand, chance, enough=enough, halvings=halvings)
+        return _bounded(subject, entry, ideal, demand, chance, enough=enough, fineness=fineness)
 
     *earlier, latest = beginnings if subject.law.joints < JOINTS else BEGINNINGS[-1:]
     for share in earlier:
@@ -134,11 +134,11 @@ def _bounded(
     part: float = 1.0,
     parts: list[Part] | None = None,
     enough: float = np.inf,
-    halvings: int = HALVINGS,
+    fineness: Fineness = FINE,
 ) -> Proved:
     since = Since(ideal, part * SPARE * entry.states, part * SPARE * entry.slid)
     if subject.law.joints >= JOINTS:
-        whole = jointly(subject, entry, demand, since, chance, parts, halvings)
+        whole = jointly(subject, entry, demand, since, chance, parts, fineness)
         premises = of_the_entry(entry, whole.worst, SPARE)
         if whole.found is not None:
             premises += [of_the_parts(whole.parts), of_the_middle(), *of_the_law(whole.worst, whole.found, chance)]
