@@ -22,7 +22,7 @@ from slidax.scenarios import Scenario
 Floats = NDArray[np.floating[Any]]
 
 COARSE = Fineness(halvings=2, width=32)
-"""Of many joints' bounds: a radius is found in a quarter of the time that `certify` takes, and is a tenth larger."""
+"""Of many joints' bounds: a radius is found in less than half the time of `certify`, and is a tenth larger."""
 
 
 @dataclass(frozen=True)
