@@ -71,6 +71,19 @@ def test_a_ready_arm_keeps_within_its_constants(arm):
     assert found.inertia_max < 1.6 * seen["largest"]
 
 
+def test_a_gantry_whose_inertia_no_joint_changes_has_its_constants_exactly(tmp_path):
+    masses, parts = (8.0, 4.0, 2.0), ['<link name="l0"/>']
+    for k, (mass, turn) in enumerate(zip(masses, ("0 1.5708 0", "0 -1.5708 1.5708", "1.5708 0 0"), strict=True), 1):
+        parts.append(LINK.format(k=k, c="0 0 0", r="0 0 0", m=mass, i=[0.1] * 3))
+        parts.append(JOINT.format(k=k, p=k - 1, kind="prismatic", o="0 0 0", r=turn))
+    path = tmp_path / "gantry.urdf"
+    path.write_text(f'<robot name="gantry">{"".join(parts)}</robot>')
+    found, _ = require_bounded(from_urdf(path), 3)
+    assert (found.mass_slope, found.weight_slope, found.coriolis) == pytest.approx((0.0, 0.0, 0.0), abs=1e-12)
+    values = np.linalg.eigvalsh(np.asarray(from_urdf(path).mass(jnp.zeros(3))))
+    assert (found.inertia_min, found.inertia_max) == pytest.approx((values[0], values[-1]))
+
+
 LINK = """<link name="l{k}"><inertial><origin xyz="{c}" rpy="{r}"/><mass value="{m}"/>
 <inertia ixx="{i[0]}" iyy="{i[1]}" izz="{i[2]}" ixy="0" ixz="0" iyz="0"/></inertial></link>"""
 JOINT = """<joint name="j{k}" type="{kind}"><parent link="l{p}"/><child link="l{k}"/><origin xyz="{o}" rpy="{r}"/>

@@ -17,6 +17,7 @@ class Counted:
     - `refused`: cases that cannot be promised, for which it does not hold or the definition is refused.
     - `missed`: such cases for which it holds all the same.
     - `joints`: of the arms.
+    - `again`: laws that were run again, finer, since they came beyond a bound of continuous time.
     - `notes`: what went wrong, a line each.
     """
 
@@ -26,6 +27,7 @@ class Counted:
     refused: int = 0
     missed: int = 0
     joints: set[int] = field(default_factory=set)
+    again: int = 0
     notes: list[str] = field(default_factory=list)
 
     def kept(

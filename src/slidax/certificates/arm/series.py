@@ -112,7 +112,9 @@ class Grid:
     def degrees(self) -> Floats:
         """The k of each coefficient [5^J J]."""
         harmonics = np.fft.fftfreq(POINTS, 1.0 / POINTS)
-        return np.array(list(product(harmonics, repeat=len(self.joints)))).reshape(-1, len(self.joints))
+        count = len(self.joints)
+        # Its length is said, since no -1 stands for it where no joint matters.
+        return np.array(list(product(harmonics, repeat=count))).reshape(POINTS**count, count)
 
     def series(self, values: Floats) -> Series:
         """The series of what was evaluated.
