@@ -53,6 +53,18 @@ def test_with_an_accuracy_that_is_enough_the_calmest_is_taken() -> None:
     assert Aim(np.inf, False, 5.0).best([exact, calm]) is exact
 
 
+def test_where_a_certificate_is_wished_no_drive_of_its_own_comes_to_its_limit() -> None:
+    driven, free, wild = replace(worst(1.0, 1.0), driven=0.95), replace(worst(9.0, 9.0), driven=0.8), worst(0.1, 20.0)
+    own = Aim(10.0, False, None, own=0.9)
+    assert ANY.best([driven, free]) is driven
+    assert own.best([driven, free]) is free
+    # Of those that are no law, a small drive at its limit is as bad as a large one.
+    assert own.best([driven, wild]) is driven
+    calm = replace(worst(10.0, 1.0), driven=0.7)
+    assert own.best([replace(calm, error=9.0, driven=0.8), calm]).driven == 0.8
+    assert own.stricter(0.8).best([replace(calm, error=9.0, driven=0.8), calm]) is calm
+
+
 def test_of_two_that_are_alike_the_narrower_is_taken_and_a_much_better_one_before_it() -> None:
     wide = worst(1.0, 1.0)
     narrow = replace(wide, choice=replace(CHOICE, final=np.array([0.005])))

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import yaml
 
+from slidax.design.choice import Choice
 from slidax.design.design import _begin
 from slidax.design.requirements import read_requirements
 from slidax.design.trials import BEYOND, Trials
@@ -68,3 +69,19 @@ def test_hard_cases_are_among_the_few_behind_the_corners_the_newest_first(trials
 
 def test_a_part_of_the_set_is_as_small_as_asked(trials: Trials) -> None:
     assert replace(trials, smaller={LOAD: 0.5}).cases(8)[LOAD].max() == pytest.approx(1.0)
+
+
+def test_what_a_joint_asks_of_its_drive_is_counted_by_its_own_limit(trials: Trials) -> None:
+    choice = Choice(0.01, 1.0, 1.0, np.full(6, 0.05), 1.0)
+
+    def driven(*changes: float) -> float:
+        frame = replace(trials.frame, changes=np.array(changes))
+        return replace(trials, frame=frame).judged([choice], trials.cases(2))[0].driven
+
+    step = trials.judged([choice], trials.cases(2))[0].step
+    assert driven(*[2.0] * 6) == pytest.approx(step / 2.0)
+    assert driven(*[np.inf] * 6) == 0.0
+    # A wrist that no one would notice beside the shoulder is noticed at its own drive.
+    wrist = driven(*[np.inf] * 5, 2.0)
+    assert 0.0 < wrist < driven(*[2.0] * 6)
+    assert driven(*[2.0] * 5, 1e-4) == pytest.approx(2e4 * wrist)

@@ -15,6 +15,10 @@ CALM = 0.97
 DRIVEN = 0.97
 """Of what the drives can do in a period, that is allowed: at their limit a plan is not carried out."""
 
+OWN = 0.9
+"""Of what its own drive can do in a period, that a joint may use where a certificate is wished: that begins after the
+last limit, and its cases are not the common ones."""
+
 CALMNESS = 0.5
 """The weight of the torque step beside the error, where none of both is wished: half the error is worth four times the
 step."""
@@ -35,12 +39,14 @@ class Aim:
     - `wished`: whether it is a wish, so that below it nothing is gained by less.
     - `error`: the steady error that is small enough, so that below it the calmest is best [rad]; None for none.
     - `room`: of an envelope's width, that the worst case must leave.
+    - `own`: of what its own drive can do in a period, that the torque step of each joint may be.
     """
 
     step: float
     wished: bool
     error: float | None
     room: float = 0.0
+    own: float = np.inf
 
     def cost(self, one: Worst) -> float:
         """The smaller, the better; finite, so that a search finds its way.
@@ -54,6 +60,8 @@ class Aim:
         error, step = np.log(max(one.error, 1e-300)), np.log(max(one.step, 1e-12))
         if one.step > CALM * self.step:
             return WILD + float(step)
+        if one.driven > self.own:
+            return WILD + float(np.log(one.driven))
         if self.error is not None:
             return float(step) if one.error <= self.error else COARSE + float(error)
         narrow = np.log(float(np.min(one.choice.final)))
@@ -71,4 +79,4 @@ class Aim:
 
         - `share`: of the step.
         """
-        return replace(self, step=share * self.step)
+        return replace(self, step=share * self.step, own=share * self.own)

@@ -74,7 +74,7 @@ class Frame:
     - `middle`: for each joint the geometric mean of those of the same unit [n].
     - `period`: h [s]; `delay`: of measurement and command [periods].
     - `has_velocity`: whether velocities are measured.
-    - `change`: the largest change of torque in a period that the drives allow [N m or N].
+    - `changes`: of torque in a period that each drive allows [n], N m or N; infinite where it has no such limit.
     - `least_margin`: the smallest u where it is searched for, too [N m]; None where it is not.
     - `learns`: whether the law learns the inertia.
     """
@@ -86,7 +86,7 @@ class Frame:
     period: float
     delay: float
     has_velocity: bool
-    change: float
+    changes: Floats
     least_margin: float | None = None
     learns: bool = True
 
@@ -210,8 +210,8 @@ def frame_of(
     initial = np.maximum(wide, np.ceil(20.0 * ROOM * away) / 20.0)
     alike = np.array([[one == other for other in arm.joint_units] for one in arm.joint_units], float)
     middle = np.exp(alike @ np.log(torque) / alike.sum(axis=1))
-    change = period * float(np.max(np.asarray(limits.rate)))
-    return Frame(initial, shape, torque, middle, period, delay, has_velocity, change)
+    changes = period * np.broadcast_to(np.asarray(limits.rate, float), (n,))
+    return Frame(initial, shape, torque, middle, period, delay, has_velocity, changes)
 
 
 def rounded(values: Any) -> list[float]:

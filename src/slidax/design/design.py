@@ -16,7 +16,7 @@ from slidax.commissioning.text import WIDTH
 from slidax.scenarios import ScenarioDescription
 from slidax.studies.search.island import require_cmaes
 
-from .aim import CALM, DRIVEN, Aim
+from .aim import CALM, DRIVEN, OWN, Aim
 from .choice import EXPONENT, LARGEST, OVERSHOOT, Choice, Frame, frame_of
 from .proof import Asked, asked_of, boundable, held_for, of_the_rate, radius_of
 from .refusal import Refused, of_accuracy, of_deadline, of_torque, of_torque_step, unproved
@@ -174,7 +174,8 @@ def _aim(requirements: Requirements, frame: Frame) -> Aim:
     small = None if wishes.accuracy == "best" else float(np.min(frame.shape)) / (2.0 * SPARE)
     step = wishes.torque_step
     room = ROOM_LEFT if wishes.accuracy == "best" else LEAST_MARGIN
-    return Aim(min(DRIVEN * frame.change, np.inf if step is None else UNSEEN * step), step is not None, small, room)
+    most = min(DRIVEN * float(np.max(frame.changes)), np.inf if step is None else UNSEEN * step)
+    return Aim(most, step is not None, small, room, OWN if wishes.proof == "certified" else np.inf)
 
 
 def _best(requirements: Requirements, frame: Frame, first: Choice) -> tuple[Trials, Worst]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -11,15 +11,17 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import TypeAdapter
 
+from slidax.metrics import steady_torque_step
 from slidax.scenarios import ScenarioDescription
 from slidax.scenarios.family import Family
 from slidax.scenarios.uncertainty import Space
 from slidax.scenarios.uncertainty.mapping import Uncertainty
-from slidax.studies.cases import Values
+from slidax.simulation import Run
+from slidax.studies.cases import Cases, Values
 from slidax.studies.points import points
 from slidax.studies.predicate import ENVELOPE, Predicate
-from slidax.studies.runner import Runner
-from slidax.studies.table import Columns
+from slidax.studies.runner import AbstractPool, Runner
+from slidax.studies.table import Columns, columns_of
 from slidax.studies.task import Task
 
 from .choice import LARGEST, Choice, Frame
@@ -45,6 +47,7 @@ class Worst:
     - `choice`: its numbers.
     - `margin`: least distance to the envelope's nearer side over its width; negative outside.
     - `error`, `step`: largest steady error [rad or m] and change of torque in a period [N m or N].
+    - `driven`: the largest of these over what the joint's own drive can do in a period.
     - `joint`: which is nearest to its envelope in the worst case, from 0.
     - `promise`: least margin of the monitor, with the whole envelope as its share.
     - `outside`: how many cases left; `cases`: of how many; `case`: which has the least margin, from 0.
@@ -59,6 +62,7 @@ class Worst:
     outside: int
     cases: int
     case: int = 0
+    driven: float = 0.0
 
     @property
     def holds(self) -> bool:
@@ -110,7 +114,18 @@ class Trials:
     def _runner(self) -> Runner:
         simulation = self.base.simulation
         samples = round(simulation.t1 / simulation.period)
-        return Runner(Task.of(self.family, "auto"), Runner.rows_of_chunk(samples))
+        return Runner(
+            Task.of(self.family, "auto"),
+            Runner.rows_of_chunk(samples),
+            pool=_Driven(Cases(self.family, "auto", columns=self._columns)),
+        )
+
+    def _columns(self, run: Run) -> Columns:
+        """Outcome and metrics of runs, and their steady torque steps over what each joint's drive allows."""
+        columns = columns_of(run)
+        steps = np.ma.filled(np.ma.asarray(steady_torque_step(run), float), np.nan)
+        shares = steps.reshape(len(columns["outcome"]), -1) / self.frame.changes
+        return {**columns, "driven": shares.max(axis=1)}
 
     def cases(self, count: int, seed: int = SEED) -> Values:
         """Corners of the uncertain set, cases that were hard, and points drawn in it; none where nothing is uncertain.
@@ -195,6 +210,17 @@ class Trials:
         return next((path for path in self.family.uncertain.sets if path.endswith(LOAD)), None)
 
 
+@dataclass
+class _Driven(AbstractPool):
+    """In this process, by cases that say what their drives do."""
+
+    cases: Cases
+
+    def each(self, task: Task, chunks: Iterator[tuple[int, Values]]) -> Iterator[tuple[int, Values, Columns]]:
+        for first, values in chunks:
+            yield first, values, self.cases.run(values)
+
+
 def _corners(space: Space, joints: int) -> Floats:
     """Of the unit cube: all high, all low, by turns, and one joint's numbers against those of all others.
 
@@ -223,6 +249,7 @@ def _worst(choice: Choice, table: Columns, rows: slice) -> Worst:
     margin = np.where(np.isnan(part["margin"]), -1.0, part["margin"])
     error = np.where(np.isnan(part["steady_error"]), np.inf, part["steady_error"])
     step = np.where(np.isnan(part["steady_torque_step"]), np.inf, part["steady_torque_step"])
+    driven = np.where(np.isnan(part["driven"]), np.inf, part["driven"])
     promise = part.get("promise_margin")
     k = int(np.argmin(margin))
     return Worst(
@@ -235,4 +262,5 @@ def _worst(choice: Choice, table: Columns, rows: slice) -> Worst:
         int((~held).sum()),
         len(held),
         k,
+        float(driven.max()),
     )

@@ -41,6 +41,7 @@ class Cases:
     - `threads`: of the native engine; None: as many as there are cores.
     - `name`: what to call a scenario.
     - `around`: from the law of each case to what is run in its place.
+    - `columns`: from runs to their rows.
     """
 
     family: Family
@@ -48,6 +49,7 @@ class Cases:
     threads: int | None = None
     name: str = "case"
     around: Callable[[Any], AbstractController] | None = None
+    columns: Callable[[Run], Columns] = columns_of
     _loops: dict[tuple[Any, ...], _Loop | None] = field(default_factory=dict, init=False)
     _traceable: dict[str, bool] | None = field(default=None, init=False)
 
@@ -63,7 +65,10 @@ class Cases:
         for rows_of_one, key in self._groups(values, rows):
             picked = {path: array[rows_of_one] for path, array in values.items()}
             loop = self._loop(key, picked)
-            columns = self._each(picked, len(rows_of_one)) if loop is None else loop.run(picked, self.threads)
+            if loop is None:
+                columns = self._each(picked, len(rows_of_one))
+            else:
+                columns = self.columns(loop.simulated(picked, self.threads, None))
             found.append((rows_of_one, columns))
         return joined(found, rows)
 
@@ -134,7 +139,7 @@ class Cases:
         found = []
         for row in range(rows):
             one = self._scenario({path: array[row] for path, array in values.items()})
-            found.append((np.array([row]), columns_of(one.simulate(log_every=None, progress=False))))
+            found.append((np.array([row]), self.columns(one.simulate(log_every=None, progress=False))))
         return joined(found, rows)
 
     def _templates(self, first: Mapping[str, Any]) -> Templates:
@@ -208,18 +213,11 @@ class _Loop:
         built = templates.built if around is None else templates.built.replace(controller=around(templates.controller))
         return cls(built, jax.jit(jax.vmap(varying)), define, tuple(values))
 
-    def run(self, values: Values, threads: int | None) -> Columns:
-        """Outcome and metrics of each case.
-
-        - `values`: by path.
-        - `threads`: of the native engine.
-        """
-        return columns_of(self.simulated(values, threads, None))
-
     def simulated(self, values: Values, threads: int | None, log_every: int | None) -> Run:
         """The runs.
 
-        - `values`, `threads`: as in `run`.
+        - `values`: by path.
+        - `threads`: of the native engine.
         - `log_every`: one in so many samples; None logs none.
         """
         rows = len(next(iter(values.values()))) if values else 1
