@@ -13,6 +13,9 @@ import numpy as np
 from .padded import padded
 from .propagation import Answers, Bounds, Course, First, Passing, carried_at_first, sampled
 
+BLOCK = 32
+"""Samples between which all that came before is summed up; more of them take longer one by one, fewer together."""
+
 
 @dataclass(frozen=True)
 class Apart:
@@ -44,45 +47,72 @@ def propagated(course: Course, apart: Apart, passing: Passing, first: First, mos
     - `most`: samples that other calls of this kind may have, so that all share one compiled program.
     """
     count = passing.now.shape[0]
+    blocks = -(-max(count, most) // BLOCK)
+
     # What comes after the last sample does not touch those before, and is cut off.
-    whole = jax.tree.map(lambda one: jnp.asarray(padded(one, most)), passing)
-    return Bounds(*(np.asarray(one)[:count] for one in _scanned(course, apart, whole, first)))
+    def in_blocks(one: Any) -> Any:
+        whole = padded(one, blocks * BLOCK)
+        return jnp.asarray(whole.reshape(blocks, BLOCK, *whole.shape[1:]))
+
+    found = _scanned(course, apart, jax.tree.map(in_blocks, passing), first)
+    return Bounds(*(np.asarray(one).reshape(-1, *one.shape[2:])[:count] for one in found))
 
 
 @functools.partial(jax.jit)
 def _scanned(course: Course, apart: Apart, passing: Passing, first: First) -> Any:
+    """A block's samples one after the other, once it is known what all that came in before the block does in each.
+
+    So the long responses are read once in a block, as a product of matrices, and at each sample their beginning alone.
+    """
     _, n, j, length = apart.kernels[0].shape
+    short = min(BLOCK, length)
+    beginnings = tuple(kernel[..., -short:] for kernel in apart.kernels)
+    windows = jnp.arange(BLOCK)[:, None] + 1 + jnp.arange(length)[None]
 
-    def past(kernel: Any, tail: Any, history: Any, most: Any, k: Any) -> Any:
-        """Of all samples before this; what is of it must be zero until it is known."""
-        window = jax.lax.dynamic_slice_in_dim(history, k % length + 1, length, axis=2)
-        return jnp.sum(kernel[..., :-1] * window[..., :-1], axis=-1) + tail * most
+    def before_it(kernel: Any, history: Any) -> Any:
+        """Of all that came in before the block, at each of its samples; what comes in within it is not yet known."""
+        padding = jnp.zeros((n, j, BLOCK))
+        windowed = jnp.concatenate([history, padding], axis=-1)[..., windows]
+        return jnp.einsum("onjl,njbl->bonj", kernel, windowed)
 
-    def with_newest(history: Any, value: Any, k: Any) -> Any:
-        place = k % length
-        history = jax.lax.dynamic_update_index_in_dim(history, value, place, axis=2)
-        return jax.lax.dynamic_update_index_in_dim(history, value, place + length, axis=2)
+    def pushed(acceleration: Any, stray: Any) -> tuple[Any, Any]:
+        strayed = apart.kappa * stray[:, None]
+        moved = acceleration + strayed
+        others = apart.coupling @ jnp.max((1.0 + apart.spread) * moved, axis=1)
+        return apart.spread * moved + others[:, None] + strayed, moved + others[:, None]
 
-    def step(carry: Any, at: Passing) -> Any:
-        k, histories, most, carried = carry
+    def step(carry: Any, at: Any) -> Any:
+        begun, recent, most, carried = carry
+        at, olds = at
 
-        def pushed(acceleration: Any) -> tuple[Any, Any]:
-            strayed = apart.kappa * at.stray[:, None]
-            moved = acceleration + strayed
-            others = apart.coupling @ jnp.max((1.0 + apart.spread) * moved, axis=1)
-            return apart.spread * moved + others[:, None] + strayed, moved + others[:, None]
+        def past(old: Any, kernel: Any, window: Any, tail: Any, largest: Any) -> Any:
+            return old + jnp.sum(kernel[..., :-1] * window[..., 1:], axis=-1) + tail * largest
 
+        given = zip(olds, beginnings, recent, apart.tails, most, strict=True)
         answers = Answers(
-            before=tuple(past(*one, k) for one in zip(apart.kernels, apart.tails, histories, most, strict=True)),
+            before=tuple(past(*one) for one in given),
             newest=lambda kind, value: apart.kernels[kind][..., -1] * value,
-            pushed=pushed,
+            pushed=lambda acceleration: pushed(acceleration, at.stray),
         )
-        carried, entered, found = sampled(course, first, at, k > 0, carried, answers)
-        histories = tuple(with_newest(one, new, k) for one, new in zip(histories, entered, strict=True))
+        carried, entered, found = sampled(course, first, at, begun, carried, answers)
+        recent = tuple(_shifted(one, new[..., None]) for one, new in zip(recent, entered, strict=True))
         most = tuple(jnp.maximum(apart.fading * old, new) for old, new in zip(most, entered, strict=True))
-        return (k + 1, histories, most, carried), found
+        return (jnp.array(True), recent, most, carried), (entered, found)
 
-    # Each sample is written twice, a length apart, so that those before it always lie side by side.
-    history, nil = jnp.zeros((n, j, 2 * length)), jnp.zeros((n, j))
-    carry = (0, (history,) * 3, (nil,) * 3, carried_at_first(passing, first, j))
-    return jax.lax.scan(step, carry, passing)[1]
+    def block(carry: Any, ats: Any) -> Any:
+        begun, histories, most, carried = carry
+        olds = tuple(before_it(*one) for one in zip(apart.kernels, histories, strict=True))
+        recent = (jnp.zeros((n, j, short)),) * 3
+        inner = (begun, recent, most, carried)
+        (begun, _, most, carried), (entered, found) = jax.lax.scan(step, inner, (ats, olds))
+        histories = tuple(_shifted(one, jnp.moveaxis(new, 0, -1)) for one, new in zip(histories, entered, strict=True))
+        return (begun, histories, most, carried), found
+
+    history, nil = jnp.zeros((n, j, length)), jnp.zeros((n, j))
+    at_first = carried_at_first(jax.tree.map(lambda one: one[0], passing), first, j)
+    return jax.lax.scan(block, (jnp.array(False), (history,) * 3, (nil,) * 3, at_first), passing)[1]
+
+
+def _shifted(history: Any, new: Any) -> Any:
+    """As long as it was, with new values behind its last."""
+    return jnp.concatenate([history, new], axis=-1)[..., -history.shape[-1] :]
