@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from slidax.figures import intervals
 from slidax.scenarios.family import Family
 
 from .overview import share
@@ -113,6 +112,8 @@ class Compared(AbstractResult):
 
     def sections(self) -> list[Section]:
         """Shares, means, and differences with their intervals."""
+        from slidax.figures import intervals
+
         rates: list[list[Cell]] = []
         for name in self.tables:
             for holds in self.holds:

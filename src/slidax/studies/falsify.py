@@ -9,7 +9,6 @@ import numpy as np
 from pydantic import Field
 
 from slidax._errors import DefinitionError, nearest, plain
-from slidax.figures import search_history
 from slidax.scenarios.base import said
 from slidax.scenarios.description import ScenarioDescription
 from slidax.scenarios.family import Family
@@ -177,6 +176,8 @@ class FalsifyResult(AbstractResult):
 
     def sections(self) -> list[Section]:
         """The worst cases, the way of the search, what the margin depends on, and the worst case's values."""
+        from slidax.figures import search_history
+
         head = ["File", self.study.worst, *(["margin"] if self.study.worst != MARGIN else []), "outcome", "row"]
         rows: list[list[Cell]] = [
             [

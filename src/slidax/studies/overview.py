@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 from scipy.stats import spearmanr
 
-from slidax import figures
 from slidax.diagnosis import first_line
 from slidax.metrics import METRICS
 from slidax.scenarios.family import Family
@@ -59,6 +58,8 @@ def share(value: float) -> str:
 
 
 def _metrics(table: Columns) -> Section:
+    from slidax import figures
+
     rows = []
     for one in METRICS:
         numbers = table.get(one.key)
@@ -92,6 +93,8 @@ def _metrics(table: Columns) -> Section:
 
 
 def _margins(family: Family, table: Columns) -> list[Section]:
+    from slidax import figures
+
     margin = table["margin"]
     if np.isnan(margin).all():
         return []

@@ -5,15 +5,17 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from slidax.scenarios.description import ScenarioDescription
 
 from .statistics import Interval
 from .table import Columns
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 NOTHING: dict[str, Any] = {"row": None, "margin": None, "scenario": None}
 """The worst case of a study that has none."""

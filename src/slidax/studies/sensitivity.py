@@ -9,7 +9,6 @@ import numpy as np
 from pydantic import Field
 
 from slidax._errors import DefinitionError, nearest, plain
-from slidax.figures import variance_shares
 from slidax.scenarios.base import said
 from slidax.scenarios.family import Family
 
@@ -118,6 +117,8 @@ class SensitivityResult(AbstractResult):
 
     def sections(self) -> list[Section]:
         """The shares of each result."""
+        from slidax.figures import variance_shares
+
         found = []
         for of, one in self.indices.items():
             rows: list[list[Cell]] = [

@@ -9,7 +9,6 @@ import numpy as np
 from pydantic import Field
 
 from slidax._errors import DefinitionError, nearest, plain
-from slidax.figures import parameter_map
 from slidax.scenarios.description import OF_THE_LAW
 from slidax.scenarios.family import Family
 from slidax.scenarios.uncertainty import AbstractSet
@@ -163,6 +162,8 @@ class SweepResult(AbstractResult):
 
     def sections(self) -> list[Section]:
         """The map, and the share of cases that fail if there are several."""
+        from slidax.figures import parameter_map
+
         axes = {self._label(path): one_number(axis) for path, axis in self.axes.items()}
         is_margin = self.study.of == "margin"
         which = "Of the worst of all cases." if self.study.cases > 1 else "Of one case."

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from slidax.figures import aims_front
 from slidax.metrics import METRICS
 from slidax.scenarios.description import ScenarioDescription
 from slidax.scenarios.family import Family
@@ -160,6 +159,8 @@ class Tuned(AbstractResult):
 
     def sections(self) -> list[Section]:
         """The front on held-out cases, its gains, and by how much the best differ from today's."""
+        from slidax.figures import aims_front
+
         places: list[int | None] = [None, *range(len(self.gains))]
         judged = {place: self.judged(place) for place in places}
         names = {place: "today" if place is None else self._names[place] for place in places}
