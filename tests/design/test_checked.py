@@ -132,7 +132,6 @@ def certified(monkeypatch: pytest.MonkeyPatch) -> Any:
             SimpleNamespace(wishes=SimpleNamespace(accuracy=accuracy)),
             SimpleNamespace(frame=frame),
             Choice(0.01, 1.0, 1.0, np.array([0.5]), 1.0),
-            SimpleNamespace(demand=None),
         )
         return float(law.final[0]), bool(found.holds), len(asked)
 

@@ -4,24 +4,26 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import pytest
 
 from slidax.certificates import Assumption, Verdict
 from slidax.design import Designed, read_requirements
 from slidax.design.choice import Choice, Frame
 from slidax.design.text import written
-from slidax.scenarios import load
+from slidax.scenarios import load, parse
 
 from .test_requirements import changed
 from .test_search import worst
 
 
-def made(folder: Path) -> Designed:
+def made(folder: Path, learns: bool = True, **other: Any) -> Designed:
     requirements = read_requirements(changed(folder))
     two = np.ones(2)
-    frame = Frame(two, two, 60.0 * two, 60.0 * two, 1e-3, 1.0, False, 4.0)
-    choice = Choice(0.009, 1.0, 2.0, np.array([2e-3, 3e-3]), 2.0, margin=12.5)
+    frame = Frame(two, two, 60.0 * two, 60.0 * two, 1e-3, 1.0, False, 4.0 * two, learns=learns)
+    choice = replace(Choice(0.009, 1.0, 2.0, np.array([2e-3, 3e-3]), 2.0, margin=12.5), **other)
     described = requirements.scenario(frame.scheme(choice))
     check = {"runs": 128, "failures": 0, "searched": 128, "worst_margin": 0.2}
     verdict = Verdict("statistical", "", True, 0.2, check, (), "")
@@ -39,6 +41,24 @@ def test_it_runs_as_it_is_with_the_numbers_of_the_choice(tmp_path: Path) -> None
     assert np.isclose(law.step.surface.k1, 1.0)
     assert scenario.description.uncertainty.keys() == found.description.uncertainty.keys()
     assert float(law.step.bound.margin) == 12.5
+
+
+@pytest.mark.parametrize(
+    "law",
+    [
+        {},
+        {"learns": False},
+        {"drift": None, "gain": 0.7},
+        {"margin": None, "even": 0.4, "horizon": 0.00912345678, "overshoot": 0.912345678},
+    ],
+    ids=["learning", "not learning", "with a velocity sensor's estimator", "with numbers of many digits"],
+)
+def test_the_law_in_the_file_is_the_law_that_was_checked(tmp_path: Path, law: dict[str, Any]) -> None:
+    found = made(tmp_path, **law)
+    read = parse(written(found, tmp_path), folder=tmp_path)
+    said, checked = (one.model_dump(mode="json", exclude_unset=True) for one in (read, found.description))
+    assert said["scheme"] == checked["scheme"]
+    assert said == checked
 
 
 def test_it_never_calls_certified_what_is_only_checked_and_says_what_a_certificate_stands_on(tmp_path: Path) -> None:

@@ -127,7 +127,7 @@ class Frame:
 
         - `choice`: its numbers.
         """
-        sampled: dict[str, Any] = {"horizon": choice.horizon}
+        sampled: dict[str, Any] = {"horizon": float(f"{choice.horizon:.6g}")}
         if choice.drift is not None:
             density = rounded(self.density(choice.drift, choice.even))
             sampled["estimator"] = {"kind": "kalman", "torque_density": density}

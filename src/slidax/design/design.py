@@ -18,7 +18,7 @@ from slidax.studies.search.island import require_cmaes
 
 from .aim import CALM, DRIVEN, OWN, Aim
 from .choice import EXPONENT, LARGEST, OVERSHOOT, Choice, Frame, frame_of
-from .proof import Asked, asked_of, boundable, held_for, of_the_rate, radius_of
+from .proof import WIDENED, WIDER, Asked, asked_of, boundable, held_for, of_the_rate, radius_of
 from .refusal import Refused, of_accuracy, of_deadline, of_torque, of_torque_step, unproved
 from .requirements import Requirements
 from .search import LEAST_MARGIN, MANY, MOST, SPARE, coarse, fine, narrowest
@@ -30,9 +30,6 @@ RUNS = 1000
 TIMES, SLACK = 4, 1.5
 """How often a law is checked, each with cases of its own, before it is refused; and what the final radius is each time
 multiplied by besides, where it is not wished."""
-
-WIDER, WIDENED = 1.02, 3
-"""The final radius over the one that a certificate asks for, and how often it is widened to it."""
 
 ENOUGH = 0.1
 """The margin that the worst case of the check must leave, but for the last, since a longer search finds worse ones."""
@@ -223,7 +220,7 @@ def _checked(
         # Where it holds for no radius it does not hold for a law nearby, and an answer for many joints takes a minute.
         if asked is not None and proved:
             say("the certificate of the loops")
-            choice, rate = _certified(requirements, trials, choice, asked)
+            choice, rate = _certified(requirements, trials, choice)
         proved = rate is not None and bool(rate.holds)
         if requirements.wishes.proof == "certified" and not proved:
             return unproved(trials, choice, rate, radius_of(rate))
@@ -252,14 +249,11 @@ def _checked(
     return kept or of_accuracy(trials, worst, None, check)
 
 
-def _certified(
-    requirements: Requirements, trials: Trials, choice: Choice, asked: Asked
-) -> tuple[Choice, Verdict | None]:
+def _certified(requirements: Requirements, trials: Trials, choice: Choice) -> tuple[Choice, Verdict | None]:
     """A law and what `loop_rate` says of it, with the final radius that this asks for, where any may be had."""
 
     def rate_of(choice: Choice) -> Verdict | None:
-        built = _described(requirements, trials.frame, choice).build("design")
-        return of_the_rate(built, asked.demand)
+        return of_the_rate(_described(requirements, trials.frame, choice).build("design"))
 
     if requirements.wishes.accuracy != "best":
         return choice, rate_of(choice)

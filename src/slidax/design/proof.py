@@ -24,6 +24,9 @@ Floats = NDArray[np.floating[Any]]
 COARSE = Fineness(halvings=2, width=32)
 """Of many joints' bounds: a radius is found in less than half the time of `certify`, and is a tenth larger."""
 
+WIDER, WIDENED = 1.02, 3
+"""The final radius over the one that a certificate asks for, and how often it is widened to it."""
+
 
 @dataclass(frozen=True)
 class Asked:
@@ -65,16 +68,13 @@ def boundable(joints: int, learns: bool) -> bool:
     return joints < JOINTS or not learns
 
 
-def of_the_rate(scenario: Scenario, demand: Demand | None) -> Verdict | None:
+def of_the_rate(scenario: Scenario) -> Verdict | None:
     """The certificate `loop_rate` from when the envelope is narrow; None where it has no answer.
 
     From there the radius that it asks for is the smallest, and soonest found.
 
     - `scenario`: with its law.
-    - `demand`: what its set asks for; None where that is not known.
     """
-    if demand is None:
-        return None
     try:
         return loop_rate(scenario, remedies=False, beginnings=BEGINNINGS[-1:], fineness=COARSE)
     except DefinitionError:

@@ -11,13 +11,14 @@ import numpy as np
 from slidax._errors import DefinitionError
 from slidax.certificates.verdict import Verdict
 from slidax.diagnosis import Remedy
+from slidax.scenarios.load import altered_description
 
-from .choice import Choice
+from .choice import LARGEST, Choice
 from .missed import Missed, missed_by, missed_in_cases
-from .proof import Asked
+from .proof import WIDENED, WIDER, Asked, of_the_rate, radius_of
 from .requirements import Requirements
 from .search import LEAST_MARGIN, MANY, SPARE
-from .trials import Trials, Worst
+from .trials import LOAD, Trials, Worst
 
 FASTER = (0.7, 0.5, 0.35)
 """Times the period."""
@@ -153,20 +154,38 @@ def unproved(trials: Trials, choice: Choice, rate: Verdict | None, certified: An
     - `rate`: what `loop_rate` says; None if nothing.
     - `certified`: the smallest final radii that it certifies; None if there are none.
     """
+    unproved = Remedy("what is checked in simulation alone", {"wishes.proof": "checked"})
     if rate is None:
-        return refused("a certificate is wished, and `loop_rate` has no answer for this arm", _unproved())
+        return refused("a certificate is wished, and `loop_rate` has no answer for this arm", [unproved])
     missed = missed_by(rate, trials, choice)
     why = [one for one in ("" if missed is None else missed.in_words(), rate.statement) if one]
     reason = f"a certificate is wished, and `loop_rate` gives none: {'; '.join(why)}"
-    if certified is None:
-        return refused(reason, _unproved(), missed)
-    radius = [float(f"{1.05 * one:.2g}") for one in certified]
-    words = f"an accuracy of {max(radius):g}"
-    return refused(reason, [Remedy(words, {"wishes.accuracy": radius}), *_unproved()], missed)
+    would = [*_told(trials, choice), unproved]
+    if certified is not None:
+        radius = [float(f"{1.05 * one:.2g}") for one in certified]
+        would = [Remedy(f"an accuracy of {max(radius):g}", {"wishes.accuracy": radius}), *would]
+    return refused(reason, would, missed)
 
 
-def _unproved() -> list[Remedy]:
-    return [Remedy("what is checked in simulation alone", {"wishes.proof": "checked"})]
+def _told(trials: Trials, choice: Choice) -> Iterator[Remedy]:
+    """A law that knows what is at its tip in the middle of the set, where it knew of nothing there."""
+    path, robot = trials.payload, trials.requirements.robot.model_dump(exclude_unset=True)
+    if path != f"robot.plant.{LOAD}" or (robot.get("nominal") or {}).get("load") is not None:
+        return
+    mass = float(f"{float(np.mean(trials.cases(MANY)[path][:2])):.3g}")
+    load = {**robot["plant"]["load"], "mass": mass}
+    for _ in range(WIDENED):
+        scheme = trials.frame.scheme(choice)
+        told = altered_description(trials.requirements.scenario(scheme), {"robot.nominal.load": load})
+        rate = of_the_rate(told.build("design"))
+        if rate is not None and rate.holds:
+            yield Remedy(f"a law that is told of {mass:g} kg at its tip", {"robot.nominal.load": load})
+        radius = radius_of(rate)
+        if rate is None or rate.holds or radius is None or trials.requirements.wishes.accuracy != "best":
+            return
+        choice = replace(choice, final=np.maximum(choice.final, WIDER * radius))
+        if (choice.final > LARGEST * trials.frame.initial).any():
+            return
 
 
 def _rates(trials: Trials, best: Worst) -> Iterator[Remedy]:

@@ -92,45 +92,41 @@ def _counted(found: Designed) -> str:
 
 
 def _law(found: Designed, scheme: dict[str, Any]) -> str:
-    frame, choice = found.frame, found.choice
-    envelope, sampled = scheme.get("transformation", scheme), scheme["sampled_data"]
-    lines = [
-        _comment(
-            f"The error is within `final` from the deadline on. In the worst of {found.worst.cases} common cases the "
-            f"steady error is {found.worst.error:.2g}. `initial` has room for all starts.",
-            2,
-        ),
-        _inside("performance", envelope["performance"]),
-        f"  overshoot: {envelope['overshoot']:g}\n",
-        _comment("Steeper or flatter ones were not better.", 2),
-        _inside("surface", scheme["surface"]),
-        _inside("reaching", scheme["reaching"]),
-    ]
-    if choice.margin is not None:
-        lacks = "" if found.asked is None else f", {found.asked.needed:.3g} N m"
-        times = f"{U_AMPLE:g} times" if frame.least_margin is None else f"at least {U_OVER:g} times"
-        over = f"u: {times} what the model lacks at most{lacks}, (44), (45)."
-        lines += [_comment(over, 2), _inside("bound", scheme["bound"])]
-    else:
+    """All that the scheme says, with a comment where there is something to say."""
+    envelope = {name: value for name, value in scheme.pop("transformation", {}).items() if name != "kind"}
+    sampled, scheme = scheme.pop("sampled_data"), {**envelope, **scheme}
+    said = _comments(found)
+    lines = [said.get(name, "") + _inside(name, value) for name, value in scheme.items() if name != "name"]
+    if "bound" not in scheme:
         lines.append(_comment("`bound` is not given: it follows from the arm, its drives and the mismatch above.", 2))
-    periods = choice.horizon / frame.period
-    lines += [
-        "  sampled_data:\n",
-        _comment(
-            f"{periods:.3g} periods: found on common cases, with surface, `overshoot` and estimator.",
-            4,
-        ),
-        f"    horizon: {sampled['horizon']:.6g}\n",
-    ]
+    lines.append("  sampled_data:\n")
+    return "".join(lines + [said.get(name, "") + _inside(name, value, 4) for name, value in sampled.items()])
+
+
+def _comments(found: Designed) -> dict[str, str]:
+    """What is said of a key, above it."""
+    frame, choice = found.frame, found.choice
+    lacks = "" if found.asked is None else f", {found.asked.needed:.3g} N m"
+    times = f"{U_AMPLE:g} times" if frame.least_margin is None else f"at least {U_OVER:g} times"
+    said = {
+        "performance": f"The error is within `final` from the deadline on. In the worst of {found.worst.cases} common "
+        f"cases the steady error is {found.worst.error:.2g}. `initial` has room for all starts.",
+        "surface": "Steeper or flatter ones were not better.",
+        "bound": f"u: {times} what the model lacks at most{lacks}, (44), (45).",
+    }
+    inside = {
+        "horizon": f"{choice.horizon / frame.period:.3g} periods: found on common cases, with surface, `overshoot` and "
+        "estimator.",
+        "adaptation": f"The inertia is not learnt: from {JOINTS} joints on no law that learns it has a certificate.",
+        "monitor": f"Warns before the envelope is left: by what {MANY} common cases used of it, and a quarter more.",
+    }
     if choice.drift is not None:
         drift = f"The disturbance drifts by {choice.drift * 0.8:.2g} % of the rated torque in a second"
         drift += f"; by joint this is made more even, {choice.even:.2g} of the way." if choice.even else "."
-        lines += [_comment(drift, 4), _inside("estimator", sampled["estimator"], 4)]
-    lines += [
-        _comment(f"Warns before the envelope is left: by what {MANY} common cases used of it, and a quarter more.", 4),
-        _inside("monitor", sampled["monitor"], 4),
-    ]
-    return "".join(lines)
+        inside["estimator"] = drift
+    return {name: _comment(text, 2) for name, text in said.items()} | {
+        name: _comment(text, 4) for name, text in inside.items()
+    }
 
 
 def _relative(block: dict[str, Any], folder: Path) -> dict[str, Any]:
@@ -148,8 +144,8 @@ def _inside(name: str, value: Any, indent: int = 2) -> str:
     yaml.default_flow_style = True
     yaml.width = 10_000
     yaml.sort_base_mapping_type_on_output = False  # type: ignore[assignment]
-    yaml.dump(value, flow)
-    return f"{' ' * indent}{name}: {flow.getvalue().strip()}\n"
+    yaml.dump({name: value}, flow)
+    return f"{' ' * indent}{flow.getvalue().strip()[1:-1]}\n"
 
 
 def _yaml(value: Any) -> str:

@@ -1,0 +1,81 @@
+"""What would do where a certificate is wished and none is had."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+
+from slidax.certificates import Verdict
+from slidax.design import refusal
+from slidax.design.choice import Choice
+from slidax.design.design import _begin
+from slidax.design.requirements import read_requirements
+from slidax.design.trials import Trials
+
+NONE = Verdict("loop_rate", "", False, None, {}, (), "It grows")
+
+
+def trials(folder: Path, told: bool = False) -> Trials:
+    load = {"mass": 1.0, "center": [0.0, 0.0, 0.1]}
+    asked: dict[str, Any] = {
+        "robot": {"kind": "ur5e", "plant": {"load": load}, "nominal": {"load": load} if told else {}},
+        "workspace": {"speed": 0.5, "acceleration": 1.0},
+        "actuator": {"torque": "robot"},
+        "simulation": {"period": 2e-3, "t1": 1.0},
+        "uncertainty": {"robot.plant.load.mass": {"between": [0.8, 1.2]}},
+        "wishes": {"deadline": 0.5, "accuracy": "best", "proof": "certified"},
+    }
+    path = folder / "asked.yaml"
+    path.write_text(yaml.safe_dump(asked), encoding="utf-8")
+    requirements = read_requirements(path)
+    return Trials(requirements, *_begin(requirements))
+
+
+@pytest.fixture
+def certified(monkeypatch: pytest.MonkeyPatch) -> Any:
+    """Scenarios of which a certificate was asked, which they have with these radii; None: with none."""
+
+    def with_radius(radius: float | None) -> list[Any]:
+        asked: list[Any] = []
+
+        def rate(scenario: Any) -> Verdict:
+            asked.append(scenario.description)
+            if radius is None:
+                return NONE
+            final = np.asarray(scenario.controller.step.transformation.performance.final)
+            bound = {"required_radius": np.full(6, radius)}
+            return Verdict("loop_rate", "", bool((final >= radius).all()), 0.0, bound, (), "")
+
+        monkeypatch.setattr(refusal, "of_the_rate", rate)
+        return asked
+
+    return with_radius
+
+
+CHOICE = Choice(0.01, 1.0, 0.5, np.full(6, 1e-3), 1.0)
+
+
+def test_a_law_that_does_not_know_its_payload_is_told_of_the_middle_of_its_set(tmp_path: Path, certified: Any) -> None:
+    asked = certified(3e-3)
+    first, last = refusal.unproved(trials(tmp_path), CHOICE, NONE, None).would_do
+    assert first.words == "a law that is told of 1 kg at its tip"
+    assert first.changes == {"robot.nominal.load": {"mass": 1.0, "center": [0.0, 0.0, 0.1]}}
+    assert last.changes == {"wishes.proof": "checked"}
+    assert [one.robot.nominal.load.mass for one in asked] == [1.0, 1.0]
+
+
+@pytest.mark.parametrize("radius", [None, 1e3], ids=["no radius", "one beyond the envelope"])
+def test_nothing_is_promised_of_a_payload_that_would_not_do(tmp_path: Path, certified: Any, radius: Any) -> None:
+    certified(radius)
+    (only,) = refusal.unproved(trials(tmp_path), CHOICE, NONE, None).would_do
+    assert only.changes == {"wishes.proof": "checked"}
+
+
+def test_a_law_that_knows_of_a_payload_is_not_told_again(tmp_path: Path, certified: Any) -> None:
+    asked = certified(1e-4)
+    assert len(refusal.unproved(trials(tmp_path, told=True), CHOICE, NONE, None).would_do) == 1
+    assert not asked
