@@ -31,7 +31,7 @@ sensor: {resolution: 1.0e-5, velocity: differenced}
 actuator: {torque: 60, rate: 4000}
 simulation: {period: 2.0e-3, substeps: 2, t1: 2.4}
 uncertainty: {robot.plant.masses: {around: 20 %, each: joint}, start.q: {around: 0.1, each: joint}}
-wishes: {deadline: 1.2, torque_step: 5}
+wishes: {deadline: 1.2, torque_step: 6}
 """
 
 
@@ -64,7 +64,7 @@ def test_what_it_writes_runs_as_it_is_and_holds_in_cases_that_it_has_not_seen(
     assert scenario.period == 2e-3 and scenario.controller.monitor is not None
     family = Family.of(scenario.description)
     rows = Runner(Task.of(family, "auto"), 64).rows(0, family.space.values(points(9, 0, 64, family.space.dimensions)))
-    assert np.all(rows["margin"] > 0) and np.all(rows["steady_torque_step"] < 5)
+    assert np.all(rows["margin"] > 0) and np.all(rows["steady_torque_step"] < 6)
 
 
 def test_4_and_a_reason_where_the_drives_are_too_weak(requirements: Path, tmp_path: Path) -> None:

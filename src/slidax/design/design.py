@@ -18,7 +18,7 @@ from slidax.studies.search.island import require_cmaes
 
 from .aim import CALM, DRIVEN, OWN, Aim
 from .choice import EXPONENT, LARGEST, OVERSHOOT, Choice, Frame, frame_of
-from .proof import WIDENED, WIDER, Asked, asked_of, boundable, held_for, of_the_rate, radius_of
+from .proof import WIDENED, WIDER, Asked, asked_of, boundable, of_the_rate, radius_of
 from .refusal import Refused, of_accuracy, of_deadline, of_torque, of_torque_step, unproved
 from .requirements import Requirements
 from .search import LEAST_MARGIN, MANY, MOST, SPARE, coarse, fine, narrowest
@@ -230,8 +230,7 @@ def _checked(
         wild = 1.0 if wished is None else check.bound.get("steady_torque_step", 0.0) / wished
         if check.holds is not False and wild <= 1.0:
             found: Proof = "certified" if proved else "checked"
-            told = held_for(rate, choice.final)
-            made = Designed(description, found, trials.frame, choice, worst, asked, told, check, trials.runs)
+            made = Designed(description, found, trials.frame, choice, worst, asked, rate, check, trials.runs)
             kept = made if kept is None or made.spared > kept.spared else kept
             if not best or check.holds is None or made.spared >= ENOUGH:
                 return made

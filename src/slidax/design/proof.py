@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -90,14 +90,3 @@ def radius_of(verdict: Verdict | None) -> Floats | None:
         return None
     found = np.asarray(verdict.bound["required_radius"], float)
     return found if np.isfinite(found).all() and (found > 0).all() else None
-
-
-def held_for(verdict: Verdict | None, final: Floats) -> Verdict | None:
-    """The same with the final radii that it holds for, if it does, in place of those that its bound asks for.
-
-    - `verdict`: of `loop_rate`.
-    - `final`: ρ∞ of the law that it is about [n].
-    """
-    if verdict is None or not verdict.holds:
-        return verdict
-    return replace(verdict, bound={**verdict.bound, "required_radius": np.asarray(final, float)})

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 from dataclasses import replace
 
 import jax.numpy as jnp
@@ -93,3 +94,15 @@ def test_the_premises_of_the_closed_form_are_told_apart(scenario):
     assert not np.any(calm.slim) and not np.any(calm.unruly)
     hasty = Narrowing.of(drawn, sides, period=1e-3, horizon=1.0, times=np.arange(7000) * 1e-3)
     assert np.any(hasty.slim) and np.all(hasty.unruly)
+
+
+def test_an_envelope_that_holds_asks_for_none_that_is_wider(scenario, monkeypatch):
+    asked = demand(scenario, until=5.2, ratio=1.04, stray=0.05, coupling=0.0, members=1)
+    final = np.asarray(scenario.controller.step.transformation.performance.final)
+    monkeypatch.setattr(importlib.import_module("slidax.certificates.loop.loop_rate"), "_asked_radius", lambda _: wide)
+    wide = np.array([1e-6, 1.0])
+    verdict = loop_rate(scenario, asked, remedies=False)
+    assert verdict.holds
+    np.testing.assert_array_equal(verdict.bound["required_radius"], np.broadcast_to(final, 2))
+    wide = np.array([1e-6, 1e-6])
+    np.testing.assert_array_equal(loop_rate(scenario, asked, remedies=False).bound["required_radius"], wide)

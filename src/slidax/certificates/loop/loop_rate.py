@@ -137,6 +137,10 @@ def _judged(assembly: Setting, found: Certified, listed: list[Assumption], radiu
         **_over_time(assembly, found),
     }
     holds = bool(np.max(worst) < 1.0) and not fails
+    final = np.broadcast_to(np.asarray(assembly.subject.drawn.performance.final), radius.shape)
+    if holds and not (radius <= final).all():
+        # No joint's alone is known to hold with the others' of the envelope that does.
+        bound["required_radius"] = np.array(final)
     return Verdict(NAME, TITLE, holds, float(1.0 - np.max(worst)), bound, listed, statement)
 
 
@@ -167,13 +171,12 @@ def _asked_radius(found: Certified) -> Floats:
 def _least_radius(scenario: Scenario, whole: Proved, chance: float) -> Floats:
     """The smallest final radii that were found to hold, all joints' at once [n]; nan where none is found."""
     assert whole.found is not None
-    final = np.broadcast_to(np.asarray(whole.assembly.subject.drawn.performance.final), whole.assembly.e.shape)
     radius = 1.1 * _asked_radius(whole.found)
     for _ in range(TRIES if scenario.controller.joints <= FEW else 1):
         if _share_of(altered(scenario, {"scheme.performance.final": _rounded(radius)}), chance) < 1.0:
             return np.array(_rounded(radius))
         radius = 1.5 * radius
-    return np.array(final) if np.max(whole.found.share) < 1.0 else np.full_like(final, np.nan)
+    return np.full_like(radius, np.inf if whole.holds else np.nan)
 
 
 def _rounded(radius: Floats) -> list[float]:

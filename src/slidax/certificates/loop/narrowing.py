@@ -63,7 +63,9 @@ class Narrowing:
         """Where N or A is the least that the code allows, so that it is no longer the led envelope [N n]."""
         now = self.radius + self.lead * self.rate
         ahead = now + self.horizon * (self.rate + self.lead * self.curvature)
-        return (now < self.now) | (ahead < self.ahead)
+        # The law's own sums are rounded otherwise than these.
+        rounding = 1e-12 * self.radius
+        return (now < self.now - rounding) | (ahead < self.ahead - rounding)
 
     @property
     def outgrown(self) -> Floats:
