@@ -103,7 +103,9 @@ def warn_of_another_arms(
         return
     torque = np.broadcast_to(np.asarray(drives.torque), state.q.shape)
     least, most = given.get("inverse_inertia_min"), given.get("inverse_inertia_max")
-    if given["kind"] != kind_of(UncertaintyBound) or not np.isfinite(torque).all() or not least or not most:
+    if given["kind"] != kind_of(UncertaintyBound) or not np.isfinite(torque).all():
+        return
+    if least is None or most is None or not 0.0 < least <= most:
         return
     gamma = (most - least) / (most + least)
     u = (given["margin"] + given["b0"] + given["b1"] * float(np.linalg.norm(np.asarray(state.q)))) / (1.0 - gamma)
