@@ -60,8 +60,12 @@ def assert_both_agree(arm, changes):
         assert all(np.isfinite(leaf).all() for leaf in jax.tree.leaves((run.log, run.state)))
     length = min(len(native.log.t), len(xla.log.t))
     assert abs(len(native.log.t) - len(xla.log.t)) <= 1
-    scale = 1e-3 if changes.get("sensor.resolution") else 1e-7
+    rounded, held = changes.get("sensor.resolution"), changes["simulation.mode"] == "held"
+    scale = 1e-3 if rounded else 1e-5 if held else 1e-7
     np.testing.assert_allclose(native.log.state.q[:length], xla.log.state.q[:length], atol=scale)
+    # No difference has had the time to grow.
+    early = length // 3
+    np.testing.assert_allclose(native.log.state.q[:early], xla.log.state.q[:early], atol=1e-3 if rounded else 1e-7)
     first = 2e-12 * np.max(np.abs(xla.log.tau[0]))
     np.testing.assert_allclose(native.log.tau[0], xla.log.tau[0], rtol=0, atol=first)
 
