@@ -14,6 +14,7 @@ from slidax.certificates import Verdict
 from slidax.design import Refused
 from slidax.design.aim import CALM, Aim
 from slidax.design.choice import Choice
+from slidax.design.proof import WIDER
 
 design = sys.modules["slidax.design.design"]
 
@@ -143,12 +144,12 @@ def test_an_envelope_that_is_certified_stays_as_it_is(certified: Any) -> None:
 
 
 def test_an_envelope_is_widened_to_what_its_certificate_asks_for(certified: Any) -> None:
-    assert certified(1.0, 1.01) == (1.0 * design.WIDER, True, 2)
+    assert certified(1.0, 1.01) == (1.0 * WIDER[0], True, 2)
     # Of the wider one more is asked for.
-    assert certified(1.0, 1.1, 1.11) == (1.1 * design.WIDER, True, 3)
+    assert certified(1.0, 1.1, 1.11) == (1.1 * WIDER[1], True, 3)
 
 
 def test_what_would_be_too_wide_or_is_wished_is_not_widened(certified: Any) -> None:
     assert certified(3.0) == (0.5, False, 1)
-    assert certified(0.6, 0.8, 1.2, 1.9) == (0.5, False, 4)
+    assert certified(0.6, 0.7, 0.8, 1.2, 1.9) == (0.5, False, 5)
     assert certified(1.0, accuracy=0.5) == (0.5, False, 1)

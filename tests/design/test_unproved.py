@@ -19,7 +19,7 @@ from slidax.design.trials import Trials
 NONE = Verdict("loop_rate", "", False, None, {}, (), "It grows")
 
 
-def trials(folder: Path, told: bool = False) -> Trials:
+def trials(folder: Path, told: bool = False, accuracy: Any = "best") -> Trials:
     load = {"mass": 1.0, "center": [0.0, 0.0, 0.1]}
     asked: dict[str, Any] = {
         "robot": {"kind": "ur5e", "plant": {"load": load}, "nominal": {"load": load} if told else {}},
@@ -27,7 +27,7 @@ def trials(folder: Path, told: bool = False) -> Trials:
         "actuator": {"torque": "robot"},
         "simulation": {"period": 2e-3, "t1": 1.0},
         "uncertainty": {"robot.plant.load.mass": {"between": [0.8, 1.2]}},
-        "wishes": {"deadline": 0.5, "accuracy": "best", "proof": "certified"},
+        "wishes": {"deadline": 0.5, "accuracy": accuracy, "proof": "certified"},
     }
     path = folder / "asked.yaml"
     path.write_text(yaml.safe_dump(asked), encoding="utf-8")
@@ -61,7 +61,7 @@ CHOICE = Choice(0.01, 1.0, 0.5, np.full(6, 1e-3), 1.0)
 
 def test_a_law_that_does_not_know_its_payload_is_told_of_the_middle_of_its_set(tmp_path: Path, certified: Any) -> None:
     asked = certified(3e-3)
-    first, last = refusal.unproved(trials(tmp_path), CHOICE, NONE, None).would_do
+    first, last = refusal.unproved(trials(tmp_path), CHOICE, NONE).would_do
     assert first.words == "a law that is told of 1 kg at its tip"
     assert first.changes == {"robot.nominal.load": {"mass": 1.0, "center": [0.0, 0.0, 0.1]}}
     assert last.changes == {"wishes.proof": "checked"}
@@ -71,11 +71,36 @@ def test_a_law_that_does_not_know_its_payload_is_told_of_the_middle_of_its_set(t
 @pytest.mark.parametrize("radius", [None, 1e3], ids=["no radius", "one beyond the envelope"])
 def test_nothing_is_promised_of_a_payload_that_would_not_do(tmp_path: Path, certified: Any, radius: Any) -> None:
     certified(radius)
-    (only,) = refusal.unproved(trials(tmp_path), CHOICE, NONE, None).would_do
+    (only,) = refusal.unproved(trials(tmp_path), CHOICE, NONE).would_do
     assert only.changes == {"wishes.proof": "checked"}
 
 
 def test_a_law_that_knows_of_a_payload_is_not_told_again(tmp_path: Path, certified: Any) -> None:
     asked = certified(1e-4)
-    assert len(refusal.unproved(trials(tmp_path, told=True), CHOICE, NONE, None).would_do) == 1
+    assert len(refusal.unproved(trials(tmp_path, told=True), CHOICE, NONE).would_do) == 1
     assert not asked
+
+
+def refused_at(radius: float) -> Verdict:
+    return Verdict("loop_rate", "", False, 0.0, {"required_radius": np.full(6, radius)}, (), "It is wide")
+
+
+def test_an_accuracy_is_named_that_is_certified(tmp_path: Path, certified: Any) -> None:
+    # Of the wider one more is asked for.
+    asked = certified(1.08e-3)
+    found = refusal.unproved(trials(tmp_path, told=True, accuracy=1e-3), CHOICE, refused_at(1.05e-3)).would_do
+    assert [one.words for one in found] == ["an accuracy of 0.00113", "what is checked in simulation alone"]
+    assert found[0].changes == {"wishes.accuracy": [1.134e-3] * 6}
+    assert len(asked) == 2
+
+
+def test_no_accuracy_is_named_where_none_is_certified_or_the_best_was_looked_for(
+    tmp_path: Path, certified: Any
+) -> None:
+    asked = certified(None)
+    laws = trials(tmp_path, told=True, accuracy=1e-3)
+    assert len(refusal.unproved(laws, CHOICE, refused_at(1.05e-3)).would_do) == 1
+    assert len(asked) == 1
+    laws = trials(tmp_path, told=True)
+    assert len(refusal.unproved(laws, CHOICE, refused_at(1.05e-3)).would_do) == 1
+    assert len(asked) == 1

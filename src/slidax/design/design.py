@@ -18,7 +18,7 @@ from slidax.studies.search.island import require_cmaes
 
 from .aim import CALM, DRIVEN, OWN, Aim
 from .choice import EXPONENT, LARGEST, OVERSHOOT, Choice, Frame, frame_of
-from .proof import WIDENED, WIDER, Asked, asked_of, boundable, of_the_rate, radius_of
+from .proof import Asked, asked_of, boundable, of_the_rate, widened
 from .refusal import Refused, of_accuracy, of_deadline, of_torque, of_torque_step, unproved
 from .requirements import Requirements
 from .search import LEAST_MARGIN, MANY, MOST, SPARE, coarse, fine, narrowest
@@ -223,7 +223,7 @@ def _checked(
             choice, rate = _certified(requirements, trials, choice)
         proved = rate is not None and bool(rate.holds)
         if requirements.wishes.proof == "certified" and not proved:
-            return unproved(trials, choice, rate, radius_of(rate))
+            return unproved(trials, choice, rate)
         say(f"{2 * runs} cases that were not seen before")
         description = _described(requirements, trials.frame, choice, worst)
         check, hard = tried(description.build("design"), runs, seed=1 + turn)
@@ -254,21 +254,11 @@ def _certified(requirements: Requirements, trials: Trials, choice: Choice) -> tu
     def rate_of(choice: Choice) -> Verdict | None:
         return of_the_rate(_described(requirements, trials.frame, choice).build("design"))
 
+    rate = rate_of(choice)
     if requirements.wishes.accuracy != "best":
-        return choice, rate_of(choice)
-    first = rate = rate_of(choice)
-    wide = choice
-    for _ in range(WIDENED):
-        radius = radius_of(rate)
-        if rate is None or radius is None or rate.holds:
-            break
-        wider = np.maximum(wide.final, WIDER * radius)
-        if (wider > LARGEST * trials.frame.initial).any():
-            break
-        wide = replace(choice, final=wider)
-        rate = rate_of(wide)
+        return choice, rate
     # An envelope that is wider, and not certified either, is good for nothing.
-    return (wide, rate) if rate is not None and rate.holds else (choice, first)
+    return widened(choice, rate, rate_of, LARGEST * trials.frame.initial) or (choice, rate)
 
 
 def _described(

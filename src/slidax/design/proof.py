@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -19,13 +20,18 @@ from slidax.certificates.loop.jointly import JOINTS, Fineness
 from slidax.certificates.verdict import Verdict
 from slidax.scenarios import Scenario
 
+from .choice import Choice
+
 Floats = NDArray[np.floating[Any]]
 
 COARSE = Fineness(halvings=2, width=32)
 """Of many joints' bounds: a radius is found in less than half the time of `certify`, and is a tenth larger."""
 
-WIDER, WIDENED = 1.02, 3
-"""The final radius over the one that a certificate asks for, and how often it is widened to it."""
+WIDER = (1.02, 1.05, 1.1, 1.2)
+"""The final radius over the one that a certificate asks for, each time that it is widened to it.
+
+What one joint misses moves the others: with the same factor each time, the radii of a UR3 were still just too small.
+"""
 
 
 @dataclass(frozen=True)
@@ -90,3 +96,24 @@ def radius_of(verdict: Verdict | None) -> Floats | None:
         return None
     found = np.asarray(verdict.bound["required_radius"], float)
     return found if np.isfinite(found).all() and (found > 0).all() else None
+
+
+def widened(
+    choice: Choice, rate: Verdict | None, rate_of: Callable[[Choice], Verdict | None], largest: Floats
+) -> tuple[Choice, Verdict] | None:
+    """A law with final radii that `loop_rate` certifies, and what it says of it; None where none was found.
+
+    - `choice`: the law, which stays as it is if it is certified.
+    - `rate`: what `loop_rate` says of it.
+    - `rate_of`: says the same of others.
+    - `largest`: final radii [n].
+    """
+    for factor in WIDER:
+        radius = radius_of(rate)
+        if rate is None or rate.holds or radius is None:
+            break
+        choice = replace(choice, final=np.maximum(choice.final, factor * radius))
+        if (choice.final > largest).any():
+            return None
+        rate = rate_of(choice)
+    return (choice, rate) if rate is not None and rate.holds else None

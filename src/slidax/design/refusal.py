@@ -13,9 +13,9 @@ from slidax.certificates.verdict import Verdict
 from slidax.diagnosis import Remedy
 from slidax.scenarios.load import altered_description
 
-from .choice import LARGEST, Choice
+from .choice import LARGEST, Choice, rounded
 from .missed import Missed, missed_by, missed_in_cases
-from .proof import WIDENED, WIDER, Asked, of_the_rate, radius_of
+from .proof import Asked, of_the_rate, widened
 from .requirements import Requirements
 from .search import LEAST_MARGIN, MANY, SPARE
 from .trials import LOAD, Trials, Worst
@@ -146,13 +146,12 @@ def of_accuracy(trials: Trials, best: Worst, held: Worst | None, check: Verdict 
     return refused(f"{where} cannot be had: {said}", would, missed)
 
 
-def unproved(trials: Trials, choice: Choice, rate: Verdict | None, certified: Any) -> Refused:
+def unproved(trials: Trials, choice: Choice, rate: Verdict | None) -> Refused:
     """A certificate is wished, and there is none.
 
     - `trials`: of which arm.
     - `choice`: the law.
     - `rate`: what `loop_rate` says; None if nothing.
-    - `certified`: the smallest final radii that it certifies; None if there are none.
     """
     unproved = Remedy("what is checked in simulation alone", {"wishes.proof": "checked"})
     if rate is None:
@@ -160,11 +159,17 @@ def unproved(trials: Trials, choice: Choice, rate: Verdict | None, certified: An
     missed = missed_by(rate, trials, choice)
     why = [one for one in ("" if missed is None else missed.in_words(), rate.statement) if one]
     reason = f"a certificate is wished, and `loop_rate` gives none: {'; '.join(why)}"
-    would = [*_told(trials, choice), unproved]
-    if certified is not None:
-        radius = [float(f"{1.05 * one:.2g}") for one in certified]
-        would = [Remedy(f"an accuracy of {max(radius):g}", {"wishes.accuracy": radius}), *would]
-    return refused(reason, would, missed)
+    return refused(reason, [*_wider(trials, choice, rate), *_told(trials, choice), unproved], missed)
+
+
+def _wider(trials: Trials, choice: Choice, rate: Verdict) -> Iterator[Remedy]:
+    """Final radii that are certified; where the best are wished, such were looked for before."""
+    if trials.requirements.wishes.accuracy == "best":
+        return
+    found = widened(choice, rate, lambda one: _rate_of(trials, one, {}), LARGEST * trials.frame.initial)
+    if found is not None:
+        radius = rounded(found[0].final)
+        yield Remedy(f"an accuracy of {max(radius):.3g}", {"wishes.accuracy": radius})
 
 
 def _told(trials: Trials, choice: Choice) -> Iterator[Remedy]:
@@ -173,19 +178,20 @@ def _told(trials: Trials, choice: Choice) -> Iterator[Remedy]:
     if path != f"robot.plant.{LOAD}" or (robot.get("nominal") or {}).get("load") is not None:
         return
     mass = float(f"{float(np.mean(trials.cases(MANY)[path][:2])):.3g}")
-    load = {**robot["plant"]["load"], "mass": mass}
-    for _ in range(WIDENED):
-        scheme = trials.frame.scheme(choice)
-        told = altered_description(trials.requirements.scenario(scheme), {"robot.nominal.load": load})
-        rate = of_the_rate(told.build("design"))
-        if rate is not None and rate.holds:
-            yield Remedy(f"a law that is told of {mass:g} kg at its tip", {"robot.nominal.load": load})
-        radius = radius_of(rate)
-        if rate is None or rate.holds or radius is None or trials.requirements.wishes.accuracy != "best":
-            return
-        choice = replace(choice, final=np.maximum(choice.final, WIDER * radius))
-        if (choice.final > LARGEST * trials.frame.initial).any():
-            return
+    told = {"robot.nominal.load": {**robot["plant"]["load"], "mass": mass}}
+    rate = _rate_of(trials, choice, told)
+    if trials.requirements.wishes.accuracy == "best":
+        found = widened(choice, rate, lambda one: _rate_of(trials, one, told), LARGEST * trials.frame.initial)
+        holds = found is not None
+    else:
+        holds = rate is not None and bool(rate.holds)
+    if holds:
+        yield Remedy(f"a law that is told of {mass:g} kg at its tip", told)
+
+
+def _rate_of(trials: Trials, choice: Choice, changes: dict[str, Any]) -> Verdict | None:
+    scenario = trials.requirements.scenario(trials.frame.scheme(choice))
+    return of_the_rate(altered_description(scenario, changes).build("design"))
 
 
 def _rates(trials: Trials, best: Worst) -> Iterator[Remedy]:
