@@ -129,14 +129,17 @@ def a_start(robot):
 @EVERY
 def test_an_unforced_arm_keeps_its_energy_to_the_integrators_order(robot):
     start = a_start(robot)
+    # Six joints tumble, and the error changes its sign from one number of steps to the next.
+    halvings = 3 if robot.joints >= 6 else 1
     # The number of steps is an array, or each number would be compiled by itself.
-    ends = [moved_freely(robot, start, jnp.asarray(5.0), jnp.asarray(steps)) for steps in (10_000, 20_000)]
+    numbers = (10_000, 10_000 * 2**halvings)
+    ends = [moved_freely(robot, start, jnp.asarray(5.0), jnp.asarray(steps)) for steps in numbers]
     energy, potential = energies(robot, jax.tree.map(lambda *x: jnp.stack(x), start, *ends))
     coarse, fine = np.abs(energy[1:] - energy[0])
     scale = max(1.0, float(np.abs(energy[0])), float(np.max(energy[1:] - potential[1:])))
     assert abs(float(ends[1].q[0] - start.q[0])) > 0.1
     assert fine < 1e-6 * scale
-    assert fine < coarse / 2**3.5 or fine < 1e-10 * scale
+    assert fine < coarse / 2 ** (3.5 if halvings == 1 else 3.0 * halvings) or fine < 1e-10 * scale
 
 
 @EVERY
