@@ -52,12 +52,12 @@ class Counted:
             self.notes.append(f"{where}: {int(beyond.sum())} of {each.size} beyond, {np.max(each):.6g}")
 
     def row(self, name: str, what: str) -> str:
-        """A line of the table.
+        """A line of the table; empty where nothing was tried.
 
         - `name`: of the certificate.
         - `what`: is compared.
         """
         joints = f"{min(self.joints)} to {max(self.joints)}" if len(self.joints) > 1 else str(*self.joints)
-        nearest = f"{self.nearest:.3f}" if self.cases else ""
-        numbers = f"{self.cases} | {self.exceeded} | {nearest} | {self.refused} | {self.missed}"
-        return f"| `{name}` | {what} | {joints} | {numbers} |"
+        compared = f"{self.cases} | {self.exceeded} | {self.nearest:.3f}" if self.cases else " | | "
+        unpromised = f"{self.refused} | {self.missed}" if self.refused + self.missed else " | "
+        return f"| `{name}` | {what} | {joints} | {compared} | {unpromised} |"
