@@ -202,3 +202,23 @@ except DefinitionError as error:
     print(error)
 """
     assert 'jax.config.update("jax_enable_x64", True)' in in_a_fresh_interpreter(code)
+
+
+def test_32_bit_numbers_are_refused_by_states_certificates_and_designs() -> None:
+    code = """
+import numpy as np
+from slidax._errors import DefinitionError
+from slidax.certificates import certify
+from slidax.design import design, read_requirements
+from slidax.scenarios import load
+from slidax.simulation.states import states_of
+from tests.paper import plant_4_1
+asked = read_requirements("examples/design/two-link.yaml")
+scenario, robot = load("example-4.1"), plant_4_1().robot
+for ask in (lambda: states_of(robot, np.zeros((1, 2))), lambda: certify(scenario), lambda: design(asked)):
+    try:
+        ask()
+    except DefinitionError as error:
+        print(error)
+"""
+    assert in_a_fresh_interpreter(code).count('jax.config.update("jax_enable_x64", True)') == 3

@@ -8,6 +8,7 @@ from functools import lru_cache, wraps
 from typing import Any
 
 from slidax._errors import DefinitionError
+from slidax.numerics import require_64_bits
 from slidax.scenarios import Scenario
 
 from .admissibility import admissibility
@@ -105,8 +106,9 @@ def certify(
     - `known`: answers for this scenario that are there already, which are not asked for again.
 
     Raises DefinitionError if the scenario was changed in Python, so that no file says what it is, or its block
-    `uncertainty` is invalid.
+    `uncertainty` is invalid, or JAX has 32-bit numbers.
     """
+    require_64_bits()
     if scenario.changed:
         raise DefinitionError(
             f"`{scenario.name}` was changed by `replace` ({', '.join(scenario.changed)}): certify a scenario as `load` "

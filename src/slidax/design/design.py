@@ -13,6 +13,7 @@ from slidax.certificates import Verdict
 from slidax.certificates.extent import starts_of
 from slidax.certificates.statistical import tried
 from slidax.commissioning.text import WIDTH
+from slidax.numerics import require_64_bits
 from slidax.scenarios import ScenarioDescription
 from slidax.studies.search.island import require_cmaes
 
@@ -97,10 +98,12 @@ def design(requirements: Requirements, *, runs: int = RUNS, say: Say = _unheard)
     - `runs`: random cases of the check at the end.
     - `say`: is told what is done.
 
-    Raises DefinitionError if the requirements contradict themselves, or the package for searches is missing.
+    Raises DefinitionError if the requirements contradict themselves, the package for searches is missing, or JAX has
+    32-bit numbers.
     """
     # The search for the worst case comes last, after minutes.
     require_cmaes()
+    require_64_bits()
     frame, first = _begin(requirements)
     say("what the motion and the set ask of the drives")
     asked = _asked(requirements, frame, first)

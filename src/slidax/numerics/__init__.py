@@ -12,6 +12,7 @@ from .once import once as once
 from .power import power as power
 from .power import sig as sig
 from .power import sig_and_slope as sig_and_slope
+from .precision import require_64_bits as require_64_bits
 from .runge_kutta import runge_kutta_4 as runge_kutta_4
 from .saturation import saturation as saturation
 from .semi_implicit_euler import semi_implicit_euler as semi_implicit_euler

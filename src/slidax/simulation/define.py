@@ -12,6 +12,7 @@ from jaxtyping import Array
 from slidax._errors import DefinitionError, is_traced, require_joints
 from slidax._types import Envelope, Reference, State
 from slidax.controllers import AbstractController, SampledData
+from slidax.numerics import require_64_bits
 from slidax.trajectories import AbstractTrajectory
 from slidax.transformations import PrescribedPerformance
 
@@ -43,10 +44,7 @@ def define_loop(
 
     Raises DefinitionError if they do not fit.
     """
-    if not jax.config.read("jax_enable_x64"):
-        raise DefinitionError(
-            'slidax needs 64-bit numbers: call jax.config.update("jax_enable_x64", True) before anything else'
-        )
+    require_64_bits()
     if log_every is not None and not 1 <= log_every <= MOST_SAMPLES:
         raise DefinitionError(f"`log_every` must be in [1, {MOST_SAMPLES:.0e}], or None for no log; got {log_every}")
     require_fitting(plant, controller, trajectory, state0, tube, stepping=stepping)

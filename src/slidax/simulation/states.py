@@ -14,6 +14,7 @@ from jaxtyping import Array
 from numpy.typing import NDArray
 
 from slidax.codegen import NoNativeCodeError, llvm, trace
+from slidax.numerics import require_64_bits
 from slidax.robots import AbstractRobot, Articulated
 
 from .signature import LoopSignature
@@ -50,7 +51,10 @@ def states_of(robot: AbstractRobot, q: Numbers, dq: Numbers | None = None) -> St
 
     - `robot`: the robot.
     - `q`, `dq`: positions and velocities [k n]; at rest if not given.
+
+    Raises DefinitionError where JAX has 32-bit numbers.
     """
+    require_64_bits()
     moving = [q, np.zeros_like(q) if dq is None else dq]
     arrays, static = eqx.partition(robot, eqx.is_array)
     if llvm.available():
