@@ -46,3 +46,9 @@ def given_back(own: Path) -> None:
     for file in own.glob("*-cache"):
         os.replace(file, own.parent / file.name)
     shutil.rmtree(own, ignore_errors=True)
+
+
+def pieces_of_memory() -> int:
+    """How many this process has mapped: each compiled program takes several, and Linux allows 65 530; 0 elsewhere."""
+    maps = Path("/proc/self/maps")
+    return maps.read_bytes().count(b"\n") if maps.exists() else 0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 from pathlib import Path
 
 import jax
@@ -29,6 +30,9 @@ settings.load_profile("slidax")
 
 OWN = pytest.StashKey[Path]()
 
+MOST_PIECES = 25_000
+"""Of memory, that a process has mapped: Linux allows 65 530, and the next test may need thousands."""
+
 
 def pytest_configure(config: pytest.Config) -> None:
     """Most of a day's run goes into compilers: so they do little, and what XLA has done is kept for the next run.
@@ -51,6 +55,13 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
         if item.nodeid in long:
             item.add_marker(pytest.mark.full)
+
+
+def pytest_runtest_teardown(item: pytest.Item) -> None:
+    """The long version compiles so much that Linux would refuse LLVM another piece of memory, and the process dies."""
+    if item.config.getoption("markexpr") != "not full" and compiled_code.pieces_of_memory() > MOST_PIECES:
+        jax.clear_caches()
+        gc.collect()
 
 
 def pytest_unconfigure(config: pytest.Config) -> None:
