@@ -95,6 +95,16 @@ def plain(word: object) -> str:
     return shown(word)[1:-1] if isinstance(word, str) else shown(word)
 
 
+def counted(number: int, noun: str, plural: str = "") -> str:
+    """A number with its noun, "1 run" or "2 runs".
+
+    - `number`: how many.
+    - `noun`: of one.
+    - `plural`: of several; the noun with an s if not given.
+    """
+    return f"{number} {noun if number == 1 else plural or noun + 's'}"
+
+
 def is_traced(tree: Any) -> bool:
     """True inside `jit`, `vmap` or `grad`, where values are not known and so cannot be checked.
 

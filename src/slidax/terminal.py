@@ -13,7 +13,7 @@ from slidax.metrics import envelope_violations, metrics_of, short_names, summary
 from slidax.papers.indices import INDICES
 
 if TYPE_CHECKING:
-    from slidax.certificates import Certificates
+    from slidax.certificates import Certificates, Verdict
     from slidax.deploy.robot_loop import Looped
     from slidax.metrics import Metric
     from slidax.reports import Rival
@@ -202,12 +202,12 @@ def print_certificates(found: Certificates) -> None:
         table.add_column(name, justify="right" if name == "margin" else "left", overflow="fold")
     for one in found:
         bound = "; ".join(one.bound_in_words)
-        table.add_row(Text(one.title), Text(one.answer, style=ANSWERS[one.answer]), _cell(one.margin), Text(bound))
+        table.add_row(Text(one.title), Text(one.answer, style=_style(one)), _cell(one.margin), Text(bound))
     console.print(Text(found.scenario, style="bold"))
     console.print(table)
     for one in found:
         console.print()
-        console.print(Text(one.name, style="bold"), Text(one.answer, style=ANSWERS[one.answer]))
+        console.print(Text(one.name, style="bold"), Text(one.answer, style=_style(one)))
         console.print(Text(f"  {one.statement}"), soft_wrap=True)
         for assumption in one.assumptions:
             style = "red" if assumption.status == "fails" else ""
@@ -249,5 +249,10 @@ def print_loop(parts: Scenario, done: Looped) -> None:
     console.print("\n" + "\n".join(lines), soft_wrap=True)
 
 
-ANSWERS = {"yes": "green", "no": "bold red", "-": ""}
-"""How each answer is written."""
+def _style(one: Verdict) -> str:
+    """Green if it holds, yellow if only from a time on, red if it does not hold."""
+    if one.holds is None:
+        return ""
+    if not one.holds:
+        return "bold red"
+    return "green" if one.since is None else "yellow"

@@ -14,7 +14,7 @@ from slidax.certificates.continuous import settling_time, ultimate_bound
 
 from .commands import in_process
 
-KEYS = {"name", "holds", "margin", "bound", "assumptions", "statement", "remedy"}
+KEYS = {"name", "holds", "since", "margin", "bound", "assumptions", "statement", "remedy"}
 
 
 def only(monkeypatch: pytest.MonkeyPatch, *certificates: Any) -> None:

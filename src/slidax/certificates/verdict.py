@@ -44,6 +44,7 @@ class Verdict:
     - `assumptions`: what it stands on.
     - `statement`: one sentence with the numbers and the equation.
     - `remedies`: the smallest changes that would make it hold, the best first; empty if it holds.
+    - `since`: time from which it holds [s]; None for the whole run, or if it does not hold.
     """
 
     name: str
@@ -54,6 +55,7 @@ class Verdict:
     assumptions: Sequence[Assumption]
     statement: str
     remedies: Sequence[Remedy] = field(default=())
+    since: float | None = None
 
     def __post_init__(self) -> None:
         if self.holds and any(one.status == "fails" for one in self.assumptions):
@@ -61,7 +63,9 @@ class Verdict:
 
     @property
     def answer(self) -> str:
-        """`yes`, `no`, or `-` where it does not apply."""
+        """`yes`, `no`, `from 0.5 s` where it holds from a time on, or `-` where it does not apply."""
+        if self.holds and self.since is not None:
+            return f"from {self.since:.3g} s"
         return "-" if self.holds is None else "yes" if self.holds else "no"
 
     @property
@@ -82,6 +86,7 @@ class Verdict:
         return {
             "name": self.name,
             "holds": self.holds,
+            "since": _plain(self.since),
             "margin": _plain(self.margin),
             "bound": {name: _plain(value) for name, value in self.bound.items()},
             "assumptions": [

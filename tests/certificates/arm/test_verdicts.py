@@ -7,7 +7,7 @@ import pytest
 from slidax.certificates.arm import demand, robust_torque, torque_budget, uncertainty_bound
 from slidax.certificates.arm.members import Members
 from slidax.certificates.arm.torque_budget import along_the_motion
-from slidax.certificates.arm.uncertainty_bound import samples_of
+from slidax.certificates.arm.uncertainty_bound import Samples, samples_of, used
 from slidax.scenarios import load
 from slidax.scenarios.load import altered
 
@@ -85,8 +85,36 @@ def test_a_start_on_the_reference_reaches_no_limit_and_one_far_from_it_does():
     reference = far.trajectory.reference(jnp.zeros(()))
     start = {"start.q": np.asarray(reference.q).tolist(), "start.dq": np.asarray(reference.dq).tolist()}
     near = torque_budget(load("example-4.1-1khz", SHORT | start | {"disturbance.scale": 0.0, "actuator.rate": 1e6}))
-    assert torque_budget(far).holds is False
-    assert near.holds, near.statement
+    reached = torque_budget(far)
+    assert near.holds and near.since is None, near.statement
+    assert reached.holds and reached.since == max(reached.bound["free_after"]) > 0.0
+    assert reached.answer == f"from {reached.since:.3g} s"
+    assert reached.margin > 0.1
+
+
+def test_a_limit_that_is_still_reached_when_the_way_ends_holds_from_no_time():
+    # The drives can just hold the motion, and chatter at their rate limit to the end.
+    scenario = load("example-4.1-1khz", SHORT | {"actuator.rate": 600.0})
+    verdict = torque_budget(scenario)
+    assert verdict.holds is False and verdict.since is None
+    assert verdict.margin is None
+    assert "up to the end" in verdict.statement
+
+
+def test_zero_bounds_need_no_share_that_is_no_number():
+    samples = Samples(*(np.array([1.0, 2.0]) for _ in range(4)))
+    assert used(np.zeros(3), 0.0, samples) == np.inf
+    assert used(np.zeros(3), 1.0, samples) == 0.0
+    assert used(np.array([4.0, 0.0, 0.0]), 0.0, samples) == 0.5
+
+
+@MEANT
+def test_a_law_in_sampled_data_form_shows_no_share_of_bounds_that_it_does_not_use():
+    verdict = uncertainty_bound(
+        load("example-4.1-1khz", SHORT | {f"scheme.bound.{b}": 0.0 for b in ("b0", "b1", "b2")})
+    )
+    assert verdict.holds is None and verdict.answer == "-"
+    assert all(abs(number) < 1e6 for number in verdict.bound.values())
 
 
 def test_drives_without_limits_have_no_budget():

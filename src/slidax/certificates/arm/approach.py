@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import equinox as eqx
@@ -64,6 +64,14 @@ class Approach:
         """The largest |τ(k+1) - τ(k)| of each joint [n]."""
         found: Floats = np.nanmax(np.abs(np.diff(self.tau, axis=1)), axis=(0, 1))
         return found
+
+    def after(self, time: float) -> Approach:
+        """The part of the way from a time on.
+
+        - `time`: [s].
+        """
+        late = self.t >= time
+        return replace(self, tau=self.tau[:, late], t=self.t[late])
 
     def reached(self, limit: Floats, change: Floats) -> Flags:
         """Whether each joint was at a limit [n].

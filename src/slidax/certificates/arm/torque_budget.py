@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from slidax._errors import DefinitionError
+from slidax._errors import DefinitionError, counted
 from slidax.diagnosis import Remedy
 from slidax.scenarios import Scenario
 from slidax.scenarios.family import Family
@@ -24,6 +24,9 @@ from .motion import Belief, Motion
 
 NAME, TITLE = "torque_budget", "the drives can give it"
 
+FREE = 0.1
+"""Share of the simulated way, its last part, in which no limit may be reached."""
+
 LONGER = (1.5, 2.0, 3.0, 4.0)
 """Times the deadline, in the search for one with which no limit is reached."""
 
@@ -32,8 +35,8 @@ def torque_budget(scenario: Scenario, demand: Demand | None = None, family: Fami
     """Is the torque that the set can ask for, and its change from sample to sample, within the limits of the drives?
 
     Along the motion it is computed: `τ = M̂ (q̈_r - w*) + n̂` of each member. On the way from the start to the reference
-    it is simulated, for members and starts at ends of the set. Where a limit is reached the proofs of the other
-    certificates do not apply until it is left again.
+    it is simulated, for members and starts at ends of the set. A limit that is reached only there leaves the verdict
+    `holds` with `since`, the time from which no limit is reached: the other certificates apply from then on.
 
     - `scenario`: with limits in `actuator`.
     - `demand`: what its set asks for; found if not given.
@@ -52,29 +55,36 @@ def torque_budget(scenario: Scenario, demand: Demand | None = None, family: Fami
     used = np.maximum(torque / limit, step / change)
     reached = approach.reached(limit, change)
     steady = float(used.max())
-    holds = bool(steady < 1.0 and not reached.any() and approach.ended)
-    share = max(steady, float(np.max(approach.peak / limit)), float(np.max(approach.step / change)))
+    free_after = approach.free_after(limit, change)
+    since = float(np.max(free_after)) if reached.any() else None
+    free = approach.ended and (since is None or since <= (1.0 - FREE) * approach.until)
+    holds = bool(steady < 1.0 and free)
+    rest = approach if since is None or not free else approach.after(since)
+    share = max(steady, float(np.max(rest.peak / limit)), float(np.max(rest.step / change)))
+    # A limit that is reached leaves no number: its share is 1 but for rounding.
+    margin = 1.0 - share if free or steady >= 1.0 else None
     braking = room_to_brake(scenario, members, limit, torque)
     found: dict[str, Any] = {
         "torque": torque,
         "torque_step": step,
         "approach_torque": approach.peak,
         "approach_torque_step": approach.step,
-        "free_after": approach.free_after(limit, change),
+        "free_after": free_after,
         "acceleration_left": braking.acceleration,
         "recovery_room": braking.room(approach.error, approach.error_rate),
         "braking_speed": braking.speed(scenario),
     }
-    assumptions = [*demand.assumptions, _of_approach(approach, reached)]
+    assumptions = [*demand.assumptions, _of_approach(approach, since, free)]
     return Verdict(
         NAME,
         TITLE,
         holds,
-        1.0 - share,
+        margin,
         found,
         assumptions,
-        _statement(members, used, torque, limit, step, change, reached, found["free_after"]),
+        _statement(members, used, torque, limit, step, change, reached, free_after, free),
         [] if holds else _remedies(scenario, family, steady, limit, change, torque, step),
+        since if holds else None,
     )
 
 
@@ -113,12 +123,17 @@ def limits_of(scenario: Scenario, joints: int) -> tuple[Floats, Floats]:
     return torque, rate
 
 
-def _of_approach(approach: Approach, reached: Flags) -> Assumption:
-    text = (
-        f"the way to the reference: {approach.runs} members and starts at ends of the set, simulated for "
-        f"{approach.until:.3g} s"
+def _of_approach(approach: Approach, since: float | None, free: bool) -> Assumption:
+    runs = (
+        f"{counted(approach.runs, 'simulated run')} of {approach.until:.3g} s, with arms and starts at ends of the set"
     )
-    return Assumption(text, "fails" if reached.any() or not approach.ended else "checked")
+    if not approach.ended:
+        return Assumption(f"the way to the reference: not every run reaches its end, of {runs}", "fails")
+    if since is None:
+        return Assumption(f"the way to the reference: no limit is reached in {runs}", "checked")
+    if free:
+        return Assumption(f"the way to the reference: limits are reached until {since:.3g} s in {runs}", "checked")
+    return Assumption(f"the way to the reference: limits are reached up to its end in {runs}", "fails")
 
 
 def _statement(
@@ -130,6 +145,7 @@ def _statement(
     change: Floats,
     reached: Flags,
     free_after: Floats,
+    free: bool,
 ) -> str:
     robot = members.plant.robot
     joint = int(np.argmax(used))
@@ -140,10 +156,12 @@ def _statement(
     )
     if not reached.any():
         return f"{said}; on the way to it no limit is reached"
-    first = int(np.argmax(np.where(reached, free_after, -1.0)))
+    last = robot.joint_names[int(np.argmax(np.where(reached, free_after, -1.0)))]
+    if not free:
+        return f"{said}; on the way to it limits are reached up to the end of the simulation, the last by `{last}`"
     return (
-        f"{said}; on the way to it limits are reached until t = {float(np.max(free_after)):.3g} s, the last by "
-        f"`{robot.joint_names[first]}`: the other certificates apply from then on"
+        f"{said}; limit reached until {float(np.max(free_after)):.3g} s on the way to it, the last by `{last}`: the "
+        "other certificates apply from then on"
     )
 
 

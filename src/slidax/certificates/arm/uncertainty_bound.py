@@ -68,15 +68,12 @@ def uncertainty_bound(scenario: Scenario, family: Family | None = None) -> Verdi
     missed = float(np.max(fresh.lumped - gamma * fresh.torque - _known(least, fresh)))
     enough = least + np.array([max(missed, 0.0), 0.0, 0.0])
     given = np.array([float(bound.b0), float(bound.b1), float(bound.b2)])
-    both = [(one.lumped - gamma * one.torque) / np.maximum(_known(given, one), 1e-300) for one in (samples, fresh)]
-    share = float(max(one.max() for one in both))
     numbers = {
         "gamma": gamma,
         "b0": float(enough[0]),
         "b1": float(enough[1]),
         "b2": float(enough[2]),
         "held_out": max(missed, 0.0),
-        "share": share,
     }
     count = len(samples.lumped)
     text = (
@@ -90,16 +87,17 @@ def uncertainty_bound(scenario: Scenario, family: Family | None = None) -> Verdi
     if isinstance(scenario.controller, SampledData):
         said = f"in sampled-data form u need only cover what the model lacks on the motion (`robust_torque`); {found}"
         return Verdict(NAME, TITLE, None, None, numbers, (Assumption(text, "checked"),), said)
+    share = max(used(given, gamma, samples), used(given, gamma, fresh))
     holds = share <= 1.0
-    said = (
-        f"the law's b0, b1, b2 are {'enough' if holds else 'too small'} (19), {share:.0%} of them are needed; {found}"
-    )
+    finite = np.isfinite(share)
+    part = f"{share:.0%} of them are needed" if finite else "they are zero where a bound is needed"
+    said = f"the law's b0, b1, b2 are {'enough' if holds else 'too small'} (19), {part}; {found}"
     return Verdict(
         NAME,
         TITLE,
         holds,
-        1.0 - share,
-        numbers,
+        1.0 - share if finite else None,
+        numbers | ({"share": share} if finite else {}),
         (Assumption(text, "checked"),),
         said,
         [] if holds else [_remedy(enough)],
@@ -162,6 +160,21 @@ def smallest(samples: Samples, gamma: float) -> Floats:
     assert solved.success, solved.message
     found: Floats = np.asarray(solved.x)
     return found
+
+
+def used(numbers: Floats, gamma: float, samples: Samples) -> float:
+    """The largest share of `b0 + b1‖q‖ + b2‖q̇‖²` that samples need; inf where it is 0 and they need more.
+
+    - `numbers`: b0, b1, b2.
+    - `gamma`: γ.
+    - `samples`: of the lumped uncertainty.
+    """
+    needs = np.maximum(samples.lumped - gamma * samples.torque, 0.0)
+    bound = _known(numbers, samples)
+    shares = np.where(needs > 0.0, np.inf, 0.0)
+    with np.errstate(over="ignore"):
+        np.divide(needs, bound, out=shares, where=bound > 0.0)
+    return float(shares.max())
 
 
 def _known(numbers: Floats, samples: Samples) -> Floats:

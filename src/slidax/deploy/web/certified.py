@@ -32,6 +32,7 @@ def certificates_of(scenario: Scenario, paths: Sequence[str], rate: bool = False
                 "certificate": name,
                 "title": verdict.title,
                 "holds": verdict.holds,
+                "since": said["since"],
                 "statement": verdict.statement,
                 "margin": said["margin"],
                 "bound": {key: value for key, value in said["bound"].items() if _brief(value)},

@@ -54,7 +54,7 @@
   function lights({ certificates = [], ...others }) {
     const word = { true: "holds", false: "does not hold", null: "does not apply" };
     return element("div", {}, rows(others), element("ul.studio-lights", {}, certificates.map(one => element("li", {},
-      element("span.chip", { text: word[String(one.holds)] ?? "", "data-holds": String(one.holds) }),
+      element("span.chip", { text: (word[String(one.holds)] ?? "") + (one.since ? ` from ${Number(one.since.toPrecision(3))} s on` : ""), "data-holds": String(one.holds) }),
       element("strong", { text: one.name }), ` ${one.statement ?? ""}`,
       one.holds === false && one.remedy ? element("em", { text: ` ${one.remedy}` }) : null))));
   }
