@@ -30,7 +30,8 @@ MESSAGE = {
 }
 ARM = ["shoulder", "elbow"]
 LIMITS = JointLimits([-1.0, -0.1], [3.0, 3.0], [2.0, 1.5], [np.inf, np.inf], [np.inf, np.inf])
-TABLE = Tabulated.through([0.0, 1.0, 2.5], PATH)
+THROUGH = Tabulated.through([0.0, 1.0, 2.5], PATH)
+TABLE = Tabulated(THROUGH.times, THROUGH.coefficients, ("shoulder", "elbow"))
 
 
 def described(trajectory: dict[str, Any]) -> Any:
@@ -111,8 +112,19 @@ def test_a_robot_without_limits_has_none_to_take() -> None:
         ({"kind": "csv"}, "trajectory: needs either `file` or `text`"),
         ({"kind": "csv", "file": "a.csv", "text": CSV}, "trajectory: needs either `file` or `text`"),
         ({"kind": "joint_trajectory", "text": "joint_names: []"}, r"trajectory\.text: must be a JSON object"),
-        ({"kind": "csv", "text": "time,a\n0,1\n1,x"}, "trajectory: the text, line 3, column `a`: `x` is not a number"),
-        ({"kind": "csv", "text": "time,a\n0,0\n1,1"}, "trajectory: moves 1 joints, but the robot has 2"),
+        (
+            {"kind": "csv", "text": "time,joint 2,joint 1\n0,1,0\n1,1,x"},
+            "trajectory: the text, line 3, column `joint 1`: `x` is not a number",
+        ),
+        ({"kind": "csv", "text": "time,a\n0,0\n1,1"}, "trajectory: the text moves 1 joint, `a`, but the robot has 2"),
+        (
+            {"kind": "csv", "text": CSV, "joints": ["elbow"]},
+            r"trajectory\.joints: must have one name for each of the robot's 2 joints, `joint 1`, `joint 2`; got 1",
+        ),
+        (
+            {"kind": "csv", "text": "time,joint 1,joint 2\n0,0,0\n1,0,0", "joints": ["joint 2", "joint 1"]},
+            r"trajectory\.joints: `joint 1` stands in the place of the robot's joint `joint 2`",
+        ),
         (
             {"kind": "quintic", "waypoints": PATH, "velocity": "fast", "acceleration": 1.0},
             r"trajectory\.velocity: must be a number or a list of numbers; got 'fast'",

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from slidax._errors import DefinitionError
+from slidax._errors import DefinitionError, DefinitionWarning
 from slidax.trajectories import Tabulated
 
 CSV = """time,shoulder,elbow
@@ -65,6 +65,85 @@ def test_joints_come_in_the_order_of_the_robot():
     )
 
 
+def test_joints_that_the_robot_does_not_have_are_left_out_with_a_warning():
+    with_finger = "time,finger,shoulder,shoulder.velocity,thumb\n0,.5,0,0,1\n1,.6,1,0,2\n"
+    with pytest.warns(DefinitionWarning, match=r"the text: `finger`, `thumb` are not joints of the robot and are left"):
+        motion = Tabulated.from_csv(with_finger, joints=["shoulder"])
+    same(motion, Tabulated.through([0.0, 1.0], [[0.0], [1.0]], [[0.0], [0.0]]))
+    with pytest.warns(DefinitionWarning, match="`elbow` is not a joint of the robot and is left out"):
+        motion = Tabulated.from_joint_trajectory(message(3), joints=["shoulder"])
+    same(motion, Tabulated.through(TIMES, PLACES[:, :1], SPEEDS[:, :1], CURVES[:, :1]))
+
+
+@pytest.mark.parametrize(
+    ("titles", "joints"),
+    [
+        ('"Elbow ", SHOULDER', ["shoulder", "elbow"]),
+        ("joint_2,Joint1", ["joint 1", "joint 2"]),
+        ("e\u0301paule,arm/base-yaw", ["arm/base-yaw", "\u00e9paule"]),
+        ("b_1,b1", ["b1", "b_1"]),
+    ],
+)
+def test_names_match_without_regard_to_case_spaces_and_quotation_marks(titles, joints):
+    text = f"time,{titles}\n0,1,2\n1,3,5\n"
+    same(Tabulated.from_csv(text, joints=joints), Tabulated.through([0.0, 1.0], [[2.0, 1.0], [5.0, 3.0]]))
+
+
+def test_names_that_become_alike_match_exactly_or_not_at_all():
+    with pytest.raises(DefinitionError, match="lacks the joint `B-1`"):
+        Tabulated.from_csv("time,b_1,b.1,c\n0,1,2,3\n1,2,3,4\n", joints=["c", "B-1"])
+
+
+def test_joints_without_names_take_the_columns_in_order_and_a_warning_says_so():
+    with pytest.warns(DefinitionWarning, match="columns `shoulder`, `elbow` move `joint 1`, `joint 2` in this order"):
+        same(Tabulated.from_csv(CSV, joints=["joint 1", "joint 2"]), Tabulated.through(TIMES, PLACES))
+
+
+def test_units_in_the_titles_are_obeyed():
+    titles = "time [ms],shoulder (deg),elbow [\u00b0],shoulder.velocity [deg/s],elbow.velocity [rpm]"
+    columns = [
+        1e3 * TIMES,
+        np.rad2deg(PLACES[:, 0]),
+        np.rad2deg(PLACES[:, 1]),
+        np.rad2deg(SPEEDS[:, 0]),
+        30 / np.pi * SPEEDS[:, 1],
+    ]
+    lines = [titles, *(",".join(repr(float(x)) for x in row) for row in np.transpose(columns))]
+    motion, expected = Tabulated.from_csv("\n".join(lines)), Tabulated.through(TIMES, PLACES, SPEEDS)
+    np.testing.assert_allclose(motion.times, expected.times, rtol=1e-15)
+    np.testing.assert_allclose(motion.coefficients, expected.coefficients, rtol=1e-12, atol=1e-12)
+
+
+def test_a_length_for_a_joint_that_turns_is_refused():
+    text = "time,a [mm],b [deg]\n0,1,2\n1,2,3\n"
+    Tabulated.from_csv(text, joints=["a", "b"], units=["m", "rad"])
+    with pytest.raises(DefinitionError, match="the column of `a` is in m, but `a` turns"):
+        Tabulated.from_csv(text, joints=["a", "b"], units=["rad", "rad"])
+
+
+@pytest.mark.parametrize(("unit", "factor"), [("ms", 1e3), ("us", 1e6), ("ns", 1e9)])
+def test_times_in_another_unit_are_suspected_where_the_motion_is_too_slow_and_read_where_it_is_given(unit, factor):
+    t = np.linspace(0.0, 2.0, 101)
+    q = 0.4 * (1 - np.cos(np.pi * t / 2))
+    text = "time,a\n" + "\n".join(f"{factor * x:.9g},{y:.9g}" for x, y in zip(t, q, strict=True))
+    with pytest.warns(DefinitionWarning, match=f"are the times in {unit}\\? Then set `time_unit` to {unit}"):
+        Tabulated.from_csv(text)
+    np.testing.assert_allclose(Tabulated.from_csv(text, time_unit=unit).times, t, rtol=1e-8)
+    assert float(Tabulated.from_csv(text, time_unit="s").until) == pytest.approx(2 * factor)
+    points = [{"positions": [y], "time_from_start": factor * x} for x, y in zip(t, q, strict=True)]
+    given = {"joint_names": ["a"], "points": points}
+    np.testing.assert_allclose(Tabulated.from_joint_trajectory(given, time_unit=unit).times, t, rtol=1e-12)
+
+
+def test_a_unit_that_contradicts_the_data_or_is_none_is_refused():
+    with pytest.raises(DefinitionError, match="the times cannot also be in ms"):
+        Tabulated.from_csv("time [s],a\n0,1\n1,2\n", time_unit="ms")
+    with pytest.raises(DefinitionError, match="`time_unit` must be one of s, ms, us, ns; got 'min'"):
+        Tabulated.from_csv(CSV, time_unit="min")
+    with pytest.raises(DefinitionError, match=r"points\[0\]: `time_from_start` says its own unit"):
+        Tabulated.from_joint_trajectory(message(1, lambda t: {"sec": int(10 * t), "nanosec": 0}), time_unit="ms")
+
+
 def test_limits_go_with_the_joints_of_the_robot():
     with pytest.raises(DefinitionError, match=r"the text: joint `shoulder` would go to -0.3.*below its limit of -0.2"):
         Tabulated.from_csv(CSV, joints=["elbow", "shoulder"], lower=[-1.0, -0.2])
@@ -109,9 +188,12 @@ def test_empty_lists_in_a_message_mean_that_there_is_nothing():
         ("time;a;b\n0;1;2\n", "line 1: columns must be separated by commas"),
         ("t,a\n0,1\n1,2\n", "line 1: there must be a column `time` .*is it `t`"),
         ("time\n0\n1\n", "there must be a column per joint besides `time`"),
-        ("time [ms],a\n0,1\n1,2\n", r"column `time \[ms\]`: must be in s; convert the column and its title"),
-        ("time,a [deg]\n0,1\n1,2\n", r"column `a \[deg\]`: must be in rad or m"),
-        ("time,a,a.velocity [deg/s]\n0,1,0\n1,2,0\n", "must be in rad/s or m/s"),
+        ("time [min],a\n0,1\n1,2\n", r"column `time \[min\]`: the unit must be one of s, sec, ms"),
+        ("time,a [Nm]\n0,1\n1,2\n", r"column `a \[Nm\]`: the unit must be one of rad, m, deg"),
+        ("time,a,a.velocity [rad]\n0,1,0\n1,2,0\n", "the unit must be one of rad/s, m/s"),
+        ('time,"a\n0,0\n1,1\n', "the text, line 3: a quotation mark is not closed"),
+        ('time,"a\n0",b\n0,0,0\n1,1,1\n', "the name of column 2 has a line break: close its quotation mark"),
+        ("TIME,Time [s],a\n0,0,0\n1,1,1\n", r"line 1: the column `Time \[s\]` is there twice"),
         ("time,a,a\n0,1,2\n1,2,3\n", "line 1: the column `a` is there twice"),
         ("time,a,\n0,1,2\n1,2,3\n", "column 3 has no name"),
         (
@@ -123,7 +205,7 @@ def test_empty_lists_in_a_message_mean_that_there_is_nothing():
         ("time,a\n0,1\n1,\n", "line 3, column `a`: there is no number"),
         ("time,a\n0,1\n1,x\n", "line 3, column `a`: `x` is not a number"),
         ("time,a\n0,1\n1,nan\n", "line 3, column `a`: `nan` is not a finite number"),
-        ("time,a\n0,1\n", "the text has 1 rows: a motion needs two or more"),
+        ("time,a\n0,1\n", "the text has 1 row: a motion needs two or more"),
         ("time,a\n0,1\n2,1\n1,1\n", "the text, line 4: time 1 s comes after 2 s: the times must increase"),
         ("# a note\ntime,a\n0,1\n0,2\n", "the text, line 4: .* two rows at one time would be a jump"),
         ("time,a,a.velocity\n0,1,0\n1,2,0.4\n", "line 3: joint `a` has a velocity of 0.4 rad/s .* at its end, t = 1 s"),
@@ -137,9 +219,10 @@ def test_what_is_wrong_in_a_csv_file_is_named_with_line_and_column(text, words):
 @pytest.mark.parametrize(
     ("joints", "words"),
     [
-        (["shoulder", "elbow", "wrist"], "the text lacks the joint `wrist`; there are: `shoulder`, `elbow`"),
-        (["shoulder", "elbov"], "has the joint `elbow`, which the robot does not have; did you mean `elbov`?"),
-        (["shoulder"], "has the joint `elbow`, which the robot does not have"),
+        (["shoulder", "elbow", "wrist"], r"the text lacks the joint `wrist`; there are: `shoulder`, `elbow`\. If the"),
+        (["shoulder", "elbov"], "the text lacks the joint `elbov`; did you mean `elbow`?"),
+        (["hip", "knee"], r"lacks the joints `hip`, `knee`; .* list its names of `hip`, `knee`, in this order, as"),
+        (["joint 1", "joint 2", "joint 3"], "moves 2 joints, `shoulder`, `elbow`, but the robot has 3"),
         (["shoulder", "elbow", "elbow"], "`joints` has the joint `elbow` more than once"),
     ],
 )

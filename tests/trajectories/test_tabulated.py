@@ -220,5 +220,5 @@ def test_a_table_that_makes_no_sense_is_refused(change, words):
 
 
 def test_one_row_alone_says_not_where_the_motion_starts():
-    with pytest.raises(DefinitionError, match="the table has 1 rows: a motion needs two or more"):
+    with pytest.raises(DefinitionError, match="the table has 1 row: a motion needs two or more"):
         Tabulated.through([0.0], [[1.0, 2.0]])

@@ -11,7 +11,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 from pydantic import Field, ValidationError
 
-from slidax._errors import DefinitionError, as_array, located, require_joints
+from slidax._errors import DefinitionError, as_array, counted, located, require_joints
 from slidax._types import State
 from slidax.controllers import AbstractController
 from slidax.numerics import runge_kutta_4, semi_implicit_euler
@@ -29,7 +29,7 @@ from .robots import Arms, RobotDescription
 from .sampled_data import Sampling
 from .scenario import Scenario
 from .schemes import AnyScheme
-from .trajectories import TrajectoryDescription, trajectory_of
+from .trajectories import TrajectoryDescription, trajectory_of, warn_of_units
 from .tube import TubeDescription, tube_of
 from .uncertainty.mapping import Uncertainty
 
@@ -230,7 +230,8 @@ class ScenarioDescription(AbstractDescription):
             trajectory = trajectory_of(self.trajectory, arms.limits, arms.nominal)
             followed = eqx.filter_eval_shape(trajectory.position, jax.ShapeDtypeStruct((), float)).shape
             if followed != (true.joints,):
-                raise DefinitionError(f"moves {followed[0]} joints, but the robot has {true.joints}")
+                raise DefinitionError(f"moves {counted(followed[0], 'joint')}, but the robot has {true.joints}")
+            warn_of_units(self.trajectory, trajectory, self.simulation.t1)
         with located("disturbance"):
             disturbance = self.disturbance.build()
             require_joints(disturbance, true.joints, type(true).__name__)

@@ -2,17 +2,27 @@
 
 from __future__ import annotations
 
+import re
+import warnings
+from collections.abc import Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from slidax._errors import DefinitionError
+from slidax._errors import DefinitionError, DefinitionWarning, counted, located
+from slidax._names import matched, quoted
 from slidax.robots import AbstractRobot
 from slidax.robots.joint_limits import JointLimits
 from slidax.trajectories import AbstractTrajectory, MinimumJerk, Tabulated, Trapezoidal
+from slidax.trajectories.tabulated import TimeUnit
 
 from .base import AbstractDescription, FileName, Numbers, said
 from .derived import union_of
 from .limits import Limit, TrajectoryPart, limits_said
 from .tool_path import ToolPathTrajectory
+from .yaml_text import read_yaml, text_of
+
+LONGER = 100.0
+"""Times the run, which a motion is not by intention."""
 
 
 class WaypointTrajectory(TrajectoryPart):
@@ -84,7 +94,9 @@ class TableTrajectory(TrajectoryPart):
     text: str | None = None
     """What would be in the file, instead of it."""
     joints: list[str] | None = None
-    """Names of the robot's joints in its order; the order of the file if not given."""
+    """The file's names of the robot's joints, in the robot's order; the robot's own names if not given."""
+    time_unit: TimeUnit | None = None
+    """Unit of the times: s, ms, us or ns; the file's own, or s, if not given."""
     start: float | None = said("when the first row is to be", "s", default=None, source="the file")
     lower: Limit | None = said("least positions, or `robot`", "rad or m", default=None, source="not checked")
     upper: Limit | None = said("largest positions, or `robot`", "rad or m", default=None, source="not checked")
@@ -93,9 +105,29 @@ class TableTrajectory(TrajectoryPart):
         "largest acceleration", "rad/s² or m/s²", default=None, source="docs/trajectories.md"
     )
 
-    def _arguments(self, limits: JointLimits | None) -> dict[str, Any]:
+    def _arguments(self, limits: JointLimits | None, robot: AbstractRobot | None) -> dict[str, Any]:
         said = limits_said(self, limits, "lower", "upper", "velocity")
+        if robot is not None:
+            said["joints"] = self._names(robot.joint_names)
         return {name: value for name, value in (self.parameters() | said).items() if name not in ("file", "text")}
+
+    def _names(self, own: Sequence[str]) -> Sequence[str]:
+        """What the file calls the robot's joints, in the robot's order."""
+        if self.joints is None:
+            return own
+        with located("joints"):
+            if len(self.joints) != len(own):
+                raise DefinitionError(
+                    f"must have one name for each of the robot's {counted(len(own), 'joint')}, {quoted(own)}; got "
+                    f"{len(self.joints)}"
+                )
+            for name, place in matched(self.joints, own).items():
+                if own[place] != name:
+                    raise DefinitionError(
+                        f"`{name}` stands in the place of the robot's joint `{own[place]}`; the robot's order is "
+                        f"{quoted(own)}. Leave `joints` out, and each column is found by its name"
+                    )
+        return self.joints
 
     def _source(self) -> str:
         """The path, or the text with a line break, which says that it is the text."""
@@ -111,21 +143,40 @@ class CsvTrajectory(TableTrajectory):
 
     kind: Literal["csv"]
 
-    def build(self, limits: JointLimits | None = None) -> AbstractTrajectory:
-        """The trajectory, with `limits` for the word `robot`."""
-        return Tabulated.from_csv(self._source(), **self._arguments(limits))
+    def build(self, limits: JointLimits | None = None, robot: AbstractRobot | None = None) -> AbstractTrajectory:
+        """The trajectory, with `limits` for the word `robot`, and columns for the joints of `robot`."""
+        units = () if robot is None else robot.joint_units
+        return Tabulated.from_csv(self._source(), units=units, **self._arguments(limits, robot))
 
 
 class JointTrajectory(TableTrajectory):
-    """A motion from a ROS message, trajectory_msgs/JointTrajectory, as JSON."""
+    """A motion from a ROS message, trajectory_msgs/JointTrajectory, as JSON or, in a file, as YAML."""
 
     kind: Literal["joint_trajectory"]
 
-    def build(self, limits: JointLimits | None = None) -> AbstractTrajectory:
-        """The trajectory, with `limits` for the word `robot`."""
+    def build(self, limits: JointLimits | None = None, robot: AbstractRobot | None = None) -> AbstractTrajectory:
+        """The trajectory, with `limits` for the word `robot`, and columns for the joints of `robot`."""
         if self.text is not None and not self.text.lstrip().startswith("{"):
             raise DefinitionError("must be a JSON object, in braces", where="text")
-        return Tabulated.from_joint_trajectory(self._source(), **self._arguments(limits))
+        source = self._source()
+        message = _yaml_message(Path(source)) if self.text is None and source.endswith((".yaml", ".yml")) else source
+        return Tabulated.from_joint_trajectory(message, **self._arguments(limits, robot))
+
+
+def _yaml_message(path: Path) -> dict[str, Any]:
+    """The message in a file as `ros2 topic echo` writes it, which ends each message with a line of `---`."""
+    name = f"`{path.name}`"
+    text = text_of(path, "the file").removeprefix("\ufeff")
+    parts = [part for part in re.split(r"^---\s*$", text, flags=re.M) if part.strip()]
+    if len(parts) != 1:
+        raise DefinitionError(f"{name} must have one message; got {len(parts)}")
+    try:
+        message = read_yaml(parts[0])
+    except DefinitionError as error:
+        raise DefinitionError(f"{name}: {error}") from None
+    if not isinstance(message, dict):
+        raise DefinitionError(f"{name} must be a mapping with `joint_names` and `points`")
+    return message
 
 
 if TYPE_CHECKING:
@@ -151,9 +202,33 @@ def trajectory_of(described: Any, limits: JointLimits | None, robot: AbstractRob
 
     Raises DefinitionError if it makes no sense.
     """
-    if isinstance(described, ToolPathTrajectory):
+    if isinstance(described, ToolPathTrajectory | CsvTrajectory | JointTrajectory):
         return described.build(limits, robot)
     if isinstance(described, WaypointTrajectory):
         described.require_joints(robot.joints)
     found: AbstractTrajectory = described.build(*([limits] if isinstance(described, TrajectoryPart) else []))
     return found
+
+
+def warn_of_units(described: Any, trajectory: AbstractTrajectory, t1: float) -> None:
+    """Warns where a motion from a file is so much longer than the run that its times may not be in seconds.
+
+    - `described`: a member of `TrajectoryDescription`; one that says the unit of its times is believed.
+    - `trajectory`: what it describes.
+    - `t1`: the end of the run [s].
+    """
+    if not isinstance(described, TableTrajectory) or described.time_unit is not None:
+        return
+    assert isinstance(trajectory, Tabulated)
+    until = float(trajectory.until)
+    if until < LONGER * t1:
+        return
+    likely = next((unit for unit, factor in (("ms", 1e-3), ("us", 1e-6), ("ns", 1e-9)) if until * factor < 10 * t1), "")
+    remedy = "set `trajectory.time_unit` to s, or make `simulation.t1` longer"
+    if likely:
+        remedy = f"are its times in {likely}? Then set `trajectory.time_unit` to {likely}, otherwise to s"
+    name = "the text" if described.file is None else f"`{Path(described.file).name}`"
+    warnings.warn(
+        DefinitionWarning(f"trajectory: {name} lasts {until:.4g} s, but the run ends at {t1:.4g} s: {remedy}"),
+        stacklevel=2,
+    )

@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Array
 
 from slidax._errors import DefinitionError, is_traced, require_joints
+from slidax._names import quoted
 from slidax._types import Envelope, Reference, State
 from slidax.controllers import AbstractController, SampledData
 from slidax.numerics import require_64_bits
@@ -92,6 +93,12 @@ def require_fitting(
     shape = eqx.filter_eval_shape(trajectory.position, jax.ShapeDtypeStruct((), float)).shape
     if shape != (n,):
         raise DefinitionError(f"the trajectory gives {list(shape)} positions, but the plant has {n} joints")
+    names = getattr(trajectory, "joint_names", ())
+    if names != plant.robot.joint_names and set(names) == set(plant.robot.joint_names):
+        raise DefinitionError(
+            f"the trajectory's joints are {quoted(names)}, but the robot's order is {quoted(plant.robot.joint_names)}: "
+            "read the motion with `joints=robot.joint_names`"
+        )
     if tube is not None:
         require_joints(tube, n, "the plant")
     try:

@@ -5,6 +5,9 @@ from __future__ import annotations
 import csv
 import io
 import re
+import unicodedata
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -12,37 +15,65 @@ import numpy as np
 from slidax._errors import DefinitionError
 
 from .source_text import source_text
-from .table import Table
+from .table import TIME_UNITS, UNITS, Table, columns_of
+
+ANGLES = ("rad", "deg", "°", "rpm")
+"""How a unit of an angle, or of its rate, begins."""
 
 KINDS = {"": "positions", "velocity": "velocities", "acceleration": "accelerations"}
 """What stands after the dot in the name of a column, and what the column then is."""
 
-UNITS = {
-    "time": ("s",),
-    "": ("rad", "m"),
-    "velocity": ("rad/s", "m/s"),
-    "acceleration": ("rad/s²", "rad/s^2", "rad/s2", "m/s²", "m/s^2", "m/s2"),
-}
+TITLE = re.compile(
+    r"(?P<name>.*?)(?:\.(?P<kind>velocity|acceleration))?\s*(?:\[(?P<unit>.*)\]|\((?P<round>.*)\))?", re.I | re.S
+)
+"""Of a column."""
 
 
-def csv_table(source: str | Path) -> Table:
+@dataclass(frozen=True)
+class Column:
+    """One column of a table.
+
+    - `place`: its number from 0.
+    - `factor`: its unit in SI.
+    - `unit`: rad or m; empty if its title has none.
+    """
+
+    place: int
+    factor: float = 1.0
+    unit: str = ""
+
+
+def csv_table(
+    source: str | Path, joints: Sequence[str] | None = None, time_unit: str | None = None, units: Sequence[str] = ()
+) -> Table:
     """The table in a CSV file: see `Tabulated.from_csv` for its form.
 
     - `source`: path, or the text itself, which has a line break in it.
+    - `joints`: names of the robot's joints in its order; all columns in their order if not given.
+    - `time_unit`: of the times; the title's, or s, if not given.
+    - `units`: of the robot's joints, rad or m; not checked if not given.
 
     Raises DefinitionError, with line and column, if it has not that form.
     """
     name, text = source_text(source, is_text=lambda text: "\n" in text or "\r" in text)
-    reader = csv.reader(io.StringIO(text, newline=""), skipinitialspace=True)
+    reader = csv.reader(io.StringIO(text, newline=""), skipinitialspace=True, strict=True)
     try:
         lines = [(reader.line_num, [cell.strip() for cell in row]) for row in reader]
     except csv.Error as error:
-        raise DefinitionError(f"{name}, line {reader.line_num}: {error}") from None
+        why = "a quotation mark is not closed" if "unexpected end" in str(error) else error
+        raise DefinitionError(f"{name}, line {reader.line_num}: {why}") from None
     lines = [(line, row) for line, row in lines if any(row) and not row[0].startswith("#")]
     if not lines:
         raise DefinitionError(f"{name} is empty: the first line must name the columns, such as `time,shoulder,elbow`")
     (header_line, header), rows = lines[0], lines[1:]
-    columns = _columns(header, f"{name}, line {header_line}")
+    where = f"{name}, line {header_line}"
+    columns, time = _columns(header, where)
+    names = list(columns["positions"])
+    chosen = [names[place] for place in columns_of(name, names, joints)]
+    _require_all_or_none(columns, chosen, where)
+    _require_units(columns["positions"], chosen, joints, units, where)
+    if time_unit is not None and time.unit and time.factor != TIME_UNITS[time_unit]:
+        raise DefinitionError(f"{where}, column `{header[time.place]}`: the times cannot also be in {time_unit}")
     values = np.empty((len(rows), len(header)))
     for index, (line, row) in enumerate(rows):
         if len(row) != len(header):
@@ -52,9 +83,17 @@ def csv_table(source: str | Path) -> Table:
             )
         for column, cell in enumerate(row):
             values[index, column] = _number(cell, f"{name}, line {line}, column `{header[column]}`")
-    joints = list(columns["positions"])
-    parts = {kind: values[:, [columns[kind][joint] for joint in joints]] for kind in KINDS.values() if columns[kind]}
-    return Table(name, tuple(joints), [f"line {line}" for line, _ in rows], values[:, columns["time"]["time"]], **parts)
+    parts = {
+        kind: np.stack(
+            [columns[kind][joint].factor * values[:, columns[kind][joint].place] for joint in chosen], axis=1
+        )
+        for kind in KINDS.values()
+        if all(joint in columns[kind] for joint in chosen)
+    }
+    factor = time.factor if time_unit is None else TIME_UNITS[time_unit]
+    said = time_unit is not None or bool(time.unit)
+    lines_of = [f"line {line}" for line, _ in rows]
+    return Table(name, tuple(joints or chosen), lines_of, factor * values[:, time.place], **parts, unit_is_known=said)
 
 
 def _number(cell: str, where: str) -> float:
@@ -68,47 +107,69 @@ def _number(cell: str, where: str) -> float:
     return number
 
 
-def _columns(header: list[str], where: str) -> dict[str, dict[str, int]]:
-    """Of time, positions, velocities and accelerations, the column of each joint."""
+def _columns(header: list[str], where: str) -> tuple[dict[str, dict[str, Column]], Column]:
+    """Of positions, velocities and accelerations, the column of each joint; and that of the time."""
     if len(header) == 1 and re.search(r"[;\t]", header[0]):
         raise DefinitionError(f"{where}: columns must be separated by commas")
     if all(re.fullmatch(r"[-+.\deE]+", title) for title in header):
         raise DefinitionError(f"{where}: the first line must name the columns, such as `time,shoulder,elbow`")
-    found: dict[str, dict[str, int]] = {kind: {} for kind in ("time", *KINDS.values())}
-    for column, title in enumerate(header):
-        matched = re.fullmatch(r"(?P<name>.*?)(?:\.(?P<kind>velocity|acceleration))?(?:\s*\[(?P<unit>.*)\])?", title)
-        assert matched is not None
-        joint, suffix, unit = matched["name"], matched["kind"] or "", matched["unit"]
+    found: dict[str, dict[str, Column]] = {kind: {} for kind in ("time", *KINDS.values())}
+    for place, title in enumerate(header):
+        if "\n" in title or "\r" in title:
+            raise DefinitionError(f"{where}: the name of column {place + 1} has a line break: close its quotation mark")
+        joint, suffix, unit = _parts_of(title)
         if not joint:
-            raise DefinitionError(f"{where}: column {column + 1} has no name")
-        is_time = joint == "time" and not suffix
-        allowed = UNITS["time" if is_time else suffix]
-        if unit is not None and unit not in allowed:
-            words = " or ".join(allowed[:2])
-            raise DefinitionError(f"{where}, column `{title}`: must be in {words}; convert the column and its title")
-        places = found["time" if is_time else KINDS[suffix]]
-        if joint in places:
+            raise DefinitionError(f"{where}: column {place + 1} has no name")
+        kind = "time" if joint.casefold() == "time" and not suffix else KINDS[suffix]
+        known = TIME_UNITS if kind == "time" else UNITS[kind]
+        key = None if unit is None else unicodedata.normalize("NFKC", unit).casefold().replace("^", "").replace(" ", "")
+        if key is not None and key not in known:
+            raise DefinitionError(f"{where}, column `{title}`: the unit must be one of {', '.join(known)}")
+        si = "" if key is None else "s" if kind == "time" else "rad" if key.startswith(ANGLES) else "m"
+        joint = "time" if kind == "time" else joint
+        if joint in found[kind]:
             raise DefinitionError(f"{where}: the column `{title}` is there twice")
-        places[joint] = column
+        found[kind][joint] = Column(place, 1.0 if key is None else known[key], si)
     if not found["time"]:
-        near = next((title for title in header if title.lower() in ("t", "time", "times", "seconds", "stamp")), None)
+        near = next((title for title in header if title.lower() in ("t", "times", "seconds", "stamp")), None)
         hint = f"; is it `{near}`? Then call it `time`" if near else ""
         raise DefinitionError(f"{where}: there must be a column `time` [s]{hint}")
     if not found["positions"]:
         raise DefinitionError(f"{where}: there must be a column per joint besides `time`, with its positions")
-    _require_all_or_none(found, where)
-    return found
-
-
-def _require_all_or_none(found: dict[str, dict[str, int]], where: str) -> None:
-    """Velocities, and accelerations, for all joints or for none."""
     for suffix, kind in KINDS.items():
         for joint in found[kind]:
             if joint not in found["positions"]:
                 raise DefinitionError(f"{where}: there is `{joint}.{suffix}`, but no column `{joint}` with positions")
-        if found[kind]:
-            for joint in found["positions"]:
-                if joint not in found[kind]:
-                    raise DefinitionError(
-                        f"{where}: the column `{joint}.{suffix}` is missing: give {kind} for all joints, or for none"
-                    )
+    return found, found["time"]["time"]
+
+
+def _parts_of(title: str) -> tuple[str, str, str | None]:
+    """Name, kind and unit of a column. What stands in round brackets is a unit only if it is a known one."""
+    matched = TITLE.fullmatch(title)
+    assert matched is not None
+    unit, other = matched["unit"], matched["round"]
+    if other is not None:
+        if other.strip().casefold() not in {unit for units in (TIME_UNITS, *UNITS.values()) for unit in units}:
+            return title, "", None
+        unit = other
+    return matched["name"].strip(), (matched["kind"] or "").lower(), unit
+
+
+def _require_all_or_none(found: dict[str, dict[str, Column]], chosen: list[str], where: str) -> None:
+    """Velocities, and accelerations, for all joints or for none."""
+    for suffix, kind in KINDS.items():
+        absent = [joint for joint in chosen if joint not in found[kind]]
+        if absent and len(absent) < len(chosen):
+            raise DefinitionError(
+                f"{where}: the column `{absent[0]}.{suffix}` is missing: give {kind} for all joints, or for none"
+            )
+
+
+def _require_units(
+    positions: dict[str, Column], chosen: list[str], joints: Sequence[str] | None, units: Sequence[str], where: str
+) -> None:
+    """No joint that turns is given in m, and none that slides in rad."""
+    for name, joint, unit in zip(chosen, joints or chosen, units, strict=False):
+        if positions[name].unit not in ("", unit):
+            kind = "turns" if unit == "rad" else "slides"
+            raise DefinitionError(f"{where}: the column of `{name}` is in {positions[name].unit}, but `{joint}` {kind}")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from slidax._errors import DefinitionError, shown
 
 from .source_text import source_text
-from .table import Table
+from .table import TIME_UNITS, Table, columns_of
 
 NANOSECONDS = {"sec": "nanosec", "secs": "nsecs"}
 """Seconds and their billionths as ROS 2 and ROS 1 call them."""
@@ -22,10 +22,14 @@ WRAPPERS = ("trajectory", "joint_trajectory")
 """Fields of larger messages that hold a joint trajectory."""
 
 
-def joint_trajectory_table(source: str | Path | Mapping[str, Any]) -> Table:
+def joint_trajectory_table(
+    source: str | Path | Mapping[str, Any], joints: Sequence[str] | None = None, time_unit: str | None = None
+) -> Table:
     """The table in a trajectory_msgs/JointTrajectory.
 
     - `source`: path of a JSON file; or the text itself, which begins with a brace; or the mapping.
+    - `joints`: names of the robot's joints in its order; those of the message in its order if not given.
+    - `time_unit`: of times that are plain numbers; s if not given.
 
     Raises DefinitionError, with the point and the joint, if it is none.
     """
@@ -39,21 +43,23 @@ def joint_trajectory_table(source: str | Path | Mapping[str, Any]) -> Table:
             raise DefinitionError(f"{name} is not valid JSON: line {error.lineno}: {error.msg}") from None
         if not isinstance(message, dict):
             raise DefinitionError(f"{name} must be a JSON object with `joint_names` and `points`")
-    joints, points = _parts(message, name)
+    names, points = _parts(message, name)
+    columns = columns_of(name, names, joints)
     rows = [f"points[{index}]" for index in range(len(points))]
     for row, point in zip(rows, points, strict=True):
         if not isinstance(point, Mapping):
             raise DefinitionError(f"{name}, {row}: must be a mapping with `positions` and `time_from_start`")
-    times = [_seconds(point.get("time_from_start"), f"{name}, {row}") for row, point in zip(rows, points, strict=True)]
-    return Table(
-        name,
-        joints,
-        rows,
-        np.array(times, dtype=float),
-        _numbers(points, "positions", joints, name),
-        _numbers(points, "velocities", joints, name) if _has(points, "velocities", name) else None,
-        _numbers(points, "accelerations", joints, name) if _has(points, "accelerations", name) else None,
-    )
+    given = [point.get("time_from_start") for point in points]
+    times = [_seconds(time, f"{name}, {row}", time_unit) for row, time in zip(rows, given, strict=True)]
+    parts = {
+        field: _numbers(points, field, names, name)[:, columns]
+        for field in ("positions", "velocities", "accelerations")
+        if field == "positions" or _has(points, field, name)
+    }
+    # A message in parts of its own says what they are.
+    said = time_unit is not None or any(isinstance(time, Mapping) for time in given)
+    order = tuple(joints or names)
+    return Table(name, order, rows, np.array(times, dtype=float), **parts, unit_is_known=said)
 
 
 def _parts(message: Mapping[str, Any], name: str) -> tuple[tuple[str, ...], list[Any]]:
@@ -98,11 +104,13 @@ def _numbers(points: list[Any], field: str, joints: tuple[str, ...], name: str) 
     return values
 
 
-def _seconds(given: Any, where: str) -> float:
+def _seconds(given: Any, where: str, unit: str | None) -> float:
     """A ROS duration in seconds."""
     if isinstance(given, (int, float)) and not isinstance(given, bool):
-        return float(given)
+        return float(given) * TIME_UNITS[unit or "s"]
     if isinstance(given, Mapping):
+        if unit is not None:
+            raise DefinitionError(f"{where}: `time_from_start` says its own unit, so that `time_unit` cannot be given")
         for seconds, billionths in NANOSECONDS.items():
             parts = (given.get(seconds), given.get(billionths, 0))
             if set(given) <= {seconds, billionths} and all(

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import replace
 
 import numpy as np
 
-from slidax._errors import DefinitionError
+from slidax._errors import DefinitionError, DefinitionWarning
 
 from .motion_limits import MotionLimits, called
 from .piecewise_polynomial import AbstractPiecewisePolynomial
@@ -18,6 +19,9 @@ NO_ARM = 200.0
 
 RESTING = 1e-6
 """Velocities at the ends of a table that are no larger, in rad/s or m/s, are the rounding of a file."""
+
+DENSE, SLOW = 20, 0.02
+"""So many rows or more are samples of a motion, of which one whose joints all stay below 0.02 rad/s is odd."""
 
 TWO_TURNS = 4 * np.pi
 """Positions beyond two turns [rad] are rare for an arm and common for degrees."""
@@ -63,6 +67,26 @@ def require_no_jump(motion: AbstractPiecewisePolynomial, table: Table) -> None:
         f"from {jump.before:.3g} to {jump.after:.3g} rad/s (or m/s) within one row: add rows in which it changes, give "
         "velocities too, or leave the times to `MinimumJerk.within`; or, if the arm can do "
         f"{np.ceil(needed):.4g} rad/s² (or m/s²), say so with `acceleration`"
+    )
+
+
+def warn_of_slow_times(motion: AbstractPiecewisePolynomial, table: Table) -> None:
+    """Warns where rows are so far apart in time, and the motion so slow, that the times may not be in seconds.
+
+    - `motion`: the motion through the table.
+    - `table`: the table; one that says the unit of its times is believed.
+    """
+    spacing = float(np.median(np.diff(table.times)))
+    fastest = float(motion.extremes(1).size.max())
+    if table.unit_is_known or len(table.times) < DENSE or spacing < 0.5 or not 0.0 < fastest < SLOW:
+        return
+    unit = next(unit for unit, factor in (("ns", 1e-9), ("us", 1e-6), ("ms", 1e-3)) if spacing * factor > 1e-4)
+    warnings.warn(
+        DefinitionWarning(
+            f"{table.source} has {len(table.times)} rows, {spacing:.4g} s apart, and no joint moves faster than "
+            f"{fastest:.2g} rad/s (or m/s): are the times in {unit}? Then set `time_unit` to {unit}, otherwise to s"
+        ),
+        stacklevel=3,
     )
 
 

@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, get_args
 
 import numpy as np
 
-from slidax.parts import DefinitionError, as_array
+from slidax._errors import shown
+from slidax.parts import DefinitionError, as_array, piece
 
 from .csv_table import csv_table
 from .hermite import cubic_hermite, quintic_hermite
@@ -18,7 +19,10 @@ from .motion_limits import MotionLimits
 from .piecewise_polynomial import AbstractPiecewisePolynomial
 from .quintic_spline import quintic_spline
 from .table import Table
-from .table_checks import NO_ARM, at_rest_outside, require_no_jump, require_within
+from .table_checks import NO_ARM, at_rest_outside, require_no_jump, require_within, warn_of_slow_times
+
+TimeUnit = Literal["s", "ms", "us", "ns"]
+"""In which the times of a table may be."""
 
 
 class Tabulated(AbstractPiecewisePolynomial):
@@ -39,11 +43,15 @@ class Tabulated(AbstractPiecewisePolynomial):
     Made by `Tabulated.from_csv`, `Tabulated.from_joint_trajectory` or `Tabulated.through`.
     """
 
+    joint_names: tuple[str, ...] = piece("of the joints, as the data has them", default=(), static=True)
+
     @staticmethod
     def from_csv(
         source: str | Path,
         *,
         joints: Sequence[str] | None = None,
+        units: Sequence[str] = (),
+        time_unit: TimeUnit | None = None,
         start: float | None = None,
         lower: object = -np.inf,
         upper: object = np.inf,
@@ -53,23 +61,29 @@ class Tabulated(AbstractPiecewisePolynomial):
         """The motion in a CSV file.
 
         - `source`: its path; or the text itself, which has a line break in it.
-        - `joints`: names of the robot's joints in its order; the order of the columns if not given.
+        - `joints`: names of the robot's joints in its order, `robot.joint_names`; the order of the columns if not
+          given. Columns of other joints are left out, with a DefinitionWarning.
+        - `units`: of the robot's joints, `robot.joint_units`, for a check; not checked if not given.
+        - `time_unit`: of the times; the title's, or s, if not given.
         - `start`: time of the first row [s]; as the file has it if not given.
         - `lower`, `upper`: position limits, [n] or one number, rad or m.
         - `velocity`, `acceleration`: limits, [n] or one number, rad/s and rad/s², or m/s and m/s².
 
-        The first line names the columns: `time`, then a column per joint, and perhaps one `NAME.velocity` per joint,
-        and with these perhaps one `NAME.acceleration`. Units are SI, and may be added in brackets: `elbow [rad]`.
+        The first line names the columns: `time`, and a column per joint, in any order, and perhaps one
+        `NAME.velocity` per joint, and with these perhaps one `NAME.acceleration`. Units are SI where no other is given
+        in brackets: `elbow [deg]`, `time [ms]`. Case, spaces and punctuation of the names do not matter.
 
         Raises DefinitionError, with line and column, if the table makes no sense, jumps or passes a limit.
         """
-        return _interpolated(csv_table(source), joints, start, MotionLimits(lower, upper, velocity, acceleration))
+        table = csv_table(source, joints, _time_unit(time_unit), units)
+        return _interpolated(table, start, MotionLimits(lower, upper, velocity, acceleration))
 
     @staticmethod
     def from_joint_trajectory(
         source: str | Path | Mapping[str, Any],
         *,
         joints: Sequence[str] | None = None,
+        time_unit: TimeUnit | None = None,
         start: float | None = None,
         lower: object = -np.inf,
         upper: object = np.inf,
@@ -80,7 +94,9 @@ class Tabulated(AbstractPiecewisePolynomial):
 
         - `source`: path of a JSON file; or the text itself, which begins with a brace; or the mapping that it stands
           for.
-        - `joints`: names of the robot's joints in its order; the order of the message if not given.
+        - `joints`: names of the robot's joints in its order, `robot.joint_names`; the order of the message if not
+          given. Other joints of the message are left out, with a DefinitionWarning.
+        - `time_unit`: of times that are plain numbers; s if not given.
         - `start`: time of the first point [s]; as the message has it if not given.
         - `lower`, `upper`: position limits, [n] or one number, rad or m.
         - `velocity`, `acceleration`: limits, [n] or one number, rad/s and rad/s², or m/s and m/s².
@@ -91,7 +107,7 @@ class Tabulated(AbstractPiecewisePolynomial):
         Raises DefinitionError, with the point and the joint, if the message makes no sense, jumps or passes a limit.
         """
         limits = MotionLimits(lower, upper, velocity, acceleration)
-        return _interpolated(joint_trajectory_table(source), joints, start, limits)
+        return _interpolated(joint_trajectory_table(source, joints, _time_unit(time_unit)), start, limits)
 
     @staticmethod
     def through(
@@ -123,19 +139,35 @@ class Tabulated(AbstractPiecewisePolynomial):
             raise DefinitionError(
                 f"`Tabulated` needs one row per time and one column per joint; got shapes {shapes} for {len(t)} times"
             )
-        table = Table("the table", (), [f"row {row + 1}" for row in range(len(t))], t, q, **more)
-        return _interpolated(table, None, None, MotionLimits(lower, upper, velocity, acceleration))
+        table = Table(
+            "the table",
+            (),
+            [f"row {row + 1}" for row in range(len(t))],
+            t,
+            q,
+            more.get("velocities"),
+            more.get("accelerations"),
+            True,
+        )
+        return _interpolated(table, None, MotionLimits(lower, upper, velocity, acceleration))
 
 
-def _interpolated(table: Table, joints: Sequence[str] | None, start: float | None, limits: MotionLimits) -> Tabulated:
-    table = at_rest_outside(table.of(joints).starting(start))
+def _time_unit(unit: str | None) -> str | None:
+    if unit is not None and unit not in get_args(TimeUnit):
+        raise DefinitionError(f"`time_unit` must be one of {', '.join(get_args(TimeUnit))}; got {shown(unit)}")
+    return unit
+
+
+def _interpolated(table: Table, start: float | None, limits: MotionLimits) -> Tabulated:
+    table = at_rest_outside(table.starting(start))
     if table.velocities is None:
         coefficients = quintic_spline(table.times, table.positions)
     elif table.accelerations is None:
         coefficients = cubic_hermite(table.times, table.positions, table.velocities)
     else:
         coefficients = quintic_hermite(table.times, table.positions, table.velocities, table.accelerations)
-    motion = Tabulated(times=as_array(table.times), coefficients=as_array(coefficients))
+    motion = Tabulated(as_array(table.times), as_array(coefficients), table.joints)
+    warn_of_slow_times(motion, table)
     if limits.acceleration is None:
         require_no_jump(motion, table)
         limits = replace(limits, acceleration=NO_ARM)
