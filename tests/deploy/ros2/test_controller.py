@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import subprocess
 from collections.abc import Iterator
 from pathlib import Path
@@ -14,6 +15,8 @@ from ruamel.yaml import YAML
 from slidax import scenarios
 from slidax._errors import DefinitionError
 from slidax.deploy.ros2 import export_ros2
+from slidax.deploy.ros2.export import interface_names
+from slidax.deploy.ros2.parameters import as_list, as_text
 from tests.deploy.exported import needs_a_compiler
 from tests.deploy.onboard.tools import needs_cmake
 
@@ -111,7 +114,8 @@ def test_it_lives_as_ros2_control_has_it(package: Path, parameters: dict[str, An
     for what, most in (("hold", 0.02), ("trajectory", 0.1), ("there", 0.02)):
         name, number = next(lines).split()
         assert name == what and 0.0 <= float(number) < most, said
-    assert next(lines) == "wrong name: the trajectory is not taken: it must have each joint once"
+    assert next(lines).startswith("finger: the trajectory also moves `finger`: left out")
+    assert next(lines) == "wrong name: the trajectory is not taken: it must have the joint `joint_2` once"
     assert next(lines).endswith("refused 2")
     assert next(lines) == "stopped after 6"
     assert next(lines) == "finite 1"
@@ -127,6 +131,19 @@ def test_parameters_have_our_names_units_ranges_and_words(parameters: dict[str, 
     assert all(value["description"] for value in found.values())
     assert found["limits.torque"]["validation"] == {"fixed_size<>": [2]}
     assert "law.period" not in found and not any(name.startswith("law.nominal_masses") for name in found)
+
+
+@pytest.mark.parametrize("name", ["left-arm/shoulder", "wam.base yaw", "\u00e9paule_1", "it's", "yes", "1"])
+def test_interfaces_are_asked_for_by_the_robots_own_names(name: str) -> None:
+    names = interface_names([name, "elbow"])
+    assert names == [name, "elbow"]
+    assert YAML(typ="safe").load(f"joints: {as_list(map(as_text, names))}") == {"joints": [name, "elbow"]}
+
+
+@pytest.mark.parametrize("name", ['a"b', "a\\b", "a\nb"])
+def test_a_name_that_no_parameter_file_can_hold_is_refused(name: str) -> None:
+    with pytest.raises(DefinitionError, match="rename the joint in the robot's file"):
+        interface_names([name])
 
 
 def test_the_package_is_whole(package: Path) -> None:
@@ -145,6 +162,7 @@ def test_the_package_is_whole(package: Path) -> None:
     manager = config["controller_manager"]["ros__parameters"]
     assert manager["update_rate"] == 1000 and manager["law"]["type"] == f"{PACKAGE}/Controller"
     assert config["law"]["ros__parameters"]["joints"] == ["joint_1", "joint_2"]
+    assert json.loads((package / "law" / "law.json").read_text())["names"] == ["joint_1", "joint_2"]
     compile((package / "launch" / "control.launch.py").read_text(), "control.launch.py", "exec")
 
 

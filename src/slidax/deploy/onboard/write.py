@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 import json
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -41,19 +41,25 @@ def write_law(scenario: Scenario, out: Path, *, name: str | None, single: bool, 
     return made
 
 
-def write_onboard(made: Project, allowed: Allowed, out: Path, programs: Iterable[ModuleType] = ()) -> None:
+def write_onboard(
+    made: Project, allowed: Allowed, out: Path, programs: Iterable[ModuleType] = (), names: Sequence[str] = ()
+) -> None:
     """Writes reference, checks and their Python binding beside an exported step.
 
     - `made`: the step.
     - `allowed`: what the robot allows.
     - `out`: the folder, which is there; the step's own files are in its folder `law`.
     - `programs`: modules of ours that run without this package; they become programs there.
+    - `names`: of the joints, for programs that find them by name.
     """
     folder = out / "law"
     for name in FILES:
         text = render(f"{name}.j2", {"x": made, "o": allowed}, HERE)
         (folder / f"{made.prefix}_{name}").write_text(text, encoding="utf-8")
-    (folder / "law.json").write_text(json.dumps(described(made, allowed), indent=1) + "\n", encoding="utf-8")
+    (folder / "law.json").write_text(
+        json.dumps(described(made, allowed) | ({"names": list(names)} if names else {}), indent=1) + "\n",
+        encoding="utf-8",
+    )
     for module in (law, log, options, rehearsal, *programs):
         (out / f"{module.__name__.rpartition('.')[2]}.py").write_text(standalone(module), encoding="utf-8")
 

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-import re
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import slidax
-from slidax._errors import DefinitionError
+from slidax._errors import DefinitionError, shown
+from slidax._names import are_numbered
 from slidax.scenarios import Scenario
 
 from ..contents import Project
@@ -15,7 +16,7 @@ from ..onboard import Allowed, weight_by_robot, write_law, write_onboard
 from ..onboard.gravity import own_plant
 from ..text import render
 from . import node
-from .parameters import Declared, declared, yaml
+from .parameters import Declared, as_list, as_text, declared, yaml
 
 HERE = "slidax.deploy.ros2"
 FILES = {
@@ -60,8 +61,7 @@ def export_ros2(
     made = write_law(fitted, out / "law", name=name, single=single, command=command, golden=golden)
     allowed = Allowed.of(fitted, made, carried=carried)
     package = f"slidax_{made.name}_controller"
-    # Names of interfaces have no spaces.
-    names = [re.sub(r"\W+", "_", each) for each in own_plant(scenario).robot.joint_names]
+    names = interface_names(own_plant(scenario).robot.joint_names)
     rows = declared(made, allowed, names)
     values: dict[str, Any] = {
         "x": made,
@@ -69,14 +69,14 @@ def export_ros2(
         "package": package,
         "rows": rows,
         "law_rows": [row for row in rows if row.member is not None],
-        "joint_names": names,
+        "joints": as_list(map(as_text, names)),
         "rate": round(1.0 / made.period),
         "carried": carried,
         "version": slidax.__version__,
         "signals": _signals(made),
     }
     try:
-        write_onboard(made, allowed, out, [node])
+        write_onboard(made, allowed, out, [node], names)
         for template, file in FILES.items():
             path = out / file.format(package=package)
             path.parent.mkdir(parents=True, exist_ok=True)
@@ -85,6 +85,24 @@ def export_ros2(
     except OSError as error:
         raise DefinitionError(f"cannot write the project to `{out}`: {error.strerror}") from None
     return made
+
+
+def interface_names(joints: Sequence[str]) -> list[str]:
+    """The joints as the hardware's interfaces name them: exactly as the robot's file does.
+
+    - `joints`: the robot's names. A joint without one, `joint 1`, becomes `joint_1`.
+
+    Raises DefinitionError for a name that no parameter file of ROS 2 can hold.
+    """
+    if are_numbered(joints):
+        return [name.replace(" ", "_") for name in joints]
+    for name in joints:
+        if not name.isprintable() or '"' in name or "\\" in name:
+            raise DefinitionError(
+                f"joint {shown(name)}: a name with a quotation mark, a backslash or a control character cannot stand "
+                "in a parameter file of ROS 2: rename the joint in the robot's file, and in that of the hardware"
+            )
+    return list(joints)
 
 
 def _signals(made: Project) -> list[tuple[str, int]]:

@@ -73,18 +73,24 @@ class Node:
     def wanted(self, message: Any) -> None:
         """A trajectory from now on.
 
-        - `message`: JointTrajectory, of all joints in any order.
+        - `message`: JointTrajectory, of all joints in any order; others are left out with a warning.
         """
         logger = self.ros.get_logger()
-        if sorted(message.joint_names) != sorted(self.joints) or not message.points:
-            logger.error(f"the trajectory is not taken: it must have points for the joints {', '.join(self.joints)}")
+        names = list(message.joint_names)
+        wrong = [name for name in self.joints if names.count(name) != 1]
+        if wrong or not message.points:
+            what = f"it must have the joint {wrong[0]} once" if wrong else "it has no points"
+            logger.error(f"the trajectory is not taken: {what}; it has {', '.join(names)}")
             return
-        order = [list(message.joint_names).index(name) for name in self.joints]
+        others = [name for name in names if name not in self.joints]
+        if others:
+            logger.warning(f"the trajectory also moves {', '.join(others)}: left out, as the law has no such joint")
+        order = [names.index(name) for name in self.joints]
         times = [point.time_from_start.sec + 1e-9 * point.time_from_start.nanosec for point in message.points]
         parts = []
         for part in ("positions", "velocities", "accelerations"):
             rows = [getattr(point, part) for point in message.points]
-            whole = all(len(row) == len(self.joints) for row in rows)
+            whole = all(len(row) == len(names) for row in rows)
             parts.append([[row[k] for k in order] for row in rows] if whole else None)
         if parts[0] is None:
             logger.error("the trajectory is not taken: a point has not the position of each joint")
@@ -123,7 +129,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--law", type=Path, default=Path(__file__).parent / "law", help="the folder of the law")
     parser.add_argument(
-        "--joints", nargs="+", help="names of the joints, in the law's order; joint_1, ... if not given"
+        "--joints", nargs="+", help="names of the joints, in the law's order; those of the robot's file if not given"
     )
     given, rest = parser.parse_known_args(arguments)
     try:
@@ -137,7 +143,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     law = loaded(parser, given.law)
     rclpy.init(args=rest)
     ros = rclpy.create_node("slidax")
-    joints = given.joints or [f"joint_{k}" for k in range(1, law.joints + 1)]
+    joints = given.joints or law.about["names"]
+    if len(joints) != law.joints:
+        parser.error(f"--joints must be {law.joints} names; got {len(joints)}")
     Node(ros, law, joints, (JointState, JointTrajectory, Float64MultiArray, MultiArrayDimension))
     try:
         rclpy.spin(ros)

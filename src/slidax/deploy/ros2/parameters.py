@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -46,7 +46,7 @@ def declared(project: Project, allowed: Allowed, joint_names: Sequence[str]) -> 
     """
     n = len(joint_names)
     rows = [
-        Declared("joints", "string_array", _row([f'"{name}"' for name in joint_names]), "names, in the law's order"),
+        Declared("joints", "string_array", as_list(map(as_text, joint_names)), "names, in the law's order"),
         Declared("state_topic", "string", '"~/state"', "where signals, errors and status are published"),
         Declared("trajectory_topic", "string", '"~/joint_trajectory"', "where trajectories come from"),
         Declared("hold", "double", "1.0", "how long the measured posture is held at first, s", (("gt_eq<>", "[0.0]"),)),
@@ -69,7 +69,7 @@ def declared(project: Project, allowed: Allowed, joint_names: Sequence[str]) -> 
         numbers = [_number(np.clip(value, -1e9, 1e9)) for value in allowed[name]]
         checks = (("fixed_size<>", f"[{n}]"),)
         unit = units.get(name, allowed.unit)
-        rows.append(Declared(f"limits.{name}", "double_array", _row(numbers), f"{meaning}, {unit}", checks))
+        rows.append(Declared(f"limits.{name}", "double_array", as_list(numbers), f"{meaning}, {unit}", checks))
     for name, number, meaning in (
         ("held", allowed.held, "periods in a row without a good sample, then it stops"),
         ("lost", allowed.lost, "periods between two samples, then it stops"),
@@ -97,7 +97,7 @@ def yaml(namespace: str, rows: Sequence[Declared]) -> str:
         lines.append(f"{indent}{name}:")
         lines.append(f"{indent}  type: {row.type}")
         lines.append(f"{indent}  default_value: {row.default}")
-        lines.append(f"{indent}  description: {_quoted(row.meaning)}")
+        lines.append(f"{indent}  description: {as_text(row.meaning)}")
         lines.append(f"{indent}  read_only: false")
         if row.checks:
             lines.append(f"{indent}  validation:")
@@ -118,7 +118,7 @@ def _of_the_law(member: Member) -> Declared:
     checks = _checks(member.meaning, vector=bool(member.shape))
     if member.shape:
         checks = (("fixed_size<>", f"[{member.size}]"), *checks)
-    default = _row(numbers) if member.shape else numbers[0]
+    default = as_list(numbers) if member.shape else numbers[0]
     kind = "double_array" if member.shape else "double"
     return Declared(f"law.{member.name}", kind, default, member.meaning or member.name, checks, member)
 
@@ -144,9 +144,17 @@ def _number(value: Any) -> str:
     return text if "." in text or "e" not in text else text.replace("e", ".0e")
 
 
-def _row(texts: Sequence[str]) -> str:
+def as_list(texts: Iterable[str]) -> str:
+    """A list in YAML.
+
+    - `texts`: its entries as YAML has them.
+    """
     return f"[{', '.join(texts)}]"
 
 
-def _quoted(text: str) -> str:
+def as_text(text: str) -> str:
+    """A text in YAML; quotation marks become single ones.
+
+    - `text`: in one line.
+    """
     return '"' + text.replace("\\", "\\\\").replace('"', "'") + '"'

@@ -106,6 +106,11 @@ int main() {
     std::printf("trajectory %.2e\n", moved(*controller, 2500));
     measure();
     std::printf("there %.2e\n", std::fabs(q[0] - there[0]));
+    auto with_finger = to(there, 2);
+    with_finger.joint_names.insert(with_finger.joint_names.begin(), "finger");
+    with_finger.points[0].positions.insert(with_finger.points[0].positions.begin(), 0.04);
+    controller->get_node()->subscription->callback(with_finger);
+    std::printf("finger: %s%s\n", rclcpp::last_warning.c_str(), rclcpp::last_error.empty() ? "" : " and refused");
     auto wrong = to(there, 2);
     wrong.joint_names[0] = "elbow";
     controller->get_node()->subscription->callback(wrong);

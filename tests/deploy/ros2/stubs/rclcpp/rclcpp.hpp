@@ -43,8 +43,17 @@ public:
     std::function<void(const Message &)> callback;
 };
 
-inline std::string last_error;  // NOLINT: for the test to read
+inline std::string last_error;    // NOLINT: for the test to read
+inline std::string last_warning;  // NOLINT: for the test to read
 }  // namespace rclcpp
+
+#define RCLCPP_WARN(logger, ...)                                 \
+    do {                                                         \
+        (void)(logger);                                          \
+        char text[500];                                          \
+        (void)std::snprintf(text, sizeof text, __VA_ARGS__);     \
+        rclcpp::last_warning = text;                             \
+    } while (false)
 
 #define RCLCPP_ERROR(logger, ...)                                \
     do {                                                         \
