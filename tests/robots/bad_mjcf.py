@@ -113,11 +113,13 @@ JOINTS = [
     case("infinity in a body's place", FORE, FORE.replace("0.4", "inf"), named="fore"),
     case("a quaternion of zeros", FORE, FORE.replace(">", ' quat="0 0 0 0">'), named="fore"),
     case("a ball joint", ELBOW, '<joint name="elbow" type="ball"/>', MOTOR, "", named="elbow ball"),
+    case("a free base", BASE, BASE + '<freejoint name="loose"/>', named="loose free remove tip"),
     case(
-        "a free joint", WORLD, WORLD + f'<body name="cube"><freejoint name="loose"/>{BALL}</body>', named="loose free"
-    ),
-    case(
-        "a free joint without a name", WORLD, WORLD + f'<body name="cube"><freejoint/>{BALL}</body>', named="cube free"
+        "a free joint at the tip",
+        WORLD,
+        WORLD + f'<body name="cube"><freejoint/>{BALL}</body>',
+        named="cube free",
+        tip="cube",
     ),
     case("a spring in a joint", ELBOW, elbow(stiffness="3"), named="elbow stiffness"),
     case("a spring with a curve", ELBOW, elbow(stiffness="0 2 0"), named="elbow stiffness"),

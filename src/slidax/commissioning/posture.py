@@ -72,7 +72,8 @@ def _dexterity(arm: Articulated, seen: States) -> Numbers:
     jacobian = np.concatenate(rows, axis=2) * carries[None, :, None]
     values = np.linalg.svd(jacobian, compute_uv=False)
     kept = min(arm.joints, values.shape[1], 6 if arm.joints >= 6 else 3)
-    return values[:, kept - 1] / values[:, 0]
+    # A tip on the axes of all joints is not moved at all.
+    return np.divide(values[:, kept - 1], values[:, 0], out=np.zeros(len(values)), where=values[:, 0] > 0.0)
 
 
 def _carries(arm: Articulated, joint: int) -> bool:

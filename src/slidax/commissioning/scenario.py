@@ -73,6 +73,7 @@ def _arm(robot: str, tip: str | None, folder: Path) -> tuple[Articulated, tuple[
         arm = read(path, tip=chain.tip, locked=chain.locked, inertias="nearest")
     changed = [str(one.message) for one in said if "inertias are changed" in str(one.message)]
     notes = [message.removeprefix(f"{path}: ").rpartition("; ")[2] for message in changed]
+    notes += [str(one.message).removeprefix(f"{path}: ") for one in said if str(one.message).endswith("left out")]
     lines = [f"kind: {kind}", f"file: {_quoted(relpath(path, folder))}", f"tip: {_quoted(chain.tip)}"]
     if chain.locked:
         held = ", ".join(f"{_quoted(name)}: {value:.6g}" for name, value in chain.locked.items())

@@ -13,6 +13,8 @@ import numpy as np
 from slidax._errors import DefinitionError, located, nearest
 
 from .loader import mujoco, reading
+from .mjcf_checks import name_all
+from .mjcf_objects import leave_out_objects
 from .source import read
 from .urdf_tree import tree_of
 from .urdf_values import limits_of, number
@@ -68,7 +70,7 @@ def chain_of(source: str | Path, tip: str | None = None) -> Chain:
     """
     is_urdf = Path(source).suffix.lower() != ".xml" or "<robot" in Path(source).read_text(errors="ignore")[:4000]
     with located(str(source)):
-        hinges = _of_urdf(source) if is_urdf else _of_mjcf(source)
+        hinges = _of_urdf(source) if is_urdf else _of_mjcf(source, tip)
         return _Tree(hinges).chain(tip)
 
 
@@ -165,10 +167,12 @@ def _of_urdf(source: str | Path) -> list[_Hinge]:
     ]
 
 
-def _of_mjcf(source: str | Path) -> list[_Hinge]:
+def _of_mjcf(source: str | Path, tip: str | None) -> list[_Hinge]:
     with reading():
         library = mujoco()
         spec = library.MjSpec.from_file(str(source))
+        name_all(spec)
+        leave_out_objects(spec, tip)
         found = []
         coupled = {name for one in spec.equalities for name in (one.name1, one.name2)}
         for body in spec.bodies:

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from slidax._errors import DefinitionError, DefinitionWarning, located, nearest
+from slidax._names import quoted
 
 from ..articulated import Articulated
 from ..assemble import assemble
@@ -20,6 +21,7 @@ from .mjcf_checks import check_compiled, check_spec, name_all
 from .mjcf_geometry import drop_what_has_no_weight
 from .mjcf_joints import joints_of
 from .mjcf_motion import check_motion
+from .mjcf_objects import leave_out_objects
 from .source import Source, elements, owner_at, read
 
 
@@ -36,7 +38,8 @@ def from_mjcf(
 
     Positions are MuJoCo's, with `ref` in them. Damping is read as viscous friction, `frictionloss` as Coulomb friction,
     and the torque limits come from `actuatorfrcrange` and from the joints' actuators, of a range that is not symmetric
-    the smaller side. Contacts are not read. What else acts on the joints by itself is refused: springs, tendons,
+    the smaller side. Contacts are not read. Objects of a scene that are not fixed to the arm, such as a box on a
+    table, are left out with a DefinitionWarning. What else acts on the joints by itself is refused: springs, tendons,
     equalities, compensated gravity.
 
     - `source`: path of the file, or its text.
@@ -61,6 +64,7 @@ def from_mjcf(
             # The names are for all bodies: MuJoCo would join what is fixed to each other.
             spec.compiler.fusestatic = False
             name_all(spec)
+            objects = leave_out_objects(spec, tip)
             check_spec(spec)
             attached = given.root.find(".//attach") is not None
             drop_what_has_no_weight(spec, given.folder, meshes, attached)
@@ -80,6 +84,9 @@ def from_mjcf(
     if any(notes):
         said_of_it = "; ".join(note for note in notes if note)
         warnings.warn(f"{given.path or name}: {said_of_it}", DefinitionWarning, stacklevel=2)
+    if objects:
+        said_of_them = f"{quoted(objects)} {'is' if len(objects) == 1 else 'are'} no part of the arm and left out"
+        warnings.warn(f"{given.path or name}: {said_of_them}", DefinitionWarning, stacklevel=2)
     return arm
 
 

@@ -46,7 +46,8 @@ def check_spec(spec: Any) -> None:
             kind = "free" if joint.type == library.mjtJoint.mjJNT_FREE else "a ball joint"
             raise DefinitionError(
                 f"joint `{joint.name}` of body `{joint.parent.name}` is {kind}; an arm stands on a fixed base and has "
-                f"only hinge and slide joints"
+                f"only hinge and slide joints: remove this joint from the file, which fixes the body, or name as `tip` "
+                f"the end of another arm in it"
             )
         lower, upper = (float(end) for end in joint.range)
         if joint.limited != library.mjtLimited.mjLIMITED_FALSE and (lower, upper) != (0.0, 0.0) and not lower < upper:
