@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from slidax._errors import DefinitionError
+from slidax._errors import DefinitionError, DefinitionWarning
 from slidax.studies import How, read_rows
 from slidax.studies.runner import Runner
 
@@ -89,10 +89,14 @@ def test_a_study_that_was_killed_goes_on_and_ends_with_the_same_file(tmp_path: P
     with pytest.raises(Stopped):
         study().run(How(out, seen=stop))
     assert not (out / "rows.parquet").exists() and len(list((out / "parts").iterdir())) == 2
-    # A part that was being written is no part.
+    # A part that was being written is no part, and a damaged one is computed again.
     (out / "parts" / "000000000128-64.tmp77").write_bytes(b"half of a file")
-    found = ran(out, resume=True)
-    assert found.computed == 72
+    (out / "parts" / "000000000064-64.parquet").write_bytes(b"PAR1")
+    with pytest.warns(
+        DefinitionWarning, match="000000000064-64.parquet` is damaged .*: its 64 rows are computed again"
+    ):
+        found = ran(out, resume=True)
+    assert found.computed == 136
     assert_same_rows(out, tmp_path / "whole", 200)
 
 

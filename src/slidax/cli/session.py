@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 import warnings
 from collections.abc import Iterator
@@ -45,11 +46,22 @@ def errors_as_lines() -> Iterator[None]:
         raise typer.Exit(0) from None
     except OSError as error:
         # A folder or file to write: what is read says so itself.
-        _say(f"cannot write `{error.filename}`: {error.strerror}" if error.filename else str(error))
+        _say(_cannot_write(error))
         raise typer.Exit(DEFINITION) from None
     except (MemoryError, RecursionError) as error:
         _say(f"this is too large to compute here ({type(error).__name__}): use fewer or smaller parts")
         raise typer.Exit(DEFINITION) from None
+
+
+def _cannot_write(error: OSError) -> str:
+    from slidax._writing import NO_ROOM
+
+    text = f"cannot write `{os.fsdecode(error.filename)}`: {error.strerror}" if error.filename else str(error)
+    if error.errno not in NO_ROOM:
+        return text
+    return (
+        f"{text}. Free some space, or write to another place, and run the command again; files written before are whole"
+    )
 
 
 def _say(message: str) -> None:

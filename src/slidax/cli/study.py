@@ -5,17 +5,20 @@ from __future__ import annotations
 import shlex
 import sys
 import time
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from slidax._writing import NO_ROOM
+
 from .options import AsJson, Engine
 from .session import errors_as_lines, prepare, print_json, say_where
 
 if TYPE_CHECKING:
-    from slidax.studies import AbstractResult, AbstractStudy, How
+    from slidax.studies import AbstractResult, AbstractStudy, How, PartDone
 
 INTERRUPTED = 130
 """Exit code after Ctrl-C, as a shell has it."""
@@ -27,6 +30,12 @@ def study(
     resume: Annotated[bool, typer.Option("--resume", help="Go on with the rows that are in that folder.")] = False,
     cluster: Annotated[
         str | None, typer.Option(help="Where rows are computed: `local:2`, or the address of a Dask scheduler.")
+    ] = None,
+    part: Annotated[
+        str | None,
+        typer.Option(
+            metavar="I/N", help="Compute part I of N, such as 2/4; other processes compute the others into one --out."
+        ),
     ] = None,
     runs: Annotated[int | None, typer.Option(help="In place of the file's.", min=1)] = None,
     seed: Annotated[int | None, typer.Option(help="In place of the file's.", min=0)] = None,
@@ -43,13 +52,13 @@ def study(
     """Many runs: probabilities, maps, the worst case, sensitivities, tuning, comparisons.
 
     With `--out` each row is kept as soon as it is computed. Ctrl-C ends a study, and `--resume` goes on where it was,
-    on this machine or another one.
+    on this machine or another one. Several processes may write one folder; `--part` shares the rows between them.
 
     Exit code 0: whatever was found; 2: the study is invalid; 130: it was interrupted.
     """
     with errors_as_lines():
         prepare()
-        from slidax.studies import How, read_study
+        from slidax.studies import How, Part, PartDone, read_study
 
         changes = {"runs": runs, "seed": seed, "engine": None if engine is None else engine.value}
         asked = read_study(file, {key: value for key, value in changes.items() if value is not None})
@@ -61,9 +70,15 @@ def study(
             _write_case(out, case)
             return
         started = time.perf_counter()
-        with Lines() if progress else Bar() as bar, suppress(KeyboardInterrupt):
-            how = How(out, resume, begin=bar.begin, seen=bar.seen, made_by=_made_by())
-            found = _run(asked, how, cluster)
+        with _told_what_is_kept(out), Lines() if progress else Bar() as bar, suppress(KeyboardInterrupt):
+            share = None if part is None else Part.parsed(part)
+            how = How(out, resume, begin=bar.begin, seen=bar.seen, made_by=_made_by(), part=share)
+            try:
+                found = _run(asked, how, cluster)
+            except PartDone as done:
+                bar.close()
+                _tell_part(asked, done, part or "", json)
+                return
             bar.close()
             _tell(asked, found, out, time.perf_counter() - started, json)
             return
@@ -112,8 +127,41 @@ def _tell(asked: AbstractStudy, found: AbstractResult, out: Path | None, seconds
         say_where(out)
 
 
-def _again() -> list[str]:
+@contextmanager
+def _told_what_is_kept(out: Path | None) -> Iterator[None]:
+    """An error of the disk says which rows are kept, and how the study goes on."""
+    try:
+        yield
+    except OSError as error:
+        from slidax._errors import DefinitionError
+        from slidax.studies.store import rows_kept
+
+        if out is None or error.filename is None:
+            raise
+        kept = rows_kept(out)
+        remedy = "free some space" if error.errno in NO_ROOM else "make it writable"
+        raise DefinitionError(
+            f"cannot write `{error.filename}`: {error.strerror}. {kept} rows are kept in `{out}`: {remedy}, and go on "
+            f"with: {shlex.join(_again())}"
+        ) from None
+
+
+def _tell_part(asked: AbstractStudy, done: PartDone, part: str, json: bool) -> None:
+    if json:
+        print_json({"kind": asked.study, "part": part, "runs": done.total, "missing": done.missing})
+        return
+    typer.echo(
+        f"Part {part} is done; {done.missing} of {done.total} rows of other parts are missing. When those are done, "
+        f"write table and report with: {shlex.join(_again(without='--part'))}"
+    )
+
+
+def _again(without: str = "") -> list[str]:
     words = ["slidax", *sys.argv[1:]]
+    if without in words:
+        place = words.index(without)
+        del words[place : place + 2]
+    words = [word for word in words if not without or not word.startswith(f"{without}=")]
     return words if "--resume" in words else [*words, "--resume"]
 
 

@@ -13,6 +13,8 @@ from .result import AbstractResult as AbstractResult
 from .result import Drawn as Drawn
 from .result import Section as Section
 from .runner import Here as Here
+from .runner import Part as Part
+from .runner import PartDone as PartDone
 from .store import read_rows as read_rows
 from .study import AbstractStudy as AbstractStudy
 from .study import How as How

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field, field_validator
@@ -18,6 +18,7 @@ from slidax.scenarios.uncertainty.sets import Between, Inside
 from .compared import Compared, can_be_asked
 from .points import points
 from .predicate import ENVELOPE, Predicate
+from .runner import PartDone
 from .study import AbstractStudy, How
 from .table import Columns
 
@@ -27,6 +28,7 @@ OF = ("steady_error", "max_torque_step", "peak_torque")
 class Compare(AbstractStudy):
     """Runs several schemes on the same cases; the first is the one that the others are compared with."""
 
+    in_parts: ClassVar[bool] = True
     study: Literal["compare"]
     schemes: Annotated[dict[str, dict[str, Any]], Field(min_length=2, max_length=50)]
     """Values of the scenario by path, as `--set` has them, by a name for each; `{}` is the scenario as it is."""
@@ -57,14 +59,20 @@ class Compare(AbstractStudy):
         cases = first.space.values(points(self.seed, 0, self.runs, first.space.dimensions))
         how.begin(self.runs * len(families))
         tables: dict[str, Columns] = {}
-        computed, seconds = 0, 0.0
+        computed, seconds, missing = 0, 0.0, 0
         for name, family in families.items():
             own = how if how.out is None else replace(how, out=how.out / name)
             runner = self.runner(family, own)
-            tables[name] = runner.rows(0, cases)
+            try:
+                tables[name] = runner.rows(0, cases)
+            except PartDone as part:
+                missing += part.missing
+                continue
             computed, seconds = computed + runner.computed, seconds + runner.seconds
             if runner.store is not None:
                 runner.store.finish(self.runs)
+        if missing:
+            raise PartDone(missing, self.runs * len(families))
         for one in self.of:
             if one not in tables[next(iter(tables))]:
                 raise DefinitionError(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 
@@ -29,6 +29,7 @@ class MonteCarlo(AbstractStudy):
     - `study`: its kind.
     """
 
+    in_parts: ClassVar[bool] = True
     study: Literal["monte_carlo"]
     runs: int = said("how many; at most, with `until`", "", "[1, 1e9]")
     holds: tuple[str, ...] = (ENVELOPE,)

@@ -11,9 +11,13 @@ from slidax._errors import DefinitionError
 from slidax.scenarios.description import ScenarioDescription
 from slidax.scenarios.uncertainty.leaf import Array
 
-from .store import IDENTITY, read_rows
+from .store import ROWS, read_rows
+from .stored import digest_of, read_identity, study_of_rows
 from .table import Columns
 from .task import Task
+
+TASK = ("scenario", "uncertain", "varied", "engine")
+"""Keys of `study.json` from which rows are computed."""
 
 
 def scenario_of_row(folder: str | Path, row: int) -> ScenarioDescription:
@@ -24,15 +28,19 @@ def scenario_of_row(folder: str | Path, row: int) -> ScenarioDescription:
 
     Raises DefinitionError if there is no such row.
     """
-    path = Path(folder) / IDENTITY
-    rows = read_rows(folder)
-    try:
-        said = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        raise DefinitionError(f"the folder `{folder}` is not of a study: it has no readable `{IDENTITY}`") from None
+    rows, said = read_rows(folder), read_identity(Path(folder))
+    if "row" not in rows or any(key not in said for key in TASK):
+        raise DefinitionError(
+            f"the folder `{folder}` is not of a study: `rows.parquet` has no column `row`, or `study.json` no sets"
+        )
+    if study_of_rows(Path(folder) / ROWS) != digest_of(said):
+        raise DefinitionError(
+            f"`{Path(folder) / ROWS}` has rows of another study than `study.json` says: "
+            f"`slidax study FILE --out {folder} --resume` writes them again"
+        )
     if not 0 <= row < len(rows["row"]):
         raise DefinitionError(f"there are rows 0 to {len(rows['row']) - 1}; got {row}")
-    family = Task(json.dumps({key: said[key] for key in ("scenario", "uncertain", "varied", "engine")})).cases().family
+    family = Task(json.dumps({key: said[key] for key in TASK})).cases().family
     return family.case({path: _value(rows, path, row) for path in family.space.sets})
 
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from slidax._errors import DefinitionError
+from slidax._errors import DefinitionError, plain
 
 from .cases import Values
 from .store import Store
@@ -61,6 +61,52 @@ class Here(AbstractPool):
             yield first, values, task.run(values, self.threads)
 
 
+@dataclass(frozen=True)
+class Part:
+    """A share of a study's chunks, for processes that compute one study together.
+
+    - `number`: from 1.
+    - `of`: how many parts there are.
+    """
+
+    number: int
+    of: int
+
+    @classmethod
+    def parsed(cls, text: str) -> Part:
+        """The part in a text such as `2/4`.
+
+        - `text`: number and count.
+
+        Raises DefinitionError if it has another form.
+        """
+        number, _, count = text.partition("/")
+        digits = all(word.isascii() and word.isdigit() and len(word) <= 6 for word in (number, count))
+        if not digits or not 1 <= int(number) <= int(count):
+            raise DefinitionError(f"`--part` must be a number and a count, such as 2/4; got `{plain(text)}`")
+        return cls(int(number), int(count))
+
+    def has(self, chunk: int) -> bool:
+        """True if a chunk belongs to this part.
+
+        - `chunk`: its number, from 0.
+        """
+        return chunk % self.of == self.number - 1
+
+
+class PartDone(Exception):
+    """This part of a study is computed, and rows of other parts are missing.
+
+    - `missing`: how many rows.
+    - `total`: how many the study has.
+    """
+
+    def __init__(self, missing: int, total: int) -> None:
+        super().__init__(f"{missing} of {total} rows are missing")
+        self.missing = missing
+        self.total = total
+
+
 @dataclass
 class Runner:
     """Turns values into rows, each row once.
@@ -70,6 +116,7 @@ class Runner:
     - `store`: where they are kept; None keeps them in memory alone.
     - `pool`: where they are computed.
     - `seen`: called with the number of rows that are new, after each chunk.
+    - `part`: the chunks that are computed here; None for all.
     """
 
     task: Task
@@ -77,6 +124,7 @@ class Runner:
     store: Store | None = None
     pool: AbstractPool = field(default_factory=Here)
     seen: Callable[[int], None] = _unheard
+    part: Part | None = None
     computed: int = 0
     seconds: float = 0.0
 
@@ -112,8 +160,31 @@ class Runner:
 
         - `chunks`: number of the first row, and values.
 
-        Raises DefinitionError if rows are stored whose values are others.
+        Raises DefinitionError if rows are stored whose values are others, and PartDone if only a part is computed here
+        and rows of the others are missing.
         """
+        if self.part is None or self.store is None:
+            yield from self._stream(chunks)
+        else:
+            yield from self._stream_part(self.part, self.store, list(chunks))
+
+    def _stream_part(self, part: Part, store: Store, chunks: list[tuple[int, Values]]) -> Iterator[tuple[int, Columns]]:
+        own = {first for first, _ in chunks if part.has(first // self.chunk)}
+        computed = dict(self._stream(iter(chunk for chunk in chunks if chunk[0] in own)))
+        sizes = {first: len(next(iter(values.values()))) for first, values in chunks}
+        others = {first: store.read(first, sizes[first]) for first in sizes if first not in own}
+        missing = sum(sizes[first] for first, columns in others.items() if columns is None)
+        if missing:
+            raise PartDone(missing, sum(sizes.values()))
+        for first, values in chunks:
+            columns = computed.get(first) or others[first]
+            assert columns is not None
+            if first not in own:
+                _require_same(first, flat(values), columns)
+                self.seen(sizes[first])
+            yield first, columns
+
+    def _stream(self, chunks: Iterator[tuple[int, Values]]) -> Iterator[tuple[int, Columns]]:
         stored: list[tuple[int, Columns]] = []
 
         def missing() -> Iterator[tuple[int, Values]]:

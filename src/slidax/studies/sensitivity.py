@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
@@ -27,6 +27,7 @@ class Sensitivity(AbstractStudy):
     `first` is what a number does by itself, `total` that and what it does together with others.
     """
 
+    in_parts: ClassVar[bool] = True
     study: Literal["sensitivity"]
     base: Annotated[int, Field(ge=2, le=2**24)] = 256
     """A power of two; so many times two more than there are numbers is how many runs there are."""

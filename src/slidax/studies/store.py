@@ -3,29 +3,46 @@
 from __future__ import annotations
 
 import json
-import os
+import re
+import warnings
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from slidax._errors import DefinitionError
+from slidax._errors import DefinitionError, DefinitionWarning
+from slidax._writing import create_text, is_temporary, remove_leftovers, replacing, write_bytes, write_text
 from slidax.simulation import parquet
 
+from .stored import (
+    CONTENT,
+    IDENTITY,
+    STUDY,
+    DamagedError,
+    as_table,
+    checksum,
+    columns_in,
+    digest_of,
+    identity_in,
+    read_table,
+    study_of_rows,
+)
 from .table import Columns
 
-IDENTITY = "study.json"
 PARTS = "parts"
 ROWS = "rows.parquet"
 
+_PART = re.compile(r"(\d{12,18})-(\d{1,10})\.parquet")
+
 
 class Store:
-    """A folder with the rows of one study.
+    """A folder with the rows of one study, which several processes may write at once.
 
-    `study.json` says which study it is; `parts/` has the rows that are done, a Parquet file for each chunk of them,
-    written under another name and then renamed, so that a part that is there is whole; `rows.parquet` has all of them
-    in order, once they are.
+    `study.json` says which study it is; `parts/` has the rows that are done, a Parquet file for each chunk of them;
+    `rows.parquet` has all of them in order, once they are. Each file is replaced as a whole (`slidax._writing`), so
+    that processes that compute the same rows write the same file, one after the other. Each part carries a checksum
+    and the study that it belongs to: one that is damaged or foreign is computed again.
 
     - `folder`: made if missing.
     - `identity`: what the rows depend on, such as scenario, sets and seed.
@@ -39,92 +56,162 @@ class Store:
         parquet.require_pyarrow("keeping the rows of a study")
         self.folder = folder
         self.notes = dict(notes)
+        self.digest = digest_of(identity)
         self._parts = folder / PARTS
-        path = folder / IDENTITY
         text = json.dumps(identity, indent=2, sort_keys=True, ensure_ascii=False)
-        if path.exists():
-            if _without(path.read_text(encoding="utf-8")) != _without(text):
-                raise DefinitionError(f"the folder `{folder}` holds rows of another study: write to another folder")
+        folder.mkdir(parents=True, exist_ok=True)
+        if _is_free(folder) and create_text(folder / IDENTITY, text):
+            self._parts.mkdir(exist_ok=True)
+            return
+        self._join(text, resume)
+        self._parts.mkdir(exist_ok=True)
+        for place in (folder, self._parts):
+            remove_leftovers(place)
+
+    def _join(self, text: str, resume: bool) -> None:
+        """Check that a folder with something in it holds this study."""
+        path = self.folder / IDENTITY
+        if not path.exists() and not self._parts.is_dir():
+            raise DefinitionError(
+                f"the folder `{self.folder}` is not empty, and holds no study: write to another folder"
+            )
+        try:
+            digest = digest_of(identity_in(path))
+        except DamagedError as error:
             if not resume:
                 raise DefinitionError(
-                    f"the folder `{folder}` has rows of this study: go on with --resume, or write to another folder"
+                    f"`{path}` {error}: go on with --resume, which keeps the rows of this study, or write to another "
+                    "folder"
+                ) from None
+            self._require_no_foreign_rows(path)
+            _warn(f"`{path}` {error}: it is written again")
+            write_text(path, text, follow=False)
+            return
+        if digest != self.digest:
+            raise DefinitionError(f"the folder `{self.folder}` holds rows of another study: write to another folder")
+        if not resume:
+            raise DefinitionError(
+                f"the folder `{self.folder}` has rows of this study: go on with --resume, or write to another folder"
+            )
+
+    def _require_no_foreign_rows(self, path: Path) -> None:
+        """Without a readable `study.json` the rows themselves say which study they are of."""
+        for rows in (self.folder / ROWS, *(part for _, _, part in _parts_in(self._parts))):
+            digest = study_of_rows(rows)
+            if digest is not None and digest != self.digest:
+                raise DefinitionError(
+                    f"`{path}` is missing or damaged, and `{rows}` is of another study: write to another folder"
                 )
-        elif folder.is_dir() and any(folder.iterdir()):
-            raise DefinitionError(f"the folder `{folder}` is not empty, and holds no study: write to another folder")
-        self._parts.mkdir(parents=True, exist_ok=True)
-        for unfinished in self._parts.glob("*.tmp*"):
-            unfinished.unlink()
-        if not path.exists():
-            _written(path, text)
 
     def read(self, first: int, rows: int) -> Columns | None:
-        """The rows of one chunk, if they are done.
+        """The rows of one chunk, if they are done. A part that is damaged or foreign is not; a warning names it.
 
         - `first`: number of the first one.
         - `rows`: how many.
         """
         path = self._path(first, rows)
-        return _columns(path) if path.exists() else None
+        if not path.exists():
+            return None
+        try:
+            return columns_in(self._table(path, first, rows))
+        except FileNotFoundError:
+            return None
+        except DamagedError as error:
+            _warn(f"`{path}` {error}: its {rows} rows are computed again")
+            return None
 
     def write(self, first: int, columns: Columns) -> None:
         """Keeps the rows of one chunk.
 
         - `first`: number of the first one.
         - `columns`: of them.
+
+        Raises OSError if they cannot be written, such as on a full disk.
         """
+        import pyarrow as pa
         import pyarrow.parquet as pq
 
         path = self._path(first, len(next(iter(columns.values()))))
-        # A name of its own for each process, so that two that compute the same rows do no harm.
-        unfinished = path.with_suffix(f".tmp{os.getpid()}")
-        pq.write_table(_table(columns, self.notes), unfinished, compression="zstd")
-        with unfinished.open("rb") as file:
-            os.fsync(file.fileno())
-        unfinished.replace(path)
-
-    def parts(self) -> Iterator[tuple[int, Path]]:
-        """The number of the first row, and the file, of each chunk that is done, in order.
-
-        The last chunk of a study that was given more runs later is there twice: the longer one counts.
-        """
-        longest: dict[int, tuple[int, Path]] = {}
-        for path in self._parts.glob("*.parquet"):
-            first, rows = map(int, path.stem.split("-"))
-            longest[first] = max(longest.get(first, (0, path)), (rows, path))
-        for first in sorted(longest):
-            yield first, longest[first][1]
+        marks = {STUDY: self.digest, CONTENT: checksum(columns)}
+        # In memory first: an error of the disk is then one of Python's own.
+        buffer = pa.BufferOutputStream()
+        pq.write_table(as_table(columns, self.notes).replace_schema_metadata(marks), buffer, compression="zstd")
+        write_bytes(path, buffer.getvalue().to_pybytes(), follow=False)
 
     def finish(self, rows: int) -> Path:
         """Writes all rows as one table, part by part, and returns its path.
 
         - `rows`: how many there must be.
 
-        Raises DefinitionError if some are missing.
+        Raises DefinitionError if some are missing, and OSError if they cannot be written.
         """
         import pyarrow.parquet as pq
 
         path = self.folder / ROWS
-        unfinished = path.with_suffix(".tmp")
-        expected, writer = 0, None
-        try:
-            for first, part in self.parts():
-                # More may be there than is asked for, of a study that had more runs before, or that stopped since.
-                if first != expected or expected >= rows:
-                    break
-                table = pq.read_table(part).slice(0, rows - expected)
-                writer = writer or pq.ParquetWriter(unfinished, table.schema, compression="zstd")
-                writer.write_table(table, row_group_size=max(table.num_rows, 1))
-                expected += table.num_rows
-        finally:
-            if writer is not None:
-                writer.close()
-        if expected != rows:
-            raise DefinitionError(f"the folder `{self.folder}` has {expected} of {rows} rows: go on with --resume")
-        unfinished.replace(path)
+        with replacing(path, follow=False) as file:
+            expected, writer = 0, None
+            try:
+                for table in self._tables(rows):
+                    writer = writer or pq.ParquetWriter(file, table.schema, compression="zstd")
+                    writer.write_table(table, row_group_size=max(table.num_rows, 1))
+                    expected += table.num_rows
+            finally:
+                if writer is not None:
+                    writer.close()
+            if expected != rows:
+                raise DefinitionError(f"the folder `{self.folder}` has {expected} of {rows} rows: go on with --resume")
         return path
+
+    def _tables(self, rows: int) -> Iterator[Any]:
+        """The tables of the parts in order, up to the first missing row."""
+        # The last chunk of a study that was given more runs later is there twice: the longer one counts.
+        parts = sorted(_parts_in(self._parts), key=lambda part: (part[0], -part[1]))
+        expected = 0
+        for first, number, path in parts:
+            # More may be there than is asked for, of a study that had more runs before, or that stopped since.
+            if first != expected or expected >= rows:
+                continue
+            try:
+                table = self._table(path, first, number).slice(0, rows - expected)
+            except DamagedError as error:
+                _warn(f"`{path}` {error}: it is passed over")
+                continue
+            yield table.replace_schema_metadata({STUDY: self.digest})
+            expected += table.num_rows
+
+    def _table(self, path: Path, first: int, rows: int) -> Any:
+        """A part that is whole and has these rows of this study. Raises DamagedError otherwise."""
+        table = read_table(path)
+        marks = table.schema.metadata or {}
+        if marks.get(STUDY) != self.digest.encode():
+            raise DamagedError("belongs to another study, or to an older version of slidax")
+        try:
+            columns = columns_in(table)
+            whole = checksum(columns).encode() == marks.get(CONTENT)
+        except Exception:
+            whole = False
+        if not whole:
+            raise DamagedError("is damaged: its checksum is wrong")
+        if not np.array_equal(columns.get("row", np.zeros(0)), np.arange(first, first + rows)):
+            raise DamagedError("has other rows than its name says")
+        return table
 
     def _path(self, first: int, rows: int) -> Path:
         return self._parts / f"{first:012d}-{rows}.parquet"
+
+
+def rows_kept(folder: Path) -> int:
+    """Number of rows in the parts of a study, also in those of its schemes.
+
+    - `folder`: of the study; it may be missing.
+    """
+    count = 0
+    for place in sorted({folder / PARTS, *folder.glob(f"*/{PARTS}")}):
+        longest: dict[int, int] = {}
+        for first, rows, _ in _parts_in(place):
+            longest[first] = max(longest.get(first, 0), rows)
+        count += sum(longest.values())
+    return count
 
 
 def read_rows(path: str | Path) -> Columns:
@@ -132,48 +219,31 @@ def read_rows(path: str | Path) -> Columns:
 
     - `path`: of `rows.parquet`, or of the folder that it is in.
 
-    Raises DefinitionError if there is none.
+    Raises DefinitionError if there is none, or it is damaged.
     """
     parquet.require_pyarrow("keeping the rows of a study")
     path = Path(path) / ROWS if Path(path).is_dir() else Path(path)
+    remedy = f"`slidax study FILE --out {path.parent} --resume` writes it again from the parts"
     try:
-        return _columns(path)
+        return columns_in(read_table(path, largest=None))
     except OSError as error:
-        raise DefinitionError(f"cannot read the rows `{path}`: {error.strerror or error}") from None
+        raise DefinitionError(f"cannot read the rows `{path}`: {error.strerror or error}; {remedy}") from None
+    except DamagedError as error:
+        raise DefinitionError(f"`{path}` {error}; {remedy}") from None
 
 
-def _columns(path: Path) -> Columns:
-    import pyarrow.parquet as pq
-
-    table = pq.read_table(path)
-    found: Columns = {}
-    for name in table.column_names:
-        column = table.column(name)
-        values = column.to_numpy()
-        # A missing number is null in the file, and NaN here.
-        found[name] = values.astype(float) if column.null_count else values
-    return found
+def _is_free(folder: Path) -> bool:
+    """True if a folder has nothing in it but what another process is about to write."""
+    return all(is_temporary(entry.name) for entry in folder.iterdir())
 
 
-def _table(columns: Columns, notes: Mapping[str, str]) -> Any:
-    import pyarrow as pa
-
-    arrays, fields = [], []
-    for name, values in columns.items():
-        missing = np.isnan(values) if values.dtype.kind == "f" else None
-        array = pa.array(values, mask=missing)
-        arrays.append(array)
-        fields.append(pa.field(name, array.type, metadata={"meaning": notes[name]} if name in notes else None))
-    return pa.table(arrays, schema=pa.schema(fields))
+def _parts_in(folder: Path) -> Iterator[tuple[int, int, Path]]:
+    """First row, number of rows, and file of each part in a folder; other files are passed over."""
+    for path in folder.glob("*.parquet"):
+        match = _PART.fullmatch(path.name)
+        if match is not None:
+            yield int(match[1]), int(match[2]), path
 
 
-def _without(text: str) -> Any:
-    """The identity but for what rows do not depend on."""
-    said = json.loads(text)
-    return {key: value for key, value in said.items() if key != "made_by"}
-
-
-def _written(path: Path, text: str) -> None:
-    unfinished = path.with_suffix(".tmp")
-    unfinished.write_text(text, encoding="utf-8")
-    unfinished.replace(path)
+def _warn(message: str) -> None:
+    warnings.warn(message, DefinitionWarning, stacklevel=3)

@@ -19,7 +19,7 @@ from slidax.scenarios.uncertainty import AbstractSet
 from slidax.scenarios.uncertainty.mapping import Uncertainty
 
 from .result import AbstractResult
-from .runner import AbstractPool, Here, Runner
+from .runner import AbstractPool, Here, Part, Runner
 from .store import Store
 from .table import COLUMNS
 from .task import Task
@@ -44,6 +44,7 @@ class How:
     - `begin`: called with the number of rows there will be at most.
     - `seen`: called with the number of new rows.
     - `made_by`: software and machine, for the folder.
+    - `part`: the chunks that are computed here, into a folder that several processes share; None for all.
     """
 
     out: Path | None = None
@@ -52,6 +53,7 @@ class How:
     begin: Seen = _unheard
     seen: Seen = _unheard
     made_by: dict[str, Any] = field(default_factory=dict)
+    part: Part | None = None
 
 
 class AbstractStudy(AbstractDescription):
@@ -59,6 +61,8 @@ class AbstractStudy(AbstractDescription):
 
     of_rows: ClassVar[tuple[str, ...]] = ("seed",)
     """Fields that the values of rows depend on, beside the scenario and its sets."""
+    in_parts: ClassVar[bool] = False
+    """True if all rows are known beforehand, so that several processes can share them."""
     study: Any
     title: str = ""
     """One line for a person."""
@@ -112,6 +116,7 @@ class AbstractStudy(AbstractDescription):
         - `family`: of scenarios.
         - `how`: as in `run`.
         """
+        self.require_parts(how)
         task = Task.of(family, self.engine)
         simulation = family.base.simulation
         chunk = Runner.rows_of_chunk(round(simulation.t1 / simulation.period))
@@ -119,8 +124,25 @@ class AbstractStudy(AbstractDescription):
         if how.out is not None:
             said = self.model_dump(mode="json", include={"study", *self.of_rows})
             identity = {**said, **task.said, "chunk": chunk, "made_by": how.made_by}
-            store = Store(how.out, identity, resume=how.resume, notes=COLUMNS)
-        return Runner(task, chunk, store, how.pool, how.seen)
+            # Who computes a part joins the others.
+            store = Store(how.out, identity, resume=how.resume or how.part is not None, notes=COLUMNS)
+        return Runner(task, chunk, store, how.pool, how.seen, how.part)
+
+    def require_parts(self, how: How) -> None:
+        """Raise DefinitionError if a part is to be computed of a study that cannot be shared, or without a folder.
+
+        - `how`: as in `run`.
+        """
+        if how.part is None:
+            return
+        if how.out is None:
+            raise DefinitionError("`--part` needs the folder that the processes share: --out DIR")
+        if not self.in_parts or getattr(self, "until", None) is not None:
+            kind = self.study if not self.in_parts else f"{self.study} with `until`"
+            raise DefinitionError(
+                f"`--part` is for studies whose rows are all known beforehand; {kind} chooses each row by the ones "
+                "before: leave `--part` out, or use --cluster"
+            )
 
     def require(self, holds: bool, where: str, message: str) -> None:
         """Raises DefinitionError at a field unless something holds.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
@@ -30,6 +30,7 @@ MOST_ROWS = 20
 class Sweep(AbstractStudy):
     """Runs all combinations of values of one or two parameters, each with the same cases of what is uncertain."""
 
+    in_parts: ClassVar[bool] = True
     study: Literal["sweep"]
     over: Annotated[Uncertainty, Field(min_length=1, max_length=MOST_AXES)]
     """Sets by path of one or two parameters, such as `simulation.period: {choice: [5.0e-4, 1.0e-3]}`."""

@@ -1,0 +1,240 @@
+"""Damaged files, foreign files and several writers in a study's folder: no row is lost, and none is wrong."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import threading
+import warnings
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from slidax._errors import DefinitionError, DefinitionWarning
+from slidax._writing import is_temporary
+from slidax.studies import read_rows, scenario_of_row
+from slidax.studies.store import Store, rows_kept
+
+IDENTITY = {
+    **{"study": "monte_carlo", "scenario": {"t1": 0.1 + 0.2}, "seed": 5, "made_by": {"machine": "a"}},
+    **{"uncertain": {}, "varied": {}, "engine": None},
+}
+OTHER = {**IDENTITY, "seed": 6}
+
+CHUNKS = {0: 64, 64: 64, 128: 64, 192: 8}
+
+
+def opened(out: Path, identity: dict[str, Any] = IDENTITY, *, resume: bool = True) -> Store:
+    return Store(out, identity, resume=resume, notes={"row": "number of the case"})
+
+
+def chunk(first: int, rows: int) -> dict[str, np.ndarray]:
+    random = np.random.default_rng(first)
+    margin = random.normal(size=rows)
+    margin[rows // 2] = np.nan
+    return {
+        "row": np.arange(first, first + rows),
+        "outcome": random.integers(0, 4, rows).astype(np.int8),
+        "margin": margin,
+        "zero": np.full(rows, -0.0),
+    }
+
+
+def fill(store: Store) -> int:
+    """Compute what is missing, and finish. How many rows were computed."""
+    computed = 0
+    for first, rows in CHUNKS.items():
+        if store.read(first, rows) is None:
+            store.write(first, chunk(first, rows))
+            computed += rows
+    store.finish(200)
+    return computed
+
+
+def same(one: Path, other: Path) -> bool:
+    return (one / "rows.parquet").read_bytes() == (other / "rows.parquet").read_bytes()
+
+
+def damage(path: Path, how: str) -> None:
+    content = path.read_bytes()
+    if how == "empty":
+        path.write_bytes(b"")
+    elif how == "cut":
+        path.write_bytes(content[: len(content) // 2])
+    elif how == "text":
+        path.write_text("row,outcome\n1,2\n")
+    elif how == "zeros":
+        path.write_bytes(bytes(len(content)))
+    elif how == "device":
+        path.unlink()
+        path.symlink_to("/dev/zero")
+    elif how == "pipe":
+        path.unlink()
+        os.mkfifo(path)
+    else:
+        assert how == "dangling"
+        path.unlink()
+        path.symlink_to("nowhere")
+
+
+DAMAGES = ("empty", "cut", "text", "zeros", "device", "pipe", "dangling")
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("whole") / "out"
+    assert fill(opened(out, resume=False)) == 200
+    return out
+
+
+@pytest.fixture
+def out(whole: Path, tmp_path: Path) -> Path:
+    shutil.copytree(whole, tmp_path / "out")
+    return tmp_path / "out"
+
+
+@pytest.mark.parametrize("how", DAMAGES)
+def test_a_damaged_part_is_named_and_computed_again(whole: Path, out: Path, how: str) -> None:
+    part = out / "parts" / "000000000064-64.parquet"
+    damage(part, how)
+    if how == "dangling":
+        assert fill(opened(out)) == 64
+    else:
+        with pytest.warns(DefinitionWarning, match=rf"{part.name}` .*: its 64 rows are computed again"):
+            assert fill(opened(out)) == 64
+    assert same(out, whole) and part.is_file() and not part.is_symlink()
+    assert rows_kept(out) == 200
+
+
+def test_every_changed_byte_of_a_part_is_noticed_or_changes_no_row(whole: Path, out: Path) -> None:
+    name = "000000000192-8.parquet"
+    content = (whole / "parts" / name).read_bytes()
+    expected, store, noticed = chunk(192, 8), opened(out), 0
+    for place in range(0, len(content), 3):
+        changed = bytearray(content)
+        changed[place] ^= 1 << place % 8
+        (out / "parts" / name).write_bytes(changed)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", DefinitionWarning)
+            columns = store.read(192, 8)
+        noticed += columns is None
+        if columns is not None:
+            for key, values in expected.items():
+                assert np.array_equal(columns[key], values, equal_nan=True), (place, key)
+    assert noticed > 100
+
+
+def test_parts_of_another_study_or_place_are_named_and_computed_again(whole: Path, out: Path, tmp_path: Path) -> None:
+    other = tmp_path / "other"
+    fill(opened(other, OTHER))
+    shutil.copy(other / "parts" / "000000000064-64.parquet", out / "parts")
+    shutil.copy(out / "parts" / "000000000000-64.parquet", out / "parts" / "000000000128-64.parquet")
+    with pytest.warns(DefinitionWarning) as told:
+        assert fill(opened(out)) == 128
+    assert [str(one.message).rpartition("/")[2] for one in told] == [
+        "000000000064-64.parquet` belongs to another study, or to an older version of slidax: its 64 rows are "
+        "computed again",
+        "000000000128-64.parquet` has other rows than its name says: its 64 rows are computed again",
+    ]
+    assert same(out, whole)
+
+
+def test_other_files_among_the_parts_are_passed_over(whole: Path, out: Path) -> None:
+    names = ("notes.parquet", "a-b.parquet", "000000000001.parquet", "-1-64.parquet", "1-64.parquet", "x.tmp")
+    for name in names:
+        (out / "parts" / name).write_text("mine")
+    assert fill(opened(out)) == 0 and same(out, whole) and rows_kept(out) == 200
+    assert all((out / "parts" / name).read_text() == "mine" for name in names)
+
+
+def test_a_damaged_longer_part_does_not_stand_in_the_way_of_fewer_rows(out: Path) -> None:
+    damage(out / "parts" / "000000000064-64.parquet", "cut")
+    store = opened(out)
+    store.write(64, chunk(64, 36))
+    with pytest.warns(DefinitionWarning, match="000000000064-64.parquet` .*: it is passed over"):
+        store.finish(100)
+    assert read_rows(out)["row"].tolist() == list(range(100))
+
+
+BAD_IDENTITIES = (
+    None,
+    "",
+    "{",
+    '"text"',
+    "[" * 100_000,
+    '{"study": "monte_carlo"}',
+    "\x00" * 300,
+    "1" * 5000,
+    "\udcff",
+)
+
+
+@pytest.mark.parametrize("content", BAD_IDENTITIES)
+def test_a_damaged_identity_is_written_again_if_the_rows_are_of_this_study(
+    whole: Path, out: Path, content: str | None
+) -> None:
+    path = out / "study.json"
+    path.unlink() if content is None else path.write_text(content, encoding="utf-8", errors="surrogateescape")
+    for refused in (lambda: opened(out, resume=False), lambda: scenario_of_row(out, 3)):
+        with pytest.raises(DefinitionError, match=r"study\.json` is (damaged|missing).*--resume"):
+            refused()
+    with pytest.raises(DefinitionError, match="is of another study: write to another folder"):
+        opened(out, OTHER)
+    with pytest.warns(DefinitionWarning, match=r"study\.json` is (damaged|missing).*: it is written again"):
+        assert fill(opened(out)) == 0
+    assert same(out, whole) and path.read_bytes() == (whole / "study.json").read_bytes()
+
+
+@pytest.mark.parametrize("how", DAMAGES)
+def test_a_damaged_table_is_a_clear_line_and_is_written_again(whole: Path, out: Path, how: str) -> None:
+    damage(out / "rows.parquet", how)
+    for refused in (lambda: read_rows(out), lambda: read_rows(out / "rows.parquet"), lambda: scenario_of_row(out, 3)):
+        with pytest.raises(DefinitionError, match=r"rows\.parquet`.*--resume` writes it again"):
+            refused()
+    assert fill(opened(out)) == 0 and same(out, whole)
+
+
+def test_rows_of_another_study_are_no_cases_of_this_one(out: Path, tmp_path: Path) -> None:
+    fill(opened(tmp_path / "other", OTHER))
+    shutil.copy(tmp_path / "other" / "rows.parquet", out)
+    with pytest.raises(DefinitionError, match="rows of another study than"):
+        scenario_of_row(out, 3)
+
+
+def test_two_different_studies_that_begin_at_once_do_not_mix(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    out = tmp_path / "out"
+    # The second one looks before the first one writes.
+    monkeypatch.setattr("slidax.studies.store._is_free", lambda folder: True)
+    opened(out)
+    with pytest.raises(DefinitionError, match="another study"):
+        opened(out, OTHER)
+    opened(out, {**IDENTITY, "made_by": {"machine": "b"}})
+
+
+def test_a_folder_in_which_a_process_was_killed_at_its_start_is_free(tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    out.mkdir()
+    (out / ".slidax-elsewhere-12-0123456789ab.tmp").write_text("{")
+    assert fill(opened(out, resume=False)) == 200
+
+
+def test_four_writers_at_once_leave_the_bytes_of_one(whole: Path, tmp_path: Path) -> None:
+    for number in range(10):
+        out, barrier = tmp_path / f"out{number}", threading.Barrier(4)
+        computed: list[int] = []
+
+        def write(out: Path = out, barrier: threading.Barrier = barrier, computed: list[int] = computed) -> None:
+            barrier.wait()
+            computed.append(fill(opened(out)))
+
+        # A lock belongs to an open file, so that threads are to each other as processes are.
+        writers = [threading.Thread(target=write) for _ in range(4)]
+        for writer in writers:
+            writer.start()
+        for writer in writers:
+            writer.join()
+        assert len(computed) == 4 and sum(computed) >= 200
+        assert same(out, whole)
+        assert not [path for path in out.rglob("*") if is_temporary(path.name)]

@@ -1,0 +1,165 @@
+"""Several processes on one folder: no failure, no row lost, and the bytes of one process."""
+
+from __future__ import annotations
+
+import json
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from slidax._errors import DefinitionError
+from slidax._writing import is_temporary
+from slidax.studies import How, Part, PartDone
+
+from .files import STUDY, ran, study
+from .test_store import assert_same_rows
+
+PROCESS = """
+import sys, json, jax
+jax.config.update("jax_enable_x64", True)
+from pathlib import Path
+from slidax.studies import How, Part, PartDone, study_of
+from slidax.studies import runner
+runner.LEAST = runner.MOST = 64
+text, out, part = sys.argv[1:]
+print("begin", flush=True)
+part = Part.parsed(part) if part else None
+try:
+    study_of(json.loads(text)).run(How(Path(out), True, part=part))
+except PartDone as done:
+    print("missing", done.missing, flush=True)
+else:
+    print("whole", flush=True)
+"""
+
+
+def begun(out: Path, part: str = "", **changes: Any) -> subprocess.Popen[str]:
+    """A process that runs the study, and has got as far as to open its folder."""
+    command = [sys.executable, "-W", "error", "-c", PROCESS, json.dumps({**STUDY, **changes}), str(out), part]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    assert process.stdout is not None
+    return process
+
+
+def ended(processes: Sequence[subprocess.Popen[str]]) -> list[str]:
+    """The last line of each, none of which may have failed or warned."""
+    lines = []
+    for process in processes:
+        out, errors = process.communicate(timeout=600)
+        assert (process.returncode, errors) == (0, "")
+        lines.append(out.splitlines()[-1])
+    return lines
+
+
+def assert_clean(out: Path) -> None:
+    assert not [path for path in out.rglob("*") if is_temporary(path.name)]
+
+
+@pytest.fixture
+def small_chunks(monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("LEAST", "MOST"):
+        monkeypatch.setattr(f"slidax.studies.runner.{name}", 64)
+
+
+@pytest.mark.full
+@pytest.mark.usefixtures("small_chunks")
+def test_two_processes_on_one_folder_leave_the_bytes_of_one(tmp_path: Path) -> None:
+    ran(tmp_path / "alone")
+    processes = [begun(tmp_path / "out") for _ in range(2)]
+    assert ended(processes) == ["whole", "whole"]
+    assert_same_rows(tmp_path / "out", tmp_path / "alone", 200)
+    assert_clean(tmp_path / "out")
+
+
+@pytest.mark.usefixtures("small_chunks")
+def test_parts_of_a_study_are_put_together_by_whoever_is_last(tmp_path: Path) -> None:
+    ran(tmp_path / "alone")
+    out = tmp_path / "out"
+    with pytest.raises(PartDone) as done:
+        study().run(How(out, part=Part(2, 3)))
+    assert (done.value.missing, done.value.total) == (136, 200) and not (out / "rows.parquet").exists()
+    with pytest.raises(PartDone) as done:
+        study().run(How(out, part=Part(1, 3)))
+    assert done.value.missing == 64
+    last = study().run(How(out, part=Part(3, 3)))
+    assert (last.computed, last.runs) == (64, 200)
+    assert_same_rows(out, tmp_path / "alone", 200)
+    with pytest.raises(DefinitionError, match="another study"):
+        study(seed=6).run(How(out, part=Part(3, 3)))
+
+
+COMPARE = {"study": "compare", "schemes": {"ours": {}, "wider": {"scheme.performance.final": 0.006}}, "runs": 128}
+
+
+@pytest.mark.full
+@pytest.mark.usefixtures("small_chunks")
+def test_a_comparison_is_computed_in_parts(tmp_path: Path) -> None:
+    asked = study(**COMPARE)
+    asked.run(How(tmp_path / "alone"))
+    with pytest.raises(PartDone) as done:
+        asked.run(How(tmp_path / "out", part=Part(1, 2)))
+    assert (done.value.missing, done.value.total) == (128, 256)
+    asked.run(How(tmp_path / "out", part=Part(2, 2)))
+    for name in ("ours", "wider"):
+        assert_same_rows(tmp_path / "out" / name, tmp_path / "alone" / name, 128)
+
+
+@pytest.mark.parametrize("text", ["", "1", "0/2", "3/2", "1/0", "a/b", "1/2/3", "-1/2", "1.0/2", "１/２", "1/99999999"])
+def test_a_part_that_is_none_is_refused(text: str) -> None:
+    with pytest.raises(DefinitionError, match=r"such as 2/4"):
+        Part.parsed(text)
+
+
+def test_a_part_is_refused_where_rows_depend_on_the_ones_before(tmp_path: Path) -> None:
+    with pytest.raises(DefinitionError, match="monte_carlo with `until` chooses each row by the ones before"):
+        study(until={"probability": 0.9}).run(How(tmp_path / "out", part=Part(1, 2)))
+    with pytest.raises(DefinitionError, match="falsify chooses each row by the ones before"):
+        study(study="falsify", runs=64).run(How(tmp_path / "out", part=Part(1, 2)))
+    with pytest.raises(DefinitionError, match="--out"):
+        study().run(How(part=Part(1, 2)))
+    assert not (tmp_path / "out").exists()
+
+
+LONG = {"runs": 1280, "changes": {"simulation.t1": 1}}
+
+
+@pytest.mark.full
+def test_two_processes_on_one_folder_twenty_times(tmp_path: Path) -> None:
+    assert ended([begun(tmp_path / "alone", **LONG)]) == ["whole"]
+    random = np.random.default_rng(38)
+    for number in range(20):
+        out = tmp_path / f"out{number}"
+        first = begun(out, **LONG)
+        time.sleep(float(random.choice([0.0, random.uniform(0.0, 4.0)])))
+        assert ended([first, begun(out, **LONG)]) == ["whole", "whole"]
+        assert_same_rows(out, tmp_path / "alone", 1280)
+        assert_clean(out)
+
+
+@pytest.mark.full
+@pytest.mark.parametrize("seed", range(5))
+def test_parts_one_of_which_is_killed_and_a_third_process_that_joins(tmp_path: Path, seed: int) -> None:
+    assert ended([begun(tmp_path / "alone", **LONG)]) == ["whole"]
+    out, random = tmp_path / "out", np.random.default_rng(seed)
+    first, second = begun(out, "1/2", **LONG), begun(out, "2/2", **LONG)
+    until = time.monotonic() + 120
+    while len(list(out.glob("parts/*.parquet"))) < 2:
+        assert time.monotonic() < until
+        time.sleep(0.01)
+    time.sleep(float(random.uniform(0.0, 0.3)))
+    second.send_signal(signal.SIGKILL)
+    second.communicate()
+    third = begun(out, **LONG)
+    last = ended([first, third])
+    assert last[1] == "whole" and last[0].startswith(("whole", "missing"))
+    assert_same_rows(out, tmp_path / "alone", 1280)
+    # The killed one's file, if any, is removed by the next that joins.
+    assert ended([begun(out, "2/2", **LONG)]) == ["whole"]
+    assert_clean(out)
