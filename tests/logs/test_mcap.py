@@ -90,7 +90,7 @@ def test_a_message_is_what_other_software_reads_in_it():
 
 def test_joint_states_are_read_by_that_software_too(tmp_path):
     law, _, _ = written(tmp_path / "log.mcap", np.random.default_rng(3))
-    messages = read_joint_states(tmp_path / "log.mcap")
+    messages = list(read_joint_states(tmp_path / "log.mcap").messages)
     assert len(messages) == ROWS
     assert messages[5]["name"] == ["shoulder", "élbow"]
     assert messages[5]["position"] == law["q"][5].tolist()
@@ -137,7 +137,7 @@ def test_a_log_of_others_is_not_taken_for_ours(tmp_path):
         channel = foxglove.Channel(message.topic, schema=schema, message_encoding="cdr", context=context)
         numbers = {name: np.array([[0.5]]) for name in ("q", "dq", "tau")}
         channel.log(message.packed(np.array([0]), numbers)[0], log_time=0)
-    assert read_joint_states(tmp_path / "other.mcap")[0]["position"] == [0.5]
+    assert next(read_joint_states(tmp_path / "other.mcap").messages)["position"] == [0.5]
     with pytest.raises(DefinitionError, match="no messages of ROS 2 on the topic `/x`"):
         read_joint_states(tmp_path / "other.mcap", "/x")
     with pytest.raises(DefinitionError, match="is no log of slidax"):

@@ -10,20 +10,42 @@ from typing import Annotated
 import typer
 
 from .options import AsJson
-from .session import errors_as_lines, prepare, print_json, say_where
+from .session import errors_as_lines, prepare, print_json, say_note, say_where
 
 Robot = Annotated[str, typer.Option(help="A ready arm by its name, or a URDF, MJCF or YAML file.")]
+Topic = Annotated[
+    str | None, typer.Option(help="The topic of the joint states, where a log has several.", metavar="NAME")
+]
+Columns = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="QUANTITY=COLUMN",
+        help="Which columns are which quantity: t, q, dq or tau, by the word in their titles (q=position,tau=effort) "
+        "or by a title for each joint (tau=a,b,c); repeatable.",
+    ),
+]
+Drop = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="NAME",
+        help="Leave out a quantity (dq), a column, or a joint by its name or number in the log; repeatable.",
+    ),
+]
 Tip = Annotated[str | None, typer.Option(help="The link, body or site of the tip, where a file has several ends.")]
 
 
 def identify(
     log: Annotated[
-        Path, typer.Argument(help="Positions and torques: .csv, .parquet, .mcap, or JointState as .json(l).")
+        Path,
+        typer.Argument(help="Positions and torques: .csv, .parquet, .mcap, a ros2 bag, or JointState as .json(l)."),
     ],
     robot: Robot,
     out: Annotated[Path | None, typer.Option(help="Write the arm with its uncertainties there, as YAML.")] = None,
     report: Annotated[Path | None, typer.Option(metavar="DIR", help="Write a report with figures there.")] = None,
     tip: Tip = None,
+    topic: Topic = None,
+    columns: Columns = None,
+    drop: Drop = None,
     links: Annotated[bool, typer.Option("--links", help="Identify the links' inertial parameters, too.")] = False,
     rotors: Annotated[bool, typer.Option(help="Whether the torques are measured where rotors show.")] = True,
     payload: Annotated[bool | None, typer.Option(help="Whether what the tip carries is unknown.")] = None,
@@ -43,8 +65,17 @@ def identify(
         from slidax.scenarios import named_robot
 
         arm, description = named_robot(robot, tip=tip)
-        found = identification.identify(
+        record = identification.read_log(
             log,
+            arm.joint_names,
+            topic=topic,
+            columns=identification.parse_columns(columns or []),
+            drop=drop or [],
+        )
+        for note in record.notes:
+            say_note(f"{record.source}: {note}")
+        found = identification.identify(
+            record,
             arm,
             rotors=rotors,
             payload=payload,

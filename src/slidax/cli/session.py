@@ -77,6 +77,14 @@ def say_warning(message: str) -> None:
     _say(f"warning: {message}")
 
 
+def say_note(message: str) -> None:
+    """Print one line about what the command did by itself, such as a joint that it left out.
+
+    - `message`: the sentence.
+    """
+    _say(f"note: {message}")
+
+
 def _warn_in_a_line(message: Warning | str, *_: Any, **__: Any) -> None:
     """Without the line of code that it came from, which tells a user of the command nothing."""
     say_warning(str(message))

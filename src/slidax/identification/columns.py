@@ -1,26 +1,145 @@
-"""Which column of a table is which quantity of which joint."""
+"""Columns of a table by their titles: the quantity, the joint and the unit of each."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from math import pi
 
 import numpy as np
 
-from slidax._errors import DefinitionError
+from slidax._errors import DefinitionError, nearest, plain, shown
 
 from .log import Log
 
-TIMES = ("t", "time", "timestamp", "seconds")
-"""What the column of times may be called."""
+TIMES = ("t", "time", "timestamp", "__time", "%time", "seconds", "stamp", "elapsed", "duration", "rosbagtimestamp")
+"""Titles for the column of times, the likeliest first."""
 
-QUANTITIES = {
-    "q": ("q", "position", "pos"),
-    "dq": ("dq", "velocity", "vel", "qd"),
-    "tau": ("tau", "torque", "effort", "tau_J"),
+WORDS = {
+    "q": ("q", "position", "pos", "actual_q", "joint_position", "q_measured", "measured_position", "angle", "theta"),
+    "dq": ("dq", "velocity", "vel", "qd", "actual_qd", "joint_velocity", "qdot", "speed"),
+    "tau": ("tau", "torque", "effort", "tau_j", "joint_torque", "tau_measured", "measured_torque", "joint_effort"),
 }
-"""What a quantity may be called in a column's name, before or after the joint."""
+"""Words for a quantity in a title, before or after the joint, the likeliest first, also of libfranka and RTDE."""
+
+PLURALS = {"positions": "position", "velocities": "velocity", "torques": "torque", "efforts": "effort"}
+"""Words for all joints, which a title may have in place of the word for one."""
+
+CURRENTS = ("current", "actual_current", "motor_current", "joint_current")
+COMPUTED = ("target_moment", "tau_j_d", "target_torque", "desired_torque", "commanded_torque")
+"""Words for columns that are not measured torques: currents, and torques that a controller has computed."""
+
+UNITS: dict[str, dict[str, float]] = {
+    "t": {"s": 1.0, "sec": 1.0, "seconds": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "μs": 1e-6, "ns": 1e-9},
+    "q": {"rad": 1.0, "deg": pi / 180, "degrees": pi / 180, "°": pi / 180, "m": 1.0, "mm": 1e-3},
+    "dq": {"rad/s": 1.0, "deg/s": pi / 180, "°/s": pi / 180, "m/s": 1.0, "mm/s": 1e-3, "rpm": pi / 30},
+    "tau": {"nm": 1.0, "n": 1.0, "mnm": 1e-3, "nmm": 1e-3, "knm": 1e3, "kn": 1e3, "ncm": 1e-2},
+}
+"""Units that a title may name, and what one of them is in s, rad, rad/s or N m."""
+
+STATES = ("", "state", "robot_state", "joint_states", "joint_state", "measured", "actual", "robot0")
+"""What stands before the measured one of two columns that are called alike, as in `state.q[0]` and `cmd.q[0]`."""
+
+QUANTITIES = ("t", *WORDS)
+
+_INDEX = re.compile(r"(?P<stem>.*?)[._]?(?:\[(?P<a>\d{1,6})\]|\((?P<b>\d{1,6})\)|(?P<c>\d{1,6}))")
+_JOINT = re.compile(r"(?:joint|axis|motor|j)[_.]?(?P<index>\d{1,6})")
+_UNIT = re.compile(r"\s*(?:\[(?P<a>[^\[\]]*)\]|\((?P<b>[^()]*)\))$")
+_ENDING = re.compile(r"(?<=[a-z0-9\])])_(?P<unit>ms|us|ns|s|sec|rad|deg|nm)$")
+"""A unit at the end of a title, as in `time_ms` and `q_1_deg`."""
+
+
+@dataclass(frozen=True)
+class Reading:
+    """How a log is read where its own names do not say all.
+
+    - `topic`: of the messages, where a log has several with joint states.
+    - `columns`: for `t`, `q`, `dq` or `tau`, the word that its columns have in their titles, or a title per joint.
+    - `drop`: quantities (`dq`), columns, joints by name, or joints by their number in the log, that are left out.
+
+    Raises DefinitionError if a quantity is none of these, or one that is needed is dropped.
+    """
+
+    topic: str | None = None
+    columns: Mapping[str, str | Sequence[str]] = field(default_factory=dict)
+    drop: Sequence[str] = ()
+
+    def __post_init__(self) -> None:
+        for quantity in self.columns:
+            if quantity not in QUANTITIES:
+                raise DefinitionError(
+                    f"`columns` has the quantity `{plain(quantity)}`, but there are only `t`, `q`, `dq` and `tau`: "
+                    "write it such as `q=position,tau=effort`"
+                )
+        for needed in ("t", "q", "tau"):
+            if needed in self.drop:
+                raise DefinitionError(f"`drop` names `{needed}`, which identification needs; only `dq` may be left out")
+
+
+def parse_columns(texts: Sequence[str]) -> dict[str, str | list[str]]:
+    """Return the quantities and their columns, from texts such as `q=position,tau=effort` or `tau=a,b,c`.
+
+    - `texts`: each with one or more quantities.
+
+    Raises DefinitionError if a text has another form.
+    """
+    columns: dict[str, list[str]] = {}
+    for text in texts:
+        quantity = None
+        for part in text.split(","):
+            name, sign, word = part.partition("=")
+            if sign:
+                quantity = name.strip()
+                columns.setdefault(quantity, []).append(word.strip())
+            elif quantity is not None:
+                columns[quantity].append(part.strip())
+            if quantity is None or not columns[quantity][-1]:
+                raise DefinitionError(
+                    f"`--columns {plain(text)}` needs the form QUANTITY=COLUMN, such as `q=position,tau=effort`"
+                )
+    return {quantity: words[0] if len(words) == 1 else words for quantity, words in columns.items()}
+
+
+@dataclass(frozen=True)
+class _Title:
+    """A title apart: what it says without its unit, and the unit."""
+
+    text: str
+    bare: str
+    unit: str
+
+    @classmethod
+    def of(cls, text: str) -> _Title:
+        bare, unit = text.strip().strip("\"'").strip(), ""
+        matched = _UNIT.search(bare)
+        if matched is not None:
+            inside = matched["a"] if matched["a"] is not None else matched["b"]
+            if not inside.strip().isdigit():
+                bare, unit = bare[: matched.start()], inside
+        bare = re.sub(r"[/:]+", ".", re.sub(r"\s+", "_", bare.strip())).strip(".")
+        ending = _ENDING.search(bare.lower())
+        if (
+            ending is not None
+            and not unit
+            and (ending["unit"] not in UNITS["t"] or ending.string[: ending.start()] in TIMES)
+        ):
+            bare, unit = bare[: ending.start()], ending["unit"]
+        return cls(text, bare, unit.strip())
+
+    def suffixes(self) -> Iterator[tuple[str, str]]:
+        """The title from each of its parts on, the whole one first, with what stands before."""
+        parts = self.bare.split(".")[-6:]
+        for start in range(len(parts)):
+            yield ".".join(parts[:start]), ".".join(parts[start:])
+
+
+@dataclass
+class _Group:
+    """Columns of one quantity that are called alike: by the name of the joint, and by its number."""
+
+    named: dict[str, _Title] = field(default_factory=dict)
+    numbered: dict[int, _Title] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -29,63 +148,333 @@ class Columns:
 
     - `time`: name of the column.
     - `of`: names of columns by quantity.
+    - `scale`: for each column that is used, what one of its units is in s, rad, rad/s or N m.
+    - `notes`: what was left out or converted.
     """
 
     time: str
     of: dict[str, list[str]]
+    scale: dict[str, float]
+    notes: tuple[str, ...] = ()
+
+    @property
+    def titles(self) -> list[str]:
+        """The titles of all columns that are used."""
+        return [self.time, *(title for titles in self.of.values() for title in titles)]
 
     @classmethod
-    def found(cls, titles: Sequence[str], joints: Sequence[str], source: str) -> Columns:
-        """The columns by their titles: `q1`, `q_1`, `NAME` or `NAME.position`; `tau_1`, `NAME.effort`; and so on.
+    def match(
+        cls, titles: Sequence[str], joints: Sequence[str], source: str, reading: Reading | None = None
+    ) -> Columns:
+        """Return the columns by their titles: `q1`, `q_1`, `NAME`, `NAME.position`, `tau_1`, `state.q[0]`, and so on.
 
-        - `titles`: of the columns; a unit in brackets behind does not matter.
+        Names of joints come first, numbers second: from 0 or from 1, in the arm's order.
+
+        - `titles`: of the columns; a unit in brackets behind is converted.
         - `joints`: the arm's joints, in its order.
         - `source`: what is read, for messages.
+        - `reading`: what the titles do not say.
 
-        Raises DefinitionError if times, a position or a torque is missing.
+        Raises DefinitionError if times, a position or a torque is missing, or a title has several meanings.
         """
-        bare = {re.sub(r"\s*\[.*\]$", "", title).strip().lower(): title for title in titles}
-        time = next((bare[name] for name in TIMES if name in bare), None)
-        if time is None:
-            raise DefinitionError(f"{source} has no column of times: call it `time` [s]; it has {_some(titles)}")
-        of: dict[str, list[str]] = {}
-        for quantity, words in QUANTITIES.items():
-            matched = [_match(bare, words, number + 1, name) for number, name in enumerate(joints)]
-            known = [title for title in matched if title is not None]
-            if len(known) == len(joints):
-                of[quantity] = known
-            elif quantity != "dq" or known:
-                missing = joints[matched.index(None)]
-                number = matched.index(None) + 1
-                raise DefinitionError(
-                    f"{source} has no `{quantity}` of joint `{missing}`: call its column `{quantity}_{number}` or "
-                    f"`{missing}.{words[1]}`; there are {_some(titles)}"
-                )
-        return cls(time, of)
+        return _Matching(titles, joints, source, reading or Reading()).columns()
 
-    def log(self, source: str, joints: Sequence[str], table: Mapping[str, np.ndarray]) -> Log:
-        """The log in a table that has these columns.
+    def log(
+        self, source: str, joints: Sequence[str], table: Mapping[str, np.ndarray], notes: Sequence[str] = ()
+    ) -> Log:
+        """Return the log in a table that has these columns.
 
         - `source`: what was read, for messages.
         - `joints`: the arm's joints, in its order.
         - `table`: each column by its title.
+        - `notes`: of the reader, before those of the columns.
         """
-        values = {name: np.stack([table[title] for title in titles], axis=1) for name, titles in self.of.items()}
-        return Log(source, tuple(joints), table[self.time], values["q"], values["tau"], values.get("dq"))
+        values = {
+            name: np.stack([table[title] * self.scale.get(title, 1.0) for title in titles], axis=1)
+            for name, titles in self.of.items()
+        }
+        times = table[self.time] * self.scale.get(self.time, 1.0)
+        if len(times) and abs(times[0]) > 1e6:
+            # Since 1970, say: what matters is the time since the first sample.
+            times = (table[self.time] - table[self.time][0]) * self.scale.get(self.time, 1.0)
+        return Log(source, tuple(joints), times, values["q"], values["tau"], values.get("dq"), (*notes, *self.notes))
 
 
-def _match(bare: Mapping[str, str], words: Sequence[str], number: int, joint: str) -> str | None:
-    name = joint.lower()
-    for word in (word.lower() for word in words):
-        for form in (f"{word}{number}", f"{word}_{number}", f"{word}[{number}]", f"{name}.{word}", f"{word}.{name}"):
-            if form in bare:
-                return bare[form]
-        for form in (f"{word}_{name}", f"{name}_{word}"):
-            if form in bare:
-                return bare[form]
-    return bare.get(name) if words[0] == "q" else None
+class _Matching:
+    """The titles of one table against the joints of one arm."""
+
+    def __init__(self, titles: Sequence[str], joints: Sequence[str], source: str, reading: Reading) -> None:
+        self.source, self.joints, self.reading = source, joints, reading
+        lower = len({name.lower() for name in joints}) == len(joints)
+        self.fold = str.lower if lower else str
+        self.keys = {self.fold(re.sub(r"[/: ]", ".", name)): name for name in joints}
+        self.all = [_Title.of(text) for text in titles]
+        self.notes: list[str] = []
+        doubled = {text for text in titles if titles.count(text) > 1} if len(set(titles)) < len(titles) else set()
+        self.doubled = doubled
+        self.dropped_numbers = {int(word) for word in reading.drop if re.fullmatch(r"\d{1,6}", word)}
+        self.dropped_names = [word for word in reading.drop if word not in WORDS and not word.isdigit()]
+        left = [title for title in self.all if title.text.strip() not in reading.drop]
+        self.left = [title for title in left if title.bare not in reading.drop]
+        self._require_dropped_exist()
+
+    def columns(self) -> Columns:
+        time = self._time()
+        of: dict[str, list[_Title]] = {}
+        for quantity in WORDS:
+            if quantity in self.reading.drop:
+                self.notes.append(f"`{quantity}` is left out, as asked")
+                continue
+            columns = self._quantity(quantity)
+            if columns is not None:
+                of[quantity] = columns
+        scale = {time.text: self._scale("t", time)}
+        for quantity, columns in of.items():
+            scale |= {title.text: self._scale(quantity, title) for title in columns}
+        used = [time, *(title for columns in of.values() for title in columns)]
+        for title in used:
+            if title.text in self.doubled:
+                raise DefinitionError(
+                    f"{self.source} has two columns `{plain(title.text)}`: leave one of them out or rename it"
+                )
+        texts = {quantity: [title.text for title in columns] for quantity, columns in of.items()}
+        return Columns(time.text, texts, scale, tuple(dict.fromkeys(self.notes)))
+
+    def _require_dropped_exist(self) -> None:
+        for word in self.dropped_names:
+            if word in self.joints:
+                raise DefinitionError(
+                    f"`drop` names `{plain(word)}`, a joint of the arm: identification needs all of them; lock it in "
+                    "the robot file if it does not move"
+                )
+            key = self.fold(word)
+            known = any(
+                key in re.split(r"[._]", self.fold(title.bare)) or key in self.fold(title.bare) for title in self.all
+            )
+            if not known:
+                raise DefinitionError(
+                    f"`drop` names `{plain(word)}`, which is no column or joint of {self.source}; it has {self._some()}"
+                )
+
+    def _some(self) -> str:
+        texts = ", ".join(f"`{plain(title.text)}`" for title in self.all[:8])
+        return f"{texts}, ..." if len(self.all) > 8 else texts
+
+    def _time(self) -> _Title:
+        given = self.reading.columns.get("t")
+        if given is not None:
+            return self._named_column(given if isinstance(given, str) else given[0], "t")
+        for word in TIMES:
+            for title in self.left:
+                if title.bare.lower() == word:
+                    return title
+        for word in TIMES:
+            ending = [title for title in self.left if title.bare.lower().rpartition(".")[2] == word]
+            if len(ending) == 1:
+                return ending[0]
+        raise DefinitionError(
+            f"{self.source} has no column of times: call it `time` [s], or name it (`--columns t=NAME`); "
+            f"it has {self._some()}"
+        )
+
+    def _named_column(self, text: str, quantity: str) -> _Title:
+        for title in self.all:
+            if text in (title.text.strip(), title.bare):
+                return title
+        names = [title.text.strip() for title in self.all]
+        raise DefinitionError(
+            f"{self.source} has no column `{plain(text)}` for `{quantity}`; {nearest(text, names[:200])}"
+        )
+
+    def _quantity(self, quantity: str) -> list[_Title] | None:
+        given = self.reading.columns.get(quantity)
+        if isinstance(given, str) and len(self.joints) == 1 and any(t.text.strip() == given for t in self.all):
+            given = [given]
+        if given is not None and not isinstance(given, str):
+            if len(given) != len(self.joints):
+                raise DefinitionError(
+                    f"`columns` names {len(given)} columns for `{quantity}`, but the arm has {len(self.joints)} joints"
+                )
+            return [self._named_column(text, quantity) for text in given]
+        words = WORDS[quantity] if given is None else (_Title.of(given).bare.lower(),)
+        groups = self._groups(words, positions=quantity == "q" and given is None)
+        whole = [place for place, group in groups.items() if self._whole(group)]
+        if not whole:
+            self._require_missing_is_allowed(quantity, words, groups, given)
+            return None
+        first = min(whole, key=lambda place: (place[0], _state(place[1])))
+        rivals = [place for place in whole if place[0] == first[0] and _state(place[1]) == _state(first[1])]
+        if len(rivals) > 1:
+            names = ", ".join(f"`{prefix}.{(*words, '')[word]}`".replace(".`", "`") for word, prefix in rivals)
+            option = f"{rivals[0][1]}.{(*words, '')[rivals[0][0]]}".strip(".")
+            raise DefinitionError(
+                f"{self.source} has several columns for `{quantity}`: {names}; say which "
+                f"(such as `--columns {quantity}={option}`)"
+            )
+        return self._of_group(quantity, groups[first])
+
+    def _groups(self, words: Sequence[str], *, positions: bool) -> dict[tuple[int, str], _Group]:
+        """The columns of one quantity by the place of their word in `words`, and by what stands before it."""
+        rank = {word: place for place, word in reversed(list(enumerate(words)))}
+        rank |= {many: rank[one] for many, one in PLURALS.items() if one in rank and many not in rank}
+        groups: dict[tuple[int, str], _Group] = {}
+        for title in self.left:
+            for prefix, suffix in title.suffixes():
+                matched = self._match(suffix, rank, len(words) if positions else None)
+                if matched is not None:
+                    word, key = matched
+                    group = groups.setdefault((word, prefix.lower()), _Group())
+                    if isinstance(key, int):
+                        group.numbered.setdefault(key, title)
+                    else:
+                        group.named.setdefault(key, title)
+                    break
+        return groups
+
+    def _match(self, suffix: str, rank: Mapping[str, int], bare: int | None) -> tuple[int, str | int] | None:
+        """The word's place and the joint, by its name or number; None if this is no such title."""
+        text = self.fold(suffix)
+        lower = suffix.lower()
+        if bare is not None and text in self.keys:
+            return bare, self.keys[text]
+        for key, name in self.keys.items():
+            if len(text) > len(key) + 1 and (text.startswith(key) or text.endswith(key)):
+                rest = lower[len(key) :] if text.startswith(key) else lower[: -len(key)]
+                word = rest.strip("._")
+                if word in rank and len(word) < len(rest):
+                    return rank[word], name
+        indexed = _INDEX.fullmatch(lower)
+        if indexed is not None and indexed["stem"] in rank:
+            return rank[indexed["stem"]], int(indexed["a"] or indexed["b"] or indexed["c"])
+        first, _, last = lower.partition(".") if "." in lower else lower.rpartition("_")
+        for word, other in ((first, last), (last, first)):
+            if word in rank and other:
+                joint = _JOINT.fullmatch(other)
+                if joint is not None:
+                    return rank[word], int(joint["index"])
+                if "." in lower:
+                    return rank[word], suffix.split(".")[0 if other == first else -1]
+        return None
+
+    def _whole(self, group: _Group) -> bool:
+        return all(name in group.named for name in self.joints) or (
+            not any(name in group.named for name in self.joints) and len(self._numbers(group)) >= len(self.joints)
+        )
+
+    def _numbers(self, group: _Group) -> list[int]:
+        """The numbers of joints that are in a group, without those that are dropped."""
+        return sorted(number for number in group.numbered if number not in self.dropped_numbers)
+
+    def _of_group(self, quantity: str, group: _Group) -> list[_Title]:
+        if all(name in group.named for name in self.joints):
+            extra = [name for name in group.named if name not in self.joints and name not in self.reading.drop]
+            if extra:
+                names = ", ".join(f"`{plain(name)}`" for name in extra[:8])
+                self.notes.append(f"the arm has no joint {names}: left out")
+            return [group.named[name] for name in self.joints]
+        numbers = self._numbers(group)
+        every = sorted(group.numbered)
+        if every != list(range(every[0], every[0] + len(every))) or every[0] not in (0, 1):
+            raise DefinitionError(
+                f"the columns for `{quantity}` of {self.source} have the numbers {shown(every)}: they must count "
+                f"from 0 or 1 without a gap, or name their joints; or list them, such as `--columns {quantity}=A,B,C`"
+            )
+        if len(numbers) > len(self.joints):
+            raise DefinitionError(
+                f"{self.source} has {len(numbers)} columns for `{quantity}`, but the arm has {len(self.joints)} "
+                f"joints: leave out those of other joints by their numbers (such as `--drop {numbers[-1]}`)"
+            )
+        return [group.numbered[number] for number in numbers]
+
+    def _require_missing_is_allowed(
+        self, quantity: str, words: Sequence[str], groups: Mapping[tuple[int, str], _Group], given: str | None
+    ) -> None:
+        """Raise a DefinitionError with the reason why a quantity is missing, unless it may be missing."""
+        nearly = max(groups.values(), key=lambda group: len(group.named) + len(group.numbered), default=_Group())
+        known = [name for name in self.joints if name in nearly.named]
+        if not known:
+            numbers = self._numbers(nearly)
+            known = list(self.joints[: len(numbers)])
+        if quantity == "dq" and given is None:
+            if not known:
+                return
+            if self.reading.drop and any(self.fold(word) not in self.keys for word in self.reading.drop):
+                self.notes.append("`dq` is left out, as columns of it are")
+                return
+        missing = next((name for name in self.joints if name not in known), self.joints[0])
+        number = list(self.joints).index(missing) + 1
+        remedy = ", or leave `dq` out (`--drop dq`)" if quantity == "dq" else ""
+        if given is not None:
+            raise DefinitionError(
+                f"{self.source} has no columns `{plain(given)}` with a number or name for each of {len(self.joints)} "
+                f"joints, joint `{missing}` is the first without; it has {self._some()}"
+            )
+        if quantity == "tau" and not known:
+            self._refuse_other_torques()
+        named = any(isinstance(key, str) for group in groups.values() for key in group.named)
+        others = [key for group in groups.values() for key in group.named if key not in self.joints]
+        near = f"; {nearest(missing, list(dict.fromkeys(others))[:50])}" if named and others else ""
+        raise DefinitionError(
+            f"{self.source} has no `{quantity}` of joint `{missing}`: call its column `{quantity}_{number}` or "
+            f"`{missing}.{WORDS[quantity][1]}`, or name the columns (`--columns {quantity}=WORD`){remedy}; "
+            f"there are {self._some()}{near}"
+        )
+
+    def _refuse_other_torques(self) -> None:
+        for words, reason in (
+            (CURRENTS, "motor currents [A], not torques: multiply them by torque constant and gear ratio first"),
+            (COMPUTED, "torques that a controller computed, not measured ones"),
+        ):
+            groups = self._groups(words, positions=False)
+            for (word, prefix), group in sorted(groups.items(), key=lambda item: item[0]):
+                if self._whole(group):
+                    name = f"{prefix}.{words[word]}".strip(".")
+                    raise DefinitionError(
+                        f"{self.source} has no torques, only `{name}`: {reason}; if the columns are torques all the "
+                        f"same, `--columns tau={name}` reads them so"
+                    )
+
+    def _scale(self, quantity: str, title: _Title) -> float:
+        if quantity == "t":
+            return self._time_scale(title)
+        unit = re.sub(r"[\s·*⋅.^-]", "", title.unit.lower())
+        if unit in ("", "si"):
+            return 1.0
+        scale = UNITS[quantity].get(unit)
+        if quantity == "tau" and re.sub(r"[\s·*⋅.]", "", title.unit) in ("MNm", "MN"):
+            scale = 1e6
+        if scale is None:
+            options = ", ".join(list(UNITS[quantity])[:4])
+            raise DefinitionError(
+                f"{self.source}: column `{plain(title.text)}` is in `{plain(title.unit)}`, which is no known unit of "
+                f"`{quantity}` ({options}, ...): convert the column, or correct the unit in its title"
+            )
+        if scale != 1.0:
+            self.notes.append(f"`{quantity}` is converted from {title.unit}, the unit in the title")
+        return scale
+
+    def _time_scale(self, title: _Title) -> float:
+        unit = title.unit.lower().strip()
+        if not unit and title.bare.lower() in ("%time", "rosbagtimestamp"):
+            self.notes.append(f"the times in `{plain(title.text)}` are nanoseconds, as ROS writes them")
+            return 1e-9
+        rates = ("success_rate", "state.success_rate", "control_command_success_rate")
+        if not unit and any(other.bare.lower() in rates for other in self.all):
+            self.notes.append(f"the times in `{plain(title.text)}` are milliseconds, as libfranka writes them")
+            return 1e-3
+        if not unit:
+            return 1.0
+        if unit not in UNITS["t"]:
+            raise DefinitionError(
+                f"{self.source}: column `{plain(title.text)}` is in `{plain(title.unit)}`, which is no unit of time "
+                "(s, ms, us, ns): convert the column, or correct the unit in its title"
+            )
+        if UNITS["t"][unit] != 1.0:
+            self.notes.append(f"the times are converted from {title.unit}, the unit in the title")
+        return UNITS["t"][unit]
 
 
-def _some(titles: Sequence[str]) -> str:
-    shown = ", ".join(f"`{title}`" for title in titles[:8])
-    return f"{shown}, ..." if len(titles) > 8 else shown
+def _state(prefix: str) -> int:
+    """The rank of what stands before a word: measured states first."""
+    last = prefix.rpartition(".")[2]
+    return STATES.index(last) if last in STATES else len(STATES)

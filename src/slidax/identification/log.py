@@ -22,6 +22,7 @@ class Log:
     - `q`: positions [k n], rad or m.
     - `tau`: torques [k n], N m or N.
     - `dq`: velocities [k n], rad/s or m/s; None if they were not measured.
+    - `notes`: sentences about what reading left out or converted.
 
     Raises DefinitionError if sizes differ, there are less than 200 samples, the times do not increase, or a number is
     not finite.
@@ -33,6 +34,7 @@ class Log:
     q: np.ndarray
     tau: np.ndarray
     dq: np.ndarray | None = None
+    notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         k, n = len(self.t), len(self.joints)
@@ -51,7 +53,13 @@ class Log:
                     f"`{name}` of {self.source} is not finite for joint `{self.joints[joint]}` in sample {row + 1}: "
                     "leave out such samples"
                 )
-        if not np.isfinite(self.t).all() or (np.diff(self.t) <= 0).any():
+        if not np.isfinite(self.t).all():
+            row = int(np.argmin(np.isfinite(self.t)))
+            raise DefinitionError(
+                f"the time of sample {row + 1} of {self.source} is not finite: it is {self.t[row]:g}; "
+                "leave out this sample"
+            )
+        if (np.diff(self.t) <= 0).any():
             rows = np.nonzero(~(np.diff(self.t) > 0))[0]
             raise DefinitionError(
                 f"the times of {self.source} must increase; sample {int(rows[0]) + 2} is at {self.t[rows[0] + 1]:g} s, "

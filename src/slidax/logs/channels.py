@@ -25,6 +25,9 @@ OF_ENVELOPE = ("s", "eps", "eps1", "rho", "u", "margin", "assumption_violated")
 TIMES = ("wake", "took", "response", "logged")
 """Of a real-time loop, s: how late the law woke, how long a step took, from measurement to command, to log a row."""
 
+MOST = 10_000
+"""Joints, signals or numbers of a signal that a log may have."""
+
 
 @dataclass(frozen=True)
 class Channels:
@@ -116,13 +119,26 @@ class Channels:
 
     @classmethod
     def of_text(cls, text: str) -> Channels:
-        """What `as_text` has written.
+        """Return what `as_text` has written.
 
         - `text`: of a log.
+
+        Raises ValueError if it is something else.
         """
-        said = json.loads(text)
-        joints, units, bits = (tuple(said[name]) for name in ("joints", "units", "bits"))
-        return cls(joints, units, said["signals"], said["bounded"], bits)
+        try:
+            data = json.loads(text)
+            lists = [data[name] for name in ("joints", "units", "bits")]
+            signals, bounded = data["signals"], data["bounded"]
+        except (ValueError, KeyError, TypeError, RecursionError):
+            raise ValueError("its list of channels is no such list") from None
+        texts = all(isinstance(entry, list) and all(isinstance(name, str) for name in entry) for entry in lists)
+        if not texts or not isinstance(signals, dict) or not isinstance(bounded, bool) or not lists[0]:
+            raise ValueError("its list of channels is no such list")
+        sizes = [*map(len, lists), len(signals), *(size for size in signals.values() if size is not None)]
+        if not all(isinstance(size, int) and 0 <= size <= MOST for size in sizes):
+            raise ValueError(f"its list of channels has more than {MOST} entries")
+        joints, units, bits = map(tuple, lists)
+        return cls(joints, units, signals, bounded, bits)
 
     def _signal(self, name: str) -> Field:
         return Field(name, "float64", self.signals[name], column=f"signal:{name}")

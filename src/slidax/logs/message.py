@@ -117,8 +117,15 @@ class Message:
         """The numbers of messages that `packed` has made, by column.
 
         - `messages`: in their order.
+
+        Raises ValueError if one has another size.
         """
         blank, places = self._layout
+        for number, message in enumerate(messages, 1):
+            if len(message) != len(blank):
+                raise ValueError(
+                    f"message {number} on `{self.topic}` has {len(message)} bytes, where {len(blank)} are needed"
+                )
         rows = np.frombuffer(b"".join(messages), np.uint8).reshape(len(messages), len(blank))
         found = {}
         for field in self.fields:

@@ -29,3 +29,19 @@ def require_reader() -> None:
         from slidax._errors import DefinitionError
 
         raise DefinitionError(f"reading MCAP needs mcap, which is not installed: {REMEDY}") from None
+
+
+def require_rosbags() -> Any:
+    """Return the reader of the databases of ros2 bag.
+
+    Raises DefinitionError with the remedy if its package is not installed.
+    """
+    try:
+        from rosbags.rosbag2 import Reader
+    except ImportError:
+        from slidax._errors import DefinitionError
+
+        raise DefinitionError(
+            f"reading databases of ros2 bag needs rosbags, which is not installed: {REMEDY}"
+        ) from None
+    return Reader

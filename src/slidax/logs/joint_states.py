@@ -1,0 +1,172 @@
+"""Messages `sensor_msgs/JointState` from logs of ROS 2: MCAP files, and the folders of `ros2 bag`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+from slidax._errors import DefinitionError, nearest, plain
+
+from .message import joint_state
+from .needed import require_reader
+from .records import Message, read_records
+
+TYPES = ("sensor_msgs/msg/JointState", "sensor_msgs/JointState")
+TOPIC = "/joint_states"
+"""The usual topic."""
+
+OWN = "/truth"
+"""The topic of simulated arms in logs of ours, which is meant for drawings."""
+
+
+@dataclass(frozen=True)
+class JointStates:
+    """Messages of one topic.
+
+    - `topic`: their topic.
+    - `messages`: as mappings, decoded one by one.
+    - `notes`: sentences about what is not read.
+    """
+
+    topic: str
+    messages: Iterator[dict[str, Any]]
+    notes: tuple[str, ...] = ()
+
+
+def read_joint_states(path: Path, topic: str | None = None, joints: Sequence[str] = ()) -> JointStates:
+    """Return the joint states in an MCAP file, whoever wrote it.
+
+    - `path`: the file.
+    - `topic`: of the messages; if not given, the only one whose first message has the joints, or `/joint_states`.
+    - `joints`: names that the messages must have.
+
+    Raises DefinitionError if it cannot be read, has no such messages or several topics with them, or a package is
+    missing.
+    """
+    require_reader()
+    decode = decoder()
+    bodies, topics, whole = states_in_mcap(path)
+    notes = () if whole else ("the file has no end or is damaged: it is read as far as it is whole",)
+    return choose_topic(f"`{path.name}`", bodies, topics, topic, joints, decode, notes)
+
+
+def states_in_mcap(path: Path) -> tuple[dict[str, list[bytes]], set[str], bool]:
+    """Return the joint states as they were sent, by topic; all topics; and whether the file has an end.
+
+    - `path`: of the MCAP file.
+
+    Raises DefinitionError as `read_records` does.
+    """
+    topics: set[str] = set()
+    kinds: dict[int, str] = {}
+    channels: dict[int, str] = {}
+    bodies: dict[str, list[bytes]] = {}
+    whole = False
+    for record in read_records(path):
+        kind = type(record).__name__
+        if isinstance(record, Message):
+            if record.channel_id in channels:
+                bodies.setdefault(channels[record.channel_id], []).append(record.data)
+        elif kind == "Schema":
+            kinds[record.id] = record.name
+        elif kind == "Channel":
+            topics.add(record.topic)
+            if kinds.get(record.schema_id) in TYPES and record.message_encoding == "cdr":
+                channels[record.id] = record.topic
+        elif kind == "DataEnd":
+            whole = True
+    return bodies, topics, whole
+
+
+def choose_topic(
+    source: str,
+    bodies: dict[str, list[bytes]],
+    topics: set[str],
+    topic: str | None,
+    joints: Sequence[str],
+    decode: Any,
+    notes: Sequence[str],
+) -> JointStates:
+    """Return the joint states of the topic that is asked for, or of the only one that has the joints.
+
+    - `source`: what is read, for messages.
+    - `bodies`: messages as they were sent, by topic.
+    - `topics`: all topics of the log.
+    - `topic`, `joints`: as in `read_joint_states`.
+    - `decode`: a message as a mapping.
+    - `notes`: sentences about what is not read.
+
+    Raises DefinitionError if there is none, or there are several.
+    """
+    if topic is not None:
+        if topic not in bodies:
+            kind = "has the topic, but no joint states on it" if topic in topics else "has no such topic"
+            raise DefinitionError(
+                f"{source} has no messages of ROS 2 on the topic `{plain(topic)}`: it {kind}; "
+                f"{nearest(topic, bodies) if bodies else _no_joint_states(topics)}"
+            )
+        return JointStates(topic, _decoded(source, bodies[topic], decode), tuple(notes))
+    if not bodies:
+        raise DefinitionError(f"{source} has no messages of ROS 2 with joint states; {_no_joint_states(topics)}")
+    able = [name for name, messages in bodies.items() if _has_joints(source, messages, joints, decode)]
+    chosen = TOPIC if TOPIC in able or (not able and TOPIC in bodies) else None
+    others = [name for name in able or list(bodies) if name != chosen and name != OWN]
+    if chosen is None and len(others) == 1:
+        chosen, others = others[0], []
+    if chosen is None and not others:
+        chosen = OWN
+    if chosen is None:
+        names = ", ".join(f"`{plain(name)}`" for name in sorted(others)[:12])
+        raise DefinitionError(
+            f"{source} has joint states on {len(others)} topics, {names}: say which (`--topic {sorted(others)[0]}`)"
+        )
+    notes = list(notes)
+    if chosen != TOPIC:
+        notes.append(f"the topic `{plain(chosen)}` is read, the only one with joint states of the arm")
+    elif others:
+        names = ", ".join(f"`{plain(name)}`" for name in sorted(others)[:8])
+        notes.append(f"the topic `{TOPIC}` is read; there are joint states on {names}, too (`--topic`)")
+    return JointStates(chosen, _decoded(source, bodies[chosen], decode), tuple(notes))
+
+
+def _no_joint_states(topics: set[str]) -> str:
+    names = ", ".join(f"`{plain(name)}`" for name in sorted(topics)[:12])
+    return f"its topics are {names}" if names else "there are none"
+
+
+def _has_joints(source: str, messages: Sequence[bytes], joints: Sequence[str], decode: Any) -> bool:
+    """True if one of the first messages, which may be of several publishers, has all the joints."""
+    return any(set(joints) <= set(message["name"]) for message in _decoded(source, messages[:20], decode))
+
+
+def _decoded(source: str, messages: Sequence[bytes], decode: Any) -> Iterator[dict[str, Any]]:
+    for number, body in enumerate(messages, 1):
+        try:
+            message = decode(body)
+            stamp = {"sec": message.header.stamp.sec, "nanosec": message.header.stamp.nanosec}
+            parts = {name: list(getattr(message, name)) for name in ("name", "position", "velocity", "effort")}
+        # The decoder raises whatever a damaged byte leads it to.
+        except Exception:
+            raise DefinitionError(
+                f"{source}, message {number}: no `sensor_msgs/JointState`: it is damaged or of another type"
+            ) from None
+        yield {"header": {"stamp": stamp}, **parts}
+
+
+def decoder() -> Any:
+    """Return a decoder of joint states by our own definition, as that in a file may be anything.
+
+    Raises DefinitionError if its package is missing.
+    """
+    try:
+        from mcap_ros2.decoder import DecoderFactory
+    except ImportError:
+        raise DefinitionError(
+            "reading messages of ROS 2 needs mcap-ros2-support, which is not installed: pip install 'slidax[log]'"
+        ) from None
+    message = joint_state(TOPIC, ("a",), ("q", "dq", "effort"))
+    schema: Any = SimpleNamespace(id=1, name=message.type, encoding="ros2msg", data=message.definition.encode())
+    return DecoderFactory().decoder_for("cdr", schema)
