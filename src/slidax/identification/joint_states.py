@@ -15,8 +15,8 @@ import numpy as np
 from slidax._errors import DefinitionError, nearest, plain, shown
 from slidax._files import MEGABYTE, open_file
 
-from .columns import Reading
 from .log import Log
+from .reading import Reading
 
 FIELDS = {"position": "q", "velocity": "dq", "effort": "tau"}
 

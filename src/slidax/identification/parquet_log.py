@@ -11,8 +11,10 @@ import numpy as np
 from slidax._errors import DefinitionError, plain
 from slidax.simulation import parquet
 
-from .columns import Columns, Reading
+from .columns import Columns
 from .log import Log
+from .matching import match_columns
+from .reading import Reading
 
 SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 
@@ -42,7 +44,7 @@ def read_parquet(path: Path, joints: Sequence[str], reading: Reading) -> Log:
                 titles += parts
             else:
                 titles.append(title)
-        columns.append(Columns.match(titles, joints, name, reading))
+        columns.append(match_columns(titles, joints, name, reading))
         return list(dict.fromkeys(lists.get(title, (title, 0))[0] for title in columns[0].titles))
 
     table = parquet.read_table(path, choose)

@@ -8,11 +8,11 @@ from pathlib import Path
 from slidax._errors import DefinitionError
 from slidax.logs import read_bag, read_joint_states
 
-from .columns import Reading
 from .csv_log import read_csv
 from .joint_states import log_of_messages, read_json
 from .log import Log
 from .parquet_log import read_parquet
+from .reading import Reading
 
 
 def read_log(

@@ -1,0 +1,287 @@
+"""The columns of a table, matched with the joints of an arm by their titles."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+from slidax._errors import DefinitionError, nearest, plain, shown
+
+from .columns import Columns
+from .reading import Reading
+from .titles import (
+    COMPUTED,
+    CURRENTS,
+    INDEX,
+    JOINT,
+    PLURALS,
+    TIMES,
+    WORDS,
+    Title,
+    rank_of_state,
+    scale_of,
+    scale_of_time,
+)
+
+
+def match_columns(titles: Sequence[str], joints: Sequence[str], source: str, reading: Reading) -> Columns:
+    """Return the columns by their titles: `q1`, `q_1`, `NAME`, `NAME.position`, `tau_1`, `state.q[0]`, and so on.
+
+    Names of joints come first, numbers second: from 0 or from 1, in the arm's order.
+
+    - `titles`: of the columns; a unit in brackets behind is converted.
+    - `joints`: the arm's joints, in its order.
+    - `source`: of the table, for messages.
+    - `reading`: what the titles do not say.
+
+    Raises DefinitionError if times, a position or a torque is missing, or a title has several meanings.
+    """
+    return _Matching(titles, joints, source, reading).columns()
+
+
+@dataclass
+class _Group:
+    """Columns of one quantity that are called alike: by the name of the joint, and by its number."""
+
+    named: dict[str, Title] = field(default_factory=dict)
+    numbered: dict[int, Title] = field(default_factory=dict)
+
+
+class _Matching:
+    """The titles of one table against the joints of one arm."""
+
+    def __init__(self, titles: Sequence[str], joints: Sequence[str], source: str, reading: Reading) -> None:
+        self.source, self.joints, self.reading = source, joints, reading
+        lower = len({name.lower() for name in joints}) == len(joints)
+        self.fold = str.lower if lower else str
+        self.keys = {self.fold(re.sub(r"[/: ]", ".", name)): name for name in joints}
+        self.all = [Title.of(text) for text in titles]
+        self.notes: list[str] = []
+        doubled = {text for text in titles if titles.count(text) > 1} if len(set(titles)) < len(titles) else set()
+        self.doubled = doubled
+        self.dropped_numbers = {int(word) for word in reading.drop if re.fullmatch(r"\d{1,6}", word)}
+        self.dropped_names = [word for word in reading.drop if word not in WORDS and not word.isdigit()]
+        left = [title for title in self.all if title.text.strip() not in reading.drop]
+        self.left = [title for title in left if title.bare not in reading.drop]
+        self._require_dropped_exist()
+
+    def columns(self) -> Columns:
+        time = self._time()
+        of: dict[str, list[Title]] = {}
+        for quantity in WORDS:
+            if quantity in self.reading.drop:
+                self.notes.append(f"`{quantity}` is left out, as asked")
+                continue
+            columns = self._quantity(quantity)
+            if columns is not None:
+                of[quantity] = columns
+        scales = {time.text: scale_of_time(time, self.all, self.source)}
+        for quantity, columns in of.items():
+            scales |= {title.text: scale_of(quantity, title, self.source) for title in columns}
+        self.notes += [note for _, note in scales.values() if note]
+        scale = {text: value for text, (value, _) in scales.items()}
+        used = [time, *(title for columns in of.values() for title in columns)]
+        for title in used:
+            if title.text in self.doubled:
+                raise DefinitionError(
+                    f"{self.source} has two columns `{plain(title.text)}`: leave one of them out or rename it"
+                )
+        texts = {quantity: [title.text for title in columns] for quantity, columns in of.items()}
+        return Columns(time.text, texts, scale, tuple(dict.fromkeys(self.notes)))
+
+    def _require_dropped_exist(self) -> None:
+        for word in self.dropped_names:
+            if word in self.joints:
+                raise DefinitionError(
+                    f"`drop` names `{plain(word)}`, a joint of the arm: identification needs all of them; lock it in "
+                    "the robot file if it does not move"
+                )
+            key = self.fold(word)
+            known = any(
+                key in re.split(r"[._]", self.fold(title.bare)) or key in self.fold(title.bare) for title in self.all
+            )
+            if not known:
+                raise DefinitionError(
+                    f"`drop` names `{plain(word)}`, which is no column or joint of {self.source}; it has {self._some()}"
+                )
+
+    def _some(self) -> str:
+        texts = ", ".join(f"`{plain(title.text)}`" for title in self.all[:8])
+        return f"{texts}, ..." if len(self.all) > 8 else texts
+
+    def _time(self) -> Title:
+        given = self.reading.columns.get("t")
+        if given is not None:
+            return self._named_column(given if isinstance(given, str) else given[0], "t")
+        for word in TIMES:
+            for title in self.left:
+                if title.bare.lower() == word:
+                    return title
+        for word in TIMES:
+            ending = [title for title in self.left if title.bare.lower().rpartition(".")[2] == word]
+            if len(ending) == 1:
+                return ending[0]
+        raise DefinitionError(
+            f"{self.source} has no column of times: call it `time` [s], or name it (`--columns t=NAME`); "
+            f"it has {self._some()}"
+        )
+
+    def _named_column(self, text: str, quantity: str) -> Title:
+        for title in self.all:
+            if text in (title.text.strip(), title.bare):
+                return title
+        names = [title.text.strip() for title in self.all]
+        raise DefinitionError(
+            f"{self.source} has no column `{plain(text)}` for `{quantity}`; {nearest(text, names[:200])}"
+        )
+
+    def _quantity(self, quantity: str) -> list[Title] | None:
+        given = self.reading.columns.get(quantity)
+        if isinstance(given, str) and len(self.joints) == 1 and any(t.text.strip() == given for t in self.all):
+            given = [given]
+        if given is not None and not isinstance(given, str):
+            if len(given) != len(self.joints):
+                raise DefinitionError(
+                    f"`columns` names {len(given)} columns for `{quantity}`, but the arm has {len(self.joints)} joints"
+                )
+            return [self._named_column(text, quantity) for text in given]
+        words = WORDS[quantity] if given is None else (Title.of(given).bare.lower(),)
+        groups = self._groups(words, positions=quantity == "q" and given is None)
+        whole = [place for place, group in groups.items() if self._whole(group)]
+        if not whole:
+            self._require_missing_is_allowed(quantity, words, groups, given)
+            return None
+        first = min(whole, key=lambda place: (place[0], rank_of_state(place[1])))
+        rivals = [
+            place for place in whole if place[0] == first[0] and rank_of_state(place[1]) == rank_of_state(first[1])
+        ]
+        if len(rivals) > 1:
+            names = ", ".join(f"`{prefix}.{(*words, '')[word]}`".replace(".`", "`") for word, prefix in rivals)
+            option = f"{rivals[0][1]}.{(*words, '')[rivals[0][0]]}".strip(".")
+            raise DefinitionError(
+                f"{self.source} has several columns for `{quantity}`: {names}; say which "
+                f"(such as `--columns {quantity}={option}`)"
+            )
+        return self._of_group(quantity, groups[first])
+
+    def _groups(self, words: Sequence[str], *, positions: bool) -> dict[tuple[int, str], _Group]:
+        """The columns of one quantity by the place of their word in `words`, and by what stands before it."""
+        rank = {word: place for place, word in reversed(list(enumerate(words)))}
+        rank |= {many: rank[one] for many, one in PLURALS.items() if one in rank and many not in rank}
+        groups: dict[tuple[int, str], _Group] = {}
+        for title in self.left:
+            for prefix, suffix in title.suffixes():
+                matched = self._match(suffix, rank, len(words) if positions else None)
+                if matched is not None:
+                    word, key = matched
+                    group = groups.setdefault((word, prefix.lower()), _Group())
+                    if isinstance(key, int):
+                        group.numbered.setdefault(key, title)
+                    else:
+                        group.named.setdefault(key, title)
+                    break
+        return groups
+
+    def _match(self, suffix: str, rank: Mapping[str, int], bare: int | None) -> tuple[int, str | int] | None:
+        """The word's place and the joint, by its name or number; None if this is no such title."""
+        text = self.fold(suffix)
+        lower = suffix.lower()
+        if bare is not None and text in self.keys:
+            return bare, self.keys[text]
+        for key, name in self.keys.items():
+            if len(text) > len(key) + 1 and (text.startswith(key) or text.endswith(key)):
+                rest = lower[len(key) :] if text.startswith(key) else lower[: -len(key)]
+                word = rest.strip("._")
+                if word in rank and len(word) < len(rest):
+                    return rank[word], name
+        indexed = INDEX.fullmatch(lower)
+        if indexed is not None and indexed["stem"] in rank:
+            return rank[indexed["stem"]], int(indexed["a"] or indexed["b"] or indexed["c"])
+        first, _, last = lower.partition(".") if "." in lower else lower.rpartition("_")
+        for word, other in ((first, last), (last, first)):
+            if word in rank and other:
+                joint = JOINT.fullmatch(other)
+                if joint is not None:
+                    return rank[word], int(joint["index"])
+                if "." in lower:
+                    return rank[word], suffix.split(".")[0 if other == first else -1]
+        return None
+
+    def _whole(self, group: _Group) -> bool:
+        return all(name in group.named for name in self.joints) or (
+            not any(name in group.named for name in self.joints) and len(self._numbers(group)) >= len(self.joints)
+        )
+
+    def _numbers(self, group: _Group) -> list[int]:
+        """The numbers of joints that are in a group, without those that are dropped."""
+        return sorted(number for number in group.numbered if number not in self.dropped_numbers)
+
+    def _of_group(self, quantity: str, group: _Group) -> list[Title]:
+        if all(name in group.named for name in self.joints):
+            extra = [name for name in group.named if name not in self.joints and name not in self.reading.drop]
+            if extra:
+                names = ", ".join(f"`{plain(name)}`" for name in extra[:8])
+                self.notes.append(f"the arm has no joint {names}: left out")
+            return [group.named[name] for name in self.joints]
+        numbers = self._numbers(group)
+        every = sorted(group.numbered)
+        if every != list(range(every[0], every[0] + len(every))) or every[0] not in (0, 1):
+            raise DefinitionError(
+                f"the columns for `{quantity}` of {self.source} have the numbers {shown(every)}: they must count "
+                f"from 0 or 1 without a gap, or name their joints; or list them, such as `--columns {quantity}=A,B,C`"
+            )
+        if len(numbers) > len(self.joints):
+            raise DefinitionError(
+                f"{self.source} has {len(numbers)} columns for `{quantity}`, but the arm has {len(self.joints)} "
+                f"joints: leave out those of other joints by their numbers (such as `--drop {numbers[-1]}`)"
+            )
+        return [group.numbered[number] for number in numbers]
+
+    def _require_missing_is_allowed(
+        self, quantity: str, words: Sequence[str], groups: Mapping[tuple[int, str], _Group], given: str | None
+    ) -> None:
+        """Raise a DefinitionError with the reason why a quantity is missing, unless it may be missing."""
+        nearly = max(groups.values(), key=lambda group: len(group.named) + len(group.numbered), default=_Group())
+        known = [name for name in self.joints if name in nearly.named]
+        if not known:
+            numbers = self._numbers(nearly)
+            known = list(self.joints[: len(numbers)])
+        if quantity == "dq" and given is None:
+            if not known:
+                return
+            if self.reading.drop and any(self.fold(word) not in self.keys for word in self.reading.drop):
+                self.notes.append("`dq` is left out, as columns of it are")
+                return
+        missing = next((name for name in self.joints if name not in known), self.joints[0])
+        number = list(self.joints).index(missing) + 1
+        remedy = ", or leave `dq` out (`--drop dq`)" if quantity == "dq" else ""
+        if given is not None:
+            raise DefinitionError(
+                f"{self.source} has no columns `{plain(given)}` with a number or name for each of {len(self.joints)} "
+                f"joints, joint `{missing}` is the first without; it has {self._some()}"
+            )
+        if quantity == "tau" and not known:
+            self._refuse_other_torques()
+        named = any(isinstance(key, str) for group in groups.values() for key in group.named)
+        others = [key for group in groups.values() for key in group.named if key not in self.joints]
+        near = f"; {nearest(missing, list(dict.fromkeys(others))[:50])}" if named and others else ""
+        raise DefinitionError(
+            f"{self.source} has no `{quantity}` of joint `{missing}`: call its column `{quantity}_{number}` or "
+            f"`{missing}.{WORDS[quantity][1]}`, or name the columns (`--columns {quantity}=WORD`){remedy}; "
+            f"there are {self._some()}{near}"
+        )
+
+    def _refuse_other_torques(self) -> None:
+        for words, reason in (
+            (CURRENTS, "motor currents [A], not torques: multiply them by torque constant and gear ratio first"),
+            (COMPUTED, "torques that a controller computed, not measured ones"),
+        ):
+            groups = self._groups(words, positions=False)
+            for (word, prefix), group in sorted(groups.items(), key=lambda item: item[0]):
+                if self._whole(group):
+                    name = f"{prefix}.{words[word]}".strip(".")
+                    raise DefinitionError(
+                        f"{self.source} has no torques, only `{name}`: {reason}; if the columns are torques all the "
+                        f"same, `--columns tau={name}` reads them so"
+                    )
