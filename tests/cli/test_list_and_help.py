@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import subprocess
 import sys
 
@@ -53,6 +54,35 @@ def test_the_help_of_each_command_shows_an_example(command: tuple[str, ...]) -> 
     result = in_process(*command, "--help")
     assert result.exit_code == 0
     assert f"Example: slidax {' '.join(command)} " in " ".join(result.stdout.split())
+
+
+def _condensed(text: str) -> str:
+    """Text without what a terminal adds: spaces, frames, quotation marks of code."""
+    return re.sub(r"[\s`\u2500-\u257f]", "", text)
+
+
+@pytest.mark.parametrize("command", [(), ("export",), *COMMANDS], ids=lambda words: " ".join(words) or "slidax")
+def test_help_shows_every_word_and_unit_that_was_written(
+    command: tuple[str, ...], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "400")
+    shown = _condensed(in_process(*command, "--help").stdout)
+    described = get_command(app)
+    for word in command:
+        described = described.commands[word]
+    texts = [described.help or "", *(one.help or "" for one in described.params)]
+    texts += [one.get_short_help_str(1000) for one in getattr(described, "commands", {}).values()]
+    assert any(texts)
+    for text in texts:
+        assert _condensed(text) in shown, text
+
+
+def test_paragraphs_of_help_fill_the_width_of_the_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
+    text = [line.strip() for line in in_process("run", "--help").stdout.splitlines()]
+    start = next(k for k, line in enumerate(text) if line.startswith("--set scheme.name=NAME"))
+    paragraph = text[start : text.index("", start)]
+    assert len(paragraph) > 3 and all(len(line) > 50 for line in paragraph[:-1])
 
 
 def test_help_and_version_answer_without_importing_jax() -> None:

@@ -4,14 +4,19 @@ from __future__ import annotations
 
 import re
 import shlex
+import sys
+import tomllib
 from functools import cache
+from importlib.metadata import packages_distributions
 from pathlib import Path
 from typing import Any
 
 import matplotlib as mpl
 import numpy as np
 import pytest
+from typer.main import get_command
 
+from slidax.cli import app
 from slidax.scenarios import parse
 from slidax.scenarios.load import read_yaml
 from tests.cli.commands import in_process
@@ -61,10 +66,27 @@ def empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def test_the_commands_and_the_code_for_beginners_run_in_their_order(
-    empty_folder: Path, capsys: pytest.CaptureFixture[str]
+def modules_of_other_extras(page: str) -> set[str]:
+    """Modules of the extras that the install command of a page does not name."""
+    extras = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["optional-dependencies"]
+    (line,) = re.findall(r"pip install '\.\[(.*)\]'", page)
+    named = {_package(need) for extra in line.split(",") for need in extras[extra]}
+    others = {_package(need) for extra, needs in extras.items() if extra != "all" for need in needs} - named
+    found = {module for module, packages in packages_distributions().items() if {*map(_package, packages)} & others}
+    assert {"mujoco", "foxglove", "SALib"} <= found and "pyarrow" not in found
+    return found
+
+
+def _package(requirement: str) -> str:
+    return re.split(r"[>=<\[; ]", requirement)[0].lower().replace("_", "-")
+
+
+def test_the_commands_and_the_code_for_beginners_run_in_their_order_with_the_extras_of_the_page(
+    empty_folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     found: dict[str, Any] = {}
+    for module in modules_of_other_extras(START.read_text(encoding="utf-8")):
+        monkeypatch.setitem(sys.modules, module, None)
     for language, text in re.findall(r"```(\w+)\n(.*?)```", START.read_text(encoding="utf-8"), re.DOTALL):
         if language == "yaml":
             name = re.match(r"# (\S+\.yaml)\n", text)
@@ -83,6 +105,12 @@ def test_the_commands_and_the_code_for_beginners_run_in_their_order(
     assert len(found["runs"]) == 3
     assert {path.name for path in empty_folder.iterdir()} >= {"my-arm.yaml", "report", "error.svg", "torque.svg"}
     assert "ok" in capsys.readouterr().out
+
+
+def test_the_pages_name_the_default_of_design() -> None:
+    (runs,) = (one for one in get_command(app).commands["design"].params if one.name == "runs")
+    for page, words in (("newcomer.md", "`--runs {}`, its"), ("tutorials/design-and-certify.md", "{} cases are tried")):
+        assert words.format(runs.default) in (ROOT / "docs" / page).read_text(encoding="utf-8")
 
 
 def test_every_scenario_on_the_page_about_files_is_valid() -> None:

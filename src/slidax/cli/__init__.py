@@ -41,10 +41,10 @@ app = typer.Typer(
     epilog="Start with:  slidax run example-4.1",
     no_args_is_help=True,
     add_completion=False,
-    rich_markup_mode="rich",
+    rich_markup_mode="markdown",
     pretty_exceptions_enable=False,
 )
-export = typer.Typer(help="A scheme as code for a robot.", no_args_is_help=True, rich_markup_mode="rich")
+export = typer.Typer(help="A scheme as code for a robot.", no_args_is_help=True, rich_markup_mode="markdown")
 app.add_typer(export, name="export")
 
 app.command(epilog="Example:  slidax demo --open")(demo)

@@ -22,8 +22,8 @@ def certify(
     changes: Changes = None,
     json: AsJson = False,
     out: Annotated[Path | None, typer.Option(help="Write a page, its figures and certificate.json there.")] = None,
-    runs: Annotated[int, typer.Option(help="Of the statistical certificate; 0 leaves it out.", min=0)] = 300,
-    seed: Annotated[int, typer.Option(help="Of these runs.", min=0)] = 0,
+    runs: Annotated[int, typer.Option(help="Runs of the statistical certificate; 0 leaves it out.", min=0)] = 300,
+    seed: Annotated[int, typer.Option(help="Random seed of these runs.", min=0)] = 0,
 ) -> None:
     """What is promised of a scenario before it runs: each promise with its bound, its margin and what it stands on.
 

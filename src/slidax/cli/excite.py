@@ -14,15 +14,15 @@ from .session import errors_as_lines, prepare, print_json
 def excite(
     robot: Annotated[str, typer.Argument(help="A ready arm by its name, or a URDF, MJCF or YAML file.")],
     out: Annotated[Path, typer.Option(help="Write the motion there, as CSV.")],
-    seed: Annotated[int, typer.Option(help="Of the random numbers; the same seed gives the same motion.")] = 0,
-    duration: Annotated[float, typer.Option(help="Of the motion [s], two periods.")] = 20.0,
+    seed: Annotated[int, typer.Option(help="Random seed; the same seed gives the same motion.")] = 0,
+    duration: Annotated[float, typer.Option(help="Duration of the motion [s]: two periods.")] = 20.0,
     harmonics: Annotated[int, typer.Option(help="Multiples of the base frequency.")] = 10,
-    share: Annotated[float, typer.Option(help="Of the limits that is used at most.")] = 0.8,
+    share: Annotated[float, typer.Option(help="Largest share of the limits that is used.")] = 0.8,
     acceleration: Annotated[
         float | None,
-        typer.Option(help="The largest [rad/s²]; three times the largest velocity per second if not given."),
+        typer.Option(help="Largest acceleration [rad/s²]; three times the largest velocity per second if not given."),
     ] = None,
-    payload: Annotated[float, typer.Option(help="The largest mass [kg] that the torque limits must allow.")] = 0.0,
+    payload: Annotated[float, typer.Option(help="Largest payload [kg] that the torque limits must allow.")] = 0.0,
     links: Annotated[bool, typer.Option("--links", help="Show the links' inertial parameters, too.")] = False,
     tip: Annotated[
         str | None, typer.Option(help="The link, body or site of the tip, where a file has several ends.")

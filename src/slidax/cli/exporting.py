@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 Folder = Annotated[Path, typer.Option(help="The folder of the project.")]
 
-LawName = Annotated[str | None, typer.Option(help="Of the law in C; after the scenario if not given.")]
+LawName = Annotated[str | None, typer.Option(help="Name of the law in C; after the scenario if not given.")]
 
 Floats = Annotated[bool, typer.Option("--float", help="Floats in place of doubles.")]
 

@@ -50,7 +50,9 @@ def identify(
     rotors: Annotated[bool, typer.Option(help="Whether the torques are measured where rotors show.")] = True,
     payload: Annotated[bool | None, typer.Option(help="Whether what the tip carries is unknown.")] = None,
     asymmetric: Annotated[bool, typer.Option("--asymmetric", help="Viscous friction differs by direction.")] = False,
-    cut_off: Annotated[float | None, typer.Option(help="Of the filter [Hz]; chosen from the log if not given.")] = None,
+    cut_off: Annotated[
+        float | None, typer.Option(help="Filter cut-off [Hz]; chosen from the log if not given.")
+    ] = None,
     held_out: Annotated[float, typer.Option(help="The last share of the log, predicted and not fitted.")] = 0.25,
     json: AsJson = False,
 ) -> None:

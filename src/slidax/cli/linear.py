@@ -29,7 +29,7 @@ SHOWN = 8
 def linear(
     scenario: Named,
     changes: Changes = None,
-    at: Annotated[float | None, typer.Option(help="When in the run [s]; its end if not given.")] = None,
+    at: Annotated[float | None, typer.Option(help="Time in the run [s]; its end if not given.")] = None,
     json: AsJson = False,
     out: Annotated[Path | None, typer.Option(help="Write a page, Bode and Nyquist figures, linear.json there.")] = None,
 ) -> None:

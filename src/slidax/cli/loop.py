@@ -24,13 +24,13 @@ PORT = 8765
 def loop(
     scenario: Named,
     changes: Changes = None,
-    seconds: Annotated[float | None, typer.Option("--time", help="How long [s]; as the scenario says if not.")] = None,
+    seconds: Annotated[float | None, typer.Option("--time", help="Duration [s]; the scenario's if not given.")] = None,
     out: Annotated[Path | None, typer.Option(metavar="FILE.mcap", help="Write a log there.")] = None,
     arm: Annotated[MovedBy, typer.Option(help="What moves the arm; `auto`: MuJoCo, if it can.")] = MovedBy.auto,
     hog: Annotated[bool, typer.Option("--cpu-hog", help="Keep all processors busy beside it.")] = False,
     patience: Annotated[int, typer.Option(help="Ticks without a command until the arm brakes.", min=1)] = 20,
     foxglove: Annotated[bool, typer.Option("--foxglove", help="Serve live data to Foxglove on this machine.")] = False,
-    port: Annotated[int, typer.Option(help="Of that server.", min=1, max=65535)] = PORT,
+    port: Annotated[int, typer.Option(help="Port of the Foxglove server.", min=1, max=65535)] = PORT,
     histogram: Annotated[Path | None, typer.Option(metavar="FILE.svg", help="Draw the latencies.")] = None,
     json: AsJson = False,
 ) -> None:

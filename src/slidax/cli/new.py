@@ -12,7 +12,7 @@ from .session import errors_as_lines, prepare
 
 def new(
     robot: Annotated[str, typer.Option(help="A URDF or MJCF file, or a ready robot by name.")],
-    rate: Annotated[float, typer.Option(help="How often the arm is commanded, Hz.")] = 1000.0,
+    rate: Annotated[float, typer.Option(help="Sampling rate of the controller [Hz].")] = 1000.0,
     out: Annotated[Path | None, typer.Option(help="Write the scenario there, as YAML; else it is printed.")] = None,
     tip: Annotated[str | None, typer.Option(help="The link at the arm's end; else found.")] = None,
 ) -> None:

@@ -37,8 +37,8 @@ def study(
             metavar="I/N", help="Compute part I of N, such as 2/4; other processes compute the others into one --out."
         ),
     ] = None,
-    runs: Annotated[int | None, typer.Option(help="In place of the file's.", min=1)] = None,
-    seed: Annotated[int | None, typer.Option(help="In place of the file's.", min=0)] = None,
+    runs: Annotated[int | None, typer.Option(help="Number of runs; the study's own if not given.", min=1)] = None,
+    seed: Annotated[int | None, typer.Option(help="Random seed; the study's own if not given.", min=0)] = None,
     engine: Annotated[Engine | None, typer.Option(help="The engine; the study's own if not given.")] = None,
     case: Annotated[
         int | None,
