@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from difflib import get_close_matches
 from reprlib import Repr
-from typing import Any
+from typing import Any, Self
 
 import jax
 import numpy as np
@@ -22,6 +23,21 @@ _SHORT.maxdict = _SHORT.maxset = 8
 _SHORT.maxlong = 40
 
 
+@dataclass(frozen=True)
+class Setting:
+    """A setting by which a user accepts what an error refuses, in the words of each interface.
+
+    - `name`, `value`: such as `inertias` and `nearest`.
+    """
+
+    name: str
+    value: str
+
+    in_python = property(lambda self: f'{self.name}="{self.value}"', doc='As an argument: `inertias="nearest"`.')
+    in_yaml = property(lambda self: f"{self.name}: {self.value}", doc="As a line of a scenario: `inertias: nearest`.")
+    as_option = property(lambda self: f"--{self.name} {self.value}", doc="As an option: `--inertias nearest`.")
+
+
 class DefinitionError(ValueError):
     """An invalid definition: says which field, the rule, the value, the joint and the remedy.
 
@@ -29,10 +45,39 @@ class DefinitionError(ValueError):
     - `where`: the path of the field in a scenario, such as `scheme.performance`, if it came from one.
     """
 
+    setting: Setting | None = None
+    """The one that the message names as a remedy, if there is one; `reworded` puts it into other words."""
+
     def __init__(self, message: str, *, where: str = "") -> None:
         super().__init__(f"{where}: {message}" if where else message)
         self.message = message
         self.where = where
+
+    def offering(self, setting: Setting | None) -> Self:
+        """Return the error itself, with the setting that its message names.
+
+        - `setting`: None for none.
+        """
+        self.setting = setting
+        return self
+
+    def reworded(self, words: str, *, where: str | None = None) -> DefinitionError:
+        """Return the error with its remedy in other words.
+
+        - `words`: take the place of the setting, such as `error.setting.as_option`.
+        - `where`: the path of the field; as it is if not given.
+        """
+        message, setting = self.message, self.setting
+        for form in () if setting is None else (setting.in_python, setting.in_yaml, setting.as_option):
+            message = message.replace(form, words)
+        return DefinitionError(message, where=self.where if where is None else where).offering(setting)
+
+    def extended(self, more: str) -> DefinitionError:
+        """Return the error with more at the end of its message.
+
+        - `more`: with the sign that divides it from the rest.
+        """
+        return DefinitionError(self.message + more, where=self.where).offering(self.setting)
 
 
 class DefinitionWarning(UserWarning):
@@ -59,7 +104,7 @@ def located(where: str) -> Iterator[None]:
         yield
     except DefinitionError as error:
         path = f"{where}.{error.where}" if error.where else where
-        raise DefinitionError(error.message, where=path) from error
+        raise DefinitionError(error.message, where=path).offering(error.setting) from error
 
 
 def nearest(word: str, known: Iterable[str]) -> str:

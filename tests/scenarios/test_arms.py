@@ -16,7 +16,7 @@ from slidax._errors import DefinitionError, DefinitionWarning
 from slidax.actuators import TorqueLimits
 from slidax.robots import Articulated, Load, Payload
 from slidax.scenarios import Scenario
-from slidax.scenarios.robots import Arms
+from slidax.scenarios.true_and_nominal import Arms
 from slidax.simulation import MujocoPlant, Plant, Table
 from tests.robots import bad_mjcf, bad_urdf
 
@@ -69,7 +69,7 @@ def test_an_arm_from_a_file_is_the_one_that_is_read_from_it(tmp_path: Path) -> N
 def test_an_inertia_of_no_body_is_replaced_where_the_file_asks_for_it(tmp_path: Path) -> None:
     urdf = tmp_path / "arm.urdf"
     urdf.write_text(bad_urdf.GOOD.replace(bad_urdf.INERTIA, bad_urdf.inertia("0.01", "0.02", "0.1")), encoding="utf-8")
-    with pytest.raises(DefinitionError, match=r'inertia of link `fore` is of no rigid body.*inertias="nearest"'):
+    with pytest.raises(DefinitionError, match=r"inertia of link `fore` is of no rigid body.*inertias: nearest takes"):
         nominal({"kind": "urdf", "file": str(urdf)})
     with pytest.warns(DefinitionWarning, match="changed to the nearest"):
         found = nominal({"kind": "urdf", "file": str(urdf), "inertias": "nearest"})
@@ -237,3 +237,13 @@ def test_what_only_mujoco_can_do_or_cannot_do_is_refused(changes: dict[str, Any]
 def test_mujoco_does_not_move_an_arm_of_a_printed_formula() -> None:
     with pytest.raises(DefinitionError, match=r"simulation.plant: MuJoCo takes an articulated arm.*got a TwoLink"):
         scenarios.load("example-4.1-1khz", {"simulation.plant": "mujoco"})
+
+
+def test_a_warning_over_a_robot_file_names_the_keys_of_the_scenario(tmp_path: Path) -> None:
+    urdf = tmp_path / "arm.urdf"
+    finger = bad_urdf.SPARE + bad_urdf.joint("revolute", "finger", "tool", "spare", '<mimic joint="elbow"/>')
+    tip = bad_urdf.joint("fixed", "to tip", "tool", "tcp") + '<link name="tcp"/>'
+    urdf.write_text(bad_urdf.GOOD.replace("</robot>", finger + tip + "</robot>"), encoding="utf-8")
+    with pytest.warns(DefinitionWarning, match=r"locked: \{'finger': 0\} is assumed.*by `locked`.*by mimics: followed"):
+        found = nominal({"kind": "urdf", "file": str(urdf), "tip": "tcp"})
+    assert found.joint_names == ("shoulder", "elbow")

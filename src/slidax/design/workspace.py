@@ -8,7 +8,7 @@ import numpy as np
 
 from slidax._errors import DefinitionError
 from slidax.scenarios.base import AbstractDescription, Numbers, said
-from slidax.scenarios.robots import Arms
+from slidax.scenarios.true_and_nominal import Arms
 
 ROOM = 0.8
 """Of the range that the motion takes."""

@@ -212,7 +212,7 @@ def _arm(moved: Mapping[str, _Moved], tip: _Placed, gravity: Sequence[float], na
         inertia = 0.5 * (body.inertia + body.inertia.T)
         if body.mass > 0:
             what = f"the inertia of link `{body.joint.link}`, with all that is fixed to it,"
-            require_rigid(inertia, what, definite=True)
+            require_rigid(inertia, what, moves=True)
         inertias.append(inertia)
 
     def each(field: str) -> Array:

@@ -4,31 +4,37 @@ from __future__ import annotations
 
 import numpy as np
 
-from slidax._errors import DefinitionError
+from slidax._errors import DefinitionError, Setting
 
 ROUNDING = 1e-6
 """By this share a printed inertia may miss what a rigid body can have: it is rounded."""
 
+ZERO = 1e-9
+"""Below this share of the largest a negative principal moment is a rounded 0."""
 
-def require_rigid(inertia: np.ndarray, what: str, *, definite: bool, remedy: str = "") -> None:
+
+def require_rigid(inertia: np.ndarray, what: str, *, moves: bool, setting: Setting | None = None) -> None:
     """Raises DefinitionError unless a rigid body can have this inertia.
+
+    A principal moment may be 0, as of a thin rod, or less by rounding, which counts relative to the largest.
 
     - `inertia`: about the centre of mass, symmetric [3 3], kg m².
     - `what`: whose, for the message.
-    - `definite`: whether each moment must be > 0, or may be 0 as for a point or a thin rod.
-    - `remedy`: what else can be done, for the message.
+    - `moves`: whether a joint moves the body; then it may not be a point, for which an inertia was mostly forgotten.
+    - `setting`: by which the user takes the nearest that a body can have, for the message.
     """
     moments = np.linalg.eigvalsh(inertia)
     listed = ", ".join(f"{moment:.3g}" for moment in moments)
-    end = f"; {remedy}" if remedy else ""
-    if moments[0] <= 0 if definite else moments[0] < -1e-9 * abs(moments[2]):
-        rule = "positive definite" if definite else "positive semi-definite"
-        raise DefinitionError(f"{what} must be {rule}; its principal moments are {listed} kg m²{end}")
+    end = f"; {setting.in_python} takes the nearest that a body can have" if setting else ""
+    empty = moves and moments[2] <= 0
+    if empty or moments[0] < -ZERO * abs(moments[2]):
+        rule = "positive definite" if moves else "positive semi-definite"
+        raise DefinitionError(f"{what} must be {rule}; its principal moments are {listed} kg m²{end}").offering(setting)
     if not is_rigid(inertia):
         raise DefinitionError(
             f"{what} is of no rigid body: the largest of its principal moments {listed} kg m² is more than the sum of "
             f"the others{end}"
-        )
+        ).offering(setting)
 
 
 def is_rigid(inertia: np.ndarray) -> bool:
@@ -37,7 +43,7 @@ def is_rigid(inertia: np.ndarray) -> bool:
     - `inertia`: about the centre of mass, symmetric [3 3], kg m².
     """
     moments = np.linalg.eigvalsh(inertia)
-    return bool(moments[0] >= -1e-9 * abs(moments[2]) and moments[0] + moments[1] >= moments[2] * (1.0 - ROUNDING))
+    return bool(moments[0] >= -ZERO * abs(moments[2]) and moments[0] + moments[1] >= moments[2] * (1.0 - ROUNDING))
 
 
 def nearest_rigid(inertia: np.ndarray) -> np.ndarray:

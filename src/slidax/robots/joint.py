@@ -90,7 +90,7 @@ class Joint:
         if not np.allclose(inertia, inertia.T, rtol=0, atol=1e-9 * size):
             raise DefinitionError(f"the inertia of link `{self.link}` must be symmetric; got {inertia.tolist()}")
         # A point or a thin rod may be fixed to a link that is neither; `assemble` looks at all that moves together.
-        require_rigid(inertia, f"the inertia of link `{self.link}`", definite=self.kind != "fixed")
+        require_rigid(inertia, f"the inertia of link `{self.link}`", moves=self.kind != "fixed")
 
     def _check_motion(self) -> None:
         size = float(np.linalg.norm(self.axis))

@@ -25,11 +25,12 @@ from .default_bound import default_bound, warn_of_another_arms
 from .disturbances import DisturbanceDescription
 from .instruments import ActuatorDescription, SensorDescription
 from .mistakes import translated
-from .robots import Arms, RobotDescription
+from .robots import RobotDescription
 from .sampled_data import Sampling
 from .scenario import Scenario
 from .schemes import AnyScheme
 from .trajectories import TrajectoryDescription, trajectory_of, warn_of_units
+from .true_and_nominal import Arms
 from .tube import TubeDescription, tube_of
 from .uncertainty.mapping import Uncertainty
 

@@ -50,7 +50,7 @@ class LinksDescription(AbstractDescription):
             raise DefinitionError(f"must be >= 0 kg; got {min(self.mass):g}", where="mass")
         inertias = [inertia_of(entries) for entries in self.inertia]
         for name, inertia in zip(robot.link_names, inertias, strict=True):
-            require_rigid(inertia, f"the inertia of `{name}`", definite=False)
+            require_rigid(inertia, f"the inertia of `{name}`", moves=False)
         found: Articulated = eqx.tree_at(
             lambda arm: (arm.masses, arm.centers, arm.inertias),
             robot,

@@ -11,7 +11,8 @@ from slidax._errors import DefinitionError, nearest, plain
 from slidax.robots import Articulated, ready
 
 from .robot_file import read_robot
-from .robots import AbstractArticulated, RobotDescription
+from .robots import RobotDescription
+from .true_and_nominal import AbstractArticulated
 
 FILES = {".urdf": "urdf", ".xml": "mjcf", ".mjcf": "mjcf", ".yaml": "identified", ".yml": "identified"}
 """Kinds of descriptions by the ending of a file."""

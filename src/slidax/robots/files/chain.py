@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -16,8 +17,9 @@ from .loader import mujoco, reading
 from .mjcf_checks import name_all
 from .mjcf_objects import leave_out_objects
 from .source import read
+from .urdf_mimic import LostError, position_near_zero, resolved
 from .urdf_tree import tree_of
-from .urdf_values import limits_of, number
+from .urdf_values import limits_of
 
 FINGER = re.compile(r"finger|grip|jaw|claw|knuckle|thumb", re.IGNORECASE)
 """A joint of such a name opens or closes a hand."""
@@ -148,18 +150,16 @@ class _Tree:
 
 def _of_urdf(source: str | Path) -> list[_Hinge]:
     tree = tree_of(read(source, "robot", "from_mjcf reads <mujoco>").root)
-    moving = [name for name in tree.order if tree.joints[name].get("type") != "fixed"]
-    held = {name: _nearest_to_zero(limits_of(tree.joints[name])[0]) for name in moving}
-    follows = set()
-    for name in moving:
-        mimic = tree.joints[name].find("mimic")
-        if mimic is not None:
-            follows.add(name)
-            factor, offset = number(mimic, "multiplier"), number(mimic, "offset")
-            first = held.get(mimic.get("joint", ""), 0.0)
-            limits = limits_of(tree.joints[name])[0]
-            value = (1.0 if factor is None else factor) * first + (offset or 0.0)
-            held[name] = float(np.clip(value, limits.get("lower"), limits.get("upper")))
+    moving = [name for name in tree.order if tree.moves(name)]
+    held = {name: position_near_zero(tree, name) for name in moving}
+    follows = {name for name in moving if tree.joints[name].find("mimic") is not None}
+    for name in follows:
+        with contextlib.suppress(LostError):
+            found = resolved(tree, name, {})
+            at = found if isinstance(found, float) else found.ratio * held[found.leader] + found.offset
+            with contextlib.suppress(DefinitionError):
+                limits = limits_of(tree.joints[name])[0]
+                held[name] = float(np.clip(at, limits.get("lower"), limits.get("upper")))
     leads = {mimic.get("joint", "") for name in moving for mimic in tree.joints[name].findall("mimic")}
     return [
         _Hinge(name, tree.parents[name], tree.children[name], held.get(name), name in follows | leads)

@@ -6,15 +6,16 @@ from typing import Any, Literal
 
 import numpy as np
 
-from slidax._errors import DefinitionError, nearest
+from slidax._errors import DefinitionError, Setting, nearest
 
 from ..inertia import is_rigid, nearest_rigid, require_rigid
 from .mjcf_geometry import by_shape
+from .notes import Notes
 
 Inertias = Literal["given", "nearest"]
 
 CHOICES = ("given", "nearest")
-REMEDY = 'inertias="nearest" takes the nearest that a body can have'
+NEAREST = Setting("inertias", "nearest")
 
 
 class Feasible:
@@ -31,12 +32,12 @@ class Feasible:
         self._how = how
         self._replaced: list[str] = []
 
-    def of(self, inertia: np.ndarray, owner: str, *, definite: bool) -> np.ndarray:
+    def of(self, inertia: np.ndarray, owner: str, *, moves: bool) -> np.ndarray:
         """An inertia that a body can have: the given one, or the nearest.
 
         - `inertia`: about the centre of mass, symmetric [3 3], kg m².
         - `owner`: whose: "link `forearm`".
-        - `definite`: whether each moment must be > 0.
+        - `moves`: whether a joint moves it by itself.
 
         Raises DefinitionError, naming the owner, if there is none.
         """
@@ -44,9 +45,9 @@ class Feasible:
             return inertia
         close = nearest_rigid(inertia)
         what = f"the inertia of {owner}"
-        helps = not definite or float(np.linalg.eigvalsh(close)[0]) > 1e-9 * float(np.abs(close).max())
+        helps = not moves or bool(np.any(close))
         if self._how == "given" or not helps:
-            require_rigid(inertia, what, definite=definite, remedy=REMEDY if helps else "")
+            require_rigid(inertia, what, moves=moves, setting=NEAREST if helps else None)
         share = np.linalg.norm(close - inertia) / np.linalg.norm(inertia)
         self._replaced.append(f"{owner} (by {100 * share:.2g} %)")
         return close
@@ -65,17 +66,18 @@ class Feasible:
                 continue
             full = np.array(body.fullinertia)
             if np.isnan(full[0]):
-                body.inertia = np.diagonal(self.of(np.diag(body.inertia), f"body `{body.name}`", definite=False))
+                body.inertia = np.diagonal(self.of(np.diag(body.inertia), f"body `{body.name}`", moves=False))
             else:
                 xx, yy, zz, xy, xz, yz = full
                 given = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-                found = self.of(given, f"body `{body.name}`", definite=True)
+                found = self.of(given, f"body `{body.name}`", moves=True)
                 if found is not given:
                     body.fullinertia = found[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
 
-    @property
-    def note(self) -> str:
-        """What was replaced, and by how much; empty for nothing."""
-        if not self._replaced:
-            return ""
-        return f"inertias are changed to the nearest that a rigid body can have: of {', '.join(self._replaced)}"
+    def add_to(self, notes: Notes) -> None:
+        """Note which inertias were replaced, and by how much.
+
+        - `notes`: of the reading.
+        """
+        if self._replaced:
+            notes.add(f"inertias are changed to the nearest that a rigid body can have: of {', '.join(self._replaced)}")

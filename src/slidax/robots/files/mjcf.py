@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import re
-import warnings
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from slidax._errors import DefinitionError, DefinitionWarning, located, nearest
+from slidax._errors import DefinitionError, located, nearest
 from slidax._names import quoted
 
 from ..articulated import Articulated
@@ -22,6 +21,7 @@ from .mjcf_geometry import drop_what_has_no_weight
 from .mjcf_joints import joints_of
 from .mjcf_motion import check_motion
 from .mjcf_objects import leave_out_objects
+from .notes import Notes
 from .source import Source, elements, owner_at, read
 
 
@@ -55,6 +55,7 @@ def from_mjcf(
     something that such an arm cannot have.
     """
     given = read(source, "mujoco", "from_urdf reads <robot>")
+    notes = Notes()
     with located(str(given.path or "")):
         held = dict(locked or {})
         feasible = Feasible(inertias)
@@ -80,13 +81,12 @@ def from_mjcf(
             down = _gravity(model) if gravity is None else gravity
         name = given.root.get("model") or "robot"
         arm = assemble(joints, tip=end, locked=held, gravity=down, name=name)
-    notes = [*(f"MuJoCo says: {line}" for line in said), feasible.note]
-    if any(notes):
-        said_of_it = "; ".join(note for note in notes if note)
-        warnings.warn(f"{given.path or name}: {said_of_it}", DefinitionWarning, stacklevel=2)
+    for line in said:
+        notes.add(f"MuJoCo says: {line}")
+    feasible.add_to(notes)
     if objects:
-        said_of_them = f"{quoted(objects)} {'is' if len(objects) == 1 else 'are'} no part of the arm and left out"
-        warnings.warn(f"{given.path or name}: {said_of_them}", DefinitionWarning, stacklevel=2)
+        notes.add(f"{quoted(objects)} {'is' if len(objects) == 1 else 'are'} no part of the arm and left out")
+    notes.warn(str(given.path or name), 2)
     return arm
 
 

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import re
 import xml.etree.ElementTree as ET
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 from xml.parsers import expat
@@ -23,11 +22,13 @@ class Source:
     - `text`: of the file.
     - `path`: of the file; None if the text itself was given.
     - `root`: the XML's outermost element.
+    - `prefixed`: an element's name for each prefix that the file uses and does not declare.
     """
 
     text: str
     path: Path | None
     root: ET.Element
+    prefixed: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def folder(self) -> Path:
@@ -57,62 +58,56 @@ def read(source: str | Path, root: str, other: str) -> Source:
             raise DefinitionError(f"the robot file `{source}` cannot be read: {why}") from error
     if not text.strip():
         raise DefinitionError(f"the robot file is empty; its XML must begin with <{root}>")
-    tree = _parsed(text)
+    tree, prefixed = _parsed(text)
     if tree.tag != root:
         raise DefinitionError(f"a robot file with <{root}> is needed, and this is <{tree.tag}>; {other}")
     _refuse_xacro(tree)
-    return Source(_decoded(text, tree), path, tree)
+    return Source(_decoded(text, tree), path, tree, prefixed)
 
 
-class _Guarded(ET.TreeBuilder):
-    """Builds a tree, but of no document that defines entities, and of none that is nested without end."""
+class _Guarded:
+    """Builds a tree, but of no document that defines entities, and of none that is nested without end.
 
-    depth = 0
+    Names are read with their prefixes as they stand: other readers of robot files know no namespaces either, and old
+    files for Gazebo have prefixes that nothing declares.
+    """
 
-    def start(self, tag: str, attrs: dict[str, str]) -> ET.Element:
+    def __init__(self) -> None:
+        self.builder = ET.TreeBuilder()
+        self.depth = 0
+        self.declared: set[str] = {"xml", "xmlns"}
+        self.prefixed: dict[str, str] = {}
+
+    def start(self, tag: str, attributes: dict[str, str]) -> None:
         self.depth += 1
         if self.depth > DEEPEST:
             raise DefinitionError(f"the robot file has more than {DEEPEST} elements nested in each other")
-        return super().start(tag, attrs)
+        self.declared |= {name.partition(":")[2] for name in attributes if name.startswith("xmlns:")}
+        prefix, colon, _ = tag.partition(":")
+        if colon and prefix not in self.declared:
+            self.prefixed.setdefault(prefix, tag)
+        self.builder.start(tag, attributes)
 
-    def end(self, tag: str) -> ET.Element:
+    def end(self, tag: str) -> None:
         self.depth -= 1
-        return super().end(tag)
+        self.builder.end(tag)
 
-    def doctype(self, name: str, pubid: Any, system: Any) -> None:
+    def doctype(self, *_: Any) -> None:
         raise DefinitionError("the robot file has a DOCTYPE, which may define entities; remove it")
 
 
-def _undeclared(text: str | bytes, error: ET.ParseError) -> str:
-    """What to do about a prefix that is not declared, as old files for Gazebo have them; empty for another error."""
-    line, column = error.position
-    lines = text.splitlines()
-    if error.code != expat.errors.codes[expat.errors.XML_ERROR_UNBOUND_PREFIX] or line > len(lines):
-        return ""
-    here = lines[line - 1]
-    here = here.decode("utf-8", "replace") if isinstance(here, bytes) else here
-    found = re.match(r"<([\w.-]+):[\w.-]+", here[column:])
-    if found is None:
-        return ""
-    name, prefix = found[0][1:], found[1]
-    return (
-        f"; <{name}> has a prefix that nothing declares: remove the element, of which nothing is read here, or write "
-        f'xmlns:{prefix}="{prefix}" into <{_root(text)}>'
-    )
-
-
-def _root(text: str | bytes) -> str:
-    """The name of the outermost element, as far as it can be seen in a text that is no XML."""
-    plain = text.decode("utf-8", "replace") if isinstance(text, bytes) else text
-    found = re.search(r"<([A-Za-z_][\w.-]*)", plain)
-    return found[1] if found else "robot"
-
-
-def _parsed(text: str | bytes) -> ET.Element:
+def _parsed(text: str | bytes) -> tuple[ET.Element, dict[str, str]]:
+    """The tree, and an element's name for each prefix that nothing declares."""
+    guarded, parser = _Guarded(), expat.ParserCreate()
+    parser.buffer_text = True
+    parser.StartElementHandler, parser.EndElementHandler = guarded.start, guarded.end
+    parser.CharacterDataHandler = guarded.builder.data
+    parser.StartDoctypeDeclHandler = guarded.doctype
     try:
-        return ET.XML(text, ET.XMLParser(target=_Guarded()))
-    except ET.ParseError as error:
-        raise DefinitionError(f"the robot file is not XML: {error}{_undeclared(text, error)}") from error
+        parser.Parse(text, True)
+        return guarded.builder.close(), guarded.prefixed
+    except expat.ExpatError as error:
+        raise DefinitionError(f"the robot file is not XML: {error}") from error
     except (LookupError, ValueError) as error:
         if isinstance(error, DefinitionError):
             raise
@@ -165,9 +160,10 @@ def owner_at(text: str, tag: str, line: int) -> str:
 
 
 def _refuse_xacro(root: ET.Element) -> None:
+    prefixes = tuple(f"{name[6:]}:" for name, value in root.attrib.items() if name[:6] == "xmlns:" and "xacro" in value)
     for where, element in elements(root):
         left = next((value for value in element.attrib.values() if "${" in value or "$(" in value), None)
-        if left is None and element.tag.startswith("{") and "xacro" in element.tag:
-            left = "xacro:" + element.tag.rpartition("}")[2]
+        if left is None and element.tag.startswith(("xacro:", *prefixes)):
+            left = "xacro:" + element.tag.rpartition(":")[2]
         if left is not None:
             raise DefinitionError(f"{where} still has xacro in it, `{left}`; run `xacro FILE > robot.urdf` first")

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import copy
-import warnings
+import contextlib
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -11,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from slidax._errors import DefinitionError, DefinitionWarning, as_array, known, located, nearest
+from slidax._errors import DefinitionError, as_array, known, located, nearest
 
 from ..articulated import Articulated
 from ..assemble import assemble
@@ -19,10 +18,12 @@ from ..joint import Joint
 from .inertias import Feasible, Inertias
 from .loader import mujoco, reading
 from .meshes import Packages, require_mesh
+from .notes import Notes
 from .rotation import matrix_of
-from .source import read
+from .source import Source, read
+from .urdf_mimic import Mimics, mimicry_of
 from .urdf_tree import Tree, tree_of
-from .urdf_values import CHILDREN, limits_of, number
+from .urdf_values import CHILDREN, MOTION, NUMBERS, limits_of
 
 Armature = float | Sequence[float] | np.ndarray | Mapping[str, float]
 
@@ -38,11 +39,12 @@ def from_urdf(
     meshes: bool = False,
     limits: bool = True,
     inertias: Inertias = "given",
+    mimics: Mimics = "held",
 ) -> Articulated:
     """An arm from a URDF file, read by MuJoCo (`pip install 'slidax[robots]'`).
 
-    A limit that the file does not give, or gives as 0, is infinite; one warning, a `DefinitionWarning`, names the
-    joints.
+    A limit that the file does not give, or gives as 0, is infinite. Each assumption is a warning, a
+    `DefinitionWarning`, that names file, element and remedy.
 
     - `source`: path of the file, or its text.
     - `tip`: name of the link whose frame is the tip; may be left out if of those that move only one carries
@@ -57,43 +59,80 @@ def from_urdf(
     - `limits`: whether to read limits of positions, velocity and effort. Without them all are infinite.
     - `inertias`: "given" refuses an inertia that no rigid body can have, such as one with a principal moment greater
       than the sum of the others; "nearest" takes the nearest that one can, and warns by how much it differs.
+    - `mimics`: "held" holds a joint that follows another, unless it is between base and tip; "followed" lets each move
+      with its leader.
 
     Raises DefinitionError, naming link or joint, if the file is not one arm on a fixed base, or has a value that is
     missing, misspelled or invalid.
     """
     given = read(source, "robot", "from_mjcf reads <mujoco>")
+    notes = Notes()
+    for prefix, tag in given.prefixed.items():
+        notes.add(f"<{tag}> has a prefix that nothing declares: it is not read; write xmlns:{prefix} into <robot>")
     with located(str(given.path or "")):
-        tree = tree_of(given.root)
-        if not tree.joints:
-            raise DefinitionError("the robot has no <joint>")
-        if meshes:
-            _require_meshes(tree, given.folder, packages)
-        held = dict(locked or {})
-        _refuse_mimics(tree, held)
-        feasible = Feasible(inertias)
-        joints = _joints(tree, limits, _armatures(tree, held, armature), feasible)
-        end = tip if tip is not None else _only_leaf(tree)
-        if end == tree.root:
-            raise DefinitionError(f"`tip` names link `{end}`, which is the base")
-        name = given.root.get("name") or "robot"
-        arm = assemble(joints, tip=end, locked=held, gravity=gravity, name=name)
-    notes = [_not_given(tree, arm) if limits else "", feasible.note]
-    if any(notes):
-        said = "; ".join(note for note in notes if note)
-        warnings.warn(f"{given.path or name}: {said}", DefinitionWarning, stacklevel=2)
+        try:
+            arm, name = _arm(given, tip, locked, gravity, armature, packages, meshes, limits, inertias, mimics, notes)
+        except DefinitionError as error:
+            raise notes.explain(error) from error
+    notes.warn(str(given.path or name), 2)
     return arm
 
 
-def _not_given(tree: Tree, arm: Articulated) -> str:
-    """Which limits of the joints that move are not in the file."""
-    missing: dict[str, list[str]] = {}
-    for name in arm.joint_names:
-        for limit in limits_of(tree.joints[name])[1]:
+def _arm(
+    given: Source,
+    tip: str | None,
+    locked: Mapping[str, float] | None,
+    gravity: Sequence[float],
+    armature: Armature,
+    packages: Packages,
+    meshes: bool,
+    limits: bool,
+    inertias: Inertias,
+    mimics: Mimics,
+    notes: Notes,
+) -> tuple[Articulated, str]:
+    tree = tree_of(given.root, notes)
+    if not tree.joints:
+        raise DefinitionError("the robot has no <joint>")
+    if meshes:
+        _require_meshes(tree, given.folder, packages)
+    end = tip if tip is not None else _only_leaf(tree)
+    if end == tree.root:
+        raise DefinitionError(f"`tip` names link `{end}`, which is the base")
+    mimicry = mimicry_of(tree, end, locked or {}, mimics, notes)
+    for joint, follow in mimicry.following.items():
+        raise DefinitionError(
+            f"joint `{joint}`, between the base and the tip `{end}`, mimics joint `{follow.leader}`; "
+            f"locked={{'{joint}': {follow.offset:g}}} holds it"
+        )
+    feasible = Feasible(inertias)
+    moving = [name for name in tree.order if tree.moves(name) and name not in mimicry.held]
+    joints = _joints(
+        tree, _limits(tree, moving, locked or {}, notes) if limits else {}, _armatures(moving, armature), feasible
+    )
+    name = given.root.get("name") or "robot"
+    arm = assemble(joints, tip=end, locked=mimicry.held, gravity=gravity, name=name)
+    feasible.add_to(notes)
+    return arm, name
+
+
+def _limits(
+    tree: Tree, moving: Sequence[str], locked: Mapping[str, float], notes: Notes
+) -> dict[str, dict[str, float]]:
+    """Limits by joint: of those that move, and of those that the user holds as far as they are valid."""
+    found, missing = dict[str, dict[str, float]](), dict[str, list[str]]()
+    for name in moving:
+        found[name], without = limits_of(tree.joints[name], notes)
+        for limit in without:
             missing.setdefault(limit, []).append(name)
-    if not missing:
-        return ""
-    listed = ", ".join(f"no limit of {limit} for {', '.join(names)}" for limit, names in missing.items())
-    return f"the file gives {listed}, or 0 for it; it is taken as infinite"
+    for name in locked:
+        if name in tree.joints and tree.moves(name):
+            with contextlib.suppress(DefinitionError):
+                found[name] = limits_of(tree.joints[name])[0]
+    if missing:
+        listed = ", ".join(f"no limit of {limit} for {', '.join(names)}" for limit, names in missing.items())
+        notes.add(f"the file gives {listed}, or 0 for it; it is taken as infinite")
+    return found
 
 
 def _require_meshes(tree: Tree, folder: Path, packages: Packages) -> None:
@@ -105,33 +144,7 @@ def _require_meshes(tree: Tree, folder: Path, packages: Packages) -> None:
             require_mesh(f"link `{name}`", path, folder, packages)
 
 
-def _refuse_mimics(tree: Tree, locked: Mapping[str, float]) -> None:
-    """Every joint of an arm moves by itself, so that one which follows another must be held."""
-    for name, joint in tree.joints.items():
-        mimic = joint.find("mimic")
-        if mimic is None or joint.get("type") == "fixed" or name in locked:
-            continue
-        other = mimic.get("joint", "")
-        if other not in tree.joints:
-            raise DefinitionError(
-                f"joint `{name}` mimics joint `{other}`, which there is not; {nearest(other, tree.joints)}"
-            )
-        multiplier, offset = number(mimic, "multiplier"), number(mimic, "offset")
-        first = locked.get(other, _within(tree.joints[other]))
-        held = {other: first, name: (1.0 if multiplier is None else multiplier) * first + (offset or 0.0)}
-        raise DefinitionError(
-            f"joint `{name}` mimics joint `{other}`; joints that are coupled must be held: locked={held}"
-        )
-
-
-def _within(joint: ET.Element) -> float:
-    """The position nearest to 0 that a joint can have."""
-    found = {} if joint.get("type") == "fixed" else limits_of(joint)[0]
-    return float(np.clip(0.0, found.get("lower"), found.get("upper")))
-
-
-def _armatures(tree: Tree, locked: Mapping[str, float], given: Armature) -> dict[str, float]:
-    moving = [name for name in tree.order if tree.joints[name].get("type") != "fixed" and name not in locked]
+def _armatures(moving: Sequence[str], given: Armature) -> dict[str, float]:
     if isinstance(given, Mapping):
         for name in given:
             if name not in moving:
@@ -155,18 +168,20 @@ def _only_leaf(tree: Tree) -> str:
     return leaves[0]
 
 
-def _joints(tree: Tree, limited: bool, armatures: Mapping[str, float], feasible: Feasible) -> list[Joint]:
+def _joints(
+    tree: Tree, limits: Mapping[str, dict[str, float]], armatures: Mapping[str, float], feasible: Feasible
+) -> list[Joint]:
     numbers = {link: str(i) for i, link in enumerate(tree.links)}
     with reading():
         spec = mujoco().MjSpec.from_string(_skeleton(tree, numbers))
         return [
-            _joint(tree, name, spec.body(numbers[tree.children[name]]), limited, armatures, feasible)
+            _joint(tree, name, spec.body(numbers[tree.children[name]]), limits.get(name, {}), armatures, feasible)
             for name in tree.order
         ]
 
 
 def _joint(
-    tree: Tree, name: str, body: Any, limited: bool, armatures: Mapping[str, float], feasible: Feasible
+    tree: Tree, name: str, body: Any, limits: Mapping[str, float], armatures: Mapping[str, float], feasible: Feasible
 ) -> Joint:
     element, link = tree.joints[name], tree.children[name]
     kind = element.get("type")
@@ -178,7 +193,7 @@ def _joint(
             "viscous": float(np.ravel(moved.damping)[0]),
             "coulomb": float(moved.frictionloss),
             "armature": armatures.get(name, 0.0),
-            **(limits_of(element)[0] if limited else {}),
+            **limits,
         }
     # What stands still with the base may have any mass, and often has an impossible one.
     if link not in tree.standing and body.explicitinertial:
@@ -186,7 +201,7 @@ def _joint(
         xx, yy, zz, xy, xz, yz = np.nan_to_num(body.fullinertia)
         inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
         if body.mass > 0:
-            inertia = feasible.of(inertia, f"link `{link}`", definite=kind != "fixed")
+            inertia = feasible.of(inertia, f"link `{link}`", moves=kind != "fixed")
         turned = matrix_of(body.iquat)
         values |= {"mass": float(body.mass), "center": np.array(body.ipos), "inertia": turned @ inertia @ turned.T}
     return Joint(
@@ -213,11 +228,17 @@ def _skeleton(tree: Tree, numbers: Mapping[str, str]) -> str:
         kept = ET.SubElement(robot, "joint", name=f"joint {i}", type=joint.get("type", ""))
         _copy_known(joint, kept)
         for end, link in (("parent", tree.parents[name]), ("child", tree.children[name])):
-            element = kept.find(end)
-            assert element is not None
-            element.set("link", numbers[link])
+            kept.extend([ET.Element(end, link=numbers[link])])
     return ET.tostring(robot, encoding="unicode")
 
 
 def _copy_known(element: ET.Element, to: ET.Element) -> None:
-    to.extend(copy.deepcopy(child) for child in element if child.tag in CHILDREN[element.tag] and child.tag != "mimic")
+    still = element.tag == "joint" and element.get("type") == "fixed"
+    for name in CHILDREN[element.tag]:
+        child = element.find(name)
+        if child is None or name in ("parent", "child", "limit", "mimic") or (still and name in MOTION):
+            continue
+        known = NUMBERS.get(name, {})
+        kept = ET.SubElement(to, name, {key: value for key, value in child.attrib.items() if key in known})
+        if name in CHILDREN:
+            _copy_known(child, kept)

@@ -9,7 +9,8 @@ from functools import cached_property
 
 from slidax._errors import DefinitionError, nearest
 
-from .urdf_values import check
+from .notes import Notes
+from .urdf_values import check, same
 
 KINDS = ("revolute", "continuous", "prismatic", "fixed")
 MOST_LINKS = 1000
@@ -40,6 +41,24 @@ class Tree:
         carrying = set(self.parents.values())
         return [link for link in self.links if link not in carrying]
 
+    def path_to(self, link: str) -> set[str]:
+        """The joints between the base and a link.
+
+        - `link`: its name; for one that is not there the set is empty.
+        """
+        joints: set[str] = set()
+        while link in self.carriers:
+            joints.add(self.carriers[link])
+            link = self.parents[self.carriers[link]]
+        return joints
+
+    def moves(self, joint: str) -> bool:
+        """True if a joint is not fixed.
+
+        - `joint`: its name.
+        """
+        return self.joints[joint].get("type") != "fixed"
+
     @cached_property
     def standing(self) -> set[str]:
         """The links that do not move: the root, and what is fixed to it."""
@@ -50,26 +69,29 @@ class Tree:
         return links
 
 
-def tree_of(robot: ET.Element) -> Tree:
+def tree_of(robot: ET.Element, notes: Notes | None = None) -> Tree:
     """The links and joints of a file.
 
     - `robot`: its outermost element.
+    - `notes`: gets what had to be assumed.
 
     Raises DefinitionError naming link or joint unless all that moves it is complete, and they are one tree.
     """
-    check("the robot", robot)
-    links, joints = _named(robot, "link"), _named(robot, "joint")
+    notes = Notes() if notes is None else notes
+    check("the robot", robot, notes)
+    links, joints = _named(robot, "link", notes), _named(robot, "joint", notes)
     if not links:
         raise DefinitionError("the robot has no <link>")
+    _add_base(links, joints, notes)
     if len(links) > MOST_LINKS:
         raise DefinitionError(f"the robot has {len(links)} links; at most {MOST_LINKS} are read")
     for name, link in links.items():
-        check(f"link `{name}`", link)
+        check(f"link `{name}`", link, notes)
     parents: dict[str, str] = {}
     children: dict[str, str] = {}
     carriers: dict[str, str] = {}
     for name, joint in joints.items():
-        check(f"joint `{name}`", joint)
+        check(f"joint `{name}`", joint, notes)
         _check_kind(name, joint)
         parents[name] = _link(name, joint, "parent", links)
         child = children[name] = _link(name, joint, "child", links)
@@ -80,7 +102,30 @@ def tree_of(robot: ET.Element) -> Tree:
     return Tree(links, joints, parents, children, carriers, root, _order(root, links, parents, children))
 
 
-def _named(robot: ET.Element, tag: str) -> dict[str, ET.Element]:
+def _add_base(links: dict[str, ET.Element], joints: Mapping[str, ET.Element], notes: Notes) -> None:
+    """Take a link that is named and not described as the base, if every described link is carried by a joint.
+
+    So it is in parts that are meant to be fixed to another robot, and in files that count on a link `world`.
+    """
+    ends = [{_end(joint, end) for joint in joints.values()} for end in ("parent", "child")]
+    described = set(links) <= ends[1]
+    missing = ends[0] - set(links) - {""}
+    if not (described and len(missing) == 1 and not missing & ends[1]):
+        return
+    (base,) = missing
+    links[base] = ET.Element("link", name=base)
+    notes.add(
+        f'link `{base}`, the parent of {{}}, is not described: it is taken as the base; write <link name="{base}"/>',
+        next(f"joint `{name}`" for name, joint in joints.items() if _end(joint, "parent") == base),
+    )
+
+
+def _end(joint: ET.Element, end: str) -> str:
+    element = joint.find(end)
+    return element.get("link", "").strip() if element is not None else ""
+
+
+def _named(robot: ET.Element, tag: str, notes: Notes) -> dict[str, ET.Element]:
     found: dict[str, ET.Element] = {}
     for element in robot.findall(tag):
         name = element.get("name", "").strip()
@@ -89,6 +134,9 @@ def _named(robot: ET.Element, tag: str) -> dict[str, ET.Element]:
             after = f" (it comes after `{list(found)[-1]}`)" if found else ""
             which = f" to link `{child.get('link')}`" if child is not None else after
             raise DefinitionError(f"a <{tag}>{which} has no name")
+        if name in found and same(found[name], element):
+            notes.add("{} is there twice, with the same values, and is read once; remove the second", f"{tag} `{name}`")
+            continue
         if name in found:
             raise DefinitionError(f"there are two <{tag}> named `{name}`; give one another name")
         found[name] = element
@@ -108,8 +156,7 @@ def _check_kind(name: str, joint: ET.Element) -> None:
 
 
 def _link(name: str, joint: ET.Element, end: str, links: Mapping[str, ET.Element]) -> str:
-    element = joint.find(end)
-    link = element.get("link", "").strip() if element is not None else ""
+    link = _end(joint, end)
     if not link:
         raise DefinitionError(f'joint `{name}` has no <{end} link="...">')
     if link not in links:

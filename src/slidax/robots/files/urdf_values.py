@@ -10,6 +10,8 @@ from difflib import get_close_matches
 
 from slidax._errors import DefinitionError
 
+from .notes import Notes
+
 NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
 
 CHILDREN: Mapping[str, tuple[str, ...]] = {
@@ -21,7 +23,7 @@ CHILDREN: Mapping[str, tuple[str, ...]] = {
 """The elements that define the motion, and those around them."""
 
 NUMBERS: Mapping[str, Mapping[str, int]] = {
-    "origin": {"xyz": 3, "rpy": 3},
+    "origin": {"xyz": 3, "rpy": 3, "quat_xyzw": 4},
     "axis": {"xyz": 3},
     "mass": {"value": 1},
     "inertia": {"ixx": 1, "ixy": 1, "ixz": 1, "iyy": 1, "iyz": 1, "izz": 1},
@@ -40,22 +42,38 @@ REQUIRED: Mapping[str, tuple[str, ...]] = {
 """Attributes, or elements inside, without which an element says nothing."""
 
 
-def check(owner: str, element: ET.Element) -> None:
-    """Refuses an element, or one inside of it, that is misspelled, given twice, not complete or with a bad number.
+SHAPING = ("origin", "axis", "mass", "inertia")
+"""Elements whose values all shape the motion. In the others programs have attributes of their own, such as `jerk`."""
+
+UPRIGHT = 1e-9
+"""Cosine of the pitch below which roll and yaw are not told apart."""
+
+MOTION = ("axis", "dynamics", "limit", "mimic")
+"""Elements that mean nothing in a joint that does not move."""
+
+
+def check(owner: str, element: ET.Element, notes: Notes) -> None:
+    """Refuse an element, or one inside of it, that is misspelled, contradicts itself, or is not complete.
 
     - `owner`: whose element it is: "link `forearm`".
     - `element`: of the motion: `CHILDREN` and `NUMBERS` have those that are looked at.
+    - `notes`: gets what is passed over.
 
     Raises DefinitionError naming the owner.
     """
     tag = element.tag
     known = CHILDREN.get(tag, ())
+    still = tag == "joint" and element.get("type") == "fixed"
     for child in element:
-        if child.tag in known:
-            if tag != "robot":
-                check(owner, child)
-        elif known:
-            _refuse_misspelled(owner, child.tag, known, f"in <{tag}>")
+        if child.tag not in known:
+            if _check_unknown(owner, element, child.tag, known) and tag not in NUMBERS:
+                notes.add(
+                    f"<{child.tag}> in <{tag}> of {{}} is not read, as URDF has no such element; remove it", owner
+                )
+        elif still and child.tag in MOTION:
+            _pass_over(owner, child, notes)
+        elif tag != "robot":
+            check(owner, child, notes)
     if tag == "robot":
         return
     for name in known:
@@ -65,23 +83,76 @@ def check(owner: str, element: ET.Element) -> None:
         if element.get(name) is None and element.find(name) is None:
             kind = "attribute" if name in NUMBERS.get(tag, ()) else "element"
             raise DefinitionError(f"<{tag}> of {owner} has no {kind} `{name}`")
-    _check_attributes(owner, element)
+    _check_attributes(owner, element, notes)
+    if element.get("quat_xyzw") is not None:
+        _turn_by_angles(owner, element)
 
 
-def _check_attributes(owner: str, element: ET.Element) -> None:
-    numbers = NUMBERS.get(element.tag, {})
+def same(one: ET.Element, other: ET.Element) -> bool:
+    """True if two elements say the same.
+
+    - `one`, `other`: any elements.
+    """
+    return (
+        one.tag == other.tag
+        and one.attrib == other.attrib
+        and (one.text or "").strip() == (other.text or "").strip()
+        and len(one) == len(other)
+        and all(map(same, one, other))
+    )
+
+
+def _turn_by_angles(owner: str, origin: ET.Element) -> None:
+    """Write a quaternion, as newer versions of URDF have it, as roll, pitch and yaw."""
+    x, y, z, w = (float(word) for word in origin.attrib.pop("quat_xyzw").split())
+    size = math.hypot(x, y, z, w)
+    if "rpy" in origin.attrib or size == 0.0:
+        raise DefinitionError(
+            f"<origin> of {owner} must have either `rpy` or a `quat_xyzw` that is not 0; remove one of them"
+        )
+    x, y, z, w = x / size, y / size, z / size, w / size
+    across, along = 1.0 - 2.0 * (y * y + z * z), 2.0 * (w * z + x * y)
+    flat = math.hypot(across, along)
+    pitch = math.atan2(2.0 * (w * y - z * x), flat)
+    if flat > UPRIGHT:
+        roll, yaw = math.atan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y)), math.atan2(along, across)
+    else:
+        # Roll and yaw turn about the same axis there.
+        roll, yaw = 0.0, math.atan2(2.0 * (w * z - x * y), 1.0 - 2.0 * (x * x + z * z))
+    origin.set("rpy", f"{roll!r} {pitch!r} {yaw!r}")
+
+
+def _pass_over(owner: str, element: ET.Element, notes: Notes) -> None:
+    """An element of a fixed joint means nothing, so that nothing in it can be wrong."""
+    try:
+        check(owner, element, Notes())
+    except DefinitionError as error:
+        notes.add(f"<{element.tag}> of {{}} is not read, as the joint is fixed ({error}); remove it", owner)
+
+
+def _check_attributes(owner: str, element: ET.Element, notes: Notes) -> None:
+    tag = element.tag
+    numbers = NUMBERS.get(tag, {})
     for name, text in element.attrib.items():
         if name in numbers:
-            _numbers(owner, element.tag, name, text, numbers[name])
+            _numbers(owner, tag, name, text, numbers[name])
         elif numbers:
-            _refuse_misspelled(owner, name, tuple(numbers), f"in <{element.tag}>")
+            like = _check_unknown(owner, element, name, tuple(numbers))
+            if like or tag in SHAPING:
+                notes.add(f"`{name}` in <{tag}> of {{}} is not read, as URDF has no such attribute; remove it", owner)
 
 
-def _refuse_misspelled(owner: str, name: str, known: tuple[str, ...], place: str) -> None:
-    """What is like something known but is not: a reader would ignore it. All else is some program's extension."""
-    close = [] if "_" in name or "}" in name else get_close_matches(name.lower(), known, n=1, cutoff=0.66)
-    if close:
-        raise DefinitionError(f"{owner} has `{name}` {place}, which URDF does not know; did you mean `{close[0]}`?")
+def _check_unknown(owner: str, element: ET.Element, name: str, known: tuple[str, ...]) -> bool:
+    """True if a name is like a known one that is there, too; refuses it if that one is not, as its value would be lost.
+
+    A name that is like none is some program's extension.
+    """
+    close = [] if "_" in name or ":" in name else get_close_matches(name.lower(), known, n=1, cutoff=0.66)
+    if close and element.get(close[0]) is None and element.find(close[0]) is None:
+        raise DefinitionError(
+            f"{owner} has `{name}` in <{element.tag}>, which URDF does not know; did you mean `{close[0]}`?"
+        )
+    return bool(close)
 
 
 def _numbers(owner: str, tag: str, name: str, text: str, count: int) -> tuple[float, ...]:
@@ -105,37 +176,65 @@ def number(element: ET.Element | None, name: str) -> float | None:
     return None if text is None else float(text)
 
 
-def limits_of(joint: ET.Element) -> tuple[dict[str, float], list[str]]:
+def limits_of(joint: ET.Element, notes: Notes | None = None) -> tuple[dict[str, float], list[str]]:
     """`lower`, `upper`, `velocity` and `torque` of a joint that moves, and the names of those that are not given.
 
     A velocity or an effort of 0 is not given, and so are ends of the range that are both 0: programs that export robot
-    files write so, and a joint that cannot move is "fixed". If one end is given, the other is 0 by the standard.
+    files write so, and a joint that cannot move is "fixed". An effort or a velocity of -1 is not given either. If one
+    end is given, the other is 0 by the standard. A range whose ends are exchanged and which then has 0 in it is turned
+    round.
 
     - `joint`: checked; "revolute", "continuous" or "prismatic".
+    - `notes`: gets what had to be assumed.
 
     Raises DefinitionError, naming the joint, if one is invalid.
     """
-    name, given = joint.get("name"), joint.find("limit")
+    notes = Notes() if notes is None else notes
+    name, given = joint.get("name", "").strip(), joint.find("limit")
     endless = joint.get("type") == "continuous"
     found: dict[str, float] = {}
     for attribute, field in (("velocity", "velocity"), ("effort", "torque")):
         value = number(given, attribute) or 0.0
-        if value < 0:
+        if value == -1.0:
+            notes.add(
+                f"{attribute} -1 in <limit> of {{}} is read as not given; write the {attribute} > 0 there",
+                f"joint `{name}`",
+            )
+        elif value < 0:
             raise DefinitionError(
                 f"{attribute} in <limit> of joint `{name}` must be > 0; got {value:g}; correct it, or say limits=False "
                 f"to read no limits"
             )
-        if value > 0:
+        elif value > 0:
             found[field] = value
-    lower, upper = number(given, "lower") or 0.0, number(given, "upper") or 0.0
-    if not endless and (lower, upper) != (0.0, 0.0):
-        if not lower < upper:
-            raise DefinitionError(
-                f"<limit> of joint `{name}` must have lower < upper; got {lower:g} and {upper:g}; "
-                f'type="fixed" is for a joint that does not move'
-            )
-        found |= {"lower": lower, "upper": upper}
+    if not endless:
+        found |= _range_of(name, given, notes)
     # A joint without end needs no limits at all, but if it has some they should be complete.
     needed = (("upper", "position"), ("velocity", "velocity"), ("torque", "effort"))
     missing = [shown for field, shown in needed if field not in found and not (endless and field == "upper")]
     return found, [] if endless and given is None else missing
+
+
+def _range_of(name: str, given: ET.Element | None, notes: Notes) -> dict[str, float]:
+    ends = number(given, "lower"), number(given, "upper")
+    lower, upper = ends[0] or 0.0, ends[1] or 0.0
+    if (lower, upper) == (0.0, 0.0):
+        return {}
+    if upper < 0.0 < lower:
+        notes.add(
+            f"<limit> of {{}} has lower {lower:g} > upper {upper:g}: they are read as exchanged, {upper:g} to "
+            f"{lower:g}; write them in order",
+            f"joint `{name}`",
+        )
+        return {"lower": upper, "upper": lower}
+    if lower == upper:
+        raise DefinitionError(
+            f"<limit> of joint `{name}` must have lower < upper; got {lower:g} and {upper:g}; "
+            f"locked={{'{name}': {lower:g}}} holds a joint that does not move"
+        )
+    if lower > upper:
+        raise DefinitionError(
+            f"<limit> of joint `{name}` must have lower < upper; got {lower:g} and {upper:g}; correct it, hold the "
+            f"joint by locked={{'{name}': POSITION}}, or say limits=False to read no limits"
+        )
+    return {"lower": lower, "upper": upper}

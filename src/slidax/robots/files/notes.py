@@ -1,0 +1,69 @@
+"""Assumptions made while a robot file is read: each is a warning that names file, element and remedy."""
+
+from __future__ import annotations
+
+import re
+import warnings
+
+from slidax._errors import DefinitionError, DefinitionWarning
+
+MOST = 4
+"""Owners that a warning lists by name."""
+
+
+class Notes:
+    """Collects the assumptions of one reading.
+
+    The same assumption for several links or joints is one warning, which lists them.
+    """
+
+    def __init__(self) -> None:
+        self._owners: dict[tuple[str, str], list[str]] = {}
+
+    def add(self, text: str, owner: str = "") -> None:
+        """Note an assumption.
+
+        - `text`: a sentence without its period, and the remedy; `{}` stands for the owners.
+        - `owner`: the link or joint, such as "link `forearm`".
+        """
+        before, _, after = text.partition("{}")
+        owners = self._owners.setdefault((before, after), [])
+        if owner and owner not in owners:
+            owners.append(owner)
+
+    @property
+    def sentences(self) -> list[str]:
+        """The assumptions in the order in which they were made."""
+        return [f"{before}{_listed(owners)}{after}" for (before, after), owners in self._owners.items()]
+
+    def explain(self, error: DefinitionError) -> DefinitionError:
+        """Return the error with those notes that are about a link or joint which it names; with all if it names none.
+
+        - `error`: raised after the notes were made.
+        """
+        named = set(re.findall(r"`[^`]*`", error.message))
+        hints = [
+            f"{before}{_listed(owners)}{after}"
+            for (before, after), owners in self._owners.items()
+            if not named or named & set(re.findall(r"`[^`]*`", " ".join(owners)))
+        ]
+        return error.extended("".join(f"; note that {hint}" for hint in hints)) if hints else error
+
+    def warn(self, source: str, stacklevel: int) -> None:
+        """Raise one `DefinitionWarning` for each assumption.
+
+        - `source`: path of the file, or the robot's name.
+        - `stacklevel`: of `warnings.warn`, seen from the caller.
+        """
+        for sentence in self.sentences:
+            warnings.warn(f"{source}: {sentence}", DefinitionWarning, stacklevel=stacklevel + 1)
+
+
+def _listed(owners: list[str]) -> str:
+    if len(owners) <= 1:
+        return "".join(owners)
+    shown = owners[:MOST]
+    rest = len(owners) - len(shown)
+    if rest:
+        return f"{', '.join(shown)} and {rest} more"
+    return f"{', '.join(shown[:-1])} and {shown[-1]}"
