@@ -198,11 +198,12 @@ def print_certificates(found: Certificates) -> None:
     """
     console = Console(highlight=False)
     table = Table(box=None, pad_edge=False)
-    for name in ("Promised", "holds", "margin", "bound"):
+    for name in ("Promised", "holds", "grade", "margin", "bound"):
         table.add_column(name, justify="right" if name == "margin" else "left", overflow="fold")
     for one in found:
         bound = "; ".join(one.bound_in_words)
-        table.add_row(Text(one.title), Text(one.answer, style=_style(one)), _cell(one.margin), Text(bound))
+        answer = Text(one.answer, style=_style(one))
+        table.add_row(Text(one.title), answer, one.grade or "", _cell(one.margin), Text(bound))
     console.print(Text(found.scenario, style="bold"))
     console.print(table)
     for one in found:

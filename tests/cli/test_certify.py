@@ -14,7 +14,7 @@ from slidax.certificates.continuous import settling_time, ultimate_bound
 
 from .commands import in_process
 
-KEYS = {"name", "holds", "since", "margin", "bound", "assumptions", "statement", "remedy"}
+KEYS = {"name", "holds", "grade", "since", "margin", "bound", "assumptions", "statement", "remedy"}
 
 
 def only(monkeypatch: pytest.MonkeyPatch, *certificates: Any) -> None:
@@ -37,13 +37,13 @@ def test_json_page_and_table_say_the_same_and_4_that_something_does_not_hold(
     for one in found.values():
         assert one.keys() == KEYS
         assert all(said.keys() == {"text", "status", "value"} for said in one["assumptions"])
-        assert {said["status"] for said in one["assumptions"]} <= {"proved", "checked", "assumed", "fails"}
+        assert {said["status"] for said in one["assumptions"]} <= {"proved", "tested", "assumed", "fails"}
         assert all(said.keys() == {"words", "set"} for said in one["remedy"])
     assert (found["admissibility"]["holds"], found["settling_time"]["holds"]) == (True, False)
     assert found["ultimate_bound"]["holds"] and len(found["ultimate_bound"]["bound"]["error"]) == 3
     page = (tmp_path / "report.html").read_text(encoding="utf-8")
     assert found["ultimate_bound"]["name"] in page.replace("_\u200b", "_") and "Not all promises hold" in page
-    assert (tmp_path / "figures" / "certified-error.svg").exists()
+    assert (tmp_path / "figures" / "bounded-error.svg").exists()
 
 
 def test_0_where_all_hold_and_a_table_for_a_person(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -54,12 +54,12 @@ def test_what_it_writes_runs_as_it_is_and_holds_in_cases_that_it_has_not_seen(
     done = in_process("design", str(requirements), "--out", str(out), "--json", "--runs", "16")
     assert done.exit_code == 0, done.output
     answer = json.loads(done.stdout)
-    assert answer["designed"] is True and answer["proof"] == "checked"
+    assert answer["designed"] is True and answer["proof"] == "tested"
     assert [one["name"] for one in answer["certificates"]] == ["admissibility", "statistical"]
     beside = json.loads((tmp_path / "law.certificate.json").read_text(encoding="utf-8"))
     assert beside["certificates"] == answer["certificates"]
     text = out.read_text(encoding="utf-8")
-    assert "# Checked in simulation, not proved" in text and "certified by" not in text.lower()
+    assert "# Tested in simulation, not proved" in text and "certified by" not in text.lower()
     scenario = load(out)
     assert scenario.period == 2e-3 and scenario.controller.monitor is not None
     family = Family.of(scenario.description)

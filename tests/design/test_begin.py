@@ -18,9 +18,9 @@ design = sys.modules["slidax.design.design"]
 
 @pytest.mark.parametrize(
     ("file", "proof", "learns"),
-    [("two-link", "certified", True), ("panda-light", "certified", False), ("panda-light", "checked", True)],
+    [("two-link", "bound", True), ("panda-light", "bound", False), ("panda-light", "tested", True)],
 )
-def test_only_a_certified_law_of_many_joints_does_not_learn(
+def test_a_law_of_many_joints_for_which_a_bound_is_asked_does_not_learn(
     file: str, proof: str, learns: bool, tmp_path: Path
 ) -> None:
     data = YAML(typ="safe").load((EXAMPLES / f"{file}.yaml").read_text(encoding="utf-8"))

@@ -54,7 +54,7 @@ def checked(monkeypatch: pytest.MonkeyPatch) -> Any:
         monkeypatch.setattr(design, "_sized", lambda *_: next(laws))
         monkeypatch.setattr(design, "_described", lambda *_: SimpleNamespace(build=lambda _: None))
         monkeypatch.setattr(design, "of_accuracy", lambda *_: Refused("no", [], None))
-        wishes = SimpleNamespace(accuracy=accuracy, proof="checked", torque_step=wished)
+        wishes = SimpleNamespace(accuracy=accuracy, proof="tested", torque_step=wished)
         first = SimpleNamespace(choice=Law(np.full(1, 1.0), 0))
         made = design._checked(SimpleNamespace(wishes=wishes), trials, first, None, 10, lambda _: None)
         return made, seeds, harder

@@ -27,7 +27,7 @@ def made(folder: Path, learns: bool = True, **other: Any) -> Designed:
     described = requirements.scenario(frame.scheme(choice))
     check = {"runs": 128, "failures": 0, "searched": 128, "worst_margin": 0.2}
     verdict = Verdict("statistical", "", True, 0.2, check, (), "")
-    return Designed(described, "checked", frame, choice, worst(1e-4, 0.1), None, None, verdict, 0)
+    return Designed(described, "tested", frame, choice, worst(1e-4, 0.1), None, None, verdict, 0)
 
 
 def test_it_runs_as_it_is_with_the_numbers_of_the_choice(tmp_path: Path) -> None:
@@ -61,21 +61,24 @@ def test_the_law_in_the_file_is_the_law_that_was_checked(tmp_path: Path, law: di
     assert said == checked
 
 
-def test_it_never_calls_certified_what_is_only_checked_and_says_what_a_certificate_stands_on(tmp_path: Path) -> None:
+def test_a_law_is_certified_only_where_all_lines_are_proved_and_else_tested(tmp_path: Path) -> None:
     found = made(tmp_path)
-    assert "# Checked in simulation, not proved" in written(found, tmp_path)
+    assert "# Tested in simulation, not proved" in written(found, tmp_path)
     assert "Certified" not in written(found, tmp_path)
-    stands_on = [Assumption("", one) for one in ("proved", "checked", "assumed", "assumed")]
+    stands_on = [Assumption("", one) for one in ("proved", "tested", "assumed", "assumed")]
     rate = Verdict("loop_rate", "", True, 0.2, {}, stands_on, "")
-    text = " ".join(written(replace(found, proof="certified", rate=rate), tmp_path).replace("#", "").split())
-    assert "Certified by `loop_rate`, which stands on 4 statements: 1 proved, 1 checked, 2 assumed" in text
+    text = " ".join(written(replace(found, proof="bound", rate=rate), tmp_path).replace("#", "").split())
+    assert "Tested, with a bound of `loop_rate`, grade B: its lines: 1 proved, 1 tested, 2 assumed" in text
+    assert "ertified" not in text
+    rate = Verdict("loop_rate", "", True, 0.2, {}, stands_on[:1], "")
+    assert "# Certified by `loop_rate`, grade A" in written(replace(found, proof="bound", rate=rate), tmp_path)
 
 
 def test_of_many_joints_it_names_the_wish_that_looks_for_a_law_with_a_proof(tmp_path: Path) -> None:
     found = made(tmp_path)
-    assert "`loop_rate` certifies no such envelope" in written(found, tmp_path)
+    assert "`loop_rate` has no bound within such an envelope" in written(found, tmp_path)
     four = replace(found.frame, initial=np.ones(4))
     text = " ".join(written(replace(found, frame=four), tmp_path).replace("#", "").split())
     assert "from 4 joints on `loop_rate` has no bound for a law that learns the inertia" in text
     text = written(replace(found, frame=replace(four, learns=False)), tmp_path)
-    assert "`loop_rate` certifies no such envelope" in text
+    assert "`loop_rate` has no bound within such an envelope" in text

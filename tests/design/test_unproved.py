@@ -27,7 +27,7 @@ def trials(folder: Path, told: bool = False, accuracy: Any = "best") -> Trials:
         "actuator": {"torque": "robot"},
         "simulation": {"period": 2e-3, "t1": 1.0},
         "uncertainty": {"robot.plant.load.mass": {"between": [0.8, 1.2]}},
-        "wishes": {"deadline": 0.5, "accuracy": accuracy, "proof": "certified"},
+        "wishes": {"deadline": 0.5, "accuracy": accuracy, "proof": "bound"},
     }
     path = folder / "asked.yaml"
     path.write_text(yaml.safe_dump(asked), encoding="utf-8")
@@ -64,7 +64,7 @@ def test_a_law_that_does_not_know_its_payload_is_told_of_the_middle_of_its_set(t
     first, last = refusal.unproved(trials(tmp_path), CHOICE, NONE).would_do
     assert first.words == "a law that is told of 1 kg at its tip"
     assert first.changes == {"robot.nominal.load": {"mass": 1.0, "center": [0.0, 0.0, 0.1]}}
-    assert last.changes == {"wishes.proof": "checked"}
+    assert last.changes == {"wishes.proof": "tested"}
     assert [one.robot.nominal.load.mass for one in asked] == [1.0, 1.0]
 
 
@@ -72,7 +72,7 @@ def test_a_law_that_does_not_know_its_payload_is_told_of_the_middle_of_its_set(t
 def test_nothing_is_promised_of_a_payload_that_would_not_do(tmp_path: Path, certified: Any, radius: Any) -> None:
     certified(radius)
     (only,) = refusal.unproved(trials(tmp_path), CHOICE, NONE).would_do
-    assert only.changes == {"wishes.proof": "checked"}
+    assert only.changes == {"wishes.proof": "tested"}
 
 
 def test_a_law_that_knows_of_a_payload_is_not_told_again(tmp_path: Path, certified: Any) -> None:
@@ -89,7 +89,7 @@ def test_an_accuracy_is_named_that_is_certified(tmp_path: Path, certified: Any) 
     # Of the wider one more is asked for.
     asked = certified(1.08e-3)
     found = refusal.unproved(trials(tmp_path, told=True, accuracy=1e-3), CHOICE, refused_at(1.05e-3)).would_do
-    assert [one.words for one in found] == ["an accuracy of 0.00113", "what is checked in simulation alone"]
+    assert [one.words for one in found] == ["an accuracy of 0.00113", "what is tested in simulation alone"]
     assert found[0].changes == {"wishes.accuracy": [1.134e-3] * 6}
     assert len(asked) == 2
 

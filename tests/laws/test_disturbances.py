@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from slidax._types import State
-from slidax.disturbances import Constant
+from slidax.disturbances import Constant, Samples, Scaled, Step, Sum
 from tests.disturbances.members import DISTURBANCES
 from tests.enrolled import every
 
@@ -50,3 +50,73 @@ def test_one_force_per_joint_and_finite_gradients_by_every_parameter(disturbance
     assert leaves
     assert all(isinstance(leaf, jax.Array) and leaf.dtype == float for leaf in leaves)
     assert all(np.all(np.isfinite(leaf)) for leaf in jax.tree.leaves(jax.grad(total)(disturbance)))
+
+
+PERIOD, INSIDE = 0.05, 41
+
+
+def sampled(dense):
+    return Samples(PERIOD, TICKS[:-1], dense[0][:-1:INSIDE], dense[1][:-1:INSIDE])
+
+
+TICKS = PERIOD * np.arange(41)
+FINE = (TICKS[:-1, None] + PERIOD * np.linspace(0.0, 1.0, INSIDE)).ravel()
+
+
+def moving(seed):
+    """Positions and velocities [N + 1, 2] at fine times, with a constant acceleration over each period."""
+    acceleration = np.random.default_rng(seed).normal(size=(len(TICKS) - 1, 2)) * 4.0
+    dq = np.concatenate([np.zeros((1, 2)), np.cumsum(acceleration, axis=0) * PERIOD])
+    q = np.concatenate([np.zeros((1, 2)), np.cumsum(0.5 * (dq[1:] + dq[:-1]) * PERIOD, axis=0)])
+    k = np.repeat(np.arange(len(TICKS) - 1), INSIDE)
+    s = FINE - TICKS[k]
+    fine = q[k] + dq[k] * s[:, None] + 0.5 * acceleration[k] * s[:, None] ** 2, dq[k] + acceleration[k] * s[:, None]
+    return tuple(np.concatenate([one, last[-1:]]) for one, last in zip(fine, (q, dq), strict=True))
+
+
+def off_the_chord(disturbance, dense):
+    """How far its force really is from the line between two samples [N 2]."""
+    q, dq = (jnp.asarray(one[:-1]) for one in dense)
+    tau = np.asarray(jax.vmap(lambda t, q, dq: disturbance(t, State(q=q, dq=dq)))(jnp.asarray(FINE), q, dq))
+    tau = tau.reshape(len(TICKS) - 1, INSIDE, 2)
+    share = np.linspace(0.0, 1.0, INSIDE)[:, None]
+    return np.abs(tau - (tau[:, :1] + share * (tau[:, -1:] - tau[:, :1]))).max(axis=1)
+
+
+def between(disturbance, other):
+    lower, upper = (jax.tree.map(end, disturbance, other) for end in (jnp.minimum, jnp.maximum))
+    return lower, upper
+
+
+@every("disturbance", DISTURBANCES)
+def test_the_force_stays_as_near_to_its_chord_as_its_class_says_over_a_box_of_its_numbers(disturbance):
+    random = np.random.default_rng(4)
+    other = jax.tree.map(lambda leaf: leaf * random.uniform(0.5, 2.0, leaf.shape), disturbance)
+    lower, upper = between(disturbance, other)
+    for seed in range(6):
+        dense = moving(seed)
+        bound = lower.off_chord(upper, sampled(dense))
+        assert np.isfinite(bound).all()
+        one = jax.tree.map(lambda low, high: low + (high - low) * random.uniform(size=low.shape), lower, upper)
+        assert (off_the_chord(one, dense) <= bound + 1e-12)[:-1].all()
+
+
+@every("disturbance", DISTURBANCES)
+def test_the_bound_between_samples_adds_up_over_equal_parts_and_grows_with_the_box(disturbance):
+    dense = moving(1)
+    samples = sampled(dense)
+    whole = disturbance.off_chord(disturbance, samples)
+    parts = Sum((Scaled(disturbance, 0.25),) * 4)
+    np.testing.assert_allclose(parts.off_chord(parts, samples), whole, rtol=1e-12)
+    _, upper = between(disturbance, jax.tree.map(lambda leaf: 1.5 * leaf, disturbance))
+    assert (disturbance.off_chord(upper, samples) >= whole - 1e-12).all()
+
+
+def test_a_short_pulse_holds_one_of_its_breakpoints():
+    random = np.random.default_rng(7)
+    for start, length in zip(random.uniform(0, 2, 20), 10 ** random.uniform(-6, -1, 20), strict=True):
+        pulse = Scaled(Sum((Constant([1.0, 1.0]), Step([3.0, -1.0], start, start + length))), -2.0)
+        inside = [time for time in pulse.breakpoints() if start <= time < start + length]
+        assert inside
+        state = State(q=jnp.zeros(2), dq=jnp.zeros(2))
+        assert np.any(np.asarray(pulse(jnp.asarray(inside[0]), state)) != np.asarray(pulse(jnp.asarray(5.0), state)))

@@ -14,11 +14,13 @@ from slidax.diagnosis import Remedy
 from slidax.robots import Articulated
 from slidax.scenarios import Scenario
 
+from .arm.members import members_of
+from .covers import ARM, covers
 from .each import Each
 from .envelope import draws_envelope
 from .extent import Extent, starts_of
 from .law_of import law_of
-from .members import Motion, members_of
+from .members import Motion
 from .numbers import listed
 from .reads import reads
 from .verdict import Assumption, Status, Verdict
@@ -26,6 +28,7 @@ from .verdict import Assumption, Status, Verdict
 NAME, TITLE = "admissibility", "parameters, starts and motion are admissible"
 
 
+@covers(NAME, TITLE, *ARM, "sensor", "actuator")
 @reads("scheme", "trajectory", "start", "robot.nominal", "simulation")
 def admissibility(scenario: Scenario) -> Verdict:
     """The ranges of (20) and (29)-(47), `bρ(0) < e(0) < b̄ρ(0)` for each start, and the motion within the limits.
@@ -96,7 +99,7 @@ def _start(scenario: Scenario) -> tuple[_Start | None, list[Assumption]]:
     start = _Start(extent, references, envelope)
     joint = int(np.argmax(start.share))
     of = extent.said
-    status: Status = "proved" if len(moving) == 1 else "checked"
+    status: Status = "proved" if len(moving) == 1 else "tested"
     inside = bool(start.share[joint] < 1.0)
     if inside:
         text = f"{of} inside of the envelope, |e(0)| up to {listed(start.error)} (12)"
@@ -154,7 +157,7 @@ def _limits(scenario: Scenario) -> list[Assumption]:
             text = f"{name} of the motion pass a limit of joint `{robot.joint_names[joint]}`"
             found.append(Assumption(text, "fails", float(least[joint])))
         elif np.isfinite(least[joint]):
-            found.append(Assumption(f"{name} of the motion are within the arm's limits, {over}", "checked",
+            found.append(Assumption(f"{name} of the motion are within the arm's limits, {over}", "tested",
                                     float(least[joint])))  # fmt: skip
     return found
 

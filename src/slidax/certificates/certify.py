@@ -14,6 +14,7 @@ from slidax.scenarios import Scenario
 from .admissibility import admissibility
 from .arm import demand, robust_torque, torque_budget, uncertainty_bound
 from .continuous import printed_period, settling_time, ultimate_bound
+from .covers import covers
 from .demand import Demand
 from .loop import inertia_ratio, loop_rate
 from .members import family_of
@@ -29,6 +30,7 @@ def _demand(scenario: Scenario) -> Demand:
 def _asking(certificate: Callable[..., Verdict]) -> Callable[[Scenario], Verdict]:
     """A certificate of what a set of arms asks of the loops, which is found once for all of these."""
 
+    @covers(*certificate.heading, *certificate.covers)  # type: ignore[attr-defined]
     @wraps(certificate)
     def asked(scenario: Scenario) -> Verdict:
         return certificate(scenario, _demand(scenario))

@@ -31,11 +31,13 @@ class Demand:
       anywhere in its envelope [N n], rad/s² or m/s²; inf where none is known; `beside` gives less for a smaller error.
     - `kappa`: the least and the largest of K's diagonal [2 n].
     - `coupling`: bounds of what the other joints' accelerations do to a joint, |K_ij/K_jj| for i ≠ j [n n].
-    - `assumptions`: what these numbers stand on.
+    - `assumptions`: what `push`, `stray` and what is made of them stand on; `of_kappa`: what `kappa` and `coupling` do.
     - `effects`: what half the width of an uncertain number adds to each push [members numbers N n], rad/s² or m/s²;
       none if not given.
     - `beside`: from bounds of the error and of its rate, each [n] or [N n], to the same bound as `stray` [N n].
     - `misread`: from bounds of what a prediction misses of q and q̇ [N n], what its torque does otherwise [N n].
+    - `jumping`: the part of `stray` by which forces leave the line between two samples, and payloads jump [N n].
+    - `matrices`: K of some members at some instants of the motion, the worst coupled among them [I n n].
     - `relearnt`: by how much ŵ steps because the law believes another inertia than before [N n]; None for never.
     """
 
@@ -49,6 +51,9 @@ class Demand:
     beside: Callable[[Floats, Floats], Floats] | None = field(default=None, repr=False)
     misread: Callable[[Floats, Floats], Floats] | None = field(default=None, repr=False)
     relearnt: Floats | None = None
+    of_kappa: Sequence[Assumption] = ()
+    jumping: Floats | None = None
+    matrices: Floats | None = None
 
     def boxed(self) -> Demand:
         """The same with all effects in `stray`, for what takes each push alone: `|Σ x_k effects_k| <= Σ |effects_k|`.

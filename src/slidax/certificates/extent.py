@@ -9,9 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slidax.scenarios import Scenario
-from slidax.scenarios.uncertainty import AbstractSet, Leaf
-from slidax.scenarios.uncertainty.sets import Ball, Choice
 
+from .ends import ends_of
 from .members import family_of
 
 Floats = NDArray[np.floating[Any]]
@@ -52,26 +51,3 @@ def starts_of(scenario: Scenario) -> Extent:
         where = slice(None) if path == START else int(path.rpartition(".")[2])
         lower[where], upper[where] = least, most
     return Extent(lower, upper, "all starts of the uncertain set are", "a start of the uncertain set is")
-
-
-def ends_of(one: AbstractSet, leaf: Leaf) -> tuple[Floats, Floats]:
-    """The least and the largest value of each number of a set.
-
-    All sets but these two are increasing in each of their coordinates, of which a number depends on one alone.
-
-    - `one`: the set.
-    - `leaf`: what it is of.
-    """
-    if isinstance(one, Ball):
-        own = leaf.own_value("ball")
-        return own - one.ball, own + one.ball
-    width = one.coordinates(leaf)
-    if isinstance(one, Choice) and one.choice != "any":
-        count = len(one.choice)
-        weights = np.ones(count) if one.weights is None else np.asarray(one.weights, float)
-        middles = np.cumsum(weights) / weights.sum() - 0.5 * weights / weights.sum()
-        cube = np.repeat(middles[weights > 0][:, None], width, axis=1)
-    else:
-        cube = np.array([np.zeros(width), np.full(width, np.nextafter(1.0, 0.0))])
-    values = one.values(cube, leaf)
-    return values.min(axis=0), values.max(axis=0)

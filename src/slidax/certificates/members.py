@@ -1,9 +1,8 @@
-"""The arm, its motion and its pushes at sampled times, for a scenario and for corners of what is uncertain of it."""
+"""The arm, its motion and its disturbance at sampled times, and the set of a scenario in one form."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from typing import Any
 
@@ -15,9 +14,11 @@ from slidax.diagnosis.along import along
 from slidax.robots import AbstractRobot
 from slidax.scenarios import Scenario
 from slidax.scenarios.family import Family
+from slidax.scenarios.uncertainty import Space
 from slidax.simulation import Plant
 
 from .each import Each
+from .ends import ends_of
 
 Floats = NDArray[np.floating[Any]]
 
@@ -100,24 +101,28 @@ class Motion:
 
 
 @lru_cache(maxsize=4)
-def members_of(scenario: Scenario) -> Sequence[Scenario]:
-    """The scenario, and the cases at four corners of its uncertain set: all lowest, all highest, and by turns.
-
-    - `scenario`: with its block `uncertainty`.
-
-    Raises DefinitionError if a set is empty or leads nowhere.
-    """
-    family = family_of(scenario)
-    if family is None:
-        return [scenario]
-    corners = family.space.ends()
-    return [scenario, *(family.scenario(one, f"{scenario.name}, corner {k}") for k, one in enumerate(corners))]
-
-
-@lru_cache(maxsize=4)
 def family_of(scenario: Scenario) -> Family | None:
-    """All that the scenario may be; None if it says nothing of what is uncertain.
+    """All that the scenario may be, in canonical form; None if nothing of it is uncertain.
 
     - `scenario`: with its block `uncertainty`.
     """
-    return Family.of(scenario.description) if scenario.description.uncertainty else None
+    return canonical(Family.of(scenario.description)) if scenario.description.uncertainty else None
+
+
+def canonical(family: Family) -> Family:
+    """The same set in the one form that all certificates see, whatever the order in which it is written.
+
+    Paths are sorted. A set of a single value is that value, so that it takes no part in what is drawn or bounded.
+
+    - `family`: of a scenario or a study.
+    """
+    space, truth, left = family.uncertain, dict(family.base.truth), {}
+    for path in sorted(space.sets):
+        lower, upper = ends_of(space.sets[path], space.leaves[path])
+        own = space.leaves[path].own
+        if not np.array_equal(lower, upper):
+            left[path] = space.sets[path]
+        elif own is None or not np.array_equal(np.broadcast_to(own, np.shape(lower)), lower):
+            truth[path] = np.asarray(lower).tolist()
+    base = family.base if truth == family.base.truth else family.base.model_copy(update={"truth": truth})
+    return replace(family, base=base, uncertain=Space({path: space.leaves[path] for path in left}, left))

@@ -112,11 +112,11 @@ def tried(
         Assumption("the arm is as it is simulated", "assumed"),
         Assumption("what is uncertain is distributed as the set says", "assumed"),
         Assumption(
-            f"the envelope is kept in {runs} runs that were drawn, seed {seed}", "fails" if failures else "checked"
+            f"the envelope is kept in {runs} runs that were drawn, seed {seed}", "fails" if failures else "tested"
         ),
         Assumption(
             f"the envelope is kept in {searched} runs of a search for the worst",
-            "checked" if worst > 0.0 else "fails",
+            "tested" if worst > 0.0 else "fails",
             worst,
         ),
     )

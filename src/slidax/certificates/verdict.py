@@ -5,13 +5,17 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 from slidax.diagnosis import Remedy
 
-Status = Literal["proved", "checked", "assumed", "fails"]
-"""Of an assumption: `proved` follows from the definitions, `checked` was computed here (the text says over what and
-how), `assumed` nothing was done for it, `fails` it was checked and is not so."""
+Status = Literal["proved", "tested", "assumed", "fails"]
+"""Of an assumption: `proved` follows from the definitions for the whole set, up to floating-point rounding, and the
+number that is used is the one that was proved; `tested` was computed for finitely many members, times or cases, which
+the text names; `assumed`: nothing was done for it; `fails`: tested, and not so."""
+
+Grade = Literal["A", "B", "C"]
+"""Of a verdict that holds: `A` all lines are proved, `B` some are, the others are tested or assumed, `C` none is."""
 
 
 OVER_TIME = ("times", "error_over_time")
@@ -42,7 +46,7 @@ class Verdict:
     - `margin`: by how much, as a share of what is allowed: positive if it holds; None where there is no number.
     - `bound`: the certified numbers by name, scalars or one per joint, in SI.
     - `assumptions`: what it stands on.
-    - `statement`: one sentence with the numbers and the equation.
+    - `statement`: a sentence that says with units what is certain, by which equation.
     - `remedies`: the smallest changes that would make it hold, the best first; empty if it holds.
     - `since`: time from which it holds [s]; None for the whole run, or if it does not hold.
     """
@@ -69,6 +73,20 @@ class Verdict:
         return "-" if self.holds is None else "yes" if self.holds else "no"
 
     @property
+    def grade(self) -> Grade | None:
+        """How much of what it stands on is proved; None unless it holds."""
+        if not self.holds:
+            return None
+        proved = [one.status == "proved" for one in self.assumptions]
+        return "C" if not any(proved) else "A" if all(proved) else "B"
+
+    @property
+    def stands_on(self) -> str:
+        """The number of lines of each status, "2 proved, 3 tested, 1 assumed"."""
+        statuses = [one.status for one in self.assumptions]
+        return ", ".join(f"{statuses.count(one)} {one}" for one in get_args(Status) if one in statuses)
+
+    @property
     def bound_in_words(self) -> list[str]:
         """The certified numbers, "error 1.2e-05", the largest of all joints; what is given over time is left out."""
         words = []
@@ -87,6 +105,7 @@ class Verdict:
             "name": self.name,
             "holds": self.holds,
             "since": _plain(self.since),
+            "grade": self.grade,
             "margin": _plain(self.margin),
             "bound": {name: _plain(value) for name, value in self.bound.items()},
             "assumptions": [

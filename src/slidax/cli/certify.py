@@ -27,8 +27,9 @@ def certify(
 ) -> None:
     """What is promised of a scenario before it runs: each promise with its bound, its margin and what it stands on.
 
-    An assumption is `proved`, `checked` (the text says over what), `assumed` (nothing was done for it) or `fails`. The
-    scenario's block `uncertainty` says for which arms, loads and starts it is asked.
+    A line is `proved` (for the whole set, up to rounding), `tested` (in the cases that it names), `assumed` (nothing
+    was done for it) or `fails`. Grade A: all lines are proved; B: some; C: none. The scenario's block `uncertainty`
+    says for which arms, loads and starts it is asked.
 
     Exit code 0: each certificate that applies holds; 4: one does not; 2: the scenario is invalid.
     """

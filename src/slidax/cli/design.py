@@ -21,9 +21,9 @@ def design(
     json: AsJson = False,
     runs: Annotated[int, typer.Option(help="Random cases of the check, and as many of a search.", min=10)] = 1000,
 ) -> None:
-    """From an arm, its motion and what is not known of it to the numbers of a law, with a certificate; or why not.
+    """Design a controller for an arm, its motion and its uncertainty, with certificates; or explain why none exists.
 
-    What the certificates do not prove is checked in simulated cases of the set, and the file says which of both it is.
+    What the certificates do not bound is tested in simulated cases of the set, and the file says which of both it is.
 
     Exit code 0: designed; 4: refused, with the reason and what would do; 2: the requirements are invalid.
     """
@@ -50,7 +50,7 @@ def design(
 
 def _tell(found: Designed, out: Path, json: bool) -> None:
     from slidax.certificates import Certificates, certify
-    from slidax.design.text import write_design, written
+    from slidax.design.text import called, write_design, written
     from slidax.scenarios import load
 
     typer.echo("... all certificates", err=True)
@@ -71,9 +71,9 @@ def _tell(found: Designed, out: Path, json: bool) -> None:
         }
         print_json(answer)
         return
-    how = "certified by `loop_rate`" if found.proof == "certified" else "checked in simulation, not proved"
+    how = called(found.rate) if found.proof == "bound" else "tested in simulation, without a bound"
     final = ", ".join(f"{one:.3g}" for one in found.choice.final)
-    typer.echo(f"Designed, and {how}: the error is within {final} from {found.choice.deadline:g} s on.")
+    typer.echo(f"Designed, {how}. The error is within {final} from {found.choice.deadline:g} s on.")
     typer.echo(
         f"Steady error {found.worst.error:.2g}, torque step {found.worst.step:.2g} N m, in the worst common case."
     )

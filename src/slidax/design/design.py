@@ -45,7 +45,7 @@ ROOM_LEFT = 0.12
 """Of an envelope's width, that the common cases must leave of one that is not widened by `SPARE`."""
 
 
-Proof = Literal["certified", "checked"]
+Proof = Literal["bound", "tested"]
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ class Designed:
     """A law that does what is asked.
 
     - `description`: the scenario with it.
-    - `proof`: `certified` where `loop_rate` holds for its envelope, else `checked`: in simulated cases alone.
+    - `proof`: `bound` where `loop_rate` holds for its envelope, else `tested`: in simulated cases alone.
     - `frame`, `choice`: its numbers; `worst`: what the worst common case makes of them.
     - `asked`: of the drives and of u; None where no bound was found.
     - `rate`: what `loop_rate` says; None where it has no answer.
@@ -150,7 +150,7 @@ def _begin(requirements: Requirements) -> tuple[Frame, Choice]:
     )
     if (frame.shape >= LARGEST * frame.initial).any() and wishes.accuracy != "best":
         frame = replace(frame, initial=np.maximum(frame.initial, frame.shape / LARGEST))
-    frame = replace(frame, learns=wishes.proof != "certified" or boundable(len(units), learns=True))
+    frame = replace(frame, learns=wishes.proof != "bound" or boundable(len(units), learns=True))
     horizon, drift = frame.horizons[2 if len(frame.horizons) > 2 else -1], 1.0
     return frame, Choice(horizon, drift, 1.0, _provisional(frame), wishes.deadline)
 
@@ -175,7 +175,7 @@ def _aim(requirements: Requirements, frame: Frame) -> Aim:
     step = wishes.torque_step
     room = ROOM_LEFT if wishes.accuracy == "best" else LEAST_MARGIN
     most = min(DRIVEN * float(np.max(frame.changes)), np.inf if step is None else UNSEEN * step)
-    return Aim(most, step is not None, small, room, OWN if wishes.proof == "certified" else np.inf)
+    return Aim(most, step is not None, small, room, OWN if wishes.proof == "bound" else np.inf)
 
 
 def _best(requirements: Requirements, frame: Frame, first: Choice) -> tuple[Trials, Worst]:
@@ -225,14 +225,14 @@ def _checked(
             say("the certificate of the loops")
             choice, rate = _certified(requirements, trials, choice)
         proved = rate is not None and bool(rate.holds)
-        if requirements.wishes.proof == "certified" and not proved:
+        if requirements.wishes.proof == "bound" and not proved:
             return unproved(trials, choice, rate)
         say(f"{2 * runs} cases that were not seen before")
         description = _described(requirements, trials.frame, choice, worst)
         check, hard = tried(description.build("design"), runs, seed=1 + turn)
         wild = 1.0 if wished is None else check.bound.get("steady_torque_step", 0.0) / wished
         if check.holds is not False and wild <= 1.0:
-            found: Proof = "certified" if proved else "checked"
+            found: Proof = "bound" if proved else "tested"
             made = Designed(description, found, trials.frame, choice, worst, asked, rate, check, trials.runs)
             kept = made if kept is None or made.spared > kept.spared else kept
             if not best or check.holds is None or made.spared >= ENOUGH:

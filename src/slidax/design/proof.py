@@ -28,7 +28,7 @@ COARSE = Fineness(halvings=2, width=32)
 """Of many joints' bounds: a radius is found in less than half the time of `certify`, and is a tenth larger."""
 
 WIDER = (1.02, 1.05, 1.1, 1.2)
-"""The final radius over the one that a certificate asks for, each time that it is widened to it.
+"""The final radius over the one that `loop_rate` asks for, each time that it is widened to it.
 
 What one joint misses moves the others: with the same factor each time, the radii of a UR3 were still just too small.
 """
@@ -88,7 +88,7 @@ def of_the_rate(scenario: Scenario) -> Verdict | None:
 
 
 def radius_of(verdict: Verdict | None) -> Floats | None:
-    """The smallest final radius of each joint that is certified [n]; None where there is none.
+    """The smallest final radius of each joint with a bound [n]; None where there is none.
 
     - `verdict`: of `loop_rate`.
     """
@@ -101,9 +101,9 @@ def radius_of(verdict: Verdict | None) -> Floats | None:
 def widened(
     choice: Choice, rate: Verdict | None, rate_of: Callable[[Choice], Verdict | None], largest: Floats
 ) -> tuple[Choice, Verdict] | None:
-    """A law with final radii that `loop_rate` certifies, and what it says of it; None where none was found.
+    """A law with final radii within which `loop_rate` holds, and its verdict; None where none was found.
 
-    - `choice`: the law, which stays as it is if it is certified.
+    - `choice`: the law, which stays as it is if `loop_rate` holds.
     - `rate`: what `loop_rate` says of it.
     - `rate_of`: says the same of others.
     - `largest`: final radii [n].

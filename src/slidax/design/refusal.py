@@ -147,23 +147,23 @@ def of_accuracy(trials: Trials, best: Worst, held: Worst | None, check: Verdict 
 
 
 def unproved(trials: Trials, choice: Choice, rate: Verdict | None) -> Refused:
-    """A certificate is wished, and there is none.
+    """A bound of the error is wished, and there is none.
 
     - `trials`: of which arm.
     - `choice`: the law.
     - `rate`: what `loop_rate` says; None if nothing.
     """
-    unproved = Remedy("what is checked in simulation alone", {"wishes.proof": "checked"})
+    unproved = Remedy("what is tested in simulation alone", {"wishes.proof": "tested"})
     if rate is None:
-        return refused("a certificate is wished, and `loop_rate` has no answer for this arm", [unproved])
+        return refused("a bound is wished, and `loop_rate` has no answer for this arm", [unproved])
     missed = missed_by(rate, trials, choice)
     why = [one for one in ("" if missed is None else missed.in_words(), rate.statement) if one]
-    reason = f"a certificate is wished, and `loop_rate` gives none: {'; '.join(why)}"
+    reason = f"a bound is wished, and `loop_rate` gives none: {'; '.join(why)}"
     return refused(reason, [*_wider(trials, choice, rate), *_told(trials, choice), unproved], missed)
 
 
 def _wider(trials: Trials, choice: Choice, rate: Verdict) -> Iterator[Remedy]:
-    """Final radii that are certified; where the best are wished, such were looked for before."""
+    """Final radii within which there is a bound; where the best are wished, such were looked for before."""
     if trials.requirements.wishes.accuracy == "best":
         return
     found = widened(choice, rate, lambda one: _rate_of(trials, one, {}), LARGEST * trials.frame.initial)

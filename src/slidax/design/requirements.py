@@ -36,8 +36,8 @@ class Wishes(AbstractDescription):
     torque_step: float | None = said(
         "largest change of the torque from sample to sample in steady state", "N m or N", "> 0", default=None
     )
-    proof: Literal["checked", "certified"] = "checked"
-    """`certified` refuses what only simulation says, `checked` takes it and says so."""
+    proof: Literal["tested", "bound"] = "tested"
+    """`bound` refuses a law for which `loop_rate` has no bound of the error, `tested` takes it and says so."""
 
 
 class TimeDescription(AbstractDescription):

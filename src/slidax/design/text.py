@@ -13,6 +13,7 @@ from ruamel.yaml import YAML
 
 from slidax.certificates import Certificates
 from slidax.certificates.loop.jointly import JOINTS
+from slidax.certificates.verdict import Verdict
 
 from .design import U_AMPLE, U_OVER, Designed
 from .proof import boundable
@@ -60,11 +61,9 @@ def write_design(found: Designed, out: Path, certificates: Certificates) -> Path
 
 def _proof(found: Designed) -> str:
     check = found.check.bound
-    said = (
-        f"Certified by `loop_rate`{_counted(found)}; the file beside this one lists them."
-        if found.proof == "certified"
-        else f"Checked in simulation, not proved: {_unproved(found)}."
-    )
+    said = f"Tested in simulation, not proved: {_unproved(found)}."
+    if found.proof == "bound":
+        said = f"{called(found.rate)[0].upper()}{called(found.rate)[1:]}; the file beside this one lists its lines."
     if not check:
         return f"{said} Nothing is uncertain, so that one run says all."
     return (
@@ -75,20 +74,23 @@ def _proof(found: Designed) -> str:
 
 def _unproved(found: Designed) -> str:
     if boundable(found.frame.initial.size, found.frame.learns):
-        return "`loop_rate` certifies no such envelope for this set"
+        return "`loop_rate` has no bound within such an envelope for this set"
     return (
-        f"from {JOINTS} joints on `loop_rate` has no bound for a law that learns the inertia; with `proof: certified` "
+        f"from {JOINTS} joints on `loop_rate` has no bound for a law that learns the inertia; with `proof: bound` "
         "one is looked for that does not"
     )
 
 
-def _counted(found: Designed) -> str:
-    """How much of what a certificate stands on is known."""
-    statuses = [] if found.rate is None else [one.status for one in found.rate.assumptions]
-    if not statuses:
-        return ""
-    counted = [f"{statuses.count(one)} {one}" for one in ("proved", "checked", "assumed") if one in statuses]
-    return f", which stands on {len(statuses)} statements: {', '.join(counted)}"
+def called(rate: Verdict | None) -> str:
+    """The word for a law for which `loop_rate` holds: certified if all lines are proved, else tested.
+
+    - `rate`: the certificate's answer.
+    """
+    if rate is None or rate.grade is None:
+        return "tested"
+    if rate.grade == "A":
+        return "certified by `loop_rate`, grade A: all of its lines are proved"
+    return f"tested, with a bound of `loop_rate`, grade {rate.grade}: its lines: {rate.stands_on}"
 
 
 def _law(found: Designed, scheme: dict[str, Any]) -> str:
@@ -117,7 +119,7 @@ def _comments(found: Designed) -> dict[str, str]:
     inside = {
         "horizon": f"{choice.horizon / frame.period:.3g} periods: found on common cases, with surface, `overshoot` and "
         "estimator.",
-        "adaptation": f"The inertia is not learnt: from {JOINTS} joints on no law that learns it has a certificate.",
+        "adaptation": f"The inertia is not learnt: from {JOINTS} joints on no law that learns it has a bound.",
         "monitor": f"Warns before the envelope is left: by what {MANY} common cases used of it, and a quarter more.",
     }
     if choice.drift is not None:

@@ -2,6 +2,7 @@
 
 from .constant import Constant as Constant
 from .disturbance import AbstractDisturbance as AbstractDisturbance
+from .disturbance import Samples as Samples
 from .disturbance import Scaled as Scaled
 from .disturbance import Sum as Sum
 from .elastic_stop import ElasticStop as ElasticStop

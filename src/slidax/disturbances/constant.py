@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from typing import Any
+
+import numpy as np
+
 from slidax.parts import Scalar, State, Vector, parameter
 
-from .disturbance import AbstractDisturbance
+from .disturbance import AbstractDisturbance, Floats, Samples
 
 
 class Constant(AbstractDisturbance):
@@ -19,3 +23,7 @@ class Constant(AbstractDisturbance):
         - `state`: positions and velocities.
         """
         return self.value
+
+    def off_chord(self, upper: Any, samples: Samples) -> Floats:
+        """Zero: it is straight."""
+        return np.zeros(samples.q.shape)

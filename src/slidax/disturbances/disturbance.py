@@ -3,9 +3,63 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
 
 from slidax.parts import AbstractPart, DefinitionError, Scalar, State, Vector, parameter, piece
+
+Floats: TypeAlias = NDArray[np.floating[Any]]
+
+
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """States at samples a period apart; over each period a joint's velocity goes from one value to the next.
+
+    - `period`: h [s].
+    - `t`: when each period begins [N], s.
+    - `q`, `dq`: positions and velocities at its beginning [N n].
+    """
+
+    period: float
+    t: Floats
+    q: Floats
+    dq: Floats
+
+    @property
+    def turn(self) -> Floats:
+        """|Δq̇| over each period [N n], rad/s or m/s; after the last sample as before it."""
+        steps = np.abs(np.diff(self.dq, axis=0, append=self.dq[-1:]))
+        found: Floats = np.concatenate([steps[:-1], steps[-2:-1] if len(steps) > 1 else steps])
+        return found
+
+    @property
+    def way(self) -> Floats:
+        """How far a joint moves at most in each period [N n], rad or m."""
+        found: Floats = (np.abs(self.dq) + self.turn) * self.period
+        return found
+
+    def jumps(self, first: Any, last: Any) -> NDArray[np.bool_]:
+        """True for each period in which, or at whose end, a jump between two times may fall [N].
+
+        - `first`, `last`: the earliest and the latest time of the jump [s].
+        """
+        spare = 1e-6 * self.period
+        found: NDArray[np.bool_] = (np.asarray(last) >= self.t - spare) & (
+            np.asarray(first) <= self.t + self.period + spare
+        )
+        return found
+
+
+def largest(lower: Any, upper: Any) -> Floats:
+    """The largest size of any number between two.
+
+    - `lower`, `upper`: the ends.
+    """
+    found: Floats = np.asarray(np.maximum(np.abs(np.asarray(lower, float)), np.abs(np.asarray(upper, float))))
+    return found
 
 
 class AbstractDisturbance(AbstractPart):
@@ -18,6 +72,21 @@ class AbstractDisturbance(AbstractPart):
         - `t`: time [s].
         - `state`: positions and velocities.
         """
+
+    def breakpoints(self) -> tuple[float, ...]:
+        """Times at which the force sets in, jumps or ends [s]; each short pulse contains one of them."""
+        return ()
+
+    def off_chord(self, upper: Any, samples: Samples) -> Floats:
+        """Bound of the force's distance from the straight line between its values at two samples [N n], N m or N.
+
+        It holds for every disturbance of this class whose numbers lie between this one's and those of `upper`. A class
+        that declares no bound has an infinite one, and no certificate covers it.
+
+        - `upper`: has the largest value of each number, as this one has the least.
+        - `samples`: a period apart.
+        """
+        return np.full(samples.q.shape, np.inf)
 
     def __add__(self, other: AbstractDisturbance) -> Sum:
         return Sum((self, other))
@@ -49,6 +118,16 @@ class Sum(AbstractDisturbance):
         """
         return sum((term(t, state) for term in self.terms), start=0.0 * state.q)
 
+    def breakpoints(self) -> tuple[float, ...]:
+        """Those of all terms."""
+        return tuple(time for term in self.terms for time in term.breakpoints())
+
+    def off_chord(self, upper: Any, samples: Samples) -> Floats:
+        """The sum of the terms' bounds."""
+        pairs = zip(self.terms, upper.terms, strict=True)
+        found: Floats = sum((low.off_chord(high, samples) for low, high in pairs), start=np.zeros(samples.q.shape))
+        return found
+
 
 class Scaled(AbstractDisturbance):
     """A disturbance times a factor; 0 switches it off, without a new compilation."""
@@ -63,3 +142,15 @@ class Scaled(AbstractDisturbance):
         - `state`: positions and velocities.
         """
         return self.factor * self.disturbance(t, state)
+
+    def breakpoints(self) -> tuple[float, ...]:
+        """Those of what is scaled."""
+        return self.disturbance.breakpoints()
+
+    def off_chord(self, upper: Any, samples: Samples) -> Floats:
+        """The factor's largest size times the bound of what is scaled."""
+        factor = largest(self.factor, upper.factor)
+        if not factor.any():
+            return np.zeros(samples.q.shape)
+        found: Floats = factor * self.disturbance.off_chord(upper.disturbance, samples)
+        return found

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import jax.numpy as jnp
+import numpy as np
 
 from slidax.parts import PerJoint, Scalar, State, Vector, parameter
 
-from .disturbance import AbstractDisturbance
+from .disturbance import AbstractDisturbance, Floats, Samples, largest
 
 
 class ElasticStop(AbstractDisturbance):
@@ -27,3 +30,12 @@ class ElasticStop(AbstractDisturbance):
         """
         deep = jnp.maximum(0.0, state.q - self.position)
         return -self.stiffness * deep * jnp.maximum(0.0, 1.0 + self.damping * state.dq)
+
+    def off_chord(self, upper: Any, samples: Samples) -> Floats:
+        """By how much it can change in a period in which the joint may touch the surface; else zero."""
+        deepest = np.maximum(0.0, samples.q + samples.way - np.asarray(self.position))
+        fastest = np.abs(samples.dq) + samples.turn
+        damping, stiffness = largest(self.damping, upper.damping), largest(self.stiffness, upper.stiffness)
+        moved = np.minimum(samples.way, deepest) * (1.0 + damping * fastest)
+        found: Floats = stiffness * (moved + deepest * damping * samples.turn)
+        return found

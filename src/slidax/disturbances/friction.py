@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import jax.numpy as jnp
+import numpy as np
 
 from slidax.parts import PerJoint, Scalar, State, Vector, parameter
 
-from .disturbance import AbstractDisturbance
+from .disturbance import AbstractDisturbance, Floats, Samples, largest
+
+BEND = 4.0 / (3.0 * 3.0**0.5)
+"""The largest second derivative of tanh."""
 
 
 class Friction(AbstractDisturbance):
@@ -27,3 +33,12 @@ class Friction(AbstractDisturbance):
         - `state`: positions and velocities.
         """
         return -(self.coulomb * jnp.tanh(state.dq / self.smoothing) + self.viscous * state.dq)
+
+    def off_chord(self, upper: Any, samples: Samples) -> Floats:
+        """`f_c min(.77 x²/8, x, 2)`, `x = |Δq̇|/v_s`: by the curvature of tanh, its slope, or from side to side.
+
+        `max |tanh''| = 4/(3 √3)`. Viscous friction is as straight as the velocity.
+        """
+        x = samples.turn / np.asarray(self.smoothing)
+        found: Floats = largest(self.coulomb, upper.coulomb) * np.minimum(np.minimum(BEND * x * x / 8.0, x), 2.0)
+        return found

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import jax.numpy as jnp
+import numpy as np
 
 from slidax.parts import PerJoint, Scalar, State, Vector, parameter
 
-from .disturbance import AbstractDisturbance
+from .disturbance import AbstractDisturbance, Floats, Samples, largest
 
 
 class Harmonic(AbstractDisturbance):
@@ -23,3 +26,9 @@ class Harmonic(AbstractDisturbance):
         - `state`: positions and velocities.
         """
         return self.amplitude * jnp.sin(self.frequency * t + self.phase)
+
+    def off_chord(self, upper: Any, samples: Samples) -> Floats:
+        """`|a| min(ω² h²/8, 2)`: `h²/8` times its largest second derivative, and never more than from peak to peak."""
+        turned = largest(self.frequency, upper.frequency) * samples.period
+        found: Floats = largest(self.amplitude, upper.amplitude) * np.minimum(turned**2 / 8.0, 2.0)
+        return np.broadcast_to(found, samples.q.shape)

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import jax.numpy as jnp
+import numpy as np
 
 from slidax.parts import Scalar, State, Vector, parameter
 
-from .disturbance import AbstractDisturbance
+from .disturbance import AbstractDisturbance, Floats, Samples, largest
 
 
 class Step(AbstractDisturbance):
@@ -23,3 +26,13 @@ class Step(AbstractDisturbance):
         - `state`: positions and velocities.
         """
         return jnp.where((t >= self.start) & (t < self.end), self.value, 0.0)
+
+    def breakpoints(self) -> tuple[float, ...]:
+        """When it sets in, and when it ends."""
+        return tuple(time for time in (float(self.start), float(self.end)) if np.isfinite(time))
+
+    def off_chord(self, upper: Any, samples: Samples) -> Floats:
+        """|c| in each period in which, or at whose end, it may set in or end; else zero."""
+        jumps = samples.jumps(self.start, upper.start) | samples.jumps(self.end, upper.end)
+        found: Floats = jumps[:, None] * largest(self.value, upper.value)
+        return found

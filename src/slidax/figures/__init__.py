@@ -7,7 +7,7 @@ Figures draw what they are given and compute nothing. No pyplot, no state that s
 from .aims_front import aims_front as aims_front
 from .bode import bode as bode
 from .bode import nyquist as nyquist
-from .certified_error import certified_error as certified_error
+from .bounded_error import bounded_error as bounded_error
 from .compared_errors import compared_errors as compared_errors
 from .compared_tip_paths import compared_tip_paths as compared_tip_paths
 from .compared_torques import compared_torques as compared_torques

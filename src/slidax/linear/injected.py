@@ -51,6 +51,10 @@ class Pushed(AbstractDisturbance):
         """
         return self.disturbance(t, state) + self.torque
 
+    def breakpoints(self) -> tuple[float, ...]:
+        """Those of what there is."""
+        return self.disturbance.breakpoints()
+
 
 class Nudged(AbstractController):
     """A law to whose command a torque is added, of which it does not know."""

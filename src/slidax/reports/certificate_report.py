@@ -59,14 +59,14 @@ def _pictures(scenario: Scenario, found: Certificates, folder: Path) -> list[Pic
     plant = scenario.plant
     robot = getattr(plant, "own", plant).robot
     radii = np.sort(np.abs(np.stack(envelope)), axis=0)
-    certified = _certified(found, scenario.t1)
+    bounds = _bounds(found, scenario.t1)
     caption = "The two sides of the envelope by their distance from zero"
-    caption += ", and what |e| is certified to stay below." if certified else "; no bound of the error is certified."
-    drawn = figures.certified_error(t, radii, certified, short_names(robot.joint_names), robot.joint_units)
-    return [picture(drawn, folder, "certified-error", "Certified error", caption)]
+    caption += ", and the bounds of |e| with their grades." if bounds else "; there is no bound of the error."
+    drawn = figures.bounded_error(t, radii, bounds, short_names(robot.joint_names), robot.joint_units)
+    return [picture(drawn, folder, "bounded-error", "Bound of the error", caption)]
 
 
-def _certified(found: Certificates, t1: float) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+def _bounds(found: Certificates, t1: float) -> dict[str, tuple[np.ndarray, np.ndarray]]:
     """Bounds of |e| over time, of certificates that hold."""
     bounds: dict[str, tuple[np.ndarray, np.ndarray]] = {}
     for one in found:
@@ -74,11 +74,11 @@ def _certified(found: Certificates, t1: float) -> dict[str, tuple[np.ndarray, np
             continue
         given: Any = one.bound
         if "error_over_time" in given:
-            bounds["certified at this rate"] = (
+            bounds[f"at this rate, grade {one.grade}"] = (
                 np.asarray(given["times"], float),
                 np.asarray(given["error_over_time"], float),
             )
         elif one.name == "ultimate_bound":
             error = np.asarray(given["error"], float)
-            bounds["in the end"] = np.array([0.75 * t1, t1]), np.stack([error, error])
+            bounds[f"in the end, grade {one.grade}"] = np.array([0.75 * t1, t1]), np.stack([error, error])
     return bounds

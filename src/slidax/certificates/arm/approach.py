@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from typing import Any
+from zlib import crc32
 
 import equinox as eqx
 import jax
@@ -160,7 +161,7 @@ def settled_at(scenario: Scenario) -> float:
 
 
 def ends_of(members: Members) -> tuple[list[Plant], list[tuple[Floats, Floats]]]:
-    """Members at ends of the set, and starts at ends of theirs: the scenario's own first, then drawn at random.
+    """Members at ends of the set, and starts at ends of theirs drawn at random; the scenario's own first.
 
     - `members`: of the set.
     """
@@ -168,16 +169,15 @@ def ends_of(members: Members) -> tuple[list[Plant], list[tuple[Floats, Floats]]]
     own = np.asarray(scenario.state0.q, float), np.asarray(scenario.state0.dq, float)
     space = members.family.uncertain
     free = [path for path in ("start.q", "start.dq") if path in space.sets]
-    random = np.random.default_rng(6)
     runs = RUNS if count or free else 1
-    points = random.integers(0, 2, (runs, count)).astype(float)
-    # All heaviest and all lightest are among them, whatever is drawn.
-    points[1:3] = np.array([[1.0], [0.0]])[: max(runs - 1, 0)]
+    points = np.full((runs, count), 0.5)
+    points[1:] = members.extremes(runs - 1)
     plants = members.plants(points)
     plants[0] = members.plant
     states = {path: np.tile(value, (runs, 1)) for path, value in zip(("start.q", "start.dq"), own, strict=True)}
     for path in free:
         one, leaf = space.sets[path], space.leaves[path]
+        random = np.random.default_rng([6, crc32(path.encode())])
         corners = random.integers(0, 2, (runs, one.coordinates(leaf))).astype(float)
         drawn = np.asarray(one.values(np.minimum(corners, np.nextafter(1.0, 0.0)), leaf), float)
         states[path][1:] = drawn.reshape(runs, -1)[1:]

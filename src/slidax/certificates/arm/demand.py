@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from slidax.disturbances import Samples
 from slidax.scenarios import Scenario
 from slidax.scenarios.family import Family
 from slidax.simulation import Plant
@@ -16,14 +17,14 @@ from .beside import beside_of
 from .evaluated import Floats
 from .hull import Hull, hull_of
 from .learnt import Asked, after_learning, as_seen, held, learns
-from .members import Members
+from .members import MOST_ENDS, Members, breakpoints
 from .misread import Misread
 from .motion import Belief, Motion, kinds_of, needed, outer
 from .ratios import INSTANTS, ratios
 from .width import speed_within, width_along
 
 PROBES = 48
-"""States drawn at random, by which is found how the numbers of a set enter."""
+"""States drawn at random, and as many of the motion, by which is found how the numbers of a set enter."""
 
 
 def demand(
@@ -49,28 +50,33 @@ def demand(
     """
     members = Members.of(scenario, family)
     belief = Belief.of(scenario, members.plant)
-    hull = hull_of(lambda points: probed(members, points, scenario), len(members.axes))
+    hull = hull_of(lambda points: probed(members, points), len(members.axes))
     plants = members.plants(hull.points)
     motion = Motion.of(scenario) if along is None else along
     if seen:
-        found = as_seen(seen, belief, hull, plants, motion)
+        found = as_seen(members, seen, belief, hull, plants, motion)
     elif learnt and learns(scenario):
         found = after_learning(members, belief, hull, plants, motion)
     else:
         found = _before(members, belief, hull, plants, motion)
     width = width_along(scenario, motion.t) if along is None else None
+    jumping = pushed_between_samples(members, plants, found, motion, scenario.period)
     if along is not None:
-        stray = between_samples(found, along)
+        stray: Floats = between_samples(found, along) + jumping
     else:
         stray = found.beside(width, speed_within(scenario, width)) if width is not None else np.zeros_like(motion.q)
+        stray = stray + jumping
     return Demand(
         times=motion.t,
         push=found.push,
         stray=stray,
         kappa=found.kappa,
         coupling=found.coupling,
-        assumptions=[*_assumptions(members, hull, found.arms), *found.assumptions],
+        assumptions=[*found.assumptions, *_of_the_pushes(members, hull, bool(seen))],
+        of_kappa=[_of_kappa(members, hull, found.arms, bool(seen))],
         effects=found.effects,
+        jumping=jumping,
+        matrices=found.matrices,
         beside=found.beside,
         relearnt=found.relearnt,
         misread=Misread.of(found.beliefs, motion, found.largest) if along is not None else None,
@@ -87,7 +93,7 @@ def _before(members: Members, belief: Belief, hull: Hull, plants: list[Plant], m
     push = np.linalg.solve(mass[None], lacks[..., None])[..., 0]
     corners, effects = hull.of(push)
     arms, _ = kinds_of(members.plants(members.ends(hull.without)))
-    kappa, coupling = ratios(arms, [belief] * len(arms), motion)
+    kappa, coupling, matrices = ratios(arms, [belief] * len(arms), motion)
     return Asked(
         push=corners,
         effects=np.broadcast_to(effects, (len(corners), *effects.shape)),
@@ -99,6 +105,7 @@ def _before(members: Members, belief: Belief, hull: Hull, plants: list[Plant], m
         held=held(belief, motion, hull.largest(push)),
         beliefs=[belief],
         relearnt=None,
+        matrices=matrices,
         assumptions=[],
     )
 
@@ -122,40 +129,104 @@ def between_samples(asked: Asked, motion: Motion) -> Floats:
     return found
 
 
-def probed(members: Members, points: Floats, scenario: Scenario) -> Floats:
-    """The torques of members at states drawn at random [P F]."""
+def pushed_between_samples(
+    members: Members, plants: list[Plant], asked: Asked, motion: Motion, period: float
+) -> Floats:
+    """By how much forces may leave the line between their values at two samples, and a payload's jumps [N n].
+
+    Of each term of the disturbance the bound that its class declares, over all of the set; of the arm's own friction
+    likewise. In a period in which a payload is taken up or let go, all that w* changes by. rad/s² or m/s².
+
+    - `members`: of the set.
+    - `plants`: the arms of its hull's points.
+    - `asked`: w* at the samples.
+    - `motion`: along which.
+    - `period`: h [s].
+    """
+    samples = Samples(period, motion.t, motion.q, motion.dq)
+    lower, upper = members.disturbances
+    forces = lower.off_chord(upper, samples) + members.rubbing(plants).off_chord(members.rubbing(plants), samples)
+    first, _ = asked.beliefs[0].at_first(motion.t, motion.q, motion.dq)
+    inverse = np.abs([np.linalg.inv(one.learnt(first, motion.t)) for one in asked.beliefs])
+    found: Floats = np.einsum("bkij,kj->bki", inverse, forces).max(axis=0)
+    jumps = np.zeros(len(motion.t), bool)
+    for load in (plant.load for plant in plants if plant.load is not None):
+        for time in (float(load.attached), float(load.released)):
+            jumps |= samples.jumps(time, time)
+    if jumps.any():
+        parts = [*asked.push, *(part for each in asked.effects for part in each)]
+        steps = np.max([np.abs(np.diff(one, axis=0, append=one[-1:])) for one in parts], axis=0)
+        found = found + jumps[:, None] * steps
+    return found
+
+
+def probed(members: Members, points: Floats) -> Floats:
+    """The torques of members at states drawn at random and at some of the motion [P F].
+
+    At times drawn at random, at which no ripple vanishes but by chance, and at those at which a force of one of them
+    sets in, jumps or ends, since a pulse may lie between all others.
+
+    - `members`: of the set.
+    - `points`: of its box [P D].
+    """
     random = np.random.default_rng(0)
-    n = members.plant.robot.joints
-    q, dq, ddq = random.normal(size=(3, PROBES, n))
-    states = Motion(np.linspace(0.0, scenario.t1, PROBES), q, dq, ddq)
-    plants = members.plants(points)
+    motion, plants = Motion.of(members.scenario), members.plants(points)
+    end = members.scenario.t1
+    jumps = breakpoints(plants, end)
+    t = np.concatenate([np.sort(random.uniform(0.0, end, PROBES)), jumps, jumps[:-1] + 0.5 * np.diff(jumps)])
+    few = motion.at(t, instants=1)
+    drawn = np.random.default_rng(1).normal(size=(3, PROBES, motion.joints))
+    count = len(few.t)
+    q, dq, ddq = (np.resize(one, (count, motion.joints)) for one in drawn)
+    states = Motion(
+        np.concatenate([few.t, few.t]),
+        np.concatenate([q, few.q]),
+        np.concatenate([dq, few.dq]),
+        np.concatenate([ddq, few.ddq]),
+    )
     kinds, which = kinds_of(plants)
     torque = needed(kinds, states)[1][which] - outer(plants, states)
     return torque.reshape(len(points), -1)
 
 
-def _assumptions(members: Members, hull: Hull, arms: int) -> list[Assumption]:
-    names = [axis.name for axis in members.axes]
+def _of_the_pushes(members: Members, hull: Hull, seen: bool) -> list[Assumption]:
+    learnt, count = learns(members.scenario), len(members.axes)
     found = []
-    if not names:
+    if not count:
         text = "the arm, what pushes it and what it carries are the scenario's own: its `uncertainty` has none of them"
         found.append(Assumption(text, "assumed"))
-    else:
-        kept = [name for k, name in enumerate(names) if k not in hull.sampled and k not in hull.without]
+    elif not seen:
+        kept = [k for k in range(count) if k not in hull.sampled and k not in hull.without]
         text = (
-            f"{', '.join(kept)}: the push of each member is a convex mean of {len(hull.corners)} computed ones and "
-            f"{len(hull.effects)} linear parts, since they enter the torque as polynomials of degree 1 or 2"
+            f"{members.named(kept)}: the push of each member at each sample is a convex mean of {len(hull.corners)} "
+            f"computed ones and {len(hull.effects)} linear parts, since they enter the torque as polynomials of degree "
+            f"1 or 2{', as long as the law has learnt nothing' if learnt else ''}"
         )
-        found.append(Assumption(text, "proved"))
-    if hull.sampled:
-        text = f"{', '.join(names[k] for k in hull.sampled)}: no polynomial; the set was sampled at 5 values of each"
-        found.append(Assumption(text, "checked"))
-    if any(path.startswith("trajectory") for path in members.beside):
-        found.append(Assumption("the motion is the scenario's own, though the set varies it", "fails"))
+        if kept:
+            found.append(Assumption(text, "tested" if learnt else "proved"))
+        if hull.without:
+            text = f"{members.named(hull.without)}: no torque depends on it, at {2 * PROBES} states and as forces jump"
+            found.append(Assumption(text, "tested"))
+        if hull.sampled:
+            text = f"{members.named(hull.sampled)}: no polynomial; the set was sampled at 5 values of each"
+            found.append(Assumption(text, "tested"))
     text = (
-        f"κ and the coupling: at {arms} members, ends of the set and its middle, at {INSTANTS} instants of the motion"
+        "between two samples each force leaves the line between its values by no more than its class declares, the "
+        "arm's own terms by an eighth of their second difference"
     )
-    found.append(Assumption(text, "checked"))
+    found.append(Assumption(text, "tested"))
     if members.scenario.description.surroundings.table is not None:
         found.append(Assumption("the arm meets nothing: what a table pushes is not counted", "assumed"))
     return found
+
+
+def _of_kappa(members: Members, hull: Hull, arms: int, seen: bool) -> Assumption:
+    every = 2 ** len(members.inertial(hull.without)) + 1
+    which = "simulated ones" if seen else "ends of the set in inertia and its middle"
+    if not seen and every > MOST_ENDS + 1:
+        which += f", of {every}"
+    text = (
+        f"κ and the coupling: at {arms} {'member' if arms == 1 else 'members'}, {which}, at {INSTANTS} instants of the "
+        "motion, and not beside it"
+    )
+    return Assumption(text, "tested", float(arms))

@@ -15,11 +15,14 @@ from slidax.simulation import Plant
 
 from ..verdict import Assumption
 from .beside import Beside, beside_of
-from .evaluated import Floats
+from .evaluated import Floats, friction
 from .hull import Hull, hull_of
-from .members import Members
-from .motion import Belief, Motion, needed, outer
+from .members import Members, breakpoints
+from .motion import Belief, Motion, disturbed, needed, outer
 from .ratios import ratios
+
+PROBES = 97
+"""Instants of the motion by which is found how the numbers of a disturbance enter."""
 
 MOST_ARMS = 16
 """Members at ends of what changes the inertia, each with a belief of its own."""
@@ -34,6 +37,7 @@ class Asked:
     - `held`: what the believed arm changes in a period in which the torque is held [N n], rad/s² or m/s².
     - `beliefs`: what the law may believe.
     - `relearnt`: by how much ŵ steps from sample to sample because M̂ is another [N n], rad/s² or m/s²; None for never.
+    - `matrices`: K of some members at some instants [I n n].
     """
 
     push: Floats
@@ -46,6 +50,7 @@ class Asked:
     held: Floats
     beliefs: Sequence[Belief]
     relearnt: Floats | None
+    matrices: Floats
     assumptions: Sequence[Assumption]
 
     @property
@@ -74,7 +79,7 @@ def after_learning(members: Members, belief: Belief, hull: Hull, plants: list[Pl
     - `hull`, `plants`: how the set enters, and the arms of its points.
     - `motion`: along which.
     """
-    points = members.ends(hull.without)[: MOST_ARMS + 1]
+    points = members.ends(hull.without, MOST_ARMS)
     arms = members.plants(points)
     beliefs = [learnt_of(members.scenario, belief, arm, motion) for arm in arms]
     free = [k for k in range(len(members.axes)) if not members.is_inertial(k)]
@@ -102,7 +107,7 @@ def after_learning(members: Members, belief: Belief, hull: Hull, plants: list[Pl
         push.append(np.linalg.solve(mass[None], (lacks + sides)[..., None])[..., 0])
         one = np.linalg.solve(mass[None], parts[..., None])[..., 0] if len(parts) else parts
         effects += [one] * len(sides)
-    kappa, coupling = ratios(arms, beliefs, motion)
+    kappa, coupling, matrices = ratios(arms, beliefs, motion)
     pushes = np.concatenate(push)
     largest = (np.abs(pushes) + np.abs(np.array(effects)).sum(axis=1)).max(axis=0)
     learnt = (
@@ -121,7 +126,8 @@ def after_learning(members: Members, belief: Belief, hull: Hull, plants: list[Pl
         held=np.array([held(one, motion, largest) for one in beliefs]).max(axis=0),
         beliefs=beliefs,
         relearnt=None,
-        assumptions=[Assumption(learnt, "assumed"), Assumption(between, "checked")],
+        matrices=matrices,
+        assumptions=[Assumption(learnt, "assumed"), Assumption(between, "tested")],
     )
 
 
@@ -144,32 +150,63 @@ def held(belief: Belief, motion: Motion, push: Floats) -> Floats:
 
 
 def as_seen(
-    seen: Sequence[tuple[Plant, Belief]], belief: Belief, hull: Hull, plants: list[Plant], motion: Motion
+    members: Members,
+    seen: Sequence[tuple[Plant, Belief]],
+    belief: Belief,
+    hull: Hull,
+    plants: list[Plant],
+    motion: Motion,
 ) -> Asked:
     """What is asked for by arms of which it was seen what the law believes of them, at each time.
 
+    The arms are the simulated ones; to each of them every disturbance of the set is applied.
+
+    - `members`: of the set.
     - `seen`: these arms, and the beliefs.
     - `belief`: what the law believes at first.
     - `hull`, `plants`: how the set enters, and the arms of its points: for what is beside the motion.
     - `motion`: along which.
     """
-    push, lacking = [], np.zeros((*motion.q.shape, motion.joints))
+    lacking = np.zeros((*motion.q.shape, motion.joints))
     at_first, bias = belief.at_first(motion.t, motion.q, motion.dq)
+    free, outside, sides, parts = _disturbed(members, motion)
+    push, effects = [], []
     for arm, known in seen:
         mass = known.learnt(at_first, motion.t)
         masses, torques = needed([arm], motion)
         believed = np.einsum("kij,kj->ki", mass, motion.ddq) + bias + known.friction(motion.t, motion.wanted_dq)
-        lacks = believed - torques[0] + outer([arm], motion)[0]
-        push.append(np.linalg.solve(mass, lacks[..., None])[..., 0])
+        lacks = believed - torques[0] - friction(arm.robot, motion.dq) + sides
+        push.append(np.linalg.solve(mass[None], lacks[..., None])[..., 0])
+        effects.append(np.linalg.solve(mass[None], parts[..., None])[..., 0] if len(parts) else parts)
         lacking = np.maximum(lacking, np.abs(np.eye(motion.joints) - np.linalg.solve(mass, masses[0])))
     arms, beliefs = [arm for arm, _ in seen], [known for _, known in seen]
-    kappa, coupling = ratios(arms, beliefs, motion)
-    pushes = np.array(push)
-    largest = np.abs(pushes).max(axis=0)
-    text = f"what the law learns of rotors and friction is as in {len(seen)} cases of the set, each at its time"
+    kappa, coupling, matrices = ratios(arms, beliefs, motion)
+    pushes = np.concatenate(push)
+    every = np.repeat(np.array(effects), len(sides), axis=0)
+    largest: Floats = (np.abs(pushes) + np.abs(every).sum(axis=1)).max(axis=0)
+    tied = [k for k in range(len(members.axes)) if k not in free]
+    listed = [
+        Assumption(
+            f"the law learns, so that all below is of {len(seen)} simulated arms of the set, each with the rotors and "
+            f"the friction that the law believed at each time{', for ' + members.named(tied) if tied else ''}",
+            "tested",
+            float(len(seen)),
+        )
+    ]
+    if free:
+        listed.append(
+            Assumption(
+                f"{members.named(free)}: all values, on each of these arms, by "
+                f"{len(sides)} computed disturbances and {len(parts)} linear parts",
+                "tested",
+                float(len(free)),
+            )
+        )
+    if outside.sampled:
+        listed.append(Assumption(f"{len(outside.sampled)} of these numbers at 5 values each", "tested"))
     return Asked(
         push=pushes,
-        effects=np.zeros((len(seen), 0, *motion.q.shape)),
+        effects=every,
         kappa=kappa,
         coupling=coupling,
         beside=beside_of(belief, motion, plants, hull, largest[None], beliefs),
@@ -178,8 +215,28 @@ def as_seen(
         held=np.array([held(one, motion, largest) for one in beliefs]).max(axis=0),
         beliefs=beliefs,
         relearnt=np.array([_relearnt(one, motion, largest) for one in beliefs]).max(axis=0),
-        assumptions=[Assumption(text, "checked", len(seen))],
+        matrices=matrices,
+        assumptions=listed,
     )
+
+
+def _disturbed(members: Members, motion: Motion) -> tuple[list[int], Hull, Floats, Floats]:
+    """The axes of the disturbance, their hull, and of that the corners [C N n] and the effects [E N n] of τ_d."""
+    free = [k for k, axis in enumerate(members.axes) if axis.path.startswith("disturbance.")]
+
+    def at(shares: Floats) -> list[Plant]:
+        full = np.full((len(shares), len(members.axes)), 0.5)
+        full[:, free] = shares
+        return members.plants(full)
+
+    def probes(shares: Floats) -> Floats:
+        arms = at(shares)
+        few = motion.at(breakpoints(arms, float(motion.t[-1])), instants=PROBES)
+        return disturbed(arms, few).reshape(len(shares), -1)
+
+    outside = hull_of(probes, len(free))
+    sides, parts = outside.of(disturbed(at(outside.points), motion))
+    return free, outside, sides, parts
 
 
 def _relearnt(belief: Belief, motion: Motion, push: Floats) -> Floats:

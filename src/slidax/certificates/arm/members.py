@@ -4,22 +4,28 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from itertools import product
 from typing import Any
 
 import equinox as eqx
 import jax
+import jax.numpy as jnp
 import numpy as np
 
 from slidax._errors import DefinitionError
+from slidax.disturbances import AbstractDisturbance, Friction
+from slidax.robots import Articulated
 from slidax.scenarios import Scenario
 from slidax.scenarios.family import UNTRACEABLE, Family
 from slidax.scenarios.uncertainty import AbstractSet, Leaf, with_values
 from slidax.scenarios.uncertainty.sets import Ball
 from slidax.simulation import Plant
 
+from ..ends import ends_of, values_along
+from ..members import canonical
 from .evaluated import Floats
+from .motion import Motion, kinds_of, needed, outer
 
 MOVES = ("robot", "disturbance")
 """The blocks of a scenario file that say what moves and pushes the arm."""
@@ -29,6 +35,12 @@ CHUNK = 64
 
 MOST_ENDS = 256
 """Corners of a box that are looked at, one by one."""
+
+NAMED = 6
+"""Axes that a sentence names, if there are many."""
+
+INSTANTS = 64
+"""Of the motion, at which the effects of uncertain numbers are compared, besides those at which forces jump."""
 
 
 @dataclass(frozen=True)
@@ -93,7 +105,7 @@ class Members:
 
         Raises DefinitionError if a set is invalid.
         """
-        return cls(scenario, Family.of(scenario.description) if family is None else family)
+        return cls(scenario, canonical(Family.of(scenario.description) if family is None else family))
 
     @cached_property
     def axes(self) -> tuple[Axis, ...]:
@@ -162,21 +174,70 @@ class Members:
             for k in range(len(jax.tree.leaves(some)[0]))
         ]
 
-    def ends(self, without: Sequence[int] = ()) -> Floats:
-        """The middle of the box, and its corners in what can change the inertia, drawn at random if many [P D].
+    def ends(self, without: Sequence[int] = (), most: int = MOST_ENDS) -> Floats:
+        """The middle of the box, and its corners in what can change the inertia [P D].
+
+        All of them up to some number; else those of `extremes`, and the two that are lowest and highest throughout.
+
+        - `without`: axes that change nothing.
+        - `most`: corners, at most.
+        """
+        count = len(self.axes)
+        acting = self.inertial(without)
+        if not acting:
+            return np.full((1, count), 0.5)
+        if 2 ** len(acting) <= most:
+            shares = np.array(list(product((0.0, 1.0), repeat=len(acting))))
+        else:
+            shares = self.extremes(most)[:, acting]
+            shares[:2] = [[0.0] * len(acting), [1.0] * len(acting)]
+        points = np.full((len(shares) + 1, count), 0.5)
+        points[1:, acting] = shares
+        return points
+
+    def inertial(self, without: Sequence[int] = ()) -> list[int]:
+        """The axes that can change the inertia.
 
         - `without`: axes that change nothing.
         """
-        count = len(self.axes)
-        acting = [k for k in range(count) if k not in without and self.is_inertial(k)]
-        if 2 ** len(acting) <= MOST_ENDS:
-            shares = np.array(list(product((0.0, 1.0), repeat=len(acting))))
-        else:
-            shares = np.random.default_rng(4).integers(0, 2, (MOST_ENDS, len(acting))).astype(float)
-            shares[:2] = [[0.0] * len(acting), [1.0] * len(acting)]
-        points = np.full((len(shares) + 1, count), 0.5)
-        points[1:, acting] = shares.reshape(len(shares), len(acting))
-        return points if acting else points[:1]
+        return [k for k in range(len(self.axes)) if k not in without and self.is_inertial(k)]
+
+    def extremes(self, count: int) -> Floats:
+        """Corners in which the set's numbers act together in some direction, in pairs of opposite ones [count D].
+
+        A direction weighs the joints' torques at some times. Which end each number takes follows from its own effect on
+        the torques, so that the corners are the same members in whatever order, and in however many equal terms, the
+        set is written. A number without effect stays in its middle.
+
+        - `count`: of the corners.
+        """
+        effects = self._effects
+        shares = np.empty((count, len(self.axes)))
+        for k in range(count):
+            if k % 2:
+                shares[k] = 1.0 - shares[k - 1]
+                continue
+            along = np.einsum("dtj,tj->d", effects, _direction(k // 2, *effects.shape[1:]))
+            small = 1e-9 * np.abs(effects).max(axis=(1, 2), initial=0.0)
+            shares[k] = np.where(along > small, 1.0, np.where(along < -small, 0.0, 0.5))
+        return shares
+
+    @cached_property
+    def _effects(self) -> Floats:
+        """What each axis from end to end does to the torques along the motion, over each joint's largest [D T n]."""
+        count, motion = len(self.axes), Motion.of(self.scenario)
+        points = np.full((2 * count, count), 0.5)
+        points[np.arange(count) * 2, np.arange(count)] = 0.0
+        points[np.arange(count) * 2 + 1, np.arange(count)] = 1.0
+        if not count:
+            return np.zeros((0, 1, motion.joints))
+        plants = self.plants(points)
+        few = motion.at(breakpoints(plants, motion.t[-1]), instants=INSTANTS)
+        kinds, which = kinds_of(plants)
+        torque = needed(kinds, few)[1][which] - outer(plants, few)
+        moved = torque[1::2] - torque[::2]
+        found: Floats = moved / np.maximum(np.abs(moved).max(axis=(0, 1)), 1e-300)
+        return found
 
     def is_inertial(self, axis: int) -> bool:
         """Whether a number can change the inertia.
@@ -185,6 +246,45 @@ class Members:
         """
         path = self.axes[axis].path
         return path.startswith("robot.") and path.split(".")[-1] not in ("coulomb", "viscous", "gravity_acceleration")
+
+    def named(self, axes: Sequence[int]) -> str:
+        """The names of some axes for a sentence; of many the first ones, and how many more.
+
+        - `axes`: their numbers.
+        """
+        names = [self.axes[k].name for k in axes]
+        more = len(names) - NAMED
+        return ", ".join(names) if more <= 1 else f"{', '.join(names[:NAMED])} and {more} more numbers"
+
+    @cached_property
+    def disturbances(self) -> tuple[AbstractDisturbance, AbstractDisturbance]:
+        """Two disturbances with the least and with the largest value that each number has in the set.
+
+        A number of the scenario file is one of the disturbance's, so that it is enough to move one axis at a time.
+        """
+        count = len(self.axes)
+        moved = [k for k in range(count) if self.axes[k].path.startswith("disturbance.")]
+        points = np.full((2 * len(moved) + 1, count), 0.5)
+        for row, axis in enumerate(moved):
+            points[2 * row + 1, axis], points[2 * row + 2, axis] = 0.0, 1.0
+        found = [plant.disturbance for plant in (*self.plants(points), self.plant)]
+        lower, upper = (
+            jax.tree.map(lambda *each, end=end: end([np.asarray(one) for one in each], axis=0), *found)
+            for end in (np.min, np.max)
+        )
+        return lower, upper
+
+    @staticmethod
+    def rubbing(plants: Sequence[Plant]) -> Friction:
+        """The largest Coulomb friction of some arms' own joints, within the least velocity in which it turns.
+
+        - `plants`: the arms.
+        """
+        n = plants[0].robot.joints
+        arms = [plant.robot for plant in plants if isinstance(plant.robot, Articulated)]
+        coulomb = np.max([np.broadcast_to(np.asarray(arm.coulomb), n) for arm in arms] or [np.zeros(n)], axis=0)
+        smoothing = np.min([np.broadcast_to(np.asarray(arm.smoothing), n) for arm in arms] or [np.ones(n)], axis=0)
+        return Friction(jnp.asarray(coulomb), jnp.zeros(n), jnp.asarray(smoothing))
 
     @staticmethod
     def _chunks(points: Floats) -> range:
@@ -223,19 +323,14 @@ SHARES = np.linspace(0.0, 1.0, 9)
 
 def _axes(path: str, one: AbstractSet, leaf: Leaf) -> list[Axis]:
     """The axes of a set: a box that holds it, as long as it is no line."""
-    if isinstance(one, Ball):
-        own = leaf.own_value("ball")
-        lower, upper = own - one.ball, own + one.ball
-    else:
-        width = one.coordinates(leaf)
-        ends = np.where(SHARES < 1.0, SHARES, np.nextafter(1.0, 0.0))
-        drawn = np.asarray(one.values(np.repeat(ends[:, None], width, axis=1), leaf), float)
-        lower, upper = drawn.min(axis=0), drawn.max(axis=0)
-        if width == 1 and _is_a_line(drawn, lower, upper):
-            return [] if (lower == upper).all() else [Axis(path, None, *_of_a_line(drawn))]
-    flat_lower, flat_upper = lower.reshape(-1), upper.reshape(-1)
     if leaf.integer:
         raise DefinitionError("a whole number of the arm or its disturbance cannot be certified", where=path)
+    lower, upper = (np.asarray(end, float) for end in ends_of(one, leaf))
+    if not isinstance(one, Ball):
+        drawn = np.asarray(values_along(one, leaf, SHARES), float)
+        if one.coordinates(leaf) == 1 and _is_a_line(drawn, lower, upper):
+            return [] if (lower == upper).all() else [Axis(path, None, *_of_a_line(drawn))]
+    flat_lower, flat_upper = lower.reshape(-1), upper.reshape(-1)
     return [Axis(path, k, lower, upper) for k in np.flatnonzero(flat_lower < flat_upper).tolist()]
 
 
@@ -256,3 +351,55 @@ def _is_a_line(drawn: Floats, lower: Floats, upper: Floats) -> bool:
         return False
     shares = (flat - first.reshape(-1))[:, varies] / width[varies]
     return bool((np.ptp(shares, axis=1) < 1e-9).all()) if varies.any() else True
+
+
+def breakpoints(plants: Sequence[Plant], end: float) -> Floats:
+    """Times at which a force or a payload of some arms sets in, jumps or ends, up to the end of the run [K], s.
+
+    - `plants`: the arms.
+    - `end`: of the run [s].
+    """
+    found: set[float] = set()
+    for plant in plants:
+        found.update(plant.disturbance.breakpoints())
+        if plant.load is not None:
+            found.update((float(plant.load.attached), float(plant.load.released)))
+    return np.array(sorted(time for time in found if 0.0 <= time <= end))
+
+
+def _direction(number: int, times: int, joints: int) -> Floats:
+    """Weights of the joints' torques at some times [times joints], always the same for a number.
+
+    The first ones weigh one joint alone, with one sign; then all joints, with signs that change more and more often.
+    """
+    if number < joints:
+        return np.tile(np.arange(joints) == number, (times, 1)).astype(float)
+    random = np.random.default_rng(number)
+    phase = np.linspace(0.0, 1.0, times)[:, None] * (number // joints) + random.uniform(size=joints)
+    found: Floats = random.normal(size=joints) * np.cos(np.pi * phase)
+    return found
+
+
+CORNERS = 8
+"""Cases of a set whose certificate looks at whole scenarios."""
+
+
+@lru_cache(maxsize=4)
+def members_of(scenario: Scenario) -> Sequence[Scenario]:
+    """The scenario, and cases at corners of its set in which its numbers act together.
+
+    - `scenario`: with its block `uncertainty`.
+
+    Raises DefinitionError if a set is empty or leads nowhere.
+    """
+    members = Members.of(scenario)
+    family = members.family
+    if not family.space.sets:
+        return [scenario]
+    shares = np.array([np.zeros(family.space.dimensions), np.full(family.space.dimensions, np.nextafter(1.0, 0.0))])
+    values = {
+        **family.space.values(np.resize(shares, (CORNERS, family.space.dimensions))),
+        **members.values(members.extremes(CORNERS)),
+    }
+    cases = [{path: some[k] for path, some in values.items()} for k in range(CORNERS)]
+    return [scenario, *(family.scenario(one, f"{scenario.name}, corner {k}") for k, one in enumerate(cases))]

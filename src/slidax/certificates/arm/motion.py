@@ -176,6 +176,21 @@ class Motion:
         wanted = self.wanted_dq[::step]
         return Motion(self.t[::step], self.q[::step], self.dq[::step], self.ddq[::step], wanted)
 
+    def at(self, times: Floats, instants: int) -> Motion:
+        """States at some times, each being that of the period it is in, and those of other samples.
+
+        The others are spread by the golden ratio, since what repeats would be seen at one phase if they were even.
+
+        - `times`: [K], s.
+        - `instants`: how many others.
+        """
+        count = len(self.t)
+        spread = np.sort((np.arange(min(instants, count)) * 0.618033988749895) % 1.0 * count).astype(int)
+        own = np.searchsorted(self.t, times, side="right") - 1
+        which = np.concatenate([spread, np.clip(own, 0, count - 1)])
+        t = np.concatenate([self.t[spread], times])
+        return Motion(t, self.q[which], self.dq[which], self.ddq[which], self.wanted_dq[which])
+
     @cached_property
     def joints(self) -> int:
         """How many there are."""
@@ -221,13 +236,23 @@ def outer(plants: list[Plant], motion: Motion) -> Floats:
     - `plants`: P arms.
     - `motion`: N states.
     """
+    found: Floats = disturbed(plants, motion) - np.array([friction(plant.robot, motion.dq) for plant in plants])
+    return found
+
+
+def disturbed(plants: list[Plant], motion: Motion) -> Floats:
+    """`τ_d` of true arms along a motion [P N n], N m or N.
+
+    - `plants`: P arms.
+    - `motion`: N states.
+    """
     done: dict[Any, Floats] = {}
     found = []
     for plant in plants:
         key = _key(plant.disturbance)
         if key not in done:
             done[key] = pushed(plant, motion.t, motion.q, motion.dq)
-        found.append(done[key] - friction(plant.robot, motion.dq))
+        found.append(done[key])
     return np.array(found)
 
 

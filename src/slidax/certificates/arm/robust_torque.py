@@ -15,6 +15,7 @@ from slidax.diagnosis import Remedy
 from slidax.reaching import AbstractBound, StateBound
 from slidax.scenarios import Scenario
 
+from ..covers import ARM, covers
 from ..demand import Demand
 from ..verdict import Assumption, Verdict
 from .demand import demand as demand_of
@@ -28,6 +29,7 @@ SPARE = 1.05
 """Beyond what is needed, in a remedy."""
 
 
+@covers(NAME, TITLE, *ARM, "sensor", "actuator")
 def robust_torque(
     scenario: Scenario, demand: Demand | None = None, *, radius: Any = None, speed: Any = None
 ) -> Verdict:
@@ -53,6 +55,8 @@ def robust_torque(
         return found
 
     torque = demand.worst(lumped)
+    if demand.jumping is not None:
+        torque = torque + np.einsum("kij,kj->ki", np.abs(mass), demand.jumping)
     if radius is not None and demand.beside is not None:
         torque = torque + np.einsum("kij,kj->ki", np.abs(mass), demand.beside(radius, speed))
     lacks = np.linalg.norm(torque, axis=1)
@@ -64,7 +68,7 @@ def robust_torque(
     holds = needed <= given
     there = Assumption(
         "u and what it covers are taken at the reference" + ("" if radius is None else " and within the stated error"),
-        "assumed" if radius is None else "checked",
+        "assumed" if radius is None else "tested",
     )
     words = "covers" if holds else "does not cover"
     statement = (

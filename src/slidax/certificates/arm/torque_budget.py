@@ -13,6 +13,7 @@ from slidax.scenarios.family import Family
 from slidax.scenarios.load import altered
 from slidax.simulation import Plant
 
+from ..covers import ARM, covers
 from ..demand import Demand
 from ..verdict import Assumption, Verdict
 from .approach import Approach, approach_of
@@ -31,6 +32,7 @@ LONGER = (1.5, 2.0, 3.0, 4.0)
 """Times the deadline, in the search for one with which no limit is reached."""
 
 
+@covers(NAME, TITLE, *ARM)
 def torque_budget(scenario: Scenario, demand: Demand | None = None, family: Family | None = None) -> Verdict:
     """Is the torque that the set can ask for, and its change from sample to sample, within the limits of the drives?
 
@@ -102,7 +104,8 @@ def along_the_motion(scenario: Scenario, demand: Demand, members: Members) -> tu
     parts = np.zeros((len(torques), 0, *known.shape))
     if demand.effects is not None:
         parts = np.einsum("kij,mekj->meki", mass, demand.effects)
-    torque = (np.abs(torques) + np.abs(parts).sum(axis=1)).max(axis=(0, 1))
+    between = 0.0 if demand.jumping is None else np.einsum("kij,kj->ki", np.abs(mass), demand.jumping)
+    torque = (np.abs(torques) + np.abs(parts).sum(axis=1) + between).max(axis=(0, 1))
     steps = np.abs(np.diff(torques, axis=1)) + np.abs(np.diff(parts, axis=2)).sum(axis=1)
     return torque, steps.max(axis=(0, 1)) if steps.shape[1] else np.zeros_like(torque)
 
@@ -130,9 +133,9 @@ def _of_approach(approach: Approach, since: float | None, free: bool) -> Assumpt
     if not approach.ended:
         return Assumption(f"the way to the reference: not every run reaches its end, of {runs}", "fails")
     if since is None:
-        return Assumption(f"the way to the reference: no limit is reached in {runs}", "checked")
+        return Assumption(f"the way to the reference: no limit is reached in {runs}", "tested")
     if free:
-        return Assumption(f"the way to the reference: limits are reached until {since:.3g} s in {runs}", "checked")
+        return Assumption(f"the way to the reference: limits are reached until {since:.3g} s in {runs}", "tested")
     return Assumption(f"the way to the reference: limits are reached up to its end in {runs}", "fails")
 
 

@@ -9,8 +9,10 @@ from slidax.diagnosis import Remedy
 from slidax.reaching import TwoPowerReaching
 from slidax.scenarios import Scenario
 
+from ..arm.members import members_of
+from ..covers import ARM, covers
 from ..each import Each
-from ..members import Motion, members_of
+from ..members import Motion
 from ..reads import WORLD, reads
 from ..verdict import Assumption, Verdict
 from .law import PrintedLaw
@@ -22,6 +24,7 @@ SAFE = 0.95
 paper's examples 20-fold within 2 % (docs/certificates/paper.md)."""
 
 
+@covers(NAME, TITLE, *ARM)
 @reads(*WORLD, "scheme", "simulation")
 def printed_period(scenario: Scenario) -> Verdict:
     """`h < 2/λmax(M⁻¹ (M0 Λ + (u/s0) I))`: the printed law near its goal, held over a period.
@@ -53,7 +56,7 @@ def printed_period(scenario: Scenario) -> Verdict:
         return Verdict(NAME, TITLE, None, None, limits, (), text)
     assumptions = (
         Assumption("the loop is linear near its goal: e and s are small against ρ∞, δ and s0", "assumed"),
-        Assumption(f"M, M0 and u along the reference, at {len(Motion(scenario).times)} times", "checked"),
+        Assumption(f"M, M0 and u along the reference, at {len(Motion(scenario).times)} times", "tested"),
     )
     holds = period < limit
     statement = f"{said}: h < {SAFE:g} · 2/λmax(M⁻¹ (M0 Λ + (u/s0) I)); its period is {1e3 * period:.3g} ms."

@@ -13,6 +13,7 @@ from slidax.diagnosis import Remedy
 from slidax.reaching import UncertaintyBound
 from slidax.scenarios import Scenario
 
+from ..covers import ARM, covers
 from ..numbers import listed
 from ..verdict import Assumption, Verdict
 from .law import PowerSurface, PrintedLaw, masses_of
@@ -24,6 +25,7 @@ Floats = NDArray[np.floating[Any]]
 NAME, TITLE = "settling_time", "settled by a time"
 
 
+@covers(NAME, TITLE, *ARM)
 def settling_time(scenario: Scenario) -> Verdict:
     """Until when the transformed error is in its core, `|ε1| <= δ`: (48)-(50) beside what is sharp.
 
@@ -210,7 +212,7 @@ def _premises(times: _Times) -> tuple[Assumption, ...]:
         off = np.abs(times.mass - times.stated * np.eye(law.joints)).max() / times.stated
         text = "M0 is the same in 64 random postures"
         text += ", and 2/(m1+m2) I (62)" if off < 1e-9 else "; its largest eigenvalue takes the place of 2/(m1+m2)"
-        found.append(Assumption(text, "checked", times.spread))
+        found.append(Assumption(text, "tested", times.spread))
     else:
         text = (
             f"M0 = 2/(m1+m2) I (62): M0 differs by {100 * times.spread:.3g} % of its size between 64 random postures, "

@@ -14,8 +14,10 @@ from slidax._types import State
 from slidax.diagnosis import Remedy
 from slidax.scenarios import Scenario
 
+from ..arm.members import members_of
+from ..covers import ARM, covers
 from ..each import Each
-from ..members import Motion, members_of
+from ..members import Motion
 from ..numbers import listed
 from ..verdict import Assumption, Verdict
 from .law import PrintedLaw
@@ -29,6 +31,7 @@ SAME = 1e-9
 """Two arms whose inertias differ by less than this part are the same."""
 
 
+@covers(NAME, TITLE, *ARM)
 def ultimate_bound(scenario: Scenario) -> Verdict:
     """How large the error may still be once s is small, under (51) and a bounded disturbance.
 
@@ -216,16 +219,16 @@ def _premises(
     text += f", {over}" if same else f"; it differs by {100 * mismatch:.3g} %"
     found = [
         Assumption("K0 is diagonal and positive definite, so that it brakes", "proved" if diagonal else "fails"),
-        Assumption(text, "checked" if same else "fails", mismatch),
+        Assumption(text, "tested" if same else "fails", mismatch),
     ]
     covered = share < 1.0
     text = f"u covers what is left of disturbance, friction and bias, {over}"
-    found.append(Assumption(text, "checked" if covered else "fails", share))
+    found.append(Assumption(text, "tested" if covered else "fails", share))
     if settled:
         room = min(one.below - one.size for one in settled)
         enough = bool(np.isfinite(room) and room >= 0.0)
         text = "at every size of s from σ1 to s̄ the layer outweighs the disturbance and the arm's change of inertia"
-        found.append(Assumption(text, "checked" if enough else "fails", room if np.isfinite(room) else None))
+        found.append(Assumption(text, "tested" if enough else "fails", room if np.isfinite(room) else None))
         found.append(
             Assumption("the run once comes as near to its reference as the bound; then it stays so", "assumed")
         )

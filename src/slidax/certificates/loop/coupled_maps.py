@@ -33,14 +33,15 @@ class CoupledMaps:
     own: int
 
     @classmethod
-    def of(cls, loops: Sequence[LinearLoop], matrix: Floats) -> CoupledMaps:
+    def of(cls, loops: Sequence[LinearLoop], matrix: Floats, delay: float | None = None) -> CoupledMaps:
         """Those of the joints' loops.
 
         - `loops`: of the joints, with one horizon and delay.
         - `matrix`: K [n n].
+        - `delay`: the true one [periods]; as believed if None.
         """
         n = len(loops)
-        still, moved = [loop.maps(0.0) for loop in loops], [loop.maps(1.0) for loop in loops]
+        still, moved = [loop.maps(0.0, delay) for loop in loops], [loop.maps(1.0, delay) for loop in loops]
         own = still[0].step.shape[0]
         step, asked = np.zeros((n, own, n, own)), np.zeros((7, n, n, own))
         enters, direct = np.zeros((5, n, own, n)), np.zeros((5, 7, n, n))

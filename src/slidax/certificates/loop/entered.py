@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
+from zlib import crc32
 
 import jax.numpy as jnp
 import numpy as np
@@ -149,8 +151,10 @@ def approached(subject: Subject, cases: int = CASES, seed: int = 0) -> Approach 
     members = Members.of(scenario)
     family = members.family
     width = family.space.dimensions
-    shares = [_shares(seed + k, cases if width else 1, size) for k, size in enumerate((width, len(members.axes)))]
-    values = {**family.space.values(shares[0]), **members.values(shares[1])}
+    rows = cases if width else 1
+    corners = np.full((rows, len(members.axes)), 0.5)
+    corners[1:] = members.extremes(rows - 1)
+    values = {**family.space.values(_shares(family.space.coordinates, seed, rows)), **members.values(corners)}
     runs = Cases(family, around=Watching).logged(values)
     believed = Belief.of(scenario, members.plant)
     seen = [Seen.of(subject, run, believed) for run in runs]
@@ -163,12 +167,14 @@ def approached(subject: Subject, cases: int = CASES, seed: int = 0) -> Approach 
     if late > LATEST * good[0].e.shape[0]:
         since = late * scenario.period
         return f"s is reached, or a limit of the drives, as late as t = {since:.3g} s in cases of the set"
-    return Approach(subject, good, members.plants(shares[1]), late)
+    return Approach(subject, good, members.plants(corners), late)
 
 
-def _shares(seed: int, rows: int, width: int) -> Floats:
-    """Points of a cube: its middle, and by turns a corner and any."""
-    found = np.random.default_rng(seed).uniform(0.0, 1.0, (rows, width))
+def _shares(names: Sequence[str], seed: int, rows: int) -> Floats:
+    """Points of a cube: its middle, and by turns a corner and any; each coordinate's own, whatever others there are."""
+    found = np.full((rows, len(names)), 0.5)
+    for k, name in enumerate(names):
+        found[:, k] = np.random.default_rng([seed, crc32(name.encode())]).uniform(0.0, 1.0, rows)
     # Corners differ most.
     found[1::2] = np.where(found[1::2] < 0.5, 0.0, np.nextafter(1.0, 0.0))
     found[0] = 0.5

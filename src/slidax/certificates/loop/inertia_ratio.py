@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -10,22 +12,29 @@ from numpy.typing import NDArray
 from slidax.adaptation import JointLearning
 from slidax.controllers import SampledData
 from slidax.diagnosis import Remedy
+from slidax.diagnosis.linear_loop import LinearLoop
 from slidax.scenarios import Scenario
 
+from ..covers import ARM, covers
 from ..demand import Demand
 from ..verdict import Assumption, Verdict
+from .coupled_maps import CoupledMaps
 from .subject import lawful
 
 Floats = NDArray[np.floating[Any]]
 
-NAME, TITLE = "inertia_ratio", "each joint's loop bears the inertia of all arms of the set"
+NAME, TITLE = "inertia_ratio", "the joints' loops bear the inertia of all arms of the set"
+
+MATRICES = 160
+"""K for which the loops of all joints are looked at together."""
 
 BETWEEN = 32
 """κ that are tried in a range, evenly in the logarithm."""
 
 
+@covers(NAME, TITLE, *ARM)
 def inertia_ratio(scenario: Scenario, demand: Demand) -> Verdict:
-    """Whether each joint's loop is stable for all κ of the set, coupled with the others by a small gain.
+    """Whether each joint's loop is stable for all κ of the set, and all loops together for K of its members.
 
     - `scenario`: with a law in sampled-data form that plans, and a linear estimator.
     - `demand`: with the κ of the set against what the law believes at the start.
@@ -48,16 +57,19 @@ def inertia_ratio(scenario: Scenario, demand: Demand) -> Verdict:
         room = np.minimum(np.log(low / ranges[0]), np.log(ranges[1] / high))
     room = np.where(np.isfinite(room), room, -np.inf)
     joint = int(np.argmin(room))
-    stable = bool(np.all(radius < 1.0) and np.all(room > 0.0))
+    alone = bool(np.all(radius < 1.0) and np.all(room > 0.0))
+    together = _together(loops, demand, delay)
+    stable = alone and together.radius < 1.0
     names = law.nominal.joint_names
-    learning = _learning(law, stable)
+    learning = _learning(law, alone)
     assumptions = [
-        *demand.assumptions,
+        *demand.of_kappa,
         Assumption(
             f"each loop's largest modulus is below 1 at {BETWEEN} κ of its range and up to the ends found by bisection",
-            "checked" if stable else "fails",
+            "tested" if alone else "fails",
             float(np.max(radius)),
         ),
+        *together.listed,
         Assumption("near the goal, with s⁺ = 0 and a steep surface, the loop of a joint is linear", "assumed"),
         *learning,
     ]
@@ -66,12 +78,49 @@ def inertia_ratio(scenario: Scenario, demand: Demand) -> Verdict:
         f"κ of `{names[joint]}` is {low[joint]:.2g} to {high[joint]:.2g}, and its loop bears "
         f"{ranges[0, joint]:.2g} to {ranges[1, joint]:.2g} (docs/sampled-data.md, How wrong M0 may be)"
     )
-    if not stable and after:
+    if not alone and after:
         says += "; what is learnt brings it there, which is not proved"
+    if alone and together.radius >= 1.0:
+        says += f", each joint by itself; {together.says}"
     margin = float(np.expm1(room[joint])) if np.isfinite(room[joint]) else None
     bound = {"kappa_from": low, "kappa_to": high, "stable_from": ranges[0], "stable_to": ranges[1], "radius": radius}
-    remedies = [] if stable else _remedies(law)
-    return Verdict(NAME, TITLE, stable, margin, bound, assumptions, says, remedies)
+    if np.isfinite(together.radius):
+        bound["radius_together"] = together.radius
+        margin = margin if margin is None or together.radius == 0.0 else min(margin, 1.0 / together.radius - 1.0)
+    holds = None if alone and np.isinf(together.radius) else stable
+    remedies = [] if alone else _remedies(law)
+    return Verdict(NAME, TITLE, holds, margin, bound, assumptions, says, remedies)
+
+
+@dataclass(frozen=True)
+class _Together:
+    """The loops of all joints as one.
+
+    - `radius`: the largest modulus; 0 where the joints do not move each other, inf where it was not computed.
+    - `listed`: the lines about it.
+    - `says`: why it does not hold.
+    """
+
+    radius: float
+    listed: list[Assumption]
+    says: str
+
+
+def _together(loops: Sequence[LinearLoop], demand: Demand, delay: float) -> _Together:
+    """The largest modulus of all loops together, for K of members of the set, each at rest where it is."""
+    if len(loops) == 1 or not np.any(demand.coupling):
+        return _Together(0.0, [], "")
+    if demand.matrices is None:
+        says = "how the joints' loops do together is not known of a given demand"
+        return _Together(np.inf, [Assumption(f"{says}", "assumed")], says)
+    # The worst coupled and the worst known come first; the others follow evenly.
+    matrices = np.unique(np.round(demand.matrices, 12), axis=0)
+    far = np.argsort(-np.abs(matrices - np.eye(len(loops))).max(axis=(1, 2)), kind="stable")
+    which = np.unique(np.concatenate([far[: MATRICES // 2], far[:: max(1, len(far) // (MATRICES // 2))]]))
+    radius = max(CoupledMaps.of(loops, matrices[k], delay).radius for k in which)
+    text = f"all loops together have a modulus below 1 with {len(which)} K of members on the motion, each of them held"
+    says = f"together the joints' loops have a modulus of {radius:.4g} a period, and do not settle"
+    return _Together(radius, [Assumption(text, "tested" if radius < 1.0 else "fails", radius)], says)
 
 
 def _learning(law: SampledData, stable: bool) -> list[Assumption]:
@@ -81,7 +130,7 @@ def _learning(law: SampledData, stable: bool) -> list[Assumption]:
         return []
     before = Assumption(
         "before anything is learnt the loop stands with the first guess, for the whole set",
-        "checked" if stable else "assumed",
+        "tested" if stable else "assumed",
     )
     # Information grows by the square of the acceleration above the gate; the first guess is outweighed by as much.
     prior, gate = np.asarray(learns.prior), np.asarray(learns.gate)

@@ -12,12 +12,13 @@ from slidax._errors import DefinitionError
 from slidax.diagnosis import Remedy
 from slidax.scenarios import Scenario
 
+from ..covers import ARM, covers
 from ..demand import Demand
 from ..verdict import Assumption, Verdict
 from .assembled import Assembly
 from .coupled import Coupled
 from .jointly import FINE, Fineness
-from .premises import of_the_loops
+from .premises import of_the_loops, of_whom
 from .proved import BEGINNINGS, Proved, of_a_part, proved
 from .remedies import altered, found_remedies, least, resampled, scaled, tried
 from .setting import Certified, Setting
@@ -43,6 +44,7 @@ PARTS = (0.5, 0.2)
 """Of what is uncertain, tried for more joints."""
 
 
+@covers(NAME, TITLE, *ARM)
 def loop_rate(
     scenario: Scenario,
     demand: Demand | None = None,
@@ -77,7 +79,7 @@ def loop_rate(
         return _unstable(whole.assembly) if isinstance(whole.assembly, Assembly) else _unstable_together(whole)
     if whole.found is None:
         return _unbounded(whole, _for_a_set(scenario, whole, chance) if remedies else [])
-    listed = [*whole.premises, *whole.demand.assumptions]
+    listed = [*whole.premises, *_of_the_demand(whole)]
     radius = _least_radius(scenario, whole, chance) if remedies else _asked_radius(whole.found)
     found = _judged(whole.assembly, whole.found, listed, radius)
     if found.holds or not remedies:
@@ -94,7 +96,9 @@ def _of_a_demand(subject: Subject, demand: Demand, chance: float, remedies: bool
         return _unstable(assembly)
     found = assembly.certified()
     radius = _asked_radius(found)
-    verdict = _judged(assembly, found, [*demand.assumptions, *of_the_loops(assembly, found, chance)], radius)
+    verdict = _judged(
+        assembly, found, [*demand.assumptions, *demand.of_kappa, *of_the_loops(assembly, found, chance)], radius
+    )
     if verdict.holds or not remedies:
         return verdict
 
@@ -125,18 +129,27 @@ def _judged(assembly: Setting, found: Certified, listed: list[Assumption], radiu
         f"t = {found.narrowing.times[k]:.3g} s; there the plan misses at most {missed[k, joint]:.3g} {units[joint]}/s² "
         "(docs/certificates/loop-rate.md, (8))"
     )
+    holds = bool(np.max(worst) < 1.0) and not fails
+    since, narrow = (float(found.narrowing.times[one]) for one in (0, settled))
+    error = np.max(found.error[settled:], axis=(0, 1))
+    if holds:
+        each = ", ".join(f"{one:.2g}" for one in error)
+        statement = (
+            f"For {of_whom(assembly)}, at each sample from t = {since:.3g} s on the error is inside its envelope, and "
+            f"from t = {narrow:.3g} s on at most {each} {' or '.join(dict.fromkeys(units))}, as far as the lines below "
+            f"hold: {statement}"
+        )
     bound = {
         "w_bar": np.max(missed[settled:], axis=0),
-        "error_bound": np.max(found.error[settled:], axis=(0, 1)),
+        "error_bound": error,
         "required_radius": radius,
         "share": worst,
         "noise": found.noise,
-        "from": float(found.narrowing.times[settled]),
-        "since": float(found.narrowing.times[0]),
+        "from": narrow,
+        "since": since,
         "kappa": np.asarray(assembly.demand.kappa),
         **_over_time(assembly, found),
     }
-    holds = bool(np.max(worst) < 1.0) and not fails
     final = np.broadcast_to(np.asarray(assembly.subject.drawn.performance.final), radius.shape)
     if holds and not (radius <= final).all():
         # No joint's alone is known to hold with the others' of the envelope that does.
@@ -216,6 +229,12 @@ def _for_a_set(scenario: Scenario, whole: Proved, chance: float, radius: Floats 
     return found
 
 
+def _of_the_demand(whole: Proved) -> list[Assumption]:
+    """The lines of what is asked for; for many joints K has a line of its own."""
+    together = isinstance(whole.assembly, Coupled)
+    return [*whole.demand.assumptions, *(() if together else whole.demand.of_kappa)]
+
+
 def _unbounded(whole: Proved, fixes: list[Remedy]) -> Verdict:
     """Where what is asked for beside the planned run feeds on itself."""
     kappa, coupling = np.asarray(whole.demand.kappa), float(np.max(whole.demand.coupling))
@@ -230,7 +249,7 @@ def _unbounded(whole: Proved, fixes: list[Remedy]) -> Verdict:
         "sample to sample (docs/certificates/loop-rate.md). Nothing is said of whether the envelope holds; "
         "`statistical` has runs"
     )
-    listed = [*whole.premises, *whole.demand.assumptions, Assumption(text, "fails")]
+    listed = [*whole.premises, *_of_the_demand(whole), Assumption(text, "fails")]
     return Verdict(NAME, TITLE, False, None, {"kappa": kappa}, listed, statement, fixes)
 
 
@@ -263,5 +282,5 @@ def _unstable(assembly: Assembly) -> Verdict:
         f"the loop of `{name}` does not settle for all κ from {low:.2g} to {high:.2g} (modulus {radius[joint]:.4f} a "
         "period; see `inertia_ratio`)"
     )
-    listed = [*assembly.demand.assumptions, Assumption(text, "fails", float(radius[joint]))]
+    listed = [*assembly.demand.of_kappa, Assumption(text, "fails", float(radius[joint]))]
     return Verdict(NAME, TITLE, False, None, {"radius": radius}, listed, statement)

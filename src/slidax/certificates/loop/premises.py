@@ -6,11 +6,16 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..arm.part import Part
+from ..arm.learnt import learns
+from ..arm.part import SPARE as SLOPE
+from ..arm.part import STRIDE, Part
 from ..verdict import Assumption, Status
 from .assembled import Assembly
+from .coupled import SPARE as OFF
+from .coupled_kernels import EVERY
 from .entered import Entry
 from .setting import Certified, Setting
+from .slopes import STEPS
 
 
 def of_the_entry(entry: Entry, assembly: Setting, spare: float) -> list[Assumption]:
@@ -27,21 +32,36 @@ def of_the_entry(entry: Entry, assembly: Setting, spare: float) -> list[Assumpti
         Assumption(
             f"until t = {since:.3g} s the envelope is kept, as in {entry.cases} cases of the set, where the least "
             f"margin is {entry.margin:.2g} of its width",
-            "checked",
+            "tested",
             entry.margin,
         ),
         Assumption(
             f"then no arm is farther from the middle one's than {spare:g} times what these cases show, {far:.2g} "
             f"{'rad' if 'rad' in unit else unit[0]} and less",
-            "checked",
+            "tested",
             far,
         ),
         Assumption(
             f"from then on torque and torque rate stay within their limits, as in these {entry.cases} cases",
-            "checked",
+            "tested",
             float(entry.cases),
         ),
     ]
+
+
+def of_whom(assembly: Setting) -> str:
+    """The arms that a bound is about, for a sentence.
+
+    - `assembly`: the bound.
+    """
+    scenario = assembly.subject.scenario
+    if assembly.since is None:
+        return "every arm of the given demand"
+    if not scenario.description.uncertainty:
+        return "the scenario's own arm"
+    if learns(scenario):
+        return f"{assembly.since.states.shape[0]} simulated arms of the set, and all of its disturbances"
+    return "every arm and disturbance of the set"
 
 
 def of_the_loops(assembly: Assembly, found: Certified, chance: float) -> list[Assumption]:
@@ -52,13 +72,14 @@ def of_the_loops(assembly: Assembly, found: Certified, chance: float) -> list[As
     """
     spread = float(np.max(found.spread))
     cells = found.kappa.shape[1]
+    within: Status = "tested" if learns(assembly.subject.scenario) else "proved"
     return [
         Assumption(
             "κ may change in any way within its range"
             if cells == 1
             else f"κ of a joint stays within a factor {(1.0 + spread) ** 2:.3g} for as long as its loop remembers; "
             f"which part of its range that is, is not assumed ({cells} parts)",
-            "proved" if cells == 1 else "assumed",
+            within if cells == 1 else "assumed",
             (1.0 + spread) ** 2,
         ),
         *of_the_law(assembly, found, chance),
@@ -71,12 +92,18 @@ def of_the_parts(parts: Sequence[Part]) -> Assumption:
     - `parts`: of the set.
     """
     arms = max(part.arms for part in parts)
+    where = f", in each of {len(parts)} parts of the set" if len(parts) > 1 else ""
     text = (
-        f"K of every arm lies between those of {arms} {'member' if arms == 1 else 'members'} that were looked at"
-        f"{f', in each of {len(parts)} parts of the set' if len(parts) > 1 else ''}; along the "
-        "run it may change as it does"
+        f"K of every arm is enclosed at each {STRIDE}th sample{where}"
+        if arms == 0
+        else f"K of every arm lies between those of {arms} {'member' if arms == 1 else 'members'} that were looked at"
+        f"{where}"
     )
-    return Assumption(text, "checked", float(len(parts)))
+    text += (
+        f"; between these samples it is within {OFF:.1%} of a line, its slopes are at most {SLOPE:g} times those of "
+        f"three members by central differences, and that all loops forget was looked at from each {EVERY}th sample"
+    )
+    return Assumption(text, "tested", float(len(parts)))
 
 
 def of_the_middle() -> Assumption:
@@ -93,7 +120,7 @@ def of_the_law(assembly: Setting, found: Certified, chance: float) -> list[Assum
     - `assembly`, `found`: the bound.
     - `chance`: that normal noise is larger than is counted.
     """
-    listed = [_covered(assembly, found), _followed(assembly, found)]
+    listed = [_covered(assembly, found), _followed(assembly, found), _computed(assembly)]
     if assembly.ideal is None:
         listed += [
             Assumption("torque and torque rate stay within their limits (see `torque_budget`)", "assumed"),
@@ -110,6 +137,14 @@ def of_the_law(assembly: Setting, found: Certified, chance: float) -> list[Assum
     return listed
 
 
+def _computed(assembly: Setting) -> Assumption:
+    """The numbers inside the bound that were taken at finitely many places."""
+    text = f"the pull of the surface is no steeper than at {2 ** (STEPS + 1)} places of a table and their ratios say"
+    if assembly.ideal is not None:
+        text += "; a torque that is computed for a predicted state is off by the first derivatives' share"
+    return Assumption(text, "tested")
+
+
 def _covered(assembly: Setting, found: Certified) -> Assumption:
     """That u keeps s at zero."""
     u, layer = assembly.sliding.cover, assembly.subject.cover()[1]
@@ -121,7 +156,7 @@ def _covered(assembly: Setting, found: Certified) -> Assumption:
     worst = int(np.argmax(needed / u))
     if not over.size:
         text = f"u covers {share}what s may be: {needed[worst]:.3g} N m of {u[worst]:.3g} N m where it is nearest"
-        return Assumption(text, "checked", float(needed[worst]))
+        return Assumption(text, "tested", float(needed[worst]))
     if assembly.ideal is not None or over[-1] >= 0.75 * needed.size:
         text = (
             f"u covers {share}what s may be: {needed[worst]:.3g} N m, and it is {u[worst]:.3g} N m, at "
@@ -148,7 +183,7 @@ def _followed(assembly: Setting, found: Certified) -> Assumption:
     if not over.size:
         worst = int(np.argmax(size / u))
         text = f"the estimated push, at most {size[worst]:.3g} N m of u's {u[worst]:.3g} N m, is compensated as a whole"
-        return Assumption(text, "checked", float(size[worst]))
+        return Assumption(text, "tested", float(size[worst]))
     status: Status = "fails" if assembly.ideal is not None or over[-1] >= 0.75 * size.size else "assumed"
     worst = int(np.argmax(size / u))
     text = (

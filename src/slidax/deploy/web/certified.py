@@ -14,7 +14,7 @@ SLOW = 3
 
 
 def certificates_of(scenario: Scenario, paths: Sequence[str], rate: bool = False) -> list[dict[str, Any]]:
-    """What is certified of a scenario as it is: without what asks many runs, or, for arms of many joints, minutes.
+    """The verdicts on a scenario as it is: without what asks many runs, or, for arms of many joints, minutes.
 
     - `scenario`: it.
     - `paths`: of what a page can change; each light says on which of them it stands.
@@ -33,6 +33,7 @@ def certificates_of(scenario: Scenario, paths: Sequence[str], rate: bool = False
                 "title": verdict.title,
                 "holds": verdict.holds,
                 "since": said["since"],
+                "grade": verdict.grade,
                 "statement": verdict.statement,
                 "margin": said["margin"],
                 "bound": {key: value for key, value in said["bound"].items() if _brief(value)},

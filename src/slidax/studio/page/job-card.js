@@ -55,7 +55,7 @@
     const word = { true: "holds", false: "does not hold", null: "does not apply" };
     return element("div", {}, rows(others), element("ul.studio-lights", {}, certificates.map(one => element("li", {},
       element("span.chip", { text: (word[String(one.holds)] ?? "") + (one.since ? ` from ${Number(one.since.toPrecision(3))} s on` : ""), "data-holds": String(one.holds) }),
-      element("strong", { text: one.name }), ` ${one.statement ?? ""}`,
+      element("strong", { text: one.grade ? `${one.name}, grade ${one.grade}` : one.name }), ` ${one.statement ?? ""}`,
       one.holds === false && one.remedy ? element("em", { text: ` ${one.remedy}` }) : null))));
   }
 

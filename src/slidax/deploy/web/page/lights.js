@@ -20,7 +20,7 @@ export function certificateLights(playground, chosen) {
   const setting = playground.setting(chosen);
   const moved = [...Object.keys(chosen.values), ...Object.keys(chosen.choices)];
   const titles = path => playground.knob(chosen, path)?.title ?? playground.choice(chosen, path)?.title ?? path;
-  return (setting.certificates ?? []).map(({ certificate, title: name, holds, since, statement, margin, bound, words: said, reads }) => {
+  return (setting.certificates ?? []).map(({ certificate, title: name, holds, grade, since, statement, margin, bound, words: said, reads }) => {
     const title = capitalised(name ?? certificate.replaceAll("_", " "));
     const stale = moved.filter(path => !reads?.length || reads.some(read => touches(path, read)));
     if (stale.length) {
@@ -28,7 +28,8 @@ export function certificateLights(playground, chosen) {
       return light("grey", title, `is not known here: ${names} moved.`, [`As given it said: ${statement}`]);
     }
     const state = holds === true ? "good" : holds === false ? "bad" : "open";
-    const words = { good: since ? `holds from ${shownNumber(since, 3)} s on.` : "holds.", bad: "does not hold.", open: "is not decided." }[state];
+    const held = since ? `holds from ${shownNumber(since, 3)} s on` : "holds";
+    const words = { good: `${held}${grade ? `, grade ${grade}` : ""}.`, bad: "does not hold.", open: "is not decided." }[state];
     const numbers = [numberText("margin", margin), said ? "" : numberText("bound", bound)].filter(Boolean).join(", ");
     return light(state, title, words, [statement, capitalised([said ?? [], numbers].flat().filter(Boolean).join(", "))].filter(Boolean));
   });

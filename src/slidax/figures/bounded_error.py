@@ -1,4 +1,4 @@
-"""The size of the error that is certified, in the envelope that is promised."""
+"""Bounds of the error in the envelope that is prescribed."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ COLUMNS = 3
 
 
 @styled
-def certified_error(
+def bounded_error(
     t: np.ndarray,
     radii: np.ndarray,
-    certified: Mapping[str, tuple[np.ndarray, np.ndarray]],
+    bounds: Mapping[str, tuple[np.ndarray, np.ndarray]],
     names: Sequence[str],
     units: Sequence[str],
 ) -> Figure:
@@ -28,7 +28,7 @@ def certified_error(
 
     - `t`: times [N], s.
     - `radii`: of the narrower and of the wider side [2 N n], rad or m.
-    - `certified`: bounds by the name that the legend gives them: times [k], s, and |e| at most [k n].
+    - `bounds`: of |e| by the name that the legend gives them: times [k], s, and |e| at most [k n].
     - `names`, `units`: of the joints.
     """
     joints = radii.shape[2]
@@ -36,21 +36,21 @@ def certified_error(
     rows = -(-joints // columns)
     figure = Figure(figsize=(WIDTH, 1.9 * rows + 0.4), layout="constrained")
     panels = figure.subplots(rows, columns, squeeze=False, sharex=True)
-    sizes = np.concatenate([radii.ravel(), *(one[1].ravel() for one in certified.values())])
+    sizes = np.concatenate([radii.ravel(), *(one[1].ravel() for one in bounds.values())])
     # The axis leaves out what is rarely so small, and a bound is drawn for a part of the time only.
     use_size_axis(panels.ravel(), np.append(np.full(99, sizes[sizes > 0].min()), sizes.max()))
     time = every_nth(t)
     handles: list[Artist] = [envelope_patch()]
     if np.any(radii[0] < radii[1]):
         handles.append(Line2D([], [], **NARROW, label="its narrower side"))
-    handles += [Line2D([], [], **line, label=name) for name, line in zip(certified, LINES, strict=False)]
+    handles += [Line2D([], [], **line, label=name) for name, line in zip(bounds, LINES, strict=False)]
     for joint, axes in enumerate(panels.ravel()[:joints]):
         low, high = (every_nth(side[:, joint]) for side in radii)
         axes.fill_between(time, axes.get_ylim()[0], high, **BAND)
         axes.plot(time, high, **BOUND)
         axes.plot(time, low, **NARROW)
-        for (times, bound), line in zip(certified.values(), LINES, strict=False):
-            axes.plot(every_nth(times), every_nth(bound[:, joint]), **line)
+        for (times, size), line in zip(bounds.values(), LINES, strict=False):
+            axes.plot(every_nth(times), every_nth(size[:, joint]), **line)
         use_time_axis(axes, float(t[0]), float(t[-1]))
         axes.set_ylabel(f"{names[joint]}: $|e|$  [{units[joint]}]")
     for axes in panels.ravel()[joints:]:

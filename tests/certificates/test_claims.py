@@ -1,0 +1,133 @@
+"""A certificate claims no more than was computed: what it does not cover it does not apply to, by name."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import slidax
+from slidax.certificates import CERTIFICATES
+from slidax.certificates.arm import demand, robust_torque
+from slidax.certificates.loop import inertia_ratio, loop_rate
+from slidax.certificates.verdict import Assumption, Verdict
+from slidax.scenarios import load
+
+FILES = Path(__file__).parent / "counterexamples"
+
+NAME = "example-4.1-1khz"
+WITHOUT = {"scheme.sampled_data.adaptation": None}
+RIPPLE = {"disturbance.terms.1.frequency": 6283.185, "disturbance.terms.1.amplitude": [20.0, 20.0]}
+
+PATHS: list[tuple[str, Any, Any]] = [
+    ("sensor.resolution", 8e-5, {"between": [1e-6, 8e-5]}),
+    ("sensor.delay", 2.0, {"between": [0.0, 2.0]}),
+    ("sensor.loss.probability", 0.1, {"between": [0.0, 0.1]}),
+    ("sensor.jitter", 0.1, {"between": [0.0, 0.1]}),
+    ("actuator.time_constant", 0.003, {"between": [0.0, 0.003]}),
+    ("actuator.dead_time", 0.5, {"between": [0.0, 0.5]}),
+    ("actuator.torque", 55.0, {"between": [50.0, 60.0]}),
+    ("trajectory.offset", [1.2, 1.25], {"around": 0.01, "each": "joint"}),
+]
+
+
+@pytest.mark.parametrize("block", ["uncertainty", "truth"])
+@pytest.mark.parametrize(("path", "value", "one"), PATHS, ids=[path for path, *_ in PATHS])
+def test_a_path_that_a_certificate_does_not_cover_makes_it_not_applicable_by_name(
+    block: str, path: str, value: Any, one: Any
+) -> None:
+    scenario = load(NAME, {block: {path: one if block == "uncertainty" else value}, "simulation.t1": 3.0})
+    for certificate in (inertia_ratio, loop_rate):
+        verdict = certificate(scenario, demand(scenario)) if certificate is inertia_ratio else certificate(scenario)
+        assert verdict.holds is None and verdict.grade is None
+        assert f"`{path}`" in verdict.statement and f"`{block}`" in verdict.statement
+
+
+def test_each_certificate_covers_a_set_or_names_what_it_does_not_cover() -> None:
+    paths = {path: one for path, _, one in PATHS}
+    found = slidax.certify(load(NAME, {"uncertainty": paths, "simulation.t1": 3.0}), runs=0)
+    assert {one.name for one in found} == {one.__name__ for one in CERTIFICATES}
+    for verdict in found:
+        assert verdict.holds is None, verdict.name
+
+
+def test_a_set_of_the_single_value_that_the_file_has_is_no_set() -> None:
+    one = {"sensor.resolution": {"around": 0.0}, "robot.plant.masses": {"around": "0 %", "each": "joint"}}
+    with_it = load(NAME, {"uncertainty": one, "simulation.t1": 3.0})
+    assert robust_torque(with_it).as_json() == robust_torque(load(NAME, {"simulation.t1": 3.0})).as_json()
+
+
+def test_a_pulse_between_all_other_times_is_found_and_one_without_an_effect_is_named() -> None:
+    pulse = {"kind": "step", "value": [0.0, 0.0], "start": 1.2345, "end": 1.2365}
+    sets = {"disturbance.terms.0.value": {"between": [-12.0, 12.0], "each": "joint"}}
+    changes = {"disturbance.terms": [pulse], "uncertainty": sets, "simulation.t1": 3.0, **WITHOUT}
+    asked = demand(load(NAME, changes))
+    assert asked.effects is not None
+    inside = (asked.times >= 1.2345) & (asked.times < 1.2365)
+    assert (np.abs(asked.effects).sum(axis=1)[:, inside].min() > 0.1) and inside.sum() == 2
+    late = {**pulse, "start": 50.0, "end": 51.0}
+    asked = demand(load(NAME, {**changes, "disturbance.terms": [late]}))
+    assert any("no torque depends on it" in one.text and one.status == "tested" for one in asked.assumptions)
+
+
+def test_a_ripple_that_vanishes_at_each_sample_counts_between_them() -> None:
+    # A sine of 1 kHz at 1 kHz: of 20 N m nothing is seen at a sample.
+    verdict = robust_torque(load(NAME, {**RIPPLE, "simulation.t1": 3.0}))
+    assert verdict.holds is False and verdict.bound["needed"] > 20.0
+    still = robust_torque(load(NAME, {**RIPPLE, "disturbance.terms.1.amplitude": [0.0, 0.0], "simulation.t1": 3.0}))
+    assert still.holds and still.bound["needed"] < 15.0
+
+
+def test_a_step_between_two_samples_counts_in_full() -> None:
+    push = {"kind": "step", "value": [3.0, 0.0], "start": 1.0004, "end": 1.0008}
+    asked = demand(load(NAME, {"disturbance.terms": [push], "simulation.t1": 3.0, **WITHOUT}))
+    assert asked.jumping is not None
+    k = round(1.0 / 0.001)
+    bare = demand(load(NAME, {"disturbance.terms": [], "simulation.t1": 3.0, **WITHOUT}))
+    assert asked.jumping[k].max() > 0.3 and np.array_equal(asked.push[:, k], bare.push[:, k])
+    assert not asked.jumping[k + 2 :].any() and not asked.jumping[: k - 1].any()
+
+
+@pytest.mark.full
+def test_of_a_law_that_learns_no_line_is_proved() -> None:
+    masses = {"robot.plant.masses": {"around": "10 %", "each": "joint"}}
+    verdict = loop_rate(load(NAME, {"uncertainty": masses, "simulation.t1": 3.0}), remedies=False)
+    assert verdict.holds and verdict.grade == "C"
+    assert not any(one.status == "proved" for one in verdict.assumptions)
+    assert "16 simulated arms" in verdict.statement
+
+
+def test_the_grade_says_how_many_lines_are_proved() -> None:
+    def grade(*statuses: Any, holds: bool | None = True) -> str | None:
+        return Verdict("", "", holds, None, {}, [Assumption("", one) for one in statuses], "").grade
+
+    assert grade("proved", "proved") == "A"
+    assert grade("proved", "tested") == grade("proved", "assumed") == "B"
+    assert grade("tested", "assumed") == grade() == "C"
+    assert grade("proved", holds=None) is None and grade("proved", "fails", holds=False) is None
+
+
+@pytest.mark.full
+@pytest.mark.parametrize("name", ["learning", "pulse"])
+def test_the_counterexamples_in_files_get_no_yes(name: str) -> None:
+    assert loop_rate(load(FILES / f"{name}.yaml"), remedies=False).holds is False
+
+
+@pytest.mark.full
+@pytest.mark.parametrize("more", [{}, {"scheme.performance.final": [2e-5, 2e-5], "simulation.substeps": 1}])
+def test_a_ripple_at_the_sample_rate_gets_no_yes(more: dict[str, Any]) -> None:
+    assert loop_rate(load(NAME, {**RIPPLE, **more}), remedies=False).holds is False
+
+
+@pytest.mark.full
+def test_the_bound_of_seven_joints_has_the_same_bits_in_whatever_order_its_set_is_written() -> None:
+    mass = {"robot.plant.load.mass": {"between": [0.2, 0.8]}}
+    rotors = {"robot.plant.armature": {"between": [0.099, 0.101], "each": "joint"}}
+    base = {**WITHOUT, "robot.plant.coulomb": 0.05, "simulation.t1": 3.0}
+    first, last = (
+        loop_rate(load("panda-payload", {**base, "uncertainty": one}), remedies=False).as_json()
+        for one in ({**mass, **rotors}, {**rotors, **mass})
+    )
+    assert first == last
