@@ -26,7 +26,7 @@ OVER_TIME = ("times", "error_over_time")
 class Assumption:
     """One thing that a promise stands on.
 
-    - `text`: a sentence that says what, and, if it was checked, how.
+    - `text`: a sentence that says what, and, if it was tested, in which cases.
     - `status`: how much is known of it.
     - `value`: the number that was found, if there is one.
     """

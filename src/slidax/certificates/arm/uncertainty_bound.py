@@ -116,7 +116,8 @@ def samples_of(members: Members, count: int, seed: int) -> Samples:
     scenario = members.scenario
     random = np.random.default_rng(seed)
     points = members.extremes(count)
-    points[count // 2 :] = 0.5 + np.random.default_rng([seed, 1]).uniform(size=(count - count // 2, 1)) * (points[count // 2 :] - 0.5)
+    inner = points[count // 2 :]
+    points[count // 2 :] = 0.5 + np.random.default_rng([seed, 1]).uniform(size=(len(inner), 1)) * (inner - 0.5)
     plants = members.plants(points)
     motion = Motion.of(scenario)
     belief = Belief.of(scenario, members.plant)
