@@ -14,7 +14,7 @@ from slidax.diagnosis import Remedy
 from slidax.robots import Articulated
 from slidax.scenarios import Scenario
 
-from .arm.members import members_of
+from .corners import members_of
 from .covers import ARM, covers
 from .each import Each
 from .envelope import draws_envelope

@@ -25,5 +25,9 @@ class Constant(AbstractDisturbance):
         return self.value
 
     def off_chord(self, upper: Any, samples: Samples) -> Floats:
-        """Zero: it is straight."""
+        """Zero: it is straight.
+
+        - `upper`: has the largest value of each number.
+        - `samples`: a period apart.
+        """
         return np.zeros(samples.q.shape)

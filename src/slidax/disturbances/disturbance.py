@@ -123,7 +123,11 @@ class Sum(AbstractDisturbance):
         return tuple(time for term in self.terms for time in term.breakpoints())
 
     def off_chord(self, upper: Any, samples: Samples) -> Floats:
-        """The sum of the terms' bounds."""
+        """The sum of the terms' bounds.
+
+        - `upper`: has the largest value of each number.
+        - `samples`: a period apart.
+        """
         pairs = zip(self.terms, upper.terms, strict=True)
         found: Floats = sum((low.off_chord(high, samples) for low, high in pairs), start=np.zeros(samples.q.shape))
         return found
@@ -148,7 +152,11 @@ class Scaled(AbstractDisturbance):
         return self.disturbance.breakpoints()
 
     def off_chord(self, upper: Any, samples: Samples) -> Floats:
-        """The factor's largest size times the bound of what is scaled."""
+        """The factor's largest size times the bound of what is scaled.
+
+        - `upper`: has the largest value of each number.
+        - `samples`: a period apart.
+        """
         factor = largest(self.factor, upper.factor)
         if not factor.any():
             return np.zeros(samples.q.shape)

@@ -32,7 +32,11 @@ class ElasticStop(AbstractDisturbance):
         return -self.stiffness * deep * jnp.maximum(0.0, 1.0 + self.damping * state.dq)
 
     def off_chord(self, upper: Any, samples: Samples) -> Floats:
-        """By how much it can change in a period in which the joint may touch the surface; else zero."""
+        """By how much it can change in a period in which the joint may touch the surface; else zero.
+
+        - `upper`: has the largest value of each number.
+        - `samples`: a period apart.
+        """
         deepest = np.maximum(0.0, samples.q + samples.way - np.asarray(self.position))
         fastest = np.abs(samples.dq) + samples.turn
         damping, stiffness = largest(self.damping, upper.damping), largest(self.stiffness, upper.stiffness)

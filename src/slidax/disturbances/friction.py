@@ -38,6 +38,9 @@ class Friction(AbstractDisturbance):
         """`f_c min(.77 x²/8, x, 2)`, `x = |Δq̇|/v_s`: by the curvature of tanh, its slope, or from side to side.
 
         `max |tanh''| = 4/(3 √3)`. Viscous friction is as straight as the velocity.
+
+        - `upper`: has the largest value of each number.
+        - `samples`: a period apart.
         """
         x = samples.turn / np.asarray(self.smoothing)
         found: Floats = largest(self.coulomb, upper.coulomb) * np.minimum(np.minimum(BEND * x * x / 8.0, x), 2.0)

@@ -28,7 +28,11 @@ class Harmonic(AbstractDisturbance):
         return self.amplitude * jnp.sin(self.frequency * t + self.phase)
 
     def off_chord(self, upper: Any, samples: Samples) -> Floats:
-        """`|a| min(ω² h²/8, 2)`: `h²/8` times its largest second derivative, and never more than from peak to peak."""
+        """`|a| min(ω² h²/8, 2)`: `h²/8` times its largest second derivative, and never more than from peak to peak.
+
+        - `upper`: has the largest value of each number.
+        - `samples`: a period apart.
+        """
         turned = largest(self.frequency, upper.frequency) * samples.period
         found: Floats = largest(self.amplitude, upper.amplitude) * np.minimum(turned**2 / 8.0, 2.0)
         return np.broadcast_to(found, samples.q.shape)

@@ -32,7 +32,11 @@ class Step(AbstractDisturbance):
         return tuple(time for time in (float(self.start), float(self.end)) if np.isfinite(time))
 
     def off_chord(self, upper: Any, samples: Samples) -> Floats:
-        """|c| in each period in which, or at whose end, it may set in or end; else zero."""
+        """|c| in each period in which, or at whose end, it may set in or end; else zero.
+
+        - `upper`: has the largest value of each number.
+        - `samples`: a period apart.
+        """
         jumps = samples.jumps(self.start, upper.start) | samples.jumps(self.end, upper.end)
         found: Floats = jumps[:, None] * largest(self.value, upper.value)
         return found

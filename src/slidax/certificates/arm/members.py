@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property
 from itertools import product
 from typing import Any
 
@@ -13,17 +13,15 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from slidax._errors import DefinitionError
 from slidax.disturbances import AbstractDisturbance, Friction
 from slidax.robots import Articulated
 from slidax.scenarios import Scenario
 from slidax.scenarios.family import UNTRACEABLE, Family
-from slidax.scenarios.uncertainty import AbstractSet, Leaf, with_values
-from slidax.scenarios.uncertainty.sets import Ball
+from slidax.scenarios.uncertainty import with_values
 from slidax.simulation import Plant
 
-from ..ends import ends_of, values_along
 from ..members import canonical
+from .axes import Axis, axes_of
 from .evaluated import Floats
 from .motion import Motion, kinds_of, needed, outer
 
@@ -41,46 +39,6 @@ NAMED = 6
 
 INSTANTS = 64
 """Of the motion, at which the effects of uncertain numbers are compared, besides those at which forces jump."""
-
-
-@dataclass(frozen=True)
-class Axis:
-    """One number, or some that move together, from one end to the other.
-
-    - `path`: in the scenario file.
-    - `entry`: which of its numbers; None for all of them together.
-    - `lower`, `upper`: its ends, of the shape of the whole value.
-    """
-
-    path: str
-    entry: int | None
-    lower: Floats
-    upper: Floats
-
-    @property
-    def name(self) -> str:
-        """As it is called in a text."""
-        return self.path if self.entry is None else f"{self.path}[{self.entry}]"
-
-    def between(self, low: float, high: float) -> Axis:
-        """A part of it.
-
-        - `low`, `high`: shares of its way.
-        """
-        ends = [self.lower + share * (self.upper - self.lower) for share in (low, high)]
-        return Axis(self.path, self.entry, *ends)
-
-    def moved(self, value: Floats, share: Floats) -> Floats:
-        """The values [P ...] with this axis at shares of its way [P].
-
-        - `value`: before.
-        - `share`: 0 at the lower end, 1 at the upper one.
-        """
-        reached = self.lower + share.reshape(-1, *[1] * self.lower.ndim) * (self.upper - self.lower)
-        if self.entry is None:
-            return reached
-        here = np.arange(self.lower.size).reshape(self.lower.shape) == self.entry
-        return np.where(here, reached, value)
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,7 +72,7 @@ class Members:
         found: list[Axis] = []
         for path, one in space.sets.items():
             if path.split(".")[0] in MOVES:
-                found += _axes(path, one, space.leaves[path])
+                found += axes_of(path, one, space.leaves[path])
         for axis, low, high in self.parts:
             found[axis] = found[axis].between(low, high)
         return tuple(found)
@@ -318,41 +276,6 @@ class Members:
         return Plant(arms.true, actual.disturbance.build(), load=arms.load)
 
 
-SHARES = np.linspace(0.0, 1.0, 9)
-
-
-def _axes(path: str, one: AbstractSet, leaf: Leaf) -> list[Axis]:
-    """The axes of a set: a box that holds it, as long as it is no line."""
-    if leaf.integer:
-        raise DefinitionError("a whole number of the arm or its disturbance cannot be certified", where=path)
-    lower, upper = (np.asarray(end, float) for end in ends_of(one, leaf))
-    if not isinstance(one, Ball):
-        drawn = np.asarray(values_along(one, leaf, SHARES), float)
-        if one.coordinates(leaf) == 1 and _is_a_line(drawn, lower, upper):
-            return [] if (lower == upper).all() else [Axis(path, None, *_of_a_line(drawn))]
-    flat_lower, flat_upper = lower.reshape(-1), upper.reshape(-1)
-    return [Axis(path, k, lower, upper) for k in np.flatnonzero(flat_lower < flat_upper).tolist()]
-
-
-def _of_a_line(drawn: Floats) -> tuple[Floats, Floats]:
-    """The ends of the values: where the first number that varies has its least and its largest."""
-    flat = drawn.reshape(len(drawn), -1)
-    varies = int(np.argmax(np.ptp(flat, axis=0) > 0))
-    return drawn[int(np.argmin(flat[:, varies]))], drawn[int(np.argmax(flat[:, varies]))]
-
-
-def _is_a_line(drawn: Floats, lower: Floats, upper: Floats) -> bool:
-    """Whether all of its numbers go from end to end together, each by the same share of its way."""
-    first, last = _of_a_line(drawn)
-    flat = drawn.reshape(len(drawn), -1)
-    width = (last - first).reshape(-1)
-    varies = np.abs(width) > 0
-    if (np.ptp(flat, axis=0)[~varies] > 0).any():
-        return False
-    shares = (flat - first.reshape(-1))[:, varies] / width[varies]
-    return bool((np.ptp(shares, axis=1) < 1e-9).all()) if varies.any() else True
-
-
 def breakpoints(plants: Sequence[Plant], end: float) -> Floats:
     """Times at which a force or a payload of some arms sets in, jumps or ends, up to the end of the run [K], s.
 
@@ -378,28 +301,3 @@ def _direction(number: int, times: int, joints: int) -> Floats:
     phase = np.linspace(0.0, 1.0, times)[:, None] * (number // joints) + random.uniform(size=joints)
     found: Floats = random.normal(size=joints) * np.cos(np.pi * phase)
     return found
-
-
-CORNERS = 8
-"""Cases of a set whose certificate looks at whole scenarios."""
-
-
-@lru_cache(maxsize=4)
-def members_of(scenario: Scenario) -> Sequence[Scenario]:
-    """The scenario, and cases at corners of its set in which its numbers act together.
-
-    - `scenario`: with its block `uncertainty`.
-
-    Raises DefinitionError if a set is empty or leads nowhere.
-    """
-    members = Members.of(scenario)
-    family = members.family
-    if not family.space.sets:
-        return [scenario]
-    shares = np.array([np.zeros(family.space.dimensions), np.full(family.space.dimensions, np.nextafter(1.0, 0.0))])
-    values = {
-        **family.space.values(np.resize(shares, (CORNERS, family.space.dimensions))),
-        **members.values(members.extremes(CORNERS)),
-    }
-    cases = [{path: some[k] for path, some in values.items()} for k in range(CORNERS)]
-    return [scenario, *(family.scenario(one, f"{scenario.name}, corner {k}") for k, one in enumerate(cases))]

@@ -9,7 +9,7 @@ from slidax.diagnosis import Remedy
 from slidax.reaching import TwoPowerReaching
 from slidax.scenarios import Scenario
 
-from ..arm.members import members_of
+from ..corners import members_of
 from ..covers import ARM, covers
 from ..each import Each
 from ..members import Motion

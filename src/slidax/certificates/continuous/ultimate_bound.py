@@ -14,7 +14,7 @@ from slidax._types import State
 from slidax.diagnosis import Remedy
 from slidax.scenarios import Scenario
 
-from ..arm.members import members_of
+from ..corners import members_of
 from ..covers import ARM, covers
 from ..each import Each
 from ..members import Motion
