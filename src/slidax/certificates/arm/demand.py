@@ -17,9 +17,9 @@ from .beside import beside_of
 from .evaluated import Floats
 from .hull import Hull, hull_of
 from .learnt import Asked, after_learning, as_seen, held, learns
-from .members import MOST_ENDS, Members, breakpoints
+from .members import MOST_ENDS, Members
 from .misread import Misread
-from .motion import Belief, Motion, kinds_of, needed, outer
+from .motion import Belief, Motion, breakpoints, kinds_of, needed, outer
 from .ratios import INSTANTS, ratios
 from .width import speed_within, width_along
 

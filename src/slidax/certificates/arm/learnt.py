@@ -17,8 +17,8 @@ from ..verdict import Assumption
 from .beside import Beside, beside_of
 from .evaluated import Floats, friction
 from .hull import Hull, hull_of
-from .members import Members, breakpoints
-from .motion import Belief, Motion, disturbed, needed, outer
+from .members import Members
+from .motion import Belief, Motion, breakpoints, disturbed, needed, outer
 from .ratios import ratios
 
 PROBES = 97

@@ -23,7 +23,7 @@ from slidax.simulation import Plant
 from ..members import canonical
 from .axes import Axis, axes_of
 from .evaluated import Floats
-from .motion import Motion, kinds_of, needed, outer
+from .motion import Motion, breakpoints, kinds_of, needed, outer
 
 MOVES = ("robot", "disturbance")
 """The blocks of a scenario file that say what moves and pushes the arm."""
@@ -274,20 +274,6 @@ class Members:
         actual = with_values(self._actual, values)
         arms = actual.robot.build()
         return Plant(arms.true, actual.disturbance.build(), load=arms.load)
-
-
-def breakpoints(plants: Sequence[Plant], end: float) -> Floats:
-    """Times at which a force or a payload of some arms sets in, jumps or ends, up to the end of the run [K], s.
-
-    - `plants`: the arms.
-    - `end`: of the run [s].
-    """
-    found: set[float] = set()
-    for plant in plants:
-        found.update(plant.disturbance.breakpoints())
-        if plant.load is not None:
-            found.update((float(plant.load.attached), float(plant.load.released)))
-    return np.array(sorted(time for time in found if 0.0 <= time <= end))
 
 
 def _direction(number: int, times: int, joints: int) -> Floats:

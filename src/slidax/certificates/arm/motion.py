@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -254,6 +255,20 @@ def disturbed(plants: list[Plant], motion: Motion) -> Floats:
             done[key] = pushed(plant, motion.t, motion.q, motion.dq)
         found.append(done[key])
     return np.array(found)
+
+
+def breakpoints(plants: Sequence[Plant], end: float) -> Floats:
+    """Times at which a force or a payload of some arms sets in, jumps or ends, up to the end of the run [K], s.
+
+    - `plants`: the arms.
+    - `end`: of the run [s].
+    """
+    found: set[float] = set()
+    for plant in plants:
+        found.update(plant.disturbance.breakpoints())
+        if plant.load is not None:
+            found.update((float(plant.load.attached), float(plant.load.released)))
+    return np.array(sorted(time for time in found if 0.0 <= time <= end))
 
 
 def _inertial_key(plant: Plant) -> Any:
