@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import math
 import shutil
 import struct
 from collections.abc import AsyncIterator, Awaitable, Callable
@@ -25,14 +26,12 @@ from .jobs import Jobs, TooManyError
 from .names import OutsideError
 from .page import page
 from .process import scratch
+from .requests import ASKED, JobRequest, RequestError, read_request
 
 DEFAULT = "example-4.1-1khz"
-"""What is opened where nothing is asked for."""
+"""The built-in scenario on the page before it has said the token."""
 
 YAML = (".yaml", ".yml")
-
-ASKED = ("check", "run", "manifest", "compiled", "new", "catalogue", "part")
-"""Of the workbench."""
 
 COMPILING = 600.0
 """Seconds for a scenario to be compiled for the page."""
@@ -54,6 +53,29 @@ SANDBOX = "sandbox allow-scripts allow-downloads; default-src 'none'; style-src 
 SANDBOX += "script-src 'unsafe-inline' 'wasm-unsafe-eval' blob:; worker-src blob:; img-src 'self' data: blob:; "
 SANDBOX += "font-src data:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
 """A report is a page of its own, of no origin: what it says can ask the studio nothing."""
+
+
+class Answer(JSONResponse):
+    """Any values as JSON: a number that is not finite becomes null, and half of a surrogate pair an escape."""
+
+    def render(self, content: Any) -> bytes:
+        """The text of values.
+
+        - `content`: the values.
+        """
+        try:
+            return json.dumps(content, allow_nan=False, separators=(",", ":")).encode("ascii")
+        except ValueError:
+            return json.dumps(_finite(content), allow_nan=False, separators=(",", ":")).encode("ascii")
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _finite(one) for key, one in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(one) for one in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
 
 Answered = Callable[[Request], Awaitable[Response]]
 
@@ -122,16 +144,18 @@ class Studio:
                 return _error(403, error)
             except OvertakenError as error:
                 return _error(409, error)
+            except RequestError as error:
+                return _error(400, error)
             except TooManyError as error:
                 return _error(429, error)
             except DefinitionError as error:
                 return _error(422, error)
             except FileExistsError as error:
-                return JSONResponse({"error": {"where": "", "message": str(error)}, "exists": True}, 409)
+                return Answer({"error": {"where": "", "message": str(error)}, "exists": True}, 409)
             except LookupError:
-                return JSONResponse({"error": {"where": "", "message": "there is no such thing"}}, 404)
+                return Answer({"error": {"where": "", "message": "there is no such thing"}}, 404)
             except (TooLargeError, ClientDisconnect):
-                return JSONResponse({"error": {"where": "", "message": "the request is too large"}}, 413)
+                return Answer({"error": {"where": "", "message": "the request is too large"}}, 413)
 
         return checked
 
@@ -140,17 +164,12 @@ class Studio:
         return Response(text, headers={"content-security-policy": policy}, media_type="text/html")
 
     async def _first(self) -> dict[str, Any]:
-        """The playground that the page begins with: the default one where the opened file is wrong."""
-        # A file may be another one by now.
-        if self._manifest is None or self.opened.lower().endswith(YAML):
-            place = "path" if self.opened.lower().endswith(YAML) else "name"
-            for question in ({place: self.opened or DEFAULT}, {"name": DEFAULT}):
-                answer, _ = await self.bench.ask({**question, "do": "manifest"})
-                if "manifest" in answer:
-                    self._manifest = answer["manifest"]
-                    break
-            else:
+        """The playground of a built-in scenario, for anybody; the page asks for the user's own with the token."""
+        if self._manifest is None:
+            answer, _ = await self.bench.ask({"name": DEFAULT, "do": "manifest"})
+            if "manifest" not in answer:
                 raise DefinitionError(answer["error"]["message"])
+            self._manifest = answer["manifest"]
         return self._manifest
 
     async def _about(self, request: Request) -> Response:
@@ -158,11 +177,12 @@ class Studio:
 
         from .commands import COMMANDS
 
-        return JSONResponse(
+        return Answer(
             {
                 "version": slidax.__version__,
                 "folder": self.folder.root.name,
                 "opened": self.opened,
+                "shown": DEFAULT,
                 "jobs": {name: list(readers) for name, (_, readers, _) in COMMANDS.items()},
                 "restarts": self.bench.restarts,
             }
@@ -170,55 +190,52 @@ class Studio:
 
     async def _files(self, request: Request) -> Response:
         found = [{"name": one.name, "size": one.size, "changed": one.changed} for one in self.folder.listing()]
-        return JSONResponse({"files": found})
+        return Answer({"files": found})
 
     async def _file(self, request: Request) -> Response:
         name = request.query_params.get("path", "")
         content = self.folder.read(name, SHOWN)
         text = content.decode("utf-8", "replace")
-        return JSONResponse({"path": name, "text": text, "mark": mark_of(content)})
+        return Answer({"path": name, "text": text, "mark": mark_of(content)})
 
     async def _save(self, request: Request) -> Response:
         name = request.query_params.get("path", "")
         before = request.headers.get("if-match")
         mark = self.folder.write(name, await _body(request), before or None)
-        return JSONResponse({"path": name, "mark": mark})
+        return Answer({"path": name, "mark": mark})
 
     async def _ask(self, request: Request) -> Response:
-        question = await _mapping(request)
         do = request.path_params["do"]
         if do not in ASKED:
             raise LookupError(do)
+        asked = read_request(await _body(request), ASKED[do]).model_dump(exclude_none=True)
         who = str(request.headers.get("x-slidax-slot", ""))[:64]
         bench = self.compiler if do == "compiled" else self.bench
-        answer, content = await bench.ask({**question, "do": do}, only_newest=who)
+        answer, content = await bench.ask({**asked, "do": do}, only_newest=who)
         if "error" in answer:
             outside = "outside of the studio's folder" in answer["error"]["message"]
-            return JSONResponse(answer, 403 if outside else 422)
+            return Answer(answer, 403 if outside else 422)
         if not content:
-            return JSONResponse(answer)
-        head = json.dumps(answer).encode()
+            return Answer(answer)
+        head = Answer(answer).render(answer)
         head += b" " * (-len(head) % 8)
         return Response(struct.pack("<Q", len(head)) + head + content, media_type="application/octet-stream")
 
     async def _all_jobs(self, request: Request) -> Response:
-        return JSONResponse({"jobs": self.jobs.all()})
+        return Answer({"jobs": self.jobs.all()})
 
     async def _new_job(self, request: Request) -> Response:
-        asked = await _mapping(request)
-        said = asked.get("said")
-        if not isinstance(said, dict):
-            raise DefinitionError("must be values by name", where="said")
-        job = self.jobs.add(str(asked.get("kind", "")), said)
-        return JSONResponse(self.jobs.shown(job), 201)
+        asked = read_request(await _body(request), JobRequest)
+        job = self.jobs.add(asked.kind, asked.said)
+        return Answer(self.jobs.shown(job), 201)
 
     async def _job(self, request: Request) -> Response:
-        return JSONResponse(self.jobs.shown(self.jobs.find(request.path_params["name"])))
+        return Answer(self.jobs.shown(self.jobs.find(request.path_params["name"])))
 
     async def _end_job(self, request: Request) -> Response:
         job = self.jobs.find(request.path_params["name"])
         await self.jobs.cancel(job)
-        return JSONResponse(self.jobs.shown(job))
+        return Answer(self.jobs.shown(job))
 
     async def _results(self, request: Request) -> Response:
         """A file that a job wrote, for whoever has the job's key; as a page of no origin."""
@@ -238,19 +255,5 @@ async def _body(request: Request) -> bytes:
     return await request.body()
 
 
-async def _mapping(request: Request) -> dict[str, Any]:
-    try:
-        found = json.loads(await _body(request), parse_constant=_no_number)
-    except (ValueError, RecursionError):
-        raise DefinitionError("the request is not JSON") from None
-    if not isinstance(found, dict):
-        raise DefinitionError("the request must be a mapping")
-    return found
-
-
-def _no_number(word: str) -> float:
-    raise ValueError(word)
-
-
 def _error(status: int, error: DefinitionError) -> Response:
-    return JSONResponse({"error": {"where": error.where, "message": error.message}}, status)
+    return Answer({"error": {"where": error.where, "message": error.message}}, status)

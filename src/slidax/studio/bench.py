@@ -11,6 +11,7 @@ import os
 import sys
 import threading
 import time
+import traceback
 import warnings
 from collections.abc import Callable
 from pathlib import Path
@@ -30,6 +31,9 @@ MOST_SAMPLES = 2_000_000
 
 MOST_ROWS = 2001
 """Of the signals that go to the page."""
+
+OWN_FAULT = "this could not be computed, by an error of slidax itself: please report it"
+"""Beginning of an answer to a question that nothing else has refused."""
 
 LARGEST = 1_000_000
 """Bytes of a scenario file."""
@@ -99,6 +103,10 @@ class Bench:
                 return {"error": {"where": "", "message": f"{error.strerror}: `{error.filename}`"}}, b""
             except (MemoryError, RecursionError) as error:
                 return {"error": {"where": "", "message": f"too large to compute here ({type(error).__name__})"}}, b""
+            except Exception as error:
+                # The process stays for the next question; the log has where it was.
+                traceback.print_exc()
+                return {"error": {"where": "", "message": f"{OWN_FAULT} ({type(error).__name__})"}}, b""
         return answer | {"warnings": _said(said)}, content
 
     def _check(self, asked: dict[str, Any]) -> tuple[dict[str, Any], bytes]:

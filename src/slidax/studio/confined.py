@@ -28,19 +28,32 @@ SYSTEM = (
 
 DEVICES = ("/dev/null", "/dev/zero", "/dev/urandom", "/dev/random", "/dev/shm")
 
-CHANGES = {
-    "os.mkdir": 1,
-    "os.remove": 1,
-    "os.rmdir": 1,
-    "os.truncate": 1,
-    "os.chmod": 1,
-    "os.chown": 1,
-    "os.utime": 1,
-    "os.rename": 2,
-    "os.link": 2,
-    "os.symlink": 2,
+ENTRIES: dict[str, tuple[tuple[int, int], ...]] = {
+    "os.mkdir": ((0, 2),),
+    "os.remove": ((0, 1),),
+    "os.rmdir": ((0, 1),),
+    "os.rename": ((0, 2), (1, 3)),
+    "os.link": ((0, 2), (1, 3)),
+    "os.symlink": ((1, 2),),
 }
-"""Python's events that change files, and how many paths each begins with."""
+"""Python's events that change a folder: places of each path, and of the open folder that it is relative to."""
+
+CONTENTS: dict[str, tuple[int, int | None]] = {
+    "os.truncate": (0, None),
+    "os.chmod": (0, 2),
+    "os.chown": (0, 3),
+    "os.utime": (0, 3),
+    "os.chflags": (0, None),
+    "os.setxattr": (0, None),
+    "os.removexattr": (0, None),
+}
+"""Python's events that change a file, by its path or its descriptor: places of these, and of an open folder."""
+
+WITHOUT_EVENT = ("mkfifo", "mknod")
+"""Functions that make files and tell no audit hook."""
+
+NAMES = ("socket.getaddrinfo", "socket.gethostbyname", "socket.gethostbyaddr", "socket.getnameinfo")
+"""Events in which a name goes to the network."""
 
 WRITES = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_APPEND
 
@@ -96,20 +109,92 @@ class Watch:
             self._require(path, self._write if writes else self._read)
         elif event in ("os.listdir", "os.scandir"):
             self._require(arguments[0], self._read)
-        elif event in CHANGES:
-            for path in arguments[: CHANGES[event]]:
-                # What is relative to an open folder was reached through it; that one was looked at when it was opened.
-                if not any(isinstance(one, int) and one >= 0 for one in arguments[-2:]) or os.path.isabs(path):
-                    self._require(path, self._write)
-        elif event in ("socket.connect", "socket.bind") and isinstance(arguments[1], tuple):
-            raise PermissionError(errno.EACCES, "the studio's processes open no connections")
+        elif event in ENTRIES:
+            for place, folder in ENTRIES[event]:
+                self._require_entry(arguments[place], arguments[folder])
+            if event == "os.symlink":
+                self._require_target(*arguments)
+        elif event in CONTENTS:
+            place, base = CONTENTS[event]
+            self._require_content(arguments[place], -1 if base is None else arguments[base])
+        elif event in ("socket.connect", "socket.bind", "socket.sendto", "socket.sendmsg"):
+            self._require_address(arguments[1])
+        elif event in NAMES:
+            raise PermissionError(errno.EACCES, "the studio's processes look up no addresses")
 
     def _require(self, path: Any, allowed: tuple[str, ...]) -> None:
         if path is None or isinstance(path, int):
             return
-        real = os.path.realpath(os.fsdecode(path))
-        if not any(real == place or real.startswith(place + os.sep) for place in allowed):
-            raise PermissionError(errno.EACCES, "it is outside of the studio's folder", os.fsdecode(path))
+        _require_within(os.path.realpath(os.fsdecode(path)), path, allowed)
+
+    def _require_entry(self, path: Any, folder: int) -> None:
+        """The place of a name in its folder, whatever it leads to."""
+        whole = _at(path, folder)
+        head, name = os.path.split(whole.rstrip(os.sep) or os.sep)
+        if name in ("", os.curdir, os.pardir):
+            real = os.path.realpath(whole)
+        else:
+            real = os.path.join(os.path.realpath(head), name)
+        _require_within(real, path, self._write)
+
+    def _require_content(self, path: Any, folder: int) -> None:
+        """A file that is changed: its name and the place that it leads to, or the place of an open one."""
+        if isinstance(path, int):
+            real = _opened(path)
+            # Pipes and sockets are no files.
+            if real is not None:
+                _require_within(real, real, self._write)
+            return
+        self._require_entry(path, folder)
+        _require_within(os.path.realpath(_at(path, folder)), path, self._write)
+
+    def _require_target(self, target: Any, path: Any, folder: int) -> None:
+        """A new link leads nowhere else."""
+        beside = os.path.dirname(_at(path, folder))
+        _require_within(os.path.realpath(os.path.join(beside, os.fsdecode(target))), target, self._write)
+
+    def _require_address(self, address: Any) -> None:
+        if isinstance(address, str | bytes):
+            text = os.fsdecode(address)
+            # A socket with a path is a file; one without has no place.
+            if text and not text.startswith("\0"):
+                _require_within(os.path.realpath(text), text, self._write)
+                return
+        if address is not None:
+            raise PermissionError(errno.EACCES, "the studio's processes open no connections")
+
+
+def _at(path: Any, folder: int) -> str:
+    """A path from the open folder that it is relative to; a number below 0 is the current one."""
+    text = os.fsdecode(path)
+    if folder < 0 or os.path.isabs(text):
+        return os.path.join(os.getcwd(), text)
+    base = _opened(folder)
+    if base is None:
+        raise PermissionError(errno.EACCES, "its folder is not known", text)
+    return os.path.join(base, text)
+
+
+def _opened(handle: int) -> str | None:
+    """The place of an open file or folder; None for pipes, sockets, memory, and where the system does not say."""
+    try:
+        if sys.platform == "darwin":
+            import fcntl
+
+            return os.path.realpath(fcntl.fcntl(handle, fcntl.F_GETPATH, bytes(1024)).rstrip(b"\0").decode())
+        place = os.readlink(f"/proc/self/fd/{handle}")
+    except OSError:
+        return None
+    return place if place.startswith(os.sep) and not place.startswith("/memfd:") else None
+
+
+def _require_within(real: str, path: Any, allowed: tuple[str, ...]) -> None:
+    if not any(real == place or real.startswith(place + os.sep) for place in allowed):
+        raise PermissionError(errno.EACCES, "it is outside of the studio's folder", os.fsdecode(path))
+
+
+def _refuse(*arguments: Any, **named: Any) -> None:
+    raise PermissionError(errno.EACCES, "the studio's processes make no such files")
 
 
 def confine(root: Path, scratch: Path) -> bool:
@@ -122,6 +207,10 @@ def confine(root: Path, scratch: Path) -> bool:
     sys.dont_write_bytecode = True
     read, write = readable(), writable(root, scratch)
     by_kernel = restrict_by_kernel(read, write)
+    for name in WITHOUT_EVENT:
+        for module in (os, sys.modules[os.name]):
+            if hasattr(module, name):
+                setattr(module, name, _refuse)
     sys.addaudithook(Watch(read, write))
     return by_kernel
 

@@ -81,7 +81,7 @@ class Guard:
             return 401, "this page has no valid token: open the address that the studio printed"
         length = headers.get("content-length", "0")
         most = LARGEST_FILE if scope["method"] == "PUT" else LARGEST
-        if not length.isdigit() or int(length) > most:
+        if not (length.isascii() and length.isdigit()) or len(length) > 18 or int(length) > most:
             return 413, f"a request has at most {most} bytes"
         kind = headers.get("content-type", "").split(";")[0].strip().lower()
         if scope["method"] == "POST" and kind != "application/json":

@@ -127,7 +127,7 @@ class Jobs:
         Raises LookupError if there is none.
         """
         for job in self._jobs.values():
-            if secrets.compare_digest(job.key, key):
+            if secrets.compare_digest(job.key.encode(), key.encode("utf-8", "replace")):
                 return job
         raise LookupError(key)
 

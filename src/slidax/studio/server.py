@@ -17,6 +17,7 @@ import uvicorn
 from slidax._errors import DefinitionError
 
 from .app import Studio
+from .connection import connections
 from .folder import Folder
 
 PORT = 8577
@@ -57,7 +58,7 @@ def serve(
         access_log=False,
         log_level="warning",
         ws="none",
-        http="h11",
+        http=connections(token),
         lifespan="on",
         limit_concurrency=100,
         timeout_keep_alive=30,

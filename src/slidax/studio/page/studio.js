@@ -60,9 +60,10 @@
         on: { click: () => { home.scrollIntoView(); home.querySelector("[role=tab]").focus({ preventScroll: true }); } } }));
       await files.renew();
       await jobs.renew();
-      const first = about.opened || "example-4.1-1khz";
+      // The page comes with a built-in scenario: what was opened needs the token.
+      const first = about.opened || about.shown;
       scenario.choice.value = first;
-      await scenario.open(first, false).catch(error => scenario.say(error.message, "bad"));
+      await scenario.open(first, first !== about.shown).catch(error => scenario.say(error.message, "bad"));
     } catch (error) {
       home.replaceChildren(title, element("p.studio-line", { role: "alert", "data-tone": "bad", text: error.message }));
       home.hidden = false;

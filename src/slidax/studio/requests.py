@@ -1,0 +1,179 @@
+"""Requests of the page as typed values: all of their fields are checked here, before anything else sees them.
+
+A request that has another form is answered with the status 400 and a sentence. What a scenario says is not checked
+here: that is the workbench's part, and has the status 422.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from typing import Annotated, Any, TypeVar
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
+
+from slidax._errors import DefinitionError, plain
+
+DEEPEST = 50
+"""Lists and mappings in each other in a request."""
+
+DIGITS = 330
+"""Characters of a number in a request; the largest float needs 309."""
+
+LONGEST_PATH = 1024
+"""Characters of a file's name; those of a field's path may be more by list indices only."""
+
+LONGEST_TEXT = 1_000_000
+"""Characters of a scenario's text."""
+
+MOST_CHANGES = 10_000
+"""Values that one request changes."""
+
+
+class RequestError(DefinitionError):
+    """A request has not the form that the studio takes."""
+
+
+Name = Annotated[str, Field(max_length=LONGEST_PATH)]
+
+
+class _Request(BaseModel):
+    model_config = ConfigDict(extra="forbid", strict=True)
+
+
+class Nothing(_Request):
+    """A request without fields."""
+
+
+class ScenarioRequest(_Request):
+    """A scenario: a built-in one by name, a file by path, or a text that would stand there, with changed values."""
+
+    name: Name | None = None
+    path: Name | None = None
+    text: Annotated[str, Field(max_length=LONGEST_TEXT)] | None = None
+    changes: Annotated[dict[Name, Any], Field(max_length=MOST_CHANGES)] | None = None
+
+
+class DraftRequest(_Request):
+    """A new scenario for an arm."""
+
+    robot: Annotated[Name, Field(min_length=1)]
+    rate: Annotated[float, Field(gt=0, le=1e9)] = 1000.0
+    tip: Name | None = None
+
+    @field_validator("rate", mode="before")
+    @classmethod
+    def _whole_numbers_are_numbers(cls, value: Any) -> Any:
+        return float(value) if isinstance(value, int) and not isinstance(value, bool) else value
+
+
+class PartRequest(_Request):
+    """A part of the catalogue."""
+
+    name: Annotated[Name, Field(min_length=1)]
+
+
+class JobRequest(_Request):
+    """A new job; `commands` checks what is said to it."""
+
+    kind: Name
+    said: Annotated[dict[Name, Any], Field(max_length=100)]
+
+
+ASKED: dict[str, type[_Request]] = {
+    "check": ScenarioRequest,
+    "run": ScenarioRequest,
+    "manifest": ScenarioRequest,
+    "compiled": ScenarioRequest,
+    "new": DraftRequest,
+    "catalogue": Nothing,
+    "part": PartRequest,
+}
+"""Requests to the workbench, by name."""
+
+Kind = TypeVar("Kind", bound=_Request)
+
+
+def read_request(content: bytes, kind: type[Kind]) -> Kind:
+    """The request in a body.
+
+    - `content`: JSON.
+    - `kind`: the fields that it has.
+
+    Raises RequestError with the field and the rule if it has another form.
+    """
+    try:
+        data = json.loads(content, parse_constant=_refuse_constant, parse_int=_integer, parse_float=_number)
+    except RequestError:
+        raise
+    except (ValueError, RecursionError):
+        raise RequestError("the request must be JSON") from None
+    if not isinstance(data, dict):
+        raise RequestError("the request must be a mapping")
+    _require_plain(data)
+    try:
+        return kind.model_validate(data)
+    except ValidationError as error:
+        first = error.errors(include_url=False, include_context=False)[0]
+        where = ".".join(plain(part) for part in first["loc"] if part != "[key]")
+        raise RequestError(_sentence(first["type"], first["msg"], kind), where=where) from None
+
+
+def _sentence(rule: str, message: str, kind: type[_Request]) -> str:
+    if rule == "extra_forbidden":
+        fields = ", ".join(f"`{name}`" for name in kind.model_fields)
+        return f"unknown field; there are: {fields}" if fields else "unknown field: this request has none"
+    if rule == "missing":
+        return "this field must be given"
+    return message[:1].lower() + message[1:]
+
+
+def _require_plain(data: Any) -> None:
+    """Raise RequestError if values are nested too deeply, or a text has half of a surrogate pair."""
+    level: list[Any] = [data]
+    for _ in range(DEEPEST + 1):
+        below: list[Any] = []
+        for value in level:
+            if isinstance(value, str):
+                _require_text(value)
+            elif isinstance(value, dict):
+                for key in value:
+                    _require_text(key)
+                below.extend(value.values())
+            elif isinstance(value, list):
+                below.extend(value)
+        if not below:
+            return
+        level = below
+    raise RequestError(f"the request has more than {DEEPEST} lists or mappings in each other")
+
+
+def _require_text(text: str) -> None:
+    try:
+        text.encode("utf-8")
+    except UnicodeEncodeError:
+        raise RequestError(f"`{plain(text)}` has half of a surrogate pair, which is no character") from None
+
+
+def _refuse_constant(word: str) -> float:
+    raise RequestError(f"`{word}` is no number of JSON")
+
+
+def _integer(word: str) -> int:
+    _require_short(word)
+    if not math.isfinite(float(word)):
+        raise RequestError(f"the number `{plain(word)}` is too large")
+    return int(word)
+
+
+def _number(word: str) -> float:
+    _require_short(word)
+    number = float(word)
+    if not math.isfinite(number):
+        raise RequestError(f"the number `{plain(word)}` is too large")
+    return number
+
+
+def _require_short(word: str) -> None:
+    if len(word) > DIGITS:
+        raise RequestError(f"the number `{plain(word)}` has {len(word)} digits, and at most {DIGITS} are read")

@@ -1,0 +1,164 @@
+"""Connections that send slowly, or nothing: they are closed, and the page is answered meanwhile."""
+
+from __future__ import annotations
+
+import asyncio
+import socket
+import threading
+import time
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+
+pytest.importorskip("uvicorn", reason="the extra `studio` is not installed")
+
+import uvicorn
+
+from slidax.studio import connection
+from slidax.studio.connection import connections
+from slidax.studio.guard import Guard
+
+TOKEN = "right"
+
+
+async def app(scope: Any, receive: Any, send: Any) -> None:
+    if scope["path"] == "/slow":
+        await asyncio.sleep(1.5)
+    size = 0
+    while True:
+        message = await receive()
+        size += len(message.get("body", b""))
+        if not message.get("more_body"):
+            break
+    await send({"type": "http.response.start", "status": 200, "headers": [(b"content-length", b"8000000")]})
+    await send({"type": "http.response.body", "body": b"x" * 8_000_000})
+
+
+@pytest.fixture
+def port(monkeypatch: pytest.MonkeyPatch) -> Iterator[int]:
+    for name, value in {"HEAD": 0.4, "BODY": 0.8, "UNTRUSTED": 1.0, "LOOK": 0.05}.items():
+        monkeypatch.setattr(connection, name, value)
+    with socket.socket() as listening:
+        listening.bind(("127.0.0.1", 0))
+        listening.listen(256)
+        number = int(listening.getsockname()[1])
+        guarded = Guard(app, port=number, token=TOKEN)
+        config = uvicorn.Config(
+            guarded, http=connections(TOKEN), ws="none", lifespan="off", log_level="critical", limit_concurrency=100
+        )
+        server = uvicorn.Server(config)
+        thread = threading.Thread(target=lambda: asyncio.run(server.serve([listening])), daemon=True)
+        thread.start()
+        while not server.started:
+            time.sleep(0.01)
+        yield number
+        server.should_exit = True
+        thread.join(10.0)
+
+
+def opened(port: int, text: str) -> socket.socket:
+    link = socket.create_connection(("127.0.0.1", port), timeout=10.0)
+    link.sendall(text.format(host=f"127.0.0.1:{port}").replace("\n", "\r\n").encode())
+    return link
+
+
+def status(link: socket.socket) -> int:
+    """Of the answer, which is read to its end; 0 if there is none."""
+    content = b""
+    try:
+        while len(content) < 8_000_000 and (more := link.recv(1 << 20)):
+            content += more
+            if b"content-length: 8000000" not in content[:2000] and b"\r\n\r\n" in content:
+                break
+    except ConnectionResetError:
+        pass
+    return int(content.split()[1]) if content else 0
+
+
+GOOD = "GET /api/x HTTP/1.1\nhost: {host}\nx-slidax-token: right\n\n"
+
+
+def is_closed(link: socket.socket, seconds: float) -> bool:
+    link.settimeout(seconds)
+    try:
+        while link.recv(1 << 20):
+            pass
+    except TimeoutError:
+        return False
+    except OSError:
+        pass
+    return True
+
+
+def test_a_hundred_and_fifty_unfinished_heads_do_not_keep_the_page_out(port: int) -> None:
+    links = [opened(port, "GET /api/x HTTP/1.1\nhost: {host}\nx-a: ") for _ in range(150)]
+    with opened(port, GOOD) as page:
+        assert status(page) == 200
+    assert all(is_closed(link, 5.0) for link in links)
+    for link in links:
+        link.close()
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        "GET",
+        "GET / HTTP/1.1\nhost: {host}\n",
+        "POST /api/x HTTP/1.1\nhost: {host}\ncontent-type: application/json\nx-slidax-token: right\n"
+        "content-length: 50\n\nx",
+        "POST /api/x HTTP/1.1\nhost: {host}\ncontent-type: application/json\nx-slidax-token: right\n"
+        "transfer-encoding: chunked\n\n1\nx\n",
+        "POST /api/x HTTP/1.1\nhost: {host}\ncontent-type: application/json\ncontent-length: 50\n\nx",
+        "PUT /api/x HTTP/1.1\nhost: {host}\nx-slidax-token: right\ncontent-length: 5000000\n\nx",
+    ],
+)
+@pytest.mark.parametrize("drip", [False, True])
+def test_a_request_that_does_not_end_is_closed(port: int, text: str, drip: bool) -> None:
+    begun = time.monotonic()
+    with opened(port, text) as link:
+        if drip:
+            _dripped(link)
+        assert is_closed(link, 5.0)
+    assert time.monotonic() - begun < 4.0
+
+
+def _dripped(link: socket.socket) -> None:
+    """A byte every now and then, as long as somebody listens."""
+    until = time.monotonic() + 3.0
+    try:
+        while time.monotonic() < until:
+            link.sendall(b"x")
+            time.sleep(0.05)
+    except OSError:
+        return
+    raise AssertionError("the connection stays open")
+
+
+def test_a_second_request_on_a_connection_has_its_own_time(port: int) -> None:
+    with opened(port, GOOD) as link:
+        assert status(link) == 200
+        time.sleep(1.2)
+        link.sendall(b"GET /api/x HTTP/1.1\r\n")
+        assert is_closed(link, 5.0)
+    with opened(port, GOOD) as link:
+        for _ in range(3):
+            assert status(link) == 200
+            time.sleep(0.6)
+            link.sendall(GOOD.format(host=f"127.0.0.1:{port}").replace("\n", "\r\n").encode())
+        assert status(link) == 200
+
+
+def test_an_answer_that_takes_long_is_waited_for(port: int) -> None:
+    with opened(port, GOOD.replace("/api/x", "/slow").replace("x-slidax-token: right\n", "")) as link:
+        assert status(link) == 200
+
+
+def test_who_does_not_read_a_page_does_not_keep_the_others_out(port: int) -> None:
+    links = [opened(port, "GET / HTTP/1.1\nhost: {host}\n\n") for _ in range(120)]
+    with opened(port, GOOD) as page:
+        assert status(page) == 200
+    time.sleep(1.5)
+    for link in links:
+        link.close()
