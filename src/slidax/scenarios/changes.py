@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from slidax._errors import DefinitionError, plain
 
+from .indexed import joint_names_in, without_brackets
 from .schemes import PRESETS, owner_of, placed, renamed, switched, with_kinds
 
 
-def changed(data: dict[str, Any], changes: dict[str, Any]) -> dict[str, Any]:
+def changed(data: dict[str, Any], changes: dict[str, Any], folder: Path = Path()) -> dict[str, Any]:
     """A scenario with other values, each number of its scheme under the part that has it.
 
     - `data`: the mapping in the file, which stays as it is.
-    - `changes`: values by dotted path. Names and kinds come first: what else is set belongs to what they name. A `kind`
-      that is not the file's own drops what the file says of the other one.
+    - `changes`: values by dotted path. Names and kinds come first, places in lists, such as `start.q[0]`, last: what
+      else is set belongs to what they name. A `kind` that is not the file's own drops what the file says of the other
+      one.
+    - `folder`: from where files that the scenario names are found.
 
     Raises DefinitionError if a path leads nowhere.
     """
@@ -24,8 +28,11 @@ def changed(data: dict[str, Any], changes: dict[str, Any]) -> dict[str, Any]:
         data["scheme"] = switched(data.get("scheme"), changes.pop("scheme.name"))
     if isinstance(data.get("scheme"), dict):
         data["scheme"] = with_kinds(placed(data["scheme"]))
-    for path, value in sorted(changes.items(), key=lambda change: not change[0].endswith(".kind")):
-        _set(data, path_in(data, path), _found_from_here(path, value))
+    joints: tuple[str, ...] = ()
+    for path, value in sorted(changes.items(), key=lambda change: (not change[0].endswith(".kind"), "[" in change[0])):
+        if "[" in path and not joints:
+            joints = joint_names_in(data, folder)
+        _set(data, path_in(data, path, joints), _found_from_here(path, value), len(joints))
     if isinstance(data.get("scheme"), dict):
         data["scheme"] = placed(data["scheme"])
     return data
@@ -43,12 +50,16 @@ def _found_from_here(path: str, value: Any) -> Any:
     return str(Path.cwd() / value) if path.endswith(".file") and isinstance(value, str) else value
 
 
-def path_in(data: dict[str, Any], path: str) -> str:
-    """The path of a number of the scheme with the part that has it; any other as it is.
+def path_in(data: dict[str, Any], path: str, joints: Sequence[str] = ()) -> str:
+    """The path of a number of the scheme with the part that has it; any other as it is. Places are numbers.
 
     - `data`: the mapping in the file.
     - `path`: as of `--set`.
+    - `joints`: names of the robot's joints, for places that are given by them.
+
+    Raises DefinitionError if a place is none.
     """
+    path = without_brackets(path, joints)
     parts = path.split(".")
     scheme = data.get("scheme")
     if parts[0] != "scheme" or len(parts) < 2 or not isinstance(scheme, dict):
@@ -59,7 +70,7 @@ def path_in(data: dict[str, Any], path: str) -> str:
     return ".".join(renamed(["scheme", *([owner] if owner else []), *parts[1:]]))
 
 
-def _set(data: dict[str, Any], path: str, value: Any) -> None:
+def _set(data: dict[str, Any], path: str, value: Any, joints: int) -> None:
     parts = path.split(".")
     if not all(parts):
         raise DefinitionError(f"`{plain(path)}` is no path: it needs a name between any two dots, and at its ends")
@@ -76,9 +87,19 @@ def _set(data: dict[str, Any], path: str, value: Any) -> None:
             key = part
         else:
             raise DefinitionError(f"`{plain(here)}` is a single value, so `{plain(path)}` cannot be set")
+        if depth < len(parts) - 1 and parts[depth + 1].isdigit() and isinstance(place, dict):
+            place[key] = _one_per_joint(place.get(key), ".".join(parts[: depth + 1]), joints)
         if depth == len(parts) - 1:
             if key == "kind" and isinstance(place, dict) and place.get("kind", value) != value:
                 place.clear()
             place[key] = value
         else:
             place = place.setdefault(key, {}) if isinstance(place, dict) else place[key]
+
+
+def _one_per_joint(value: Any, path: str, joints: int) -> Any:
+    """What one number of is set: one number for all joints becomes one for each."""
+    if value is None:
+        raise DefinitionError(f"`{plain(path)}` is not in the file, so that one of its numbers cannot be set: set all")
+    spread = joints and isinstance(value, int | float) and not isinstance(value, bool)
+    return [value] * joints if spread else value

@@ -76,6 +76,27 @@ class Family:
         """Both spaces as one: what is uncertain first."""
         return Space({**self.uncertain.leaves, **self.varied.leaves}, {**self.uncertain.sets, **self.varied.sets})
 
+    @cached_property
+    def joint_names(self) -> tuple[str, ...]:
+        """The names of the robot's joints."""
+        return _joints(self.base)
+
+    def label(self, column: str) -> str:
+        """A column of a study's table for a person: a joint by its name, any other place by its number from 0.
+
+        - `column`: such as `start.q[3]`, or a path such as `start.q.3`.
+
+        `--set` takes what it returns.
+        """
+        path, _, places = column.partition("[")
+        leaf = self.space.leaves[path]
+        if not places and path.rpartition(".")[2].isdigit():
+            path, _, place = path.rpartition(".")
+            return f"{path}[{self.joint_names[int(place)]}]" if leaf.one_of_joints else f"{path}[{place}]"
+        if leaf.each_joint and places[:-1].isdigit():
+            return f"{path}[{self.joint_names[int(places[:-1])]}]"
+        return column
+
     def require_valid(self) -> None:
         """Raises DefinitionError, with the path, if a scenario at an end of the sets is invalid."""
         for where, space in (("uncertainty", self.uncertain), ("varied", self.varied)):
@@ -207,8 +228,10 @@ def _space(base: ScenarioDescription, sets: Mapping[str, AbstractSet], *, law: b
     data = base.model_dump(exclude_unset=True, exclude={"truth", "uncertainty"})
     own = base if law else base.as_it_is()
     placed: dict[str, AbstractSet] = {}
+    joints = _joints(own)
     for path, one in sets.items():
-        full = "start.q" if path == "start" and isinstance(one, Inside) else path_in(data, path)
+        with located(path):
+            full = "start.q" if path == "start" and isinstance(one, Inside) else path_in(data, path, joints)
         if isinstance(one, Inside) and full != "start.q":
             raise DefinitionError("`inside` is for `start`", where=path)
         if not law and full.split(".")[0] in OF_THE_LAW:
@@ -216,11 +239,10 @@ def _space(base: ScenarioDescription, sets: Mapping[str, AbstractSet], *, law: b
         if full in placed:
             raise DefinitionError("is given twice", where=path)
         placed[full] = one
-    joints = _joints(own)
     leaves: dict[str, Leaf] = {}
     for path, one in placed.items():
         with located(path):
-            leaves[path] = _leaf(own, path, one, joints)
+            leaves[path] = _leaf(own, path, one, len(joints))
     return Space(leaves, placed)
 
 
@@ -254,9 +276,10 @@ def _written(own: ScenarioDescription, path: str, example: Any, joints: int) -> 
     return replace(there, own=np.asarray(example, float) if np.ndim(example) else None)
 
 
-def _joints(base: ScenarioDescription) -> int:
+def _joints(base: ScenarioDescription) -> tuple[str, ...]:
     with located("robot"):
-        return int(base.robot.build().true.joints)
+        names: tuple[str, ...] = base.robot.build().true.joint_names
+    return names
 
 
 def _start_of(own: ScenarioDescription) -> tuple[Array, Array]:

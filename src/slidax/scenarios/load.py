@@ -28,7 +28,8 @@ def load(scenario: str | Path, changes: dict[str, Any] | None = None) -> Scenari
     """A scenario, built.
 
     - `scenario`: name of a built-in scenario, or path of a YAML file.
-    - `changes`: values by dotted path, such as `{"disturbance.scale": 0.0}`, set before validation. `scheme.name` comes
+    - `changes`: values by dotted path, such as `{"disturbance.scale": 0.0}` or `{"start.q[elbow]": 0.3}`, set before
+      validation; a place in a list is a joint's name or a number from 0. `scheme.name` comes
       first and puts another scheme in place of the file's, of which the envelope, the bound and `sampled_data` remain.
       Files that are named here are found from the current folder.
 
@@ -100,7 +101,7 @@ def validated(
     if not isinstance(data, dict):
         raise DefinitionError("a scenario is a mapping with the keys " + ", ".join(ScenarioDescription.model_fields))
     require_readable(data)
-    data = changed(data, changes or {})
+    data = changed(data, changes or {}, folder)
     try:
         found = form.model_validate(data, context={"folder": folder})
     except ValidationError as error:

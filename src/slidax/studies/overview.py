@@ -125,11 +125,9 @@ def flat_names(family: Family, table: Columns) -> list[str]:
 
 
 def _label(family: Family, name: str) -> str:
-    path, bracket, place = name.partition("[")
-    unit = family.space.leaves[path].unit
-    short = ".".join(path.split(".")[-2:])
-    if bracket:
-        short += f"[{int(place[:-1]) + 1}]" if place[:-1].isdigit() else f"[{place}"
+    path, bracket, place = family.label(name).partition("[")
+    unit = family.space.leaves[name.partition("[")[0]].unit
+    short = ".".join(path.split(".")[-2:]) + bracket + place
     return f"{short}  [{unit}]" if unit else short
 
 
@@ -137,7 +135,7 @@ def _worst(family: Family, table: Columns, worst: Mapping[str, Any], row: int) -
     values = flat({path: np.asarray(value)[None] for path, value in worst.items()})
     rows: list[tuple[str, float, str]] = []
     for name, value in values.items():
-        rows.append((name, float(value[0]), family.space.leaves[name.partition("[")[0]].unit))
+        rows.append((family.label(name), float(value[0]), family.space.leaves[name.partition("[")[0]].unit))
     margin = float(table["margin"][row])
     said = f"margin {margin:.4g} of the envelope's width" if np.isfinite(margin) else "without an envelope"
     return Section(

@@ -96,6 +96,11 @@ class SensitivityResult(AbstractResult):
         return len(self.table["row"])
 
     @property
+    def labels(self) -> tuple[str, ...]:
+        """The names for a person."""
+        return tuple(self.family.label(name) for name in self.names)
+
+    @property
     def ended(self) -> str:
         """What there is."""
         without = [f"{count} runs have no `{one}`, which has no indices" for one, count in self.missing.items()]
@@ -110,7 +115,7 @@ class SensitivityResult(AbstractResult):
     def lead(self) -> str:
         """The answer in a sentence."""
         said = [
-            f"of `{of}` {self.names[int(np.argmax(one.total))]} has {min(max(float(one.total.max()), 0.0), 1.0):.0%}"
+            f"of `{of}` {self.labels[int(np.argmax(one.total))]} has {min(max(float(one.total.max()), 0.0), 1.0):.0%}"
             for of, one in self.indices.items()
             if one.variance > 0
         ]
@@ -124,9 +129,9 @@ class SensitivityResult(AbstractResult):
         for of, one in self.indices.items():
             rows: list[list[Cell]] = [
                 [name, *(float(share[k]) for share in (one.first, one.first_half, one.total, one.total_half))]
-                for k, name in enumerate(self.names)
+                for k, name in enumerate(self.labels)
             ]
-            drawing = variance_shares(self.names, one.first, one.total, (one.first_half, one.total_half))
+            drawing = variance_shares(self.labels, one.first, one.total, (one.first_half, one.total_half))
             note = f"Shares of the variance, with half the widths of their {self.study.confidence:.0%} intervals."
             picture = Drawn(f"shares-{of}", f"Shares of {of}", "By itself, and together with others.", drawing)
             head = ("Uncertain", "by itself", "±", "in all", "±")

@@ -188,7 +188,7 @@ class SweepResult(AbstractResult):
     def _label(self, path: str) -> str:
         known = self.family.space.leaves
         unit = next((leaf.unit for name, leaf in known.items() if name == path or name.endswith(path)), "")
-        short = ".".join(path.split(".")[-2:])
+        short = ".".join((self.family.label(path) if path in known else path).split(".")[-2:])
         return f"{short}  [{unit}]" if unit else short
 
     def as_json(self) -> dict[str, Any]:

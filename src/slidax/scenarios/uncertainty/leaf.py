@@ -10,6 +10,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel
+from pydantic.fields import FieldInfo
 
 from slidax._errors import DefinitionError, nearest, plain, shown
 
@@ -28,6 +29,8 @@ class Leaf:
     - `own`: its value; None where it has none.
     - `joints`: of the arm.
     - `per_joint`: whether it may be one number for all joints, or one for each.
+    - `one_of_joints`: whether it is one joint's number in a list with one for each.
+    - `open_list`: whether it is a list that the file may make as long as the arm has joints.
     - `integer`: whether it is a whole number.
     - `unit`: of one of its numbers.
     - `ends`: of its range, as far as they are numbers.
@@ -38,10 +41,17 @@ class Leaf:
     own: Array | None
     joints: int
     per_joint: bool = False
+    one_of_joints: bool = False
+    open_list: bool = False
     integer: bool = False
     unit: str = ""
     ends: tuple[float, float] = (-np.inf, np.inf)
     envelope: Callable[[], tuple[Array, Array]] | None = field(default=None, compare=False)
+
+    @property
+    def each_joint(self) -> bool:
+        """True if each of its numbers belongs to a joint."""
+        return self.per_joint or (self.open_list and self.shape == (self.joints,))
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -108,6 +118,7 @@ def leaf_of(description: BaseModel, path: str, joints: int, *, own: Any = None) 
     place: Any = description
     kind: Any = None
     said: Mapping[str, Any] = {}
+    open_list = one_of_joints = False
     for name in path.split("."):
         if isinstance(place, BaseModel):
             fields = type(place).model_fields
@@ -116,8 +127,12 @@ def leaf_of(description: BaseModel, path: str, joints: int, *, own: Any = None) 
             kind, extra = fields[name].annotation, fields[name].json_schema_extra
             said = extra if isinstance(extra, dict) else {}
             place = getattr(place, name)
+            open_list = list[float] in _words(kind) and not _has_length(fields[name])
         elif isinstance(place, tuple | list) and name.isdigit() and int(name) < len(place):
+            one_of_joints = open_list and len(place) == joints
             place, kind = place[int(name)], float
+        elif name.isdigit() and isinstance(place, int | float):
+            raise DefinitionError(f"{place} is one number for all joints: write one for each into the scenario")
         else:
             raise DefinitionError(f"`{plain(name)}` leads nowhere in {shown(place)}")
     words = _words(kind)
@@ -134,10 +149,17 @@ def leaf_of(description: BaseModel, path: str, joints: int, *, own: Any = None) 
         array,
         joints,
         per_joint=float in words and list[float] in words,
+        one_of_joints=one_of_joints,
+        open_list=open_list,
         integer=int in words and float not in words,
         unit=str(said.get("unit", "")),
         ends=(float(lower), float(upper)),
     )
+
+
+def _has_length(field: FieldInfo) -> bool:
+    """True if a list has a length of its own, such as the three numbers of a place."""
+    return "MinLen" in str(field.metadata) or "min_length" in str(field.annotation)
 
 
 def _words(kind: Any) -> set[Any]:
