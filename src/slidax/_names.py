@@ -46,6 +46,14 @@ def are_numbered(names: Sequence[str]) -> bool:
     return all(NUMBERED.fullmatch(name) for name in names)
 
 
+def joint_called(name: str) -> str:
+    """A joint in a sentence: "joint 2", or "joint `elbow`" where it has a name of its own.
+
+    - `name`: of the joint.
+    """
+    return name if NUMBERED.fullmatch(name) else f"joint `{name}`"
+
+
 def quoted(names: Sequence[str]) -> str:
     """Names in a message, "`shoulder`, `elbow`".
 

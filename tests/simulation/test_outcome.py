@@ -10,6 +10,7 @@ import pytest
 from slidax._errors import OutcomeError
 from slidax._types import State
 from slidax.simulation import simulate
+from slidax.simulation.outcome import Fault, describe
 from slidax.trajectories import Constant
 from tests.paper import MOTION_4_1, START_4_1, law_4_1, plant_4_1
 from tests.simulation.simple import SMOOTH_PLANT, SPRING, Breaks, Spring, Tube
@@ -164,3 +165,12 @@ def test_a_good_run_says_that_it_reached_its_end():
     assert run.outcome.ok
     assert run.outcome.t is None
     assert run.outcome.joint is None
+
+
+def test_messages_name_joints_that_have_names() -> None:
+    numbers = {"t": 0.5, "joint": 1, "error": 0.2, "bound": 0.1}
+    fault = Fault(kind=jnp.asarray(1), **{name: jnp.asarray(value) for name, value in numbers.items()})
+    outcome = describe(fault, None, 0, 1e-3, ("rad", "m"), ("base yaw", "lift"))
+    assert outcome.message.startswith("Joint `lift` left its envelope at t = 0.5 s (e = 0.2 m") and outcome.joint == 2
+    outcome = describe(fault, None, 0, 1e-3, ("rad", "m"), ("joint 1", "joint 2"))
+    assert outcome.message.startswith("Joint 2 left its envelope")

@@ -19,6 +19,8 @@ from .error import settling_time as settling_time
 from .error import steady_error as steady_error
 from .frames import frame as frame
 from .metric import Metric as Metric
+from .metric import array_of as array_of
+from .metric import arrays as arrays
 from .metric import metric as metric
 from .names import short_names as short_names
 from .promise import promise_margin as promise_margin

@@ -7,7 +7,7 @@ import numpy as np
 from slidax.simulation import Run
 
 from .error import reached_last_quarter
-from .metric import integral, metric, where
+from .metric import array_of, arrays, integral, metric, root, where
 
 
 @metric("peak torque", "{torque}", brief=True)
@@ -16,7 +16,7 @@ def peak_torque(run: Run) -> np.ndarray:
 
     - `run`: a finished run, or a batch.
     """
-    return np.asarray(run.tally.peak_torque)
+    return array_of(run.tally.peak_torque)
 
 
 @metric("initial torque", "{torque}")
@@ -25,7 +25,7 @@ def initial_torque(run: Run) -> np.ndarray:
 
     - `run`: a finished run, or a batch.
     """
-    return np.abs(np.asarray(run.tally.first_torque))
+    return abs(array_of(run.tally.first_torque))
 
 
 @metric("torque step, max", "{torque}", brief=True)
@@ -34,7 +34,7 @@ def max_torque_step(run: Run) -> np.ndarray:
 
     - `run`: a finished run, or a batch.
     """
-    return np.asarray(run.tally.max_step)
+    return array_of(run.tally.max_step)
 
 
 @metric("torque step, steady", "{torque}", brief=True)
@@ -43,7 +43,7 @@ def steady_torque_step(run: Run) -> np.ndarray | None:
 
     - `run`: a finished run, or a batch.
     """
-    return where(reached_last_quarter(run), np.asarray(run.tally.steady_step))
+    return where(reached_last_quarter(run), array_of(run.tally.steady_step))
 
 
 @metric("torque step, steady, rms", "{torque}")
@@ -52,9 +52,10 @@ def steady_torque_step_rms(run: Run) -> np.ndarray | None:
 
     - `run`: a finished run, or a batch.
     """
-    steps = np.asarray(run.tally.samples) - 1 - np.asarray(run.windows.steady)
-    square = np.asarray(run.tally.steady_square) / np.maximum(steps, 1)[..., None]
-    return where(reached_last_quarter(run), np.sqrt(square))
+    xp = arrays(run)
+    steps = array_of(run.tally.samples) - 1 - array_of(run.windows.steady)
+    square = array_of(run.tally.steady_square) / xp.maximum(steps, 1).astype(float)[..., None]
+    return where(reached_last_quarter(run), root(xp, square))
 
 
 @metric("torque energy", "({torque})² s", brief=True, bars=True)
@@ -65,7 +66,7 @@ def torque_energy(run: Run) -> np.ndarray:
 
     - `run`: a finished run, or a batch.
     """
-    first, last = np.asarray(run.tally.first_torque), np.asarray(run.tally.last_torque)
+    first, last = array_of(run.tally.first_torque), array_of(run.tally.last_torque)
     return integral(run, run.tally.torque_square, first**2, last**2)
 
 
@@ -77,4 +78,4 @@ def torque_travel(run: Run) -> np.ndarray:
 
     - `run`: a finished run, or a batch.
     """
-    return np.asarray(run.tally.torque_travel)
+    return array_of(run.tally.torque_travel)

@@ -6,10 +6,10 @@ import numpy as np
 
 from slidax.simulation import Run
 
-from .metric import metric, where
+from .metric import array_of, metric, where
 
 
-@metric("samples outside the envelope", "", per_joint=False)
+@metric("samples outside the envelope", "", per_joint=False, counts=True)
 def envelope_violations(run: Run) -> np.ndarray | int | None:
     """How many samples had a joint at or outside its bounds (12); None for a scheme that promises none.
 
@@ -17,7 +17,7 @@ def envelope_violations(run: Run) -> np.ndarray | int | None:
     """
     if not run.has_envelope:
         return None
-    violations = np.asarray(run.tally.violations)
+    violations = array_of(run.tally.violations)
     return violations if violations.ndim else int(violations)
 
 
@@ -29,4 +29,4 @@ def envelope_margin(run: Run) -> np.ndarray | None:
 
     - `run`: a finished run, or a batch.
     """
-    return where(np.asarray(run.tally.samples) > 0, np.asarray(run.tally.margin)) if run.has_envelope else None
+    return where(array_of(run.tally.samples) > 0, array_of(run.tally.margin)) if run.has_envelope else None

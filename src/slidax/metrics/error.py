@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from slidax._errors import DefinitionError
+from slidax._errors import DefinitionError, is_traced
 from slidax.simulation import Run
 
-from .metric import Metric, integral, metric, where
+from .metric import Metric, array_of, arrays, counting, integral, metric, root, where
 
 BRIEF_BANDS = (1e-3, 1e-5)
 """The settling bands of the short comparison on a terminal, rad or m."""
@@ -22,17 +22,19 @@ def settling_time(run: Run, band: float) -> np.ndarray:
     - `run`: a finished run, or a batch.
     - `band`: one of the bands that were tallied, rad or m.
 
-    Raises DefinitionError if the band was not tallied.
+    Raises DefinitionError if the band was not tallied, or the run is traced.
     """
+    if is_traced(run.tally):
+        raise counting("settling_time")
     bands = _bands(run)
     match = np.flatnonzero(np.isclose(bands, band, rtol=1e-9, atol=0.0))
     if not len(match):
         known = ", ".join(f"{b:g}" for b in bands)
         remedy = f"simulate with `bands=({band:g},)`"
         raise DefinitionError(f"the band {band:g} was not tallied; there are {known}; {remedy}")
-    last = np.maximum(np.asarray(run.tally.last_above)[..., match[0], :], 0)
+    last = np.maximum(array_of(run.tally.last_above)[..., match[0], :], 0)
     # Rounded to a picosecond: 7614 periods of 1e-4 s are .7614 s, not .7614000000000001 s.
-    times: np.ndarray = np.round(last * np.asarray(run.period)[..., None], 12)
+    times: np.ndarray = np.round(last * array_of(run.period)[..., None], 12)
     return times
 
 
@@ -53,7 +55,7 @@ def settling_times(run: Run) -> tuple[Metric[np.ndarray], ...]:
         brief = bool(np.isclose(band, BRIEF_BANDS, atol=0.0).any())
         name = _named(band)
         key, title = f"settling_time.{name}", f"settled to |e| <= {name}"
-        found.append(Metric(key, title, "s", function, brief=brief, needs_settling=True))
+        found.append(Metric(key, title, "s", function, brief=brief, needs_settling=True, counts=True))
     return tuple(found)
 
 
@@ -63,7 +65,7 @@ def steady_error(run: Run) -> np.ndarray | None:
 
     - `run`: a finished run, or a batch.
     """
-    return where(reached_last_quarter(run), np.asarray(run.tally.steady_error))
+    return where(reached_last_quarter(run), array_of(run.tally.steady_error))
 
 
 @metric("error, rms", "{position}")
@@ -73,12 +75,12 @@ def rms_error(run: Run) -> np.ndarray | None:
     - `run`: a finished run, or a batch.
     """
     tally = run.tally
-    first, last = np.asarray(tally.first_error), np.asarray(tally.last_error)
-    samples = np.asarray(tally.samples)
-    duration = np.maximum(samples - 1, 1) * np.asarray(run.period)
+    first, last = array_of(tally.first_error), array_of(tally.last_error)
+    samples = array_of(tally.samples)
+    duration = arrays(run).maximum(samples - 1, 1).astype(float) * array_of(run.period)
     mean = integral(run, tally.error_square, first**2, last**2) / duration[..., None]
     # Of a run without motion the difference of equal sums may fall a rounding below zero.
-    return where(samples > 1, np.sqrt(np.maximum(mean, 0.0)))
+    return where(samples > 1, root(arrays(run), mean))
 
 
 @metric("integral of |e|", "{position} s", brief=True, bars=True)
@@ -90,7 +92,7 @@ def iae(run: Run) -> np.ndarray:
     - `run`: a finished run, or a batch.
     """
     tally = run.tally
-    total = np.asarray(tally.early_error) + np.asarray(tally.late_error)
+    total = array_of(tally.early_error) + array_of(tally.late_error)
     return integral(run, total, tally.first_error, tally.last_error)
 
 
@@ -99,7 +101,7 @@ def reached_last_quarter(run: Run) -> Any:
 
     - `run`: a finished run, or a batch.
     """
-    return np.asarray(run.tally.samples) > np.asarray(run.windows.steady)
+    return array_of(run.tally.samples) > array_of(run.windows.steady)
 
 
 def _bands(run: Run) -> np.ndarray:

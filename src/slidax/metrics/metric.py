@@ -7,8 +7,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 
+from slidax._errors import DefinitionError, is_traced
 from slidax.simulation import Run
 
 Value = TypeVar("Value", covariant=True)
@@ -18,7 +21,8 @@ Value = TypeVar("Value", covariant=True)
 class Metric(Generic[Value]):
     """A metric, called like the function that computes it: `metrics.peak_torque(run)`.
 
-    A batch has the run as first axis. What a run does not have is None; of a batch it is masked.
+    A batch has the run as first axis. What a run does not have is None; of a batch it is masked. Inside `jit`, `vmap`
+    and `grad`, where nobody knows yet what there is, it is NaN.
 
     - `key`: its place in `summary` and in JSON; a dot in it opens a group.
     - `title`: a few words for tables.
@@ -29,6 +33,7 @@ class Metric(Generic[Value]):
     - `brief`: whether the short comparison on a terminal shows it.
     - `bars`: whether the report of a comparison draws it.
     - `needs_settling`: whether it is a time that means nothing if it lies at the end of the run.
+    - `counts`: whether it counts samples, and so has no derivative.
     - `source`: a DOI; tables show the metric for scenarios of this source only.
     """
 
@@ -41,6 +46,7 @@ class Metric(Generic[Value]):
     brief: bool = False
     bars: bool = False
     needs_settling: bool = False
+    counts: bool = False
     source: str = ""
 
     def __post_init__(self) -> None:
@@ -49,9 +55,21 @@ class Metric(Generic[Value]):
     def __call__(self, run: Run) -> Value:
         """The value.
 
-        - `run`: a finished run, or a batch.
+        - `run`: a finished run, or a batch; also inside `jit`, `vmap` and `grad`.
+
+        Raises DefinitionError inside these if the metric counts samples, or computes with NumPy.
         """
-        return self.function(run)
+        if not is_traced(run.tally):
+            return self.function(run)
+        if self.counts:
+            raise counting(self.key)
+        try:
+            return self.function(run)
+        except (jax.errors.TracerArrayConversionError, jax.errors.ConcretizationTypeError) as error:
+            raise DefinitionError(
+                f"`{self.key}` is computed by NumPy, which has no derivatives and cannot be traced: compute it by "
+                "`slidax.metrics.arrays(run)` in place of `numpy`, or take it of the finished run"
+            ) from error
 
     @property
     def meaning(self) -> str:
@@ -88,12 +106,53 @@ def metric(title: str, unit: str, *, key: str = "", **how: Any) -> Callable[[Cal
     return lambda function: Metric(key or function.__name__, title, unit, function, **how)
 
 
+def counting(name: str) -> DefinitionError:
+    """The refusal of a metric that counts samples, inside `jit`, `vmap` and `grad`.
+
+    - `name`: of the metric.
+    """
+    return DefinitionError(
+        f"`{name}` counts samples, so that it has no derivative and no value inside `jit`, `vmap` or `grad`: take it "
+        "of the finished run, and differentiate another metric, such as `rms_error`"
+    )
+
+
+def arrays(run: Run) -> Any:
+    """What a metric computes with: NumPy, or JAX's twin of it inside `jit`, `vmap` and `grad`.
+
+    - `run`: the run that it looks at.
+    """
+    return jnp if is_traced(run.tally) else np
+
+
+def array_of(value: Any) -> np.ndarray:
+    """A number of a run's tally as NumPy's; as it is inside `jit`, `vmap` and `grad`.
+
+    - `value`: one number, or an array.
+    """
+    array: Any = value if is_traced(value) else np.asarray(value)
+    return array  # type: ignore[no-any-return]
+
+
+def root(xp: Any, square: Any) -> Any:
+    """The square root, whose derivative at 0 is 0 in place of infinity.
+
+    - `xp`: NumPy, or JAX's.
+    - `square`: >= 0 but for rounding.
+    """
+    positive = square > 0.0
+    return xp.where(positive, xp.sqrt(xp.where(positive, square, 1.0)), 0.0)
+
+
 def where(known: Any, values: np.ndarray) -> np.ndarray | None:
     """The values of a run, or None if they are not known; those of a batch, masked where they are not.
 
     - `known`: [] or [runs].
-    - `values`: [n] or [runs n].
+    - `values`: [n] or [runs n]; of a traced run they are NaN where they are not known.
     """
+    if is_traced((known, values)):
+        traced: Any = jnp.where(jnp.asarray(known)[..., None], values, jnp.nan)
+        return traced  # type: ignore[no-any-return]
     known = np.asarray(known)
     if known.ndim == 0:
         return values if known else None
@@ -105,8 +164,11 @@ def of_the_run(known: Any, value: np.ndarray) -> np.ndarray | float | None:
     """One number of a run, or None if it is not known; those of a batch, masked where they are not.
 
     - `known`: [] or [runs].
-    - `value`: [] or [runs].
+    - `value`: [] or [runs]; of a traced run it is NaN where it is not known.
     """
+    if is_traced((known, value)):
+        traced: Any = jnp.where(known, value, jnp.nan)
+        return traced  # type: ignore[no-any-return]
     if value.ndim == 0:
         return float(value) if known else None
     masked: np.ndarray = np.ma.masked_array(value, ~np.asarray(known))
@@ -120,4 +182,5 @@ def integral(run: Run, total: Any, first: Any, last: Any) -> np.ndarray:
     - `total`: the sum over all samples.
     - `first`, `last`: the first and the last sample, of which half counts.
     """
-    return np.asarray(run.period)[..., None] * (np.asarray(total) - 0.5 * (np.asarray(first) + np.asarray(last)))
+    found: np.ndarray = array_of(run.period)[..., None] * (array_of(total) - 0.5 * (array_of(first) + array_of(last)))
+    return found

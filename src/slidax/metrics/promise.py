@@ -6,7 +6,7 @@ import numpy as np
 
 from slidax.simulation import Run
 
-from .metric import metric, of_the_run
+from .metric import array_of, arrays, metric, of_the_run
 
 
 @metric("margin of the promise", "", per_joint=False, least_is_best=False)
@@ -17,11 +17,11 @@ def promise_margin(run: Run) -> np.ndarray | float | None:
     """
     if run.tally.promise is None:
         return None
-    margin = np.asarray(run.tally.promise.margin)
-    return of_the_run(np.isfinite(margin), margin)
+    margin = array_of(run.tally.promise.margin)
+    return of_the_run(arrays(run).isfinite(margin), margin)
 
 
-@metric("first warning of the monitor", "s", per_joint=False, least_is_best=False)
+@metric("first warning of the monitor", "s", per_joint=False, least_is_best=False, counts=True)
 def warned_at(run: Run) -> np.ndarray | float | None:
     """When the monitor first said that the promise does not stand [s]; None if it never did, or without a monitor.
 
@@ -29,5 +29,5 @@ def warned_at(run: Run) -> np.ndarray | float | None:
     """
     if run.tally.promise is None:
         return None
-    warned = np.asarray(run.tally.promise.warned)
-    return of_the_run(warned >= 0, warned * np.asarray(run.period))
+    warned = array_of(run.tally.promise.warned)
+    return of_the_run(warned >= 0, warned * array_of(run.period))

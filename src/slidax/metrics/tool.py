@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from slidax.simulation import Run
 
 from .error import reached_last_quarter
-from .metric import metric, of_the_run
+from .metric import array_of, arrays, metric, of_the_run, root
 
 
 @metric("tool error", "m", per_joint=False)
@@ -18,7 +20,7 @@ def tool_error(run: Run) -> np.ndarray | float | None:
     """
     if run.tally.tool is None:
         return None
-    return of_the_run(np.asarray(run.tally.samples) > 0, np.asarray(run.tally.tool.place.error))
+    return of_the_run(array_of(run.tally.samples) > 0, array_of(run.tally.tool.place.error))
 
 
 @metric("steady tool error", "m", per_joint=False)
@@ -29,7 +31,7 @@ def steady_tool_error(run: Run) -> np.ndarray | float | None:
     """
     if run.tally.tool is None:
         return None
-    return of_the_run(reached_last_quarter(run), np.asarray(run.tally.tool.place.steady))
+    return of_the_run(reached_last_quarter(run), array_of(run.tally.tool.place.steady))
 
 
 @metric("tool error, rms", "m", per_joint=False)
@@ -40,8 +42,8 @@ def rms_tool_error(run: Run) -> np.ndarray | float | None:
     """
     if run.tally.tool is None:
         return None
-    samples = np.asarray(run.tally.samples)
-    return of_the_run(samples > 0, np.sqrt(np.asarray(run.tally.tool.place.square) / np.maximum(samples, 1)))
+    samples = array_of(run.tally.samples)
+    return of_the_run(samples > 0, _rms(run, run.tally.tool.place.square))
 
 
 @metric("tool turn", "rad", per_joint=False)
@@ -51,7 +53,7 @@ def tool_turn(run: Run) -> np.ndarray | float | None:
     - `run`: a finished run, or a batch.
     """
     turn = None if run.tally.tool is None else run.tally.tool.turn
-    return None if turn is None else of_the_run(np.asarray(run.tally.samples) > 0, np.asarray(turn.error))
+    return None if turn is None else of_the_run(array_of(run.tally.samples) > 0, array_of(turn.error))
 
 
 @metric("steady tool turn", "rad", per_joint=False)
@@ -61,7 +63,7 @@ def steady_tool_turn(run: Run) -> np.ndarray | float | None:
     - `run`: a finished run, or a batch.
     """
     turn = None if run.tally.tool is None else run.tally.tool.turn
-    return None if turn is None else of_the_run(reached_last_quarter(run), np.asarray(turn.steady))
+    return None if turn is None else of_the_run(reached_last_quarter(run), array_of(turn.steady))
 
 
 @metric("tool turn, rms", "rad", per_joint=False)
@@ -73,5 +75,11 @@ def rms_tool_turn(run: Run) -> np.ndarray | float | None:
     turn = None if run.tally.tool is None else run.tally.tool.turn
     if turn is None:
         return None
-    samples = np.asarray(run.tally.samples)
-    return of_the_run(samples > 0, np.sqrt(np.asarray(turn.square) / np.maximum(samples, 1)))
+    samples = array_of(run.tally.samples)
+    return of_the_run(samples > 0, _rms(run, turn.square))
+
+
+def _rms(run: Run, square: Any) -> Any:
+    """The root of a sum of squares over all samples."""
+    xp = arrays(run)
+    return root(xp, array_of(square) / xp.maximum(array_of(run.tally.samples), 1).astype(float))

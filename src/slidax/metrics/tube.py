@@ -6,10 +6,10 @@ import numpy as np
 
 from slidax.simulation import Run
 
-from .metric import metric, where
+from .metric import array_of, arrays, metric, where
 
 
-@metric("samples outside the tube", "", per_joint=False)
+@metric("samples outside the tube", "", per_joint=False, counts=True)
 def tube_violations(run: Run) -> np.ndarray | int | None:
     """How many samples had a joint at or outside the tube; None for a run without one.
 
@@ -17,7 +17,7 @@ def tube_violations(run: Run) -> np.ndarray | int | None:
     """
     if run.tally.tube is None:
         return None
-    outside = np.asarray(run.tally.tube.outside)
+    outside = array_of(run.tally.tube.outside)
     return outside if outside.ndim else int(outside)
 
 
@@ -31,5 +31,5 @@ def tube_margin(run: Run) -> np.ndarray | None:
     """
     if run.tally.tube is None:
         return None
-    margin = np.asarray(run.tally.tube.margin)
-    return where(np.isfinite(margin).all(axis=-1), margin)
+    margin = array_of(run.tally.tube.margin)
+    return where(arrays(run).isfinite(margin).all(axis=-1), margin)

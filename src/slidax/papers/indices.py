@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from slidax.metrics import Metric, metric
+from slidax.metrics import Metric, array_of, metric
 from slidax.simulation import Run
 
 DOI = "10.1007/s11071-022-07650-w"
@@ -20,7 +20,7 @@ def iae(run: Run) -> np.ndarray:
 
     - `run`: a finished run, or a batch.
     """
-    return np.asarray(run.tally.late_error)
+    return array_of(run.tally.late_error)
 
 
 @metric("ECI (81)", "({torque})²", key="paper.eci", source=DOI)
@@ -29,7 +29,7 @@ def eci(run: Run) -> np.ndarray:
 
     - `run`: a finished run, or a batch.
     """
-    return np.asarray(run.tally.torque_square)
+    return array_of(run.tally.torque_square)
 
 
 @metric("AICE (82)", "{torque}", key="paper.aice", source=DOI)
@@ -38,7 +38,7 @@ def aice(run: Run) -> np.ndarray:
 
     - `run`: a finished run, or a batch.
     """
-    return np.asarray(run.tally.torque_travel)
+    return array_of(run.tally.torque_travel)
 
 
 INDICES: tuple[Metric[np.ndarray], ...] = (iae, eci, aice)

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Array
 
 from slidax._errors import DefinitionError, is_traced, require_joints
-from slidax._names import quoted
+from slidax._names import joint_called, quoted
 from slidax._types import Envelope, Reference, State
 from slidax.controllers import AbstractController, SampledData
 from slidax.numerics import require_64_bits
@@ -88,8 +88,8 @@ def require_fitting(
         if value.shape != (n,):
             raise DefinitionError(f"`state0.{name}` must have one entry for each of the {n} joints; got {value.shape}")
         if not is_traced(value) and not np.isfinite(value).all():
-            joint = int(np.argmin(np.isfinite(value))) + 1
-            raise DefinitionError(f"`state0.{name}` must be finite; it is not for joint {joint}")
+            joint = joint_called(plant.robot.joint_names[int(np.argmin(np.isfinite(value)))])
+            raise DefinitionError(f"`state0.{name}` must be finite; it is not for {joint}")
     shape = eqx.filter_eval_shape(trajectory.position, jax.ShapeDtypeStruct((), float)).shape
     if shape != (n,):
         raise DefinitionError(f"the trajectory gives {list(shape)} positions, but the plant has {n} joints")
@@ -167,6 +167,7 @@ def require_start(loop: Loop, state0: State, envelope: Envelope | None, referenc
     - `envelope`, `reference`: at that time.
     - `held`: the torque that holds the arm there [n], N m or N; None without an actuator.
     """
+    names = [joint_called(name) for name in loop.plant.robot.joint_names]
     if loop.plant.actuator is not None and held is not None:
         robot = loop.plant.robot
         needed, limit = np.asarray(held), np.broadcast_to(loop.plant.actuator.limits.torque, held.shape)
@@ -175,7 +176,7 @@ def require_start(loop: Loop, state0: State, envelope: Envelope | None, referenc
             joint = int(np.argmax(weak))
             unit = robot.torque_units[joint]
             raise DefinitionError(
-                f"`TorqueLimits.torque` must hold the arm where it starts: {robot.joint_names[joint]} needs "
+                f"`TorqueLimits.torque` must hold the arm where it starts: {names[joint]} needs "
                 f"{needed[joint]:.4g} {unit} there, but its limit is {limit[joint]:g} {unit}; raise it, or start "
                 "in a posture that needs less"
             )
@@ -186,7 +187,7 @@ def require_start(loop: Loop, state0: State, envelope: Envelope | None, referenc
         if outside.any():
             joint = int(np.argmax(outside))
             raise DefinitionError(
-                f"the tube must hold the start, |e(0)| < rho0; got e(0) = {e[joint]:.4g} for joint {joint + 1}; "
+                f"the tube must hold the start, |e(0)| < rho0; got e(0) = {e[joint]:.4g} for {names[joint]}; "
                 "enlarge its initial radius or start nearer"
             )
     if envelope is None or loop.recover:
@@ -197,6 +198,6 @@ def require_start(loop: Loop, state0: State, envelope: Envelope | None, referenc
         joint = int(np.argmax(outside))
         raise DefinitionError(
             f"`state0.q` must start inside the envelope, lower < e(0) < upper (eq. 12), so |e(0)| < rho0 (eq. 20); "
-            f"got e(0) = {e[joint]:.4g} for joint {joint + 1}, whose bounds are {lower[joint]:.4g} and "
+            f"got e(0) = {e[joint]:.4g} for {names[joint]}, whose bounds are {lower[joint]:.4g} and "
             f"{upper[joint]:.4g}; enlarge the initial radius or start nearer"
         )

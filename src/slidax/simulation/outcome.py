@@ -11,6 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Int
 
+from slidax._names import joint_called
 from slidax._types import Envelope, Scalar, Vector
 
 from .excursion import Excursion
@@ -107,7 +108,12 @@ def find_fault(t: Scalar, e: Vector, finite: Bool[Array, " n"], envelope: Envelo
 
 
 def describe(
-    fault: Fault, excursion: Excursion | None, violations: int, period: float, units: tuple[str, ...]
+    fault: Fault,
+    excursion: Excursion | None,
+    violations: int,
+    period: float,
+    units: tuple[str, ...],
+    names: tuple[str, ...],
 ) -> Outcome:
     """The outcome in words.
 
@@ -115,12 +121,12 @@ def describe(
     - `excursion`: where the run was outside its envelope, if it went on there.
     - `violations`: how many samples were outside.
     - `period`: time between samples [s].
-    - `units`: the unit of each joint's position.
+    - `units`, `names`: the unit of each joint's position, and its name.
     """
     kind = FAULTS[int(fault.kind)]
     if kind == "ok":
         if excursion is not None and int(excursion.first) >= 0:
-            return _described_excursion(excursion, violations, period, units)
+            return _described_excursion(excursion, violations, period, units, names)
         return Outcome("ok", "The run reached its end.")
     t, joint = float(fault.t), int(fault.joint)
     if kind == "not_finite":
@@ -129,9 +135,11 @@ def describe(
             if excursion is not None and bool(excursion.outside)
             else "Shorten the period, or lower the gains; the run up to there is kept."
         )
-        return Outcome(kind, f"Joint {joint + 1} became infinite or undefined at t = {t:.4g} s. {remedy}", t, joint + 1)
+        return Outcome(
+            kind, f"{_joint(names[joint])} became infinite or undefined at t = {t:.4g} s. {remedy}", t, joint + 1
+        )
     error, bound = float(fault.error), float(fault.bound)
-    message = f"{_met(joint, _left(t), error, bound, units)}. {REMEDY}"
+    message = f"{_met(names[joint], _left(t), error, bound, units[joint])}. {REMEDY}"
     return Outcome(kind, message, t, joint + 1, error, bound)
 
 
@@ -139,20 +147,27 @@ def _left(t: float) -> str:
     return f"left its envelope at t = {t:.4g} s"
 
 
-def _met(joint: int, how: str, error: float, bound: float, units: tuple[str, ...]) -> str:
-    unit = units[joint]
-    return f"Joint {joint + 1} {how} (e = {error:.4g} {unit}, bound {bound:.4g} {unit})"
+def _joint(name: str) -> str:
+    """At the beginning of a sentence."""
+    called = joint_called(name)
+    return called[0].upper() + called[1:]
 
 
-def _described_excursion(excursion: Excursion, violations: int, period: float, units: tuple[str, ...]) -> Outcome:
+def _met(name: str, how: str, error: float, bound: float, unit: str) -> str:
+    return f"{_joint(name)} {how} (e = {error:.4g} {unit}, bound {bound:.4g} {unit})"
+
+
+def _described_excursion(
+    excursion: Excursion, violations: int, period: float, units: tuple[str, ...], names: tuple[str, ...]
+) -> Outcome:
     joint, error, bound = int(excursion.joint), float(excursion.error), float(excursion.bound)
     t, back = int(excursion.first) * period, (int(excursion.last) + 1) * period
     worst = int(np.argmax(excursion.beyond))
     beyond = float(excursion.beyond[worst])
     how = "was outside its envelope from the start" if int(excursion.first) == 0 else _left(t)
-    first = _met(joint, how, error, bound, units)
+    first = _met(names[joint], how, error, bound, units[joint])
     outside = "1 sample was outside" if violations == 1 else f"{violations} samples were outside"
-    extent = f"{outside}, by at most {beyond:.3g} {units[worst]} (joint {worst + 1})"
+    extent = f"{outside}, by at most {beyond:.3g} {units[worst]} ({joint_called(names[worst])})"
     if bool(excursion.outside):
         message = f"{first} and is outside at the end: {extent}. Allow more torque, or shorten the period."
         return Outcome("left_envelope", message, t, joint + 1, error, bound, beyond=beyond)

@@ -123,7 +123,14 @@ class Run(eqx.Module):
             raise DefinitionError(f"these are {len(self)} runs: see `outcomes`, or the `outcome` of each, as `runs[0]`")
         if is_traced(self.fault):
             raise DefinitionError("inside `jit`, `vmap` and `grad` there is no outcome yet: look at `fault`")
-        return describe(self.fault, self.excursion, int(self.tally.violations), float(self.period), self.joint_units)
+        return describe(
+            self.fault,
+            self.excursion,
+            int(self.tally.violations),
+            float(self.period),
+            self.joint_units,
+            self.joint_names,
+        )
 
     @property
     def outcomes(self) -> list[Outcome]:
@@ -133,7 +140,7 @@ class Run(eqx.Module):
         ends = jax.tree.map(np.asarray, (self.fault, self.excursion, self.tally.violations, self.period))
         each = (jax.tree.map(lambda x, k=k: x[k], ends) for k in range(len(self)))
         return [
-            describe(fault, excursion, int(outside), float(period), self.joint_units)
+            describe(fault, excursion, int(outside), float(period), self.joint_units, self.joint_names)
             for fault, excursion, outside, period in each
         ]
 

@@ -1,5 +1,7 @@
 // How a run ended, in the words of slidax.simulation.
 
+import { capitalised } from "./numbers.js";
+
 // A number with so many digits, as Python's "g" writes it.
 export function shortNumber(value, digits) {
   if (value === 0) return Object.is(value, -0) ? "-0" : "0";
@@ -13,10 +15,16 @@ export function shortNumber(value, digits) {
   return trim(value.toFixed(digits - 1 - power));
 }
 
-function outcomeMet(joint, how, error, bound, units) {
-  const unit = units[joint];
+// "joint 2", or "joint `elbow`" where it has a name of its own.
+function outcomeJoint(program, joint) {
+  const name = program.joint_names[joint];
+  return /^joint \d+$/.test(name) ? name : `joint \`${name}\``;
+}
+
+function outcomeMet(program, joint, how, error, bound) {
+  const unit = program.joint_units[joint];
   const numbers = `e = ${shortNumber(error, 4)} ${unit}, bound ${shortNumber(bound, 4)} ${unit}`;
-  return `Joint ${joint + 1} ${how} (${numbers})`;
+  return `${capitalised(outcomeJoint(program, joint))} ${how} (${numbers})`;
 }
 
 // A start that simulate refuses, in one line; null if it may begin.
@@ -25,7 +33,7 @@ function outcomeRefused(program, start) {
     const joint = start.held.findIndex((torque, k) => Math.abs(torque) > start.limit[k]);
     if (joint >= 0) {
       const unit = program.joint_units[joint] === "rad" ? "N m" : "N";
-      return `The drives cannot hold the arm where it starts: ${program.joint_names[joint]} needs ` +
+      return `The drives cannot hold the arm where it starts: ${outcomeJoint(program, joint)} needs ` +
         `${shortNumber(start.held[joint], 4)} ${unit} there, but its limit is ${shortNumber(start.limit[joint], 6)} ${unit}.`;
     }
   }
@@ -34,8 +42,8 @@ function outcomeRefused(program, start) {
     if (!start[lower]) continue;
     const joint = start.e.findIndex((e, k) => e <= start[lower][k] || e >= start[upper][k]);
     if (joint >= 0) {
-      return `The ${name} must hold the start, ${symbol}; got e(0) = ${shortNumber(start.e[joint], 4)} for joint ` +
-        `${joint + 1}; enlarge its initial radius.`;
+      return `The ${name} must hold the start, ${symbol}; got e(0) = ${shortNumber(start.e[joint], 4)} for ` +
+        `${outcomeJoint(program, joint)}; enlarge its initial radius.`;
     }
   }
   return null;
@@ -45,7 +53,6 @@ function outcomeRefused(program, start) {
 export function loopOutcome(program, ended, start) {
   const refused = outcomeRefused(program, start);
   if (refused !== null) return { kind: "refused", message: refused, time: 0, joint: null };
-  const units = program.joint_units;
   const kind = ended("fault.kind")[0];
   const excursion = ended("excursion.first");
   const outside = excursion !== null && ended("excursion.outside")[0] !== 0;
@@ -59,10 +66,10 @@ export function loopOutcome(program, ended, start) {
     const remedy = outside
       ? "It was outside its envelope, where the law is not defined: use its sampled-data form."
       : "Shorten the period, or lower the gains; the run up to there is kept.";
-    const message = `Joint ${joint + 1} became infinite or undefined at t = ${time} s. ${remedy}`;
+    const message = `${capitalised(outcomeJoint(program, joint))} became infinite or undefined at t = ${time} s. ${remedy}`;
     return { kind: "not_finite", message, time: t, joint: joint + 1 };
   }
-  const met = outcomeMet(joint, `left its envelope at t = ${time} s`, ended("fault.error")[0], ended("fault.bound")[0], units);
+  const met = outcomeMet(program, joint, `left its envelope at t = ${time} s`, ended("fault.error")[0], ended("fault.bound")[0]);
   const message = `${met}. Start inside it, enlarge its final radius, or shorten the period.`;
   return { kind: "left_envelope", message, time: t, joint: joint + 1 };
 }
@@ -73,10 +80,10 @@ function outcomeExcursion(program, ended, outside) {
   const beyond = ended("excursion.beyond");
   const worst = beyond.indexOf(Math.max(...beyond));
   const how = first === 0 ? "was outside its envelope from the start" : `left its envelope at t = ${shortNumber(t, 4)} s`;
-  const met = outcomeMet(joint, how, ended("excursion.error")[0], ended("excursion.bound")[0], program.joint_units);
+  const met = outcomeMet(program, joint, how, ended("excursion.error")[0], ended("excursion.bound")[0]);
   const violations = ended("tally.violations")[0];
   const samples = violations === 1 ? "1 sample was outside" : `${violations} samples were outside`;
-  const extent = `${samples}, by at most ${shortNumber(beyond[worst], 3)} ${program.joint_units[worst]} (joint ${worst + 1})`;
+  const extent = `${samples}, by at most ${shortNumber(beyond[worst], 3)} ${program.joint_units[worst]} (${outcomeJoint(program, worst)})`;
   if (outside) {
     const message = `${met} and is outside at the end: ${extent}. Allow more torque, or shorten the period.`;
     return { kind: "left_envelope", message, time: t, joint: joint + 1 };
