@@ -81,7 +81,7 @@ def _package(requirement: str) -> str:
     return re.split(r"[>=<\[; ]", requirement)[0].lower().replace("_", "-")
 
 
-def test_the_commands_and_the_code_for_beginners_run_in_their_order_with_the_extras_of_the_page(
+def test_the_commands_and_the_code_for_beginners_run_in_their_order(
     empty_folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     found: dict[str, Any] = {}
@@ -105,6 +105,15 @@ def test_the_commands_and_the_code_for_beginners_run_in_their_order_with_the_ext
     assert len(found["runs"]) == 3
     assert {path.name for path in empty_folder.iterdir()} >= {"my-arm.yaml", "report", "error.svg", "torque.svg"}
     assert "ok" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("words", "extra"), [("--out report", "parquet"), ("run.frame()", "frame"), ("--view", "view")]
+)
+def test_the_page_for_beginners_installs_what_it_uses(words: str, extra: str) -> None:
+    page = START.read_text(encoding="utf-8")
+    (line,) = re.findall(r"pip install '\.\[(.*)\]'", page)
+    assert words in page and extra in line.split(",")
 
 
 def test_the_pages_name_the_default_of_design() -> None:
