@@ -2,6 +2,7 @@
 
 from .arm_file import arm_as_yaml as arm_as_yaml
 from .arm_file import write_arm as write_arm
+from .conventions import Conventions as Conventions
 from .excitation import Excitation as Excitation
 from .excite import excite as excite
 from .identification import Estimated as Estimated

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
 
 from .regressor import BODY, PAIRS
 
@@ -55,13 +54,20 @@ def consistent(
             slope, curve = _derivatives(now, bodies, positive)
             slope = weight * slope * unit + scaled @ ((now - theta) / unit)
             curve = weight * curve * np.outer(unit, unit) + scaled
-            step = -cho_solve(cho_factor(curve), slope)
+            step = -_solve(curve, slope)
             decrement = float(-slope @ step)
             if decrement < 1e-9 * max(weight, 1e-3):
                 break
             now = _descend(now, step * unit, decrement, theta, information, weight, bodies, positive)
         weight *= 0.1
     return now
+
+
+def _solve(curve: np.ndarray, slope: np.ndarray) -> np.ndarray:
+    """`curve⁻¹ slope` for a positive definite curve; where rounding hides a curvature, with the least that shows."""
+    values, vectors = np.linalg.eigh(curve)
+    solution: np.ndarray = vectors @ ((vectors.T @ slope) / np.maximum(values, 1e-15 * values[-1]))
+    return solution
 
 
 def _descend(
@@ -111,7 +117,7 @@ def _derivatives(theta: np.ndarray, bodies: Sequence[int], positive: np.ndarray)
     curve[positive, positive] = 1.0 / theta[positive] ** 2
     for start in bodies:
         own = slice(start, start + BODY)
-        turned = np.linalg.solve(pseudo_inertia(theta[own]), BASIS)
+        turned = np.linalg.pinv(pseudo_inertia(theta[own]), rcond=1e-300, hermitian=True) @ BASIS
         slope[own] = -np.trace(turned, axis1=1, axis2=2)
         curve[own, own] = np.einsum("aij,bji->ab", turned, turned)
     return slope, curve

@@ -63,6 +63,7 @@ class Identification:
     - `split`: from which of these samples on the log was held out.
     - `fit_rms`, `held_out_rms`, `measured_rms`: of prediction errors in both parts, and of what was measured, in the
       filter's band [n], N m or N.
+    - `warnings`: sentences on the log and on parameters that it supports badly.
     - `seconds`: that it took.
     """
 
@@ -81,6 +82,7 @@ class Identification:
     fit_rms: np.ndarray
     held_out_rms: np.ndarray
     measured_rms: np.ndarray
+    warnings: tuple[str, ...]
     seconds: float
 
     @property
@@ -119,6 +121,7 @@ class Identification:
             ],
             "torque_rms": {"fit": self.fit_rms.tolist(), "held_out": self.held_out_rms.tolist()},
             "measured_rms": self.measured_rms.tolist(),
+            "warnings": list(self.warnings),
             "cut_off": self.cut_off,
             "condition": self.condition,
             "unseen_directions": self.unseen_directions,

@@ -3,22 +3,27 @@
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from scipy import signal
 
 from slidax._errors import DefinitionError
 from slidax.robots import Articulated
 
 from .consistent import consistent
+from .conventions import Conventions
 from .estimates import estimates_of, identified_robot
 from .identification import Identification
 from .least_squares import Fit, fit
 from .log import FEWEST, Log
+from .motion_checks import require_radians
+from .plausibility import judge_result
 from .read_log import read_log
 from .regressor import BODY
 from .signals import LEAST, Signals, signals_of
+from .timing import timed
+from .torque_checks import require_torques
 from .unknowns import Unknowns, unknowns_of
 
 EXPLAINED = 0.5
@@ -29,6 +34,7 @@ def identify(
     log: Log | str | Path,
     robot: Articulated,
     *,
+    conventions: Conventions | None = None,
     rotors: bool = True,
     payload: bool | None = None,
     links: bool = False,
@@ -46,8 +52,12 @@ def identify(
     was believed before is taken as very uncertain, so that it decides only what the log does not show; that is said by
     name.
 
+    The log is judged first: its time unit, gaps, velocities, and the sign, scale, joint order and gravity of its torques
+    against the arm. `Conventions` has the remedies.
+
     - `log`: a `Log`, or the path of a file that `read_log` reads.
     - `robot`: the arm as it is known; what is identified takes the place of its numbers.
+    - `conventions`: the log's units, signs and joint order, where they differ from the arm's.
     - `rotors`: whether their inertia is unknown; torques measured behind the gears do not show it.
     - `payload`: whether what the tip carries is unknown; if not given, unless `links` are, which it is a part of then.
     - `links`: whether the links' inertial parameters are unknown: their believed values are within half of the mass.
@@ -55,7 +65,7 @@ def identify(
     - `cut_off`: of the filter [Hz]; chosen from the data if not given.
     - `held_out`: the last share of the log, which is not fitted but predicted, in (0, 0.9].
 
-    Raises DefinitionError if the log cannot be read or used.
+    Raises DefinitionError if the log cannot be read or used, contradicts the arm, or leads to parameters that no arm has.
     """
     started = time.perf_counter()
     if not 0.0 < held_out <= 0.9:
@@ -66,20 +76,27 @@ def identify(
         raise DefinitionError(f"{log.source} has {len(log.joints)} joints, but {robot.name} has {robot.joints}")
     if payload is None:
         payload = not links
+    conventions = conventions or Conventions()
+    log = conventions.applied(log, robot.joint_units)
+    ignored = np.array([name in conventions.ignore_torque for name in log.joints])
+    require_radians(log, robot)
+    pieces = timed(log, robot)
+    log = pieces.log
 
     def equation(signals: Signals) -> Unknowns:
         asked = {"rotors": rotors, "payload": payload, "links": links, "asymmetric": asymmetric}
-        return unknowns_of(robot, signals, **asked)
+        return unknowns_of(robot, signals, **asked, ignored=ignored)
 
-    signals = signals_of(log, cut_off)
+    signals = signals_of(pieces, robot, cut_off)
     split = int((1.0 - held_out) * len(signals.t))
     _require_long_enough(signals, split, log)
     unknowns = equation(signals)
+    require_torques(log, robot, signals, unknowns.counts, conventions)
     found = fit(unknowns, signals, slice(0, split))
     if cut_off is None:
         band = explained_band(unknowns, signals, found, slice(0, split))
         if band < 0.8 * signals.cut_off:
-            signals = signals_of(log, band)
+            signals = signals_of(pieces, robot, band)
             _require_long_enough(signals, split, log)
             unknowns = equation(signals)
             found = fit(unknowns, signals, slice(0, split))
@@ -90,10 +107,10 @@ def identify(
     errors = np.sqrt(np.diag(found.covariance))
     theta = np.where(unknowns.positive & (theta < 1e-3 * errors), 0.0, theta)
     torque = unknowns.known + unknowns.columns @ theta
-    torque = signals.filtered(torque - found.lag * np.gradient(torque, 1.0 / signals.rate, axis=0))
+    torque = signals.filtered(torque - found.lag * signals.slope(torque))
     measured = signals.filtered(signals.tau)
-    edge = signals.settled
-    return Identification(
+    row = np.arange(len(torque))
+    identification = Identification(
         robot=identified_robot(robot, unknowns, theta),
         parameters=estimates_of(robot, unknowns, found, theta),
         log=log,
@@ -106,11 +123,14 @@ def identify(
         measured=measured,
         predicted=torque,
         split=split,
-        fit_rms=_rms((measured - torque)[edge:split]),
-        held_out_rms=_rms((measured - torque)[split : len(torque) - edge]),
+        fit_rms=_rms((measured - torque)[signals.inner & (row < split)]),
+        held_out_rms=_rms((measured - torque)[signals.inner & (row >= split)]),
         measured_rms=_rms(measured),
+        warnings=signals.warnings,
         seconds=time.perf_counter() - started,
     )
+    more = judge_result(identification, robot, signals, ignored)
+    return replace(identification, warnings=signals.warnings + more)
 
 
 def explained_band(unknowns: Unknowns, signals: Signals, found: Fit, rows: slice) -> float:
@@ -123,9 +143,9 @@ def explained_band(unknowns: Unknowns, signals: Signals, found: Fit, rows: slice
     - `rows`: the part of the log that is fitted.
     """
     left = (signals.tau - unknowns.known)[rows] - unknowns.columns[rows] @ found.theta
-    samples = min(len(left), int(4 * signals.rate))
-    spectra = [signal.welch(x, signals.rate, nperseg=samples, axis=0) for x in (left, signals.tau[rows])]
-    f, (of_rest, of_all) = spectra[0][0], (power for _, power in spectra)
+    part = signals.part(rows)
+    f, of_rest = part.spectrum(left, 4.0)
+    _, of_all = part.spectrum(signals.tau[rows], 4.0)
     octave = [(f >= high / 2) & (f <= high) for high in f[2:]]
     ends = []
     for joint in range(left.shape[1]):
@@ -136,12 +156,19 @@ def explained_band(unknowns: Unknowns, signals: Signals, found: Fit, rows: slice
 
 
 def _require_long_enough(signals: Signals, split: int, log: Log) -> None:
+    """Raises a DefinitionError if the filter leaves too few samples in the part that is fitted, or in the other."""
     fewest = max(FEWEST // 2, 8 * signals.settled)
-    if min(split, len(signals.t) - split) < min(fewest, FEWEST // 2) or split < fewest:
-        raise DefinitionError(
-            f"{log.source} is too short, {signals.t[-1] - signals.t[0]:.3g} s: in a band of {signals.cut_off:.3g} Hz "
-            f"the part that is fitted must have at least {fewest / signals.rate:.3g} s"
-        )
+    row = np.arange(len(signals.t))
+    fitted, rest = int(np.sum(signals.inner & (row < split))), int(np.sum(signals.inner & (row >= split)))
+    if fitted >= fewest - 2 * signals.settled and rest >= min(fewest, FEWEST // 2) // 2:
+        return
+    parts = len(signals.pieces)
+    within = f", in {parts} parts without a gap" if parts > 1 else ""
+    raise DefinitionError(
+        f"{log.source} is too short, {len(signals.t) / signals.rate:.3g} s{within}: in a band of {signals.cut_off:.3g} Hz "
+        f"the part that is fitted must have at least {fewest / signals.rate:.3g} s; it has {fitted / signals.rate:.3g} s "
+        f"between the filter's ends, and {rest / signals.rate:.3g} s are held out; `--held-out` and `--cut-off` set both"
+    )
 
 
 def _inside(unknowns: Unknowns, theta: np.ndarray) -> np.ndarray:

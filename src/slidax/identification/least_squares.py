@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
 
 from .signals import Signals
 from .unknowns import Unknowns
@@ -48,44 +47,46 @@ def fit(unknowns: Unknowns, signals: Signals, rows: slice) -> Fit:
     - `signals`: of the log.
     - `rows`: the part of the log that is fitted.
     """
-    columns = signals.filtered(unknowns.columns[rows])
-    target = signals.filtered((signals.tau - unknowns.known)[rows])
-    known = signals.filtered(unknowns.known[rows])
-    counts = unknowns.counts[rows].copy()
-    counts[: signals.settled] = counts[len(counts) - signals.settled :] = False
-    every = max(1, int(signals.rate / (PER_CUT_OFF * signals.cut_off)))
-    theta, lag = unknowns.prior.copy(), 0.0
+    part = signals.part(rows)
+    scale = np.append(unknowns.scale, LAG_SCALE)
+    # In units of what was believed before, the belief is the identity.
+    columns = part.filtered(unknowns.columns[rows] * unknowns.scale)
+    target = part.filtered((signals.tau - unknowns.known)[rows])
+    known = part.filtered(unknowns.known[rows])
+    counts = unknowns.counts[rows] & part.inner[:, None]
+    every = max(1, int(part.rate / (PER_CUT_OFF * part.cut_off)))
+    start = np.append(unknowns.prior / unknowns.scale, 0.0)
+    solved = start.copy()
     sigma = np.maximum(np.std(target, axis=0), 1e-12)
-    believed = 1.0 / np.append(unknowns.scale, LAG_SCALE) ** 2
     for _ in range(ROUNDS):
-        moved = np.gradient(known + columns @ theta, 1.0 / signals.rate, axis=0)
-        x = np.concatenate([columns, -moved[:, :, None]], axis=2)[::every]
+        moved = part.slope(known + columns @ solved[:-1])
+        x = np.concatenate([columns, -LAG_SCALE * moved[:, :, None]], axis=2)[::every]
         y, used = target[::every], counts[::every]
         weight = used / sigma
         a, b = x * weight[:, :, None], y * weight
-        data = np.einsum("kip,kiq->pq", a, a)
-        start = np.append(unknowns.prior, 0.0)
-        factor = cho_factor(data + np.diag(believed))
-        solved = start + cho_solve(factor, np.einsum("kip,ki->p", a, b - a @ start))
-        theta, lag = solved[:-1], float(solved[-1])
+        solved = start + _solve(a.reshape(-1, len(start)), (b - a @ start).ravel())
         off = (y - x @ solved) * used
         size = np.maximum(used.sum(axis=0), 1)
         sigma = np.maximum(np.sqrt((off**2).sum(axis=0) / size), 1e-6 * np.std(target, axis=0) + 1e-12)
-    whole = data + np.diag(believed)
-    covariance = jackknife(whole, a, off / sigma) + np.linalg.inv(whole) @ np.diag(believed) @ np.linalg.inv(whole)
+    data = np.einsum("kip,kiq->pq", a, a)
+    identity = np.eye(len(start))
+    inverse = _inverse(data + identity)
+    covariance = jackknife(data, a, off / sigma) + inverse @ inverse
     # By how much fewer samples there seem to be, as residuals are correlated; so that it counts against what was
     # believed, too.
-    ratio = max(1.0, float(np.trace(whole @ covariance)) / len(solved))
-    information = data / ratio + np.diag(believed)
-    scale = np.append(unknowns.scale, LAG_SCALE)
-    gain = np.linalg.eigvalsh((data / ratio) * np.outer(scale, scale))[::-1]
+    ratio = max(1.0, float(np.einsum("ij,ji->", data + identity, covariance)) / len(start))
+    information = data / ratio + identity
+    gain = np.linalg.eigvalsh(data / ratio)[::-1]
+    without_lag = information[:-1, :-1] - np.outer(information[:-1, -1], information[-1, :-1]) / information[-1, -1]
+    values, vectors = np.linalg.eigh(without_lag)
+    alone = (vectors * np.maximum(values, 1.0)) @ vectors.T
     return Fit(
-        theta=theta,
-        covariance=covariance[:-1, :-1],
-        information=information[:-1, :-1] - np.outer(information[:-1, -1], information[-1, :-1]) / information[-1, -1],
+        theta=solved[:-1] * unknowns.scale,
+        covariance=covariance[:-1, :-1] * np.outer(unknowns.scale, unknowns.scale),
+        information=alone / np.outer(unknowns.scale, unknowns.scale),
         gain=np.maximum(gain, 0.0),
-        lag=lag,
-        lag_error=float(np.sqrt(covariance[-1, -1])),
+        lag=float(solved[-1]) * LAG_SCALE,
+        lag_error=float(np.sqrt(covariance[-1, -1])) * LAG_SCALE,
         sigma=sigma,
     )
 
@@ -94,8 +95,23 @@ LAG_SCALE = 0.01
 """How far torques may be believed to lag, s."""
 
 
-def jackknife(whole: np.ndarray, a: np.ndarray, off: np.ndarray) -> np.ndarray:
-    """The covariance of a least-squares fit, from what it becomes without one block of the log after another [p p].
+def _solve(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """The least `|a x - b|² + |x|²`: by orthogonal factors, which no log makes singular."""
+    factor = np.linalg.qr(np.column_stack([a, b]), mode="r")
+    u, s, vt = np.linalg.svd(factor[:, :-1], full_matrices=False)
+    solution: np.ndarray = vt.T @ (s / (s**2 + 1.0) * (u.T @ factor[:, -1]))
+    return solution
+
+
+def _inverse(matrix: np.ndarray) -> np.ndarray:
+    """The inverse of a symmetric matrix whose eigenvalues are at least 1, but for rounding."""
+    values, vectors = np.linalg.eigh(matrix)
+    inverse: np.ndarray = (vectors / np.maximum(values, 1.0)) @ vectors.T
+    return inverse
+
+
+def jackknife(data: np.ndarray, a: np.ndarray, off: np.ndarray) -> np.ndarray:
+    """The covariance of a least-squares fit, from its changes without one block of the log after another [p p].
 
     Within a block residuals may be correlated as they like. Blocks that weigh much in the fit count as much more as
     their residuals are small because of that, which sums over the residuals miss: with these some 10 % of the standard
@@ -103,16 +119,17 @@ def jackknife(whole: np.ndarray, a: np.ndarray, off: np.ndarray) -> np.ndarray:
     `θ - θ_b = (A - A_b)⁻¹ a_bᵀ r_b` (Shao and Wu, *Heteroscedasticity-robustness of jackknife variance estimators in
     linear models*, 1987).
 
-    - `whole`: A, of data and of what was believed before [p p].
+    - `data`: the information of the data, in units in which that of the belief is the identity [p p].
     - `a`: the equations in units of their noise [k n p].
     - `off`: the residuals in the same units [k n].
     """
     k = len(a)
     rows = max(8, int(2 * k ** (1 / 3)))
     blocks = max(2, k // rows)
+    whole = data + np.eye(len(data))
     total = np.zeros_like(whole)
     for block in np.array_split(np.arange(k), blocks):
         own = a[block].reshape(-1, a.shape[2])
-        change = np.linalg.solve(whole - own.T @ own, own.T @ off[block].reshape(-1))
+        change = _inverse(whole - own.T @ own) @ (own.T @ off[block].reshape(-1))
         total += np.outer(change, change)
     return (blocks - 1) / blocks * total

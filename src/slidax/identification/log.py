@@ -1,4 +1,4 @@
-"""What was measured on an arm: positions and torques over time."""
+"""Measured positions and torques of an arm over time."""
 
 from __future__ import annotations
 
@@ -16,7 +16,9 @@ FEWEST = 200
 class Log:
     """Positions and torques of all joints over time.
 
-    - `source`: what it was read from, for messages.
+    The times may repeat or run backward, as they do in bags: `identify` judges them.
+
+    - `source`: its origin, for messages.
     - `joints`: their names, in the arm's order.
     - `t`: times [k], s.
     - `q`: positions [k n], rad or m.
@@ -24,8 +26,7 @@ class Log:
     - `dq`: velocities [k n], rad/s or m/s; None if they were not measured.
     - `notes`: sentences about what reading left out or converted.
 
-    Raises DefinitionError if sizes differ, there are less than 200 samples, the times do not increase, or a number is
-    not finite.
+    Raises DefinitionError if sizes differ, the log has fewer than 200 samples, or a number is not finite.
     """
 
     source: str
@@ -59,14 +60,9 @@ class Log:
                 f"the time of sample {row + 1} of {self.source} is not finite: it is {self.t[row]:g}; "
                 "leave out this sample"
             )
-        if (np.diff(self.t) <= 0).any():
-            rows = np.nonzero(~(np.diff(self.t) > 0))[0]
-            raise DefinitionError(
-                f"the times of {self.source} must increase; sample {int(rows[0]) + 2} is at {self.t[rows[0] + 1]:g} s, "
-                f"the one before at {self.t[rows[0]]:g} s"
-            )
 
     @property
     def period(self) -> float:
-        """The median time between two samples [s]."""
-        return float(np.median(np.diff(self.t)))
+        """The median time between two samples [s]; 0 if no time advances."""
+        steps = np.diff(self.t)
+        return float(np.median(steps[steps > 0])) if (steps > 0).any() else 0.0

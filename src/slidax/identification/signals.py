@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from scipy import signal
+from scipy import interpolate, signal
 
 from slidax._errors import DefinitionError
+from slidax.robots import Articulated
 
-from .log import Log
+from .motion_checks import usable_velocities
 from .regressor import Motion
+from .timing import Timed
 
 ORDER = 4
 """Of the Butterworth filters, which run forwards and backwards, so that nothing is delayed."""
@@ -29,18 +32,20 @@ NOISE_SHARE = 1e-4
 LEAST, MOST = 1.0, 30.0
 """Cut-off frequencies [Hz] within which one is chosen: beyond, drives and links are no longer rigid."""
 
-DEGREES = 4.0 * math.pi
-
 
 @dataclass(frozen=True, eq=False)
 class Signals:
-    """A log at even times, with what a regressor needs.
+    """A log at even times, in pieces without gaps, with the inputs of a regressor.
 
     - `t`: [k], s.
     - `motion`: smooth positions, velocities and accelerations.
     - `tau`: torques as measured [k n].
     - `cut_off`: of the filter of the equations [Hz].
     - `noise`: standard deviation of the velocities' noise [n].
+    - `rate`: samples per second within a piece [Hz].
+    - `pieces`: rows that follow each other evenly; filters and derivatives do not cross their ends.
+    - `measured`: rows near samples of the log [k].
+    - `warnings`: sentences on what was left out.
     """
 
     t: np.ndarray
@@ -48,11 +53,10 @@ class Signals:
     tau: np.ndarray
     cut_off: float
     noise: np.ndarray
-
-    @property
-    def rate(self) -> float:
-        """Samples per second [Hz]."""
-        return float((len(self.t) - 1) / (self.t[-1] - self.t[0]))
+    rate: float
+    pieces: tuple[slice, ...]
+    measured: np.ndarray
+    warnings: tuple[str, ...] = ()
 
     @cached_property
     def _sos(self) -> np.ndarray:
@@ -64,47 +68,99 @@ class Signals:
 
         - `columns`: [k ...].
         """
-        passed: np.ndarray = signal.sosfiltfilt(self._sos, columns, axis=0)
-        return passed
+        return _per_piece(lambda values: signal.sosfiltfilt(self._sos, values, axis=0), columns, self.pieces)
+
+    def slope(self, columns: np.ndarray) -> np.ndarray:
+        """The derivative of the columns over time.
+
+        - `columns`: [k ...].
+        """
+        return _per_piece(lambda values: np.gradient(values, 1.0 / self.rate, axis=0), columns, self.pieces)
+
+    def spectrum(self, values: np.ndarray, seconds: float) -> tuple[np.ndarray, np.ndarray]:
+        """Frequencies [Hz] and power spectral densities of the columns, averaged over the pieces.
+
+        - `values`: [k n].
+        - `seconds`: of a window, or less if no piece is as long.
+        """
+        return _spectrum(values, self.rate, self.pieces, seconds)
+
+    def part(self, rows: slice) -> Signals:
+        """The signals of some rows.
+
+        - `rows`: with a start and a stop.
+        """
+        a, b = rows.start, rows.stop
+        cut = [slice(max(p.start, a) - a, min(p.stop, b) - a) for p in self.pieces if p.start < b and p.stop > a]
+        motion = Motion(*(values[rows] for values in self.motion))
+        return replace(
+            self,
+            t=self.t[rows],
+            motion=motion,
+            tau=self.tau[rows],
+            pieces=tuple(cut),
+            measured=self.measured[rows],
+        )
 
     @property
     def settled(self) -> int:
-        """Samples at each end within which the filter still feels the end."""
+        """Samples at each end of a piece within which the filter still feels the end."""
         return math.ceil(self.rate / self.cut_off)
 
+    @cached_property
+    def inner(self) -> np.ndarray:
+        """Measured rows that are far enough from the ends of their piece for the filter [k]."""
+        inner = np.zeros(len(self.t), bool)
+        for piece in self.pieces:
+            if piece.stop - piece.start > SHORTEST:
+                inner[piece.start + self.settled : max(piece.stop - self.settled, piece.start + self.settled)] = True
+        return inner & self.measured
 
-def signals_of(log: Log, cut_off: float | None = None) -> Signals:
+
+def signals_of(timed: Timed, robot: Articulated, cut_off: float | None = None) -> Signals:
     """The log at even times, smoothed, with its derivatives.
 
-    - `log`: at about even times.
+    Measured velocities are used where they are quieter than the slope of the positions, and agree with it.
+
+    - `timed`: the log, in pieces.
+    - `robot`: the arm.
     - `cut_off`: of the filter of the equations [Hz]; chosen from the positions' spectrum if not given.
 
-    Raises DefinitionError if positions look like degrees, if given velocities are not those of the positions, or if the
-    cut-off is not below a quarter of the sampling rate.
+    Raises DefinitionError if no piece is long enough, or if the cut-off is not below a quarter of the sampling rate.
     """
-    largest = float(np.abs(log.q).max())
-    if largest > DEGREES:
-        raise DefinitionError(f"positions of {log.source} go to {largest:.4g}: are they degrees? They must be rad or m")
-    t, q, tau, dq = _even(log)
-    rate = (len(t) - 1) / (t[-1] - t[0])
-    found = choose_cut_off(q, rate) if cut_off is None else float(cut_off)
-    if not 0 < found < rate / 4:
-        raise DefinitionError(f"`cut_off` must be in (0, {rate / 4:.4g}) Hz, a quarter of the rate; got {found:g}")
-    wide = signal.butter(ORDER, min(WIDER * found, 0.4 * rate), fs=rate, output="sos")
-    smooth = signal.sosfiltfilt(wide, q, axis=0)
-    velocity = _slope(smooth, rate)
-    noise = _noise(_slope(q, rate), found, rate)
+    log = timed.log
+    t, q, tau, dq, measured, pieces = _even(timed)
+    rate = 1.0 / (t[pieces[0].start + 1] - t[pieces[0].start])
+    chosen = choose_cut_off(q, rate, pieces) if cut_off is None else float(cut_off)
+    if not 0 < chosen < rate / 4:
+        raise DefinitionError(f"`cut_off` must be in (0, {rate / 4:.4g}) Hz, a quarter of the rate; got {chosen:g}")
+    wide = signal.butter(ORDER, min(WIDER * chosen, 0.4 * rate), fs=rate, output="sos")
+    smooth = _per_piece(lambda values: signal.sosfiltfilt(wide, values, axis=0), q, pieces)
+    velocity = _slope(smooth, rate, pieces)
+    noise = _noise(_slope(q, rate, pieces), chosen, rate, pieces)
+    warnings = list(timed.warnings)
     if dq is not None:
-        measured = signal.sosfiltfilt(wide, dq, axis=0)
-        _require_same(log, velocity, measured)
-        theirs = _noise(dq, found, rate)
+        narrow = signal.butter(ORDER, chosen, fs=rate, output="sos")
+        theirs = _per_piece(lambda values: signal.sosfiltfilt(wide, values, axis=0), dq, pieces)
+        band = [_per_piece(lambda values: signal.sosfiltfilt(narrow, values, axis=0), v, pieces) for v in (velocity, dq)]
+        usable, sentences = usable_velocities(log, robot, band[0], band[1], 0.5 * noise, rate)
+        warnings += sentences
+        their_noise = _noise(dq, chosen, rate, pieces)
         # Each joint's velocity from whichever is quieter just above the band.
-        better = theirs < noise
-        velocity, noise = np.where(better, measured, velocity), np.minimum(noise, theirs)
-    return Signals(t, Motion(smooth, velocity, _slope(velocity, rate)), tau, found, noise)
+        better = usable & (their_noise < noise)
+        velocity, noise = np.where(better, theirs, velocity), np.where(better, their_noise, noise)
+    motion = Motion(smooth, velocity, _slope(velocity, rate, pieces))
+    signals = Signals(t, motion, tau, chosen, noise, rate, pieces, measured, tuple(warnings))
+    if not signals.inner.any():
+        raise DefinitionError(
+            f"{log.source} is too short: its longest part without a gap is "
+            f"{max(p.stop - p.start for p in pieces) / rate:.3g} s, but the filter of {chosen:.3g} Hz needs "
+            f"{2.5 * signals.settled / rate:.3g} s; `--cut-off` sets another filter"
+        )
+    return signals
 
 
-def choose_cut_off(q: np.ndarray, rate: float) -> float:
+def choose_cut_off(q: np.ndarray, rate: float, pieces: tuple[slice, ...]) -> float:
     """The frequency [Hz] up to which the positions say more than their noise.
 
     The noise of encoders is even over all frequencies, so the upper part of the spectrum shows its density S. The band
@@ -113,8 +169,9 @@ def choose_cut_off(q: np.ndarray, rate: float) -> float:
 
     - `q`: positions at even times [k n].
     - `rate`: samples per second [Hz].
+    - `pieces`: rows without a gap.
     """
-    f, power = signal.welch(q, rate, nperseg=min(len(q), int(8 * rate)), axis=0, detrend="linear")
+    f, power = _spectrum(q, rate, pieces, 8.0)
     floor = np.maximum(np.median(power[(f > 0.3 * rate) & (f < 0.475 * rate)], axis=0), 1e-30)
     ends = []
     for joint in range(q.shape[1]):
@@ -131,44 +188,89 @@ def choose_cut_off(q: np.ndarray, rate: float) -> float:
     return float(np.clip(np.median(ends) if ends else LEAST, LEAST, min(MOST, rate / 10)))
 
 
-def _even(log: Log) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray | None]:
-    """The log at even times, by straight lines between its samples if it is not so already."""
-    k = len(log.t)
-    step = (log.t[-1] - log.t[0]) / (k - 1)
-    even = log.t[0] + step * np.arange(k)
-    if np.abs(even - log.t).max() < 1e-3 * step:
-        return even, log.q, log.tau, log.dq
-    q, tau = _at(even, log.t, log.q), _at(even, log.t, log.tau)
-    return even, q, tau, None if log.dq is None else _at(even, log.t, log.dq)
+def _even(
+    timed: Timed,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray | None, np.ndarray, tuple[slice, ...]]:
+    """Times, positions, torques, velocities at even times, which rows were measured, and the pieces.
+
+    Pieces that are even already, with the step of the longest, keep their samples. The others are read between their
+    samples from a monotone cubic curve, which does not overshoot.
+    """
+    log = timed.log
+    longest = max(timed.pieces, key=lambda piece: piece.stop - piece.start)
+    if longest.stop - longest.start < 3:
+        raise DefinitionError(f"{log.source} has no three samples without a gap: nothing can be identified")
+    step = (log.t[longest.stop - 1] - log.t[longest.start]) / (longest.stop - longest.start - 1)
+    parts, pieces, end = [], [], 0
+    for piece in timed.pieces:
+        own = log.t[piece]
+        points = 1 + int((own[-1] - own[0]) / step + 1e-3)
+        if points < 3:
+            continue
+        even = own[0] + step * np.arange(points)
+        columns = [log.q[piece], log.tau[piece], *([] if log.dq is None else [log.dq[piece]])]
+        if points == len(own) and np.abs(even - own).max() < 1e-3 * step:
+            values, measured = columns, np.ones(points, bool)
+        else:
+            even = np.minimum(even, own[-1])
+            values = [interpolate.PchipInterpolator(own, column, axis=0)(even) for column in columns]
+            after = np.clip(np.searchsorted(own, even), 1, len(own) - 1)
+            measured = own[after] - own[after - 1] < 3.0 * step
+            even = own[0] + step * np.arange(points)
+        parts.append((even, values[0], values[1], values[-1], measured))
+        pieces.append(slice(end, end + points))
+        end += points
+    t, q, tau, dq, measured = (np.concatenate(part) for part in zip(*parts, strict=True))
+    return t, q, tau, None if log.dq is None else dq, measured, tuple(pieces)
 
 
-def _at(even: np.ndarray, t: np.ndarray, values: np.ndarray) -> np.ndarray:
-    return np.stack([np.interp(even, t, column) for column in values.T], axis=1)
+def _per_piece(
+    work: Callable[[np.ndarray], np.ndarray], values: np.ndarray, pieces: tuple[slice, ...]
+) -> np.ndarray:
+    """Each piece after some work; a piece that is too short for it as it is."""
+    done = np.array(values, float)
+    for piece in pieces:
+        if piece.stop - piece.start > SHORTEST:
+            done[piece] = work(values[piece])
+    return done
 
 
-def _slope(values: np.ndarray, rate: float) -> np.ndarray:
+SHORTEST = 40
+"""Rows that a piece must have to be filtered: more than the filters' own padding."""
+
+
+def _slope(values: np.ndarray, rate: float, pieces: tuple[slice, ...]) -> np.ndarray:
     """The derivative by the five-point formula, whose error is of fourth order."""
-    padded = np.pad(values, ((2, 2), (0, 0)), mode="reflect", reflect_type="odd")
-    slope: np.ndarray = (8.0 * (padded[3:-1] - padded[1:-3]) - (padded[4:] - padded[:-4])) * (rate / 12.0)
+
+    def five_points(piece: np.ndarray) -> np.ndarray:
+        padded = np.pad(piece, ((2, 2), (0, 0)), mode="reflect", reflect_type="odd")
+        slope: np.ndarray = (8.0 * (padded[3:-1] - padded[1:-3]) - (padded[4:] - padded[:-4])) * (rate / 12.0)
+        return slope
+
+    slope = np.zeros_like(values)
+    for piece in pieces:
+        slope[piece] = five_points(values[piece])
     return slope
 
 
-def _noise(velocity: np.ndarray, cut_off: float, rate: float) -> np.ndarray:
+def _spectrum(
+    values: np.ndarray, rate: float, pieces: tuple[slice, ...], seconds: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Welch's estimate, averaged over the pieces that are as long as a window; the longest decides its length."""
+    window = max(min(max(p.stop - p.start for p in pieces), int(seconds * rate)), 2)
+    total, weight, f = 0.0, 0, np.zeros(0)
+    for piece in pieces:
+        length = piece.stop - piece.start
+        if length >= window:
+            f, power = signal.welch(values[piece], rate, nperseg=window, axis=0, detrend="linear")
+            total, weight = total + length * power, weight + length
+    return f, np.asarray(total / weight)
+
+
+def _noise(velocity: np.ndarray, cut_off: float, rate: float, pieces: tuple[slice, ...]) -> np.ndarray:
     """Standard deviation [n] of a velocity's noise after the wide filter, from the spectrum just above its band."""
-    f, power = signal.welch(velocity, rate, nperseg=min(len(velocity), int(4 * rate)), axis=0, detrend="linear")
+    f, power = _spectrum(velocity, rate, pieces, 4.0)
     wide = min(WIDER * cut_off, 0.4 * rate)
-    density: np.ndarray = np.median(power[(f > wide) & (f <= max(2.0 * wide, 0.45 * rate))], axis=0)
+    above = (f > wide) & (f <= max(2.0 * wide, 0.45 * rate))
+    density: np.ndarray = np.median(power[above], axis=0) if above.any() else np.zeros(velocity.shape[1])
     return np.sqrt(density * wide)
-
-
-def _require_same(log: Log, ours: np.ndarray, theirs: np.ndarray) -> None:
-    """Raises a DefinitionError if the log's velocities are not the slopes of its positions."""
-    for joint, name in enumerate(log.joints):
-        moving = np.sqrt(np.mean(ours[:, joint] ** 2))
-        apart = np.sqrt(np.mean((theirs[:, joint] - ours[:, joint]) ** 2))
-        if moving > 1e-2 and apart > 0.3 * moving:
-            factor = float(np.sum(theirs[:, joint] * ours[:, joint]) / np.sum(ours[:, joint] ** 2))
-            raise DefinitionError(
-                f"`dq` of {log.source} is not the slope of `q` for joint `{name}`: it is {factor:.3g} times it at "
-                "best; are the units rad and rad/s? Else leave `dq` out"
-            )

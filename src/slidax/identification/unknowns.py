@@ -59,7 +59,14 @@ class Unknowns:
 
 
 def unknowns_of(
-    robot: Articulated, signals: Signals, *, rotors: bool, payload: bool, links: bool, asymmetric: bool
+    robot: Articulated,
+    signals: Signals,
+    *,
+    rotors: bool,
+    payload: bool,
+    links: bool,
+    asymmetric: bool,
+    ignored: np.ndarray,
 ) -> Unknowns:
     """The equation of an arm, `τ = Y φ + J q̈ + f_c sign(q̇) + f_v q̇ + f_a |q̇| + f_o`.
 
@@ -70,6 +77,7 @@ def unknowns_of(
     - `signals`: of the log.
     - `rotors`, `payload`, `links`: whether rotors, payload, and the links' inertial parameters are unknown.
     - `asymmetric`: whether viscous friction may differ between the two directions.
+    - `ignored`: True for joints whose torques are not used [n].
     """
     motion, n = signals.motion, robot.joints
     names: list[str] = []
@@ -133,7 +141,7 @@ def unknowns_of(
         scale=np.array(scale),
         positive=np.array(positive),
         bodies=tuple(bodies),
-        counts=_moving(motion.dq, dead, signals),
+        counts=_moving(motion.dq, dead, signals) & ~ignored,
     )
 
 
@@ -146,6 +154,4 @@ def _moving(dq: np.ndarray, dead: np.ndarray, signals: Signals) -> np.ndarray:
     slow = (np.abs(dq) < dead) & ~stands
     reach = signals.settled
     near = np.apply_along_axis(lambda column: np.convolve(column, np.ones(2 * reach + 1), "same"), 0, slow * 1.0) > 0.5
-    counts = ~near
-    counts[: signals.settled] = counts[len(counts) - signals.settled :] = False
-    return counts
+    return ~near & signals.inner[:, None]

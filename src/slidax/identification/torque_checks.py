@@ -1,0 +1,465 @@
+"""Torques of a log against the arm: their sign, scale, joint order, delay, and the direction of gravity."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import optimize
+
+from slidax._errors import DefinitionError
+from slidax.robots import Articulated
+
+from .conventions import Conventions
+from .log import Log
+from .motion_checks import DEGREE
+from .signals import Signals
+from .torque_model import (
+    Match,
+    Sample,
+    drive_columns,
+    matched,
+    matched_columns,
+    nonnegative,
+    rigid_columns,
+    sample_of,
+    with_gravity,
+)
+
+DOUBT = 0.5
+"""A residual, as a share of the torque, above which other conventions are tried."""
+
+BETTER = 0.7
+"""By how much the sum of the logarithms of the residuals must fall for another convention: a factor of two."""
+
+SHARE_LEFT = 0.65
+"""Of that sum, which another convention may leave."""
+
+EXPLAINS = 0.6
+"""The share of the torque's power that another convention must explain."""
+
+CLOSE = 0.4
+"""A difference of scores within which two conventions fit equally well."""
+
+EACH = 0.15
+"""The score that each changed joint costs, so that the simpler of two conventions is preferred."""
+
+SCALES = (0.4, 2.5)
+"""Factors of the torques within which a wrong mass explains them as well as a wrong scale."""
+
+FEW = 4
+"""Joints of which all orders are tried; of more, exchanges of two as long as the match gets better."""
+
+UNITS = {1e3: ("mN m", "mNm"), 1e2: ("N cm", "Ncm"), 1e-3: ("kN m", "kNm"), 10.197: ("kgf cm", "kgfcm")}
+"""The factor by which torques in other units are too large: its name and its `--torque-unit`."""
+
+LATEST = 1.0
+"""The delay of torques that is looked for, s."""
+
+
+@dataclass(frozen=True, eq=False)
+class Repair:
+    """Another convention of a log.
+
+    - `sentence`: the convention, to go after "with".
+    - `option`: of the command, which applies it.
+    - `joints`: how many joints it changes.
+    - `match`: with it.
+    """
+
+    sentence: str
+    option: str
+    joints: int
+    match: Match
+
+    @property
+    def score(self) -> float:
+        """The match's score, and the cost of the changes."""
+        return self.match.score + EACH * self.joints
+
+
+def require_torques(
+    log: Log,
+    robot: Articulated,
+    signals: Signals,
+    counts: np.ndarray,
+    conventions: Conventions,
+) -> None:
+    """Raise a DefinitionError if the torques contradict the arm and fit it with another convention.
+
+    - `log`: in the arm's units and joint order, as far as known.
+    - `robot`: the arm.
+    - `signals`: of the log.
+    - `counts`: rows and joints whose equations count [k n].
+    - `conventions`: that were applied.
+    """
+    _require_variation(log, robot, signals, counts, conventions)
+    sample = sample_of(signals, counts)
+    match = matched(robot, sample)
+    doubtful = (match.errors > DOUBT) & (sample.floor < DOUBT)
+    if not doubtful.any():
+        return
+    repairs = sorted(_repairs(robot, signals, counts, sample, conventions), key=lambda repair: repair.score)
+    convincing = [
+        repair
+        for repair in repairs
+        if repair.score < match.score - BETTER
+        and repair.match.score < SHARE_LEFT * match.score
+        and repair.match.explained > EXPLAINS
+    ]
+    if not convincing:
+        return
+    best = convincing[0]
+    worst = int(np.argmax(np.where(doubtful, match.errors, 0.0)))
+    second = next((r for r in convincing[1:] if r.option.split()[0] != best.option.split()[0]), None)
+    other = ""
+    if second is not None and second.score < best.score + CLOSE:
+        other = f"; {second.sentence} would fit as well: `{second.option}`"
+    raise DefinitionError(
+        f"torques of {log.source} do not fit {robot.name}, of whose links and drives they show "
+        f"{100 * match.explained:.0f} % (least of joint `{robot.joint_names[worst]}`). They fit it to "
+        f"{100 * best.match.explained:.0f} % with {best.sentence}: `{best.option}` applies this{other}"
+    )
+
+
+def _require_variation(
+    log: Log, robot: Articulated, signals: Signals, counts: np.ndarray, conventions: Conventions
+) -> None:
+    """Raises a DefinitionError if a torque never changes although the arm needs it to."""
+    constant = np.ptp(log.tau, axis=0) <= 1e-9 * (np.abs(log.tau).max(axis=0) + 1e-9)
+    constant &= np.array([name not in conventions.ignore_torque for name in log.joints])
+    if not constant.any():
+        return
+    if constant.all():
+        value = "all 0" if not log.tau.any() else "constant in each joint"
+        raise DefinitionError(
+            f"the torques of {log.source} are {value}: its driver does not measure them, and so nothing can be "
+            "identified from this log; record a log with torques or motor currents (`--torque-scale` takes their "
+            "N m per unit)"
+        )
+    columns, known = rigid_columns(robot, sample_of(signals, counts).motion)
+    needed = np.std(columns[:, :, : robot.joints].sum(axis=2) + known, axis=0)
+    moves = np.std(signals.motion.dq, axis=0) > 1e-3
+    wrong = constant & (moves | (needed > 0.02 * np.abs(columns).max() + 1e-6))
+    if wrong.any():
+        names = [name for name, is_wrong in zip(log.joints, wrong, strict=True) if is_wrong]
+        listed = " ".join(f"--ignore-torque {name}" for name in names)
+        raise DefinitionError(
+            f"the torque of {log.source} is constant, {log.tau[0, log.joints.index(names[0])]:.4g}, for joint "
+            f"`{names[0]}`, which needs another at each position: is it not measured? `{listed}` leaves it out"
+        )
+
+
+def _repairs(
+    robot: Articulated, signals: Signals, counts: np.ndarray, sample: Sample, conventions: Conventions
+) -> Iterator[Repair]:
+    columns, known = rigid_columns(robot, sample.motion)
+    yield from _signs(robot, columns, known, sample, conventions)
+    yield from _scales(robot, columns, known, sample, conventions)
+    yield from _torque_orders(robot, columns, known, sample, conventions)
+    yield from _joint_orders(robot, sample, conventions)
+    yield from _positions(robot, sample, conventions)
+    yield from _gravity(robot, sample)
+    yield from _delays(robot, signals, counts, conventions)
+
+
+def _signs(
+    robot: Articulated, columns: np.ndarray, known: np.ndarray, sample: Sample, conventions: Conventions
+) -> Iterator[Repair]:
+    n, same = robot.joints, np.arange(robot.joints)
+
+    def match_of(sign: np.ndarray) -> Match:
+        return matched_columns(columns, known, sample.with_torques(same, sign))
+
+    for start in (np.ones(n), -np.ones(n)):
+        sign, match = _improved(start, match_of, _flips)
+        if (sign < 0).any():
+            yield Repair(
+                f"the opposite sign for {_named(robot, sign < 0)}",
+                f"--torque-sign {_list(sign * conventions.each('torque_sign', n))}",
+                1 if (sign < 0).all() else int((sign < 0).sum()),
+                match,
+            )
+
+
+def _scales(
+    robot: Articulated, columns: np.ndarray, known: np.ndarray, sample: Sample, conventions: Conventions
+) -> Iterator[Repair]:
+    n, same = robot.joints, np.arange(robot.joints)
+    rigid = columns[:, :, :n].sum(axis=2) + known
+    each = [_scale_of(rigid[:, j : j + 1], sample.only(j, j)) for j in range(n)]
+    # A joint without a rigid torque of its own shows no scale: it has that of the others.
+    whole = {sign: _scale_of(rigid, sample, sign) for sign in (1.0, -1.0)}
+    per_joint = np.array([scale if shows else 0.0 for scale, shows in each])
+    shown_scales = np.abs(per_joint[per_joint != 0.0])
+    if len(shown_scales):
+        per_joint[per_joint == 0.0] = np.median(shown_scales)
+        outside = (np.abs(per_joint) < SCALES[0]) | (np.abs(per_joint) > SCALES[1])
+        for scales in (per_joint, np.where(outside, per_joint, 1.0)):
+            yield from _scaled(robot, columns, known, sample, scales, conventions)
+    for sign, (scale, _) in whole.items():
+        yield from _scaled(robot, columns, known, sample, np.full(n, sign * scale), conventions)
+
+
+def _scaled(
+    robot: Articulated,
+    columns: np.ndarray,
+    known: np.ndarray,
+    sample: Sample,
+    scales: np.ndarray,
+    conventions: Conventions,
+) -> Iterator[Repair]:
+    size, n = np.abs(scales), robot.joints
+    outside = (size < SCALES[0]) | (size > SCALES[1])
+    if not outside.any() or (size < 1e-9).any():
+        return
+    match = matched_columns(columns, known, sample.with_torques(np.arange(n), 1.0 / scales))
+    turned = f" and the opposite sign for {_named(robot, scales < 0)}" if (scales < 0).any() else ""
+    signs = f" --torque-sign {_list(np.sign(scales) * conventions.each('torque_sign', n))}" if turned else ""
+    factors = conventions.each("torque_scale", n) / size
+    alike = np.ptp(np.log(size)) < 0.2 or (size == size[0]).all()
+    typical = float(np.exp(np.mean(np.log(size))))
+    unit = next(((a, b) for factor, (a, b) in UNITS.items() if abs(typical / factor - 1.0) < 0.15), None)
+    if alike and unit is not None and conventions.torque_unit == "Nm":
+        sentence, option = f"torques in {unit[0]}, {typical:.3g} times too large for N m", f"--torque-unit {unit[1]}"
+    elif alike:
+        sentence = f"all torques {typical:.3g} times what the arm needs"
+        option = f"--torque-scale {float(np.exp(np.mean(np.log(factors)))):.3g}"
+    else:
+        few = _named(robot, outside)
+        sentence = f"torques of {few} that are {_list(size[outside])} times what the arm needs"
+        option = f"--torque-scale {_list(factors)}"
+    if typical < 1.0 or not alike:
+        sentence += " (motor currents, or torques on the motor's side of the gear?)"
+    if unit is None:
+        sentence += f", which the data sheet tells more exactly{turned}"
+    else:
+        sentence += turned
+    yield Repair(sentence, option + signs, 1 if alike else int(outside.sum()) + 1, match)
+
+
+def _scale_of(rigid: np.ndarray, sample: Sample, sign: float = 0.0) -> tuple[float, bool]:
+    """The factor of the arm's own torque that fits best, and whether the torque shows it; signed where no sign is set."""
+    weight = sample.counts / sample.size
+    drives = drive_columns(sample.motion)
+    whole = np.concatenate([rigid[:, :, None], drives], axis=2) * weight[:, :, None]
+    a = whole.reshape(-1, whole.shape[2])
+    size = np.sqrt(np.sum(a**2, axis=0)) + 1e-300
+    best = (np.inf, 0.0, False)
+    for turned in (1.0, -1.0) if sign == 0.0 else (sign,):
+        b = (turned * sample.tau * weight).ravel()
+        solution = nonnegative(a / size, b) / size
+        residual = float(np.sum((b - a @ solution) ** 2))
+        without = nonnegative(a[:, 1:] / size[1:], b)
+        more = float(np.sum((b - a[:, 1:] / size[1:] @ without) ** 2))
+        if residual < best[0]:
+            scale = solution[0] if sign else turned * solution[0]
+            best = (residual, float(scale), solution[0] > 0.0 and more > 1.2 * residual + 1e-3 * len(b))
+    return best[1], best[2]
+
+
+def _torque_orders(
+    robot: Articulated, columns: np.ndarray, known: np.ndarray, sample: Sample, conventions: Conventions
+) -> Iterator[Repair]:
+    n = robot.joints
+    if n < 2:
+        return
+    cost = np.zeros((2, n, n))
+    for joint, column in itertools.product(range(n), range(n)):
+        own = sample.only(joint, column)
+        for turned, sign in enumerate((1.0, -1.0)):
+            signed = own.with_torques(np.zeros(1, int), np.array([sign]))
+            match = matched_columns(columns[:, joint : joint + 1], known[:, joint : joint + 1], signed)
+            cost[turned, joint, column] = match.score + match.cost / len(sample.tau)
+    for costs in (cost[0], np.minimum(cost[0], cost[1] + EACH)):
+        order = optimize.linear_sum_assignment(costs)[1]
+        if (order == np.arange(n)).all():
+            continue
+        sign = np.ones(n)
+        if costs is not cost[0]:
+            own = np.arange(n)
+            sign = np.where(cost[1][own, order] + EACH < cost[0][own, order], -1.0, 1.0)
+        match = matched_columns(columns, known, sample.with_torques(order, sign))
+        option = f"--torque-order {_order(robot, order, conventions.torque_order)}"
+        sentence = f"the torques of {_named(robot, order != np.arange(n))} interchanged"
+        if (sign < 0).any():
+            option += f" --torque-sign {_list(sign * conventions.each('torque_sign', n))}"
+            sentence += f", and the opposite sign for {_named(robot, sign < 0)}"
+        yield Repair(sentence, option, int((order != np.arange(n)).sum() + (sign < 0).sum()), match)
+
+
+def _joint_orders(robot: Articulated, sample: Sample, conventions: Conventions) -> Iterator[Repair]:
+    n = robot.joints
+    one, zero = np.ones(n), np.zeros(n)
+
+    def match_both(order: np.ndarray) -> Match:
+        return matched(robot, sample.with_positions(order, one, zero).with_torques(order, one))
+
+    def match_positions(order: np.ndarray) -> Match:
+        return matched(robot, sample.with_positions(order, one, zero))
+
+    for match_of, option, given, what in (
+        (match_both, "--joint-order", conventions.joint_order, "positions and torques"),
+        (match_positions, "--position-order", conventions.position_order, "positions"),
+    ):
+        if n <= FEW:
+            orders = [np.array(p) for p in itertools.permutations(range(n))][1:]
+            scored = [(match_of(order), order) for order in orders]
+            match, order = min(scored, key=lambda pair: pair[0].score) if scored else (None, None)
+        else:
+            alphabetical = np.argsort(np.argsort(robot.joint_names))
+            starts = [np.arange(n), np.arange(n)[::-1], alphabetical, np.argsort(robot.joint_names)]
+            best = [_improved(start, match_of, _exchanges) for start in starts[:1]]
+            best += [(start, match_of(start)) for start in starts[1:]]
+            order, match = min(best, key=lambda pair: pair[1].score)
+        if match is not None and order is not None and (order != np.arange(n)).any():
+            moved = order != np.arange(n)
+            yield Repair(
+                f"the {what} of {_named(robot, moved)} interchanged",
+                f"{option} {_order(robot, order, given)}",
+                int(moved.sum()),
+                match,
+            )
+
+
+def _positions(robot: Articulated, sample: Sample, conventions: Conventions) -> Iterator[Repair]:
+    n = robot.joints
+    same, one, zero = np.arange(n), np.ones(n), np.zeros(n)
+    turning = np.array([unit == "rad" for unit in robot.joint_units])
+    if turning.any() and np.abs(sample.motion.q[:, turning]).max() > 0.5:
+        degrees = sample.with_positions(same, np.where(turning, DEGREE, 1.0), zero)
+        yield Repair("positions in degrees", "--position-unit deg", 1, matched(robot, degrees))
+    sign, match = _improved(one, lambda sign: matched(robot, sample.with_positions(same, sign, zero)), _flips)
+    if (sign < 0).any():
+        yield Repair(
+            f"the opposite direction of the positions of {_named(robot, sign < 0)}",
+            f"--position-sign {_list(sign * conventions.each('position_sign', n))}",
+            int((sign < 0).sum()),
+            match,
+        )
+
+    def quarters(offset: np.ndarray) -> Iterator[np.ndarray]:
+        for joint in np.nonzero(turning)[0]:
+            for quarter in (0.5 * np.pi, np.pi, 1.5 * np.pi):
+                other = offset.copy()
+                other[joint] = (offset[joint] + quarter + np.pi) % (2.0 * np.pi) - np.pi
+                yield other
+
+    offset, match = _improved(zero, lambda offset: matched(robot, sample.with_positions(same, one, offset)), quarters)
+    if offset.any():
+        total = offset + conventions.each("position_offset", n)
+        yield Repair(
+            f"another zero of the positions of {_named(robot, offset != 0.0)}",
+            f"--position-offset {_list(total, 5)}",
+            2 * int((offset != 0.0).sum()),
+            match,
+        )
+
+
+def _gravity(robot: Articulated, sample: Sample) -> Iterator[Repair]:
+    """The direction of gravity that fits best, from three columns that are linear in it, then by its score."""
+    believed = np.asarray(robot.gravity_vector)
+    strength = float(np.linalg.norm(believed)) or 9.81
+    n = robot.joints
+
+    def rigid(gravity: np.ndarray) -> np.ndarray:
+        columns, known = rigid_columns(with_gravity(robot, gravity), sample.motion)
+        total: np.ndarray = columns[:, :, :n].sum(axis=2) + known
+        return total
+
+    still = rigid(np.zeros(3))
+    each = np.stack([rigid(axis) - still for axis in np.eye(3)], axis=2)
+    weight = sample.counts / sample.size
+    whole = np.concatenate([each, -each, drive_columns(sample.motion)], axis=2) * weight[:, :, None]
+    a, b = whole.reshape(-1, whole.shape[2]), ((sample.tau - still) * weight).ravel()
+    size = np.sqrt(np.sum(a**2, axis=0)) + 1e-300
+    solution = nonnegative(a / size, b) / size
+    direction = solution[:3] - solution[3:6]
+    length = float(np.linalg.norm(direction))
+    if not 0.3 * strength < length < 3.0 * strength:
+        return
+
+    def score(vector: np.ndarray) -> float:
+        turned = strength * vector / (np.linalg.norm(vector) + 1e-12)
+        return matched(with_gravity(robot, turned), sample).score
+
+    best = optimize.minimize(score, direction / length, method="Nelder-Mead", options={"maxfev": 60, "xatol": 1e-3})
+    gravity = strength * best.x / np.linalg.norm(best.x)
+    angle = float(np.degrees(np.arccos(np.clip(gravity @ believed / strength**2, -1.0, 1.0))))
+    if angle > 3.0:
+        yield Repair(
+            f"gravity turned by {angle:.0f}°, as of an arm that is mounted so",
+            f"--gravity {_list(gravity, 4)}",
+            2,
+            matched(with_gravity(robot, gravity), sample),
+        )
+
+
+def _delays(
+    robot: Articulated, signals: Signals, counts: np.ndarray, conventions: Conventions
+) -> Iterator[Repair]:
+    period = 1.0 / signals.cut_off
+    steps = max(3, int(LATEST / (0.25 * period)))
+    delays = np.unique(np.concatenate([np.linspace(-LATEST, LATEST, 2 * min(steps, 25) + 1)]))
+    sample = sample_of(signals, counts)
+    columns, known = rigid_columns(robot, sample.motion)
+
+    def match_of(delay: float) -> Match:
+        return matched_columns(columns, known, sample_of(signals, counts, delay))
+
+    best = float(min(delays, key=lambda delay: match_of(delay).score))
+    near = np.linspace(best - 0.25 * period, best + 0.25 * period, 11)
+    best = float(min(near, key=lambda delay: match_of(delay).score))
+    if abs(best) > 0.5 / signals.rate:
+        total = best + conventions.torque_delay
+        when = "after" if best > 0 else "before"
+        yield Repair(
+            f"torques that come {abs(best):.3g} s {when} the positions", f"--torque-delay {total:.4g}", 1, match_of(best)
+        )
+
+
+def _improved(
+    start: np.ndarray, match_of: Callable[[np.ndarray], Match], others: Callable[[np.ndarray], Iterator[np.ndarray]]
+) -> tuple[np.ndarray, Match]:
+    """The best after changes of one entry after another, as long as the match gets better."""
+    best, match = start, match_of(start)
+    for _ in range(len(start)):
+        scored = [(match_of(other), other) for other in others(best)]
+        candidate, other = min(scored, key=lambda pair: pair[0].score)
+        if candidate.score > match.score - EACH:
+            break
+        best, match = other, candidate
+    return best, match
+
+
+def _flips(sign: np.ndarray) -> Iterator[np.ndarray]:
+    for joint in range(len(sign)):
+        other = sign.copy()
+        other[joint] *= -1.0
+        yield other
+
+
+def _exchanges(order: np.ndarray) -> Iterator[np.ndarray]:
+    for a, b in itertools.combinations(range(len(order)), 2):
+        other = order.copy()
+        other[[a, b]] = order[[b, a]]
+        yield other
+
+
+def _order(robot: Articulated, order: np.ndarray, earlier: object) -> str:
+    """The option's list: for each joint of the log as read, the joint that its values belong to."""
+    names = list(robot.joint_names)
+    belongs = {names[column]: names[joint] for joint, column in enumerate(order)}
+    labels = list(earlier) if isinstance(earlier, (list, tuple)) and earlier else names
+    return ",".join(belongs[label] for label in labels)
+
+
+def _named(robot: Articulated, which: np.ndarray) -> str:
+    names = [f"`{name}`" for name, chosen in zip(robot.joint_names, which, strict=True) if chosen]
+    return "all joints" if len(names) == robot.joints and len(names) > 1 else ", ".join(names)
+
+
+def _list(values: np.ndarray, digits: int = 3) -> str:
+    return ",".join(f"{value + 0.0:.{digits}g}" for value in values)
