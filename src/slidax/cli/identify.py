@@ -10,7 +10,10 @@ from typing import Annotated
 import typer
 
 from .options import AsJson
-from .session import errors_as_lines, prepare, print_json, say_note, say_where
+from .session import errors_as_lines, prepare, print_json, say_note, say_warning, say_where
+
+ARM, UNITS = "Arm", "Units, signs and joint order of the log"
+"""Panels of the help."""
 
 Robot = Annotated[str, typer.Option(help="A ready arm by its name, or a URDF, MJCF or YAML file.")]
 Topic = Annotated[
@@ -54,19 +57,97 @@ def identify(
         float | None, typer.Option(help="Filter cut-off [Hz]; chosen from the log if not given.")
     ] = None,
     held_out: Annotated[float, typer.Option(help="The last share of the log, predicted and not fitted.")] = 0.25,
+    gravity: Annotated[
+        str | None,
+        typer.Option(metavar="X,Y,Z", help="Gravity in the base frame (m/s²), for a mounted arm.", rich_help_panel=ARM),
+    ] = None,
+    inertias: Annotated[
+        str | None,
+        typer.Option(help="`nearest` replaces inertias in the file that no body can have.", rich_help_panel=ARM),
+    ] = None,
+    locked: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="JOINT=POSITION", help="A joint in the file that the log does not have.", rich_help_panel=ARM
+        ),
+    ] = None,
+    time_unit: Annotated[
+        str, typer.Option(help="s, ms, us, ns, or the seconds per unit, such as 0.004.", rich_help_panel=UNITS)
+    ] = "s",
+    position_unit: Annotated[
+        str | None, typer.Option(help="rad, deg, mrad or rev, and m or mm.", rich_help_panel=UNITS)
+    ] = None,
+    position_sign: Annotated[
+        str | None, typer.Option(metavar="LIST", help="1 or -1 for each joint.", rich_help_panel=UNITS)
+    ] = None,
+    position_offset: Annotated[
+        str | None, typer.Option(metavar="LIST", help="Added to the positions (rad or m).", rich_help_panel=UNITS)
+    ] = None,
+    torque_unit: Annotated[
+        str, typer.Option(help="Nm, mNm, Ncm, kNm, kgfm, kgfcm, lbfft, lbfin or ozfin.", rich_help_panel=UNITS)
+    ] = "Nm",
+    torque_scale: Annotated[
+        str | None,
+        typer.Option(metavar="LIST", help="Factors of the torques, such as N m per ampere.", rich_help_panel=UNITS),
+    ] = None,
+    torque_sign: Annotated[
+        str | None, typer.Option(metavar="LIST", help="1 or -1, one or for each joint.", rich_help_panel=UNITS)
+    ] = None,
+    torque_delay: Annotated[
+        float, typer.Option(help="Time by which torques come after positions (s).", rich_help_panel=UNITS)
+    ] = 0.0,
+    joint_order: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAMES", help="The arm's joint that each joint of the log belongs to.", rich_help_panel=UNITS
+        ),
+    ] = None,
+    position_order: Annotated[
+        str | None, typer.Option(metavar="NAMES", help="The same for positions alone.", rich_help_panel=UNITS)
+    ] = None,
+    torque_order: Annotated[
+        str | None, typer.Option(metavar="NAMES", help="The same for torques alone.", rich_help_panel=UNITS)
+    ] = None,
+    ignore_torque: Annotated[
+        list[str] | None,
+        typer.Option(metavar="JOINT", help="A joint whose torque is not used; repeatable.", rich_help_panel=UNITS),
+    ] = None,
     json: AsJson = False,
 ) -> None:
     """Rotor inertia, friction, payload and perhaps the links of an arm, from a log of its positions and torques.
 
-    Each number has a standard error, and what the log does not show is said. A scenario takes the written file as
+    Each number has a standard error. The log is checked against the arm first: time unit, gaps, sign, scale and joint
+    order of the torques, gravity. An error names the option that repairs it. A scenario takes the written file as
     `robot: {kind: identified, file: arm.yaml}`.
+
+        slidax identify log.csv --robot panda --torque-unit mNm --out arm.yaml
     """
     with errors_as_lines():
         prepare()
         from slidax import identification
         from slidax.scenarios import named_robot
 
-        arm, description = named_robot(robot, tip=tip)
+        arm, description = named_robot(
+            robot,
+            tip=tip,
+            inertias=inertias,
+            locked=_positions("--locked", locked or []),
+            gravity=None if gravity is None else _numbers("--gravity", gravity),
+        )
+        conventions = identification.Conventions(
+            time_unit=time_unit,
+            position_unit=_words(position_unit),
+            position_sign=_numbers("--position-sign", position_sign or "1"),
+            position_offset=_numbers("--position-offset", position_offset or "0"),
+            torque_unit=torque_unit,
+            torque_scale=_numbers("--torque-scale", torque_scale or "1"),
+            torque_sign=_numbers("--torque-sign", torque_sign or "1"),
+            torque_delay=torque_delay,
+            joint_order=_words(joint_order),
+            position_order=_words(position_order),
+            torque_order=_words(torque_order),
+            ignore_torque=ignore_torque or [],
+        )
         record = identification.read_log(
             log,
             arm.joint_names,
@@ -79,6 +160,7 @@ def identify(
         found = identification.identify(
             record,
             arm,
+            conventions=conventions,
             rotors=rotors,
             payload=payload,
             links=links,
@@ -86,6 +168,8 @@ def identify(
             cut_off=cut_off,
             held_out=held_out,
         )
+        for sentence in found.warnings:
+            say_warning(sentence)
         if out is not None:
             identification.write_arm(found, description, out)
         if report is not None:
@@ -100,3 +184,33 @@ def identify(
             typer.echo(f"The arm is in {out.resolve()}")
         if report is not None:
             say_where(report)
+
+
+def _words(text: str | None) -> list[str]:
+    return [word.strip() for word in text.split(",")] if text else []
+
+
+def _numbers(option: str, text: str) -> list[float]:
+    from slidax._errors import DefinitionError, shown
+
+    try:
+        return [float(word) for word in text.split(",")]
+    except ValueError:
+        raise DefinitionError(
+            f"`{option}` needs numbers with commas between them, such as 1,-1,1; got {shown(text)}"
+        ) from None
+
+
+def _positions(option: str, given: list[str]) -> dict[str, float]:
+    from slidax._errors import DefinitionError, shown
+
+    positions = {}
+    for text in given:
+        name, _, value = text.partition("=")
+        try:
+            positions[name.strip()] = float(value)
+        except ValueError:
+            raise DefinitionError(
+                f"`{option}` needs the form JOINT=POSITION, such as finger=0.04; got {shown(text)}"
+            ) from None
+    return positions

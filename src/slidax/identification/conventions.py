@@ -42,15 +42,14 @@ TORQUE_UNITS = {
 class Conventions:
     """Differences between a log and the arm's own units, signs and joint order.
 
-    Each field has an option of `slidax identify`: `torque_sign` is `--torque-sign`. A list has an entry for each joint, in
-    the arm's order; a single entry is for all joints.
+    Each field has an option of `slidax identify`: `torque_sign` is `--torque-sign`. A list has an entry for each joint,
+    in the arm's order; a single entry is for all joints.
 
     - `time_unit`: `s`, `ms`, `us` or `ns`, or a number: the seconds per unit of the log's times.
-    - `position_unit`: `rad`, `deg`, `mrad` or `rev` for turning joints, `m` or `mm` for sliding joints; velocities are in
-      this unit per second.
+    - `position_unit`: `rad`, `deg`, `mrad` or `rev` for turning joints, `m` or `mm` for sliding joints; velocities are
+      in this unit per second.
     - `position_sign`: 1, or -1 for a joint that the log counts in the opposite direction.
     - `position_offset`: added to the positions, rad or m.
-    - `velocity`: False to leave the measured velocities out.
     - `torque_unit`: `Nm`, `mNm`, `Ncm`, `kNm`, `kgfm`, `kgfcm`, `lbfft`, `lbfin` or `ozfin`.
     - `torque_scale`: a factor of the torques, such as gear ratio times torque constant for motor currents.
     - `torque_sign`: 1, or -1 for a torque that the log counts in the opposite direction.
@@ -66,7 +65,6 @@ class Conventions:
     position_unit: Sequence[str] = ()
     position_sign: Sequence[float] = (1.0,)
     position_offset: Sequence[float] = (0.0,)
-    velocity: bool = True
     torque_unit: str = "Nm"
     torque_scale: Sequence[float] = (1.0,)
     torque_sign: Sequence[float] = (1.0,)
@@ -133,7 +131,11 @@ class Conventions:
             kind, factor = POSITION_UNITS[unit]
             size[[other == kind for other in units]] = factor
         size = size * self.each("position_sign", len(units))
-        torque = TORQUE_UNITS[self.torque_unit] * self.each("torque_scale", len(units)) * self.each("torque_sign", len(units))
+        torque = (
+            TORQUE_UNITS[self.torque_unit]
+            * self.each("torque_scale", len(units))
+            * self.each("torque_sign", len(units))
+        )
         t = log.t * self.seconds if self.seconds != 1.0 else log.t
         tau = log.tau[:, whole][:, torques] * torque
         if self.torque_delay:
@@ -143,7 +145,7 @@ class Conventions:
             t=t,
             q=log.q[:, whole][:, positions] * size + self.each("position_offset", len(units)),
             tau=tau,
-            dq=None if log.dq is None or not self.velocity else log.dq[:, whole][:, positions] * size,
+            dq=None if log.dq is None else log.dq[:, whole][:, positions] * size,
         )
 
     def each(self, name: str, joints: int) -> np.ndarray:
@@ -156,7 +158,9 @@ class Conventions:
         """
         values = np.asarray(getattr(self, name), float)
         if values.size not in (1, joints):
-            raise DefinitionError(f"`{name}` must have one entry, or one for each of the {joints} joints; got {values.size}")
+            raise DefinitionError(
+                f"`{name}` must have one entry, or one for each of the {joints} joints; got {values.size}"
+            )
         return np.broadcast_to(values.ravel(), (joints,))
 
     def _order(self, name: str, joints: Sequence[str]) -> list[int]:

@@ -23,7 +23,8 @@ from .read_log import read_log
 from .regressor import BODY
 from .signals import LEAST, Signals, signals_of
 from .timing import timed
-from .torque_checks import require_torques
+from .torque_checks import require_torques, usable_torques
+from .torque_model import BAND
 from .unknowns import Unknowns, unknowns_of
 
 EXPLAINED = 0.5
@@ -52,8 +53,8 @@ def identify(
     was believed before is taken as very uncertain, so that it decides only what the log does not show; that is said by
     name.
 
-    The log is judged first: its time unit, gaps, velocities, and the sign, scale, joint order and gravity of its torques
-    against the arm. `Conventions` has the remedies.
+    The log is judged first: its time unit, gaps, velocities, and the sign, scale, joint order and gravity of its
+    torques against the arm. `Conventions` has the remedies.
 
     - `log`: a `Log`, or the path of a file that `read_log` reads.
     - `robot`: the arm as it is known; what is identified takes the place of its numbers.
@@ -65,7 +66,8 @@ def identify(
     - `cut_off`: of the filter [Hz]; chosen from the data if not given.
     - `held_out`: the last share of the log, which is not fitted but predicted, in (0, 0.9].
 
-    Raises DefinitionError if the log cannot be read or used, contradicts the arm, or leads to parameters that no arm has.
+    Raises DefinitionError if the log cannot be read or used, contradicts the arm, or leads to parameters that no arm
+    has.
     """
     started = time.perf_counter()
     if not 0.0 < held_out <= 0.9:
@@ -78,7 +80,8 @@ def identify(
         payload = not links
     conventions = conventions or Conventions()
     log = conventions.applied(log, robot.joint_units)
-    ignored = np.array([name in conventions.ignore_torque for name in log.joints])
+    usable, sentences = usable_torques(log, robot, conventions)
+    ignored = ~usable
     require_radians(log, robot)
     pieces = timed(log, robot)
     log = pieces.log
@@ -91,7 +94,8 @@ def identify(
     split = int((1.0 - held_out) * len(signals.t))
     _require_long_enough(signals, split, log)
     unknowns = equation(signals)
-    require_torques(log, robot, signals, unknowns.counts, conventions)
+    slow = signals if signals.cut_off <= BAND else signals_of(pieces, robot, BAND)
+    require_torques(log, robot, slow, usable, conventions)
     found = fit(unknowns, signals, slice(0, split))
     if cut_off is None:
         band = explained_band(unknowns, signals, found, slice(0, split))
@@ -110,6 +114,7 @@ def identify(
     torque = signals.filtered(torque - found.lag * signals.slope(torque))
     measured = signals.filtered(signals.tau)
     row = np.arange(len(torque))
+    warnings = signals.warnings + tuple(sentences)
     identification = Identification(
         robot=identified_robot(robot, unknowns, theta),
         parameters=estimates_of(robot, unknowns, found, theta),
@@ -126,11 +131,11 @@ def identify(
         fit_rms=_rms((measured - torque)[signals.inner & (row < split)]),
         held_out_rms=_rms((measured - torque)[signals.inner & (row >= split)]),
         measured_rms=_rms(measured),
-        warnings=signals.warnings,
+        warnings=warnings,
         seconds=time.perf_counter() - started,
     )
     more = judge_result(identification, robot, signals, ignored)
-    return replace(identification, warnings=signals.warnings + more)
+    return replace(identification, warnings=warnings + more)
 
 
 def explained_band(unknowns: Unknowns, signals: Signals, found: Fit, rows: slice) -> float:
@@ -165,9 +170,10 @@ def _require_long_enough(signals: Signals, split: int, log: Log) -> None:
     parts = len(signals.pieces)
     within = f", in {parts} parts without a gap" if parts > 1 else ""
     raise DefinitionError(
-        f"{log.source} is too short, {len(signals.t) / signals.rate:.3g} s{within}: in a band of {signals.cut_off:.3g} Hz "
-        f"the part that is fitted must have at least {fewest / signals.rate:.3g} s; it has {fitted / signals.rate:.3g} s "
-        f"between the filter's ends, and {rest / signals.rate:.3g} s are held out; `--held-out` and `--cut-off` set both"
+        f"{log.source} is too short, {len(signals.t) / signals.rate:.3g} s{within}: in a band of "
+        f"{signals.cut_off:.3g} Hz the part that is fitted must have at least {fewest / signals.rate:.3g} s; it has "
+        f"{fitted / signals.rate:.3g} s between the filter's ends, and {rest / signals.rate:.3g} s are held out; "
+        "`--held-out` and `--cut-off` set both"
     )
 
 

@@ -48,7 +48,6 @@ def fit(unknowns: Unknowns, signals: Signals, rows: slice) -> Fit:
     - `rows`: the part of the log that is fitted.
     """
     part = signals.part(rows)
-    scale = np.append(unknowns.scale, LAG_SCALE)
     # In units of what was believed before, the belief is the identity.
     columns = part.filtered(unknowns.columns[rows] * unknowns.scale)
     target = part.filtered((signals.tau - unknowns.known)[rows])

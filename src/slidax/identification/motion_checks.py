@@ -120,7 +120,7 @@ def _units(log: Log, factors: dict[int, float], travelling: int) -> str:
     factor = factors[joint]
     values = np.array(list(factors.values()))
     facts = f"`dq` of {log.source} is not the slope of `q` for joint `{log.joints[joint]}`: it is {factor:.3g} times it"
-    leave = "`--no-velocity` leaves `dq` out"
+    leave = "`--drop dq` leaves `dq` out"
     if len(factors) < travelling or np.ptp(values) > 0.2 * abs(factor):
         if abs(factor + 1.0) < 0.2:
             return f"{facts}; does `q` or `dq` count in the opposite direction? `--position-sign` turns both, {leave}"
@@ -131,15 +131,14 @@ def _units(log: Log, factors: dict[int, float], travelling: int) -> str:
     if abs(factor * DEGREE - 1.0) < 0.2:
         return f"{facts}: is `dq` in degrees per second? {leave}"
     if abs(factor / DEGREE - 1.0) < 0.2:
-        return f"{facts}: is `q` in degrees? `--position-unit deg --no-velocity` reads it so"
+        return f"{facts}: is `q` in degrees? `--position-unit deg --drop dq` reads it so"
     if factor > 0.0:
-        return f"{facts} in all joints: are the times in units of {1.0 / factor:.4g} s? `--time-unit {1.0 / factor:.4g}`; {leave}"
+        size = f"{1.0 / factor:.4g}"
+        return f"{facts} in all joints: are the times in units of {size} s? `--time-unit {size}` reads them so; {leave}"
     return f"{facts} in all joints; {leave}"
 
 
-def _require_own(
-    log: Log, slope: np.ndarray, velocity: np.ndarray, usable: np.ndarray, travels: np.ndarray
-) -> None:
+def _require_own(log: Log, slope: np.ndarray, velocity: np.ndarray, usable: np.ndarray, travels: np.ndarray) -> None:
     """Raises a DefinitionError if a joint's velocity is the slope of another joint's position."""
     for joint in np.nonzero(~usable & travels)[0]:
         for other in np.nonzero(~usable & travels)[0]:
@@ -147,7 +146,7 @@ def _require_own(
                 raise DefinitionError(
                     f"`dq` of {log.source} for joint `{log.joints[joint]}` is the slope of `q` for joint "
                     f"`{log.joints[other]}`: positions and velocities are in different joint orders; "
-                    "`--no-velocity` leaves `dq` out"
+                    "`--drop dq` leaves `dq` out"
                 )
 
 

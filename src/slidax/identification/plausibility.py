@@ -7,7 +7,7 @@ import numpy as np
 from slidax._errors import DefinitionError
 from slidax.robots import Articulated
 
-from .identification import Estimated, Identification
+from .identification import Identification
 from .signals import Signals
 
 USELESS, POOR = 1.0, 0.5
@@ -29,9 +29,7 @@ SURE = 2.0
 """Standard errors by which a parameter must be beyond a bound."""
 
 
-def judge_result(
-    result: Identification, robot: Articulated, signals: Signals, ignored: np.ndarray
-) -> tuple[str, ...]:
+def judge_result(result: Identification, robot: Articulated, signals: Signals, ignored: np.ndarray) -> tuple[str, ...]:
     """Sentences on what the log supports badly.
 
     - `result`: the identification.
@@ -48,8 +46,8 @@ def judge_result(
     limit = np.asarray(robot.limits.torque)
     for joint in np.nonzero((largest > 1.2 * limit) & ~ignored)[0]:
         warnings.append(
-            f"the torque of joint `{robot.joint_names[joint]}` reaches {largest[joint]:.4g}, {largest[joint] / limit[joint]:.2g} "
-            f"times its limit in the arm's file"
+            f"the torque of joint `{robot.joint_names[joint]}` reaches {largest[joint]:.4g}, "
+            f"{largest[joint] / limit[joint]:.2g} times its limit in the arm's file"
         )
     if result.unseen:
         names = ", ".join(f"`{parameter.title}`" for parameter in result.unseen[:4])
@@ -78,14 +76,14 @@ def _judge_prediction(
             continue
         where = "held out" if result.held_out_rms[joint] >= result.fit_rms[joint] else "fitted"
         facts = (
-            f"{robot.name} as identified from {result.log.source} predicts the torque of joint `{name}` with an error of "
-            f"{errors[joint]:.3g} in the part that is {where}; the torque itself varies by {size[joint]:.3g}"
+            f"{robot.name} as identified from {result.log.source} predicts the torque of joint `{name}` with an error "
+            f"of {errors[joint]:.3g} in the part that is {where}; the torque itself varies by {size[joint]:.3g}"
         )
         if share[joint] > USELESS:
             raise DefinitionError(
-                f"{facts}. No other sign, scale, joint order, delay or gravity explains it. Is the arm's file right, and "
-                f"did nothing touch the arm? `--links` identifies its links, too; `--ignore-torque {name}` leaves this "
-                "torque out"
+                f"{facts}. No other sign, scale, joint order, delay or gravity explains it. Is the arm's file right, "
+                f"and did nothing touch the arm? `--links` identifies its links, too; `--ignore-torque {name}` leaves "
+                "this torque out"
             )
         warnings.append(f"{facts}: the arm's file, or this torque, is in doubt")
 
@@ -104,8 +102,9 @@ def _judge_parameters(result: Identification, robot: Articulated, warnings: list
                 bound = SLUGGISH * torque[j] / speed[j]
                 rule = f"its drive would take more than {SLUGGISH:g} s to its speed limit"
             else:
-                bound, rule = 5.0 * total * (reach**2 if robot.joint_units[j] == "rad" else 1.0), (
-                    "this is more than five times the whole arm stretched out"
+                bound, rule = (
+                    5.0 * total * (reach**2 if robot.joint_units[j] == "rad" else 1.0),
+                    ("this is more than five times the whole arm stretched out"),
                 )
         elif parameter.name == "coulomb" and np.isfinite(torque[j]):
             bound, rule = torque[j], "this is more than its drive's torque limit"
@@ -114,14 +113,18 @@ def _judge_parameters(result: Identification, robot: Articulated, warnings: list
         elif parameter.name == "payload.mass":
             bound, rule = max(1.5 * total, 0.5), f"the arm itself weighs {total:.3g} kg"
         elif parameter.name == "link.mass":
-            bound, rule = 10.0 * max(float(believed[parameter.joint]), 0.02 * total), "this is ten times the file's mass"
+            bound, rule = (
+                10.0 * max(float(believed[parameter.joint]), 0.02 * total),
+                "this is ten times the file's mass",
+            )
         if parameter.value <= bound:
             continue
-        facts = f"{parameter.title} would be {parameter.value:.4g} ± {1.96 * parameter.standard_error:.2g} {parameter.unit}"
+        half = 1.96 * parameter.standard_error
+        facts = f"{parameter.title} would be {parameter.value:.4g} ± {half:.2g} {parameter.unit}"
         if parameter.value - SURE * parameter.standard_error > bound:
             raise DefinitionError(
-                f"{facts}: {rule}. The torques or times of {result.log.source} are in another unit or scale, or in another "
-                f"joint order, than those of {robot.name}: `--torque-unit`, `--torque-scale`, `--time-unit` and "
+                f"{facts}: {rule}. The torques or times of {result.log.source} are in another unit or scale, or in "
+                f"another joint order, than those of {robot.name}: `--torque-unit`, `--torque-scale`, `--time-unit` and "
                 "`--joint-order` set them"
             )
         warnings.append(f"{facts}: {rule}; the log does not tell it better")

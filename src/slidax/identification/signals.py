@@ -110,11 +110,12 @@ class Signals:
     @cached_property
     def inner(self) -> np.ndarray:
         """Measured rows that are far enough from the ends of their piece for the filter [k]."""
-        inner = np.zeros(len(self.t), bool)
+        inner: np.ndarray = np.zeros(len(self.t), bool)
         for piece in self.pieces:
             if piece.stop - piece.start > SHORTEST:
                 inner[piece.start + self.settled : max(piece.stop - self.settled, piece.start + self.settled)] = True
-        return inner & self.measured
+        inner &= self.measured
+        return inner
 
 
 def signals_of(timed: Timed, robot: Articulated, cut_off: float | None = None) -> Signals:
@@ -142,7 +143,9 @@ def signals_of(timed: Timed, robot: Articulated, cut_off: float | None = None) -
     if dq is not None:
         narrow = signal.butter(ORDER, chosen, fs=rate, output="sos")
         theirs = _per_piece(lambda values: signal.sosfiltfilt(wide, values, axis=0), dq, pieces)
-        band = [_per_piece(lambda values: signal.sosfiltfilt(narrow, values, axis=0), v, pieces) for v in (velocity, dq)]
+        band = [
+            _per_piece(lambda values: signal.sosfiltfilt(narrow, values, axis=0), v, pieces) for v in (velocity, dq)
+        ]
         usable, sentences = usable_velocities(log, robot, band[0], band[1], 0.5 * noise, rate)
         warnings += sentences
         their_noise = _noise(dq, chosen, rate, pieces)
@@ -224,9 +227,7 @@ def _even(
     return t, q, tau, None if log.dq is None else dq, measured, tuple(pieces)
 
 
-def _per_piece(
-    work: Callable[[np.ndarray], np.ndarray], values: np.ndarray, pieces: tuple[slice, ...]
-) -> np.ndarray:
+def _per_piece(work: Callable[[np.ndarray], np.ndarray], values: np.ndarray, pieces: tuple[slice, ...]) -> np.ndarray:
     """Each piece after some work; a piece that is too short for it as it is."""
     done = np.array(values, float)
     for piece in pieces:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -82,8 +83,8 @@ def timed(log: Log, robot: Articulated) -> Timed:
             f"{log.source} has {_gaps(len(new))}, the longest of {steps[longest - 1]:.3g} s at "
             f"{log.t[longest - 1]:.4g} s: the parts before and after are fitted separately"
         )
-    edges = np.unique(np.concatenate([[0], breaks, gaps, [len(log.t)]])).astype(int)
-    pieces = [slice(a, b) for a, b in zip(edges[:-1], edges[1:], strict=True) if b > a]
+    edges = np.unique(np.concatenate([[0], breaks, gaps, [len(log.t)]]).astype(int))
+    pieces = [slice(a, b) for a, b in itertools.pairwise(edges.tolist()) if b > a]
     return Timed(log, tuple(pieces), tuple(warnings))
 
 
@@ -106,8 +107,13 @@ def require_seconds(log: Log, robot: Articulated) -> None:
     facts = f"the times of {log.source} are {duration:.4g} s long with {rate:.3g} samples per second"
     remedy = " or ".join(f"`--time-unit {name}`" for name in others)
     if not SLOWEST <= rate <= FASTEST or duration < BRIEFEST:
-        hint = f"are they in {' or '.join(others)}? {remedy}" if others else (
-            "`--time-unit` takes s, ms, us, ns, or the seconds per unit, such as 0.004 for a counter of samples at 250 Hz"
+        hint = (
+            f"are they in {' or '.join(others)}? {remedy}"
+            if others
+            else (
+                "`--time-unit` takes s, ms, us, ns, or the seconds per unit, such as 0.004 for a counter of samples at "
+                "250 Hz"
+            )
         )
         rule = f"at least {SLOWEST:g} and at most {FASTEST:g} samples per second, and {BRIEFEST:g} s, are needed"
         raise DefinitionError(f"{facts}: {rule}; {hint}")
@@ -149,7 +155,9 @@ def _in_order(log: Log, backward: np.ndarray) -> tuple[Log, np.ndarray, str]:
         return float(np.sum(np.abs(np.diff(q, axis=0)) / size))
 
     first = int(backward[0])
-    where = f"sample {first + 1} of {log.source} is at {log.t[first]:.6g} s, the sample before at {log.t[first - 1]:.6g} s"
+    where = (
+        f"sample {first + 1} of {log.source} is at {log.t[first]:.6g} s, the sample before at {log.t[first - 1]:.6g} s"
+    )
     if path(log.q[order]) <= 1.02 * path(log.q):
         return _rows(log, order), np.zeros(0, int), f"{where}: the samples are sorted by their times"
     # Each part goes on after the one before, so that the times increase.
@@ -208,9 +216,7 @@ def _frozen(log: Log, breaks: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _rows(log: Log, rows: np.ndarray) -> Log:
-    return replace(
-        log, t=log.t[rows], q=log.q[rows], tau=log.tau[rows], dq=None if log.dq is None else log.dq[rows]
-    )
+    return replace(log, t=log.t[rows], q=log.q[rows], tau=log.tau[rows], dq=None if log.dq is None else log.dq[rows])
 
 
 def _gaps(count: int) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import optimize
@@ -14,22 +14,24 @@ from slidax.robots import Articulated
 
 from .conventions import Conventions
 from .log import Log
-from .motion_checks import DEGREE
+from .motion_checks import DEGREE, TRAVEL
 from .signals import Signals
 from .torque_model import (
     Match,
+    Rigid,
     Sample,
     drive_columns,
     matched,
-    matched_columns,
+    matched_rigid,
     nonnegative,
-    rigid_columns,
+    rigid_torques,
     sample_of,
     with_gravity,
 )
+from .unknowns import moving
 
-DOUBT = 0.5
-"""A residual, as a share of the torque, above which other conventions are tried."""
+DOUBT, COSTS = 0.2, 10.0
+"""A residual, as a share of the torque, and a cost of the belief per joint: above, other conventions are tried."""
 
 BETTER = 0.7
 """By how much the sum of the logarithms of the residuals must fall for another convention: a factor of two."""
@@ -48,6 +50,9 @@ EACH = 0.15
 
 SCALES = (0.4, 2.5)
 """Factors of the torques within which a wrong mass explains them as well as a wrong scale."""
+
+ENOUGH = 0.1
+"""The share of the score that a convention leaves, below which no further ones are tried."""
 
 FEW = 4
 """Joints of which all orders are tried; of more, exchanges of two as long as the match gets better."""
@@ -84,24 +89,24 @@ def require_torques(
     log: Log,
     robot: Articulated,
     signals: Signals,
-    counts: np.ndarray,
+    usable: np.ndarray,
     conventions: Conventions,
 ) -> None:
     """Raise a DefinitionError if the torques contradict the arm and fit it with another convention.
 
     - `log`: in the arm's units and joint order, as far as known.
     - `robot`: the arm.
-    - `signals`: of the log.
-    - `counts`: rows and joints whose equations count [k n].
+    - `signals`: of the log, in a band of a few Hz.
+    - `usable`: True for joints whose torques are used [n].
     - `conventions`: that were applied.
     """
-    _require_variation(log, robot, signals, counts, conventions)
-    sample = sample_of(signals, counts)
+    sample = sample_of(signals, moving(signals))
+    sample = replace(sample, counts=sample.counts & usable)
     match = matched(robot, sample)
-    doubtful = (match.errors > DOUBT) & (sample.floor < DOUBT)
-    if not doubtful.any():
+    doubtful = (match.errors > DOUBT) & (sample.floor < 0.7 * match.errors)
+    if not doubtful.any() and match.cost < COSTS * robot.joints:
         return
-    repairs = sorted(_repairs(robot, signals, counts, sample, conventions), key=lambda repair: repair.score)
+    repairs = _repairs(robot, signals, sample, match, conventions)
     convincing = [
         repair
         for repair in repairs
@@ -112,7 +117,7 @@ def require_torques(
     if not convincing:
         return
     best = convincing[0]
-    worst = int(np.argmax(np.where(doubtful, match.errors, 0.0)))
+    worst = int(np.argmax(match.errors))
     second = next((r for r in convincing[1:] if r.option.split()[0] != best.option.split()[0]), None)
     other = ""
     if second is not None and second.score < best.score + CLOSE:
@@ -124,72 +129,94 @@ def require_torques(
     )
 
 
-def _require_variation(
-    log: Log, robot: Articulated, signals: Signals, counts: np.ndarray, conventions: Conventions
-) -> None:
-    """Raises a DefinitionError if a torque never changes although the arm needs it to."""
-    constant = np.ptp(log.tau, axis=0) <= 1e-9 * (np.abs(log.tau).max(axis=0) + 1e-9)
-    constant &= np.array([name not in conventions.ignore_torque for name in log.joints])
+def usable_torques(log: Log, robot: Articulated, conventions: Conventions) -> tuple[np.ndarray, list[str]]:
+    """True for each joint whose torque was measured and is used [n]; and warnings.
+
+    - `log`: in the arm's units and joint order.
+    - `robot`: the arm.
+    - `conventions`: that were applied.
+
+    Raises DefinitionError if the torque of a joint that moves is constant, or all torques are.
+    """
+    usable = np.array([name not in conventions.ignore_torque for name in log.joints])
+    constant = usable & (np.ptp(log.tau, axis=0) <= 1e-9 * (np.abs(log.tau).max(axis=0) + 1e-9))
+    if not usable.any():
+        raise DefinitionError("`--ignore-torque` names all joints: nothing can be identified without a torque")
     if not constant.any():
-        return
-    if constant.all():
-        value = "all 0" if not log.tau.any() else "constant in each joint"
+        return usable, []
+    if (constant == usable).all():
+        value = "all 0" if not log.tau[:, constant].any() else "constant in each joint"
         raise DefinitionError(
             f"the torques of {log.source} are {value}: its driver does not measure them, and so nothing can be "
             "identified from this log; record a log with torques or motor currents (`--torque-scale` takes their "
             "N m per unit)"
         )
-    columns, known = rigid_columns(robot, sample_of(signals, counts).motion)
-    needed = np.std(columns[:, :, : robot.joints].sum(axis=2) + known, axis=0)
-    moves = np.std(signals.motion.dq, axis=0) > 1e-3
-    wrong = constant & (moves | (needed > 0.02 * np.abs(columns).max() + 1e-6))
-    if wrong.any():
-        names = [name for name, is_wrong in zip(log.joints, wrong, strict=True) if is_wrong]
-        listed = " ".join(f"--ignore-torque {name}" for name in names)
+    travels = np.ptp(log.q, axis=0) > np.array([TRAVEL[unit] for unit in robot.joint_units])
+    wrong = [name for name, is_wrong in zip(log.joints, constant & travels, strict=True) if is_wrong]
+    if wrong:
+        listed = " ".join(f"--ignore-torque {name}" for name in wrong)
         raise DefinitionError(
-            f"the torque of {log.source} is constant, {log.tau[0, log.joints.index(names[0])]:.4g}, for joint "
-            f"`{names[0]}`, which needs another at each position: is it not measured? `{listed}` leaves it out"
+            f"the torque of {log.source} is constant, {log.tau[0, log.joints.index(wrong[0])]:.4g}, for joint "
+            f"`{wrong[0]}`, which moves: is it not measured? `{listed}` leaves it out"
         )
+    return usable & ~constant, [
+        f"the torque of {log.source} is constant for {_named(robot, constant)}, which stand still, as with a brake: "
+        "it is left out"
+    ]
 
 
 def _repairs(
-    robot: Articulated, signals: Signals, counts: np.ndarray, sample: Sample, conventions: Conventions
-) -> Iterator[Repair]:
-    columns, known = rigid_columns(robot, sample.motion)
-    yield from _signs(robot, columns, known, sample, conventions)
-    yield from _scales(robot, columns, known, sample, conventions)
-    yield from _torque_orders(robot, columns, known, sample, conventions)
-    yield from _joint_orders(robot, sample, conventions)
-    yield from _positions(robot, sample, conventions)
-    yield from _gravity(robot, sample)
-    yield from _delays(robot, signals, counts, conventions)
+    robot: Articulated, signals: Signals, sample: Sample, match: Match, conventions: Conventions
+) -> list[Repair]:
+    """Other conventions with their matches; the costly ones are left out after one that explains all."""
+    rigid = rigid_torques(robot, sample.motion)
+    stages: tuple[Callable[[], Iterator[Repair]], ...] = (
+        lambda: _signs(robot, rigid, sample, conventions),
+        lambda: _scales(robot, rigid, sample, conventions),
+        lambda: _torque_orders(robot, rigid, sample, conventions),
+        lambda: _positions(robot, sample, conventions),
+        lambda: _delays(signals, rigid, sample, conventions),
+        lambda: _gravity(robot, sample),
+        lambda: _joint_orders(robot, sample, conventions),
+    )
+    repairs: list[Repair] = []
+    for stage in stages:
+        repairs += stage()
+        if any(repair.match.score < ENOUGH * match.score for repair in repairs):
+            break
+    return sorted(repairs, key=lambda repair: repair.score)
 
 
-def _signs(
-    robot: Articulated, columns: np.ndarray, known: np.ndarray, sample: Sample, conventions: Conventions
-) -> Iterator[Repair]:
+def _signs(robot: Articulated, rigid: Rigid, sample: Sample, conventions: Conventions) -> Iterator[Repair]:
     n, same = robot.joints, np.arange(robot.joints)
 
     def match_of(sign: np.ndarray) -> Match:
-        return matched_columns(columns, known, sample.with_torques(same, sign))
+        return matched_rigid(rigid, sample.with_torques(same, sign))
 
     for start in (np.ones(n), -np.ones(n)):
         sign, match = _improved(start, match_of, _flips)
         if (sign < 0).any():
             yield Repair(
                 f"the opposite sign for {_named(robot, sign < 0)}",
-                f"--torque-sign {_list(sign * conventions.each('torque_sign', n))}",
+                f"--torque-sign {_same(sign * conventions.each('torque_sign', n))}",
                 1 if (sign < 0).all() else int((sign < 0).sum()),
+                match,
+            )
+    one, zero = np.ones(n), np.zeros(n)
+    for start in (one, -one):
+        sign, match = _improved(start, lambda sign: matched(robot, sample.with_positions(same, sign, zero)), _flips)
+        if (sign < 0).any():
+            yield Repair(
+                f"the opposite direction of the positions of {_named(robot, sign < 0)}",
+                f"--position-sign {_same(sign * conventions.each('position_sign', n))}",
+                2 if (sign < 0).all() else 1 + int((sign < 0).sum()),
                 match,
             )
 
 
-def _scales(
-    robot: Articulated, columns: np.ndarray, known: np.ndarray, sample: Sample, conventions: Conventions
-) -> Iterator[Repair]:
-    n, same = robot.joints, np.arange(robot.joints)
-    rigid = columns[:, :, :n].sum(axis=2) + known
-    each = [_scale_of(rigid[:, j : j + 1], sample.only(j, j)) for j in range(n)]
+def _scales(robot: Articulated, rigid: Rigid, sample: Sample, conventions: Conventions) -> Iterator[Repair]:
+    n = robot.joints
+    each = [_scale_of(rigid.only(j), sample.only(j, j)) for j in range(n)]
     # A joint without a rigid torque of its own shows no scale: it has that of the others.
     whole = {sign: _scale_of(rigid, sample, sign) for sign in (1.0, -1.0)}
     per_joint = np.array([scale if shows else 0.0 for scale, shows in each])
@@ -198,15 +225,14 @@ def _scales(
         per_joint[per_joint == 0.0] = np.median(shown_scales)
         outside = (np.abs(per_joint) < SCALES[0]) | (np.abs(per_joint) > SCALES[1])
         for scales in (per_joint, np.where(outside, per_joint, 1.0)):
-            yield from _scaled(robot, columns, known, sample, scales, conventions)
+            yield from _scaled(robot, rigid, sample, scales, conventions)
     for sign, (scale, _) in whole.items():
-        yield from _scaled(robot, columns, known, sample, np.full(n, sign * scale), conventions)
+        yield from _scaled(robot, rigid, sample, np.full(n, sign * scale), conventions)
 
 
 def _scaled(
     robot: Articulated,
-    columns: np.ndarray,
-    known: np.ndarray,
+    rigid: Rigid,
     sample: Sample,
     scales: np.ndarray,
     conventions: Conventions,
@@ -215,17 +241,17 @@ def _scaled(
     outside = (size < SCALES[0]) | (size > SCALES[1])
     if not outside.any() or (size < 1e-9).any():
         return
-    match = matched_columns(columns, known, sample.with_torques(np.arange(n), 1.0 / scales))
+    match = matched_rigid(rigid, sample.with_torques(np.arange(n), 1.0 / scales))
     turned = f" and the opposite sign for {_named(robot, scales < 0)}" if (scales < 0).any() else ""
-    signs = f" --torque-sign {_list(np.sign(scales) * conventions.each('torque_sign', n))}" if turned else ""
+    signs = f" --torque-sign {_same(np.sign(scales) * conventions.each('torque_sign', n))}" if turned else ""
     factors = conventions.each("torque_scale", n) / size
     alike = np.ptp(np.log(size)) < 0.2 or (size == size[0]).all()
     typical = float(np.exp(np.mean(np.log(size))))
     unit = next(((a, b) for factor, (a, b) in UNITS.items() if abs(typical / factor - 1.0) < 0.15), None)
     if alike and unit is not None and conventions.torque_unit == "Nm":
-        sentence, option = f"torques in {unit[0]}, {typical:.3g} times too large for N m", f"--torque-unit {unit[1]}"
+        sentence, option = f"torques in {unit[0]}, {typical:.4g} times too large for N m", f"--torque-unit {unit[1]}"
     elif alike:
-        sentence = f"all torques {typical:.3g} times what the arm needs"
+        sentence = f"all torques {typical:.4g} times what the arm needs"
         option = f"--torque-scale {float(np.exp(np.mean(np.log(factors)))):.3g}"
     else:
         few = _named(robot, outside)
@@ -240,52 +266,51 @@ def _scaled(
     yield Repair(sentence, option + signs, 1 if alike else int(outside.sum()) + 1, match)
 
 
-def _scale_of(rigid: np.ndarray, sample: Sample, sign: float = 0.0) -> tuple[float, bool]:
-    """The factor of the arm's own torque that fits best, and whether the torque shows it; signed where no sign is set."""
+def _scale_of(rigid: Rigid, sample: Sample, sign: float = 0.0) -> tuple[float, bool]:
+    """The factor of the arm's own torque that fits best, and whether the torque shows it.
+
+    Without a `sign` both are tried, and the factor has the better.
+    """
     weight = sample.counts / sample.size
-    drives = drive_columns(sample.motion)
-    whole = np.concatenate([rigid[:, :, None], drives], axis=2) * weight[:, :, None]
+    drives = drive_columns(sample)
+    whole = np.concatenate([rigid.total[:, :, None], drives], axis=2) * weight[:, :, None]
     a = whole.reshape(-1, whole.shape[2])
-    size = np.sqrt(np.sum(a**2, axis=0)) + 1e-300
     best = (np.inf, 0.0, False)
     for turned in (1.0, -1.0) if sign == 0.0 else (sign,):
         b = (turned * sample.tau * weight).ravel()
-        solution = nonnegative(a / size, b) / size
+        solution = nonnegative(a, b)
         residual = float(np.sum((b - a @ solution) ** 2))
-        without = nonnegative(a[:, 1:] / size[1:], b)
-        more = float(np.sum((b - a[:, 1:] / size[1:] @ without) ** 2))
+        more = float(np.sum((b - a[:, 1:] @ nonnegative(a[:, 1:], b)) ** 2))
         if residual < best[0]:
             scale = solution[0] if sign else turned * solution[0]
             best = (residual, float(scale), solution[0] > 0.0 and more > 1.2 * residual + 1e-3 * len(b))
     return best[1], best[2]
 
 
-def _torque_orders(
-    robot: Articulated, columns: np.ndarray, known: np.ndarray, sample: Sample, conventions: Conventions
-) -> Iterator[Repair]:
+def _torque_orders(robot: Articulated, rigid: Rigid, sample: Sample, conventions: Conventions) -> Iterator[Repair]:
     n = robot.joints
     if n < 2:
         return
     cost = np.zeros((2, n, n))
     for joint, column in itertools.product(range(n), range(n)):
         own = sample.only(joint, column)
-        for turned, sign in enumerate((1.0, -1.0)):
-            signed = own.with_torques(np.zeros(1, int), np.array([sign]))
-            match = matched_columns(columns[:, joint : joint + 1], known[:, joint : joint + 1], signed)
+        for turned in range(2):
+            signed = own.with_torques(np.zeros(1, int), np.array([1.0 - 2.0 * turned]))
+            match = matched_rigid(rigid.only(joint), signed)
             cost[turned, joint, column] = match.score + match.cost / len(sample.tau)
-    for costs in (cost[0], np.minimum(cost[0], cost[1] + EACH)):
-        order = optimize.linear_sum_assignment(costs)[1]
+    for with_signs in (False, True):
+        order = optimize.linear_sum_assignment(np.minimum(cost[0], cost[1] + EACH) if with_signs else cost[0])[1]
         if (order == np.arange(n)).all():
             continue
         sign = np.ones(n)
-        if costs is not cost[0]:
-            own = np.arange(n)
-            sign = np.where(cost[1][own, order] + EACH < cost[0][own, order], -1.0, 1.0)
-        match = matched_columns(columns, known, sample.with_torques(order, sign))
+        if with_signs:
+            turned_cost, plain_cost = (costs[np.arange(n), order] for costs in (cost[1], cost[0]))
+            sign = np.where(turned_cost + EACH < plain_cost, -1.0, 1.0)
+        match = matched_rigid(rigid, sample.with_torques(order, sign))
         option = f"--torque-order {_order(robot, order, conventions.torque_order)}"
         sentence = f"the torques of {_named(robot, order != np.arange(n))} interchanged"
         if (sign < 0).any():
-            option += f" --torque-sign {_list(sign * conventions.each('torque_sign', n))}"
+            option += f" --torque-sign {_same(sign * conventions.each('torque_sign', n))}"
             sentence += f", and the opposite sign for {_named(robot, sign < 0)}"
         yield Repair(sentence, option, int((order != np.arange(n)).sum() + (sign < 0).sum()), match)
 
@@ -305,16 +330,14 @@ def _joint_orders(robot: Articulated, sample: Sample, conventions: Conventions) 
         (match_positions, "--position-order", conventions.position_order, "positions"),
     ):
         if n <= FEW:
-            orders = [np.array(p) for p in itertools.permutations(range(n))][1:]
-            scored = [(match_of(order), order) for order in orders]
-            match, order = min(scored, key=lambda pair: pair[0].score) if scored else (None, None)
+            tried = [(order, match_of(order)) for order in map(np.array, itertools.permutations(range(n)))]
         else:
-            alphabetical = np.argsort(np.argsort(robot.joint_names))
-            starts = [np.arange(n), np.arange(n)[::-1], alphabetical, np.argsort(robot.joint_names)]
-            best = [_improved(start, match_of, _exchanges) for start in starts[:1]]
-            best += [(start, match_of(start)) for start in starts[1:]]
-            order, match = min(best, key=lambda pair: pair[1].score)
-        if match is not None and order is not None and (order != np.arange(n)).any():
+            alphabetical = np.argsort(robot.joint_names)
+            others = (np.arange(n)[::-1], alphabetical, np.argsort(alphabetical))
+            tried = [_improved(np.arange(n), match_of, _exchanges)]
+            tried += [(order, match_of(order)) for order in others]
+        order, match = min(tried, key=lambda pair: pair[1].score)
+        if (order != np.arange(n)).any():
             moved = order != np.arange(n)
             yield Repair(
                 f"the {what} of {_named(robot, moved)} interchanged",
@@ -331,14 +354,6 @@ def _positions(robot: Articulated, sample: Sample, conventions: Conventions) -> 
     if turning.any() and np.abs(sample.motion.q[:, turning]).max() > 0.5:
         degrees = sample.with_positions(same, np.where(turning, DEGREE, 1.0), zero)
         yield Repair("positions in degrees", "--position-unit deg", 1, matched(robot, degrees))
-    sign, match = _improved(one, lambda sign: matched(robot, sample.with_positions(same, sign, zero)), _flips)
-    if (sign < 0).any():
-        yield Repair(
-            f"the opposite direction of the positions of {_named(robot, sign < 0)}",
-            f"--position-sign {_list(sign * conventions.each('position_sign', n))}",
-            int((sign < 0).sum()),
-            match,
-        )
 
     def quarters(offset: np.ndarray) -> Iterator[np.ndarray]:
         for joint in np.nonzero(turning)[0]:
@@ -347,13 +362,13 @@ def _positions(robot: Articulated, sample: Sample, conventions: Conventions) -> 
                 other[joint] = (offset[joint] + quarter + np.pi) % (2.0 * np.pi) - np.pi
                 yield other
 
-    offset, match = _improved(zero, lambda offset: matched(robot, sample.with_positions(same, one, offset)), quarters)
-    if offset.any():
-        total = offset + conventions.each("position_offset", n)
+    zeros, match = _improved(zero, lambda offset: matched(robot, sample.with_positions(same, one, offset)), quarters)
+    if zeros.any():
+        total = zeros + conventions.each("position_offset", n)
         yield Repair(
-            f"another zero of the positions of {_named(robot, offset != 0.0)}",
+            f"another zero of the positions of {_named(robot, zeros != 0.0)}",
             f"--position-offset {_list(total, 5)}",
-            2 * int((offset != 0.0).sum()),
+            2 * int((zeros != 0.0).sum()),
             match,
         )
 
@@ -362,20 +377,16 @@ def _gravity(robot: Articulated, sample: Sample) -> Iterator[Repair]:
     """The direction of gravity that fits best, from three columns that are linear in it, then by its score."""
     believed = np.asarray(robot.gravity_vector)
     strength = float(np.linalg.norm(believed)) or 9.81
-    n = robot.joints
 
-    def rigid(gravity: np.ndarray) -> np.ndarray:
-        columns, known = rigid_columns(with_gravity(robot, gravity), sample.motion)
-        total: np.ndarray = columns[:, :, :n].sum(axis=2) + known
-        return total
+    def torque(gravity: np.ndarray) -> np.ndarray:
+        return rigid_torques(with_gravity(robot, gravity), sample.motion).total
 
-    still = rigid(np.zeros(3))
-    each = np.stack([rigid(axis) - still for axis in np.eye(3)], axis=2)
+    still = torque(np.zeros(3))
+    each = np.stack([torque(axis) - still for axis in np.eye(3)], axis=2)
     weight = sample.counts / sample.size
-    whole = np.concatenate([each, -each, drive_columns(sample.motion)], axis=2) * weight[:, :, None]
+    whole = np.concatenate([each, -each, drive_columns(sample)], axis=2) * weight[:, :, None]
     a, b = whole.reshape(-1, whole.shape[2]), ((sample.tau - still) * weight).ravel()
-    size = np.sqrt(np.sum(a**2, axis=0)) + 1e-300
-    solution = nonnegative(a / size, b) / size
+    solution = nonnegative(a, b)
     direction = solution[:3] - solution[3:6]
     length = float(np.linalg.norm(direction))
     if not 0.3 * strength < length < 3.0 * strength:
@@ -397,17 +408,15 @@ def _gravity(robot: Articulated, sample: Sample) -> Iterator[Repair]:
         )
 
 
-def _delays(
-    robot: Articulated, signals: Signals, counts: np.ndarray, conventions: Conventions
-) -> Iterator[Repair]:
+def _delays(signals: Signals, rigid: Rigid, sample: Sample, conventions: Conventions) -> Iterator[Repair]:
     period = 1.0 / signals.cut_off
     steps = max(3, int(LATEST / (0.25 * period)))
-    delays = np.unique(np.concatenate([np.linspace(-LATEST, LATEST, 2 * min(steps, 25) + 1)]))
-    sample = sample_of(signals, counts)
-    columns, known = rigid_columns(robot, sample.motion)
+    delays = np.linspace(-LATEST, LATEST, 2 * min(steps, 25) + 1)
+    tau = signals.filtered(signals.tau)
 
     def match_of(delay: float) -> Match:
-        return matched_columns(columns, known, sample_of(signals, counts, delay))
+        late = np.stack([np.interp(sample.t + delay, signals.t, column) for column in tau.T], axis=1)
+        return matched_rigid(rigid, replace(sample, tau=late))
 
     best = float(min(delays, key=lambda delay: match_of(delay).score))
     near = np.linspace(best - 0.25 * period, best + 0.25 * period, 11)
@@ -416,7 +425,10 @@ def _delays(
         total = best + conventions.torque_delay
         when = "after" if best > 0 else "before"
         yield Repair(
-            f"torques that come {abs(best):.3g} s {when} the positions", f"--torque-delay {total:.4g}", 1, match_of(best)
+            f"torques that come {abs(best):.3g} s {when} the positions",
+            f"--torque-delay {total:.4g}",
+            1,
+            match_of(best),
         )
 
 
@@ -463,3 +475,8 @@ def _named(robot: Articulated, which: np.ndarray) -> str:
 
 def _list(values: np.ndarray, digits: int = 3) -> str:
     return ",".join(f"{value + 0.0:.{digits}g}" for value in values)
+
+
+def _same(values: np.ndarray) -> str:
+    """As a list, or as one entry where all are the same."""
+    return _list(values[:1] if (values == values[0]).all() else values)

@@ -7,7 +7,7 @@ from functools import cached_property
 
 import equinox as eqx
 import numpy as np
-from scipy import optimize
+from scipy import linalg, optimize
 
 from slidax._errors import as_array
 from slidax.robots import Articulated
@@ -26,6 +26,12 @@ from .signals import Signals
 ROWS = 240
 """Times at which torques are compared: enough for some fifty parameters."""
 
+BAND = 5.0
+"""The band in which torques are compared, Hz: arms move there, and links and gears are rigid."""
+
+FEW_COUNT = 0.2
+"""A share of the rows; a joint that turns round more often is compared in all."""
+
 REACH = 0.2
 """The distance of a payload's mass from the tip, along each axis [m]."""
 
@@ -35,8 +41,20 @@ LEAST_SHARE = 0.4
 SPREAD = 0.3
 """The standard deviation of a link's mass, as a share of that in the file."""
 
+PAYLOAD = 0.5
+"""The standard deviation of a payload's mass, as a share of the arm's."""
+
+DRIVE = 3.0
+"""The standard deviation of a drive's torque, as a multiple of the torque that links and payload need."""
+
+LIMIT_SHARE = 0.02
+"""A share of the torque limit that friction may take in any drive."""
+
 STIFFNESS = 2.0
 """The weight of the belief, relative to that of one row with a residual as large as the torque."""
+
+COSTLY = 60.0
+"""The belief's cost, in units of one row, that counts as much as an error that is 2.7 times larger in one joint."""
 
 FLOOR = 0.03
 """A residual, as a share of the torque, below which a model is as good as any."""
@@ -46,14 +64,18 @@ FLOOR = 0.03
 class Sample:
     """A log at a few times, for the comparison with an arm.
 
-    - `motion`: positions, velocities, accelerations [m n].
-    - `tau`: torques in the band of the equations [m n].
+    - `t`: times [m], s.
+    - `motion`: positions, velocities, accelerations in the band of the equations [m n].
+    - `direction`: the sign of the velocities there, as Coulomb friction has it [m n].
+    - `tau`: torques there [m n].
     - `counts`: False near standstill, where dry friction takes any value [m n].
     - `size`: standard deviation of the torques [n].
     - `noise`: standard deviation of their noise in the band [n].
     """
 
+    t: np.ndarray
     motion: Motion
+    direction: np.ndarray
     tau: np.ndarray
     counts: np.ndarray
     size: np.ndarray
@@ -86,34 +108,8 @@ class Sample:
         - `factor`, `offset`: of each joint after that [n].
         """
         q, dq, ddq = (values[:, order] * factor for values in self.motion)
-        return replace(self, motion=Motion(q + offset, dq, ddq), counts=self.counts[:, order])
-
-
-def sample_of(signals: Signals, counts: np.ndarray, delay: float = 0.0) -> Sample:
-    """Some rows of a log, evenly over its measured part.
-
-    - `signals`: of the log.
-    - `counts`: rows and joints whose equations count [k n].
-    - `delay`: the time by which the torques are read later than the positions [s].
-    """
-    rows = np.nonzero(signals.inner & counts.any(axis=1))[0]
-    rows = rows if len(rows) else np.nonzero(signals.inner)[0]
-    rows = np.unique(rows[np.linspace(0, len(rows) - 1, ROWS).astype(int)])
-    tau = signals.filtered(signals.tau)
-    size = np.std(tau[signals.inner], axis=0) + 1e-12
-    if delay:
-        tau = np.stack([np.interp(signals.t + delay, signals.t, column) for column in tau.T], axis=1)
-    f, power = signals.spectrum(signals.tau, 4.0)
-    above = (f > 3.0 * signals.cut_off) & (f < 0.45 * signals.rate)
-    density = np.median(power[above], axis=0) if above.sum() > 3 else np.zeros(tau.shape[1])
-    return Sample(
-        motion=Motion(*(values[rows] for values in signals.motion)),
-        tau=tau[rows],
-        counts=counts[rows],
-        size=size,
-        noise=np.sqrt(density * signals.cut_off),
-    )
-
+        direction = self.direction[:, order] * np.sign(factor)
+        return replace(self, motion=Motion(q + offset, dq, ddq), direction=direction, counts=self.counts[:, order])
 
     def only(self, joint: int, column: int) -> Sample:
         """The sample of one joint, with the torque of some column.
@@ -123,12 +119,39 @@ def sample_of(signals: Signals, counts: np.ndarray, delay: float = 0.0) -> Sampl
         """
         own = slice(joint, joint + 1)
         return Sample(
+            t=self.t,
             motion=Motion(*(values[:, own] for values in self.motion)),
+            direction=self.direction[:, own],
             tau=self.tau[:, column : column + 1],
             counts=self.counts[:, own],
             size=self.size[column : column + 1],
             noise=self.noise[column : column + 1],
         )
+
+
+def sample_of(signals: Signals, counts: np.ndarray) -> Sample:
+    """Some rows of a log, evenly over its measured part.
+
+    - `signals`: of the log.
+    - `counts`: rows and joints whose equations count [k n].
+    """
+    rows = np.nonzero(signals.inner & counts.any(axis=1))[0]
+    rows = rows if len(rows) else np.nonzero(signals.inner)[0]
+    rows = np.unique(rows[np.linspace(0, len(rows) - 1, ROWS).astype(int)])
+    tau = signals.filtered(signals.tau)
+    size = np.std(tau[signals.inner], axis=0) + 1e-12
+    f, power = signals.spectrum(signals.tau, 4.0)
+    above = (f > 3.0 * signals.cut_off) & (f < 0.45 * signals.rate)
+    density = np.median(power[above], axis=0) if above.sum() > 3 else np.zeros(tau.shape[1])
+    return Sample(
+        t=signals.t[rows],
+        motion=Motion(*(signals.filtered(values)[rows] for values in signals.motion)),
+        direction=signals.filtered(np.sign(signals.motion.dq))[rows],
+        tau=tau[rows],
+        counts=np.where(counts[rows].mean(axis=0) > FEW_COUNT, counts[rows], True),
+        size=size,
+        noise=np.sqrt(density * signals.cut_off),
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,9 +169,10 @@ class Match:
 
     @property
     def score(self) -> float:
-        """The sum of the logarithms of the joints' errors; less is better."""
+        """The sum of the logarithms of the joints' errors, and the cost of the belief; less is better."""
         # Beyond the floor there is noise alone.
-        return float(np.sum(np.log(np.clip(self.errors, self.floor, 10.0)) - np.log(self.floor)))
+        misfit = np.sum(np.log(np.clip(self.errors, self.floor, 10.0)) - np.log(self.floor))
+        return float(misfit) + self.cost / COSTLY
 
     @property
     def explained(self) -> float:
@@ -165,12 +189,46 @@ def matched(robot: Articulated, sample: Sample) -> Match:
     - `robot`: the arm.
     - `sample`: of a log.
     """
-    columns, known = rigid_columns(robot, sample.motion)
-    return matched_columns(columns, known, sample)
+    return matched_rigid(rigid_torques(robot, sample.motion), sample)
 
 
-def rigid_columns(robot: Articulated, motion: Motion) -> tuple[np.ndarray, np.ndarray]:
-    """Torques of each link and of a payload of 1 kg in each corner [m n n + 9], and of what the tip is known to carry.
+@dataclass(frozen=True, eq=False)
+class Rigid:
+    """Torques that the bodies of an arm need for a motion.
+
+    - `columns`: of each link, and of a payload of 1 kg in each corner [m n l].
+    - `known`: of the payload in the arm's description [m n].
+    - `needed`: root mean square of the links' torque, and a share of the limit that friction may take [n].
+    - `mass`: of the links together, kg.
+    """
+
+    columns: np.ndarray
+    known: np.ndarray
+    needed: np.ndarray
+    mass: float
+
+    @property
+    def links(self) -> int:
+        """How many links there are."""
+        return int(self.columns.shape[2]) - len(CORNERS)
+
+    @property
+    def total(self) -> np.ndarray:
+        """The torque by the arm's description [m n]."""
+        total: np.ndarray = self.columns[:, :, : self.links].sum(axis=2) + self.known
+        return total
+
+    def only(self, joint: int) -> Rigid:
+        """The torques of one joint.
+
+        - `joint`: its number.
+        """
+        own = slice(joint, joint + 1)
+        return Rigid(self.columns[:, own], self.known[:, own], self.needed[own], self.mass)
+
+
+def rigid_torques(robot: Articulated, motion: Motion) -> Rigid:
+    """The torques of an arm's links and payload.
 
     - `robot`: the arm.
     - `motion`: at m times.
@@ -180,60 +238,81 @@ def rigid_columns(robot: Articulated, motion: Motion) -> tuple[np.ndarray, np.nd
     regressor = links_regressor(robot, motion).reshape(len(motion.q), n, n, BODY)
     links = np.einsum("kilb,lb->kil", regressor, of_links)
     carried = payload_regressor(robot, motion)
-    known = carried @ parameters_of_payload(robot.payload)
-    return np.concatenate([links, carried @ CORNERS.T], axis=2), known
+    size = np.sqrt(np.mean(links.sum(axis=2) ** 2, axis=0))
+    limit = np.asarray(robot.limits.torque)
+    needed = size + np.where(np.isfinite(limit), LIMIT_SHARE * limit, LIMIT_SHARE * 10.0 * size.mean()) + 1e-9
+    return Rigid(
+        columns=np.concatenate([links, carried @ CORNERS.T], axis=2),
+        known=carried @ parameters_of_payload(robot.payload),
+        needed=needed,
+        mass=float(np.sum(robot.masses)),
+    )
 
 
-def matched_columns(columns: np.ndarray, known: np.ndarray, sample: Sample) -> Match:
-    """As `matched`, with the columns of `rigid_columns`.
+def matched_rigid(rigid: Rigid, sample: Sample) -> Match:
+    """As `matched`, with torques that are computed already.
 
-    - `columns`, `known`: of the arm.
+    - `rigid`: of the arm.
     - `sample`: of a log.
     """
-    (m, n), links = sample.tau.shape, columns.shape[2] - len(CORNERS)
-    whole = np.concatenate([columns, drive_columns(sample.motion)], axis=2)
+    columns, known, links = rigid.columns, rigid.known, rigid.links
+    m, n = sample.tau.shape
+    whole = np.concatenate([columns, drive_columns(sample)], axis=2)
     believed = np.zeros(whole.shape[2])
     believed[:links] = 1.0 - LEAST_SHARE
     target = sample.tau - known - LEAST_SHARE * columns[:, :, :links].sum(axis=2)
     weight = sample.counts / sample.size
     a = (whole * weight[:, :, None]).reshape(m * n, -1)
     b = (target * weight).ravel()
-    # Drives cost as much as they explain of the torque, so that they explain no noise.
-    typical = np.sqrt(np.mean((whole[:, :, links + len(CORNERS) :] / sample.size[:, None]) ** 2, axis=(0, 1)) * n)
-    spread = np.concatenate([np.full(links, SPREAD), np.full(len(CORNERS), 3.0), 3.0 / (typical + 1e-12)])
+    # A drive is believed to add up to a few times the torque that the links need.
+    drives = whole[:, :, links + len(CORNERS) :]
+    typical = np.sqrt(np.mean(np.sum(drives, axis=1) ** 2, axis=0)) / np.tile(rigid.needed, drives.shape[2] // n)
+    mass = np.full(len(CORNERS), PAYLOAD * max(rigid.mass, 0.1))
+    spread = np.concatenate([np.full(links, SPREAD), mass, DRIVE / (typical + 1e-12)])
     prior = STIFFNESS / spread
-    # From the normal equations' factor, which is small.
-    factor = np.linalg.qr(
-        np.vstack([np.column_stack([a, b]), np.column_stack([np.diag(prior), prior * believed])]), mode="r"
-    )
-    size = np.sqrt(np.sum(factor[:, :-1] ** 2, axis=0)) + 1e-300
-    solution = nonnegative(factor[:, :-1] / size, factor[:, -1]) / size
+    solution = nonnegative(a, b, prior, believed)
     residual = (b - a @ solution).reshape(m, n)
     used = np.maximum(sample.counts.sum(axis=0), 1)
     errors = np.sqrt(np.sum(residual**2, axis=0) / used)
     return Match(errors, sample.floor, float(np.sum((prior * (solution - believed)) ** 2)))
 
 
-def drive_columns(motion: Motion) -> np.ndarray:
+def drive_columns(sample: Sample) -> np.ndarray:
     """Torques of rotors, Coulomb and viscous friction, and offsets of both signs, per unit [m n 5n].
 
-    - `motion`: at m times.
+    - `sample`: of a log.
     """
-    constant = np.ones_like(motion.dq)
-    drives = [motion.ddq, np.sign(motion.dq), motion.dq, constant, -constant]
-    return np.concatenate([values[:, :, None] * np.eye(motion.dq.shape[1]) for values in drives], axis=2)
+    constant = np.ones_like(sample.direction)
+    drives = [sample.motion.ddq, sample.direction, sample.motion.dq, constant, -constant]
+    return np.concatenate([values[:, :, None] * np.eye(constant.shape[1]) for values in drives], axis=2)
 
 
-def nonnegative(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """The x >= 0 of the least `|a x - b|`.
+def nonnegative(
+    a: np.ndarray, b: np.ndarray, prior: np.ndarray | None = None, believed: np.ndarray | None = None
+) -> np.ndarray:
+    """The x >= 0 of the least `|a x - b|² + |prior (x - believed)|²`.
 
     - `a`, `b`: of the equations.
+    - `prior`, `believed`: weight and value of each x that is believed before; none if not given.
     """
+    # Without BLAS, whose threads take longer to start than this takes.
+    gram, right = np.einsum("ki,kj->ij", a, a), np.einsum("ki,k->i", a, b)
+    if prior is not None and believed is not None:
+        gram[np.diag_indices_from(gram)] += prior**2
+        right = right + prior**2 * believed
+    size = np.sqrt(np.diag(gram)) + 1e-150
+    # In units in which the diagonal is 1, so that a tiny share of it makes the factor exist.
+    gram = gram / np.outer(size, size)
+    gram[np.diag_indices_from(gram)] += 1e-9
+    factor = np.linalg.cholesky(gram).T
+    target = linalg.solve_triangular(factor, right / size, trans="T")
     try:
-        return np.asarray(optimize.nnls(a, b, maxiter=20 * a.shape[1])[0])
+        solution = optimize.nnls(factor, target, maxiter=20 * len(size))[0]
     except RuntimeError:
-        # It turns in a circle by rounding: bounded least squares ends.
-        return np.asarray(optimize.lsq_linear(a, b, (0.0, np.inf), max_iter=100).x)
+        # By rounding it turned in a circle; bounded least squares ends.
+        solution = optimize.lsq_linear(factor, target, (0.0, np.inf), max_iter=100).x
+    nearest: np.ndarray = np.asarray(solution) / size
+    return nearest
 
 
 def with_gravity(robot: Articulated, gravity: np.ndarray) -> Articulated:

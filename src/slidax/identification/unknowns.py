@@ -112,7 +112,6 @@ def unknowns_of(
 
     size = np.sqrt(np.mean(signals.tau**2, axis=0)) + 1e-9
     largest = np.maximum(np.abs(motion.dq).max(axis=0), STANDS)
-    dead = np.maximum(SLOW * largest, 4.0 * signals.noise)
     drives = [
         ("coulomb", np.sign(motion.dq), np.ones(n), True),
         ("viscous", motion.dq, largest, True),
@@ -141,17 +140,23 @@ def unknowns_of(
         scale=np.array(scale),
         positive=np.array(positive),
         bodies=tuple(bodies),
-        counts=_moving(motion.dq, dead, signals) & ~ignored,
+        counts=moving(signals) & ~ignored,
     )
 
 
 BODY_NAMES = ("mass", "moment.x", "moment.y", "moment.z", "xx", "yy", "zz", "xy", "xz", "yz")
 
 
-def _moving(dq: np.ndarray, dead: np.ndarray, signals: Signals) -> np.ndarray:
-    """Where a joint surely slides, and did and will for as long as the filter feels; all of a joint that stands."""
-    stands = np.abs(dq).max(axis=0) <= STANDS
-    slow = (np.abs(dq) < dead) & ~stands
+def moving(signals: Signals) -> np.ndarray:
+    """True where a joint slides for as long as the filter feels, and for all of a joint that stands [k n].
+
+    - `signals`: of the log.
+    """
+    dq = signals.motion.dq
+    largest = np.maximum(np.abs(dq).max(axis=0), STANDS)
+    dead = np.maximum(SLOW * largest, 4.0 * signals.noise)
+    slow = (np.abs(dq) < dead) & (largest > STANDS)
     reach = signals.settled
     near = np.apply_along_axis(lambda column: np.convolve(column, np.ones(2 * reach + 1), "same"), 0, slow * 1.0) > 0.5
-    return ~near & signals.inner[:, None]
+    slides: np.ndarray = ~near & signals.inner[:, None]
+    return slides

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -18,11 +20,21 @@ FILES = {".urdf": "urdf", ".xml": "mjcf", ".mjcf": "mjcf", ".yaml": "identified"
 """Kinds of descriptions by the ending of a file."""
 
 
-def named_robot(word: str, *, tip: str | None = None) -> tuple[Articulated, dict[str, Any]]:
+def named_robot(
+    word: str,
+    *,
+    tip: str | None = None,
+    inertias: str | None = None,
+    locked: Mapping[str, float] | None = None,
+    gravity: Sequence[float] | None = None,
+) -> tuple[Articulated, dict[str, Any]]:
     """The nominal arm, and its description as a scenario file has it under `robot`.
 
     - `word`: a ready arm by its name; or a URDF file, an MJCF file, or a YAML file with a mapping `robot`.
     - `tip`: the link, body or site of the tip; for URDF and MJCF files with more than one end.
+    - `inertias`: `nearest` to replace inertias in a file that no rigid body can have.
+    - `locked`: joints in a file that do not move, with their positions [rad or m].
+    - `gravity`: acceleration of gravity in the base frame [3], m/s²; as the description says if not given.
 
     Raises DefinitionError if there is no such arm.
     """
@@ -33,17 +45,46 @@ def named_robot(word: str, *, tip: str | None = None) -> tuple[Articulated, dict
         )
     if tip is not None and kind not in ("urdf", "mjcf"):
         raise DefinitionError("a tip is chosen for URDF and MJCF files alone; write it into the description otherwise")
+    description: dict[str, Any]
     if kind == "identified":
         # Written out, so that what is found can take the place of what is there.
-        description, folder = read_robot(word)
-        description = {key: value for key, value in description.items() if key != "plant"}
+        written, folder = read_robot(word)
+        description = {key: value for key, value in written.items() if key != "plant"}
         if "file" in description:
             description["file"] = str(folder / description["file"])
     else:
-        description = {"kind": kind or word} | ({"file": word} if kind else {}) | ({"tip": tip} if tip else {})
+        description = {"kind": kind or word, **({"file": word} if kind else {}), **({"tip": tip} if tip else {})}
+    asked: dict[str, Any] = {"inertias": inertias, "locked": dict(locked or {})}
+    for field, value in asked.items():
+        if value:
+            if description["kind"] not in ("urdf", "mjcf"):
+                raise DefinitionError(f"`--{field}` is for URDF and MJCF files alone; `{plain(word)}` is no such file")
+            description[field] = value
+    if gravity is not None:
+        description["nominal"] = dict(description.get("nominal", {})) | {"gravity": list(gravity)}
+    try:
+        return _built(word, description), description
+    except DefinitionError as error:
+        # The remedies of the files' readers are for Python and for scenarios: these are options of the command.
+        message = error.message.replace('inertias="nearest"', "`--inertias nearest`")
+        raise DefinitionError(_with_options(message), where=error.where) from None
+
+
+def _with_options(message: str) -> str:
+    """A message with `locked={...}` as options of the command."""
+    return re.sub(
+        r"locked=\{([^}]*)\}",
+        lambda found: " ".join(
+            f"--locked {name}={position}" for name, position in re.findall(r"'([^']+)': ([^,]+)", found[1])
+        ),
+        message,
+    )
+
+
+def _built(word: str, description: Mapping[str, Any]) -> Articulated:
     found = TypeAdapter(RobotDescription).validate_python(description)
     if not isinstance(found, AbstractArticulated):
         raise DefinitionError(f"`{plain(word)}` must be an arm of rigid links; got {found.kind}")
     robot = found.build().nominal
     assert isinstance(robot, Articulated)
-    return robot, description
+    return robot
