@@ -123,8 +123,8 @@ def _judge_parameters(result: Identification, robot: Articulated, warnings: list
         facts = f"{parameter.title} would be {parameter.value:.4g} ± {half:.2g} {parameter.unit}"
         if parameter.value - SURE * parameter.standard_error > bound:
             raise DefinitionError(
-                f"{facts}: {rule}. The torques or times of {result.log.source} are in another unit or scale, or in "
-                f"another joint order, than those of {robot.name}: `--torque-unit`, `--torque-scale`, `--time-unit` and "
-                "`--joint-order` set them"
+                f"{facts}: {rule}. Torques or times of {result.log.source} are in another unit, scale or joint order "
+                f"than those of {robot.name}: `--torque-unit`, `--torque-scale`, `--time-unit` and `--joint-order` set "
+                "them"
             )
         warnings.append(f"{facts}: {rule}; the log does not tell it better")

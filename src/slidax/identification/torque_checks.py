@@ -51,14 +51,14 @@ EACH = 0.15
 SCALES = (0.4, 2.5)
 """Factors of the torques within which a wrong mass explains them as well as a wrong scale."""
 
-ENOUGH = 0.1
+ENOUGH = 0.03
 """The share of the score that a convention leaves, below which no further ones are tried."""
 
 FEW = 4
 """Joints of which all orders are tried; of more, exchanges of two as long as the match gets better."""
 
-UNITS = {1e3: ("mN m", "mNm"), 1e2: ("N cm", "Ncm"), 1e-3: ("kN m", "kNm"), 10.197: ("kgf cm", "kgfcm")}
-"""The factor by which torques in other units are too large: its name and its `--torque-unit`."""
+UNITS = {1e3: "mN m", 1e2: "N cm", 1e-3: "kN m", 1.0 / 0.0980665: "kgf cm"}
+"""The factor by which torques in other units are too large, and the unit's name."""
 
 LATEST = 1.0
 """The delay of torques that is looked for, s."""
@@ -216,54 +216,73 @@ def _signs(robot: Articulated, rigid: Rigid, sample: Sample, conventions: Conven
 
 def _scales(robot: Articulated, rigid: Rigid, sample: Sample, conventions: Conventions) -> Iterator[Repair]:
     n = robot.joints
-    each = [_scale_of(rigid.only(j), sample.only(j, j)) for j in range(n)]
+
+    def repair(scales: np.ndarray, unit: str = "") -> Repair:
+        match = matched_rigid(rigid, sample.with_torques(np.arange(n), 1.0 / scales))
+        return _scaled(robot, scales, unit, match, conventions)
+
+    for sign in (1.0, -1.0):
+        rough = _scale_of(rigid, sample, sign)[0]
+        if rough < 1e-9:
+            continue
+        # A payload and heavier links change the scale by less than a factor of three.
+        best = optimize.minimize_scalar(
+            lambda power, sign=sign: repair(np.full(n, sign * np.exp(power))).match.score,
+            bounds=(np.log(rough / 3.0), np.log(rough * 3.0)),
+            method="bounded",
+            options={"maxiter": 14},
+        )
+        scale = float(np.exp(best.x))
+        if not SCALES[0] < scale < SCALES[1]:
+            yield repair(np.full(n, sign * scale))
+        for factor, unit in UNITS.items():
+            if 0.4 < rough / factor < 2.5:
+                yield repair(np.full(n, sign * factor), unit)
     # A joint without a rigid torque of its own shows no scale: it has that of the others.
-    whole = {sign: _scale_of(rigid, sample, sign) for sign in (1.0, -1.0)}
-    per_joint = np.array([scale if shows else 0.0 for scale, shows in each])
-    shown_scales = np.abs(per_joint[per_joint != 0.0])
-    if len(shown_scales):
-        per_joint[per_joint == 0.0] = np.median(shown_scales)
-        outside = (np.abs(per_joint) < SCALES[0]) | (np.abs(per_joint) > SCALES[1])
-        for scales in (per_joint, np.where(outside, per_joint, 1.0)):
-            yield from _scaled(robot, rigid, sample, scales, conventions)
-    for sign, (scale, _) in whole.items():
-        yield from _scaled(robot, rigid, sample, np.full(n, sign * scale), conventions)
-
-
-def _scaled(
-    robot: Articulated,
-    rigid: Rigid,
-    sample: Sample,
-    scales: np.ndarray,
-    conventions: Conventions,
-) -> Iterator[Repair]:
-    size, n = np.abs(scales), robot.joints
-    outside = (size < SCALES[0]) | (size > SCALES[1])
-    if not outside.any() or (size < 1e-9).any():
+    each = [_scale_of(rigid.only(j), sample.only(j, j)) for j in range(n)]
+    scales = np.array([scale if shows else 0.0 for scale, shows in each])
+    shown_scales = np.abs(scales[scales != 0.0])
+    if not len(shown_scales):
         return
-    match = matched_rigid(rigid, sample.with_torques(np.arange(n), 1.0 / scales))
-    turned = f" and the opposite sign for {_named(robot, scales < 0)}" if (scales < 0).any() else ""
-    signs = f" --torque-sign {_same(np.sign(scales) * conventions.each('torque_sign', n))}" if turned else ""
+    outside = (scales != 0.0) & ((np.abs(scales) < SCALES[0]) | (np.abs(scales) > SCALES[1]))
+    if not outside.any():
+        return
+    yield repair(np.where(scales == 0.0, np.median(shown_scales), scales))
+    few = np.where(outside, scales, 1.0)
+    yield repair(few)
+    for factor, unit in UNITS.items():
+        ratio = np.abs(few) / factor
+        of_unit = outside & (ratio > 0.4) & (ratio < 2.5)
+        if of_unit.any():
+            yield repair(np.where(of_unit, np.sign(few) * factor, 1.0), unit)
+
+
+def _scaled(robot: Articulated, scales: np.ndarray, unit: str, match: Match, conventions: Conventions) -> Repair:
+    """Torques that are some multiples of what the arm needs, as a repair.
+
+    A unit is a name of `UNITS`; without one, the scale is an estimate.
+    """
+    size, n = np.abs(scales), robot.joints
+    changed = size != 1.0
+    alike = bool((size == size[0]).all())
     factors = conventions.each("torque_scale", n) / size
-    alike = np.ptp(np.log(size)) < 0.2 or (size == size[0]).all()
-    typical = float(np.exp(np.mean(np.log(size))))
-    unit = next(((a, b) for factor, (a, b) in UNITS.items() if abs(typical / factor - 1.0) < 0.15), None)
-    if alike and unit is not None and conventions.torque_unit == "Nm":
-        sentence, option = f"torques in {unit[0]}, {typical:.4g} times too large for N m", f"--torque-unit {unit[1]}"
-    elif alike:
-        sentence = f"all torques {typical:.4g} times what the arm needs"
-        option = f"--torque-scale {float(np.exp(np.mean(np.log(factors)))):.3g}"
+    named = f"torques in {unit}" if alike else f"torques of {_named(robot, changed)} in {unit}"
+    if unit and alike and conventions.torque_unit == "Nm":
+        sentence, option = f"{named}, {size[0]:.4g} times too large for N m", f"--torque-unit {unit.replace(' ', '')}"
+    elif unit:
+        sentence, option = f"{named}, {size.max():.4g} times too large for N m", f"--torque-scale {_same(factors)}"
     else:
-        few = _named(robot, outside)
-        sentence = f"torques of {few} that are {_list(size[outside])} times what the arm needs"
-        option = f"--torque-scale {_list(factors)}"
-    if typical < 1.0 or not alike:
-        sentence += " (motor currents, or torques on the motor's side of the gear?)"
-    if unit is None:
-        sentence += f", which the data sheet tells more exactly{turned}"
-    else:
-        sentence += turned
-    yield Repair(sentence, option + signs, 1 if alike else int(outside.sum()) + 1, match)
+        of = "all torques" if alike else f"torques of {_named(robot, changed)}"
+        sentence = f"{of} {_same(size[changed])} times what the arm needs"
+        if size.min() < 1.0:
+            sentence += " (motor currents, or torques on the motor's side of the gear?)"
+        sentence += ", which the data sheet tells more exactly"
+        option = f"--torque-scale {_same(factors)}"
+    if (scales < 0).any():
+        sentence += f" and the opposite sign for {_named(robot, scales < 0)}"
+        option += f" --torque-sign {_same(np.sign(scales) * conventions.each('torque_sign', n))}"
+    count = (0 if unit else 1) if alike else int(changed.sum()) + (0 if unit else 1)
+    return Repair(sentence, option, count + int((scales < 0).any()), match)
 
 
 def _scale_of(rigid: Rigid, sample: Sample, sign: float = 0.0) -> tuple[float, bool]:
@@ -387,21 +406,26 @@ def _gravity(robot: Articulated, sample: Sample) -> Iterator[Repair]:
     whole = np.concatenate([each, -each, drive_columns(sample)], axis=2) * weight[:, :, None]
     a, b = whole.reshape(-1, whole.shape[2]), ((sample.tau - still) * weight).ravel()
     solution = nonnegative(a, b)
-    direction = solution[:3] - solution[3:6]
-    length = float(np.linalg.norm(direction))
-    if not 0.3 * strength < length < 3.0 * strength:
+    # Along an axis that no joint feels, the columns are rounding.
+    felt = np.linalg.norm(each, axis=(0, 1)) > 1e-6 * np.linalg.norm(each)
+    direction = np.where(felt, solution[:3] - solution[3:6], 0.0)
+    if not felt.any() or not direction.any():
         return
 
     def score(vector: np.ndarray) -> float:
         turned = strength * vector / (np.linalg.norm(vector) + 1e-12)
         return matched(with_gravity(robot, turned), sample).score
 
-    best = optimize.minimize(score, direction / length, method="Nelder-Mead", options={"maxfev": 60, "xatol": 1e-3})
+    around = [np.array(signs) * felt for signs in itertools.product((-1.0, 0.0, 1.0), repeat=3)]
+    starts = [direction, *(vector for vector in around if vector.any())]
+    start = min(starts, key=score)
+    start = start / np.linalg.norm(start)
+    best = optimize.minimize(score, start, method="Nelder-Mead", options={"maxfev": 80, "xatol": 1e-3})
     gravity = strength * best.x / np.linalg.norm(best.x)
     angle = float(np.degrees(np.arccos(np.clip(gravity @ believed / strength**2, -1.0, 1.0))))
     if angle > 3.0:
         yield Repair(
-            f"gravity turned by {angle:.0f}°, as of an arm that is mounted so",
+            f"gravity turned by {angle:.0f}°, for an arm that is mounted so",
             f"--gravity {_list(gravity, 4)}",
             2,
             matched(with_gravity(robot, gravity), sample),
