@@ -154,7 +154,7 @@ KINDS = (
     Kind("positions of two joints interchanged", _interchanged(True, False), r"--(position|torque)-order"),
     Kind("torques in mN m", _factor(slice(None), 1e3), r"--torque-unit mNm"),
     Kind("one torque in mN m", _factor(1, 1e3), r"--torque-scale 1,0.001"),
-    Kind("torques on the motor's side", _factor(slice(None), 0.01), r"--torque-scale (8[5-9]|9\d|1[01]\d)(\.\d+)?`"),
+    Kind("torques on the motor's side", _factor(slice(None), 0.01), r"--torque-scale ([4-9]\d|1[0-4]\d)(\.\d+)?`"),
     Kind("motor currents", _currents, r"--torque-scale .*,"),
     Kind("torques all 0", _factor(slice(None), 0.0), r"all 0"),
     Kind("one torque all 0", _constant, r"--ignore-torque"),

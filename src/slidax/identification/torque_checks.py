@@ -273,7 +273,7 @@ def _scaled(robot: Articulated, scales: np.ndarray, unit: str, match: Match, con
         sentence, option = f"{named}, {size.max():.4g} times too large for N m", f"--torque-scale {_same(factors)}"
     else:
         of = "all torques" if alike else f"torques of {_named(robot, changed)}"
-        sentence = f"{of} {_same(size[changed])} times what the arm needs"
+        sentence = f"{of} about {_same(size[changed])} times what the arm needs"
         if size.min() < 1.0:
             sentence += " (motor currents, or torques on the motor's side of the gear?)"
         sentence += ", which the data sheet tells more exactly"

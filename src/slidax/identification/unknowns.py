@@ -30,6 +30,9 @@ HALF = 0.5
 STANDS = 1e-3
 """A velocity, rad/s or m/s, below which a joint does not move."""
 
+FEW = 0.2
+"""A share of the rows that a joint is used in at least, if it moves."""
+
 SLOW = 0.03
 """Of a joint's largest velocity: where it is slower, dry friction may stick, and its equation does not count."""
 
@@ -156,7 +159,14 @@ def moving(signals: Signals) -> np.ndarray:
     largest = np.maximum(np.abs(dq).max(axis=0), STANDS)
     dead = np.maximum(SLOW * largest, 4.0 * signals.noise)
     slow = (np.abs(dq) < dead) & (largest > STANDS)
-    reach = signals.settled
-    near = np.apply_along_axis(lambda column: np.convolve(column, np.ones(2 * reach + 1), "same"), 0, slow * 1.0) > 0.5
-    slides: np.ndarray = ~near & signals.inner[:, None]
+    slides = np.empty(dq.shape, bool)
+    for joint in range(dq.shape[1]):
+        reach = signals.settled
+        while True:
+            near = np.convolve(slow[:, joint] * 1.0, np.ones(2 * reach + 1), "same") > 0.5
+            slides[:, joint] = ~near & signals.inner
+            # A joint that turns round more often than the filter settles is used closer to its turns.
+            if reach == 0 or slides[:, joint].mean() > FEW:
+                break
+            reach //= 2
     return slides
