@@ -21,10 +21,10 @@ from .motion_checks import require_radians
 from .plausibility import judge_result
 from .read_log import read_log
 from .regressor import BODY
+from .sample import BAND
 from .signals import LEAST, Signals, signals_of
 from .timing import timed
 from .torque_checks import require_torques, usable_torques
-from .torque_model import BAND
 from .unknowns import Unknowns, unknowns_of
 
 EXPLAINED = 0.5
