@@ -138,7 +138,7 @@ def test_the_filter_does_not_lag_behind_what_its_model_knows():
             Measured,
             "trend",
             [0.1, -0.1],
-            r"must be in \[0, `4 - 2 \* gain` = 3.0\].*stable \(Jury\); got -0.1 for joint 2",
+            r"must be in \[0, `4 - 2 \* gain` = 3.4\].*stable \(Jury\); got -0.1 for joint 2",
         ),
         (Measured, "ahead", -1.0, "must be >= 0 periods; got -1"),
         (Measured, "ahead", [1.0, 2.0], "must be one number; got shape"),

@@ -13,9 +13,7 @@ from slidax.simulation import Run
 
 EXACT = {"sensor.resolution": 0.0, "sensor.velocity": "measured"}
 DRY = {"simulation.plant": "mujoco", "simulation.friction": "dry"}
-# What docs/learning.md advises with a velocity sensor: at 500 Hz, learning and the default gain disturb each other.
-SLOW = {"scheme.sampled_data.estimator": {"kind": "measured", "gain": 0.1}}
-MEASURED: dict[str, dict[str, Any]] = {"encoders": {}, "exact": EXACT, "exact, a slow estimator": EXACT | SLOW}
+MEASURED: dict[str, dict[str, Any]] = {"encoders": {}, "exact": EXACT}
 
 PROMISED = {
     ("panda-payload", "encoders"): (5e-4, 0.4),
@@ -24,7 +22,7 @@ PROMISED = {
     ("panda-pick", "exact"): (5e-5, 0.12),
     # At 500 Hz a period is twice as long, and the error is with its square.
     ("ur5e-payload", "encoders"): (1e-3, 0.5),
-    ("ur5e-payload", "exact, a slow estimator"): (5e-4, 0.3),
+    ("ur5e-payload", "exact"): (5e-4, 0.3),
 }
 """Error [rad] and change of torque between two samples [N m], in the last quarter."""
 

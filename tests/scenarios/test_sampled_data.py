@@ -12,6 +12,7 @@ from slidax import scenarios
 from slidax.actuators import TorqueLimits
 from slidax.controllers import Recovery, SampledData, sampled_data
 from slidax.estimators import AbstractEstimator, FilteredDifference, Kalman, Measured, RobustDifferentiator
+from slidax.estimators.kalman import FASTEST_PACE
 from slidax.reaching import SaturatedReaching
 from slidax.scenarios.schemes import SCHEMES, switched
 from tests.paper import START_4_1, TWO_LINK_NOMINAL, law_4_1
@@ -50,9 +51,10 @@ def test_the_form_is_the_one_that_is_described(block: dict[str, Any], changes: d
 
 
 ESTIMATORS: list[tuple[dict[str, Any], AbstractEstimator]] = [
-    ({"kind": "measured"}, Measured.critical(0.5, 2.0)),
+    ({"kind": "measured"}, Measured.critical(1.0 / 6.0, 2.0)),
+    ({"kind": "measured", "gain": 0.4}, Measured.critical(0.4, 2.0)),
     ({"kind": "measured", "gain": [0.3, 0.4], "trend": 0.0}, Measured([0.3, 0.4], 0.0, 2.0)),
-    ({"kind": "kalman"}, Kalman.of_arm(MASS, variance=1e-18, period=1e-3)),
+    ({"kind": "kalman"}, Kalman.of_arm(MASS, variance=1e-18, period=1e-3, fastest=FASTEST_PACE)),
     (
         {"kind": "kalman", "torque_density": [0.1, 0.2], "variance": 1e-12},
         Kalman.of_arm(MASS, variance=1e-12, period=1e-3, torque_density=jnp.array([0.1, 0.2])),
@@ -77,10 +79,22 @@ def test_with_encoders_alone_the_estimator_is_a_kalman_filter_for_their_resoluti
     assert isinstance(law({}, sensor=sensor | {"velocity": "measured"}).estimator, Measured)
 
 
-def test_the_horizon_is_12_ms_or_two_periods() -> None:
-    assert float(law({}).horizon) == 0.012
-    assert float(law({}, **{"simulation.period": 0.01}).horizon) == 0.02
-    assert float(law({}, **{"simulation.period": 0.01}).period) == 0.01
+@pytest.mark.parametrize(
+    ("period", "delay", "horizon"),
+    [(0.001, 1, 0.012), (0.001, 3, 0.012), (0.01, 0, 0.02), (0.01, 1, 0.03), (0.01, 2.5, 0.0525), (0.02, 3, 0.12)],
+)
+def test_the_default_horizon_grows_with_the_period_and_the_delay(period: float, delay: float, horizon: float) -> None:
+    built = law({}, **{"simulation.period": period, "sensor.delay": delay})
+    assert float(built.period) == period
+    assert float(built.horizon) == pytest.approx(horizon, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("delay", "estimator"),
+    [(1, Measured.critical(1.0 / 6.0, 2.0)), (1.5, Measured(1.0 / 6.0)), (3, Measured(1.0 / 6.0))],
+)
+def test_the_default_estimator_extrapolates_no_trend_over_long_delays(delay: float, estimator: Measured) -> None:
+    assert eqx.tree_equal(law({}, **{"sensor.delay": delay}).estimator, estimator, rtol=1e-12)
 
 
 def test_without_the_block_the_law_is_the_printed_one() -> None:

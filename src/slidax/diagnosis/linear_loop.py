@@ -216,6 +216,9 @@ class LinearLoop:
         if not self.measures_velocity:
             residual = read_q - prior_q
             return prior_q + one * residual, prior_v + two * residual, push + three * residual, 0.0 * rate
+        if two == 0.0:
+            # A rate that nothing changes is no part of the loop: it would count as one that never settles.
+            rate = 0.0 * rate
         grown = (1.0 - three) * rate
         surprise = read_v - prior_v - grown
         rate = rate + two * surprise

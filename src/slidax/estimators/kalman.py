@@ -18,6 +18,10 @@ from .steady_gains import steady_gains
 TORQUE_DENSITY = 0.05
 """Of the drift of a disturbance torque unless another is asked for, (N m/s)² s: in one second it drifts by .2 N m."""
 
+FASTEST_PACE = 1.0
+"""d, bandwidth times period, of the fastest filter by default: with a faster one a delayed loop tolerates little error of
+the inertia (docs/learning.md)."""
+
 
 class Kalman(AbstractEstimator):
     """`q = q_predicted + L1 r`, `q̇ = q̇_predicted + L2 r`, `push⁺ = push + L3 r`, with `r = q' - q_predicted`.
@@ -55,7 +59,9 @@ class Kalman(AbstractEstimator):
         return cls(steady_gains(density, variance, period))
 
     @classmethod
-    def of_arm(cls, mass: Any, *, variance: Any, period: Any, torque_density: Any = TORQUE_DENSITY) -> Kalman:
+    def of_arm(
+        cls, mass: Any, *, variance: Any, period: Any, torque_density: Any = TORQUE_DENSITY, fastest: Any = None
+    ) -> Kalman:
         """The steady filter for a disturbance torque that drifts alike on all joints, each with its own inertia.
 
         Only the gains are kept of it, so that a sample costs no more than three products. They can be batched and
@@ -66,6 +72,8 @@ class Kalman(AbstractEstimator):
         - `period`: time between two samples [s], > 0.
         - `torque_density`: spectral density of dτ_d/dt, one number or [n], (N m/s)² s, > 0. docs/loop-rate.md shows
           what more or less of it does.
+        - `fastest`: largest d, bandwidth times period; a joint whose filter would be faster gets the one of coarser
+          encoders. None: no limit.
 
         Raises DefinitionError if one of them is out of its range.
         """
@@ -75,6 +83,9 @@ class Kalman(AbstractEstimator):
                 f"`torque_density` of a Kalman filter must be > 0 (N m/s)² s and finite; got {torque_density}"
             )
         inertia, density, pace = _paces(*(as_array(one) for one in (mass, torque_density, variance, period)))
+        if fastest is not None:
+            variance = jnp.maximum(as_array(variance), density * as_array(period) ** 5 / as_array(fastest) ** 6)
+            pace = jnp.minimum(pace, fastest)
         return cls(steady_gains(density, variance, period), inertia, pace)
 
     def for_inertia(self, inertia: Vector) -> Kalman:

@@ -11,6 +11,10 @@ from slidax.parts import PerJoint, Scalar, State, Vector, as_array, parameter
 
 from .estimator import AbstractEstimator, Estimate
 
+WITH_TREND, WITHOUT_TREND = 1.0 / 6.0, 0.3
+"""Largest default gains g for a delay of up to one period, and for longer ones. With the default horizon the linear loop
+is then stable for believed inertias of 1/3 to 3/2 of the true one."""
+
 
 class Measured(AbstractEstimator):
     """`q = q'`, `q̇ = q̇'`, and the push by an α-β filter of what the velocity did beyond the prediction.
@@ -21,7 +25,7 @@ class Measured(AbstractEstimator):
     For sensors with a good velocity.
     """
 
-    gain: PerJoint = parameter("g, of the push; 0 with trend 0 leaves it as it is", "", "[0, 1]", default=0.5)
+    gain: PerJoint = parameter("g, of the push; 0 with trend 0 leaves it as it is", "", "[0, 1]", default=WITHOUT_TREND)
     trend: PerJoint = parameter(
         "b, of its rate; 0 for a filter of first order; `critical` gives the one that is critically damped",
         "",
@@ -47,6 +51,21 @@ class Measured(AbstractEstimator):
         """
         gain = as_array(gain)
         return cls(gain, 2.0 - gain - 2.0 * jnp.sqrt(jnp.maximum(1.0 - gain, 0.0)), ahead)
+
+    @classmethod
+    def tolerant(cls, delay: float, most: Any = 1.0) -> Measured:
+        """The default for a joint whose inertia, or whose drive's torque, may be far from what its law believes.
+
+        Extrapolating the push by its trend costs tolerance, the more the longer the delay. Up to one period the filter
+        is `critical` with g = 1/6; beyond, it has no trend, and g = 0.3. docs/learning.md has the inertia ratios that
+        the loop tolerates.
+
+        - `delay`: age of a measurement when its torque sets in [periods].
+        - `most`: g is not larger than this.
+        """
+        if delay > 1.0:
+            return cls(jnp.minimum(WITHOUT_TREND, most))
+        return cls.critical(jnp.minimum(WITH_TREND, most), delay + 1.0)
 
     def init(self, measured: State) -> Vector:
         """The push's rate, d: none.

@@ -15,7 +15,7 @@ from slidax.actuators import TorqueLimits
 from slidax.adaptation import AbstractAdaptation, JointLearning
 from slidax.controllers import AbstractController, Monitor, Recovery, sampled_data
 from slidax.estimators import AbstractEstimator, Kalman, Measured
-from slidax.estimators.kalman import TORQUE_DENSITY
+from slidax.estimators.kalman import FASTEST_PACE, TORQUE_DENSITY
 
 from .base import AbstractDescription, Numbers, said, same
 from .derived import PartDescription, plain_of, union_of
@@ -55,17 +55,23 @@ class MeasuredDescription(AbstractDescription):
     """Trusts positions and velocities as measured, and learns the disturbance from the velocities."""
 
     kind: Literal["measured"]
-    gain: Numbers = same(Measured, "gain")
-    trend: Numbers | None = same(Measured, "trend", default=None, source="critically damped")
+    gain: Numbers | None = same(
+        Measured, "gain", default=None, source="1/6, or .3 with a delay of more than one period"
+    )
+    trend: Numbers | None = same(
+        Measured, "trend", default=None, source="critically damped, or 0 with a delay of more than one period"
+    )
 
     def build(self, sampling: Sampling) -> AbstractEstimator:
         """The estimator.
 
         - `sampling`: how the arm is sampled.
         """
-        if self.trend is None:
-            return Measured.critical(self.gain, sampling.delay + 1.0)
-        return Measured(as_array(self.gain), as_array(self.trend), as_array(sampling.delay + 1.0))
+        default = Measured.tolerant(sampling.delay)
+        gain = default.gain if self.gain is None else as_array(self.gain)
+        if self.trend is not None:
+            return Measured(gain, as_array(self.trend), as_array(sampling.delay + 1.0))
+        return Measured.critical(gain, sampling.delay + 1.0) if sampling.delay <= 1.0 else Measured(gain)
 
 
 class KalmanDescription(AbstractDescription):
@@ -89,7 +95,11 @@ class KalmanDescription(AbstractDescription):
         """
         variance = sampling.variance if self.variance is None else as_array(self.variance)
         return Kalman.of_arm(
-            sampling.mass, variance=variance, period=sampling.period, torque_density=self.torque_density
+            sampling.mass,
+            variance=variance,
+            period=sampling.period,
+            torque_density=self.torque_density,
+            fastest=FASTEST_PACE if self.variance is None else None,
         )
 
 
@@ -149,7 +159,7 @@ class SampledDataDescription(AbstractDescription):
         "s",
         "> 0",
         default=None,
-        source="12 ms, or two periods if that is more",
+        source="12 ms, or two periods or 1.5 (delay + 1) periods, if that is more",
     )
     estimator: EstimatorDescription | None = None
     """From measurements to the state and the disturbance; if not given `measured`, with gains after the horizon, or

@@ -44,9 +44,10 @@ def sampled_data(
 
     - `law`: the law in continuous time.
     - `period`: h [s].
-    - `horizon`: H [s], >= h, of an implicit step; None: 12 ms, but no less than two periods.
-    - `estimator`: from what is measured to q, q̇ and the unexplained acceleration; None: `Measured.critical` with the
-      gain `min(.5, 2 h/H)`, for sensors that give the velocity.
+    - `horizon`: H [s], >= h, of an implicit step; None: 12 ms, but no less than two periods, nor than 1.5 (`delay` + 1)
+      of them.
+    - `estimator`: from what is measured to q, q̇ and the unexplained acceleration; None: `Measured.tolerant` with the
+      gain 2 h/H or less, for sensors that give the velocity.
     - `limits`: of torque and torque rate, as far as they are known; None for none.
     - `recovery`: what an implicit step does outside the envelope; None: pull back to the drawn one as it is.
     - `delay`: age of a measurement when its torque sets in, in periods.
@@ -62,9 +63,10 @@ def sampled_data(
     step: AbstractStep = law.implicit_step(recovery, slopes) or ExplicitStep(law)
     if horizon is not None and not step.plans:
         raise DefinitionError(f"`{type(law).__name__}` does not plan over a horizon; leave `horizon` out")
-    horizon = jnp.maximum(as_array(HORIZON), 2.0 * period) if horizon is None else as_array(horizon)
+    least = max(2.0, 1.5 * (delay + 1.0)) * period
+    horizon = jnp.maximum(as_array(HORIZON), least) if horizon is None else as_array(horizon)
     if estimator is None:
-        estimator = Measured.critical(jnp.minimum(0.5, 2.0 * period / horizon), delay + 1.0)
+        estimator = Measured.tolerant(delay, 2.0 * period / horizon)
     return SampledData(
         step=step,
         estimator=estimator,
