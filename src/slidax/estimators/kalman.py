@@ -19,8 +19,8 @@ TORQUE_DENSITY = 0.05
 """Of the drift of a disturbance torque unless another is asked for, (N m/s)² s: in one second it drifts by .2 N m."""
 
 FASTEST_PACE = 1.0
-"""d, bandwidth times period, of the fastest filter by default: with a faster one a delayed loop tolerates little error of
-the inertia (docs/learning.md)."""
+"""d, bandwidth times period, of the fastest filter by default: with a faster one a delayed loop tolerates little error
+of the inertia (docs/learning.md)."""
 
 
 class Kalman(AbstractEstimator):

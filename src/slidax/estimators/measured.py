@@ -12,8 +12,8 @@ from slidax.parts import PerJoint, Scalar, State, Vector, as_array, parameter
 from .estimator import AbstractEstimator, Estimate
 
 WITH_TREND, WITHOUT_TREND = 1.0 / 6.0, 0.3
-"""Largest default gains g for a delay of up to one period, and for longer ones. With the default horizon the linear loop
-is then stable for believed inertias of 1/3 to 3/2 of the true one."""
+"""Largest default gains g for a delay of up to one period, and for longer ones. With the default horizon the linear
+loop is then stable for believed inertias of 1/3 to 3/2 of the true one."""
 
 
 class Measured(AbstractEstimator):
