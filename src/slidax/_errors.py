@@ -150,6 +150,15 @@ def counted(number: int, noun: str, plural: str = "") -> str:
     return f"{number} {noun if number == 1 else plural or noun + 's'}"
 
 
+def each_of(number: int, noun: str) -> str:
+    """For a list with one entry for each: "each of the 3 joints", or "the joint" where there is one.
+
+    - `number`: how many.
+    - `noun`: of one.
+    """
+    return f"the {noun}" if number == 1 else f"each of the {number} {noun}s"
+
+
 def is_traced(tree: Any) -> bool:
     """True inside `jit`, `vmap` or `grad`, where values are not known and so cannot be checked.
 
@@ -256,7 +265,8 @@ def require_consistent(owner: object, *fields: str) -> None:
         if shape and first and shape != np.shape(getattr(owner, first)):
             other = len(getattr(owner, first))
             raise DefinitionError(
-                f"{name} has {shape[0]} entries, but `{first}` has {other}; give one number or one per joint"
+                f"{name} has {counted(shape[0], 'entry', 'entries')}, but `{first}` has {other}; give one number or "
+                "one per joint"
             )
         first = field if shape and not first else first
 
@@ -272,7 +282,8 @@ def require_joints(tree: object, joints: int, of: str) -> None:
         if shape not in ((), (joints,), (joints, joints)):
             name = type(tree).__name__ + jax.tree_util.keystr(path)
             raise DefinitionError(
-                f"`{name}` has shape {list(shape)}, but {of} has {joints} joints; give one number or {joints} of them"
+                f"`{name}` has shape {list(shape)}, but {of} has {counted(joints, 'joint')}; give one number or "
+                f"{joints} of them"
             )
 
 
@@ -288,6 +299,6 @@ def require_per_joint(owner: object, joints: int, of: str, *fields: str) -> None
         shape = np.shape(getattr(owner, field))
         if shape not in ((), (joints,)):
             raise DefinitionError(
-                f"`{type(owner).__name__}.{field}` has shape {list(shape)}, but {of} has {joints} joints; "
+                f"`{type(owner).__name__}.{field}` has shape {list(shape)}, but {of} has {counted(joints, 'joint')}; "
                 f"give one number or {joints} of them"
             )

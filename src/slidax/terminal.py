@@ -9,6 +9,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from slidax._errors import counted
 from slidax.metrics import envelope_violations, metrics_of, short_names, summary
 from slidax.papers.indices import INDICES
 
@@ -89,7 +90,8 @@ def print_run(parts: Scenario, finished: Run, answer: dict[str, Any]) -> None:
         kept = f"{kept}, tool off by at most {error:.3g} m{turned}"
     console.print(
         f"\n{parts.scheme} on {parts.robot}: outcome {finished.outcome.kind}, {kept}; "
-        f"{int(finished.tally.samples)} samples in {timing['run_s']:.2f} s, compiled in {timing['compile_s']:.1f} s",
+        f"{counted(int(finished.tally.samples), 'sample')} in {timing['run_s']:.2f} s, compiled in "
+        f"{timing['compile_s']:.1f} s",
         soft_wrap=True,
     )
 

@@ -157,7 +157,7 @@ BAD: list[tuple[dict[str, Any], str]] = [
     ({"disturbance.scale": {"betwen": [0, 1]}}, "needs one set"),
     ({"disturbance.scale": 3}, "needs one set"),
     ({"disturbance.scale": {"between": [0, 1], "each": "axis"}}, "`joint`"),
-    ({"disturbance.scale": {"choice": []}}, ">= 1 entries"),
+    ({"disturbance.scale": {"choice": []}}, ">= 1 entry"),
     ({"disturbance.scale": {"choice": "any"}}, "for seeds"),
     ({"disturbance.scale": {"choice": [1, 2], "weights": [1]}}, "2 numbers"),
     ({"disturbance.scale": {"choice": [1, 2], "weights": [0, 0]}}, "not all 0"),

@@ -201,7 +201,7 @@ def test_empty_lists_in_a_message_mean_that_there_is_nothing():
             "the column `b.velocity` is missing: give velocities for all joints",
         ),
         ("time,a,c.velocity\n0,1,0\n1,2,0\n", "there is `c.velocity`, but no column `c` with positions"),
-        ("time,a\n0,1\n\n1,2,3\n", "line 4: 3 entries, but there are 2 columns"),
+        ("time,a\n0,1\n\n1,2,3\n", "line 4: 3 entries, but the header names 2 "),
         ("time,a\n0,1\n1,\n", "line 3, column `a`: there is no number"),
         ("time,a\n0,1\n1,x\n", "line 3, column `a`: `x` is not a number"),
         ("time,a\n0,1\n1,nan\n", "line 3, column `a`: `nan` is not a finite number"),
@@ -255,7 +255,7 @@ def changed(**changes):
         (changed(points=[1, 2]), r"points\[0\]: must be a mapping"),
         (
             changed(r1__positions=[0.0]),
-            r"points\[1\]: `positions` must have one number for each of 2 joints; got 1 of them",
+            r"points\[1\]: `positions` must have one number for each of the 2 joints; got 1 of them",
         ),
         (changed(r1__positions=None), r"points\[1\]: `positions` must have .*; got none"),
         (changed(r1__positions=[0.0, "x"]), r"points\[1\]: `positions` of `elbow` must be a number; got 'x'"),

@@ -33,7 +33,7 @@ def export_web(
     """
     with errors_as_lines():
         prepare()
-        from slidax._errors import DefinitionError
+        from slidax._errors import DefinitionError, counted
         from slidax.deploy import web
         from slidax.scenarios import load
 
@@ -47,6 +47,6 @@ def export_web(
         page = web.write_page(manifest, out)
         knobs = sum(len(setting["knobs"]) for setting in manifest["settings"])
         typer.echo(
-            f"{len(manifest['settings'])} laws, {len(manifest['programs'])} programs, {knobs} sliders, "
-            f"{page.stat().st_size / 1e6:.2f} MB: {page.resolve()}"
+            f"{counted(len(manifest['settings']), 'law')}, {counted(len(manifest['programs']), 'program')}, "
+            f"{counted(knobs, 'slider')}, {page.stat().st_size / 1e6:.2f} MB: {page.resolve()}"
         )

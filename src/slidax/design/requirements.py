@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field, TypeAdapter, ValidationError
 
-from slidax._errors import DefinitionError, as_array, located, plain
+from slidax._errors import DefinitionError, as_array, each_of, located, plain
 from slidax.scenarios import ScenarioDescription
 from slidax.scenarios.base import AbstractDescription, Numbers, said
 from slidax.scenarios.description import StartDescription
@@ -155,4 +155,4 @@ def _require_accuracy(found: Requirements) -> None:
             raise DefinitionError(f"must be > 0, or `best`; got {plain(wished)}")
         joints = found.robot.build().true.joints
         if numbers.ndim and len(numbers) != joints:
-            raise DefinitionError(f"must be one number or one for each of the {joints} joints; got {len(numbers)}")
+            raise DefinitionError(f"must be one number or one for {each_of(joints, 'joint')}; got {len(numbers)}")

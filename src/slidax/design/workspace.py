@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from slidax._errors import DefinitionError
+from slidax._errors import DefinitionError, each_of
 from slidax.scenarios.base import AbstractDescription, Numbers, said
 from slidax.scenarios.true_and_nominal import Arms
 
@@ -73,7 +73,7 @@ class WorkspaceDescription(AbstractDescription):
     def _each(where: str, value: Numbers, joints: int, above: float | None = 0.0) -> Any:
         numbers = np.asarray(value, float)
         if numbers.ndim and len(numbers) != joints:
-            message = f"must be one number or one for each of the {joints} joints; got {len(numbers)}"
+            message = f"must be one number or one for {each_of(joints, 'joint')}; got {len(numbers)}"
             raise DefinitionError(message, where=where)
         if not np.isfinite(numbers).all() or (above is not None and (numbers <= above).any()):
             raise DefinitionError(f"must be finite{'' if above is None else ' and > 0'}; got {value}", where=where)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from slidax._errors import DefinitionError
+from slidax._errors import DefinitionError, each_of
 from slidax.robots import Articulated, Payload
 
 from .excitation import Excitation
@@ -57,7 +57,7 @@ def excite(
         if not holds:
             raise DefinitionError(f"`{name}` of a motion that excites must be {rule}; got {value}")
     if center is not None and np.shape(center) != (robot.joints,):
-        raise DefinitionError(f"`center` must have one position for each of the {robot.joints} joints; got {center}")
+        raise DefinitionError(f"`center` must have one position for {each_of(robot.joints, 'joint')}; got {center}")
     search = Search(robot, share, acceleration, center, payload or robot.payload, links)
     rng = np.random.default_rng(seed)
     series = Fourier(duration / 2.0, harmonics)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from slidax._errors import DefinitionError
+from slidax._errors import DefinitionError, counted
 from slidax.robots import Articulated
 
 from .consistent import consistent
@@ -75,7 +75,9 @@ def identify(
     if not isinstance(log, Log):
         log = read_log(log, robot.joint_names)
     if len(log.joints) != robot.joints:
-        raise DefinitionError(f"{log.source} has {len(log.joints)} joints, but {robot.name} has {robot.joints}")
+        raise DefinitionError(
+            f"{log.source} has {counted(len(log.joints), 'joint')}, but {robot.name} has {robot.joints}"
+        )
     if payload is None:
         payload = not links
     conventions = conventions or Conventions()

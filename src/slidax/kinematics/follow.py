@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from slidax._errors import DefinitionError, as_array, located
+from slidax._errors import DefinitionError, as_array, counted, located
 from slidax.robots import AbstractRobot
 from slidax.trajectories import Tabulated, ToolMotion
 from slidax.trajectories.motion_limits import limit
@@ -53,7 +53,8 @@ class Followed:
     def __str__(self) -> str:
         turn = "" if self.hold == "place" else f" and {self.turn_error:.1e} rad"
         return (
-            f"{len(self.ends)} moves, {float(self.trajectory.until):.4g} s, {self.trajectory.times.size - 1} quintics; "
+            f"{counted(len(self.ends), 'move')}, {float(self.trajectory.until):.4g} s, "
+            f"{counted(self.trajectory.times.size - 1, 'quintic')}; "
             f"the tool is within {self.place_error:.1e} m{turn}; it is nearest to a singularity at "
             f"t = {self.worst_at:.4g} s, where it moves by {self.least_motion:.3g} in its worst direction"
         )

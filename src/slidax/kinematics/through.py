@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from slidax._errors import DefinitionError
+from slidax._errors import DefinitionError, counted, each_of
 from slidax.trajectories.quintic_spline import quintic_spline
 from slidax.trajectories.source_text import source_text
 
@@ -78,7 +78,8 @@ class Through(AbstractMove):
         for row, (number, cells) in enumerate(rows):
             if len(cells) != len(titles):
                 raise DefinitionError(
-                    f"{name}, line {number}: {len(cells)} entries, but there are {len(titles)} columns"
+                    f"{name}, line {number}: {counted(len(cells), 'entry', 'entries')}, but the header names "
+                    f"{len(titles)}"
                 )
             for column, cell in enumerate(cells):
                 try:
@@ -117,7 +118,7 @@ class Through(AbstractMove):
         increasing = times.shape == (len(rows),) and np.isfinite(times).all() and (np.diff(times) > 0).all()
         if len(rows) < 2 or not increasing:
             raise DefinitionError(
-                f"`Through.times` must be one for each of the {len(rows)} poses, at least two, and increase"
+                f"`Through.times` must be one for {each_of(len(rows), 'pose')}, at least two, and increase"
             )
         first = _pose(rows[0])
         off = float(np.linalg.norm(first.place - pose.place))

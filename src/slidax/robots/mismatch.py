@@ -5,7 +5,7 @@ from __future__ import annotations
 import equinox as eqx
 import jax.numpy as jnp
 
-from slidax._errors import DefinitionError
+from slidax._errors import DefinitionError, each_of
 from slidax.parts import AbstractPart, PerJoint, Vector, parameter, piece
 
 from .articulated import Articulated
@@ -56,7 +56,7 @@ class Mismatch(AbstractPart):
             return otherwise
         if value.shape not in ((), (nominal.joints,)):
             raise DefinitionError(
-                f"`Mismatch.{field}` must be one number or one for each of the {nominal.joints} joints of "
+                f"`Mismatch.{field}` must be one number or one for {each_of(nominal.joints, 'joint')} of "
                 f"{nominal.name}, {', '.join(nominal.joint_names)}; got {value.shape[0]}"
             )
         each: Vector = jnp.broadcast_to(value, (nominal.joints,))

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 from pydantic_core import PydanticCustomError
 
-from slidax._errors import DefinitionError, nearest, plain
+from slidax._errors import DefinitionError, each_of, nearest, plain
 from slidax.parts import REQUIRED, Parameter, Range, parameters_of
 
 Numbers = Annotated[float | list[float], Field(union_mode="left_to_right")]
@@ -51,7 +51,7 @@ class AbstractDescription(BaseModel):
         """
         for field, value in self:
             if isinstance(value, list) and len(value) != joints:
-                message = f"must be one number or one for each of the {joints} joints; got {len(value)}"
+                message = f"must be one number or one for {each_of(joints, 'joint')}; got {len(value)}"
                 raise DefinitionError(message, where=field)
 
     def parameters(self) -> dict[str, Any]:

@@ -11,7 +11,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 from pydantic import Field, ValidationError
 
-from slidax._errors import DefinitionError, as_array, counted, located, require_joints
+from slidax._errors import DefinitionError, as_array, counted, each_of, located, require_joints
 from slidax._types import State
 from slidax.controllers import AbstractController
 from slidax.numerics import runge_kutta_4, semi_implicit_euler
@@ -58,7 +58,7 @@ class StartDescription(AbstractDescription):
         dq = [0.0] * joints if self.dq is None else self.dq
         for field, values in (("q", self.q), ("dq", dq)):
             if len(values) != joints:
-                message = f"must have one entry for each of the {joints} joints; got {len(values)}"
+                message = f"must have one entry for {each_of(joints, 'joint')}; got {len(values)}"
                 raise DefinitionError(message, where=field)
         return State(q=as_array(self.q), dq=as_array(dq))
 

@@ -6,7 +6,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from slidax._errors import DefinitionError, nearest, plain, shown
+from slidax._errors import DefinitionError, counted, nearest, plain, shown
 
 LIMITS = {
     "greater_than": (">", "gt"),
@@ -52,7 +52,7 @@ def translated(error: ValidationError, data: Any) -> DefinitionError:
         message = f"must be {sign} {context[limit]:g}; got {shown(given)}"
     elif first["type"] in ("too_short", "too_long"):
         sign, limit = (">=", "min_length") if first["type"] == "too_short" else ("<=", "max_length")
-        message = f"must have {sign} {context[limit]} entries; got {shown(given)}"
+        message = f"must have {sign} {counted(context[limit], 'entry', 'entries')}; got {shown(given)}"
     elif first["type"] == "unknown_key":
         message = first["msg"]
     else:

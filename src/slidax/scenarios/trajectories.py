@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from slidax._errors import DefinitionError, DefinitionWarning, counted, located
+from slidax._errors import DefinitionError, DefinitionWarning, counted, each_of, located
 from slidax._names import matched, quoted
 from slidax.robots import AbstractRobot
 from slidax.robots.joint_limits import JointLimits
@@ -37,7 +37,7 @@ class WaypointTrajectory(TrajectoryPart):
         """
         for number, row in enumerate(self.waypoints):
             if len(row) != joints:
-                message = f"must have one position for each of the {joints} joints; got {len(row)}"
+                message = f"must have one position for {each_of(joints, 'joint')}; got {len(row)}"
                 raise DefinitionError(message, where=f"waypoints.{number}")
 
 

@@ -10,7 +10,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 from pydantic import Field, model_validator
 
-from slidax._errors import DefinitionError, as_array, known, located
+from slidax._errors import DefinitionError, as_array, each_of, known, located
 from slidax.robots import AbstractRobot, Articulated, JointLimits, Load, Mismatch, Payload
 
 from .base import AbstractDescription, Numbers, same
@@ -129,7 +129,7 @@ class NominalArm(AbstractDescription):
     def _armature(self, joints: int) -> Array:
         armature = as_array(self.armature)
         if armature.shape not in ((), (joints,)):
-            message = f"must be one number or one for each of the {joints} joints; got {armature.shape[0]}"
+            message = f"must be one number or one for {each_of(joints, 'joint')}; got {armature.shape[0]}"
             raise DefinitionError(message, where="armature")
         if (known(armature) < 0).any():
             raise DefinitionError(f"must be >= 0; got {self.armature}", where="armature")

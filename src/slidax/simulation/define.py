@@ -9,7 +9,7 @@ import jax
 import numpy as np
 from jaxtyping import Array
 
-from slidax._errors import DefinitionError, is_traced, require_joints
+from slidax._errors import DefinitionError, counted, each_of, is_traced, require_joints
 from slidax._names import joint_called, quoted
 from slidax._types import Envelope, Reference, State
 from slidax.controllers import AbstractController, SampledData
@@ -83,16 +83,16 @@ def require_fitting(
     """
     n = plant.robot.joints
     if controller.joints != n:
-        raise DefinitionError(f"the controller commands {controller.joints} joints, but the plant has {n}")
+        raise DefinitionError(f"the controller commands {counted(controller.joints, 'joint')}, but the plant has {n}")
     for name, value in (("q", state0.q), ("dq", state0.dq)):
         if value.shape != (n,):
-            raise DefinitionError(f"`state0.{name}` must have one entry for each of the {n} joints; got {value.shape}")
+            raise DefinitionError(f"`state0.{name}` must have one entry for {each_of(n, 'joint')}; got {value.shape}")
         if not is_traced(value) and not np.isfinite(value).all():
             joint = joint_called(plant.robot.joint_names[int(np.argmin(np.isfinite(value)))])
             raise DefinitionError(f"`state0.{name}` must be finite; it is not for {joint}")
     shape = eqx.filter_eval_shape(trajectory.position, jax.ShapeDtypeStruct((), float)).shape
     if shape != (n,):
-        raise DefinitionError(f"the trajectory gives {list(shape)} positions, but the plant has {n} joints")
+        raise DefinitionError(f"the trajectory gives {list(shape)} positions, but the plant has {counted(n, 'joint')}")
     names = getattr(trajectory, "joint_names", ())
     if names != plant.robot.joint_names and set(names) == set(plant.robot.joint_names):
         raise DefinitionError(
@@ -104,9 +104,9 @@ def require_fitting(
     try:
         pushed = eqx.filter_eval_shape(plant.disturbance, jax.ShapeDtypeStruct((), float), state0).shape
     except (TypeError, ValueError) as error:
-        raise DefinitionError(f"the disturbance does not fit the {n} joints of the plant: {error}") from error
+        raise DefinitionError(f"the disturbance does not fit the plant's {counted(n, 'joint')}: {error}") from error
     if pushed != (n,):
-        raise DefinitionError(f"the disturbance gives {list(pushed)} forces, but the plant has {n} joints")
+        raise DefinitionError(f"the disturbance gives {list(pushed)} forces, but the plant has {counted(n, 'joint')}")
     if stepping.mode == "continuous":
         if isinstance(controller, SampledData):
             raise DefinitionError("a sampled-data law needs samples: simulate in held mode, not in continuous mode")

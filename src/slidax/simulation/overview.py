@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from slidax._errors import counted
+
 if TYPE_CHECKING:
     from .run import Run
 
@@ -27,8 +29,8 @@ def heading(run: Run) -> str:
     period, t1 = float(np.ravel(run.period)[0]), float(np.ravel(run.t1)[0])
     kinds = Counter(outcome.kind for outcome in run.outcomes)
     ends = ", ".join(f"{count} {kind}" for kind, count in kinds.items()) if many else next(iter(kinds))
-    what = f"{len(run)} runs" if many else "Run"
-    return f"{what} of {run.joints} joints to {t1:g} s, sampled every {period:g} s: {ends}"
+    what = counted(len(run), "run") if many else "Run"
+    return f"{what} of {counted(run.joints, 'joint')} to {t1:g} s, sampled every {period:g} s: {ends}"
 
 
 def remarks(run: Run) -> list[str]:

@@ -7,11 +7,12 @@ from typing import Any
 
 import numpy as np
 
+from slidax._errors import counted
 from slidax.scenarios.family import Family
 
 from .overview import share
 from .predicate import ENVELOPE, Predicate
-from .result import AbstractResult, Cell, Drawn, Section, interval_of, worst_of
+from .result import AbstractResult, Cell, Drawn, Section, all_done, interval_of, worst_of
 from .statistics import Interval, PairedDifference, PairedShares, clopper_pearson, paired_difference, paired_shares
 from .table import Columns
 
@@ -45,7 +46,7 @@ class Compared(AbstractResult):
     @property
     def ended(self) -> str:
         """What there is."""
-        return f"all {self.runs} runs are done"
+        return all_done(self.runs)
 
     @property
     def reference(self) -> str:
@@ -104,7 +105,7 @@ class Compared(AbstractResult):
             worse = [of for of in self.of if _is_below(self.difference(name, of), -1.0)]
             words = [f"{word} in {', '.join(ofs)}" for word, ofs in (("better", better), ("worse", worse)) if ofs]
             said.append(f"{name} is {' and '.join(words) or 'not told apart'}")
-        return f"{len(self._cases)} cases for each scheme; beside {self.reference}, {'; '.join(said)}."
+        return f"{counted(len(self._cases), 'case')} for each scheme; beside {self.reference}, {'; '.join(said)}."
 
     @property
     def _cases(self) -> np.ndarray:
@@ -121,7 +122,7 @@ class Compared(AbstractResult):
                 bounds = (None, None) if holding is None else (share(holding.lower), share(holding.upper))
                 both = None if name == self.reference else self.shares(name, holds)
                 rates.append([name, holds, failures, *bounds, None if both is None else both.p_value])
-        note = f"Of {len(self._cases)} cases; intervals at {self.confidence:.0%}; p by McNemar's exact test."
+        note = f"Of {counted(len(self._cases), 'case')}; intervals at {self.confidence:.0%}; p by McNemar's exact test."
         head = ("Scheme", "asked", "failed", "holds at least", "holds at most", "p, beside the first")
         found = [Section("How often it holds", note, head, rates)]
         others = list(self.tables)[1:]

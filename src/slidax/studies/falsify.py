@@ -8,14 +8,14 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field
 
-from slidax._errors import DefinitionError, nearest, plain
+from slidax._errors import DefinitionError, counted, nearest, plain
 from slidax.scenarios.base import said
 from slidax.scenarios.description import ScenarioDescription
 from slidax.scenarios.family import Family
 
 from .asked import Asked
 from .overview import overview
-from .result import NOTHING, AbstractResult, Cell, Drawn, Section
+from .result import NOTHING, AbstractResult, Cell, Drawn, Section, all_done
 from .search import Found, lowest
 from .study import AbstractStudy, How
 from .table import OUTCOMES, Columns
@@ -146,8 +146,8 @@ class FalsifyResult(AbstractResult):
         """Why the search ended."""
         return {
             "enough": f"a violation was found in run {self.runs}",
-            "seconds": f"the time was over after {self.runs} runs",
-        }.get(self.found.stop, f"all {self.runs} runs are done")
+            "seconds": f"the time was over after {counted(self.runs, 'run')}",
+        }.get(self.found.stop, all_done(self.runs))
 
     @property
     def good(self) -> bool:
@@ -162,8 +162,10 @@ class FalsifyResult(AbstractResult):
         outcome = OUTCOMES[int(self.table["outcome"][self.rows[0]])].replace("_", " ")
         value = float(self.table[self.study.worst][self.rows[0]])
         said = "without a number" if not np.isfinite(value) else f"{value:.4g}"
-        found = "no run failed" if self.good else f"{self.failures} runs failed"
-        return f"{self.runs} runs, {found}: the worst {self.study.worst} is {said}, {outcome} ({self.ended})."
+        found = "no run failed" if self.good else f"{counted(self.failures, 'run')} failed"
+        return (
+            f"{counted(self.runs, 'run')}, {found}: the worst {self.study.worst} is {said}, {outcome} ({self.ended})."
+        )
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -8,6 +8,7 @@ from typing import Any, ClassVar, Literal
 
 import numpy as np
 
+from slidax._errors import counted
 from slidax.scenarios.base import said
 from slidax.scenarios.description import ScenarioDescription
 from slidax.scenarios.family import Family
@@ -164,8 +165,8 @@ class MonteCarloResult(AbstractResult):
         what = "the envelope holds" if first.holds == ENVELOPE else f"`{first.holds}` holds"
         failed = "none failed" if not first.failures else f"{first.failures} failed"
         return (
-            f"{first.runs} runs, {failed}: with {100 * holding.confidence:g} % confidence {what} with a probability "
-            f"between {share(holding.lower)} and {share(holding.upper)} ({self.ended})."
+            f"{counted(first.runs, 'run')}, {failed}: with {100 * holding.confidence:g} % confidence {what} with a "
+            f"probability between {share(holding.lower)} and {share(holding.upper)} ({self.ended})."
         )
 
     def scenarios(self) -> dict[str, ScenarioDescription]:

@@ -84,6 +84,14 @@ class AbstractResult(ABC):
         return {}
 
 
+def all_done(runs: int) -> str:
+    """That no run is missing, in words.
+
+    - `runs`: how many there were.
+    """
+    return "the run is done" if runs == 1 else f"all {runs} runs are done"
+
+
 def worst_of(table: Columns) -> dict[str, Any]:
     """The row with the least margin, for a program.
 

@@ -8,12 +8,12 @@ from typing import Annotated, Any, ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
-from slidax._errors import DefinitionError, nearest, plain
+from slidax._errors import DefinitionError, counted, nearest, plain
 from slidax.scenarios.base import said
 from slidax.scenarios.family import Family
 
 from .asked import Asked
-from .result import AbstractResult, Cell, Drawn, Section, worst_of
+from .result import AbstractResult, Cell, Drawn, Section, all_done, worst_of
 from .search import SobolIndices, points_for_indices, sobol_indices
 from .study import AbstractStudy, How
 from .table import Columns
@@ -103,8 +103,10 @@ class SensitivityResult(AbstractResult):
     @property
     def ended(self) -> str:
         """What there is."""
-        without = [f"{count} runs have no `{one}`, which has no indices" for one, count in self.missing.items()]
-        return "; ".join([f"all {self.runs} runs are done", *without])
+        without = [
+            f"`{one}` is missing in {counted(count, 'run')} and has no indices" for one, count in self.missing.items()
+        ]
+        return "; ".join([all_done(self.runs), *without])
 
     @property
     def good(self) -> bool:
@@ -119,7 +121,7 @@ class SensitivityResult(AbstractResult):
             for of, one in self.indices.items()
             if one.variance > 0
         ]
-        return f"{self.runs} runs: {'; '.join(said) or 'no result varies'} ({self.ended})."
+        return f"{counted(self.runs, 'run')}: {'; '.join(said) or 'no result varies'} ({self.ended})."
 
     def sections(self) -> list[Section]:
         """The shares of each result."""

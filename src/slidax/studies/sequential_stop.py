@@ -6,9 +6,11 @@ from typing import Annotated
 
 from pydantic import Field
 
+from slidax._errors import counted
 from slidax.scenarios.base import AbstractDescription, said
 
 from .predicate import Predicate
+from .result import all_done
 from .statistics import confidence_sequence
 from .table import Columns
 
@@ -79,9 +81,9 @@ class Counted:
         - `runs`: how many there were to be.
         """
         if self.until is None:
-            return f"all {runs} runs are done"
+            return all_done(runs)
         if self._shown:
-            return f"shown after {self.runs} runs"
+            return f"shown after {counted(self.runs, 'run')}"
         if self._failures >= self.until.failures:
             return f"stopped at failure {self._failures}, in run {self.runs}"
-        return f"not decided by all {runs} runs"
+        return f"not decided by all of {counted(runs, 'run')}"

@@ -8,7 +8,7 @@ from typing import Annotated, Any, ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
-from slidax._errors import DefinitionError, nearest, plain
+from slidax._errors import DefinitionError, counted, nearest, plain
 from slidax.scenarios.description import OF_THE_LAW
 from slidax.scenarios.family import Family
 from slidax.scenarios.uncertainty import AbstractSet
@@ -17,7 +17,7 @@ from slidax.scenarios.uncertainty.sets import Choice
 
 from .asked import BELOW_ONE, Asked
 from .points import points
-from .result import AbstractResult, Drawn, Section, worst_of
+from .result import AbstractResult, Drawn, Section, all_done, worst_of
 from .study import AbstractStudy, How
 from .table import Columns
 
@@ -130,7 +130,7 @@ class SweepResult(AbstractResult):
     @property
     def ended(self) -> str:
         """What there is."""
-        return f"all {self.runs} runs are done"
+        return all_done(self.runs)
 
     @property
     def worst(self) -> np.ndarray:
@@ -159,7 +159,8 @@ class SweepResult(AbstractResult):
         held = int(np.sum(self.failing == 0))
         known = self.worst[np.isfinite(self.worst)]
         said = f"{self.study.of} from {known.min():.4g} to {known.max():.4g}" if known.size else f"no {self.study.of}"
-        return f"{size} points, {self.runs} runs: no run fails at {held} of {self.failing.size}; {said}."
+        points = "1 point" if size == "1" else f"{size} points"
+        return f"{points}, {counted(self.runs, 'run')}: no run fails at {held} of {self.failing.size}; {said}."
 
     def sections(self) -> list[Section]:
         """The map, and the share of cases that fail if there are several."""

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from slidax._errors import counted
 from slidax.metrics import METRICS
 from slidax.scenarios.description import ScenarioDescription
 from slidax.scenarios.family import Family
@@ -173,7 +174,7 @@ class Tuned(AbstractResult):
             ]
             for place, one in judged.items()
         ]
-        note = f"Means over {judged[None].runs} cases that the search has not seen; {self.ended}."
+        note = f"Means over {counted(judged[None].runs, 'case')} that the search has not seen; {self.ended}."
         head = ("Gains", *self.aims, "failed", "holds at least")
         figures = []
         if self.gains:

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from slidax._errors import DefinitionError
+from slidax._errors import DefinitionError, counted
 
 from .source_text import source_text
 from .table import TIME_UNITS, UNITS, Table, columns_of
@@ -78,7 +78,7 @@ def csv_table(
     for index, (line, row) in enumerate(rows):
         if len(row) != len(header):
             raise DefinitionError(
-                f"{name}, line {line}: {len(row)} entries, but there are {len(header)} columns "
+                f"{name}, line {line}: {counted(len(row), 'entry', 'entries')}, but the header names {len(header)} "
                 "(a decimal comma counts as a comma)"
             )
         for column, cell in enumerate(row):

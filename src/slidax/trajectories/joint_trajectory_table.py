@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from slidax._errors import DefinitionError, shown
+from slidax._errors import DefinitionError, each_of, shown
 
 from .source_text import source_text
 from .table import TIME_UNITS, Table, columns_of
@@ -95,7 +95,7 @@ def _numbers(points: list[Any], field: str, joints: tuple[str, ...], name: str) 
         if not isinstance(given, (list, tuple)) or len(given) != len(joints):
             what = f"{len(given)} of them" if isinstance(given, (list, tuple)) else "none"
             raise DefinitionError(
-                f"{where}: `{field}` must have one number for each of {len(joints)} joints; got {what}"
+                f"{where}: `{field}` must have one number for {each_of(len(joints), 'joint')}; got {what}"
             )
         for joint, number in enumerate(given):
             if isinstance(number, bool) or not isinstance(number, (int, float)):

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from slidax._errors import DefinitionError, shown
+from slidax._errors import DefinitionError, each_of, shown
 
 from .piecewise_polynomial import AbstractPiecewisePolynomial
 
@@ -50,7 +50,7 @@ def one_per_joint(owner: str, name: str, value: object, joints: int) -> NDArray[
         raise DefinitionError(f"`{owner}.{name}` must be a number or a list of numbers; got {shown(value)}") from None
     if numbers.shape not in ((), (joints,)):
         raise DefinitionError(
-            f"`{owner}.{name}` must be one number or one for each of the {joints} joints; "
+            f"`{owner}.{name}` must be one number or one for {each_of(joints, 'joint')}; "
             f"got shape {list(numbers.shape)}"
         )
     if np.any(np.isnan(numbers)):

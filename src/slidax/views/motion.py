@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from slidax._errors import DefinitionError
+from slidax._errors import DefinitionError, counted
 from slidax.figures.logged import log_of
 from slidax.simulation import Log, Run
 
@@ -55,7 +55,9 @@ def motion(run: Run, skeleton: Skeleton, rate: float, most: int) -> Motion:
     log = log_of(run)
     q, desired = np.asarray(log.state.q), np.asarray(log.reference.q)
     if q.shape[1] != skeleton.joints:
-        raise DefinitionError(f"the run has {q.shape[1]} joints, but this robot has {skeleton.joints}; give its own")
+        raise DefinitionError(
+            f"the run has {counted(q.shape[1], 'joint')}, but this robot has {skeleton.joints}; give its own"
+        )
     good = sound_samples(log)
     t, q, desired = np.asarray(log.t)[good], q[good], desired[good]
     if len(t) < 2:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from slidax._errors import DefinitionError
+from slidax._errors import DefinitionError, counted
 from slidax.logs import SavedLog, flags
 from slidax.realtime import Law
 from slidax.scenarios import of_log
@@ -59,7 +59,7 @@ class Replay:
 
     def sentence(self) -> str:
         """In words."""
-        said = f"{self.same} of {self.answers} answers have the same bits"
+        said = f"{self.same} of {counted(self.answers, 'answer')} have the same bits"
         if self.unknown:
             said += f" ({self.unknown} more go on from an answer that the log has lost)"
         if self.first is None:

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from slidax._errors import DefinitionError, as_array, known, located, nearest
+from slidax._errors import DefinitionError, as_array, each_of, known, located, nearest
 
 from ..articulated import Articulated
 from ..assemble import assemble
@@ -153,7 +153,7 @@ def _armatures(moving: Sequence[str], given: Armature) -> dict[str, float]:
     values = known(as_array(given))
     if values.shape not in ((), (len(moving),)):
         raise DefinitionError(
-            f"`armature` must be one number, or one for each of the {len(moving)} joints that move, "
+            f"`armature` must be one number, or one for {each_of(len(moving), 'joint')} that move, "
             f"{', '.join(moving)}; got shape {list(values.shape)}"
         )
     return dict(zip(moving, np.broadcast_to(values, len(moving)).tolist(), strict=True))
