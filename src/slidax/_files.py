@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import errno
+import json
 import os
 import stat
 from contextlib import suppress
 from pathlib import Path
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
 from slidax._errors import DefinitionError, shown
 
@@ -38,7 +40,7 @@ def open_file(path: Path, what: str = "the file", *, most: int = MOST_TEXT) -> B
     try:
         status = os.fstat(handle)
         if stat.S_ISDIR(status.st_mode):
-            raise _unreadable(path, what, "it is a folder")
+            raise _unreadable(path, what, os.strerror(errno.EISDIR))
         if not stat.S_ISREG(status.st_mode):
             raise _unreadable(path, what, "only regular files are read, and this is a pipe, a socket or a device")
         if status.st_size > most:
@@ -91,6 +93,30 @@ def read_text(path: Path, what: str = "the file", *, most: int = MOST_TEXT) -> s
     except UnicodeDecodeError:
         raise _unreadable(path, what, "it is not UTF-8 text") from None
     return text.replace("\r\n", "\n").replace("\r", "\n")
+
+
+def parse_json(text: str, name: str) -> Any:
+    """Return the value of a JSON text.
+
+    - `text`: the text.
+    - `name`: the file's name, for messages.
+
+    Raises DefinitionError if it is no JSON, or nested too deeply.
+    """
+    try:
+        return json.loads(text, parse_int=whole_number)
+    except json.JSONDecodeError as error:
+        raise DefinitionError(f"{name} is not valid JSON: line {error.lineno}: {error.msg}") from None
+    except RecursionError:
+        raise DefinitionError(f"{name} is not valid JSON: its lists are nested too deeply") from None
+
+
+def whole_number(digits: str) -> int | float:
+    """Return the integer of a JSON text; a floating-point number where it has too many digits, infinite for hundreds.
+
+    - `digits`: as they are in the text.
+    """
+    return int(digits) if len(digits) <= 30 else float(digits)
 
 
 def _too_large(size: int, most: int) -> str:

@@ -121,7 +121,7 @@ def test_two_arms_ask_for_the_tip(tmp_path: Path) -> None:
     ("robot", "rate", "said"),
     [
         ("pandaa", 1000.0, "did you mean `panda`"),
-        ("nowhere.urdf", 1000.0, "cannot be read"),
+        ("nowhere.urdf", 1000.0, "cannot read"),
         ("panda", 0.0, "20 to 20000 Hz"),
         ("panda", float("nan"), "20 to 20000 Hz"),
     ],

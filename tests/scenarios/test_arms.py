@@ -152,7 +152,7 @@ REFUSED = [
         "robot.plant.load: `Payload.inertia` must have moments >= 0",
     ),
     ({"kind": "urdf"}, "robot.file: is missing"),
-    ({"kind": "urdf", "file": "no/such.urdf"}, "robot: the robot file `no/such.urdf` cannot be read"),
+    ({"kind": "urdf", "file": "no/such.urdf"}, "robot: cannot read the robot file `no/such.urdf`"),
     ({**URDF, "tip": "tol"}, r"robot: `tip` names link `tol`.* did you mean `tool`\?"),
     ({**URDF, "tip": "tool", "locked": {"elbo": 0.0}}, r"robot: `locked` names joint `elbo`.* did you mean `elbow`\?"),
     ({**URDF, "tip": "tool", "lokced": {}}, r"robot: unknown key `lokced`; did you mean `locked`\?"),

@@ -13,7 +13,7 @@ from typing import Any, TextIO
 import numpy as np
 
 from slidax._errors import DefinitionError, nearest, plain, shown
-from slidax._files import MEGABYTE, open_file
+from slidax._files import MEGABYTE, open_file, whole_number
 
 from .log import Log
 from .reading import Reading
@@ -106,7 +106,7 @@ def read_json(path: Path, joints: Sequence[str], reading: Reading) -> Log:
 
 def _messages(text: TextIO, name: str) -> Iterator[Any]:
     """Messages one by one, of a list or one after the other, so that only numbers stay in memory."""
-    decoder = json.JSONDecoder(parse_int=_integer)
+    decoder = json.JSONDecoder(parse_int=whole_number)
     window, start, ended, line, within = "", 0, False, 1, None
     try:
         while True:
@@ -142,11 +142,6 @@ def _messages(text: TextIO, name: str) -> Iterator[Any]:
         if isinstance(error, DefinitionError):
             raise
         raise _broken(name, line, "it is nested too deeply, or a number has too many digits") from None
-
-
-def _integer(digits: str) -> float | int:
-    """An integer; as a float where it is too long for one, which is then infinite and refused by its reader."""
-    return int(digits) if len(digits) <= 30 else float(digits)
 
 
 def _broken(name: str, line: int, why: str) -> DefinitionError:

@@ -23,6 +23,48 @@ METADATA = "slidax"
 Columns = Mapping[str, np.ndarray]
 
 
+class _Sink:
+    """A file that remembers its first error instead of raising it.
+
+    foxglove-sdk, which writes to it, ends with a panic where the file fails, as on a full disk.
+    """
+
+    def __init__(self, path: Path) -> None:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        self._path = path
+        self._file = path.open("wb", buffering=0)
+        self._error: OSError | None = None
+
+    def write(self, data: bytes) -> int:
+        """Write all of the data, or none of it after an error."""
+        left = memoryview(data)
+        while left and self._error is None:
+            try:
+                left = left[self._file.write(left) or 0 :]
+            except OSError as error:
+                self._error = error
+        return len(data)
+
+    def seek(self, offset: int, whence: int = 0) -> int:
+        """Move to another place."""
+        return self._file.seek(offset, whence)
+
+    def flush(self) -> None:
+        """Do nothing, as nothing is held back."""
+
+    def close(self) -> None:
+        """Close the file."""
+        try:
+            self._file.close()
+        except OSError as error:
+            self._error = self._error or error
+
+    def require_written(self) -> None:
+        """Raise an OSError with the file's name if something could not be written."""
+        if self._error is not None:
+            raise OSError(self._error.errno, self._error.strerror, str(self._path)) from None
+
+
 class LogWriter:
     """Writes messages in chunks that are whole as soon as they are flushed, so that a file without an end can be read.
 
@@ -61,6 +103,7 @@ class LogWriter:
 
                 raise DefinitionError(f"there can be no server at 127.0.0.1:{port}: {error}") from None
         self._file: Any = None
+        self._sink: _Sink | None = None
         if path is not None:
             # Chunks end where they are flushed; each is written at once, so that none is left half done.
             options = MCAPWriteOptions(
@@ -70,10 +113,8 @@ class LogWriter:
                 disable_seeking=True,
                 compression_threads=0,
             )
-            path.parent.mkdir(parents=True, exist_ok=True)
-            # Said as everywhere, where the package would say it in its own words.
-            path.open("wb").close()
-            self._file = foxglove.open_mcap(path, allow_overwrite=True, context=context, writer_options=options)
+            self._sink = _Sink(path)
+            self._file = foxglove.open_mcap(self._sink, context=context, writer_options=options)
             self._file.write_metadata(METADATA, {**metadata, "channels": channels.as_text()})
             for name, content in attachments.items():
                 media = "application/yaml" if name.endswith(".yaml") else "application/octet-stream"
@@ -96,16 +137,30 @@ class LogWriter:
         self._write(self._arm, columns, columns["true_t"])
 
     def flush(self) -> None:
-        """All that was written is in the file, and stays there whatever happens to this process."""
+        """All that was written is in the file, and stays there whatever happens to this process.
+
+        Raises OSError if the file cannot be written.
+        """
         if self._file is not None:
             self._file.flush()
+            self._require_written()
 
     def close(self) -> None:
-        """Ends the file and the server."""
-        if self._file is not None:
-            self._file.close()
+        """Ends the file and the server.
+
+        Raises OSError if the file cannot be written.
+        """
         if self._server is not None:
             self._server.stop()
+        if self._file is not None:
+            self._file.close()
+            if self._sink is not None:
+                self._sink.close()
+            self._require_written()
+
+    def _require_written(self) -> None:
+        if self._sink is not None:
+            self._sink.require_written()
 
     def _write(self, channels: list[tuple[Message, Any]], columns: Columns, t: np.ndarray) -> None:
         if not len(t):

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from slidax._errors import DefinitionError
+from slidax._files import read_bytes
 from slidax.logs import SavedLog
 
 from .description import ScenarioDescription
@@ -37,10 +37,7 @@ def portable(description: ScenarioDescription) -> tuple[str, dict[str, bytes]]:
             part = part.resolved()
         if isinstance(getattr(part, "file", None), str):
             path = Path(part.file)
-            try:
-                files[f"{name}-{path.name}"] = path.read_bytes()
-            except OSError as error:
-                raise DefinitionError(f"cannot read the file `{path}`: {error.strerror}") from None
+            files[f"{name}-{path.name}"] = read_bytes(path)
             part = part.model_copy(update={"file": f"{name}-{path.name}"})
         parts[name] = part
     return as_yaml(description.model_copy(update=parts)), files

@@ -10,6 +10,7 @@ from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 
 from slidax._errors import DefinitionError, shown
+from slidax._files import read_text
 
 MOST_CHARACTERS = 250_000
 """Of a text: the reader takes some ten seconds for so much of the densest YAML."""
@@ -31,11 +32,8 @@ def text_of(path: Path, what: str = "the file") -> str:
 
     Raises DefinitionError if it cannot be read.
     """
-    try:
-        return path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        reason = getattr(error, "strerror", None) or "it is not UTF-8 text"
-        raise DefinitionError(f"cannot read {what} `{path}`: {reason}") from None
+    # A character has at most four bytes.
+    return read_text(path, what, most=4 * MOST_CHARACTERS)
 
 
 def read_yaml_file(path: Path, what: str = "the file") -> Any:

@@ -6,13 +6,14 @@ import csv
 import io
 import re
 import unicodedata
-from collections.abc import Sequence
+from array import array
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from slidax._errors import DefinitionError, counted
+from slidax._errors import DefinitionError, counted, plain
 
 from .source_text import source_text
 from .table import TIME_UNITS, UNITS, Table, columns_of
@@ -27,6 +28,10 @@ TITLE = re.compile(
     r"(?P<name>.*?)(?:\.(?P<kind>velocity|acceleration))?\s*(?:\[(?P<unit>.*)\]|\((?P<round>.*)\))?", re.I | re.S
 )
 """Of a column."""
+
+
+MOST_ROWS = 1_000_000
+"""Of a motion."""
 
 
 @dataclass(frozen=True)
@@ -56,16 +61,10 @@ def csv_table(
     Raises DefinitionError, with line and column, if it has not that form.
     """
     name, text = source_text(source, is_text=lambda text: "\n" in text or "\r" in text)
-    reader = csv.reader(io.StringIO(text, newline=""), skipinitialspace=True, strict=True)
-    try:
-        lines = [(reader.line_num, [cell.strip() for cell in row]) for row in reader]
-    except csv.Error as error:
-        why = "a quotation mark is not closed" if "unexpected end" in str(error) else error
-        raise DefinitionError(f"{name}, line {reader.line_num}: {why}") from None
-    lines = [(line, row) for line, row in lines if any(row) and not row[0].startswith("#")]
-    if not lines:
+    lines = _lines(text, name)
+    header_line, header = next(lines, (0, []))
+    if not header:
         raise DefinitionError(f"{name} is empty: the first line must name the columns, such as `time,shoulder,elbow`")
-    (header_line, header), rows = lines[0], lines[1:]
     where = f"{name}, line {header_line}"
     columns, time = _columns(header, where)
     names = list(columns["positions"])
@@ -74,15 +73,22 @@ def csv_table(
     _require_units(columns["positions"], chosen, joints, units, where)
     if time_unit is not None and time.unit and time.factor != TIME_UNITS[time_unit]:
         raise DefinitionError(f"{where}, column `{header[time.place]}`: the times cannot also be in {time_unit}")
-    values = np.empty((len(rows), len(header)))
-    for index, (line, row) in enumerate(rows):
+    # Row by row, so that the texts of all entries are never in memory together.
+    numbers, rows = array("d"), array("q")
+    for line, row in lines:
         if len(row) != len(header):
             raise DefinitionError(
                 f"{name}, line {line}: {counted(len(row), 'entry', 'entries')}, but the header names {len(header)} "
                 "(a decimal comma counts as a comma)"
             )
+        if len(rows) == MOST_ROWS:
+            raise DefinitionError(
+                f"{name} has more than {MOST_ROWS} rows: leave some of them out"
+            )
+        rows.append(line)
         for column, cell in enumerate(row):
-            values[index, column] = _number(cell, f"{name}, line {line}, column `{header[column]}`")
+            numbers.append(_number(cell, f"{name}, line {line}, column `{plain(header[column])}`"))
+    values = np.array(numbers, dtype=float).reshape(len(rows), len(header))
     parts = {
         kind: np.stack(
             [columns[kind][joint].factor * values[:, columns[kind][joint].place] for joint in chosen], axis=1
@@ -92,18 +98,31 @@ def csv_table(
     }
     factor = time.factor if time_unit is None else TIME_UNITS[time_unit]
     said = time_unit is not None or bool(time.unit)
-    lines_of = [f"line {line}" for line, _ in rows]
+    lines_of = [f"line {line}" for line in rows]
     return Table(name, tuple(joints or chosen), lines_of, factor * values[:, time.place], **parts, unit_is_known=said)
+
+
+def _lines(text: str, name: str) -> Iterator[tuple[int, list[str]]]:
+    """The entries of each line that is neither empty nor a comment, with its number."""
+    reader = csv.reader(io.StringIO(text, newline=""), skipinitialspace=True, strict=True)
+    try:
+        for row in reader:
+            cells = [cell.strip() for cell in row]
+            if any(cells) and not cells[0].startswith("#"):
+                yield reader.line_num, cells
+    except csv.Error as error:
+        why = "a quotation mark is not closed" if "unexpected end" in str(error) else error
+        raise DefinitionError(f"{name}, line {reader.line_num}: {why}") from None
 
 
 def _number(cell: str, where: str) -> float:
     try:
         number = float(cell)
     except ValueError:
-        what = f"`{cell}` is not a number" if cell else "there is no number"
+        what = f"`{plain(cell)}` is not a number" if cell else "there is no number"
         raise DefinitionError(f"{where}: {what}") from None
     if not np.isfinite(number):
-        raise DefinitionError(f"{where}: `{cell}` is not a finite number")
+        raise DefinitionError(f"{where}: `{plain(cell)}` is not a finite number")
     return number
 
 

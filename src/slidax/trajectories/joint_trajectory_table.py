@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -11,9 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slidax._errors import DefinitionError, each_of, shown
+from slidax._files import parse_json
 
 from .source_text import source_text
 from .table import TIME_UNITS, Table, columns_of
+
+MOST_CHARACTERS = 16_000_000
+"""Of a message."""
 
 NANOSECONDS = {"sec": "nanosec", "secs": "nsecs"}
 """Seconds and their billionths as ROS 2 and ROS 1 call them."""
@@ -37,10 +40,9 @@ def joint_trajectory_table(
         name, message = "the message", source
     else:
         name, text = source_text(source, is_text=lambda text: text.lstrip("\ufeff \t\r\n").startswith(("{", "[")))
-        try:
-            message = json.loads(text)
-        except json.JSONDecodeError as error:
-            raise DefinitionError(f"{name} is not valid JSON: line {error.lineno}: {error.msg}") from None
+        if len(text) > MOST_CHARACTERS:
+            raise DefinitionError(f"{name} has {len(text)} characters, and at most {MOST_CHARACTERS} are read")
+        message = parse_json(text, name)
         if not isinstance(message, dict):
             raise DefinitionError(f"{name} must be a JSON object with `joint_names` and `points`")
     names, points = _parts(message, name)

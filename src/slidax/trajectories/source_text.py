@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-from slidax._errors import DefinitionError
+from slidax._files import read_text
 
 
 def source_text(source: str | Path, is_text: Callable[[str], bool]) -> tuple[str, str]:
@@ -19,9 +19,4 @@ def source_text(source: str | Path, is_text: Callable[[str], bool]) -> tuple[str
     if isinstance(source, str) and is_text(source):
         return "the text", source.removeprefix("\ufeff")
     path = Path(source)
-    try:
-        # With its byte order mark, if spreadsheet programs have put one there.
-        return f"`{path.name}`", path.read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or "it is not UTF-8 text"
-        raise DefinitionError(f"cannot read the file `{path}`: {reason}") from None
+    return f"`{path.name}`", read_text(path)

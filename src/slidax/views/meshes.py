@@ -11,11 +11,15 @@ import numpy as np
 import trimesh
 
 from slidax._errors import DefinitionError, DefinitionWarning
+from slidax._files import MEGABYTE, require_file
 from slidax.robots.files import Drawn, Shape, drawn
 
 from .forms import solid
 from .skeleton import Skeleton
 from .solid import Solid, merged
+
+LARGEST_MESH = 200 * MEGABYTE
+"""Of a file [bytes]."""
 
 LARGEST_GAP = 1e-4
 """Between where a link is by its URDF and where it is by the robot's own frames [m]."""
@@ -78,6 +82,7 @@ def _meshes(shape: Shape) -> list[trimesh.Trimesh]:
         return [trimesh.creation.icosphere(radius=float(shape.numbers[0]))]
     if shape.path is None:
         raise FileNotFoundError("it is not there")
+    require_file(shape.path, "the mesh", most=LARGEST_MESH)
     scene: Any = trimesh.load(shape.path, force="scene", ignore_broken=True)
     found = []
     for node in scene.graph.nodes_geometry:

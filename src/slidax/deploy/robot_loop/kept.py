@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -56,11 +57,11 @@ def write_stepped(scenario: Scenario, stepped: Stepped, path: Path) -> None:
     Raises DefinitionError if foxglove-sdk is not installed, OSError if the file cannot be written.
     """
     seconds = float(stepped.arm["true_t"][-1])
-    writer = LogWriter(path, stepped.channels, metadata_of(scenario, "run", seconds), attachments_of(scenario))
-    for first in range(0, len(stepped.arm["true_t"]), CHUNK):
-        ticks = stepped.arm["true_k"][first : first + CHUNK]
-        answered = (stepped.law["k"] >= ticks[0]) & (stepped.law["k"] <= ticks[-1])
-        writer.law({name: column[answered] for name, column in stepped.law.items()})
-        writer.arm({name: column[first : first + CHUNK] for name, column in stepped.arm.items()})
-        writer.flush()
-    writer.close()
+    metadata, attachments = metadata_of(scenario, "run", seconds), attachments_of(scenario)
+    with closing(LogWriter(path, stepped.channels, metadata, attachments)) as writer:
+        for first in range(0, len(stepped.arm["true_t"]), CHUNK):
+            ticks = stepped.arm["true_k"][first : first + CHUNK]
+            answered = (stepped.law["k"] >= ticks[0]) & (stepped.law["k"] <= ticks[-1])
+            writer.law({name: column[answered] for name, column in stepped.law.items()})
+            writer.arm({name: column[first : first + CHUNK] for name, column in stepped.arm.items()})
+            writer.flush()

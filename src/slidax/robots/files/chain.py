@@ -12,11 +12,12 @@ from typing import Any
 import numpy as np
 
 from slidax._errors import DefinitionError, located, nearest
+from slidax._files import open_file
 
 from .loader import mujoco, reading
 from .mjcf_checks import name_all
 from .mjcf_objects import leave_out_objects
-from .source import read
+from .source import MOST_BYTES, read
 from .urdf_mimic import LostError, position_near_zero, resolved
 from .urdf_tree import tree_of
 from .urdf_values import limits_of
@@ -70,10 +71,15 @@ def chain_of(source: str | Path, tip: str | None = None) -> Chain:
 
     Raises DefinitionError if the file is not to be read, has no arm, or has several of one length.
     """
-    is_urdf = Path(source).suffix.lower() != ".xml" or "<robot" in Path(source).read_text(errors="ignore")[:4000]
+    is_urdf = Path(source).suffix.lower() != ".xml" or "<robot" in _beginning(source)
     with located(str(source)):
         hinges = _of_urdf(source) if is_urdf else _of_mjcf(source, tip)
         return _Tree(hinges).chain(tip)
+
+
+def _beginning(source: str | Path) -> str:
+    with open_file(Path(source), "the robot file", most=MOST_BYTES) as file:
+        return file.read(4000).decode(errors="ignore")
 
 
 class _Tree:

@@ -21,6 +21,7 @@ from .mjcf_geometry import drop_what_has_no_weight
 from .mjcf_joints import joints_of
 from .mjcf_motion import check_motion
 from .mjcf_objects import leave_out_objects
+from .named_files import require_named_files
 from .notes import Notes
 from .source import Source, elements, owner_at, read
 
@@ -93,6 +94,7 @@ def from_mjcf(
 def _spec(given: Source) -> Any:
     has_parts = any(given.root.find(f".//{tag}") is not None for tag in ("include", "model"))
     try:
+        require_named_files(given.root, given.folder)
         if given.path is not None and has_parts:
             return mujoco().MjSpec.from_file(str(given.path))
         # From a file MuJoCo takes nothing but UTF-8 under a name that ends with .xml.

@@ -10,6 +10,10 @@ from typing import Any
 from xml.parsers import expat
 
 from slidax._errors import DefinitionError
+from slidax._files import MEGABYTE, read_bytes
+
+MOST_BYTES = 10 * MEGABYTE
+"""Of a file; the largest known robot file has one."""
 
 DEEPEST = 300
 """Elements inside of each other; MuJoCo's reader takes 500."""
@@ -51,11 +55,7 @@ def read(source: str | Path, root: str, other: str) -> Source:
         text = source.lstrip("\ufeff")
     else:
         path = Path(source)
-        try:
-            text = path.read_bytes()
-        except (OSError, ValueError) as error:
-            why = getattr(error, "strerror", None) or str(error)
-            raise DefinitionError(f"the robot file `{source}` cannot be read: {why}") from error
+        text = read_bytes(path, "the robot file", most=MOST_BYTES)
     if not text.strip():
         raise DefinitionError(f"the robot file is empty; its XML must begin with <{root}>")
     tree, prefixed = _parsed(text)
