@@ -1,6 +1,7 @@
 """Logs as MCAP files: read by other people's software, read back to the bit, and read where they break off."""
 
 import sys
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -180,3 +181,16 @@ def test_live_data_has_the_channels_of_the_log():
 def test_bits_are_told_by_their_names():
     assert flags(("BAD", "LATE"), 2) == ["LATE"]
     assert flags(("BAD", "LATE"), 3) == ["BAD", "LATE"]
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="has no such device")
+@pytest.mark.parametrize("large", [False, True])
+def test_a_full_disk_is_an_error_with_the_name_of_the_file_and_no_panic(large, capfd):
+    rng, t = np.random.default_rng(5), 1e-3 * np.arange(ROWS)
+    writer = LogWriter(Path("/dev/full"), CHANNELS, {"x": "y" * (100_000 if large else 1)}, {})
+    writer.law(columns(CHANNELS.law(), rng, "t", t))
+    with pytest.raises(OSError, match="No space left on device: '/dev/full'"):
+        writer.flush()
+    with pytest.raises(OSError, match="No space left on device"):
+        writer.close()
+    assert "panic" not in capfd.readouterr().err

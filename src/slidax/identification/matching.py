@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
@@ -23,6 +24,9 @@ from .titles import (
     scale_of,
     scale_of_time,
 )
+
+MOST_COLUMNS = 10_000
+"""Of a table."""
 
 
 def match_columns(titles: Sequence[str], joints: Sequence[str], source: str, reading: Reading) -> Columns:
@@ -52,14 +56,15 @@ class _Matching:
     """The titles of one table against the joints of one arm."""
 
     def __init__(self, titles: Sequence[str], joints: Sequence[str], source: str, reading: Reading) -> None:
+        if len(titles) > MOST_COLUMNS:
+            raise DefinitionError(f"{source} has {len(titles)} columns, and at most {MOST_COLUMNS} are read")
         self.source, self.joints, self.reading = source, joints, reading
         lower = len({name.lower() for name in joints}) == len(joints)
         self.fold = str.lower if lower else str
         self.keys = {self.fold(re.sub(r"[/: ]", ".", name)): name for name in joints}
         self.all = [Title.of(text) for text in titles]
         self.notes: list[str] = []
-        doubled = {text for text in titles if titles.count(text) > 1} if len(set(titles)) < len(titles) else set()
-        self.doubled = doubled
+        self.doubled = {text for text, count in Counter(titles).items() if count > 1}
         self.dropped_numbers = {int(word) for word in reading.drop if re.fullmatch(r"\d{1,6}", word)}
         self.dropped_names = [word for word in reading.drop if word not in WORDS and not word.isdigit()]
         left = [title for title in self.all if title.text.strip() not in reading.drop]

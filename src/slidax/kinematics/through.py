@@ -26,6 +26,9 @@ APART = np.deg2rad(120.0)
 NEAR = 1e-4
 """The first row of a table may be off where the tool is by this much, m or rad; it is then moved there."""
 
+MOST_POSES = 100_000
+"""Rows of a table."""
+
 COLUMNS = ("x", "y", "z", "qw", "qx", "qy", "qz")
 
 
@@ -55,11 +58,17 @@ class Through(AbstractMove):
         Raises DefinitionError, with line and column, if it has not that form.
         """
         name, text = source_text(source, is_text=lambda text: "\n" in text)
-        lines = [
-            (number, [cell.strip() for cell in row])
-            for number, row in enumerate(csv.reader(io.StringIO(text, newline=""), skipinitialspace=True), start=1)
-        ]
-        lines = [(number, row) for number, row in lines if any(row) and not row[0].startswith("#")]
+        reader = csv.reader(io.StringIO(text, newline=""), skipinitialspace=True, strict=True)
+        lines: list[tuple[int, list[str]]] = []
+        try:
+            for entries in reader:
+                cells = [entry.strip() for entry in entries]
+                if any(cells) and not cells[0].startswith("#"):
+                    lines.append((reader.line_num, cells))
+                if len(lines) > MOST_POSES:
+                    raise DefinitionError(f"{name} has more than {MOST_POSES} rows: leave some of them out")
+        except csv.Error as error:
+            raise DefinitionError(f"{name}, line {reader.line_num}: {error}") from None
         if len(lines) < 2:
             raise DefinitionError(f"{name} needs a line that names the columns, such as `time,x,y,z`, and rows")
         (number, header), rows = lines[0], lines[1:]

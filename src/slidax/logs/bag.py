@@ -63,7 +63,7 @@ def _files(path: Path, notes: list[str]) -> list[Path]:
         notes.append(f"`{path.name}` has no readable `{METADATA}`: all of its files are read")
         files = [file for file in path.iterdir() if file.name.removesuffix(".zstd").endswith(ENDINGS)]
         listed = sorted(files, key=lambda file: (_number(file), file.name))
-    missing = [file.name for file in listed if not file.is_file()]
+    missing = [file.name for file in listed if len(file.name) > 255 or not file.is_file()]
     if missing:
         raise DefinitionError(f"`{path.name}` misses the file `{plain(missing[0])}`, which its `{METADATA}` names")
     if not listed:

@@ -7,11 +7,12 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from pydantic import TypeAdapter
+from pydantic import TypeAdapter, ValidationError
 
 from slidax._errors import DefinitionError, nearest, plain
 from slidax.robots import Articulated, ready
 
+from .mistakes import translated
 from .robot_file import read_robot
 from .robots import RobotDescription
 from .true_and_nominal import AbstractArticulated
@@ -82,7 +83,10 @@ def _with_options(message: str) -> str:
 
 
 def _built(word: str, description: Mapping[str, Any]) -> Articulated:
-    found = TypeAdapter(RobotDescription).validate_python(description)
+    try:
+        found = TypeAdapter(RobotDescription).validate_python(description)
+    except ValidationError as error:
+        raise translated(error, dict(description)) from None
     if not isinstance(found, AbstractArticulated):
         raise DefinitionError(f"`{plain(word)}` must be an arm of rigid links; got {found.kind}")
     robot = found.build().nominal

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -59,7 +60,7 @@ def read_table(path: Path, choose: Callable[[Any, dict[str, int]], list[str]] | 
         with pq.ParquetFile(path) as file:
             schema, rows = file.schema_arrow, file.metadata.num_rows
             names = list(schema.names)
-            doubled = sorted({name for name in names if names.count(name) > 1}) if len(set(names)) < len(names) else []
+            doubled = [name for name, count in Counter(names).items() if count > 1]
             if doubled:
                 raise DefinitionError(f"`{path}` has two columns `{doubled[0]}`: rename one of them")
             if choose is not None:

@@ -18,6 +18,7 @@ from slidax.simulation import parquet
 from .stored import (
     CONTENT,
     IDENTITY,
+    LARGEST_ROWS,
     STUDY,
     DamagedError,
     as_table,
@@ -225,7 +226,7 @@ def read_rows(path: str | Path) -> Columns:
     path = Path(path) / ROWS if Path(path).is_dir() else Path(path)
     remedy = f"`slidax study FILE --out {path.parent} --resume` writes it again from the parts"
     try:
-        return columns_in(read_table(path, largest=None))
+        return columns_in(read_table(path, largest=LARGEST_ROWS))
     except OSError as error:
         raise DefinitionError(f"cannot read the rows `{path}`: {error.strerror or error}; {remedy}") from None
     except DamagedError as error:

@@ -20,7 +20,7 @@ IDENTITY = "study.json"
 STUDY, CONTENT = b"study", b"content"
 """Keys of a part's metadata: which study its rows belong to, and a checksum of their values."""
 
-LARGEST_IDENTITY, LARGEST_PART = 64_000_000, 1_000_000_000
+LARGEST_IDENTITY, LARGEST_PART, LARGEST_ROWS = 64_000_000, 1_000_000_000, 8_000_000_000
 """Sizes up to which files of a store are read [bytes]."""
 
 

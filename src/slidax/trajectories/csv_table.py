@@ -82,9 +82,7 @@ def csv_table(
                 "(a decimal comma counts as a comma)"
             )
         if len(rows) == MOST_ROWS:
-            raise DefinitionError(
-                f"{name} has more than {MOST_ROWS} rows: leave some of them out"
-            )
+            raise DefinitionError(f"{name} has more than {MOST_ROWS} rows: leave some of them out")
         rows.append(line)
         for column, cell in enumerate(row):
             numbers.append(_number(cell, f"{name}, line {line}, column `{plain(header[column])}`"))

@@ -1,0 +1,152 @@
+"""Small files that unpack, nest or repeat to more than a machine holds."""
+
+from __future__ import annotations
+
+import io
+import struct
+
+import pytest
+
+import slidax as sx
+from slidax import DefinitionError
+from slidax.identification import read_log
+from slidax.logs import read_mcap
+
+from .readers import JOINTS, bag_mcap
+
+pytest.importorskip("mcap")
+
+MAGIC = b"\x89MCAP0\r\n"
+
+
+def record(kind: int, body: bytes) -> bytes:
+    return struct.pack("<BQ", kind, len(body)) + body
+
+
+def text(value: str) -> bytes:
+    return struct.pack("<I", len(value)) + value.encode()
+
+
+def chunk(compression: str, packed: bytes, announced: int) -> bytes:
+    body = struct.pack("<QQQI", 0, 0, announced, 0) + text(compression) + struct.pack("<Q", len(packed)) + packed
+    return record(6, body)
+
+
+def zstd(data: bytes) -> bytes:
+    return pytest.importorskip("zstandard").compress(data)
+
+
+def lz4(data: bytes) -> bytes:
+    return pytest.importorskip("lz4.frame").compress(data)
+
+
+@pytest.mark.parametrize(("compression", "pack"), [("zstd", zstd), ("lz4", lz4)])
+@pytest.mark.parametrize("reader", [read_mcap, lambda path: read_log(path, JOINTS)], ids=["own", "bag"])
+def test_mcap_that_unpacks_to_a_thousand_times_its_size_is_refused(tmp_path, compression, pack, reader):
+    part = chunk(compression, pack(bytes(40_000_000)), 40_000_000)
+    path = tmp_path / "a.mcap"
+    path.write_bytes(MAGIC + record(1, text("ros2") + text("x")) + 30 * part)
+    with pytest.raises(DefinitionError, match=r"unpacks to more than|is no log|has no messages"):
+        reader(path)
+
+
+@pytest.mark.parametrize(("compression", "pack"), [("zstd", zstd), ("lz4", lz4)])
+def test_chunk_that_announces_less_than_it_unpacks_to_is_damage(tmp_path, compression, pack):
+    path = tmp_path / "a.mcap"
+    path.write_bytes(MAGIC + record(1, text("ros2") + text("x")) + chunk(compression, pack(bytes(50_000_000)), 100))
+    with pytest.raises(DefinitionError, match="has no messages of ROS 2"):
+        read_log(path, JOINTS)
+
+
+def test_damage_within_a_chunk_is_found_by_its_checksum(tmp_path):
+    """A flipped bit in a number would otherwise be another measurement."""
+    from mcap.writer import CompressionType, Writer
+
+    whole = bag_mcap(chunked=True)
+    read = read_log_of(tmp_path, whole)
+    out = io.BytesIO()
+    writer = Writer(out, compression=CompressionType.NONE, chunk_size=20_000)
+    writer.start(profile="ros2")
+    schema = writer.register_schema("sensor_msgs/msg/JointState", "ros2msg", b"")
+    channel = writer.register_channel("/joint_states", "cdr", schema)
+    from .readers import cdr, messages
+
+    for k, message in enumerate(messages()):
+        writer.add_message(channel, log_time=k, publish_time=k, data=cdr(message))
+    writer.finish()
+    body = bytearray(out.getvalue())
+    assert len(read_log_of(tmp_path, bytes(body)).t) == len(read.t)
+    body[len(body) * 96 // 100 - len(body) // 20] ^= 64
+    with pytest.raises(DefinitionError, match=r"has [12]\d\d? samples: at least 200"):
+        read_log_of(tmp_path, bytes(body))
+
+
+def read_log_of(tmp_path, body):
+    (tmp_path / "a.mcap").write_bytes(body)
+    return read_log(tmp_path / "a.mcap", JOINTS)
+
+
+def test_parquet_that_announces_billions_of_rows_is_refused(tmp_path):
+    pa, pq = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
+    zeros = pa.array([0.0] * 1_000_000)
+    with pq.ParquetWriter(tmp_path / "a.parquet", pa.schema([(n, pa.float64()) for n in TITLES])) as writer:
+        for _ in range(25):
+            writer.write_table(pa.table(dict.fromkeys(TITLES, zeros)))
+    assert (tmp_path / "a.parquet").stat().st_size < 1e6
+    with pytest.raises(DefinitionError, match="25000000 rows"):
+        read_log(tmp_path / "a.parquet", JOINTS)
+
+
+TITLES = ("time", "q_1", "q_2", "tau_1", "tau_2")
+
+
+@pytest.mark.parametrize(
+    ("name", "content"),
+    [
+        ("a.json", b"[" * 200_000),
+        ("a.json", b'[{"a":' * 100_000),
+        ("a.jsonl", b'{"name": [' + b"1," * 2_000_000 + b"1]}"),
+        (
+            "a.json",
+            b'[{"header": {"stamp": {"sec": ' + b"9" * 400 + b', "nanosec": 0}}, "name": ["shoulder", "elbow"]}]',
+        ),
+        (
+            "a.json",
+            b'[{"header": {"stamp": {"sec": ' + b"9" * 5000 + b', "nanosec": 0}}, "name": ["shoulder", "elbow"]}]',
+        ),
+        ("a.csv", b"time,q_1,q_2,tau_1,tau_2\n0,0,0,0," + b"1" * 1_100_000),
+        ("a.csv", b'time,q_1,q_2,tau_1,tau_2\n0,0,0,0,"' + b"1" * 200_000 + b'"'),
+        ("a.csv", b"x" * 200_000 + b",q_1\n0,1\n"),
+        ("a.csv", b"time,q_1,q_2,tau_1,tau_2\n0,0,0,0\0,0\n"),
+        ("a.csv", b"a," * 400_000 + b"\n"),
+    ],
+    ids=["brackets", "braces", "list", "400 digits", "5000 digits", "line", "field", "title", "zero", "columns"],
+)
+def test_log_that_is_only_large_is_a_line(tmp_path, name, content):
+    (tmp_path / name).write_bytes(content)
+    with pytest.raises(DefinitionError) as error:
+        read_log(tmp_path / name, JOINTS)
+    assert len(str(error.value).splitlines()) == 1 and len(str(error.value)) < 700
+
+
+@pytest.mark.parametrize("number", ["9" * 400, "9" * 5000, "-1e400"])
+@pytest.mark.parametrize("place", ["position", "time", "sec"])
+def test_joint_trajectory_with_a_number_of_many_digits_is_refused(number, place):
+    values = {"position": "0", "time": '{"sec": 0, "nanosec": 0}'} | (
+        {"time": f'{{"sec": {number}, "nanosec": 0}}'} if place == "sec" else {place: number}
+    )
+    point = f'{{"positions": [{values["position"]}], "time_from_start": {values["time"]}}}'
+    last = '{"positions": [1], "time_from_start": 2}'
+    message = f'{{"joint_names": ["a"], "points": [{point}, {last}]}}'
+    with pytest.raises(DefinitionError):
+        sx.trajectories.Tabulated.from_joint_trajectory(message)
+
+
+def test_joint_trajectory_of_brackets_is_refused():
+    with pytest.raises(DefinitionError, match="nested too deeply"):
+        sx.trajectories.Tabulated.from_joint_trajectory('{"points": ' + "[" * 200_000)
+
+
+def test_table_whose_title_has_an_open_quotation_mark_is_refused():
+    with pytest.raises(DefinitionError, match="quotation mark is not closed"):
+        sx.trajectories.Tabulated.from_csv('time,"a\n0,0\n1,1\n')
