@@ -54,7 +54,7 @@ def parse_columns(texts: Sequence[str]) -> dict[str, str | list[str]]:
                 columns.setdefault(quantity, []).append(word.strip())
             elif quantity is not None:
                 columns[quantity].append(part.strip())
-            if quantity is None or not columns[quantity][-1]:
+            if not quantity or not columns[quantity][-1]:
                 raise DefinitionError(
                     f"`--columns {plain(text)}` needs the form QUANTITY=COLUMN, such as `q=position,tau=effort`"
                 )

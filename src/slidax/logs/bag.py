@@ -75,7 +75,7 @@ def _files(path: Path, notes: list[str]) -> list[Path]:
 
 
 def _number(file: Path) -> int:
-    found = re.findall(r"\d{1,9}", file.name)
+    found = re.findall(r"\d{1,9}", Path(file.name.removesuffix(".zstd")).stem)
     return int(found[-1]) if found else 0
 
 
