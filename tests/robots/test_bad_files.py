@@ -66,7 +66,7 @@ def test_an_error_begins_with_the_path_of_the_file(read, text, tmp_path):
     path.write_text(text)
     with pytest.raises(DefinitionError, match=r"my\.robot: .*did you mean `fore`"):
         read(path, tip="for")
-    with pytest.raises(DefinitionError, match="cannot read .*: Is a directory"):
+    with pytest.raises(DefinitionError, match=r"cannot read .*: Is a directory"):
         read(tmp_path)
 
 
