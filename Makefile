@@ -10,7 +10,14 @@ unexport PYTHONPATH PYTHONHOME PYTHONDONTWRITEBYTECODE
 # `pip install --user` is refused inside an environment, so that such a default must not reach it.
 export PIP_USER := 0
 
-.PHONY: help venv demo test lint format bench verify figures tables targets league schema docs release lock clean
+# Without a network: `make wheels TO=DIR` where there is one, then WHEELS=DIR for any target that installs, and for
+# .ci/run. pip then takes packages from that folder alone; their hashes are checked as always.
+ifdef WHEELS
+export PIP_NO_INDEX := 1
+export PIP_FIND_LINKS := $(abspath $(WHEELS))
+endif
+
+.PHONY: help venv demo test lint format bench verify figures tables targets league schema docs release lock wheels clean
 .DEFAULT_GOAL := help
 
 help: ## Show these targets
@@ -106,11 +113,18 @@ lock: .venv-lock/bin/uv ## Renew requirements/*.txt after a change in pyproject.
 	@$(COMPILE) --group dev $(EXTRAS) --output-file requirements/dev.txt $(ARGS)
 	@$(COMPILE) --constraint requirements/dev.txt --output-file requirements/run.txt $(ARGS)
 	@$(LOCK) --group docs --constraint requirements/dev.txt --output-file requirements/docs.txt $(ARGS)
-	@echo "requirements/dev.txt, run.txt and docs.txt are up to date."
+	@echo uv | $(LOCK) - --output-file requirements/uv.txt $(ARGS)
+	@echo "requirements/dev.txt, run.txt, docs.txt and uv.txt are up to date."
 
-.venv-lock/bin/uv:
+.venv-lock/bin/uv: requirements/uv.txt
 	@python=$$(scripts/find-python) && "$$python" -m venv --clear .venv-lock
-	@.venv-lock/bin/python -m pip install -qq uv
+	@.venv-lock/bin/python -m pip install -qq --require-hashes -r requirements/uv.txt
+	@touch $@
+
+wheels: .venv-lock/bin/uv ## Download the locked packages into the folder TO, for machines without a network
+	@test -n "$(TO)" || { echo "say where: make wheels TO=DIR" >&2; exit 2; }
+	@.venv-lock/bin/python -m pip download -q --require-hashes -r requirements/dev.txt --dest "$(TO)"
+	@echo "The packages are in $(TO): make test WHEELS=$(TO), or WHEELS=$(TO) .ci/run"
 
 clean: ## Remove everything that make made
 	@rm -rf .venv .venv-3.11 .venv-wheel .venv-lock .venv-docs .venv-release .python build dist reproduction site

@@ -37,6 +37,17 @@ HOUR = 3600.0
 _NAME = re.compile(r"\.slidax-(?P<host>.+)-\d+-[0-9a-f]{12}\.tmp")
 
 
+def reason(error: OSError) -> str:
+    """The reason why a file cannot be written, with the remedy for a full disk.
+
+    - `error`: of the system.
+    """
+    text = error.strerror or str(error)
+    if error.errno not in NO_ROOM:
+        return text
+    return f"{text}. Free some space or write elsewhere, and run the command again; files written before are whole"
+
+
 def write_text(path: str | Path, text: str, *, follow: bool = True) -> None:
     """Replace a text file as a whole, in UTF-8.
 

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from slidax._writing import write_text
+
 from .certify import NOT_CERTIFIED
 from .options import AsJson
 from .session import errors_as_lines, prepare, print_json
@@ -55,7 +57,7 @@ def _tell(found: Designed, out: Path, json: bool) -> None:
 
     typer.echo("... all certificates", err=True)
     out.parent.mkdir(parents=True, exist_ok=True)
-    out.write_text(written(found, out.parent), encoding="utf-8")
+    write_text(out, written(found, out.parent))
     scenario = load(out)
     # Where it does not hold it is asked again, for what would do.
     known = () if found.rate is None or not found.rate.holds else (found.rate,)

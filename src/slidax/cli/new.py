@@ -7,6 +7,8 @@ from typing import Annotated
 
 import typer
 
+from slidax._writing import write_text
+
 from .session import errors_as_lines, prepare
 
 
@@ -35,7 +37,7 @@ def new(
         if out is None:
             typer.echo(made.text, nl=False)
         else:
-            out.write_text(made.text, encoding="utf-8")
+            write_text(out, made.text)
         for note in made.notes:
             typer.echo(f"assumed: {note}", err=True)
         if out is not None:

@@ -54,14 +54,11 @@ def errors_as_lines() -> Iterator[None]:
 
 
 def _cannot_write(error: OSError) -> str:
-    from slidax._writing import NO_ROOM
+    from slidax._writing import NO_ROOM, reason
 
-    text = f"cannot write `{os.fsdecode(error.filename)}`: {error.strerror}" if error.filename else str(error)
-    if error.errno not in NO_ROOM:
-        return text
-    return (
-        f"{text}. Free some space, or write to another place, and run the command again; files written before are whole"
-    )
+    if error.filename:
+        return f"cannot write `{os.fsdecode(error.filename)}`: {reason(error)}"
+    return f"cannot write the output: {reason(error)}" if error.errno in NO_ROOM else reason(error)
 
 
 def _say(message: str) -> None:

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from slidax._errors import DefinitionError
+from slidax._writing import reason, write_text
 from slidax.actuators import TorqueLimits
 from slidax.codegen.c import Dialect, Helpers
 from slidax.simulation import MujocoPlant
@@ -77,9 +78,9 @@ def write_files(made: Project, out: Path, templates: Iterable[str]) -> None:
         out.mkdir(parents=True, exist_ok=True)
         for template in templates:
             path = out / FILES[template].format(prefix=made.prefix, name=made.name)
-            path.write_text(render(template, {"x": made}), encoding="utf-8")
+            write_text(path, render(template, {"x": made}))
     except OSError as error:
-        raise DefinitionError(f"cannot write the project to `{out}`: {error.strerror}") from None
+        raise DefinitionError(f"cannot write the project to `{out}`: {reason(error)}") from None
 
 
 def project(

@@ -11,6 +11,7 @@ from typing import Any
 
 from ruamel.yaml import YAML
 
+from slidax._writing import write_text
 from slidax.certificates import Certificates
 from slidax.certificates.loop.jointly import JOINTS
 from slidax.certificates.verdict import Verdict
@@ -52,10 +53,10 @@ def write_design(found: Designed, out: Path, certificates: Certificates) -> Path
     - `certificates`: of the scenario.
     """
     out.parent.mkdir(parents=True, exist_ok=True)
-    out.write_text(written(found, out.parent), encoding="utf-8")
+    write_text(out, written(found, out.parent))
     beside = out.with_name(out.stem + CERTIFICATE)
     text = json.dumps(certificates.as_json(), indent=2, allow_nan=False, ensure_ascii=False)
-    beside.write_text(text + "\n", encoding="utf-8")
+    write_text(beside, text + "\n")
     return beside
 
 

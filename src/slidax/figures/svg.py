@@ -9,6 +9,8 @@ from pathlib import Path
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 
+from slidax._writing import replacing, write_text
+
 from .style import STYLE
 
 PATH_DATA = re.compile(r'(?<=\sd=")[^"]*')
@@ -53,10 +55,11 @@ def save(figure: Figure, path: Path | str) -> Path:
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
     if path.suffix == ".svg":
-        path.write_text(to_svg(figure, path.stem), encoding="utf-8")
+        write_text(path, to_svg(figure, path.stem))
     else:
-        with rc_context(STYLE):
-            figure.savefig(path)
+        ending = path.suffix.removeprefix(".") or "png"
+        with rc_context(STYLE), replacing(path) as file:
+            figure.savefig(file, format=ending)
     return path
 
 

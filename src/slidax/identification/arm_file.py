@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from slidax._errors import DefinitionError
+from slidax._writing import reason, write_text
 
 from .identification import Estimated, Identification
 
@@ -32,9 +33,9 @@ def write_arm(found: Identification, robot: Mapping[str, Any], path: str | Path)
     path = Path(path)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(arm_as_yaml(found, robot, path.parent), encoding="utf-8")
+        write_text(path, arm_as_yaml(found, robot, path.parent))
     except OSError as error:
-        raise DefinitionError(f"cannot write the file `{path}`: {error.strerror}") from None
+        raise DefinitionError(f"cannot write the file `{path}`: {reason(error)}") from None
 
 
 def arm_as_yaml(found: Identification, robot: Mapping[str, Any], folder: Path = Path()) -> str:

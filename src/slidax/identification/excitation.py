@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from slidax._errors import DefinitionError
+from slidax._writing import reason, write_text
 
 from .regressor import Motion
 
@@ -66,6 +67,6 @@ class Excitation:
         rows = np.column_stack([self.t, self.motion.q, self.motion.dq, self.motion.ddq])
         lines = [",".join(["time", *names])] + [",".join(f"{value:.10g}" for value in row) for row in rows]
         try:
-            Path(path).write_text("\n".join(lines) + "\n", encoding="utf-8")
+            write_text(Path(path), "\n".join(lines) + "\n")
         except OSError as error:
-            raise DefinitionError(f"cannot write the file `{path}`: {error.strerror}") from None
+            raise DefinitionError(f"cannot write the file `{path}`: {reason(error)}") from None

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from slidax import figures
+from slidax._writing import write_text
 from slidax.figures.league_table import Line
 from slidax.reports.machine import machine, versions
 from slidax.reports.page import render
@@ -48,11 +49,11 @@ def write_league(results: Results, out: Path, *, seconds: float, command: str = 
         "command": command,
     }
     page = out / "report.html"
-    page.write_text(render("league.html.j2", values, packages=("slidax.league",)), encoding="utf-8")
+    write_text(page, render("league.html.j2", values, packages=("slidax.league",)))
     text = markdown(results, tables, whole, versions=made, command=command)
-    (out / "league.md").write_text(text, encoding="utf-8")
+    write_text(out / "league.md", text)
     said = json.dumps(as_json(results, tables, whole), indent=1, allow_nan=False, ensure_ascii=False)
-    (out / "results.json").write_text(said + "\n", encoding="utf-8")
+    write_text(out / "results.json", said + "\n")
     return page
 
 

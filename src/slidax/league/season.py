@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from slidax._errors import DefinitionError
+from slidax._writing import write_text
 
 from .entry import Entry, Form
 from .match import KEPT, Match, played
@@ -168,9 +169,7 @@ def _keep(path: Path, identity: dict[str, Any], match: Match | str) -> None:
             name: [float(v) if np.isfinite(float(v)) else None for v in values] for name, values in metrics.items()
         }
     path.parent.mkdir(parents=True, exist_ok=True)
-    beside = path.with_suffix(".part")
-    beside.write_text(json.dumps(said, allow_nan=False), encoding="utf-8")
-    beside.replace(path)
+    write_text(path, json.dumps(said, allow_nan=False))
 
 
 def _kept(path: Path, identity: dict[str, Any]) -> Match | str | None:

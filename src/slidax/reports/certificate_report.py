@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from slidax import figures
+from slidax._writing import write_text
 from slidax.certificates.envelope import envelope_of
 from slidax.metrics import short_names
 from slidax.scenarios import Scenario
@@ -45,9 +46,9 @@ def write_certificate_report(
         "command": command,
     }
     text = json.dumps(found.as_json(), indent=2, allow_nan=False, ensure_ascii=False)
-    (out / "certificate.json").write_text(text, encoding="utf-8")
+    write_text(out / "certificate.json", text)
     page = out / "report.html"
-    page.write_text(render("certificate.html.j2", values), encoding="utf-8")
+    write_text(page, render("certificate.html.j2", values))
     return page
 
 

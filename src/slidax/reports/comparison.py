@@ -12,6 +12,7 @@ import numpy as np
 
 from slidax import figures
 from slidax._errors import DefinitionError
+from slidax._writing import write_text
 from slidax.figures.overlay import LOOKS
 from slidax.metrics import Metric, short_names
 from slidax.simulation import Run
@@ -63,9 +64,9 @@ def write_comparison(
         "command": command,
     }
     text = json.dumps(results(rivals, also), indent=2, allow_nan=False, ensure_ascii=False)
-    (out / "results.json").write_text(text + "\n", encoding="utf-8")
+    write_text(out / "results.json", text + "\n")
     page = out / "report.html"
-    page.write_text(render("comparison.html.j2", values), encoding="utf-8")
+    write_text(page, render("comparison.html.j2", values))
     return page
 
 

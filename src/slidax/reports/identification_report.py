@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from slidax import figures
+from slidax._writing import write_text
 from slidax.identification import Identification
 
 from .machine import machine, versions
@@ -43,5 +44,5 @@ def write_identification_report(found: Identification, out: Path, *, command: st
         "command": command,
     }
     page = out / "report.html"
-    page.write_text(render("identification.html.j2", values), encoding="utf-8")
+    write_text(page, render("identification.html.j2", values))
     return page

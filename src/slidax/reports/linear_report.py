@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from slidax import figures
+from slidax._writing import write_text
 from slidax.metrics import short_names
 from slidax.scenarios import Scenario
 from slidax.scenarios.written import as_yaml
@@ -49,9 +50,9 @@ def write_linear_report(scenario: Scenario, found: Linear, out: Path, *, seconds
         "command": command,
     }
     text = json.dumps(found.as_json(), indent=2, allow_nan=False, ensure_ascii=False)
-    (out / "linear.json").write_text(text, encoding="utf-8")
+    write_text(out / "linear.json", text)
     page = out / "report.html"
-    page.write_text(render("linear.html.j2", values), encoding="utf-8")
+    write_text(page, render("linear.html.j2", values))
     return page
 
 

@@ -9,6 +9,7 @@ from typing import Any
 import equinox as eqx
 import numpy as np
 
+from slidax._writing import write_text
 from slidax.robots import AbstractRobot
 from slidax.scenarios import Scenario, ScenarioDescription
 from slidax.scenarios.written import as_yaml, dumped
@@ -22,7 +23,7 @@ def write_scenario(description: ScenarioDescription, path: Path) -> None:
     """
     path.parent.mkdir(parents=True, exist_ok=True)
     parts = {name: _with_whole_paths(getattr(description, name)) for name in ("robot", "trajectory")}
-    path.write_text(as_yaml(description.model_copy(update=parts)), encoding="utf-8")
+    write_text(path, as_yaml(description.model_copy(update=parts)))
 
 
 def _with_whole_paths(part: Any) -> Any:

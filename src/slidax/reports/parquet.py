@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from slidax._writing import replacing
 from slidax.simulation import Run, columns_of, require_pyarrow
 
 
@@ -35,4 +36,5 @@ def write_log(run: Run, path: Path) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     table = pa.table(columns(run))
     units = {"joint_units": ", ".join(run.joint_units), "period": f"{float(run.period)!r} s", "t": "s"}
-    pq.write_table(table.replace_schema_metadata(units), path, compression="zstd")
+    with replacing(path) as file:
+        pq.write_table(table.replace_schema_metadata(units), file, compression="zstd")

@@ -8,6 +8,7 @@ from pathlib import Path
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
+from slidax._writing import write_text
 from slidax.figures import inline, to_svg
 
 
@@ -39,5 +40,5 @@ def picture(figure: Figure, folder: Path, name: str, title: str, caption: str) -
     """
     folder.mkdir(parents=True, exist_ok=True)
     svg = to_svg(figure, name)
-    (folder / f"{name}.svg").write_text(svg, encoding="utf-8")
+    write_text(folder / f"{name}.svg", svg)
     return Picture(name, title, caption, Markup(inline(svg)), float(figure.get_figwidth()))

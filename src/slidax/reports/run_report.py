@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from slidax import figures
+from slidax._writing import write_text
 from slidax.metrics import Metric, envelope_violations, metrics_of, tool_error, tool_turn
 from slidax.scenarios import Scenario
 from slidax.simulation import Run
@@ -49,7 +50,7 @@ def write_run_report(
         "command": command,
     }
     page = out / "report.html"
-    page.write_text(render("run.html.j2", values), encoding="utf-8")
+    write_text(page, render("run.html.j2", values))
     return page
 
 

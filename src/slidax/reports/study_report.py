@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+from slidax._writing import write_text
 from slidax.scenarios.written import as_yaml
 from slidax.studies import AbstractResult, AbstractStudy
 
@@ -45,9 +46,7 @@ def write_study_report(
         "seconds": seconds,
         "command": command,
     }
-    (out / "results.json").write_text(
-        json.dumps(found.as_json(), indent=2, allow_nan=False, ensure_ascii=False), encoding="utf-8"
-    )
+    write_text(out / "results.json", json.dumps(found.as_json(), indent=2, allow_nan=False, ensure_ascii=False))
     page = out / "report.html"
-    page.write_text(render("study.html.j2", values), encoding="utf-8")
+    write_text(page, render("study.html.j2", values))
     return page

@@ -7,6 +7,7 @@ from pathlib import Path
 import equinox as eqx
 
 from slidax._errors import DefinitionError
+from slidax._writing import write_text
 from slidax.simulation import Run
 
 from .drawing import drawing
@@ -77,7 +78,7 @@ def record(
     if kind == ".html":
         from .page import recorded_page
 
-        out.write_text(recorded_page(drawn, speed=speed, beside=beside), encoding="utf-8")
+        write_text(out, recorded_page(drawn, speed=speed, beside=beside))
         return out
     from .film import write_film
 

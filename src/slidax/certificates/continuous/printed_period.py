@@ -84,4 +84,7 @@ def _limits(printed: PrintedLaw, member: Scenario, layer: float) -> tuple[float,
 
 
 def _period(matrices: np.ndarray) -> float:
+    if not np.all(np.isfinite(matrices)):
+        # Gains or torques whose products are no floats: no period that a computer can keep is short enough.
+        return 2.0 / float(np.finfo(float).max)
     return 2.0 / max(float(np.max(np.abs(np.linalg.eigvals(matrices)))), 1e-300)

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from slidax._errors import DefinitionError
+from slidax._writing import reason, replacing
 from slidax.codegen.c import Helpers
 
 from ..contents import Project
@@ -148,11 +149,11 @@ def _write(out: Path, inside: dict[str, bytes]) -> None:
     """A zip file that is the same for the same contents."""
     try:
         out.parent.mkdir(parents=True, exist_ok=True)
-        with zipfile.ZipFile(out, "w", zipfile.ZIP_DEFLATED) as archive:
+        with replacing(out) as file, zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
             for name in sorted(inside, key=lambda name: (name != "modelDescription.xml", name)):
                 about = zipfile.ZipInfo(name, (1980, 1, 1, 0, 0, 0))
                 about.compress_type = zipfile.ZIP_DEFLATED
                 about.external_attr = 0o644 << 16
                 archive.writestr(about, inside[name])
     except OSError as error:
-        raise DefinitionError(f"cannot write `{out}`: {error.strerror}") from None
+        raise DefinitionError(f"cannot write `{out}`: {reason(error)}") from None

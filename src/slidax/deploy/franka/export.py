@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from slidax._errors import DefinitionError
+from slidax._writing import reason, write_text
 from slidax.scenarios import Scenario
 
 from ..contents import Project
@@ -53,7 +54,7 @@ def export_franka(
     try:
         write_onboard(made, allowed, out, [program])
         for template, file in FILES.items():
-            (out / file).write_text(render(template, {"x": made, "o": allowed}, HERE), encoding="utf-8")
+            write_text(out / file, render(template, {"x": made, "o": allowed}, HERE))
     except OSError as error:
-        raise DefinitionError(f"cannot write the project to `{out}`: {error.strerror}") from None
+        raise DefinitionError(f"cannot write the project to `{out}`: {reason(error)}") from None
     return made

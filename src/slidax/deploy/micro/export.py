@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from slidax._errors import DefinitionError
+from slidax._writing import reason, write_bytes, write_text
 
 from ..contents import Project
 from ..members import Member
@@ -52,12 +53,12 @@ def export_micro(
     try:
         out.mkdir(parents=True, exist_ok=True)
         for template, file in LAW.items():
-            (out / file.format(prefix=made.prefix)).write_text(render(template, values), encoding="utf-8")
+            write_text(out / file.format(prefix=made.prefix), render(template, values))
         for file in FILES:
-            (out / file).write_text(render(f"{file}.j2", values, ROOM), encoding="utf-8")
-        (out / "golden.bin").write_bytes(golden_bytes(made))
+            write_text(out / file, render(f"{file}.j2", values, ROOM))
+        write_bytes(out / "golden.bin", golden_bytes(made))
     except OSError as error:
-        raise DefinitionError(f"cannot write the project to `{out}`: {error.strerror}") from None
+        raise DefinitionError(f"cannot write the project to `{out}`: {reason(error)}") from None
     return made
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+from slidax._writing import write_text
 from slidax.scenarios import Scenario
 
 from ..contents import Project
@@ -55,13 +56,13 @@ def write_onboard(
     folder = out / "law"
     for name in FILES:
         text = render(f"{name}.j2", {"x": made, "o": allowed}, HERE)
-        (folder / f"{made.prefix}_{name}").write_text(text, encoding="utf-8")
-    (folder / "law.json").write_text(
+        write_text(folder / f"{made.prefix}_{name}", text)
+    write_text(
+        folder / "law.json",
         json.dumps(described(made, allowed) | ({"names": list(names)} if names else {}), indent=1) + "\n",
-        encoding="utf-8",
     )
     for module in (law, log, options, rehearsal, *programs):
-        (out / f"{module.__name__.rpartition('.')[2]}.py").write_text(standalone(module), encoding="utf-8")
+        write_text(out / f"{module.__name__.rpartition('.')[2]}.py", standalone(module))
 
 
 def standalone(module: ModuleType) -> str:

@@ -9,6 +9,7 @@ from typing import Any
 import slidax
 from slidax._errors import DefinitionError, shown
 from slidax._names import are_numbered
+from slidax._writing import reason, write_text
 from slidax.scenarios import Scenario
 
 from ..contents import Project
@@ -80,10 +81,10 @@ def export_ros2(
         for template, file in FILES.items():
             path = out / file.format(package=package)
             path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_text(render(template, values, HERE), encoding="utf-8")
-        (out / "src" / "parameters.yaml").write_text(yaml(package, rows), encoding="utf-8")
+            write_text(path, render(template, values, HERE))
+        write_text(out / "src" / "parameters.yaml", yaml(package, rows))
     except OSError as error:
-        raise DefinitionError(f"cannot write the project to `{out}`: {error.strerror}") from None
+        raise DefinitionError(f"cannot write the project to `{out}`: {reason(error)}") from None
     return made
 
 

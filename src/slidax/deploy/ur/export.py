@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from slidax._errors import DefinitionError
+from slidax._writing import reason, write_text
 from slidax.scenarios import Scenario
 
 from ..contents import Project
@@ -53,7 +54,7 @@ def export_ur(
     allowed = Allowed.of(fitted, made, lost=LOST, carried=True)
     try:
         write_onboard(made, allowed, out, [program])
-        (out / "README.md").write_text(render("README.md.j2", {"x": made, "o": allowed}, HERE), encoding="utf-8")
+        write_text(out / "README.md", render("README.md.j2", {"x": made, "o": allowed}, HERE))
     except OSError as error:
-        raise DefinitionError(f"cannot write the project to `{out}`: {error.strerror}") from None
+        raise DefinitionError(f"cannot write the project to `{out}`: {reason(error)}") from None
     return made

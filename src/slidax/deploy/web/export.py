@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from slidax._errors import DefinitionError
+from slidax._writing import reason, write_text
 from slidax.scenarios import Scenario, ScenarioDescription
 
 from .beside import settings_of
@@ -63,7 +64,7 @@ def write_page(manifest: Mapping[str, Any], out: Path) -> Path:
     page = out / PAGE
     try:
         out.mkdir(parents=True, exist_ok=True)
-        page.write_text(page_text(manifest), encoding="utf-8")
+        write_text(page, page_text(manifest))
     except OSError as error:
-        raise DefinitionError(f"cannot write the page to `{out}`: {error.strerror}") from None
+        raise DefinitionError(f"cannot write the page to `{out}`: {reason(error)}") from None
     return page

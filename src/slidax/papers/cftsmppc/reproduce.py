@@ -10,6 +10,7 @@ from typing import Any
 
 from slidax._errors import DefinitionError
 from slidax._errors import shown as in_short
+from slidax._writing import write_text
 from slidax.reports import machine, render, versions
 from slidax.scenarios.written import as_yaml
 
@@ -80,7 +81,7 @@ def reproduce(
         "not_covered": list(NOT_COVERED),
     }
     data: dict[str, Any] = plain(results)
-    (out / "results.json").write_text(json.dumps(data, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+    write_text(out / "results.json", json.dumps(data, indent=1, allow_nan=False) + "\n")
     scenarios = {example: runs.scenarios[Case(example, runs.readings[0])] for example in EXAMPLES}
     page = {
         **data,
@@ -89,6 +90,6 @@ def reproduce(
         "scenarios": scenarios,
         "parameters": {example: as_yaml(scenario.description) for example, scenario in scenarios.items()},
     }
-    (out / "report.html").write_text(render("cftsmppc.html.j2", page, ("slidax.papers.cftsmppc",)), encoding="utf-8")
+    write_text(out / "report.html", render("cftsmppc.html.j2", page, ("slidax.papers.cftsmppc",)))
     tell("Done", 1.0)
     return data

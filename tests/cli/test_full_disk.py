@@ -1,0 +1,92 @@
+"""A disk that is full: one line with the file and the remedy, exit code 2, and no half-written file."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from slidax._writing import is_temporary
+from slidax.studies import read_rows
+
+from .commands import in_process
+
+resource = pytest.importorskip("resource", reason="the system has no limits on file sizes")
+
+STUDY = """
+study: monte_carlo
+scenario: example-4.1-1khz
+changes: {simulation.t1: 0.05}
+uncertainty: {disturbance.scale: {between: [0, 1]}}
+runs: 128
+"""
+
+
+@contextmanager
+def no_file_above(size: int) -> Iterator[None]:
+    """As on a full disk, writing fails; here from a size on."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, hard))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+
+
+def refused(size: int, *words: str) -> str:
+    """The line in which a command ends."""
+    with no_file_above(size), warnings.catch_warnings():
+        # JAX says when it cannot keep what it compiled.
+        warnings.simplefilter("ignore")
+        done = in_process(*words)
+    assert done.exit_code == 2, done.output
+    lines = [line for line in done.stderr.splitlines() if not line.startswith("slidax: warning: ")]
+    assert len(lines) == 1 and lines[0].startswith("slidax: cannot write "), done.stderr
+    assert "File too large" in lines[0] and "ree some space" in lines[0]
+    return lines[0]
+
+
+def assert_whole(folder: Path, size: int) -> None:
+    """Every file is as it is without a limit, and none is left over."""
+    for path in folder.rglob("*"):
+        assert not is_temporary(path.name) and (path.is_dir() or 0 < path.stat().st_size <= size)
+
+
+@pytest.mark.full
+def test_a_report_that_does_not_fit_is_named(tmp_path: Path) -> None:
+    line = refused(20_000, "run", "example-4.1-1khz", "--set", "simulation.t1=0.1", "--out", str(tmp_path / "out"))
+    assert str(tmp_path / "out") in line
+    assert_whole(tmp_path, 20_000)
+
+
+def test_a_project_that_does_not_fit_is_named(tmp_path: Path) -> None:
+    assert "cannot write the project to" in refused(
+        6_000, "export", "c", "example-4.1-1khz", "--out", str(tmp_path / "c")
+    )
+    assert_whole(tmp_path, 6_000)
+
+
+def test_a_study_that_does_not_fit_says_what_is_kept_and_goes_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file, out = tmp_path / "study.yaml", tmp_path / "out"
+    file.write_text(STUDY, encoding="utf-8")
+    for name in ("LEAST", "MOST"):
+        monkeypatch.setattr(f"slidax.studies.runner.{name}", 64)
+    words = ["study", str(file), "--out", str(out)]
+    monkeypatch.setattr("sys.argv", ["slidax", *words])
+    line = refused(5_000, *words)
+    assert "000000000000-64.parquet`" in line and f"0 rows are kept in `{out}`" in line
+    # All parts fit, the table does not.
+    parts = 30_000
+    line = refused(parts, *words, "--resume")
+    assert (
+        f"128 rows are kept in `{out}`: free some space, and go on with: slidax study {file} --out {out} --resume"
+        in line
+    )
+    assert_whole(tmp_path, parts)
+    assert in_process(*words, "--resume").exit_code == 0
+    assert read_rows(out)["row"].tolist() == list(range(128))
