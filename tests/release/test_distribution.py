@@ -109,5 +109,12 @@ def test_the_container_sees_what_it_builds_from() -> None:
     assert ignored == (ROOT / ".dockerignore").read_text(encoding="utf-8")
     seen = {line[1:] for line in ignored.splitlines() if line.startswith("!")}
     assert all((ROOT / name).exists() for name in seen)
-    needed = {"src", "pyproject.toml", PROJECT["readme"], *PROJECT["license-files"], "requirements", "scripts/hashed-requirements"}
+    needed = {
+        "src",
+        "pyproject.toml",
+        PROJECT["readme"],
+        *PROJECT["license-files"],
+        "requirements",
+        "scripts/hashed-requirements",
+    }
     assert seen == needed
