@@ -7,9 +7,11 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+import jax
 import pytest
 
 from slidax._writing import is_temporary
+from slidax.cli.session import errors_as_lines
 from slidax.studies import read_rows
 
 from .commands import in_process
@@ -38,12 +40,15 @@ def no_file_above(size: int) -> Iterator[None]:
 
 def refused(size: int, *words: str) -> str:
     """The line in which a command ends."""
-    with no_file_above(size), warnings.catch_warnings():
-        # JAX says when it cannot keep what it compiled.
-        warnings.simplefilter("ignore")
-        done = in_process(*words)
+    # JAX would leave halves of files in the cache of the tests.
+    jax.config.update("jax_enable_compilation_cache", False)
+    try:
+        with no_file_above(size):
+            done = in_process(*words)
+    finally:
+        jax.config.update("jax_enable_compilation_cache", True)
     assert done.exit_code == 2, done.output
-    lines = [line for line in done.stderr.splitlines() if not line.startswith("slidax: warning: ")]
+    lines = done.stderr.splitlines()
     assert len(lines) == 1 and lines[0].startswith("slidax: cannot write "), done.stderr
     assert "File too large" in lines[0] and "ree some space" in lines[0]
     return lines[0]
@@ -90,3 +95,29 @@ def test_a_study_that_does_not_fit_says_what_is_kept_and_goes_on(
     assert_whole(tmp_path, parts)
     assert in_process(*words, "--resume").exit_code == 0
     assert read_rows(out)["row"].tolist() == list(range(128))
+
+
+def test_a_full_cache_is_told_once_and_a_damaged_one_is_emptied(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    folder = tmp_path / "slidax" / f"xla-{jax.__version__}"
+    folder.mkdir(parents=True)
+    (folder / "jit_f-0123-cache").write_bytes(b"half")
+    before = jax.config.jax_compilation_cache_dir
+    jax.config.update("jax_compilation_cache_dir", str(folder))
+    text = "Error writing persistent compilation cache entry for 'jit_f': OSError: [Errno 28] No space left on device"
+    try:
+        with errors_as_lines(), warnings.catch_warnings():
+            warnings.simplefilter("always")
+            warnings.warn(text, stacklevel=1)
+            warnings.warn(text.replace("jit_f", "jit_g"), stacklevel=1)
+            assert len(list(folder.iterdir())) == 1
+            warnings.warn("Error reading persistent compilation cache entry for 'jit_f': ZstdError: half", stacklevel=1)
+            warnings.warn("the arm has no friction", stacklevel=1)
+    finally:
+        jax.config.update("jax_compilation_cache_dir", before)
+    said = capsys.readouterr().err.splitlines()
+    assert len(said) == 2 and "No space left on device" in said[0] and "compiles again" in said[0]
+    assert said[1] == "slidax: warning: the arm has no friction"
+    assert list(folder.iterdir()) == []

@@ -6,7 +6,7 @@ import os
 import sys
 import warnings
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -19,13 +19,20 @@ DEFINITION, OUTCOME = 2, 3
 def prepare() -> None:
     """Switches 64-bit numbers and a compilation cache on, as the command line may: the process is its own."""
     import jax
-    from platformdirs import user_cache_path
 
     jax.config.update("jax_enable_x64", True)
     if jax.config.jax_compilation_cache_dir is None:
         # Compiling takes most of the time of a short run; the second then need not, not even many small programs.
-        jax.config.update("jax_compilation_cache_dir", str(user_cache_path("slidax") / f"xla-{jax.__version__}"))
+        jax.config.update("jax_compilation_cache_dir", str(_compiled()))
         jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
+
+
+def _compiled() -> Path:
+    """The folder of compiled programs, one for each version of JAX."""
+    import jax
+    from platformdirs import user_cache_path
+
+    return user_cache_path("slidax") / f"xla-{jax.__version__}"
 
 
 @contextmanager
@@ -35,7 +42,7 @@ def errors_as_lines() -> Iterator[None]:
 
     try:
         with warnings.catch_warnings():
-            warnings.showwarning = _warn_in_a_line
+            warnings.showwarning = _Warnings().show
             yield
     except DefinitionError as error:
         _say(str(error))
@@ -82,9 +89,31 @@ def say_note(message: str) -> None:
     _say(f"note: {message}")
 
 
-def _warn_in_a_line(message: Warning | str, *_: Any, **__: Any) -> None:
-    """Without the line of code that it came from, which tells a user of the command nothing."""
-    say_warning(str(message))
+class _Warnings:
+    """Warnings as lines, without the place in the code that they came from, which tells a user nothing."""
+
+    def __init__(self) -> None:
+        self._is_cache_told = False
+
+    def show(self, message: Warning | str, *_: Any, **__: Any) -> None:
+        """Say a warning.
+
+        - `message`: the warning.
+        """
+        import jax
+
+        text, folder = str(message), _compiled()
+        if "persistent compilation cache entry" not in text or jax.config.jax_compilation_cache_dir != str(folder):
+            say_warning(text)
+        elif text.startswith("Error reading"):
+            # JAX writes its files in place, so that a full disk or a kill leaves halves, which it would not replace.
+            for path in folder.glob("*-cache"):
+                with suppress(OSError):
+                    path.unlink()
+        elif not self._is_cache_told:
+            self._is_cache_told = True
+            reason = text.partition("': ")[2].partition("\n")[0]
+            say_warning(f"compiled programs cannot be kept in `{folder}` ({reason}): the next command compiles again")
 
 
 def parsed(changes: list[str]) -> dict[str, Any]:
