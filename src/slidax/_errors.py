@@ -61,23 +61,15 @@ class DefinitionError(ValueError):
         self.setting = setting
         return self
 
-    def reworded(self, words: str, *, where: str | None = None) -> DefinitionError:
+    def reworded(self, words: str) -> DefinitionError:
         """Return the error with its remedy in other words.
 
         - `words`: take the place of the setting, such as `error.setting.as_option`.
-        - `where`: the path of the field; as it is if not given.
         """
         message, setting = self.message, self.setting
         for form in () if setting is None else (setting.in_python, setting.in_yaml, setting.as_option):
             message = message.replace(form, words)
-        return DefinitionError(message, where=self.where if where is None else where).offering(setting)
-
-    def extended(self, more: str) -> DefinitionError:
-        """Return the error with more at the end of its message.
-
-        - `more`: with the sign that divides it from the rest.
-        """
-        return DefinitionError(self.message + more, where=self.where).offering(self.setting)
+        return DefinitionError(message, where=self.where).offering(setting)
 
 
 class DefinitionWarning(UserWarning):

@@ -191,7 +191,6 @@ JOINTS = [
     case("an axis that is NaN", AXIS, '<axis xyz="0 nan 0"/>', named="elbow axis"),
     case("an axis without numbers", AXIS, "<axis/>", named="elbow axis xyz"),
     case("an axis misspelled", AXIS, '<axes xyz="0 1 0"/>', named="elbow axes axis"),
-    case("a mimic joint", LIMIT, LIMIT + '<mimic joint="shoulder" multiplier="2"/>', named="elbow shoulder locked"),
     case(
         "a joint that mimics one that does not exist",
         LIMIT,

@@ -1,6 +1,6 @@
 """Every robot: one line here enrols a new one in `tests/laws/test_robots.py`; ready ones are found by themselves."""
 
-from slidax.robots import AbstractRobot, ready
+from slidax.robots import AbstractRobot, couple, ready
 from tests.paper import SCARA, TWO_LINK, TWO_LINK_NOMINAL
 from tests.robots.trees import small_tree, tree
 
@@ -10,8 +10,9 @@ ROBOTS: list[tuple[str, AbstractRobot]] = [
     ("scara", SCARA),
     ("small_tree", small_tree()),
     ("tree", tree()),
+    ("coupled", couple(small_tree(), {"arm": ("waist", -2.0, 0.2)})),
     *((name, ready.read(name).robot) for name in ready.names()),
 ]
 
-LIKE_OTHERS = ("small_tree", "two_link_nominal", "tree", *ready.names())
+LIKE_OTHERS = ("small_tree", "coupled", "two_link_nominal", "tree", *ready.names())
 """The same classes with other numbers or more joints: these run in the long version."""

@@ -11,7 +11,7 @@ from slidax._errors import DefinitionError
 from slidax._types import Envelope, State
 from slidax.controllers import SlidingMode
 from slidax.diagnosis import Remedy
-from slidax.robots import Articulated
+from slidax.robots import Articulated, Coupled
 from slidax.scenarios import Scenario
 
 from .corners import members_of
@@ -128,7 +128,7 @@ def _limits(scenario: Scenario) -> list[Assumption]:
     found = []
     plant = scenario.plant
     robot = getattr(plant, "own", plant).robot
-    if not isinstance(robot, Articulated):
+    if not isinstance(robot, Articulated | Coupled):
         return [Assumption("the arm's description has no limits of position or speed to keep", "assumed")]
     limits = robot.limits
     lower, upper, fastest = (np.asarray(one) for one in (limits.lower, limits.upper, limits.velocity))

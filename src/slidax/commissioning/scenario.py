@@ -9,7 +9,7 @@ from os.path import relpath
 from pathlib import Path
 
 from slidax._errors import DefinitionError, nearest
-from slidax.robots import Articulated, from_mjcf, from_urdf, ready
+from slidax.robots import Articulated, Coupled, from_mjcf, from_urdf, ready
 from slidax.robots.files.chain import Chain, chain_of
 
 from .motion import motion_about
@@ -71,6 +71,11 @@ def _arm(robot: str, tip: str | None, folder: Path) -> tuple[Articulated, tuple[
     with warnings.catch_warnings(record=True) as said:
         warnings.simplefilter("always")
         arm = read(path, tip=chain.tip, locked=chain.locked, inertias="nearest")
+    if isinstance(arm, Coupled):
+        raise DefinitionError(
+            f"joint `{arm.followers[0]}` of `{path}` follows another one, and no motion for such an arm is chosen "
+            f"here; write the scenario by hand with robot: {{kind: {kind}, file: {path.name}, tip: {chain.tip}}}"
+        )
     changed = [str(one.message) for one in said if "inertias are changed" in str(one.message)]
     notes = [message.removeprefix(f"{path}: ").rpartition("; ")[2] for message in changed]
     notes += [str(one.message).removeprefix(f"{path}: ") for one in said if str(one.message).endswith("left out")]

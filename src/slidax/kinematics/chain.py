@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slidax._errors import DefinitionError
-from slidax.robots import AbstractRobot, Articulated, Scara, TwoLink
+from slidax.robots import AbstractRobot, Articulated, Coupled, Scara, TwoLink
 
 from .series import Series, constant, cosine_and_sine, product, scaled, total, wide
 
@@ -132,6 +132,11 @@ def chain_of(robot: AbstractRobot) -> Chain:
             translation=np.asarray(robot.tip_translation),
             lower=np.asarray(robot.limits.lower),
             upper=np.asarray(robot.limits.upper),
+        )
+    if isinstance(robot, Coupled):
+        raise DefinitionError(
+            f"joint `{robot.followers[0]}` of {robot.name} follows another one, and the kinematics of such an arm are "
+            f"not known as a chain of joints: give the motion in joint positions, or hold the follower by `locked`"
         )
     if not isinstance(robot, TwoLink | Scara):
         raise DefinitionError(

@@ -9,6 +9,8 @@ from collections.abc import Callable
 from . import ready as ready
 from .articulated import Articulated as Articulated
 from .assemble import assemble as assemble
+from .coupled import Coupled as Coupled
+from .coupled import couple as couple
 from .files import from_mjcf as from_mjcf
 from .files import from_urdf as from_urdf
 from .joint import Joint as Joint

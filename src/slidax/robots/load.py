@@ -9,6 +9,7 @@ from slidax._errors import DefinitionError
 from slidax.parts import AbstractPart, Scalar, parameter, piece
 
 from .articulated import Articulated
+from .coupled import Coupled
 from .payload import Payload
 from .robot import AbstractRobot
 
@@ -32,6 +33,9 @@ class Load(AbstractPart):
 
         Raises DefinitionError for an arm that cannot carry anything.
         """
+        if isinstance(robot, Coupled):
+            coupled: Coupled = eqx.tree_at(lambda one: one.arm, robot, self.on(robot.arm, t))
+            return coupled
         if not isinstance(robot, Articulated):
             raise DefinitionError(f"a {type(robot).__name__} has no tip to carry a load; only an articulated arm has")
         carried = jnp.where((t >= self.attached) & (t < self.released), 1.0, 0.0)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TypeVar
+
 import equinox as eqx
 import jax.numpy as jnp
 
@@ -9,7 +11,10 @@ from slidax._errors import DefinitionError, each_of
 from slidax.parts import AbstractPart, PerJoint, Vector, parameter, piece
 
 from .articulated import Articulated
+from .coupled import Coupled
 from .load import Load
+
+Arm = TypeVar("Arm", bound=Articulated | Coupled)
 
 
 class Mismatch(AbstractPart):
@@ -30,13 +35,20 @@ class Mismatch(AbstractPart):
     )
     load: Load | None = piece("what the tip carries, and when; None for nothing", default=None)
 
-    def applied(self, nominal: Articulated) -> Articulated:
+    def applied(self, nominal: Arm) -> Arm:
         """The true arm, without the load.
 
         - `nominal`: as the law knows it.
 
-        Raises DefinitionError if a list has another length than the arm has joints.
+        Raises DefinitionError if a list has another length than the arm has joints, followers among them.
         """
+        if isinstance(nominal, Coupled):
+            coupled: Arm = eqx.tree_at(lambda one: one.arm, nominal, self._true(nominal.arm))
+            return coupled
+        true: Arm = self._true(nominal)  # type: ignore[assignment]  # the same class, which mypy does not see
+        return true
+
+    def _true(self, nominal: Articulated) -> Articulated:
         factor = self._each("mass_factor", nominal, jnp.ones(()))
         true: Articulated = eqx.tree_at(
             lambda arm: (arm.masses, arm.inertias, arm.viscous, arm.coulomb, arm.armature),

@@ -14,7 +14,7 @@ from slidax._types import State
 from slidax.actuators import TorqueLimits
 from slidax.parts import kind_of
 from slidax.reaching import UncertaintyBound
-from slidax.robots import AbstractRobot, Articulated, JointLimits, Load
+from slidax.robots import AbstractRobot, Articulated, Coupled, JointLimits, Load
 from slidax.simulation.states import Numbers, spread, states_of
 
 POSTURES = 256
@@ -121,6 +121,9 @@ def warn_of_another_arms(
 
 
 def _carrying(true: AbstractRobot, load: Load | None) -> AbstractRobot:
+    if isinstance(true, Coupled) and load is not None:
+        coupled: Coupled = eqx.tree_at(lambda one: one.arm.payload, true, load.payload)
+        return coupled
     if load is None or not isinstance(true, Articulated):
         return true
     carrying: Articulated = eqx.tree_at(lambda arm: arm.payload, true, load.payload)
@@ -129,7 +132,7 @@ def _carrying(true: AbstractRobot, load: Load | None) -> AbstractRobot:
 
 def _box(robot: AbstractRobot) -> tuple[Numbers, Numbers]:
     reach = np.array([RANGE[unit] for unit in robot.joint_units])
-    limits: JointLimits | None = robot.limits if isinstance(robot, Articulated) else None
+    limits: JointLimits | None = robot.limits if isinstance(robot, Articulated | Coupled) else None
     if limits is None:
         return -reach, reach
     lower, upper = np.asarray(limits.lower), np.asarray(limits.upper)
@@ -138,7 +141,7 @@ def _box(robot: AbstractRobot) -> tuple[Numbers, Numbers]:
 
 def _friction(robot: AbstractRobot) -> Numbers:
     """Of a joint at 1 rad/s or m/s [n]."""
-    if isinstance(robot, Articulated):
+    if isinstance(robot, Articulated | Coupled):
         friction: Numbers = np.asarray(robot.coulomb) + np.asarray(robot.viscous)
         return friction
     return np.zeros(robot.joints)

@@ -15,7 +15,7 @@ from slidax._errors import DefinitionError, as_array, counted, each_of, located,
 from slidax._types import State
 from slidax.controllers import AbstractController
 from slidax.numerics import runge_kutta_4, semi_implicit_euler
-from slidax.robots import Articulated, JointLimits
+from slidax.robots import Articulated, Coupled, JointLimits
 from slidax.simulation import MujocoPlant, Plant, Stepping, Table
 from slidax.trajectories import AbstractTrajectory
 
@@ -272,7 +272,7 @@ class ScenarioDescription(AbstractDescription):
                     variance=self.sensor.variance(),
                     has_velocity=self.sensor.has_velocity,
                     mass=nominal.mass(state0.q),
-                    rotors=nominal.armature if isinstance(nominal, Articulated) else None,
+                    rotors=nominal.armature if isinstance(nominal, Articulated | Coupled) else None,
                     rated=_rated(drive.limits().torque, arms.limits, true.joints),
                 )
                 with located("sampled_data"):

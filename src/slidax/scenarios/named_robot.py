@@ -10,7 +10,7 @@ from typing import Any
 from pydantic import TypeAdapter, ValidationError
 
 from slidax._errors import DefinitionError, nearest, plain
-from slidax.robots import Articulated, ready
+from slidax.robots import Articulated, Coupled, ready
 
 from .mistakes import translated
 from .robot_file import read_robot
@@ -90,5 +90,10 @@ def _built(word: str, description: Mapping[str, Any]) -> Articulated:
     if not isinstance(found, AbstractArticulated):
         raise DefinitionError(f"`{plain(word)}` must be an arm of rigid links; got {found.kind}")
     robot = found.build().nominal
+    if isinstance(robot, Coupled):
+        raise DefinitionError(
+            f"joint `{robot.followers[0]}` of `{plain(word)}` follows another one, and such an arm is not identified; "
+            f"a YAML file with `robot: {{kind: urdf, file: ..., locked: {{{robot.followers[0]}: 0}}}}` holds the joint"
+        )
     assert isinstance(robot, Articulated)
     return robot

@@ -10,7 +10,7 @@ from pydantic import Field, TypeAdapter, ValidationError, create_model
 from slidax import robots
 from slidax._errors import DefinitionError, located
 from slidax.parts import members_of
-from slidax.robots import AbstractRobot, Articulated, from_mjcf, from_urdf, ready
+from slidax.robots import AbstractRobot, Articulated, Coupled, from_mjcf, from_urdf, ready
 
 from .base import FileName
 from .derived import PartDescription, plain_of, title_of
@@ -55,14 +55,14 @@ class AbstractFile(AbstractArticulated):
     inertias: Literal["given", "nearest"] = "given"
     """An inertia that no rigid body can have: refused, or replaced by the nearest that one can."""
 
-    def described(self) -> Articulated:
+    def described(self) -> Articulated | Coupled:
         """The arm as the file has it; the file's own path is no part of the path in a scenario."""
         how: dict[str, Any] = {"tip": self.tip, "locked": self.locked, "meshes": self.meshes, "inertias": self.inertias}
         with messages_with_keys():
             return self._read(how)
 
     @abstractmethod
-    def _read(self, how: dict[str, Any]) -> Articulated: ...
+    def _read(self, how: dict[str, Any]) -> Articulated | Coupled: ...
 
 
 class UrdfDescription(AbstractFile):
@@ -76,7 +76,7 @@ class UrdfDescription(AbstractFile):
     mimics: Literal["held", "followed"] = "held"
     """A joint that follows another and is not between base and tip: held, or moved with its leader."""
 
-    def _read(self, how: dict[str, Any]) -> Articulated:
+    def _read(self, how: dict[str, Any]) -> Articulated | Coupled:
         return from_urdf(self.file, packages=self.packages, limits=self.limits, mimics=self.mimics, **how)
 
 
@@ -85,7 +85,7 @@ class MjcfDescription(AbstractFile):
 
     kind: Literal["mjcf"]
 
-    def _read(self, how: dict[str, Any]) -> Articulated:
+    def _read(self, how: dict[str, Any]) -> Articulated | Coupled:
         return from_mjcf(self.file, **how)
 
 
@@ -145,7 +145,9 @@ def _ready(name: str) -> type[ReadyDescription]:
     return create_model(f"robot.{name}", __base__=ReadyDescription, __doc__=f"{ready.title(name)}.", kind=kind)
 
 
-MADE_OF_NUMBERS = {kind: part for kind, part in members_of(robots, AbstractRobot).items() if part is not Articulated}
+MADE_OF_NUMBERS = {
+    kind: part for kind, part in members_of(robots, AbstractRobot).items() if part not in (Articulated, Coupled)
+}
 if TYPE_CHECKING:
     RobotDescription = AbstractRobotDescription
 else:

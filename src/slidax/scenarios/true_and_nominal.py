@@ -11,7 +11,7 @@ from jaxtyping import Array
 from pydantic import Field, model_validator
 
 from slidax._errors import DefinitionError, as_array, each_of, known, located
-from slidax.robots import AbstractRobot, Articulated, JointLimits, Load, Mismatch, Payload
+from slidax.robots import AbstractRobot, Articulated, Coupled, JointLimits, Load, Mismatch, Payload
 
 from .base import AbstractDescription, Numbers, same
 from .derived import plain_of
@@ -35,7 +35,7 @@ class Arms(NamedTuple):
     @property
     def limits(self) -> JointLimits | None:
         """Of the joints, by their data sheet; None if it has none."""
-        return self.nominal.limits if isinstance(self.nominal, Articulated) else None
+        return self.nominal.limits if isinstance(self.nominal, Articulated | Coupled) else None
 
 
 class AbstractRobotDescription(AbstractDescription):
@@ -104,13 +104,19 @@ class NominalArm(AbstractDescription):
         Articulated, "gravity_vector", default=None, source="the arm's description"
     )
 
-    def applied(self, robot: Articulated) -> Articulated:
+    def applied(self, robot: Articulated | Coupled) -> Articulated | Coupled:
         """The arm as the law knows it.
 
-        - `robot`: as it is described.
+        - `robot`: as it is described; of one with followers, each of its joints has its own numbers.
 
         Raises DefinitionError if a list has another length than the arm has joints.
         """
+        if isinstance(robot, Coupled):
+            coupled: Coupled = eqx.tree_at(lambda one: one.arm, robot, self._known(robot.arm))
+            return coupled
+        return self._known(robot)
+
+    def _known(self, robot: Articulated) -> Articulated:
         if self.armature is not None:
             robot = eqx.tree_at(lambda arm: arm.armature, robot, self._armature(robot.joints))
         if self.links is not None:
@@ -145,7 +151,7 @@ class AbstractArticulated(AbstractRobotDescription):
     """What the law knows beside the arm's own description."""
 
     @abstractmethod
-    def described(self) -> Articulated:
+    def described(self) -> Articulated | Coupled:
         """The arm as it is described."""
 
     def build(self) -> Arms:

@@ -13,7 +13,7 @@ import numpy as np
 from slidax._errors import DefinitionError, is_traced
 from slidax._types import State
 from slidax.codegen import NoNativeCodeError, llvm, trace
-from slidax.robots import AbstractRobot, Articulated
+from slidax.robots import AbstractRobot, Articulated, Coupled
 from slidax.trajectories import AbstractTrajectory
 
 from .signature import LoopSignature
@@ -41,7 +41,11 @@ def require_within_limits(
     - `steps`: number of periods.
     - `stepping`: the period, and whether limits are checked.
     """
-    if stepping.limits == "ignore" or not isinstance(robot, Articulated) or is_traced((robot.limits, trajectory)):
+    if (
+        stepping.limits == "ignore"
+        or not isinstance(robot, Articulated | Coupled)
+        or is_traced((robot.limits, trajectory))
+    ):
         return
     if not is_traced(state0):
         found = _beyond(robot, np.asarray(state0.q)[None], np.asarray(state0.dq)[None])
@@ -61,7 +65,7 @@ def require_within_limits(
             )
 
 
-def _beyond(robot: Articulated, q: np.ndarray, dq: np.ndarray) -> tuple[int, str] | None:
+def _beyond(robot: Articulated | Coupled, q: np.ndarray, dq: np.ndarray) -> tuple[int, str] | None:
     """The first sample beyond a limit, and what which joint does there: positions first, then velocities."""
     limits = robot.limits
     lower, upper, fastest = (np.asarray(bound) for bound in (limits.lower, limits.upper, limits.velocity))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from slidax.actuators import Actuator
 from slidax.disturbances import AbstractDisturbance
 from slidax.parts import AbstractPart, Scalar, State, Vector, piece
-from slidax.robots import AbstractRobot, Articulated, Load, Mismatch
+from slidax.robots import AbstractRobot, Articulated, Coupled, Load, Mismatch
 from slidax.sensors import AbstractSensor
 
 
@@ -25,7 +25,7 @@ class Plant(AbstractPart):
     @classmethod
     def of_nominal(
         cls,
-        nominal: Articulated,
+        nominal: Articulated | Coupled,
         mismatch: Mismatch,
         disturbance: AbstractDisturbance,
         sensor: AbstractSensor | None = None,

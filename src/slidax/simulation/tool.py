@@ -8,7 +8,7 @@ from jaxtyping import Array, Bool, Float
 
 from slidax._types import Scalar, Vector
 from slidax.numerics import vector_norm
-from slidax.robots import AbstractRobot, Articulated, Scara, TwoLink
+from slidax.robots import AbstractRobot, Articulated, Coupled, Scara, TwoLink
 
 
 class Off(eqx.Module):
@@ -59,7 +59,7 @@ class Tool(eqx.Module):
 
         - `robot`: whose tip the tool is.
         """
-        turns = isinstance(robot, Articulated | Scara | TwoLink)
+        turns = isinstance(robot, Articulated | Coupled | Scara | TwoLink)
         return Tool(place=Off.begin(), turn=Off.begin() if turns else None)
 
     def add(
@@ -74,7 +74,7 @@ class Tool(eqx.Module):
         away = vector_norm(robot.tip(q) - robot.tip(wanted))
         turn = self.turn
         if turn is not None:
-            assert isinstance(robot, Articulated | Scara | TwoLink)
+            assert isinstance(robot, Articulated | Coupled | Scara | TwoLink)
             angle = turned(robot.tip_frame(q)[0], robot.tip_frame(wanted)[0])
             turn = turn.add(angle, running, steady)
         return Tool(place=self.place.add(away, running, steady), turn=turn)

@@ -9,7 +9,7 @@ import equinox as eqx
 import numpy as np
 
 from slidax._errors import DefinitionError
-from slidax.robots import AbstractRobot, Articulated
+from slidax.robots import AbstractRobot, Articulated, Coupled
 from slidax.simulation import Run, Table
 
 from .load import MovedLoad, load_of
@@ -107,7 +107,7 @@ def _have(*packages: str) -> bool:
 def _torque_limits(plant: eqx.Module, robot: AbstractRobot) -> np.ndarray:
     """Of the drive where there is one, and of the data sheet."""
     limits = np.full(robot.joints, np.inf)
-    if isinstance(robot, Articulated):
+    if isinstance(robot, Articulated | Coupled):
         limits = np.minimum(limits, np.asarray(robot.limits.torque))
     actuator = getattr(plant, "actuator", None)
     return limits if actuator is None else np.minimum(limits, np.asarray(actuator.limits.torque))

@@ -12,7 +12,7 @@ from slidax.simulation import Plant
 from .evaluated import Floats
 from .hull import Hull
 from .motion import Belief, Motion, kinds_of, needed, outer
-from .series import Grid
+from .series import Grid, require_independent_joints
 
 STEP = 1e-4
 """Of a difference quotient [rad or m]: Bernstein's inequality bounds its error by `D³ STEP²/6` of the largest value."""
@@ -180,6 +180,7 @@ def _anywhere(
     def flat(q: Floats) -> Floats:
         return np.concatenate([one.reshape(len(q), -1) for one in at(q)], axis=1)
 
+    require_independent_joints(belief.robot)
     reach = np.abs(motion.q).max(axis=0) + 1.0
     grid = Grid.of(flat, belief.robot.joint_units, -reach, reach)
     masses, weights = (values.swapaxes(0, 1) for values in at(grid.postures))

@@ -12,7 +12,7 @@ from slidax.simulation import Plant
 
 from ..verdict import Assumption
 from .evaluated import Floats, mass_and_bias
-from .series import Grid, Series
+from .series import Grid, Series, require_independent_joints
 from .supremum import spectral, spectral_of_each, supremum
 
 
@@ -115,6 +115,7 @@ def series_of(
 
     Raises DefinitionError if M depends on more than seven joints.
     """
+    require_independent_joints(robot)
     n = robot.joints
     lower = np.full(n, -0.5) if lower is None else lower
     upper = np.full(n, 0.5) if upper is None else upper

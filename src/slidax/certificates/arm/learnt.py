@@ -9,7 +9,7 @@ import numpy as np
 
 from slidax.adaptation import JointLearning
 from slidax.controllers import SampledData
-from slidax.robots import Articulated
+from slidax.robots import Articulated, Coupled
 from slidax.scenarios import Scenario
 from slidax.simulation import Plant
 
@@ -270,5 +270,5 @@ def learnt_of(scenario: Scenario, belief: Belief, plant: Plant, motion: Motion) 
         np.asarray(learning.rotor_min) - 0.6 * links,
         np.asarray(learning.rotor_max) + links,
     )
-    rubs = np.asarray(plant.robot.coulomb) if isinstance(plant.robot, Articulated) else np.zeros_like(own)
+    rubs = np.asarray(plant.robot.coulomb) if isinstance(plant.robot, Articulated | Coupled) else np.zeros_like(own)
     return replace(belief, rotor=rotor, coulomb=np.clip(rubs, 0.0, np.asarray(learning.coulomb_max)))

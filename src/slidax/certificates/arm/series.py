@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from slidax._errors import DefinitionError
+from slidax.robots import AbstractRobot, Coupled
 
 from .evaluated import Floats
 
@@ -135,3 +136,17 @@ class Grid:
         for joint in self.joints:
             found[joint] = 2.0 if self.turns[joint] else 4.0 / self.half[joint]
         return found
+
+
+def require_independent_joints(robot: AbstractRobot) -> None:
+    """Raise DefinitionError for an arm whose joints follow others.
+
+    There M is no polynomial of degree 2 in a joint: a follower at the ratio 2 doubles the degree, one at 0.5 has none.
+
+    - `robot`: any arm.
+    """
+    if isinstance(robot, Coupled):
+        raise DefinitionError(
+            f"joint `{robot.followers[0]}` of {robot.name} follows another one, so that M is no polynomial of degree 2 "
+            "in cosine and sine of the joints, from which its bounds come"
+        )

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from slidax.codegen.c import Dialect
-from slidax.robots import Articulated
+from slidax.robots import Articulated, Coupled
 from slidax.scenarios import Scenario
 
 from ..contents import Project
@@ -80,7 +80,7 @@ class Allowed:
         margin = np.array([MARGIN[unit] for unit in units])
         errors = np.array([ERRORS[unit] for unit in units]).T.tolist()
         lower, upper, speed, hold = -endless, endless, endless, endless
-        if isinstance(plant.robot, Articulated):
+        if isinstance(plant.robot, Articulated | Coupled):
             sheet = plant.robot.limits
             lower, upper = np.asarray(sheet.lower) + margin, np.asarray(sheet.upper) - margin
             speed = SPEED * np.asarray(sheet.velocity)

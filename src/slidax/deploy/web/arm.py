@@ -8,7 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from slidax.robots import AbstractRobot, Articulated
+from slidax.robots import AbstractRobot, Articulated, Coupled
 from slidax.trajectories import AbstractTrajectory
 from slidax.views import Skeleton, skeleton_of
 
@@ -146,7 +146,7 @@ def _limit(values: Any, joints: int) -> list[float] | None:
 
 
 def _joint_limits(robot: AbstractRobot) -> Mapping | None:
-    limits = robot.limits if isinstance(robot, Articulated) else None
+    limits = robot.limits if isinstance(robot, Articulated | Coupled) else None
     if limits is None or not np.isfinite([limits.lower, limits.upper]).all():
         return None
     return {"lower": _plain(limits.lower), "upper": _plain(limits.upper)}

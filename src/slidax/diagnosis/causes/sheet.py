@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from slidax.robots import Articulated
+from slidax.robots import Articulated, Coupled
 
 from ..record import Record
 
@@ -16,7 +16,7 @@ def data_sheet(record: Record, name: str) -> np.ndarray:
     - `name`: `torque` or `torque_rate`.
     """
     robot = record.nominal
-    if not isinstance(robot, Articulated):
+    if not isinstance(robot, Articulated | Coupled):
         return np.zeros(record.joints)
     limit = np.asarray(getattr(robot.limits, name))
     return np.where(np.isfinite(limit), limit, 0.0)

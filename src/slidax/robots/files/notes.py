@@ -47,7 +47,8 @@ class Notes:
             for (before, after), owners in self._owners.items()
             if not named or named & set(re.findall(r"`[^`]*`", " ".join(owners)))
         ]
-        return error.extended("".join(f"; note that {hint}" for hint in hints)) if hints else error
+        told = error.message + "".join(f"; note that {hint}" for hint in hints)
+        return DefinitionError(told, where=error.where).offering(error.setting)
 
     def warn(self, source: str, stacklevel: int) -> None:
         """Raise one `DefinitionWarning` for each assumption.

@@ -14,6 +14,7 @@ from slidax._errors import DefinitionError, as_array, each_of, known, located, n
 
 from ..articulated import Articulated
 from ..assemble import assemble
+from ..coupled import Coupled, couple
 from ..joint import Joint
 from .inertias import Feasible, Inertias
 from .loader import mujoco, reading
@@ -21,7 +22,7 @@ from .meshes import Packages, require_mesh
 from .notes import Notes
 from .rotation import matrix_of
 from .source import Source, read
-from .urdf_mimic import Mimics, mimicry_of
+from .urdf_mimic import Mimicry, Mimics, hold_massless, mimicry_of
 from .urdf_tree import Tree, tree_of
 from .urdf_values import CHILDREN, MOTION, NUMBERS, limits_of
 
@@ -40,7 +41,7 @@ def from_urdf(
     limits: bool = True,
     inertias: Inertias = "given",
     mimics: Mimics = "held",
-) -> Articulated:
+) -> Articulated | Coupled:
     """An arm from a URDF file, read by MuJoCo (`pip install 'slidax[robots]'`).
 
     A limit that the file does not give, or gives as 0, is infinite. Each assumption is a warning, a
@@ -90,7 +91,7 @@ def _arm(
     inertias: Inertias,
     mimics: Mimics,
     notes: Notes,
-) -> tuple[Articulated, str]:
+) -> tuple[Articulated | Coupled, str]:
     tree = tree_of(given.root, notes)
     if not tree.joints:
         raise DefinitionError("the robot has no <joint>")
@@ -100,35 +101,70 @@ def _arm(
     if end == tree.root:
         raise DefinitionError(f"`tip` names link `{end}`, which is the base")
     mimicry = mimicry_of(tree, end, locked or {}, mimics, notes)
-    for joint, follow in mimicry.following.items():
-        raise DefinitionError(
-            f"joint `{joint}`, between the base and the tip `{end}`, mimics joint `{follow.leader}`; "
-            f"locked={{'{joint}': {follow.offset:g}}} holds it"
-        )
+    if isinstance(armature, Mapping) or not np.any(known(as_array(armature))):
+        hold_massless(tree, end, mimicry, armature if isinstance(armature, Mapping) else (), notes)
     feasible = Feasible(inertias)
     moving = [name for name in tree.order if tree.moves(name) and name not in mimicry.held]
-    joints = _joints(
-        tree, _limits(tree, moving, locked or {}, notes) if limits else {}, _armatures(moving, armature), feasible
-    )
+    by_joint = _limits(tree, moving, locked or {}, mimicry, notes) if limits else {}
+    joints = _joints(tree, by_joint, _armatures(moving, mimicry, armature), feasible)
     name = given.root.get("name") or "robot"
     arm = assemble(joints, tip=end, locked=mimicry.held, gravity=gravity, name=name)
     feasible.add_to(notes)
-    return arm, name
+    return (_coupled(arm, mimicry, notes) if mimicry.following else arm), name
+
+
+def _coupled(arm: Articulated, mimicry: Mimicry, notes: Notes) -> Coupled:
+    following = {name: (one.leader, one.ratio, one.offset) for name, one in mimicry.following.items()}
+    coupled = couple(arm, following)
+    for name, (leader, ratio, offset) in following.items():
+        at, own = coupled.joint_names.index(leader), arm.joint_names.index(leader)
+        both = float(coupled.limits.lower[at]), float(coupled.limits.upper[at])
+        narrowed = both != (float(arm.limits.lower[own]), float(arm.limits.upper[own]))
+        becomes = f", whose range becomes {both[0]:.6g} to {both[1]:.6g}" if narrowed else ""
+        notes.add(
+            f"{{}} follows joint `{leader}` at the ratio {ratio:g} and the offset {offset:g}{becomes}, and is no joint "
+            f"of the arm by itself; locked={{'{name}': POSITION}} holds it",
+            f"joint `{name}`",
+        )
+    return coupled
+
+
+def _drop_ranges_apart(found: dict[str, dict[str, float]], mimicry: Mimicry, notes: Notes) -> None:
+    """A follower's range that leaves its leader nothing is not read."""
+    left = {one.leader: _range(found[one.leader]) for one in mimicry.following.values()}
+    for name, one in mimicry.following.items():
+        first, last = sorted((end - one.offset) / one.ratio for end in _range(found[name]))
+        lower, upper = left[one.leader]
+        if max(lower, first) < min(upper, last):
+            left[one.leader] = max(lower, first), min(upper, last)
+            continue
+        found[name] = {key: value for key, value in found[name].items() if key not in ("lower", "upper")}
+        notes.add(
+            f"the range of {{}}, {first:g} to {last:g} at its leader `{one.leader}`, has nothing in common with that "
+            f"one's, {lower:g} to {upper:g}: it is not read; correct the <limit> of one of them",
+            f"joint `{name}`",
+        )
+
+
+def _range(limits: Mapping[str, float]) -> tuple[float, float]:
+    return limits.get("lower", -np.inf), limits.get("upper", np.inf)
 
 
 def _limits(
-    tree: Tree, moving: Sequence[str], locked: Mapping[str, float], notes: Notes
+    tree: Tree, moving: Sequence[str], locked: Mapping[str, float], mimicry: Mimicry, notes: Notes
 ) -> dict[str, dict[str, float]]:
     """Limits by joint: of those that move, and of those that the user holds as far as they are valid."""
     found, missing = dict[str, dict[str, float]](), dict[str, list[str]]()
     for name in moving:
         found[name], without = limits_of(tree.joints[name], notes)
-        for limit in without:
+        # A follower is driven by its leader, and needs no limits of its own.
+        for limit in without if name not in mimicry.following else ():
             missing.setdefault(limit, []).append(name)
     for name in locked:
         if name in tree.joints and tree.moves(name):
             with contextlib.suppress(DefinitionError):
                 found[name] = limits_of(tree.joints[name])[0]
+    _drop_ranges_apart(found, mimicry, notes)
     if missing:
         listed = ", ".join(f"no limit of {limit} for {', '.join(names)}" for limit, names in missing.items())
         notes.add(f"the file gives {listed}, or 0 for it; it is taken as infinite")
@@ -144,11 +180,12 @@ def _require_meshes(tree: Tree, folder: Path, packages: Packages) -> None:
             require_mesh(f"link `{name}`", path, folder, packages)
 
 
-def _armatures(moving: Sequence[str], given: Armature) -> dict[str, float]:
+def _armatures(joints: Sequence[str], mimicry: Mimicry, given: Armature) -> dict[str, float]:
+    moving = [name for name in joints if name not in mimicry.following]
     if isinstance(given, Mapping):
         for name in given:
-            if name not in moving:
-                raise DefinitionError(f"`armature` names joint `{name}`, which does not move; {nearest(name, moving)}")
+            if name not in joints:
+                raise DefinitionError(f"`armature` names joint `{name}`, which does not move; {nearest(name, joints)}")
         return {name: float(value) for name, value in given.items()}
     values = known(as_array(given))
     if values.shape not in ((), (len(moving),)):

@@ -1,8 +1,8 @@
-"""Joints of a URDF file that follow others: held where they are no part of the arm, coupled where they are."""
+"""Joints of a URDF file that are held: followers that are no part of the arm, and those that move no mass."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Literal, get_args
 
@@ -98,6 +98,37 @@ def mimicry_of(tree: Tree, tip: str, locked: Mapping[str, float], mimics: str, n
     if mimics == "held":
         _hold(tree, tip, between, held, following, notes)
     return Mimicry(held, following)
+
+
+def hold_massless(tree: Tree, tip: str, mimicry: Mimicry, rotors: Iterable[str], notes: Notes) -> None:
+    """Hold the joints that move no mass and are not between the base and the tip: they have no part in the motion.
+
+    - `tree`: of the file.
+    - `tip`: name of the link at the end of the arm.
+    - `mimicry`: gets the joints that are held.
+    - `rotors`: names of joints with rotors of their own, which move without a mass.
+    - `notes`: gets what is held.
+    """
+    between = tree.path_to(tip)
+    if not any(_mass(tree, name) for name in between):
+        return
+    carried: dict[str, float] = {}
+    for name in reversed(tree.order):
+        parent = tree.carriers.get(tree.parents[name])
+        carried[name] = carried.get(name, 0.0) + _mass(tree, name)
+        if parent is not None:
+            carried[parent] = carried.get(parent, 0.0) + carried[name]
+    coupled = {*mimicry.following, *(one.leader for one in mimicry.following.values())}
+    for name in tree.order:
+        if carried[name] == 0.0 and tree.moves(name) and name not in {*between, *coupled, *mimicry.held, *rotors}:
+            mimicry.held[name] = position_near_zero(tree, name)
+            notes.add(
+                "{} moves no mass and is not between the base and the tip: it is held; give its link a mass", _j(name)
+            )
+
+
+def _mass(tree: Tree, joint: str) -> float:
+    return abs(number(tree.links[tree.children[joint]].find("inertial/mass"), "value") or 0.0)
 
 
 def position_near_zero(tree: Tree, name: str) -> float:

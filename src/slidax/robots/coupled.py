@@ -1,0 +1,203 @@
+"""An arm some of whose joints follow others, as by a belt, a parallelogram or a screw."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from slidax._errors import DefinitionError, as_array
+from slidax.parts import Matrix, Scalar, Vector, parameter, piece
+
+from .articulated import Articulated
+from .joint_limits import JointLimits
+from .robot import AbstractRobot
+
+
+class Coupled(AbstractRobot):
+    """An arm in which some joints follow others: its joints are at `q_a = S q + s₀`, where q are those that lead.
+
+    S is constant, with one entry in each row: the ratio of a joint's velocity to its leader's, 1 for a leader. So
+    `M = Sᵀ M_a(S q + s₀) S`, and `C q̇ + G` and F are `Sᵀ` times those of all joints at `S q + s₀`, `S q̇`. The torque
+    of a coordinate is its leader's, with the followers' reactions through their ratios; followers have no drives.
+
+    Made by `from_urdf` of a file with `<mimic>`, or by `couple`.
+    """
+
+    arm: Articulated = piece("the arm in which each joint moves by itself")
+    ratios: Vector = parameter("velocity of each of its joints for a unit velocity of the leader; 1 for a leader")
+    offsets: Vector = parameter("position of each of its joints while the leader's is 0; 0 for a leader", "rad or m")
+    limits: JointLimits = piece("what the leaders can do, within what their followers can")
+    leaders: tuple[int, ...] = piece(
+        "for each joint of the arm the number of the coordinate that moves it", static=True
+    )
+    joint_names: tuple[str, ...] = piece("of the joints that lead", static=True)
+    joint_units: tuple[str, ...] = piece('"rad" or "m" for each of them', static=True)
+
+    def __check_init__(self) -> None:
+        m, n = self.arm.joints, len(self.joint_names)
+        sizes = (np.size(self.ratios), np.size(self.offsets), len(self.leaders))
+        if any(size != m for size in sizes):
+            raise DefinitionError(
+                f"`ratios`, `offsets` and `leaders` of a Coupled arm must have one entry for each of the {m} joints of "
+                f"{self.arm.name}; got {', '.join(map(str, sizes))}"
+            )
+        if set(self.leaders) != set(range(n)) or len(self.joint_units) != n:
+            raise DefinitionError(f"`leaders` must name each of the {n} coordinates at least once; got {self.leaders}")
+
+    @property
+    def name(self) -> str:
+        """Of the arm."""
+        return self.arm.name
+
+    @property
+    def followers(self) -> tuple[str, ...]:
+        """Names of the joints that follow others."""
+        return tuple(name for name in self.arm.joint_names if name not in self.joint_names)
+
+    @property
+    def armature(self) -> Vector:
+        """Inertia of the rotors, seen from the leaders [n], kg m² or kg."""
+        rotors: Vector = jnp.sum(self._selection() ** 2 * self.arm.armature[:, None], axis=0)
+        return rotors
+
+    @property
+    def viscous(self) -> Vector:
+        """Viscous friction, seen from the leaders [n], N m s/rad or N s/m."""
+        friction: Vector = jnp.sum(self._selection() ** 2 * self.arm.viscous[:, None], axis=0)
+        return friction
+
+    @property
+    def coulomb(self) -> Vector:
+        """Coulomb friction while all of a leader's joints move, seen from the leaders [n], N m or N."""
+        friction: Vector = jnp.sum(jnp.abs(self._selection()) * self.arm.coulomb[:, None], axis=0)
+        return friction
+
+    def positions(self, q: Vector) -> Float[Array, " m"]:
+        """Positions of all joints of the arm, `S q + s₀`, rad or m.
+
+        - `q`: those of the leaders [n].
+        """
+        return self.ratios * q[np.asarray(self.leaders)] + self.offsets
+
+    def velocities(self, dq: Vector) -> Float[Array, " m"]:
+        """Velocities of all joints of the arm, `S q̇`, rad/s or m/s.
+
+        - `dq`: those of the leaders [n].
+        """
+        return self.ratios * dq[np.asarray(self.leaders)]
+
+    def mass(self, q: Vector) -> Matrix:
+        """`Sᵀ M_a S`, [n n], kg m², kg m, kg.
+
+        - `q`: positions [n].
+        """
+        s = self._selection()
+        half = jnp.sum(s[:, :, None] * self.arm.mass(self.positions(q))[:, None, :], axis=0)
+        return jnp.sum(half[:, :, None] * s[None], axis=1)
+
+    def bias(self, q: Vector, dq: Vector) -> Vector:
+        """`Sᵀ (C_a S q̇ + G_a)`, [n], N m or N.
+
+        - `q`, `dq`: positions and velocities [n].
+        """
+        return self._onto_leaders(self.arm.bias(self.positions(q), self.velocities(dq)))
+
+    def friction(self, dq: Vector) -> Vector:
+        """`Sᵀ F_a(S q̇)`, [n], N m or N.
+
+        - `dq`: velocities [n].
+        """
+        return self._onto_leaders(self.arm.friction(self.velocities(dq)))
+
+    def potential(self, q: Vector) -> Scalar:
+        """The potential energy, J.
+
+        - `q`: positions [n].
+        """
+        return self.arm.potential(self.positions(q))
+
+    def tip(self, q: Vector) -> Float[Array, "3"]:
+        """The tip's place in the base frame, [3], m.
+
+        - `q`: positions [n].
+        """
+        return self.arm.tip(self.positions(q))
+
+    def tip_frame(self, q: Vector) -> tuple[Float[Array, "3 3"], Float[Array, "3"]]:
+        """The tip's axes, as columns, and its place in the base frame, [3 3] and [3], m.
+
+        - `q`: positions [n].
+        """
+        return self.arm.tip_frame(self.positions(q))
+
+    def _selection(self) -> Float[Array, "m n"]:
+        chosen = np.asarray(self.leaders)[:, None] == np.arange(len(self.joint_names))
+        return jnp.where(chosen, self.ratios[:, None], 0.0)
+
+    def _onto_leaders(self, forces: Float[Array, " m"]) -> Vector:
+        total: Vector = jnp.sum(self._selection() * forces[:, None], axis=0)
+        return total
+
+
+def couple(arm: Articulated, following: Mapping[str, tuple[str, float, float]]) -> Coupled:
+    """Let joints of an arm follow others.
+
+    The range of a leader is what is left of its own by those of its followers, and its velocity likewise; its torque is
+    its own drive's.
+
+    - `arm`: in which each joint moves by itself.
+    - `following`: by the name of a follower its leader's name, its ratio, and its position while the leader's is 0.
+
+    Raises DefinitionError if a name is not a joint of the arm, a leader follows itself, or the ranges leave nothing.
+    """
+    names = arm.joint_names
+    for follower, (leader, ratio, offset) in following.items():
+        for name in (follower, leader):
+            if name not in names:
+                raise DefinitionError(f"joint `{name}` is no joint of {arm.name}, which has {', '.join(names)}")
+        if leader in following:
+            raise DefinitionError(f"joint `{follower}` must follow a joint that leads; `{leader}` follows another one")
+        if not (np.isfinite([ratio, offset]).all() and ratio != 0.0):
+            raise DefinitionError(
+                f"the ratio of joint `{follower}` must be finite and not 0, and its offset finite; got {ratio:g} and "
+                f"{offset:g}"
+            )
+    leading = [name for name in names if name not in following]
+    how = {name: (name, 1.0, 0.0) for name in leading} | dict(following)
+    return Coupled(
+        arm=arm,
+        ratios=as_array([how[name][1] for name in names]),
+        offsets=as_array([how[name][2] for name in names]),
+        limits=_limits(arm, how, leading),
+        leaders=tuple(leading.index(how[name][0]) for name in names),
+        joint_names=tuple(leading),
+        joint_units=tuple(arm.joint_units[names.index(name)] for name in leading),
+    )
+
+
+def _limits(arm: Articulated, how: Mapping[str, tuple[str, float, float]], leading: list[str]) -> JointLimits:
+    sheet = arm.limits
+    own = [arm.joint_names.index(name) for name in leading]
+    lower, upper = np.full(len(leading), -np.inf), np.full(len(leading), np.inf)
+    velocity = np.full(len(leading), np.inf)
+    for i, name in enumerate(arm.joint_names):
+        leader, ratio, offset = how[name]
+        j = leading.index(leader)
+        ends = sorted((float(end) - offset) / ratio for end in (sheet.lower[i], sheet.upper[i]))
+        lower[j], upper[j] = max(lower[j], ends[0]), min(upper[j], ends[1])
+        velocity[j] = min(velocity[j], float(sheet.velocity[i]) / abs(ratio))
+        if not lower[j] < upper[j]:
+            raise DefinitionError(
+                f"the range of joint `{name}` and that of joint `{leader}`, which it follows at the ratio {ratio:g} "
+                f"and the offset {offset:g}, have nothing in common"
+            )
+    return JointLimits(
+        lower=as_array(lower),
+        upper=as_array(upper),
+        velocity=as_array(velocity),
+        torque=sheet.torque[np.array(own)],
+        torque_rate=sheet.torque_rate[np.array(own)],
+    )
