@@ -270,13 +270,8 @@ def require_joints(tree: object, joints: int, of: str) -> None:
     - `of`: whose joints they are, for the message.
     """
     for path, leaf in jax.tree_util.tree_leaves_with_path(tree):
-        shape = np.shape(leaf)
-        if shape not in ((), (joints,), (joints, joints)):
-            name = type(tree).__name__ + jax.tree_util.keystr(path)
-            raise DefinitionError(
-                f"`{name}` has shape {list(shape)}, but {of} has {counted(joints, 'joint')}; give one number or "
-                f"{joints} of them"
-            )
+        if np.shape(leaf) not in ((), (joints,), (joints, joints)):
+            raise _not_per_joint(type(tree).__name__ + jax.tree_util.keystr(path), leaf, joints, of)
 
 
 def require_per_joint(owner: object, joints: int, of: str, *fields: str) -> None:
@@ -288,9 +283,10 @@ def require_per_joint(owner: object, joints: int, of: str, *fields: str) -> None
     - `fields`: their names.
     """
     for field in fields:
-        shape = np.shape(getattr(owner, field))
-        if shape not in ((), (joints,)):
-            raise DefinitionError(
-                f"`{type(owner).__name__}.{field}` has shape {list(shape)}, but {of} has {counted(joints, 'joint')}; "
-                f"give one number or {joints} of them"
-            )
+        if np.shape(getattr(owner, field)) not in ((), (joints,)):
+            raise _not_per_joint(f"{type(owner).__name__}.{field}", getattr(owner, field), joints, of)
+
+
+def _not_per_joint(name: str, value: Any, joints: int, of: str) -> DefinitionError:
+    shape, count = list(np.shape(value)), counted(joints, "joint")
+    return DefinitionError(f"`{name}` has shape {shape}, but {of} has {count}; give one number or {joints} of them")
