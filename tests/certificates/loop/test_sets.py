@@ -19,6 +19,8 @@ from slidax.certificates.loop.subject import Subject
 from slidax.scenarios import load
 from slidax.studies.cases import Cases
 from slidax.transformations.psi import psi_and_slope
+from tests.certificates.soundness.test_attack import attacked
+from tests.deploy.exported import COMPILERS
 
 SETS = {
     "masses": {"robot.plant.masses": {"around": "10 %", "each": "joint"}},
@@ -63,7 +65,7 @@ def share_of_the_bound(subject, whole, cases, seed):
     return worst
 
 
-def test_the_printed_example_at_one_kilohertz_holds_with_uncertain_masses_and_no_case_exceeds_its_bound():
+def test_the_printed_example_at_one_kilohertz_holds_with_uncertain_masses_and_no_case_exceeds_its_bound(tmp_path):
     name, masses, _ = CASES[0]
     subject = subject_of(name, masses, {"simulation.t1": 3.0})
     whole = proved(subject)
@@ -72,6 +74,8 @@ def test_the_printed_example_at_one_kilohertz_holds_with_uncertain_masses_and_no
     assert not any(one.status == "proved" for one in [*whole.premises, *whole.demand.assumptions])
     assert whole.assembly.set_in[0] < 2.0
     assert share_of_the_bound(subject, whole, 8, 1) <= 1.0
+    if COMPILERS:
+        assert 0.5 < attacked(subject.scenario, whole, tmp_path, 12) <= 1.0
 
 
 @pytest.mark.full
