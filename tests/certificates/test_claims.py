@@ -110,6 +110,15 @@ def test_the_grade_says_how_many_lines_are_proved() -> None:
 
 
 @pytest.mark.full
+@pytest.mark.parametrize("name", ["panda-payload", "ur5e-payload"])
+def test_loops_that_are_stable_alone_and_not_together_get_no_yes(name: str) -> None:
+    scenario = load(name)
+    verdict = inertia_ratio(scenario, demand(scenario))
+    assert np.max(verdict.bound["radius"]) < 1.0 < verdict.bound["radius_together"]
+    assert verdict.holds is False and "together" in verdict.statement
+
+
+@pytest.mark.full
 @pytest.mark.parametrize("name", ["learning", "pulse"])
 def test_the_counterexamples_in_files_get_no_yes(name: str) -> None:
     assert loop_rate(load(FILES / f"{name}.yaml"), remedies=False).holds is False

@@ -19,7 +19,7 @@ from .evaluated import Floats, friction
 from .hull import Hull, hull_of
 from .members import Members
 from .motion import Belief, Motion, breakpoints, disturbed, needed, outer
-from .ratios import ratios
+from .ratios import INSTANTS, ratios
 
 PROBES = 97
 """Instants of the motion by which is found how the numbers of a disturbance enter."""
@@ -246,6 +246,28 @@ def _relearnt(belief: Belief, motion: Motion, push: Floats) -> Floats:
     mass, _ = belief.mass_and_bias(motion.t, motion.q, motion.dq)
     found: Floats = np.einsum("kij,kj->ki", np.abs(np.linalg.inv(mass)), step)
     return found
+
+
+def learnt_ratios(scenario: Scenario) -> Floats:
+    """K with what a law that learns comes to believe [I n n], at instants of the motion.
+
+    Of the scenario's own arm with what is learnt in a run of it; of members at ends of the set with each joint's mean
+    inertia along the motion.
+
+    - `scenario`: with a law that learns.
+    """
+    members, motion = Members.of(scenario), Motion.of(scenario)
+    belief = Belief.of(scenario, members.plant)
+    run = scenario.replace(outside="recover").simulate(log_every=max(1, len(motion.t) // INSTANTS), progress=False)
+    log = run.log
+    assert log is not None
+    valid = np.asarray(log.valid)
+    rotor, coulomb = (np.asarray(log.signals[name])[valid] for name in ("rotor", "coulomb"))
+    own = replace(belief, rotor=rotor, coulomb=coulomb, times=np.asarray(log.t)[valid])
+    arms = members.plants(members.ends(most=MOST_ARMS))
+    found = [ratios([members.plant], [own], motion, INSTANTS)[2]]
+    found.append(ratios(arms, [learnt_of(scenario, belief, arm, motion) for arm in arms], motion)[2])
+    return np.concatenate(found)
 
 
 def learnt_of(scenario: Scenario, belief: Belief, plant: Plant, motion: Motion) -> Belief:

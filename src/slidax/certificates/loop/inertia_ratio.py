@@ -15,6 +15,7 @@ from slidax.diagnosis import Remedy
 from slidax.diagnosis.linear_loop import LinearLoop
 from slidax.scenarios import Scenario
 
+from ..arm.learnt import learns, learnt_ratios
 from ..covers import ARM, covers
 from ..demand import Demand
 from ..verdict import Assumption, Verdict
@@ -25,7 +26,7 @@ Floats = NDArray[np.floating[Any]]
 
 NAME, TITLE = "inertia_ratio", "the joints' loops bear the inertia of all arms of the set"
 
-MATRICES = 160
+MATRICES = 240
 """K for which the loops of all joints are looked at together."""
 
 BETWEEN = 32
@@ -58,7 +59,7 @@ def inertia_ratio(scenario: Scenario, demand: Demand) -> Verdict:
     room = np.where(np.isfinite(room), room, -np.inf)
     joint = int(np.argmin(room))
     alone = bool(np.all(radius < 1.0) and np.all(room > 0.0))
-    together = _together(loops, demand, delay)
+    together = _together(scenario, loops, demand, delay)
     stable = alone and together.radius < 1.0
     names = law.nominal.joint_names
     learning = _learning(law, alone)
@@ -106,7 +107,7 @@ class _Together:
     says: str
 
 
-def _together(loops: Sequence[LinearLoop], demand: Demand, delay: float) -> _Together:
+def _together(scenario: Scenario, loops: Sequence[LinearLoop], demand: Demand, delay: float) -> _Together:
     """The largest modulus of all loops together, for K of members of the set, each at rest where it is."""
     if len(loops) == 1 or not np.any(demand.coupling):
         return _Together(0.0, [], "")
@@ -114,11 +115,14 @@ def _together(loops: Sequence[LinearLoop], demand: Demand, delay: float) -> _Tog
         says = "how the joints' loops do together is not known of a given demand"
         return _Together(np.inf, [Assumption(f"{says}", "assumed")], says)
     # The worst coupled and the worst known come first; the others follow evenly.
-    matrices = np.unique(np.round(demand.matrices, 12), axis=0)
+    learnt = learns(scenario)
+    given = np.concatenate([demand.matrices, learnt_ratios(scenario)]) if learnt else demand.matrices
+    matrices = np.unique(np.round(given, 12), axis=0)
     far = np.argsort(-np.abs(matrices - np.eye(len(loops))).max(axis=(1, 2)), kind="stable")
     which = np.unique(np.concatenate([far[: MATRICES // 2], far[:: max(1, len(far) // (MATRICES // 2))]]))
     radius = max(CoupledMaps.of(loops, matrices[k], delay).radius for k in which)
     text = f"all loops together have a modulus below 1 with {len(which)} K of members on the motion, each of them held"
+    text += ", at first and with what the law learns" if learnt else ""
     says = f"together the joints' loops have a modulus of {radius:.4g} a period, and do not settle"
     return _Together(radius, [Assumption(text, "tested" if radius < 1.0 else "fails", radius)], says)
 
