@@ -89,7 +89,7 @@ AT_1_KHZ = {
     "scheme.sampled_data.estimator={kind: measured, gain: [0,0,0]}": ["estimator.gain", "2 joints", "got 3"],
     "scheme.sampled_data.estimator={kind: measured, trend: 9}": [
         "Measured.trend",
-        "[0, `4 - 2 * gain` = 3.0]",
+        "[0, `4 - 2 * gain` = ",
         "got 9",
     ],
     "scheme.sampled_data.estimator={kind: filtered_difference}": ["sampled_data.estimator.cutoff", "is missing"],

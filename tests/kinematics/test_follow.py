@@ -185,6 +185,12 @@ def test_a_joint_that_would_pass_its_limit_is_named_with_time_and_place():
         follow(arm, [Screw(axis=Pose.of_tip(arm, near).rotation[:, 2], angle=1.0, duration=1.0)], start=near)
 
 
+def test_columns_come_in_any_order_and_in_their_units():
+    read = Through.from_csv('\ufeffZ [mm],"time [ms]", X ,y [cm]\n300,0,1,20\n400,500,1.5,30\n')
+    np.testing.assert_allclose(read.poses, [[1.0, 0.2, 0.3], [1.5, 0.3, 0.4]], rtol=1e-15)
+    np.testing.assert_allclose(read.times, [0.0, 0.5], rtol=1e-15)
+
+
 @pytest.mark.parametrize(
     ("text", "said"),
     [
@@ -192,7 +198,12 @@ def test_a_joint_that_would_pass_its_limit_is_named_with_time_and_place():
         ("x,y,z,w\n1,2,3,4\n", "`w` is none of them"),
         ("x,y,z\n1,2\n", "line 2: 2 entries"),
         ("x,y,z\n1,2,three\n", "line 2, column `z`: `three` is not a number"),
-        ("x,y,z\n", "needs a line that names"),
+        ("x,y,z\n", "has no row below the names of its columns"),
+        ("\n", "is empty: the first line must name the columns, such as `time,x,y,z`"),
+        ("x,y,Z,z\n1,2,3,4\n", "`z` is there twice"),
+        ("x [in],y,z\n1,2,3\n", r"column `x \[in\]`: the unit must be one of m, cm, mm"),
+        ('x,y,"z\n1,2,3\n', "a quotation mark is not closed"),
+        ("x,y,z\n1,2,nan\n", "line 2, column `z`: `nan` is not a finite number"),
     ],
 )
 def test_tables_that_cannot_be_read_are_said_by_line(text, said):

@@ -10,10 +10,12 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from pydantic import TypeAdapter
 
 from slidax._errors import DefinitionError, DefinitionWarning
 from slidax.commissioning import draft
 from slidax.scenarios import Scenario, load
+from slidax.scenarios.trajectories import TrajectoryDescription, warn_of_units
 from slidax.trajectories import Tabulated
 
 INERTIA = 'ixx="0.03" ixy="0" ixz="0" iyy="0.03" iyz="0" izz="0.005"'
@@ -88,6 +90,13 @@ def test_a_motion_in_milliseconds_has_a_word_and_its_remedy_works(file: Path) ->
         warnings.simplefilter("error")
         assert ends_of(loaded(file, kind="csv", text=text, time_unit="ms")) == list(AIM.values())
         loaded(file, kind="csv", text=text, time_unit="s")
+
+
+def test_a_tool_path_in_milliseconds_has_a_word_too() -> None:
+    path = {"kind": "tool_path", "start": [0.0], "text": "time,x,y,z\n0,0,0,0\n2000,1,0,0\n"}
+    described = TypeAdapter(TrajectoryDescription).validate_python(path)
+    with pytest.warns(DefinitionWarning, match=r"in ms\? Then call their column `time \[ms\]`"):
+        warn_of_units(described, Tabulated.through([0.0, 2000.0], [[0.0], [1.0]]), 3.0)
 
 
 def test_nanoseconds_of_a_message_are_suspected(file: Path) -> None:

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from slidax._errors import DefinitionError, counted, each_of
+from slidax._errors import DefinitionError, each_of, plain
+from slidax.trajectories.csv_table import csv_lines, numbers_in, unit_of
 from slidax.trajectories.quintic_spline import quintic_spline
-from slidax.trajectories.source_text import source_text
+from slidax.trajectories.table import TIME_UNITS
 
 from .curve import Spline
 from .moves import AbstractMove, Array, Bound
@@ -28,6 +27,9 @@ NEAR = 1e-4
 
 MOST_POSES = 100_000
 """Rows of a table."""
+
+LENGTHS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
+"""Units of places, in m."""
 
 COLUMNS = ("x", "y", "z", "qw", "qx", "qy", "qz")
 
@@ -55,49 +57,34 @@ class Through(AbstractMove):
 
         - `source`: its path; or the text itself, which has a line break in it.
 
+        Columns come in any order. Units are m and s unless a name has another one in brackets: `x [mm]`, `time [ms]`.
+
         Raises DefinitionError, with line and column, if it has not that form.
         """
-        name, text = source_text(source, is_text=lambda text: "\n" in text)
-        reader = csv.reader(io.StringIO(text, newline=""), skipinitialspace=True, strict=True)
-        lines: list[tuple[int, list[str]]] = []
-        try:
-            for entries in reader:
-                cells = [entry.strip() for entry in entries]
-                if any(cells) and not cells[0].startswith("#"):
-                    lines.append((reader.line_num, cells))
-                if len(lines) > MOST_POSES:
-                    raise DefinitionError(f"{name} has more than {MOST_POSES} rows: leave some of them out")
-        except csv.Error as error:
-            raise DefinitionError(f"{name}, line {reader.line_num}: {error}") from None
-        if len(lines) < 2:
-            raise DefinitionError(f"{name} needs a line that names the columns, such as `time,x,y,z`, and rows")
-        (number, header), rows = lines[0], lines[1:]
-        titles = [title.partition("[")[0].strip() for title in header]
-        wanted = COLUMNS if "qw" in titles else COLUMNS[:3]
-        missing = [column for column in wanted if column not in titles]
-        unknown = [title for title in titles if title not in (*wanted, "time")]
-        if missing or unknown or len(set(titles)) < len(titles):
-            said = (
-                f"`{missing[0]}` is missing" if missing else f"`{unknown[0]}` is none of them" if unknown else "twice"
-            )
+        name, number, titles, lines = csv_lines(source, "time,x,y,z")
+        where = f"{name}, line {number}"
+        named = [unit_of(title) for title in titles]
+        header = [title.casefold() for title, _ in named]
+        wanted = COLUMNS if "qw" in header else COLUMNS[:3]
+        said = [f"`{column}` is missing" for column in wanted if column not in header]
+        said += [f"`{plain(title)}` is none of them" for title in header if title not in (*wanted, "time")]
+        said += [f"`{title}` is there twice" for title in header if header.count(title) > 1]
+        if said:
             raise DefinitionError(
-                f"{name}, line {number}: the columns must be x, y, z, perhaps qw, qx, qy, qz, and perhaps time: {said}"
+                f"{where}: the columns must be x, y, z, perhaps qw, qx, qy, qz, and perhaps time: {said[0]}"
             )
-        values = np.empty((len(rows), len(titles)))
-        for row, (number, cells) in enumerate(rows):
-            if len(cells) != len(titles):
-                raise DefinitionError(
-                    f"{name}, line {number}: {counted(len(cells), 'entry', 'entries')}, but the header names "
-                    f"{len(titles)}"
-                )
-            for column, cell in enumerate(cells):
-                try:
-                    values[row, column] = float(cell)
-                except ValueError:
-                    where = f"{name}, line {number}, column `{titles[column]}`"
-                    raise DefinitionError(f"{where}: `{cell}` is not a number") from None
-        times = values[:, titles.index("time")] if "time" in titles else None
-        return Through(poses=values[:, [titles.index(column) for column in wanted]], times=times)
+        values, rows = numbers_in(name, titles, lines, MOST_POSES)
+        if not len(rows):
+            raise DefinitionError(f"{name} has no row below the names of its columns")
+        for column, (_, unit) in enumerate(named):
+            kind = header[column]
+            known = TIME_UNITS if kind == "time" else LENGTHS if kind in COLUMNS[:3] else {"": 1.0, "1": 1.0}
+            if unit is not None and unit not in known:
+                words = ", ".join(one for one in known if one)
+                raise DefinitionError(f"{where}, column `{plain(titles[column])}`: the unit must be one of {words}")
+            values[:, column] *= 1.0 if unit is None else known[unit]
+        times = values[:, header.index("time")] if "time" in header else None
+        return Through(poses=values[:, [header.index(column) for column in wanted]], times=times)
 
     def bound(self, pose: Pose) -> Bound:
         """The move from a pose on.

@@ -13,6 +13,7 @@ from slidax._names import matched, quoted
 from slidax.robots import AbstractRobot
 from slidax.robots.joint_limits import JointLimits
 from slidax.trajectories import AbstractTrajectory, MinimumJerk, Tabulated, Trapezoidal
+from slidax.trajectories.piecewise_polynomial import AbstractPiecewisePolynomial
 from slidax.trajectories.tabulated import TimeUnit
 
 from .base import AbstractDescription, FileName, Numbers, said
@@ -217,15 +218,20 @@ def warn_of_units(described: Any, trajectory: AbstractTrajectory, t1: float) -> 
     - `trajectory`: what it describes.
     - `t1`: the end of the run [s].
     """
-    if not isinstance(described, TableTrajectory) or described.time_unit is not None:
+    is_tool = isinstance(described, ToolPathTrajectory)
+    if not (is_tool or isinstance(described, TableTrajectory)) or not (described.file or described.text):
         return
-    assert isinstance(trajectory, Tabulated)
+    if not is_tool and described.time_unit is not None:
+        return
+    assert isinstance(trajectory, AbstractPiecewisePolynomial)
     until = float(trajectory.until)
     if until < LONGER * t1:
         return
     likely = next((unit for unit, factor in (("ms", 1e-3), ("us", 1e-6), ("ns", 1e-9)) if until * factor < 10 * t1), "")
-    remedy = "set `trajectory.time_unit` to s, or make `simulation.t1` longer"
-    if likely:
+    remedy = "make `simulation.t1` longer" + ("" if is_tool else ", or set `trajectory.time_unit` to s")
+    if likely and is_tool:
+        remedy = f"are its times in {likely}? Then call their column `time [{likely}]`"
+    elif likely:
         remedy = f"are its times in {likely}? Then set `trajectory.time_unit` to {likely}, otherwise to s"
     name = "the text" if described.file is None else f"`{Path(described.file).name}`"
     warnings.warn(

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from slidax._errors import DefinitionError, counted, plain
 
@@ -60,11 +61,7 @@ def csv_table(
 
     Raises DefinitionError, with line and column, if it has not that form.
     """
-    name, text = source_text(source, is_text=lambda text: "\n" in text or "\r" in text)
-    lines = _lines(text, name)
-    header_line, header = next(lines, (0, []))
-    if not header:
-        raise DefinitionError(f"{name} is empty: the first line must name the columns, such as `time,shoulder,elbow`")
+    name, header_line, header, lines = csv_lines(source, "time,shoulder,elbow")
     where = f"{name}, line {header_line}"
     columns, time = _columns(header, where)
     names = list(columns["positions"])
@@ -73,20 +70,7 @@ def csv_table(
     _require_units(columns["positions"], chosen, joints, units, where)
     if time_unit is not None and time.unit and time.factor != TIME_UNITS[time_unit]:
         raise DefinitionError(f"{where}, column `{header[time.place]}`: the times cannot also be in {time_unit}")
-    # Row by row, so that the texts of all entries are never in memory together.
-    numbers, rows = array("d"), array("q")
-    for line, row in lines:
-        if len(row) != len(header):
-            raise DefinitionError(
-                f"{name}, line {line}: {counted(len(row), 'entry', 'entries')}, but the header names {len(header)} "
-                "(a decimal comma counts as a comma)"
-            )
-        if len(rows) == MOST_ROWS:
-            raise DefinitionError(f"{name} has more than {MOST_ROWS} rows: leave some of them out")
-        rows.append(line)
-        for column, cell in enumerate(row):
-            numbers.append(_number(cell, f"{name}, line {line}, column `{plain(header[column])}`"))
-    values = np.array(numbers, dtype=float).reshape(len(rows), len(header))
+    values, rows = numbers_in(name, header, lines, MOST_ROWS)
     parts = {
         kind: np.stack(
             [columns[kind][joint].factor * values[:, columns[kind][joint].place] for joint in chosen], axis=1
@@ -98,6 +82,65 @@ def csv_table(
     said = time_unit is not None or bool(time.unit)
     lines_of = [f"line {line}" for line in rows]
     return Table(name, tuple(joints or chosen), lines_of, factor * values[:, time.place], **parts, unit_is_known=said)
+
+
+def csv_lines(source: str | Path, example: str) -> tuple[str, int, list[str], Iterator[tuple[int, list[str]]]]:
+    """What to call a CSV file in messages, the number of its first line, the names of its columns, and its other lines.
+
+    - `source`: path, or the text itself, which has a line break in it.
+    - `example`: of the first line, for a message.
+
+    Blank lines and those that begin with `#` are left out. Raises DefinitionError if there is no line, or it is no CSV.
+    """
+    name, text = source_text(source, is_text=lambda text: "\n" in text or "\r" in text)
+    lines = _lines(text, name)
+    first, header = next(lines, (0, []))
+    if not header:
+        raise DefinitionError(f"{name} is empty: the first line must name the columns, such as `{example}`")
+    return name, first, header, lines
+
+
+def numbers_in(
+    name: str, header: list[str], lines: Iterator[tuple[int, list[str]]], most: int
+) -> tuple[NDArray[np.float64], array[int]]:
+    """The numbers of a table [rows, columns], and the line of each row.
+
+    - `name`: of the table, for messages.
+    - `header`: names of the columns.
+    - `lines`: entries of each line, with its number.
+    - `most`: rows that are read.
+
+    Raises DefinitionError, with line and column, for what is no finite number, and if there are more rows.
+    """
+    # Row by row, so that the texts of all entries are never in memory together.
+    numbers, rows = array("d"), array("q")
+    for line, row in lines:
+        if len(row) != len(header):
+            raise DefinitionError(
+                f"{name}, line {line}: {counted(len(row), 'entry', 'entries')}, but the header names {len(header)} "
+                "(a decimal comma counts as a comma)"
+            )
+        if len(rows) == most:
+            raise DefinitionError(f"{name} has more than {most} rows: leave some of them out")
+        rows.append(line)
+        for column, cell in enumerate(row):
+            numbers.append(_number(cell, f"{name}, line {line}, column `{plain(header[column])}`"))
+    return np.array(numbers, dtype=float).reshape(len(rows), len(header)), rows
+
+
+def unit_of(title: str) -> tuple[str, str | None]:
+    """The name of a column and what its title has in brackets; None without.
+
+    - `title`: of the column.
+    """
+    found = re.fullmatch(r"(.*?)\s*(?:\[(.*)\])?", title, re.S)
+    assert found is not None
+    return found[1], None if found[2] is None else _plain_unit(found[2])
+
+
+def _plain_unit(unit: str) -> str:
+    """A unit in small letters without powers and spaces: `rad/s^2` becomes `rad/s2`."""
+    return unicodedata.normalize("NFKC", unit).casefold().replace("^", "").replace(" ", "")
 
 
 def _lines(text: str, name: str) -> Iterator[tuple[int, list[str]]]:
@@ -139,7 +182,7 @@ def _columns(header: list[str], where: str) -> tuple[dict[str, dict[str, Column]
             raise DefinitionError(f"{where}: column {place + 1} has no name")
         kind = "time" if joint.casefold() == "time" and not suffix else KINDS[suffix]
         known = TIME_UNITS if kind == "time" else UNITS[kind]
-        key = None if unit is None else unicodedata.normalize("NFKC", unit).casefold().replace("^", "").replace(" ", "")
+        key = None if unit is None else _plain_unit(unit)
         if key is not None and key not in known:
             raise DefinitionError(f"{where}, column `{title}`: the unit must be one of {', '.join(known)}")
         si = "" if key is None else "s" if kind == "time" else "rad" if key.startswith(ANGLES) else "m"

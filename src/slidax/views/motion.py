@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from slidax._errors import DefinitionError, counted
+from slidax._names import quoted
 from slidax.figures.logged import log_of
 from slidax.simulation import Log, Run
 
@@ -57,6 +58,11 @@ def motion(run: Run, skeleton: Skeleton, rate: float, most: int) -> Motion:
     if q.shape[1] != skeleton.joints:
         raise DefinitionError(
             f"the run has {counted(q.shape[1], 'joint')}, but this robot has {skeleton.joints}; give its own"
+        )
+    names = skeleton.names
+    if tuple(names) != tuple(run.joint_names) and set(names) == set(run.joint_names):
+        raise DefinitionError(
+            f"the run's joints are {quoted(run.joint_names)}, but this robot's order is {quoted(names)}; give its own"
         )
     good = sound_samples(log)
     t, q, desired = np.asarray(log.t)[good], q[good], desired[good]

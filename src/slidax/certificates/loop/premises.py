@@ -6,6 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from slidax._errors import counted
+
 from ..arm.learnt import learns
 from ..arm.part import SPARE as SLOPE
 from ..arm.part import STRIDE, Part
@@ -28,10 +30,11 @@ def of_the_entry(entry: Entry, assembly: Setting, spare: float) -> list[Assumpti
     since = float(assembly.set_in[0])
     unit = assembly.subject.law.nominal.joint_units
     far = float(np.max(np.abs(entry.states[:, 0])))
+    cases = counted(entry.cases, "case")
     return [
         Assumption(
-            f"until t = {since:.3g} s the envelope is kept, as in {entry.cases} cases of the set, where the least "
-            f"margin is {entry.margin:.2g} of its width",
+            f"until t = {since:.3g} s the envelope is kept, as in {cases} of the set, where the least margin is "
+            f"{entry.margin:.2g} of its width",
             "tested",
             entry.margin,
         ),
@@ -42,7 +45,7 @@ def of_the_entry(entry: Entry, assembly: Setting, spare: float) -> list[Assumpti
             far,
         ),
         Assumption(
-            f"from then on torque and torque rate stay within their limits, as in these {entry.cases} cases",
+            f"from then on torque and torque rate stay within their limits, as in the {cases} above",
             "tested",
             float(entry.cases),
         ),
