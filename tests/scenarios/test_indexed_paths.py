@@ -40,6 +40,7 @@ def test_numbered_joints_are_named_by_their_numbers_from_1() -> None:
     ("path", "words"),
     [
         ("start.q[7]", "`start.q` is a list of 7; `7` is not one of its numbers from 0"),
+        ("start.q.panda_joint4", "is not one of its numbers from 0. Write `start.q[0]`, or `start.q[JOINT]`"),
         ("start.q[panda_joint]", "`panda_joint` is no joint of the robot, and no number from 0 to 6; did you mean"),
         ("start.q[-1]", "`-1` is no joint of the robot, and no number from 0 to 6"),
         ("start.q[", "is no path: a place in a list has the form"),

@@ -80,7 +80,8 @@ def _set(data: dict[str, Any], path: str, value: Any, joints: int) -> None:
         if isinstance(place, list):
             if not (part.isascii() and part.isdigit() and len(part) < 10) or int(part) >= len(place):
                 raise DefinitionError(
-                    f"`{here}` is a list of {len(place)}; `{plain(part)}` is not one of its numbers from 0"
+                    f"`{here}` is a list of {len(place)}; `{plain(part)}` is not one of its numbers from 0. Write "
+                    f"`{here}[0]`, or `{here}[JOINT]` where each entry belongs to a joint"
                 )
             key: Any = int(part)
         elif isinstance(place, dict):
