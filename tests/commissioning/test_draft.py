@@ -129,3 +129,26 @@ def test_two_arms_ask_for_the_tip(tmp_path: Path) -> None:
 def test_what_cannot_be_is_one_line(robot: str, rate: float, said: str) -> None:
     with pytest.raises(DefinitionError, match=said):
         draft(robot, rate)
+
+
+SLIDE = """<robot name="slides"><link name="base"/>{}</robot>"""
+SLIDING = """<link name="l{k}"><inertial><origin xyz="0 0 0.1"/><mass value="2"/>
+<inertia ixx="0.02" iyy="0.02" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="j{k}" type="{kind}"><parent link="{parent}"/><child link="l{k}"/><origin xyz="0 0 0.2"/>
+<axis xyz="0 0 1"/><limit lower="-1" upper="1" velocity="2" effort="300"/></joint>"""
+
+
+def test_a_single_joint_whose_tip_is_on_its_axis_has_a_posture(tmp_path: Path) -> None:
+    text = SLIDE.format(SLIDING.format(k=0, kind="prismatic", parent="base"))
+    # A division by zero would be a warning, which is an error in the tests.
+    made, scenario = new(tmp_path, text, changes={"simulation.t1": 0.5})
+    assert np.isfinite(scenario.state0.q).all() and "nan" not in made.text
+    assert metrics.envelope_violations(scenario.simulate()) == 0
+
+
+def test_a_velocity_that_all_joints_share_has_the_units_of_all(tmp_path: Path) -> None:
+    kinds, parents = ("revolute", "prismatic", "revolute"), ("base", "l0", "l1")
+    links = (SLIDING.format(k=k, kind=kind, parent=parents[k]) for k, kind in enumerate(kinds))
+    (tmp_path / "arm.urdf").write_text(SLIDE.format("".join(links)))
+    notes = draft(tmp_path / "arm.urdf", folder=tmp_path).notes
+    assert any("2 rad/s or m/s on every joint" in note for note in notes)

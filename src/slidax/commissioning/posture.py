@@ -44,7 +44,8 @@ def home_of(arm: Articulated, ratings: Ratings) -> Numbers:
     burden = (np.abs(weight) / ratings.torque).max(axis=1)
     up = -np.asarray(arm.gravity_vector)
     up = up / np.linalg.norm(up) if np.linalg.norm(up) > 0 else np.array([0.0, 0.0, 1.0])
-    reach = np.abs(tips - points[:, 0]).max()
+    # The tip of a single joint may be on its axis.
+    reach = max(np.abs(tips - points[:, 0]).max(), 1e-9)
     below = np.maximum(0.0, -np.minimum((points @ up).min(axis=1), tips @ up))
     away = (np.abs(places - zero) / wide).mean(axis=1)
     score = (

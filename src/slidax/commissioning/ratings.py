@@ -80,8 +80,9 @@ def ratings_of(arm: Articulated) -> Ratings:
             f"assumed"
         )
     elif len(velocity) > 2 and np.ptp(velocity) < 1e-9:
+        either = " or ".join(f"{unit}/s" for unit in dict.fromkeys(units))
         notes.append(
-            f"all joints: {velocity[0]:g} {units[0]}/s on every joint, which may be a placeholder; the motion takes "
+            f"all joints: {velocity[0]:g} {either} on every joint, which may be a placeholder; the motion takes "
             f"40 % of it at most"
         )
     torque, said = _torques(arm, lower, upper)
