@@ -109,3 +109,14 @@ def test_a_folder_that_cannot_be_written_is_one_line(tmp_path: Path) -> None:
     taken.write_text("a file")
     assert_one_line(["cannot write", "taken"], "run", "example-4.1-1khz", *SHORT, "--out", str(taken))
     assert_one_line(["taken"], "export", "c", "example-4.1-1khz", "--out", str(taken))
+
+
+def test_a_panic_of_a_foreign_library_is_one_line(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    class PanicException(BaseException):
+        """As PyO3 raises it."""
+
+    def panic(*_: object) -> None:
+        raise PanicException("called `Result::unwrap()` on an `Err` value\nnote: run with RUST_BACKTRACE=1")
+
+    monkeypatch.setattr("slidax.logs.read_mcap", panic)
+    assert_one_line(["a library failed in itself (called `Result::unwrap()`"], "replay", str(tmp_path / "x.mcap"))

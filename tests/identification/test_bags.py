@@ -159,6 +159,12 @@ def test_joints_of_a_gripper_in_the_same_message_are_left_out_and_named(tmp_path
     assert_read(read_log(path, ARM), "no joint `finger1`, `finger2`: left out")
 
 
+def test_names_in_another_case_are_the_arms_joints(tmp_path):
+    names = ("Wrist", "SHOULDER", "el_bow")
+    messages = [joint_state(t, names, Q[k, [2, 0, 1]], (), TAU[k, [2, 0, 1]]) for k, t in enumerate(T)]
+    assert_read(read_log(write_mcap(tmp_path / "a.mcap", {"/joint_states": messages}), ARM))
+
+
 def test_missing_joints_are_named(tmp_path):
     messages = [joint_state(t, ARM[:1], Q[k, :1], (), TAU[k, :1]) for k, t in enumerate(T)]
     path = write_mcap(tmp_path / "a.mcap", {"/joint_states": messages})

@@ -58,6 +58,13 @@ def errors_as_lines() -> Iterator[None]:
     except (MemoryError, RecursionError) as error:
         _say(f"this is too large to compute here ({type(error).__name__}): use fewer or smaller parts")
         raise typer.Exit(DEFINITION) from None
+    except BaseException as error:
+        # A panic of a foreign library in Rust, which derives from nothing else.
+        if type(error).__name__ != "PanicException":
+            raise
+        reason = str(error).partition("\n")[0]
+        _say(f"a library failed in itself ({reason}): if the disk is not full, please report this command")
+        raise typer.Exit(DEFINITION) from None
 
 
 def _cannot_write(error: OSError) -> str:

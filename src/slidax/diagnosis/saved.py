@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 
 import numpy as np
 
-from slidax._errors import DefinitionError
+from slidax._errors import DefinitionError, DefinitionWarning
 from slidax.logs import SavedLog, read_mcap
 from slidax.scenarios import Scenario, load, of_log
 from slidax.simulation import read_columns
@@ -24,6 +25,10 @@ def read_saved(saved: Path) -> tuple[Scenario, dict[str, np.ndarray], bool]:
     """
     if saved.suffix == ".mcap":
         log = read_mcap(saved)
+        if not log.whole:
+            warnings.warn(
+                f"`{saved}` has no end or is damaged: it is read as far as it is whole", DefinitionWarning, stacklevel=2
+            )
         return of_log(log), _columns(log), True
     for name in (SCENARIO, LOG):
         if not (saved / name).is_file():

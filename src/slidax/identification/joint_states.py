@@ -14,6 +14,7 @@ import numpy as np
 
 from slidax._errors import DefinitionError, nearest, plain, shown
 from slidax._files import MEGABYTE, open_file, whole_number
+from slidax._names import matched
 
 from .log import Log
 from .reading import Reading
@@ -53,7 +54,8 @@ def log_of_messages(
         names = _names(message, where)
         if names not in places:
             places[names] = _places(names, joints, where)
-            others.update(name for name in names if name not in joints and places[names] is not None)
+            taken = places[names]
+            others.update(name for place, name in enumerate(names) if taken is not None and place not in taken)
         indices = places[names]
         if indices is None:
             lost += 1
@@ -175,18 +177,18 @@ def _names(message: Any, where: str) -> tuple[str, ...]:
 
 def _places(names: tuple[str, ...], joints: Sequence[str], where: str) -> list[int] | None:
     """Where the arm's joints are among the names; None if none of them is."""
-    known = [name for name in joints if name in names]
-    if not known:
+    places = matched(names, joints)
+    if not places:
         return None
-    missing = [joint for joint in joints if joint not in names]
+    missing = [joint for joint in joints if joint not in places]
     if missing:
-        others = [name for name in names if name not in joints]
+        others = [name for place, name in enumerate(names) if place not in places.values()]
         near = nearest(missing[0], others) if others else "lock it in the robot file if it is not measured"
         raise DefinitionError(f"{where}: there is no joint {', '.join(f'`{joint}`' for joint in missing)}; {near}")
     for joint in joints:
         if names.count(joint) > 1:
             raise DefinitionError(f"{where}: the joint `{joint}` is there {names.count(joint)} times")
-    return [names.index(joint) for joint in joints]
+    return [places[joint] for joint in joints]
 
 
 def _numbers(entries: Any, indices: Sequence[int], count: int, where: str) -> list[float]:

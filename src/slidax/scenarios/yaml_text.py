@@ -32,8 +32,7 @@ def text_of(path: Path, what: str = "the file") -> str:
 
     Raises DefinitionError if it cannot be read.
     """
-    # A character has at most four bytes.
-    return read_text(path, what, most=4 * MOST_CHARACTERS)
+    return read_text(path, what)
 
 
 def read_yaml_file(path: Path, what: str = "the file") -> Any:
