@@ -167,7 +167,9 @@ def test_of_two_arms_in_one_table_the_user_says_which(tmp_path):
 def test_currents_are_not_taken_for_torques(tmp_path):
     titles = ["timestamp", *numbered("actual_q", "{word}_{k}", 0), *numbered("actual_current", "{word}_{k}", 0)]
     path = write(tmp_path / "a.csv", titles, separator=" ")
-    with pytest.raises(DefinitionError, match=r"motor currents \[A\], not torques.*`--columns tau=actual_current`"):
+    with pytest.raises(
+        DefinitionError, match=r"motor currents \[A\], not torques.*`--columns tau=actual_current --torque-scale A,B,C`"
+    ):
         read_log(path, ARM)
     assert_read(read_log(path, ARM, columns=parse_columns(["tau=actual_current"])))
 

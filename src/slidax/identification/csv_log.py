@@ -39,17 +39,18 @@ def read_csv(path: Path, joints: Sequence[str], reading: Reading) -> Log:
         form = form_of(lines_of(file, name), name)
         columns = match_columns(form.titles, joints, name, reading)
         places = [form.titles.index(title) for title in columns.titles]
+        optional = [form.titles.index(title) for title in columns.of.get("dq", [])]
         with closing(lines_of(file, name)) as lines:
-            values, notes = _numbers(lines, form, places, name)
+            values, notes = _numbers(lines, form, places, optional, name)
     return columns.log(name, joints, dict(zip(columns.titles, values.T, strict=True)), notes)
 
 
 def _numbers(
-    lines: Iterator[tuple[int, str]], form: Form, places: Sequence[int], name: str
+    lines: Iterator[tuple[int, str]], form: Form, places: Sequence[int], optional: Sequence[int], name: str
 ) -> tuple[np.ndarray, list[str]]:
     """The numbers of the columns at these places, the first of which are the times."""
     time = places[0]
-    rows, notes = _Rows(lines, form, places, name), list[str]()
+    rows, notes = _Rows(lines, form, places, optional, name), list[str]()
     first = next(rows, None)
     if first is None:
         raise DefinitionError(f"{name} names {len(form.titles)} columns, but has no rows of numbers")
@@ -74,8 +75,15 @@ def _numbers(
 class _Rows:
     """The rows of a table with only the columns that are needed, separated by tabs."""
 
-    def __init__(self, lines: Iterator[tuple[int, str]], form: Form, places: Sequence[int], name: str) -> None:
-        self._lines, self._form, self._places, self._name = lines, form, places, name
+    def __init__(
+        self,
+        lines: Iterator[tuple[int, str]],
+        form: Form,
+        places: Sequence[int],
+        optional: Sequence[int],
+        name: str,
+    ) -> None:
+        self._lines, self._form, self._places, self._optional, self._name = lines, form, places, optional, name
         self.pushed: str | None = None
         self._last: list[tuple[int, str]] = []
 
@@ -104,7 +112,7 @@ class _Rows:
             if not cells[place]:
                 raise DefinitionError(
                     f"{self._name}, line {number}: column `{plain(self._form.titles[place])}` is empty; leave out "
-                    "this line, or the column if it is not needed (`--drop NAME`)"
+                    f"this line{' or all velocities (`--drop dq`)' if place in self._optional else ''}"
                 )
         self._last.append((number, row))
         if len(self._last) > 4:

@@ -278,15 +278,20 @@ class _Matching:
         )
 
     def _refuse_other_torques(self) -> None:
-        for words, reason in (
-            (CURRENTS, "motor currents [A], not torques: multiply them by torque constant and gear ratio first"),
-            (COMPUTED, "torques that a controller computed, not measured ones"),
+        for words, reason, option, how in (
+            (
+                CURRENTS,
+                "motor currents [A], not torques",
+                " --torque-scale A,B,C",
+                "multiplied by each joint's N m per A",
+            ),
+            (COMPUTED, "torques that a controller computed, not measured ones", "", "all the same"),
         ):
             groups = self._groups(words, positions=False)
             for (word, prefix), group in sorted(groups.items(), key=lambda item: item[0]):
                 if self._whole(group):
                     name = f"{prefix}.{words[word]}".strip(".")
                     raise DefinitionError(
-                        f"{self.source} has no torques, only `{name}`: {reason}; if the columns are torques all the "
-                        f"same, `--columns tau={name}` reads them so"
+                        f"{self.source} has no torques, only `{name}`: {reason}; `--columns tau={name}{option}` "
+                        f"reads them {how}"
                     )
