@@ -97,6 +97,9 @@ def test_of_a_law_that_learns_no_line_is_proved() -> None:
     assert verdict.holds and verdict.grade == "C"
     assert not any(one.status == "proved" for one in verdict.assumptions)
     assert "16 simulated arms" in verdict.statement
+    # Nor where the envelope narrows so fast that the closed form of the rule does not hold.
+    wide = {**masses, "start.q": {"around": 0.05, "each": "joint"}}
+    assert loop_rate(load(NAME, {"uncertainty": wide}), remedies=False).grade == "C"
 
 
 def test_the_grade_says_how_many_lines_are_proved() -> None:

@@ -75,14 +75,13 @@ def of_the_loops(assembly: Assembly, found: Certified, chance: float) -> list[As
     """
     spread = float(np.max(found.spread))
     cells = found.kappa.shape[1]
-    within: Status = "tested" if learns(assembly.subject.scenario) else "proved"
     return [
         Assumption(
             "κ may change in any way within its range"
             if cells == 1
             else f"κ of a joint stays within a factor {(1.0 + spread) ** 2:.3g} for as long as its loop remembers; "
             f"which part of its range that is, is not assumed ({cells} parts)",
-            within if cells == 1 else "assumed",
+            _at_most(assembly) if cells == 1 else "assumed",
             (1.0 + spread) ** 2,
         ),
         *of_the_law(assembly, found, chance),
@@ -136,8 +135,13 @@ def of_the_law(assembly: Setting, found: Certified, chance: float) -> list[Assum
     if slim or np.any(found.narrowing.unruly):
         where = "N or A are at a tenth of ρ" if slim else "N is not convex or ρ̇ not concave"
         text = f"{where} for some of the approach, so that the closed form does not hold; the recursion needs neither"
-        listed.append(Assumption(text, "proved"))
+        listed.append(Assumption(text, _at_most(assembly)))
     return listed
+
+
+def _at_most(assembly: Setting) -> Status:
+    """The status of what is proved for each arm that the bound is about: of a law that learns these are simulated ones."""
+    return "tested" if learns(assembly.subject.scenario) else "proved"
 
 
 def _computed(assembly: Setting) -> Assumption:
