@@ -140,7 +140,7 @@ def of_the_law(assembly: Setting, found: Certified, chance: float) -> list[Assum
 
 
 def _at_most(assembly: Setting) -> Status:
-    """The status of what is proved for each arm that the bound is about: of a law that learns these are simulated ones."""
+    """The status of what is proved for each arm of the bound: for a law that learns, these are simulated ones."""
     return "tested" if learns(assembly.subject.scenario) else "proved"
 
 
