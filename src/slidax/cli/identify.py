@@ -93,6 +93,10 @@ def identify(
     torque_sign: Annotated[
         str | None, typer.Option(metavar="LIST", help="1 or -1, one or for each joint.", rich_help_panel=UNITS)
     ] = None,
+    add_gravity: Annotated[
+        bool,
+        typer.Option("--add-gravity", help="The log's torques lack those of gravity.", rich_help_panel=UNITS),
+    ] = False,
     torque_delay: Annotated[
         float, typer.Option(help="Time by which torques come after positions (s).", rich_help_panel=UNITS)
     ] = 0.0,
@@ -142,6 +146,7 @@ def identify(
             torque_unit=torque_unit,
             torque_scale=_numbers("--torque-scale", torque_scale or "1"),
             torque_sign=_numbers("--torque-sign", torque_sign or "1"),
+            add_gravity=add_gravity,
             torque_delay=torque_delay,
             joint_order=_words(joint_order),
             position_order=_words(position_order),
@@ -168,8 +173,9 @@ def identify(
             cut_off=cut_off,
             held_out=held_out,
         )
-        for sentence in found.warnings:
-            say_warning(sentence)
+        if json:
+            for sentence in found.warnings:
+                say_warning(sentence)
         if out is not None:
             identification.write_arm(found, description, out)
         if report is not None:

@@ -67,6 +67,7 @@ def arm_as_yaml(found: Identification, robot: Mapping[str, Any], folder: Path = 
     lines = [
         f"# {found.robot.name}, identified from {found.log.source}: {len(found.log.t)} samples.",
         "# Standard errors are of one sigma; `seen: false` means that the log does not show it.",
+        *(f"# Warning: {sentence}." for sentence in found.warnings),
         "robot:",
         *_block(described | ({"nominal": nominal} if nominal else {}) | ({"plant": plant} if plant else {}), 1),
         "uncertainty:",

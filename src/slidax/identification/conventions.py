@@ -53,6 +53,7 @@ class Conventions:
     - `torque_unit`: `Nm`, `mNm`, `Ncm`, `kNm`, `kgfm`, `kgfcm`, `lbfft`, `lbfin` or `ozfin`.
     - `torque_scale`: a factor of the torques, such as gear ratio times torque constant for motor currents.
     - `torque_sign`: 1, or -1 for a torque that the log counts in the opposite direction.
+    - `add_gravity`: whether the log's torques lack those of gravity, which the controller compensates by itself.
     - `torque_delay`: the time by which the log's torques come after its positions, s.
     - `joint_order`: for each joint of the log as read, the arm's joint that its values belong to.
     - `position_order`, `torque_order`: the same for positions and velocities alone, and for torques alone.
@@ -68,6 +69,7 @@ class Conventions:
     torque_unit: str = "Nm"
     torque_scale: Sequence[float] = (1.0,)
     torque_sign: Sequence[float] = (1.0,)
+    add_gravity: bool = False
     torque_delay: float = 0.0
     joint_order: Sequence[str] = ()
     position_order: Sequence[str] = ()

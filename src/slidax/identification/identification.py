@@ -138,6 +138,7 @@ class Identification:
         lines.append(f"torque [rms] measured     {_listed(self.measured_rms)}")
         lines.append(f"             error, fit   {_listed(self.fit_rms)}")
         lines.append(f"             held out     {_listed(self.held_out_rms)}")
+        lines += [f"warning: {sentence}" for sentence in self.warnings]
         if self.unseen_directions:
             lines.append(f"{self.unseen_directions} combinations of these numbers do not show in this log")
         return "\n".join(lines)

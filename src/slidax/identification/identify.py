@@ -18,6 +18,7 @@ from .identification import Identification
 from .least_squares import Fit, fit
 from .log import FEWEST, Log
 from .motion_checks import require_radians
+from .outliers import without_outliers
 from .plausibility import judge_result
 from .read_log import read_log
 from .regressor import BODY
@@ -25,6 +26,7 @@ from .sample import BAND
 from .signals import LEAST, Signals, signals_of
 from .timing import timed
 from .torque_checks import require_torques, usable_torques
+from .torque_model import with_gravity_torques
 from .unknowns import Unknowns, unknowns_of
 
 EXPLAINED = 0.5
@@ -82,8 +84,12 @@ def identify(
         payload = not links
     conventions = conventions or Conventions()
     log = conventions.applied(log, robot.joint_units)
+    if conventions.add_gravity:
+        log = with_gravity_torques(log, robot)
     usable, sentences = usable_torques(log, robot, conventions)
     ignored = ~usable
+    log, more = without_outliers(log, robot)
+    sentences += more
     require_radians(log, robot)
     pieces = timed(log, robot)
     log = pieces.log
@@ -136,8 +142,8 @@ def identify(
         warnings=warnings,
         seconds=time.perf_counter() - started,
     )
-    more = judge_result(identification, robot, signals, ignored)
-    return replace(identification, warnings=warnings + more)
+    doubts = judge_result(identification, robot, signals, ignored)
+    return replace(identification, warnings=warnings + doubts)
 
 
 def explained_band(unknowns: Unknowns, signals: Signals, found: Fit, rows: slice) -> float:

@@ -12,12 +12,15 @@ from slidax.robots import Articulated
 
 from .conventions import Conventions
 from .motion_checks import DEGREE
-from .repair import Repair, exchanges, flips, improved, listed, named, order_option, same_or_listed
+from .repair import EACH, Repair, exchanges, flips, improved, listed, named, order_option, same_or_listed
 from .sample import Sample
 from .torque_model import Match, drive_columns, matched, nonnegative, rigid_torques, with_gravity
 
 FEW = 4
 """Joints of which all orders are tried; of more, exchanges of two as long as the match gets better."""
+
+STEPS = 12
+"""Positions of another zero that are tried in a turn."""
 
 
 def position_signs(robot: Articulated, sample: Sample, conventions: Conventions) -> Iterator[Repair]:
@@ -93,22 +96,38 @@ def position_units(robot: Articulated, sample: Sample, conventions: Conventions)
         degrees = sample.with_positions(same, np.where(turning, DEGREE, 1.0), zero)
         yield Repair("positions in degrees", "--position-unit deg", 1, matched(robot, degrees))
 
-    def quarters(offset: np.ndarray) -> Iterator[np.ndarray]:
+    def match_of(offset: np.ndarray) -> Match:
+        return matched(robot, sample.with_positions(same, one, offset))
+
+    def others(offset: np.ndarray) -> Iterator[np.ndarray]:
         for joint in np.nonzero(turning)[0]:
-            for quarter in (0.5 * np.pi, np.pi, 1.5 * np.pi):
+            for turn in np.arange(1, STEPS) * 2.0 * np.pi / STEPS:
                 other = offset.copy()
-                other[joint] = (offset[joint] + quarter + np.pi) % (2.0 * np.pi) - np.pi
+                other[joint] = (offset[joint] + turn + np.pi) % (2.0 * np.pi) - np.pi
                 yield other
 
-    zeros, match = improved(zero, lambda offset: matched(robot, sample.with_positions(same, one, offset)), quarters)
-    if zeros.any():
-        total = zeros + conventions.each("position_offset", n)
-        yield Repair(
-            f"another zero of the positions of {named(robot, zeros != 0.0)}",
-            f"--position-offset {listed(total, 5)}",
-            2 * int((zeros != 0.0).sum()),
-            match,
-        )
+    zeros, match = improved(zero, match_of, others)
+    if not zeros.any():
+        return
+    for joint in np.nonzero(zeros)[0]:
+
+        def along(value: float, joint: int = int(joint)) -> float:
+            return match_of(np.where(np.arange(n) == joint, value, zeros)).score
+
+        step = 2.0 * np.pi / STEPS
+        near = (zeros[joint] - step, zeros[joint] + step)
+        best = optimize.minimize_scalar(along, bounds=near, method="bounded", options={"maxiter": 15}).x
+        quarter = 0.5 * np.pi * np.round(best / (0.5 * np.pi))
+        # A zero is a matter of convention where it is about a quarter of a turn away.
+        zeros[joint] = quarter if abs(best - quarter) < 0.1 and along(quarter) < along(best) + EACH else best
+    match = match_of(zeros)
+    total = zeros + conventions.each("position_offset", n)
+    yield Repair(
+        f"another zero of the positions of {named(robot, zeros != 0.0)}",
+        f"--position-offset {listed(total, 5)}",
+        2 * int((zeros != 0.0).sum()),
+        match,
+    )
 
 
 def mountings(robot: Articulated, sample: Sample) -> Iterator[Repair]:
@@ -139,6 +158,12 @@ def mountings(robot: Articulated, sample: Sample) -> Iterator[Repair]:
         turned = strength * vector / (np.linalg.norm(vector) + 1e-12)
         return matched(with_gravity(robot, turned), sample).score
 
+    yield Repair(
+        "the arm's gravity added to them, as of a controller that compensates it by itself",
+        "--add-gravity",
+        1,
+        matched(with_gravity(robot, np.zeros(3)), sample),
+    )
     around = [np.array(signs) * felt for signs in itertools.product((-1.0, 0.0, 1.0), repeat=3)]
     starts = [direction, *(vector for vector in around if vector.any())]
     start = min(starts, key=score)

@@ -10,7 +10,7 @@ from slidax.robots import Articulated
 from .identification import Identification
 from .signals import Signals
 
-USELESS, POOR = 1.0, 0.5
+USELESS, POOR = 1.0, 0.2
 """An error of the predicted torque, as a share of the torque's standard deviation: refused, and warned of."""
 
 NOISE_ALONE = 0.6

@@ -212,11 +212,13 @@ def _even(
             continue
         even = own[0] + step * np.arange(points)
         columns = [log.q[piece], log.tau[piece], *([] if log.dq is None else [log.dq[piece]])]
-        if points == len(own) and np.abs(even - own).max() < 1e-3 * step:
+        apart = np.abs(even - own).max() if points == len(own) else np.inf
+        between = [] if apart < 1e-3 * step else _between(own, np.minimum(even, own[-1]), columns)
+        if apart < 1e-3 * step or (apart < step and _rough(columns[0]) < _rough(between[0])):
+            # Even samples, perhaps with uneven stamps.
             values, measured = columns, np.ones(points, bool)
         else:
-            even = np.minimum(even, own[-1])
-            values = [interpolate.PchipInterpolator(own, column, axis=0)(even) for column in columns]
+            values, even = between, np.minimum(even, own[-1])
             after = np.clip(np.searchsorted(own, even), 1, len(own) - 1)
             measured = own[after] - own[after - 1] < 3.0 * step
             even = own[0] + step * np.arange(points)
@@ -225,6 +227,15 @@ def _even(
         end += points
     t, q, tau, dq, measured = (np.concatenate(part) for part in zip(*parts, strict=True))
     return t, q, tau, None if log.dq is None else dq, measured, tuple(pieces)
+
+
+def _between(own: np.ndarray, even: np.ndarray, columns: list[np.ndarray]) -> list[np.ndarray]:
+    return [interpolate.PchipInterpolator(own, column, axis=0)(even) for column in columns]
+
+
+def _rough(q: np.ndarray) -> float:
+    """The size of the third differences, over the joints."""
+    return float(np.sum(np.std(np.diff(q, 3, axis=0), axis=0) / (np.std(q, axis=0) + 1e-12)))
 
 
 def _per_piece(work: Callable[[np.ndarray], np.ndarray], values: np.ndarray, pieces: tuple[slice, ...]) -> np.ndarray:

@@ -103,7 +103,7 @@ def require_seconds(log: Log, robot: Articulated) -> None:
             and STILL * USUAL <= speed / unit <= FAST * USUAL
         )
 
-    others = [name for name, unit in TIME_UNITS.items() if name != "s" and is_possible(unit)]
+    others = _by_velocities(log) or [name for name, unit in TIME_UNITS.items() if name != "s" and is_possible(unit)]
     facts = f"the times of {log.source} are {duration:.4g} s long with {rate:.3g} samples per second"
     remedy = " or ".join(f"`--time-unit {name}`" for name in others)
     if not SLOWEST <= rate <= FASTEST or duration < BRIEFEST:
@@ -117,7 +117,7 @@ def require_seconds(log: Log, robot: Articulated) -> None:
         )
         rule = f"at least {SLOWEST:g} and at most {FASTEST:g} samples per second, and {BRIEFEST:g} s, are needed"
         raise DefinitionError(f"{facts}: {rule}; {hint}")
-    if others and not is_possible(1.0):
+    if others and not is_possible(1.0) and speed > 0.0:
         raise DefinitionError(
             f"{facts}, in which the joints move at {speed:.2g} times their speed limits: are the times in "
             f"{' or '.join(others)}? {remedy}"
@@ -127,6 +127,23 @@ def require_seconds(log: Log, robot: Articulated) -> None:
             f"{facts}, in which the joints move at {speed:.2g} times their speed limits: check `--time-unit` and "
             "`--position-unit`"
         )
+
+
+def _by_velocities(log: Log) -> list[str]:
+    """The unit of time in which the measured velocities are the slope of the positions; none if none is clear."""
+    if log.dq is None or not log.dq.any():
+        return []
+    steps = np.diff(log.t)[:, None]
+    slope, between = np.diff(log.q, axis=0) / steps, 0.5 * (log.dq[1:] + log.dq[:-1])
+    usable = (steps < 3.0 * log.period).ravel()
+    slope, between = slope[usable].ravel(), between[usable].ravel()
+    product = float(slope @ between)
+    alike = product / max(float(np.sqrt((slope @ slope) * (between @ between))), 1e-300)
+    if alike < 0.8:
+        return []
+    unit = float(slope @ slope) / product
+    named = [name for name, size in TIME_UNITS.items() if 0.7 < unit / size < 1.4]
+    return [name for name in named if name != "s"] if named else [f"{unit:.4g}"]
 
 
 def share_of_speed(log: Log, robot: Articulated) -> float:
@@ -210,8 +227,9 @@ def _frozen(log: Log, breaks: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
             continue
         after = min(last + 1, len(log.t) - 1)
         if (np.abs(log.q[after] - log.q[start]) > 5.0 * usual_move + 1e-9).any():
-            keep[start + 1 : last] = False
-            cuts.append(last)
+            # The last of them may be a value that was held.
+            keep[start + 1 : after] = False
+            cuts.append(after)
     return keep, np.array(cuts, int)
 
 

@@ -22,7 +22,7 @@ from .torque_model import Match, matched, rigid_torques
 from .torque_repairs import torque_delays, torque_orders, torque_scales, torque_signs
 from .unknowns import moving
 
-DOUBT, COSTS = 0.2, 10.0
+DOUBT, COSTS = 0.1, 10.0
 """A residual, as a share of the torque, and a cost of the belief per joint: above, other conventions are tried."""
 
 BETTER = 0.7
@@ -36,6 +36,9 @@ EXPLAINS = 0.6
 
 CLOSE = 0.4
 """A difference of scores within which two conventions fit equally well."""
+
+LARGEST = 1e8
+"""A torque that no arm has, N m, in whatever unit."""
 
 ENOUGH = 0.03
 """The share of the score that a convention leaves, below which no further ones are tried."""
@@ -94,6 +97,13 @@ def usable_torques(log: Log, robot: Articulated, conventions: Conventions) -> tu
 
     Raises DefinitionError if the torque of a joint that moves is constant, or all torques are.
     """
+    largest = np.abs(log.tau).max(axis=0)
+    if largest.max() > LARGEST:
+        raise DefinitionError(
+            f"the torque of {log.source} reaches {largest.max():.4g} N m for joint "
+            f"`{log.joints[int(np.argmax(largest))]}`: no arm has such torques; is this column a torque? `--columns` "
+            "chooses the columns"
+        )
     usable = np.array([name not in conventions.ignore_torque for name in log.joints])
     constant = usable & (np.ptp(log.tau, axis=0) <= 1e-9 * (np.abs(log.tau).max(axis=0) + 1e-9))
     if not usable.any():

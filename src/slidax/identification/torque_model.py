@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import equinox as eqx
 import numpy as np
@@ -11,6 +11,7 @@ from scipy import linalg, optimize
 from slidax._errors import as_array
 from slidax.robots import Articulated
 
+from .log import Log
 from .regressor import (
     BODY,
     Motion,
@@ -19,6 +20,7 @@ from .regressor import (
     parameters_of_links,
     parameters_of_payload,
     payload_regressor,
+    rigid_torque,
 )
 from .sample import Sample
 
@@ -216,6 +218,17 @@ def with_gravity(robot: Articulated, gravity: np.ndarray) -> Articulated:
     """
     turned: Articulated = eqx.tree_at(lambda arm: arm.gravity_vector, robot, as_array(gravity))
     return turned
+
+
+def with_gravity_torques(log: Log, robot: Articulated) -> Log:
+    """The log with the torques that gravity needs, by the arm's description, added to its torques.
+
+    - `log`: in the arm's units and joint order.
+    - `robot`: the arm.
+    """
+    still = Motion(log.q, np.zeros_like(log.q), np.zeros_like(log.q))
+    gravity = rigid_torque(robot, still, parameters_of_links(robot), parameters_of_payload(robot.payload))
+    return replace(log, tau=log.tau + gravity)
 
 
 def _corners() -> np.ndarray:

@@ -20,6 +20,9 @@ from .torque_model import Match, Rigid, drive_columns, matched_rigid, nonnegativ
 SCALES = (0.4, 2.5)
 """Factors of the torques within which a wrong mass explains them as well as a wrong scale."""
 
+SHARES = (0.7, 1.4)
+"""The same for single joints, where the torques of the others show the masses."""
+
 UNITS = {1e3: "mN m", 1e2: "N cm", 1e-3: "kN m", 1.0 / 0.0980665: "kgf cm"}
 """The factor by which torques in other units are too large, and the unit's name."""
 
@@ -88,12 +91,21 @@ def torque_scales(robot: Articulated, rigid: Rigid, sample: Sample, conventions:
     shown_scales = np.abs(scales[scales != 0.0])
     if not len(shown_scales):
         return
-    outside = (scales != 0.0) & ((np.abs(scales) < SCALES[0]) | (np.abs(scales) > SCALES[1]))
+    outside = (scales != 0.0) & ((np.abs(scales) < SHARES[0]) | (np.abs(scales) > SHARES[1]))
     if not outside.any():
         return
     yield repair(np.where(scales == 0.0, np.median(shown_scales), scales))
     few = np.where(outside, scales, 1.0)
     yield repair(few)
+    # Relative to the other joints, if a payload makes all of them seem larger.
+    relative = scales / np.median(shown_scales)
+    apart = (scales != 0.0) & ((np.abs(relative) < SHARES[0]) | (np.abs(relative) > SHARES[1]))
+    for joint in np.nonzero(outside)[0]:
+        others = np.delete(np.abs(scales), joint)
+        own = scales[joint] / np.median(others[others > 0.0]) if (others > 0.0).any() else scales[joint]
+        yield repair(np.where(np.arange(n) == joint, own, 1.0))
+    if apart.any():
+        yield repair(np.where(apart, relative, 1.0))
     for factor, unit in UNITS.items():
         ratio = np.abs(few) / factor
         of_unit = outside & (ratio > 0.4) & (ratio < 2.5)
