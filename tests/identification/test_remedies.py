@@ -1,0 +1,140 @@
+"""The option that an error of `slidax identify` names makes the same command work."""
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import equinox as eqx
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import slidax as sx
+from slidax.cli import app
+from slidax.identification import Log
+from slidax.parts import as_array
+from tests.identification.recorded import moved, recorded
+
+FILE = Path(__file__).parent / "three_link.urdf"
+COULOMB = [1.5, 1.2, 0.6]
+
+
+def written(log: Log, path: Path) -> Path:
+    parts = {"q": log.q, "dq": log.dq, "tau": log.tau}
+    columns = {
+        f"{name}_{i + 1}": values[:, i] for name, values in parts.items() if values is not None for i in range(3)
+    }
+    table = np.column_stack([log.t, *columns.values()])
+    np.savetxt(path, table, delimiter=",", fmt="%.8g", header=",".join(["time", *columns]), comments="")
+    return path
+
+
+def log_of(gravity=(0.0, 0.0, -9.81), held=()):
+    arm = sx.robots.from_urdf(str(FILE))
+    true = eqx.tree_at(
+        lambda robot: (robot.armature, robot.coulomb, robot.viscous, robot.gravity_vector),
+        arm,
+        tuple(as_array(values) for values in ([0.05, 0.1, 0.05], COULOMB, [0.8, 0.6, 0.3], gravity)),
+    )
+    return recorded(true, given=moved(12.0, 100.0, 3, seed=4, size=0.8), noise=0.02, still=held)
+
+
+def identified(log, tmp_path, *options, robot=FILE):
+    command = ["identify", str(written(log, tmp_path / "log.csv")), "--robot", str(robot), *options]
+    result = CliRunner().invoke(app, command)
+    assert result.exception is None or isinstance(result.exception, SystemExit), result.exception
+    return result
+
+
+def friction(text):
+    return [float(re.search(rf"coulomb of {name} +(\S+)", text)[1]) for name in ("shoulder", "elbow", "wrist")]
+
+
+def exchanged(values):
+    return values[:, [0, 2, 1]]
+
+
+LOG = log_of()
+HELD = {"shoulder": 0}
+
+
+@pytest.mark.parametrize(
+    ("log", "option"),
+    [
+        (replace(LOG, tau=-LOG.tau), "--torque-sign -1"),
+        (replace(LOG, tau=1e3 * LOG.tau), "--torque-unit mNm"),
+        (replace(LOG, tau=0.01 * LOG.tau), "--torque-scale"),
+        (replace(LOG, tau=exchanged(LOG.tau)), "--torque-order shoulder,wrist,elbow"),
+        (replace(LOG, tau=exchanged(LOG.tau), q=exchanged(LOG.q)), "--joint-order shoulder,wrist,elbow"),
+        (replace(LOG, t=1e3 * LOG.t), "--time-unit ms"),
+        (replace(LOG, t=1e3 * LOG.t, dq=np.gradient(LOG.q, LOG.t, axis=0)), "--time-unit ms"),
+        (replace(LOG, q=np.degrees(LOG.q)), "--position-unit deg"),
+        (replace(LOG, dq=np.degrees(np.gradient(LOG.q, LOG.t, axis=0))), "--drop dq"),
+        (log_of(gravity=(0.0, 6.9367, -6.9367)), "--gravity"),
+    ],
+    ids=["sign", "mN m", "motor side", "torque order", "order", "ms", "ms with dq", "degrees", "dq", "mount"],
+)
+def test_the_named_option_gives_the_right_friction(log, option, tmp_path):
+    refused = identified(log, tmp_path)
+    assert refused.exit_code == 2
+    remedy = re.search(rf"`({re.escape(option)}[^`]*)`", refused.output.replace("\n", " "))
+    assert remedy, refused.output
+    repaired = identified(log, tmp_path, *remedy[1].split())
+    assert repaired.exit_code == 0, repaired.output
+    # The scale of torques is known as well as the masses.
+    np.testing.assert_allclose(friction(repaired.output), COULOMB, rtol=0.25 if "scale" in option else 0.06)
+
+
+def test_torques_that_are_all_0_are_refused(tmp_path):
+    refused = identified(replace(LOG, tau=0.0 * LOG.tau), tmp_path)
+    assert refused.exit_code == 2 and "are all 0" in refused.output
+
+
+def test_velocities_that_are_all_0_are_left_out(tmp_path):
+    plain, zero = (identified(replace(LOG, dq=dq), tmp_path) for dq in (None, 0.0 * LOG.q))
+    assert zero.exit_code == 0 and "is 0 throughout" in zero.output
+    assert friction(plain.output) == friction(zero.output)
+
+
+def test_a_held_joint_that_trembles_is_no_reason_to_refuse(tmp_path):
+    log = log_of(held=(0,))
+    rng = np.random.default_rng(0)
+    q = log.q.copy()
+    q[:, 0] = 0.5 + 3e-4 * np.sin(2 * np.pi * 2.0 * log.t)
+    dq = np.gradient(q, log.t, axis=0)
+    dq[:, 0] = np.roll(dq[:, 0], 6) + 0.02 * rng.normal(size=len(q))
+    result = identified(replace(log, q=q, dq=dq), tmp_path)
+    assert result.exit_code == 0 and "`shoulder`" in result.output
+    np.testing.assert_allclose(friction(result.output)[1:], COULOMB[1:], rtol=0.05)
+
+
+def test_a_gap_is_told_with_its_place_and_the_friction_stays_right(tmp_path):
+    keep = (LOG.t < 5.0) | (LOG.t > 7.0)
+    result = identified(replace(LOG, t=LOG.t[keep], q=LOG.q[keep], tau=LOG.tau[keep]), tmp_path)
+    assert result.exit_code == 0
+    assert re.search(r"has a gap, the longest of 2.0\d s at 4.99 s", result.output)
+    np.testing.assert_allclose(friction(result.output), COULOMB, rtol=0.06)
+
+
+def test_an_inertia_of_no_body_is_refused_with_an_option_of_this_command(tmp_path):
+    bad = tmp_path / "bad.urdf"
+    bad.write_text(FILE.read_text().replace('izz="0.001"', 'izz="0.005"'))
+    refused = identified(LOG, tmp_path, robot=bad)
+    assert refused.exit_code == 2 and "`--inertias nearest`" in refused.output
+    assert identified(LOG, tmp_path, "--inertias", "nearest", robot=bad).exit_code == 0
+
+
+def test_lists_of_a_wrong_length_or_sign_are_one_line(tmp_path):
+    for options, words in (
+        (["--torque-sign", "1,-1"], "one for each of the 3 joints"),
+        (["--torque-sign", "2"], "must be 1 or -1"),
+        (["--torque-scale", "-1"], "must be > 0"),
+        (["--torque-unit", "Nmm"], "unknown `torque_unit`"),
+        (["--time-unit", "h"], "`time_unit` must be one of"),
+        (["--joint-order", "elbow,wrist"], "must name each of the 3 joints once"),
+        (["--gravity", "up"], "needs numbers with commas"),
+        (["--ignore-torque", "hip"], "there is no joint `hip`"),
+        (["--locked", "finger"], "needs the form JOINT=POSITION"),
+    ):
+        refused = identified(LOG, tmp_path, *options)
+        assert refused.exit_code == 2 and words in refused.output.replace("\n", " "), refused.output
