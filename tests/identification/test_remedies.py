@@ -55,7 +55,6 @@ def exchanged(values):
 
 
 LOG = log_of()
-HELD = {"shoulder": 0}
 
 
 @pytest.mark.parametrize(
@@ -116,6 +115,7 @@ def test_a_gap_is_told_with_its_place_and_the_friction_stays_right(tmp_path):
     np.testing.assert_allclose(friction(result.output), COULOMB, rtol=0.06)
 
 
+@pytest.mark.filterwarnings("ignore:.*changed to the nearest")
 def test_an_inertia_of_no_body_is_refused_with_an_option_of_this_command(tmp_path):
     bad = tmp_path / "bad.urdf"
     bad.write_text(FILE.read_text().replace('izz="0.001"', 'izz="0.005"'))

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from .options import AsJson
+from .options import AsJson, Gravity, Inertias, Locked, numbers, positions
 from .session import errors_as_lines, prepare, print_json
 
 
@@ -27,6 +27,9 @@ def excite(
     tip: Annotated[
         str | None, typer.Option(help="The link, body or site of the tip, where a file has several ends.")
     ] = None,
+    gravity: Gravity = None,
+    inertias: Inertias = None,
+    locked: Locked = None,
     json: AsJson = False,
 ) -> None:
     """A motion that shows an arm's rotors, friction and payload best, from rest to rest and within its limits.
@@ -41,7 +44,13 @@ def excite(
         from slidax.robots import Payload
         from slidax.scenarios import named_robot
 
-        arm, _ = named_robot(robot, tip=tip)
+        arm, _ = named_robot(
+            robot,
+            tip=tip,
+            inertias=inertias,
+            locked=positions("--locked", locked or []),
+            gravity=None if gravity is None else numbers("--gravity", gravity),
+        )
         carried = Payload(mass=as_array(payload)) if payload else None
         found = identification.excite(
             arm,

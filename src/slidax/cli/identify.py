@@ -9,11 +9,11 @@ from typing import Annotated
 
 import typer
 
-from .options import AsJson
+from .options import AsJson, Gravity, Inertias, Locked, numbers, positions
 from .session import errors_as_lines, prepare, print_json, say_note, say_warning, say_where
 
-ARM, UNITS = "Arm", "Units, signs and joint order of the log"
-"""Panels of the help."""
+UNITS = "Units, signs and joint order of the log"
+"""A panel of the help."""
 
 Robot = Annotated[str, typer.Option(help="A ready arm by its name, or a URDF, MJCF or YAML file.")]
 Topic = Annotated[
@@ -57,20 +57,9 @@ def identify(
         float | None, typer.Option(help="Filter cut-off [Hz]; chosen from the log if not given.")
     ] = None,
     held_out: Annotated[float, typer.Option(help="The last share of the log, predicted and not fitted.")] = 0.25,
-    gravity: Annotated[
-        str | None,
-        typer.Option(metavar="X,Y,Z", help="Gravity in the base frame (m/s²), for a mounted arm.", rich_help_panel=ARM),
-    ] = None,
-    inertias: Annotated[
-        str | None,
-        typer.Option(help="`nearest` replaces inertias in the file that no body can have.", rich_help_panel=ARM),
-    ] = None,
-    locked: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="JOINT=POSITION", help="A joint in the file that the log does not have.", rich_help_panel=ARM
-        ),
-    ] = None,
+    gravity: Gravity = None,
+    inertias: Inertias = None,
+    locked: Locked = None,
     time_unit: Annotated[
         str, typer.Option(help="s, ms, us, ns, or the seconds per unit, such as 0.004.", rich_help_panel=UNITS)
     ] = "s",
@@ -135,17 +124,17 @@ def identify(
             robot,
             tip=tip,
             inertias=inertias,
-            locked=_positions("--locked", locked or []),
-            gravity=None if gravity is None else _numbers("--gravity", gravity),
+            locked=positions("--locked", locked or []),
+            gravity=None if gravity is None else numbers("--gravity", gravity),
         )
         conventions = identification.Conventions(
             time_unit=time_unit,
             position_unit=_words(position_unit),
-            position_sign=_numbers("--position-sign", position_sign or "1"),
-            position_offset=_numbers("--position-offset", position_offset or "0"),
+            position_sign=numbers("--position-sign", position_sign or "1"),
+            position_offset=numbers("--position-offset", position_offset or "0"),
             torque_unit=torque_unit,
-            torque_scale=_numbers("--torque-scale", torque_scale or "1"),
-            torque_sign=_numbers("--torque-sign", torque_sign or "1"),
+            torque_scale=numbers("--torque-scale", torque_scale or "1"),
+            torque_sign=numbers("--torque-sign", torque_sign or "1"),
             add_gravity=add_gravity,
             torque_delay=torque_delay,
             joint_order=_words(joint_order),
@@ -194,29 +183,3 @@ def identify(
 
 def _words(text: str | None) -> list[str]:
     return [word.strip() for word in text.split(",")] if text else []
-
-
-def _numbers(option: str, text: str) -> list[float]:
-    from slidax._errors import DefinitionError, shown
-
-    try:
-        return [float(word) for word in text.split(",")]
-    except ValueError:
-        raise DefinitionError(
-            f"`{option}` needs numbers with commas between them, such as 1,-1,1; got {shown(text)}"
-        ) from None
-
-
-def _positions(option: str, given: list[str]) -> dict[str, float]:
-    from slidax._errors import DefinitionError, shown
-
-    positions = {}
-    for text in given:
-        name, _, value = text.partition("=")
-        try:
-            positions[name.strip()] = float(value)
-        except ValueError:
-            raise DefinitionError(
-                f"`{option}` needs the form JOINT=POSITION, such as finger=0.04; got {shown(text)}"
-            ) from None
-    return positions

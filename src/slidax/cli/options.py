@@ -17,3 +17,54 @@ AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object and 
 
 Engine = StrEnum("Engine", ["auto", "native", "xla", "cuda"])
 """What computes a run."""
+
+Gravity = Annotated[
+    str | None, typer.Option(metavar="X,Y,Z", help="Gravity in the base frame (m/s²), for a mounted arm.")
+]
+
+Inertias = Annotated[str | None, typer.Option(help="`nearest` replaces inertias in the file that no body can have.")]
+
+Locked = Annotated[
+    list[str] | None,
+    typer.Option(metavar="JOINT=POSITION", help="A joint in the file that does not move (rad or m); repeatable."),
+]
+
+
+def numbers(option: str, text: str) -> list[float]:
+    """The numbers of an option.
+
+    - `option`: its name, for messages.
+    - `text`: numbers with commas between them.
+
+    Raises DefinitionError if one is no number.
+    """
+    from slidax._errors import DefinitionError, shown
+
+    try:
+        return [float(word) for word in text.split(",")]
+    except ValueError:
+        raise DefinitionError(
+            f"`{option}` needs numbers with commas between them, such as 1,-1,1; got {shown(text)}"
+        ) from None
+
+
+def positions(option: str, texts: list[str]) -> dict[str, float]:
+    """The positions of joints of an option.
+
+    - `option`: its name, for messages.
+    - `texts`: each as JOINT=POSITION.
+
+    Raises DefinitionError if one has another form.
+    """
+    from slidax._errors import DefinitionError, shown
+
+    places = {}
+    for text in texts:
+        name, _, value = text.partition("=")
+        try:
+            places[name.strip()] = float(value)
+        except ValueError:
+            raise DefinitionError(
+                f"`{option}` needs the form JOINT=POSITION, such as finger=0.04; got {shown(text)}"
+            ) from None
+    return places

@@ -67,8 +67,9 @@ def named_robot(
         return _built(word, description), description
     except DefinitionError as error:
         # The remedies of the files' readers are for Python and for scenarios: these are options of the command.
-        message = error.message.replace('inertias="nearest"', "`--inertias nearest`")
-        raise DefinitionError(_with_options(message), where=error.where) from None
+        option = error.setting and f"`{error.setting.as_option}`"
+        reworded = error.reworded(option) if option else error
+        raise DefinitionError(_with_options(reworded.message), where=error.where) from None
 
 
 def _with_options(message: str) -> str:
