@@ -20,7 +20,7 @@ from .text import Choices, written
 SLOWEST, FASTEST = 20.0, 20_000.0
 """Of a loop, Hz."""
 
-FILES = {".urdf": "urdf", ".xml": "mjcf", ".mjcf": "mjcf"}
+FILES = {".urdf": "urdf", ".xacro": "urdf", ".xml": "mjcf", ".mjcf": "mjcf"}
 
 
 @dataclass(frozen=True)

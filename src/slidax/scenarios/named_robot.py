@@ -17,7 +17,14 @@ from .robot_file import read_robot
 from .robots import RobotDescription
 from .true_and_nominal import AbstractArticulated
 
-FILES = {".urdf": "urdf", ".xml": "mjcf", ".mjcf": "mjcf", ".yaml": "identified", ".yml": "identified"}
+FILES = {
+    ".urdf": "urdf",
+    ".xacro": "urdf",
+    ".xml": "mjcf",
+    ".mjcf": "mjcf",
+    ".yaml": "identified",
+    ".yml": "identified",
+}
 """Kinds of descriptions by the ending of a file."""
 
 

@@ -76,8 +76,12 @@ class UrdfDescription(AbstractFile):
     mimics: Literal["held", "followed"] = "held"
     """A joint that follows another and is not between base and tip: held, or moved with its leader."""
 
+    arguments: dict[str, str] = Field(default={})
+    """Values of the arguments of a xacro file, by name."""
+
     def _read(self, how: dict[str, Any]) -> Articulated | Coupled:
-        return from_urdf(self.file, packages=self.packages, limits=self.limits, mimics=self.mimics, **how)
+        how |= {"limits": self.limits, "mimics": self.mimics, "arguments": self.arguments}
+        return from_urdf(self.file, packages=self.packages, **how)
 
 
 class MjcfDescription(AbstractFile):

@@ -77,6 +77,10 @@ class _Walk:
     def file(self, place: Path) -> None:
         if place in self._seen:
             return
+        if place.suffix.lower() == ".xacro":
+            raise DefinitionError(
+                f"`{plain(place.name)}` is not expanded in the studio: run `xacro FILE > robot.urdf` first"
+            )
         self._seen.add(place)
         if len(self._seen) > FILES:
             raise DefinitionError(f"more than {FILES} files name each other")
@@ -100,6 +104,8 @@ class _Walk:
         word = key.split(".")[-1] in ("scenario", "robot") and suffix not in (*YAML, *ROBOTS)
         if word and "/" not in name and "\\" not in name:
             return
+        if suffix == ".xacro":
+            raise DefinitionError(f"`{plain(name)}` is not expanded in the studio: run `xacro FILE > robot.urdf` first")
         place = self._beneath(where, name)
         if place.suffix.lower() in (*YAML, *ROBOTS):
             self.file(place)

@@ -12,6 +12,9 @@ from xml.parsers import expat
 from slidax._errors import DefinitionError
 from slidax._files import MEGABYTE, read_bytes
 
+from .meshes import Packages
+from .xacro import expand
+
 MOST_BYTES = 10 * MEGABYTE
 """Of a file; the largest known robot file has one."""
 
@@ -40,12 +43,21 @@ class Source:
         return self.path.parent.resolve() if self.path else Path.cwd()
 
 
-def read(source: str | Path, root: str, other: str) -> Source:
-    """A robot file, from its path or its text.
+def read(
+    source: str | Path,
+    root: str,
+    other: str,
+    *,
+    arguments: Mapping[str, str] | None = None,
+    packages: Packages = (),
+) -> Source:
+    """A robot file, from its path or its text. A URDF file that ends in `.xacro` is expanded.
 
     - `source`: a path, or the XML itself: a text with `<` in it.
     - `root`: the name of its outermost element.
     - `other`: what to do if it is another, as a sentence that follows a semicolon.
+    - `arguments`: of a xacro file, by name.
+    - `packages`: where a xacro file finds packages, as of `from_urdf`.
 
     Raises DefinitionError if there is no such file, or no such XML in it.
     """
@@ -55,7 +67,10 @@ def read(source: str | Path, root: str, other: str) -> Source:
         text = source.lstrip("\ufeff")
     else:
         path = Path(source)
-        text = read_bytes(path, "the robot file", most=MOST_BYTES)
+        if path.suffix.lower() == ".xacro" and root == "robot":
+            text = expand(path, arguments or {}, packages)
+        else:
+            text = read_bytes(path, "the robot file", most=MOST_BYTES)
     if not text.strip():
         raise DefinitionError(f"the robot file is empty; its XML must begin with <{root}>")
     tree, prefixed = _parsed(text)
@@ -166,4 +181,7 @@ def _refuse_xacro(root: ET.Element) -> None:
         if left is None and element.tag.startswith(("xacro:", *prefixes)):
             left = "xacro:" + element.tag.rpartition(":")[2]
         if left is not None:
-            raise DefinitionError(f"{where} still has xacro in it, `{left}`; run `xacro FILE > robot.urdf` first")
+            raise DefinitionError(
+                f"{where} still has xacro in it, `{left}`; run `xacro FILE > robot.urdf` first, or give the file a "
+                "name that ends in .xacro"
+            )

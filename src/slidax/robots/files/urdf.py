@@ -41,6 +41,7 @@ def from_urdf(
     limits: bool = True,
     inertias: Inertias = "given",
     mimics: Mimics = "held",
+    arguments: Mapping[str, str] | None = None,
 ) -> Articulated | Coupled:
     """An arm from a URDF file, read by MuJoCo (`pip install 'slidax[robots]'`).
 
@@ -62,11 +63,12 @@ def from_urdf(
       than the sum of the others; "nearest" takes the nearest that one can, and warns by how much it differs.
     - `mimics`: "held" holds a joint that follows another, unless it is between base and tip; "followed" lets each move
       with its leader.
+    - `arguments`: values of a xacro file's `<xacro:arg>` by name. A file that ends in `.xacro` is expanded by xacrodoc.
 
     Raises DefinitionError, naming link or joint, if the file is not one arm on a fixed base, or has a value that is
     missing, misspelled or invalid.
     """
-    given = read(source, "robot", "from_mjcf reads <mujoco>")
+    given = read(source, "robot", "from_mjcf reads <mujoco>", arguments=arguments, packages=packages)
     notes = Notes()
     for prefix, tag in given.prefixed.items():
         notes.add(f"<{tag}> has a prefix that nothing declares: it is not read; write xmlns:{prefix} into <robot>")
