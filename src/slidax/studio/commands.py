@@ -67,6 +67,8 @@ def _file(endings: tuple[str, ...], option: bool = False) -> Reader:
 
 def _robot(asked: Asked, folder: Folder, value: Any, name: str) -> None:
     text = _text(value, name)
+    if text.lower().endswith(".xacro"):
+        raise DefinitionError("xacro is not expanded in the studio: run `xacro FILE > robot.urdf` first", where=name)
     if text.lower().endswith(ROBOTS):
         _file(ROBOTS, option=True)(asked, folder, value, name)
     else:

@@ -101,11 +101,11 @@ class _Walk:
 
     def _named(self, key: str, name: str, where: Path) -> None:
         suffix = Path(name).suffix.lower() if "\0" not in name else ".yaml"
+        if suffix == ".xacro":
+            raise DefinitionError(f"`{plain(name)}` is not expanded in the studio: run `xacro FILE > robot.urdf` first")
         word = key.split(".")[-1] in ("scenario", "robot") and suffix not in (*YAML, *ROBOTS)
         if word and "/" not in name and "\\" not in name:
             return
-        if suffix == ".xacro":
-            raise DefinitionError(f"`{plain(name)}` is not expanded in the studio: run `xacro FILE > robot.urdf` first")
         place = self._beneath(where, name)
         if place.suffix.lower() in (*YAML, *ROBOTS):
             self.file(place)
