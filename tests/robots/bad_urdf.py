@@ -197,7 +197,6 @@ JOINTS = [
         LIMIT + '<mimic joint="shoulde"/>',
         named="elbow shoulder locked",
     ),
-    case("a joint that mimics itself", LIMIT, LIMIT + '<mimic joint="elbow"/>', named="elbow locked"),
     case("a ball joint", ELBOW, 'name="elbow" type="spherical"', named="elbow spherical"),
     case("a floating joint", ELBOW, 'name="elbow" type="floating"', named="elbow floating"),
     case("a planar joint", ELBOW, 'name="elbow" type="planar"', named="elbow planar"),

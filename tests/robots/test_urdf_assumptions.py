@@ -225,3 +225,8 @@ def test_a_refusal_is_told_with_the_notes_on_what_it_names():
     with pytest.raises(DefinitionError, match=r"the mass of link `fore` must be >= 0.*; note that <Mass> in") as caught:
         from_urdf(text)
     assert "RefLink" not in str(caught.value)
+
+
+def test_a_joint_of_the_arm_that_mimics_itself_is_refused_with_a_remedy():
+    with pytest.raises(DefinitionError, match=r"`elbow`, which follows it in turn; locked=\{'elbow': 0\} holds"):
+        from_urdf(changed(GOOD, LIMIT, LIMIT + '<mimic joint="elbow"/>'))
