@@ -142,9 +142,9 @@ def _repairs(
         ),
         lambda: torque_scales(robot, rigid, sample, conventions),
         lambda: torque_orders(robot, rigid, sample, conventions),
-        lambda: position_units(robot, sample, conventions),
+        # For an arm in a plane, another zero of its first joint is another direction of gravity: both are named.
+        lambda: itertools.chain(position_units(robot, sample, conventions), mountings(robot, sample)),
         lambda: torque_delays(signals, rigid, sample, conventions),
-        lambda: mountings(robot, sample),
         lambda: joint_orders(robot, sample, conventions),
     )
     repairs: list[Repair] = []
