@@ -181,7 +181,7 @@ def _refuse_xacro(root: ET.Element) -> None:
         if left is None and element.tag.startswith(("xacro:", *prefixes)):
             left = "xacro:" + element.tag.rpartition(":")[2]
         if left is not None:
+            renamed = ", or give the file a name that ends in .xacro" if root.tag == "robot" else ""
             raise DefinitionError(
-                f"{where} still has xacro in it, `{left}`; run `xacro FILE > robot.urdf` first, or give the file a "
-                "name that ends in .xacro"
+                f"{where} still has xacro in it, `{left}`; run `xacro FILE > robot.urdf` first{renamed}"
             )
