@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
+from typing import ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -27,6 +28,9 @@ class AbstractEstimator(AbstractPart):
 
     It is to be called at each measurement that arrives, and not at one that is lost.
     """
+
+    reads_velocity: ClassVar[bool] = False
+    """True if measured velocities are used after the first sample."""
 
     @abstractmethod
     def init(self, measured: State) -> Memory:

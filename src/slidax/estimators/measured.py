@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, ClassVar
 
 import jax.numpy as jnp
 from jaxtyping import Array, Bool
@@ -24,6 +24,8 @@ class Measured(AbstractEstimator):
     push is what it will be when the next torque acts, so that a push that grows evenly is compensated without a lag.
     For sensors with a good velocity.
     """
+
+    reads_velocity: ClassVar[bool] = True
 
     gain: PerJoint = parameter("g, of the push; 0 with trend 0 leaves it as it is", "", "[0, 1]", default=WITHOUT_TREND)
     trend: PerJoint = parameter(

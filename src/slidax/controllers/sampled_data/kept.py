@@ -9,6 +9,7 @@ from slidax.estimators import Estimate
 from slidax.parts import Memory, Scalar, Vector
 
 from .adapted import Adapted
+from .gate import GateMemory
 from .monitor import Watched
 
 
@@ -24,6 +25,7 @@ class Kept(eqx.Module):
     - `step`: what the step keeps.
     - `adapted`: what is kept of the adaptation; None without one.
     - `watched`: what is kept by the monitor; None without one.
+    - `gate`: last accepted and last rejected measurements.
     """
 
     t: Scalar
@@ -33,5 +35,6 @@ class Kept(eqx.Module):
     dq: Vector
     planned: Bool[Array, ""]
     step: Memory
+    gate: GateMemory
     adapted: Adapted | None = None
     watched: Watched | None = None

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TypeVar
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -29,13 +31,16 @@ from slidax.robots import AbstractRobot
 from ..controller import AbstractController
 from ..steps import AbstractStep, Decision, Moment
 from .adapted import Adapted, acted, experienced
+from .gate import Admission, MeasurementGate
 from .kept import Kept
 from .monitor import Monitor, Watched
 from .prediction import commands_kept, free_acceleration, moved_on, predicted, reference_ahead
 
-FASTEST = 1e6
-"""No arm is as fast, in rad/s or m/s; its cube bounds the estimated push. Whatever an estimator may come to, after
-measurements that make no sense, the numbers after it stay finite."""
+STRONGEST = 1e6
+"""Largest estimated disturbance in the law, rad/s² or m/s²; no drive could compensate as much."""
+
+
+Tree = TypeVar("Tree")
 
 
 class SampledData(AbstractController):
@@ -48,8 +53,10 @@ class SampledData(AbstractController):
     it will be in, and w is compensated. Of all torques within the limits the one is set whose accelerations are nearest
     to the wanted ones. While samples are lost the last torque stands; at the next one the arm is predicted under it.
 
-    Signals: those of the step, and `push` (w), `residual` (the acceleration that the last prediction missed) [n]; with
-    an adaptation `rotor` (J) and `coulomb` (f) [n]; with a monitor `margin` and `assumption_violated`.
+    A sample that the gate rejects is treated as a lost one: the last torque stands, and only the gate's memory changes.
+
+    Signals: those of the step, `push` (w), `residual` (the acceleration that the last prediction missed) [n], and
+    `rejected`, 1 for a sample that the gate did not accept, where all other signals are 0; with an adaptation `rotor` (J) and `coulomb` (f) [n]; with a monitor `margin` and `assumption_violated`.
     """
 
     step: AbstractStep = piece("what the law decides")
@@ -77,11 +84,13 @@ class SampledData(AbstractController):
 
     adaptation: AbstractAdaptation | None = piece("what is learnt of the arm; None for nothing", default=None)
     monitor: Monitor | None = piece("says whether the promise still stands; None for nothing", default=None)
+    gate: MeasurementGate = piece("rejects measurements that the arm cannot have produced", default_factory=MeasurementGate)
 
     def __check_init__(self) -> None:
         require_joints(self.adaptation, self.joints, type(self.nominal).__name__)
         require_joints(self.limits, self.joints, type(self.nominal).__name__)
         require_joints(self.monitor, self.joints, type(self.nominal).__name__)
+        require_joints(self.gate, self.joints, type(self.nominal).__name__)
         if self.step.plans != (self.horizon is not None):
             wrong = "must be given for a law that plans" if self.step.plans else "must be None for a law without a plan"
             raise DefinitionError(f"`SampledData.horizon` {wrong}; got {self.horizon}")
@@ -135,6 +144,7 @@ class SampledData(AbstractController):
             step=self.step.init(t, state, reference, self.period, self.horizon),
             adapted=None if self.adaptation is None else Adapted.init(self.adaptation, state, self.delay),
             watched=None if self.monitor is None else self.monitor.init(state),
+            gate=self.gate.init(t, state),
         )
 
     def __call__(
@@ -147,16 +157,62 @@ class SampledData(AbstractController):
         - `reference_now`, `reference_next`: what the joints should do now and one period later.
         - `memory`: what `init` or the last sample returned.
         """
+        velocity = self.estimator.reads_velocity
+        admission, gate = self.gate(t, state, memory.t, self.period, velocity, memory.gate)
+        accepted = admission.accepted
+        # A rejected sample must not reach the arithmetic, not even where its result is discarded: gradients would see it.
+        time = jnp.where(accepted, t, memory.t + self.period)
+        measured = _select(accepted, state, memory.prior.state)
+        before = self._restarted(time, measured, admission, memory)
+        command = self._decided(time, measured, reference_now, reference_next, admission.restarts, before)
+        held = jnp.clip(memory.torques[-1], -self.limits.torque, self.limits.torque)
+        kept = _select(accepted, command.memory, memory)
+        signals = {name: jnp.where(accepted, value, 0.0) for name, value in command.signals.items()}
+        return Command(
+            tau=jnp.where(accepted, command.tau, held),
+            memory=eqx.tree_at(lambda kept: kept.gate, kept, gate),
+            signals={**signals, "rejected": jnp.where(accepted, 0.0, 1.0)},
+        )
+
+    def _restarted(self, t: Scalar, measured: State, admission: Admission, memory: Kept) -> Kept:
+        """The memory from which the law goes on where the gate restarts it; else the memory as it is."""
+        state = State(q=measured.q, dq=admission.dq)
+        anew = Kept(
+            t=t - self.period,
+            prior=Estimate(state=state, push=memory.prior.push),
+            estimator=self.estimator.init(state),
+            torques=memory.torques,
+            dq=admission.dq,
+            planned=memory.planned,
+            step=self.step.restarted(t, memory.step),
+            adapted=memory.adapted,
+            watched=None if self.monitor is None else self.monitor.init(state),
+            gate=memory.gate,
+        )
+        return _select(admission.restarts, anew, memory)
+
+    def _decided(
+        self,
+        t: Scalar,
+        state: State,
+        reference_now: Reference,
+        reference_next: Reference,
+        restarts: Bool[Array, ""],
+        memory: Kept,
+    ) -> Command:
+        """The torque for an accepted sample."""
         h = self.period
         elapsed = t - memory.t
-        missed = elapsed > 1.5 * h
+        late = elapsed > 1.5 * h
+        missed = late | restarts
+        late = late & ~restarts
         robot = self._robot(memory.adapted)
-        prior = jax.lax.cond(missed, lambda: self._after_gap(robot, memory, elapsed - h), lambda: memory.prior)
+        prior = jax.lax.cond(late, lambda: self._after_gap(robot, memory, elapsed - h), lambda: memory.prior)
         estimator = self.estimator
         if self.adaptation is not None:
             estimator = estimator.for_inertia(jnp.diagonal(robot.mass(prior.state.q)))
         estimate, estimated = estimator(state, prior, elapsed, missed, memory.estimator)
-        estimate = _within_reason(estimate)
+        estimate = self._within_reason(estimate)
         # While nothing arrived the last torque stood, so that it is the one that is under way.
         under_way = jnp.where(missed, memory.torques[-1], memory.torques)
         net, adapted = under_way, memory.adapted
@@ -216,6 +272,7 @@ class SampledData(AbstractController):
             step=step,
             adapted=adapted,
             watched=watched,
+            gate=memory.gate,
         )
         residual = jnp.where(planned, (now.dq - memory.dq) / h, 0.0)
         signals = {**decision.signals, "push": push, "residual": residual, **said}
@@ -267,6 +324,12 @@ class SampledData(AbstractController):
         acceleration = free_acceleration(robot, prior.state, net) + prior.push
         return Estimate(state=moved_on(prior.state, acceleration, gap), push=prior.push)
 
+    def _within_reason(self, estimate: Estimate) -> Estimate:
+        """The estimate, bounded: an estimator with absurd gains must not make the numbers after it infinite."""
+        fastest = self.gate.speed
+        state = State(q=estimate.state.q, dq=jnp.clip(estimate.state.dq, -fastest, fastest))
+        return Estimate(state=state, push=jnp.clip(estimate.push, -STRONGEST, STRONGEST))
+
     def _share(self, lumped: Vector, decision: Decision) -> Scalar:
         """Which share of the push, a torque `M0 w`, is compensated.
 
@@ -292,6 +355,7 @@ class SampledData(AbstractController):
         return tau, withheld, free
 
 
-def _within_reason(estimate: Estimate) -> Estimate:
-    state = State(q=estimate.state.q, dq=jnp.clip(estimate.state.dq, -FASTEST, FASTEST))
-    return Estimate(state=state, push=jnp.clip(estimate.push, -(FASTEST**3), FASTEST**3))
+def _select(condition: Bool[Array, ""], yes: Tree, no: Tree) -> Tree:
+    """One of two trees of the same structure."""
+    selected: Tree = jax.tree.map(lambda a, b: jnp.where(condition, a, b), yes, no)
+    return selected

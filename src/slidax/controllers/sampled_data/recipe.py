@@ -14,6 +14,7 @@ from slidax.parts import DefinitionError, as_array
 from ..controller import AbstractController
 from ..steps import AbstractStep, Recovery
 from .explicit_step import ExplicitStep
+from .gate import MeasurementGate
 from .law import SampledData
 from .monitor import Monitor
 
@@ -35,6 +36,7 @@ def sampled_data(
     slopes: bool = True,
     adaptation: AbstractAdaptation | None = None,
     monitor: Monitor | None = None,
+    gate: MeasurementGate | None = None,
 ) -> SampledData:
     """Any law at the arm's own rate: with an estimator, a prediction over the delay, and the limits of the drives.
 
@@ -53,9 +55,9 @@ def sampled_data(
     - `delay`: age of a measurement when its torque sets in, in periods.
     - `dead_time`: the part of it after the command, in periods.
     - `slopes`: whether u counts τ1's slopes, as (45) prints it; without them u, and with it the torque, is smaller.
-
     - `adaptation`: what is learnt of the arm, such as `JointLearning.of_arm(...)`; None for nothing.
     - `monitor`: says in every sample whether the envelope's promise still stands; None for nothing.
+    - `gate`: rejects measurements that the arm cannot have produced; None: one with the widest ranges.
 
     Raises DefinitionError if something does not fit.
     """
@@ -77,4 +79,5 @@ def sampled_data(
         dead_time=dead_time,
         adaptation=adaptation,
         monitor=monitor,
+        gate=MeasurementGate() if gate is None else gate,
     )

@@ -23,11 +23,13 @@ class Reseat(eqx.Module):
     - `until`: when they end [s].
     - `span`: how long they last [s].
     - `excess`: by how much they are wider at their start, rad or m.
+    - `outside`: True if the joint was outside at the last sample.
     """
 
     until: Vector
     span: Vector
     excess: Vector
+    outside: Bool[Array, " n"]
 
     def excess_rate_curvature(self, t: Scalar) -> tuple[Vector, Vector, Vector]:
         """`X = excess (1 - (t - t_r)/span)³` and its two derivatives, [n]; 0 from `until` on.
@@ -47,6 +49,9 @@ class Recovery(AbstractPart):
     torque limits leave, and ends after `max(deadline, sqrt(6 R0/(share a)))` as a cubic, whose own curvature asks for
     no more than `share a`. From then on the drawn envelope is in force again. Where X is four times wider than it would
     be if it began now, it begins anew.
+
+    One sample cannot set X: the first sample outside is answered with the X that it asks for, but X is kept only if the
+    next sample is outside, too.
     """
 
     deadline: Scalar = parameter("least time for the way back", "s", "> 0", default=0.3)
@@ -64,12 +69,12 @@ class Recovery(AbstractPart):
         - `joints`: number of joints.
         """
         zero = jnp.zeros(joints)
-        return Reseat(until=zero + t, span=zero + 1.0, excess=zero)
+        return Reseat(until=zero + t, span=zero + 1.0, excess=zero, outside=jnp.zeros(joints, bool))
 
     def reseat(
         self, t: Scalar, e: Vector, de: Vector, drawn: Envelope, slowness: Vector, lead: Scalar, now: Reseat
-    ) -> tuple[Reseat, Bool[Array, " n"]]:
-        """The envelopes in force after this sample, and which of them are new.
+    ) -> tuple[Reseat, Reseat, Bool[Array, " n"]]:
+        """The envelopes in force at this sample, those that are kept for the next, and which of them are new.
 
         - `t`: time [s].
         - `e`, `de`: error and its rate [n].
@@ -86,7 +91,7 @@ class Recovery(AbstractPart):
             jnp.maximum(self.deadline, 12.0 * lead), jnp.sqrt(6.0 * needed * slowness / self.share + TINY)
         )
         radius = needed / (1.0 - 3.0 * lead / span)
-        fresh = Reseat(until=t + span, span=span, excess=jnp.maximum(radius - inner, 0.0))
+        fresh = Reseat(t + span, span, jnp.maximum(radius - inner, 0.0), now.outside)
 
         active = t < now.until
         in_force = inner + now.excess_rate_curvature(t)[0]
@@ -94,7 +99,9 @@ class Recovery(AbstractPart):
         # One that was drawn in full flight is far too wide and slow once the joint has been caught.
         loose = active & (in_force > LOOSE * jnp.maximum(radius, inner)) & (fresh.until < now.until)
         new = outside | loose
-        return _where(new, fresh, now), new
+        confirmed = loose | (outside & now.outside)
+        kept = _where(confirmed, fresh, now)
+        return _where(new, fresh, now), Reseat(kept.until, kept.span, kept.excess, outside), new
 
     def frame(self, t: Scalar, lead: Scalar, horizon: Scalar, drawn: Frame, now: Reseat) -> Frame:
         """The frame of a plan, with the new envelopes where they are in force.
@@ -126,4 +133,5 @@ def _where(condition: Bool[Array, " n"], yes: Reseat, no: Reseat) -> Reseat:
         until=jnp.where(condition, yes.until, no.until),
         span=jnp.where(condition, yes.span, no.span),
         excess=jnp.where(condition, yes.excess, no.excess),
+        outside=no.outside,
     )

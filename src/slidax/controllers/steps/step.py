@@ -85,6 +85,14 @@ class AbstractStep(AbstractPart):
         - `horizon`: H [s]; None for a law that decides for one period.
         """
 
+    def restarted(self, t: Scalar, memory: Memory) -> Memory:
+        """The memory after a jump of the clock or of the sensor: all that does not depend on the past is kept.
+
+        - `t`: time of the sample that restarts the law [s].
+        - `memory`: what `init` or the last sample returned.
+        """
+        return memory
+
     @abstractmethod
     def __call__(self, moment: Moment, memory: Memory) -> Decision:
         """The torque, the motion that it leads to, and the memory.

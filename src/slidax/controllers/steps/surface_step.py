@@ -122,6 +122,16 @@ class AbstractSurfaceStep(AbstractStep):
             reaching=self.reach_init(),
         )
 
+    def restarted(self, t: Scalar, memory: Followed) -> Memory:
+        """No recovery envelope in force; the sides of the drawn envelope stay.
+
+        - `t`: time of the sample that restarts the law [s].
+        - `memory`: what `init` or the last sample returned.
+        """
+        if self.recovery is None:
+            return memory
+        return eqx.tree_at(lambda kept: kept.reseat, memory, self.recovery.init(t, self.nominal.joints))
+
     def __call__(self, moment: Moment, memory: Followed) -> Decision:
         """The torque, with the plan that led to it in the memory.
 
@@ -134,11 +144,13 @@ class AbstractSurfaceStep(AbstractStep):
         e, v = now.q - desired.q, now.dq - desired.dq
         y = e + lead * v
         frame = self.transformation.frame(moment.t, lead, horizon, memory.sides)
-        reseat, planned = memory.reseat, moment.planned
+        reseat, kept_reseat, planned = memory.reseat, memory.reseat, moment.planned
         if self.recovery is not None and reseat is not None:
             drawn = self.transformation.envelope(moment.t, memory.sides)
             if drawn is not None:
-                reseat, fresh = self.recovery.reseat(moment.t, e, v, drawn, _slowness(moment), lead, reseat)
+                reseat, kept_reseat, fresh = self.recovery.reseat(
+                    moment.t, e, v, drawn, _slowness(moment), lead, reseat
+                )
                 planned = planned & ~jnp.any(fresh)
                 frame = self.recovery.frame(moment.t, lead, horizon, frame, reseat)
         frame = once(frame)
@@ -160,7 +172,7 @@ class AbstractSurfaceStep(AbstractStep):
             # The line through the last two plans: from there most plans are one Newton step away.
             eps=jnp.where(planned, 2.0 * eps - memory.last_eps, eps),
             last_eps=eps,
-            reseat=reseat,
+            reseat=kept_reseat,
             reaching=reached.memory,
         )
         signals = {"s": s, "s_next": reached.s_next, "eps1": eps, **reached.signals}

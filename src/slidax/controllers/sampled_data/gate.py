@@ -1,0 +1,154 @@
+"""The gate for measurements: a sample that the arm cannot have produced is treated as a lost sample."""
+
+from __future__ import annotations
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float
+
+from slidax.parts import AbstractPart, PerJoint, Scalar, State, Vector, parameter
+
+LARGEST_POSITION = 1e4
+"""rad or m: range of a joint whose position limits are not known."""
+
+FASTEST_JOINT = {"rad": 100.0, "m": 20.0}
+"""rad/s and m/s: speed of a joint whose velocity limit is not known. No robot joint moves faster."""
+
+BEYOND_LIMITS = 1.5
+"""Ranges are this many times the limits of the arm's description."""
+
+SHORTEST = 0.1
+"""Periods: two samples that are closer in time than this have the same time stamp."""
+
+LONGEST_GAP = 100.0
+"""Periods: after a longer gap the law starts anew, once a second sample has confirmed the clock."""
+
+CLOCK = 2.0
+"""Samples with consistent time stamps that confirm a jump of the clock, or a long gap."""
+
+
+class GateMemory(eqx.Module):
+    """Samples that the gate keeps.
+
+    - `q`, `dq`: the last accepted measurement, [n] each.
+    - `suspect_t`, `suspect`: time stamp and measurement of the last rejected sample.
+    - `consistent`: rejected samples in a row that are consistent with each other; 0 after an accepted one.
+    """
+
+    q: Vector
+    dq: Vector
+    suspect_t: Scalar
+    suspect: State
+    consistent: Float[Array, ""]
+
+
+class Admission(eqx.Module):
+    """Decision of the gate about one sample.
+
+    - `accepted`: True if the law may use the sample.
+    - `restarts`: True if the sample is accepted since the ones before it confirm it, and not the law's own past.
+    - `dq`: velocity that the accepted sample shows at a restart [n].
+    """
+
+    accepted: Bool[Array, ""]
+    restarts: Bool[Array, ""]
+    dq: Vector
+
+
+class MeasurementGate(AbstractPart):
+    """Accept a sample only if the arm can have moved there since the last accepted one.
+
+    With the time T since then and the period h, a sample is accepted if for every joint
+
+        |q' - q| <= speed (T + h) + spread,   |q'| <= q_max,
+        |dq'| <= speed,   |dq' - dq| <= (2 / patience) speed (T/h + 1),
+
+    the last two only if the estimator uses velocities, and if `0.1 h <= T <= 100 h`. A rejected sample is treated as a
+    lost one: the last torque stands, and the law's memory does not change. The windows grow with T, so that the gate
+    opens again by itself after any motion that the arm is capable of.
+
+    A sensor or a clock can jump for good. After `patience` rejected samples that are consistent with each other (two, if
+    only the time stamp is implausible) the law accepts them and restarts: it keeps its disturbance estimate, its learnt
+    parameters and the sides of its envelope, and takes the measured state. A sample outside `q_max` or `speed` is never
+    accepted.
+    """
+
+    q_max: PerJoint = parameter(
+        "largest size of a measured position", "rad or m", "> 0", "(1.5 times the arm's limits)", default=1e4
+    )
+    speed: PerJoint = parameter(
+        "largest speed of a joint", "rad/s or m/s", "> 0", "(1.5 times the arm's limits)", default=1e6
+    )
+    spread: PerJoint = parameter("largest error of a measured position", "rad or m", ">= 0", default=0.0)
+    patience: Scalar = parameter(
+        "rejected samples in a row after which the host is asked to stop", "samples", "[2, 1e6]", default=5.0
+    )
+
+    def init(self, t: Scalar, state: State) -> GateMemory:
+        """Memory after a first accepted sample.
+
+        - `t`: its time stamp [s].
+        - `state`: measured positions and velocities.
+        """
+        return GateMemory(q=state.q, dq=state.dq, suspect_t=t, suspect=state, consistent=jnp.zeros(()))
+
+    def in_range(self, state: State, velocity: bool) -> Bool[Array, ""]:
+        """True if every position, and every velocity if `velocity`, is within its range.
+
+        - `state`: measured positions and velocities.
+        - `velocity`: whether velocities are used.
+        """
+        inside = jnp.all(jnp.abs(state.q) <= self.q_max)
+        return inside & jnp.all(jnp.abs(state.dq) <= self.speed) if velocity else inside
+
+    def __call__(
+        self, t: Scalar, state: State, last: Scalar, period: Scalar, velocity: bool, memory: GateMemory
+    ) -> tuple[Admission, GateMemory]:
+        """Judge a sample.
+
+        - `t`: its time stamp [s].
+        - `state`: measured positions and velocities.
+        - `last`: time stamp of the last accepted sample [s].
+        - `period`: h [s].
+        - `velocity`: whether the estimator uses velocities.
+        - `memory`: what `init` or the last call returned.
+        """
+        elapsed = t - last
+        timely = (elapsed >= SHORTEST * period) & (elapsed <= LONGEST_GAP * period)
+        accepted = State(memory.q, memory.dq)
+        reachable = self._reachable(state, accepted, jnp.where(elapsed > 0, elapsed, period), period, velocity)
+        inside = self.in_range(state, velocity)
+        plausible = inside & timely & reachable
+
+        since = t - memory.suspect_t
+        follows = (memory.consistent > 0) & (since >= SHORTEST * period) & (since <= 2.5 * period)
+        follows = follows & self._reachable(state, memory.suspect, since, period, velocity)
+        consistent = jnp.where(follows, memory.consistent, 0.0) + 1.0
+        confirmed = consistent >= jnp.where(reachable, CLOCK, self.patience)
+        restarts = inside & ~plausible & confirmed
+        takes = plausible | restarts
+        slope = (state.q - memory.suspect.q) / jnp.where(since > 0, since, period)
+        dq = state.dq if velocity else jnp.clip(slope, -self.speed, self.speed)
+        # A sample outside the ranges makes no sense: it changes nothing, as one that is not finite.
+        doubted = inside & ~takes
+        after = GateMemory(
+            q=jnp.where(takes, state.q, memory.q),
+            dq=jnp.where(takes, state.dq, memory.dq),
+            suspect_t=jnp.where(doubted, t, memory.suspect_t),
+            suspect=State(
+                q=jnp.where(doubted, state.q, memory.suspect.q), dq=jnp.where(doubted, state.dq, memory.suspect.dq)
+            ),
+            consistent=jnp.where(takes, 0.0, jnp.where(doubted, consistent, memory.consistent)),
+        )
+        return Admission(takes, restarts, dq), after
+
+    def _reachable(
+        self, state: State, before: State, elapsed: Scalar, period: Scalar, velocity: bool
+    ) -> Bool[Array, ""]:
+        """True if the arm can move from one measured state to another in a time."""
+        farthest = self.speed * (elapsed + period) + self.spread
+        near = jnp.all(jnp.abs(state.q - before.q) <= farthest)
+        if not velocity:
+            return near
+        change = (2.0 / self.patience) * self.speed * (elapsed / period + 1.0)
+        return near & jnp.all(jnp.abs(state.dq - before.dq) <= change)
