@@ -13,6 +13,8 @@ from .model_based import AbstractSurfaceBased as AbstractSurfaceBased
 from .nonsingular_fast_terminal import NonsingularFastTerminal as NonsingularFastTerminal
 from .preset import Given as Given
 from .preset import Preset as Preset
+from .sampled_data import Admission as Admission
+from .sampled_data import GateMemory as GateMemory
 from .sampled_data import MeasurementGate as MeasurementGate
 from .sampled_data import Monitor as Monitor
 from .sampled_data import SampledData as SampledData

@@ -3,5 +3,4 @@
 from .guarded_step import GuardedStep as GuardedStep
 from .measured import measured as measured
 from .project import export_c as export_c
-from .step_memory import SensorRange as SensorRange
 from .step_memory import StepMemory as StepMemory

@@ -21,7 +21,7 @@ from .in_floats import fits
 from .members import Member
 from .programs import Step, measurement, references
 from .source import CALLS, Body, Source
-from .status import ANSWERED, CHECKED, CONDITIONS, HELD, Condition
+from .status import ANSWERED, CHECKED, CONDITIONS, HELD, WAITING, Condition
 
 
 @dataclass(frozen=True)
@@ -74,6 +74,7 @@ class Project:
 
     version = slidax.__version__
     checked = CHECKED
+    waiting = WAITING
     answered = ANSWERED
     conditions = CONDITIONS
     held = HELD
@@ -135,7 +136,7 @@ class Project:
     def longest(self) -> Longest | None:
         """What a step does at most; None if nothing bounds one of its loops."""
         step = self.step
-        each = [longest(one.program) for one in (step.checked, step.begun, step.held, step.answered)]
+        each = [longest(one.program) for one in (step.checked, step.begun, step.held, step.valid, step.answered)]
         return None if None in each else sum((one for one in each if one), NOTHING)
 
     @property

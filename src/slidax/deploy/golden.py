@@ -76,7 +76,7 @@ def golden(scenario: Scenario, guard: GuardedStep, real: str, *, same: bool) -> 
         command.memory,
     )
     rows = [_numbers(part) for part in parts]
-    allowed = np.maximum(TOLERANCE[real] * sizes(command), SLACK * off)
+    allowed = np.maximum(TOLERANCE[real] * sizes(command), SLACK * np.minimum(off, NO_MATTER))
     if not same:
         allowed = np.full_like(allowed, NO_MATTER)
         allowed[:OF_A_RUN, 0] = LOOSE * sizes(command)[:OF_A_RUN, 0]

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, TypeVar
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 
 from slidax._errors import as_array
-from slidax._types import Command, Envelope, Memory, Reference, Scalar, State, Vector
+from slidax._types import Command, Envelope, Memory, PerJoint, Reference, Scalar, State, Vector
 from slidax.actuators import TorqueLimits
-from slidax.controllers import AbstractController, SampledData
+from slidax.controllers import AbstractController, MeasurementGate, SampledData
+from slidax.controllers.sampled_data.gate import LONGEST_GAP
+from slidax.parts import AbstractPart
 from slidax.transformations import PrescribedPerformance
 
 from .reads import read_by
@@ -20,14 +22,19 @@ from .status import (
     ENVELOPE_LEFT,
     MEASUREMENT_NOT_FINITE,
     MEASUREMENT_OUT_OF_RANGE,
+    MEASUREMENT_REJECTED,
     MISSED_PERIOD,
     PROMISE_VOID,
+    RECOVERY_OVERDUE,
     REFERENCE_NOT_FINITE,
+    STOP_REQUESTED,
     TORQUE_LIMITED,
     TORQUE_NOT_FINITE,
     Condition,
 )
-from .step_memory import Flag, SensorRange, Status, StepMemory
+from .step_memory import Flag, Status, StepMemory
+
+Tree = TypeVar("Tree")
 
 Flags = dict[Condition, Flag]
 """What can be said of a sample or an answer, and whether it is so."""
@@ -36,39 +43,45 @@ Flags = dict[Condition, Flag]
 class GuardedStep(AbstractController):
     """A controller behind its guards. It is a controller, too: what is exported can be simulated as it is.
 
-    In this order: a bad measurement or reference, or a law without a finite answer, leaves the last command and all
-    that is remembered as they are; a torque beyond the limits is limited. The law's own arithmetic is not touched.
+    In this order: a bad measurement or reference, a measurement that the gate rejects, or a law without a finite answer
+    leaves the last command and all that is remembered as they are; a torque beyond the limits is limited. The law's own
+    arithmetic is not touched. The first command respects the rate limit, counted from the last command given, or from
+    the torque that carries the nominal arm's weight if none was.
 
     - `controller`: the law.
-    - `range`: what a measurement can be.
+    - `gate`: rejects measurements that the arm cannot have produced; None for a sampled-data law, which has its own.
     - `period`: time between two samples [s], > 0; None: the law's own, if it is a sampled-data law.
     - `limits`: of torque and torque rate; None: the law's own, likewise.
     - `reads`: what the law reads of a sample, such as `now.dq`: all else may be anything.
 
-    Signals: those of the law, `rho` if it has an envelope, and `status`.
+    Signals: those of the law, `rho` if it has an envelope, and `status`; all 0 but `status` while the command is held.
     """
 
     controller: AbstractController
-    range: SensorRange
+    gate: MeasurementGate | None
     period: Scalar | None
     limits: TorqueLimits | None
     reads: frozenset[str] = eqx.field(static=True)
 
     @staticmethod
-    def around(controller: AbstractController, limits: TorqueLimits, period: float) -> GuardedStep:
-        """The guards for a law; one that knows its period and limits shares them with its guards.
+    def around(
+        controller: AbstractController, limits: TorqueLimits, period: float, gate: MeasurementGate | None = None
+    ) -> GuardedStep:
+        """The guards for a law; a sampled-data law shares its period, limits and gate with them.
 
         - `controller`: the law.
         - `limits`: of torque and torque rate; each joint gets its own.
         - `period`: time between two samples [s].
+        - `gate`: for a law that has none; None: one with the widest ranges.
         """
         n = controller.joints
         wide: TorqueLimits = jax.tree.map(lambda x: jnp.broadcast_to(x, (n,)), limits)
-        reach = SensorRange(q=jnp.full(n, 1e6), dq=jnp.full(n, 1e6))
         reads = read_by(controller)
         if isinstance(controller, SampledData):
-            return GuardedStep(eqx.tree_at(lambda law: law.limits, controller, wide), reach, None, None, reads)
-        return GuardedStep(controller, reach, as_array(period), wide, reads)
+            own = eqx.tree_at(lambda law: (law.limits, law.gate), controller, (wide, _per_joint(controller.gate, n)))
+            return GuardedStep(own, None, None, None, reads)
+        gate = _per_joint(MeasurementGate() if gate is None else gate, n)
+        return GuardedStep(controller, gate, as_array(period), wide, reads)
 
     @property
     def joints(self) -> int:
@@ -83,11 +96,12 @@ class GuardedStep(AbstractController):
         - `reference`: what the joints should do then.
         """
         bad = self.checked(t, state, reference, reference)
+        nothing = self._nothing(t, state, reference)
 
         def begun() -> StepMemory:
-            return self.begun(t, state, reference)
+            return self.begun(t, state, reference, nothing)
 
-        held: StepMemory = jax.lax.cond(_status(bad) == 0, begun, lambda: _zeros(begun))
+        held: StepMemory = jax.lax.cond(_status(bad) == 0, begun, lambda: nothing)
         return held
 
     def __call__(
@@ -116,18 +130,17 @@ class GuardedStep(AbstractController):
         """
         bad = _status(self.checked(t, state, reference_now, reference_next))
         begins = (bad == 0) & ~memory.started
-        memory = jax.lax.cond(begins, lambda: self.begun(t, state, reference_now), lambda: memory)
+        memory = jax.lax.cond(begins, lambda: self.begun(t, state, reference_now, memory), lambda: memory)
 
         def answered() -> tuple[Command, Status]:
             command, flags = self.answered(t, state, reference_now, reference_next, memory)
             return command, _status(flags)
 
         def held() -> tuple[Command, Status]:
-            tau = self.held(memory)
-            kept = eqx.tree_at(lambda m: m.tau, memory, tau)
+            kept, flags = self.held(memory)
             # A law that a good sample cannot start has no answer.
-            status = jnp.where(bad == 0, jnp.uint32(TORQUE_NOT_FINITE.bit), bad)
-            return Command(tau=tau, memory=kept, signals=_zeros(answered)[0].signals), status
+            status = jnp.where(bad == 0, jnp.uint32(TORQUE_NOT_FINITE.bit), bad) | _status(flags)
+            return Command(tau=kept.tau, memory=kept, signals=_zeros(answered)[0].signals), status
 
         answer: tuple[Command, Status] = jax.lax.cond((bad == 0) & memory.started, answered, held)
         return answer
@@ -139,45 +152,72 @@ class GuardedStep(AbstractController):
         - `state`: measured positions and velocities.
         - `reference_now`, `reference_next`: what the joints should do now and one period later.
         """
-        measured = [
-            (getattr(state, part), getattr(self.range, part)) for part in ("q", "dq") if f"state.{part}" in self.reads
-        ]
+        measured = [getattr(state, part) for part in ("q", "dq") if f"state.{part}" in self.reads]
         wanted = [
             getattr(reference, part)
             for name, reference in (("now", reference_now), ("next", reference_next))
             for part in ("q", "dq", "ddq")
             if f"{name}.{part}" in self.reads
         ]
-        beyond = [jnp.any(jnp.abs(value) > largest) for value, largest in measured]
-        finite = _finite((t, [value for value, _ in measured]))
+        finite = _finite((t, measured))
         return {
             MEASUREMENT_NOT_FINITE: ~finite,
-            MEASUREMENT_OUT_OF_RANGE: finite & jnp.any(jnp.stack(beyond)),
+            MEASUREMENT_OUT_OF_RANGE: finite & ~self._gate().in_range(state, self._velocity),
             REFERENCE_NOT_FINITE: ~_finite(wanted),
         }
 
-    def begun(self, t: Scalar, state: State, reference: Reference) -> StepMemory:
+    def begun(self, t: Scalar, state: State, reference: Reference, memory: StepMemory) -> StepMemory:
         """What is kept before the first sample, which is a good one; `started` is false if the law cannot keep it.
 
         - `t`: time at the start [s].
         - `state`: measured positions and velocities.
         - `reference`: what the joints should do then.
+        - `memory`: of a law that has not started.
         """
         law = self.controller.init(t, state, reference)
+        tau, gate = memory.tau, None
+        if isinstance(self.controller, SampledData):
+            # What the drives were told before counts for the rate limit, and acts while it is under way.
+            torques = jnp.where(memory.commanded, memory.tau, law.torques)
+            law = eqx.tree_at(lambda law: law.torques, law, torques)
+        else:
+            nominal = getattr(self.controller, "nominal", None)
+            if nominal is not None:
+                tau = jnp.where(memory.commanded, tau, nominal.bias(state.q, state.dq))
+            gate = self._gate().init(t, state, self._velocity)
         return StepMemory(
-            started=_finite(law),
-            commanded=jnp.zeros((), bool),
+            started=_finite((law, tau)),
+            commanded=memory.commanded,
             t=t - self._period(),
-            tau=jnp.zeros(self.joints),
+            tau=tau,
+            held=memory.held,
+            stop=memory.stop,
+            outside=jnp.zeros(()),
             law=law,
+            gate=gate,
         )
 
-    def held(self, memory: StepMemory) -> Vector:
-        """The last safe command [n], N m or N, within limits that may have been lowered since.
+    def held(self, memory: StepMemory) -> tuple[StepMemory, Flags]:
+        """The memory after a step that holds its command, within limits that may have been lowered since.
 
         - `memory`: what `init` or the last sample returned.
         """
-        return self._within(memory.tau)
+        # A torque that no command was given for is the arm's weight, from which the first command's rate counts.
+        tau = jnp.where(memory.commanded, self._within(memory.tau), 0.0)
+        held = memory.held + 1.0
+        stop = memory.stop | (held >= self._gate().patience)
+        kept = StepMemory(
+            started=memory.started,
+            commanded=jnp.ones((), bool),
+            t=memory.t,
+            tau=tau,
+            held=held,
+            stop=stop,
+            outside=memory.outside,
+            law=memory.law,
+            gate=memory.gate,
+        )
+        return kept, {STOP_REQUESTED: stop}
 
     def answered(
         self, t: Scalar, state: State, reference_now: Reference, reference_next: Reference, memory: StepMemory
@@ -190,44 +230,75 @@ class GuardedStep(AbstractController):
         - `memory`: of a law that has started.
         """
         period = self._period()
-        command = self.controller(t, state, reference_now, reference_next, memory.law)
+        gate, before = memory.gate, memory.law
+        accepted = jnp.ones((), bool)
+        if self.gate is not None and gate is not None:
+            admission, gate = self.gate(t, state, memory.t, period, self._velocity, gate)
+            accepted = admission.accepted
+            t_used = jnp.where(accepted, t, memory.t + period)
+            seen = _select(accepted, state, State(q=gate.q, dq=gate.dq if self._velocity else state.dq))
+            before = jax.lax.cond(
+                admission.restarts, lambda: self.controller.init(t_used, seen, reference_now), lambda: before
+            )
+            command = self.controller(t_used, seen, reference_now, reference_next, before)
+        else:
+            assert isinstance(self.controller, SampledData)
+            command, accepted = self.controller.gated(t, state, reference_now, reference_next, memory.law)
         law = command.memory_after(period)
 
-        # What the drive held before the first command is not known, so that its rate is not limited.
-        held = self.held(memory)
-        last = jnp.where(memory.commanded, held, self._within(command.tau))
-        tau = self._limits()(command.tau, last, period)
+        # The arm's weight before the first command.
+        held = self._within(memory.tau)
+        tau = self._limits()(command.tau, held, period)
         limited = jnp.any(tau != command.tau)
         if isinstance(self.controller, SampledData):
             # It keeps the limits itself, and says so.
             limited = limited | ~command.memory.planned
-        sound = _finite((command.tau, tau, law))
+            # The torque that its first command is limited from is in its own memory.
+            tau = jnp.where(memory.commanded, tau, self._within(command.tau))
+        finite = _finite((command.tau, tau, law)) | ~accepted
+        used = finite & accepted
+        after = _select(used, law, memory.law)
+        if isinstance(self.controller, SampledData):
+            after = eqx.tree_at(lambda kept: kept.gate, after, _select(finite, law.gate, memory.law.gate))
 
-        envelope = self.controller.envelope(t, memory.law)
+        envelope = self.controller.envelope(t, before)
         e = state.q - self.wanted_then(reference_now)
         elapsed = t - memory.t
+        left = jnp.zeros((), bool)
+        if envelope is not None:
+            left = accepted & jnp.any((e <= envelope.lower) | (e >= envelope.upper))
+        passed = jnp.clip(elapsed, 0.0, LONGEST_GAP * period)
+        outside = jnp.where(accepted, jnp.where(left, memory.outside + passed, 0.0), memory.outside)
+        counted = jnp.where(used, 0.0, memory.held + 1.0)
+        stop = memory.stop | (counted >= self._gate().patience)
         flags = {
-            TORQUE_NOT_FINITE: ~sound,
-            ENVELOPE_LEFT: (
-                jnp.zeros((), bool) if envelope is None else jnp.any((e <= envelope.lower) | (e >= envelope.upper))
-            ),
-            TORQUE_LIMITED: sound & limited,
-            MISSED_PERIOD: (elapsed > 1.5 * period) | (elapsed <= 0),
+            TORQUE_NOT_FINITE: ~finite,
+            ENVELOPE_LEFT: left,
+            TORQUE_LIMITED: used & limited,
+            MISSED_PERIOD: accepted & ((elapsed > 1.5 * period) | (elapsed <= 0)),
             PROMISE_VOID: command.signals.get("assumption_violated", jnp.zeros(())) > 0,
+            MEASUREMENT_REJECTED: ~accepted,
+            STOP_REQUESTED: stop,
+            RECOVERY_OVERDUE: outside > self._deadline(),
         }
         kept = StepMemory(
             started=memory.started,
-            commanded=memory.commanded | sound,
-            t=jnp.where(sound, t, memory.t),
-            tau=jnp.where(sound, tau, held),
-            law=jax.tree.map(lambda new, old: jnp.where(sound, new, old), law, memory.law),
+            commanded=jnp.ones((), bool),
+            t=jnp.where(used, t, memory.t),
+            tau=jnp.where(used, tau, jnp.where(memory.commanded, held, 0.0)),
+            held=counted,
+            stop=stop,
+            outside=outside,
+            law=after,
+            gate=gate,
         )
         signals = command.signals
-        decides = self.controller.step if isinstance(self.controller, SampledData) else self.controller
+        decides = self._decides()
         transformation = getattr(decides, "transformation", None)
         if isinstance(transformation, PrescribedPerformance):
             signals = {**signals, "rho": transformation.performance.radius(t)}
-        return Command(tau=kept.tau, memory=kept, signals=signals), flags
+        shown = {name: jnp.where(used, _representable(value), 0.0) for name, value in signals.items()}
+        return Command(tau=kept.tau, memory=kept, signals=shown), flags
 
     def envelope(self, t: Scalar, memory: StepMemory) -> Envelope | None:
         """The law's envelope.
@@ -247,6 +318,14 @@ class GuardedStep(AbstractController):
             return reference.q
         return reference.q - (law.delay - law.dead_time) * law.period * reference.dq
 
+    def _nothing(self, t: Scalar, state: State, reference: Reference) -> StepMemory:
+        """The memory after a reset: all zeros."""
+        law = _zeros(lambda: self.controller.init(t, state, reference))
+        gate = None if self.gate is None else _zeros(lambda: self._gate().init(t, state, self._velocity))
+        zero, off = jnp.zeros(()), jnp.zeros((), bool)
+        tau = jnp.zeros(self.joints)
+        return StepMemory(off, off, zero, tau, held=zero, stop=off, outside=zero, law=law, gate=gate)
+
     def _within(self, tau: Vector) -> Vector:
         largest = self._limits().torque
         # Not by `clip`: a limit that is NaN changes nothing.
@@ -263,6 +342,52 @@ class GuardedStep(AbstractController):
             assert isinstance(self.controller, SampledData)
             return self.controller.limits
         return self.limits
+
+
+    def _gate(self) -> MeasurementGate:
+        if self.gate is None:
+            assert isinstance(self.controller, SampledData)
+            return self.controller.gate
+        return self.gate
+
+    @property
+    def _velocity(self) -> bool:
+        """True if the law uses measured velocities after the first sample."""
+        if isinstance(self.controller, SampledData):
+            return self.controller.estimator.reads_velocity
+        return "state.dq" in self.reads
+
+    def _decides(self) -> AbstractPart:
+        return self.controller.step if isinstance(self.controller, SampledData) else self.controller
+
+    def _deadline(self) -> Scalar:
+        """When the envelope is settled [s]: the latest of its joints, or 1 s for one that is never."""
+        transformation = getattr(self._decides(), "transformation", None)
+        deadline = getattr(getattr(transformation, "performance", None), "deadline", None)
+        return jnp.ones(()) if deadline is None else jnp.max(deadline)
+
+
+def _per_joint(gate: MeasurementGate, joints: int) -> MeasurementGate:
+    """The gate with a range for each joint."""
+
+    def wide(gate: MeasurementGate) -> list[PerJoint]:
+        return [gate.q_max, gate.speed, gate.spread]
+
+    each: MeasurementGate = eqx.tree_at(wide, gate, [jnp.broadcast_to(x, (joints,)) for x in wide(gate)])
+    return each
+
+
+def _select(condition: Flag, yes: Tree, no: Tree) -> Tree:
+    """One of two trees of the same structure."""
+    selected: Tree = jax.tree.map(lambda a, b: a if a is b else jnp.where(condition, a, b), yes, no)
+    return selected
+
+
+def _representable(value: Vector) -> Vector:
+    """The value without what no number stands for: the largest number for infinity, 0 for NaN."""
+    largest = jnp.finfo(value.dtype).max
+    bounded: Vector = jnp.clip(jnp.where(jnp.isnan(value), 0.0, value), -largest, largest)
+    return bounded
 
 
 def _finite(tree: Memory) -> Flag:

@@ -20,11 +20,15 @@ from slidax.trajectories import AbstractTrajectory
 
 from .guarded_step import GuardedStep
 from .members import Member, members
-from .status import ANSWERED, CHECKED, Condition
+from .status import ANSWERED, CHECKED, WAITING, Condition
 from .step_memory import Flag, StepMemory
+from .validity import parameters_valid
 
 LONG = 64
 """Numbers from which on an array is a table."""
+
+CHANGED = ("tau", "held", "stop", "commanded")
+"""Members of the memory that a held command changes."""
 
 SAMPLE = ("", "t", "", "reference", "next")
 """What the arguments of a step are called in comments and names: parameters, time, state, reference now and next."""
@@ -94,6 +98,7 @@ class Step:
     - `answered`: the law on a good sample.
     - `held`: the command on a bad one.
     - `begun`: from the first good sample to what is kept.
+    - `valid`: from the parameters to whether all of them are in their ranges.
     - `parameters`, `memory`, `signals`: members of the structures.
     """
 
@@ -101,6 +106,7 @@ class Step:
     answered: Function
     held: Function
     begun: Function
+    valid: Function
     parameters: list[Member]
     memory: list[Member]
     signals: list[Member]
@@ -127,11 +133,15 @@ def step_programs(guard: GuardedStep) -> Step:
         command, flags = guard.answered(t, state, now, following, memory)
         return command.memory, command.signals, list(flags.values())
 
-    def hold(guard: GuardedStep, memory: StepMemory) -> Vector:
-        return guard.held(memory)
+    def hold(guard: GuardedStep, memory: StepMemory) -> tuple[list[Any], list[Flag]]:
+        kept, flags = guard.held(memory)
+        return [getattr(kept, name) for name in CHANGED], list(flags.values())
 
-    def begin(guard: GuardedStep, t: Scalar, state: State, now: Reference) -> StepMemory:
-        return guard.begun(t, state, now)
+    def begin(guard: GuardedStep, memory: StepMemory, t: Scalar, state: State, now: Reference) -> StepMemory:
+        return guard.begun(t, state, now, memory)
+
+    def valid(guard: GuardedStep) -> Flag:
+        return parameters_valid(guard)
 
     sample = (t, state, reference, reference)
     signals = members(jax.eval_shape(answered, guard, held, *sample)[1])
@@ -149,8 +159,22 @@ def step_programs(guard: GuardedStep) -> Step:
             kept + says + _flags(ANSWERED),
             library,
         ),
-        held=_function(hold, (guard, held), ("", "memory"), given + kept, [Place("memory->", _named(memory, "tau"))]),
-        begun=_function(begin, (guard, *sample[:3]), SAMPLE[:4], given + seen + wanted[:3], kept, library),
+        held=_function(
+            hold,
+            (guard, held),
+            ("", "memory"),
+            given + kept,
+            _places("memory->", [_named(memory, name) for name in CHANGED]) + _flags(WAITING),
+        ),
+        begun=_function(
+            begin,
+            (guard, held, *sample[:3]),
+            (SAMPLE[0], "memory", *SAMPLE[1:4]),
+            given + kept + seen + wanted[:3],
+            kept,
+            library,
+        ),
+        valid=_function(valid, (guard,), ("",), given, [Place("", Member("valid", "b1", ()))]),
         parameters=parameters,
         memory=memory,
         signals=signals,

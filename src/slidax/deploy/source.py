@@ -32,7 +32,7 @@ class Body:
 class Source:
     """All functions of a step.
 
-    - `checked`, `begun`, `held`, `derived`, `answered`: the bodies.
+    - `checked`, `begun`, `held`, `valid`, `derived`, `answered`: the bodies.
     - `functions`: those that the law calls, each after those that it calls itself.
     - `workspace`: members for what follows from the parameters alone.
     - `helpers`: the lines of the small functions that they call.
@@ -43,6 +43,7 @@ class Source:
     checked: Body
     begun: Body
     held: Body
+    valid: Body
     derived: Body
     answered: Body
     functions: list[Shared]
@@ -57,7 +58,7 @@ CALLS = {"double": 640, "float": 384}
 SPILLED = 1.25
 """What a compiler that unrolls loops takes beside the variables, as a share of them."""
 
-TAKEN = ("checked", "begun", "held", "derived", "kept_up", "answered")
+TAKEN = ("checked", "begun", "held", "valid", "derived", "kept_up", "answered")
 """Functions of the file that are not the law's."""
 
 
@@ -80,18 +81,20 @@ def source(step: Step, dialect: Dialect) -> Source:
     checked = body(step.checked, dialect, sample, helpers)
     begun = body(step.begun, dialect, (*sample, "workspace", "memory"), helpers, library)
     held = body(step.held, dialect, ("parameters", "memory"), helpers)
+    valid = body(step.valid, dialect, ("parameters",), helpers)
     into = [(text, value) for value, text in given.items()]
     derived = _body(answered, into, dialect, ("parameters", "workspace"), helpers, names, {}, library)
     arguments = (*sample, "workspace", "memory", "command")
     inside = _body(answered, answered.assigned, dialect, arguments, helpers, names, given, library)
     # One after the other, and never one within another but what `derived` calls.
     deriving = derived.bytes + max((each.derived_bytes for each in library.shared), default=0)
-    total = round(SPILLED * max(checked.bytes, held.bytes, begun.bytes, deriving, inside.bytes)) + CALLS[dialect.real]
+    total = round(SPILLED * max(checked.bytes, held.bytes, valid.bytes, begun.bytes, deriving, inside.bytes)) + CALLS[dialect.real]
     lines = [*derived.lines, *(line for each in library.shared for line in each.derived)]
     return Source(
         checked=checked,
         begun=begun,
         held=held,
+        valid=valid,
         derived=derived,
         answered=inside,
         functions=library.shared,

@@ -33,9 +33,9 @@ MEASUREMENT_NOT_FINITE = Condition(
 MEASUREMENT_OUT_OF_RANGE = Condition(
     "MEASUREMENT_OUT_OF_RANGE",
     2,
-    "a position or velocity is larger than `range_q` or `range_dq`, more than the sensor can mean",
+    "a measured position is beyond `gate_q_max`, or a velocity that the law uses is beyond `gate_speed`",
     True,
-    "As above. Set the ranges to what your arm can do.",
+    "As above. The ranges are 1.5 times the limits of the arm's description; set them if your joints move farther.",
 )
 REFERENCE_NOT_FINITE = Condition(
     "REFERENCE_NOT_FINITE",
@@ -81,13 +81,58 @@ PROMISE_VOID = Condition(
     "The envelope may soon be left: slow down or brake. `assumption_violated` says what is not as it should be.",
 )
 
+MEASUREMENT_REJECTED = Condition(
+    "MEASUREMENT_REJECTED",
+    256,
+    "the arm cannot have moved from the last accepted measurement to this one in the time between them, or the time "
+    "stamp is not after the last one; the sample is treated as a lost one",
+    True,
+    "One such sample is harmless. If they repeat, look at the encoder, its cable and the clock.",
+)
+
+STOP_REQUESTED = Condition(
+    "STOP_REQUESTED",
+    512,
+    "as many steps in a row as `gate_patience` says have held their command; stays set until the reset",
+    False,
+    "Brake now. The law does not know where the arm is.",
+)
+
+RECOVERY_OVERDUE = Condition(
+    "RECOVERY_OVERDUE",
+    1024,
+    "a joint has been outside its envelope for longer than the envelope takes to settle",
+    False,
+    "The drives are too weak for the disturbance or the motion: slow down or brake.",
+)
+
+PARAMETERS_INVALID = Condition(
+    "PARAMETERS_INVALID",
+    2048,
+    "a parameter that was set is not finite or is out of the range that its comment names; in C alone",
+    True,
+    "Correct the parameter. `parameters_valid` tells before a step whether it is.",
+)
+
 CHECKED = (MEASUREMENT_NOT_FINITE, MEASUREMENT_OUT_OF_RANGE, REFERENCE_NOT_FINITE)
-"""What can be wrong with a sample."""
+"""Faults of a sample that are found before the law is asked."""
 
-ANSWERED = (TORQUE_NOT_FINITE, ENVELOPE_LEFT, TORQUE_LIMITED, MISSED_PERIOD, PROMISE_VOID)
-"""What can be said of the answer to a good one."""
+ANSWERED = (
+    TORQUE_NOT_FINITE,
+    ENVELOPE_LEFT,
+    TORQUE_LIMITED,
+    MISSED_PERIOD,
+    PROMISE_VOID,
+    MEASUREMENT_REJECTED,
+    STOP_REQUESTED,
+    RECOVERY_OVERDUE,
+)
+"""Conditions that the answer to a sample can report."""
 
-CONDITIONS = (*CHECKED, *ANSWERED)
+WAITING = (STOP_REQUESTED,)
+"""Conditions that a held command can report, beside the fault of the sample."""
+
+CONDITIONS = (*CHECKED, *ANSWERED, PARAMETERS_INVALID)
 """All of them, by their bits."""
 
 HELD = sum(condition.bit for condition in CONDITIONS if condition.held)

@@ -1,12 +1,12 @@
-"""What a guarded step knows of sensors, and keeps from one sample to the next."""
+"""Memory of a guarded step between two samples."""
 
 from __future__ import annotations
 
 import equinox as eqx
 from jaxtyping import Array, Bool, UInt32
 
-from slidax._errors import as_array
-from slidax._types import Memory, PerJoint, Scalar, Vector
+from slidax._types import Memory, Scalar, Vector
+from slidax.controllers import GateMemory
 
 Status = UInt32[Array, "..."]
 """Bits of `slidax.deploy.status`; 0 if all is well."""
@@ -14,29 +14,26 @@ Status = UInt32[Array, "..."]
 Flag = Bool[Array, ""]
 
 
-class SensorRange(eqx.Module):
-    """What a measurement can be.
-
-    - `q`, `dq`: largest size of a position and of a velocity, one number or [n], rad, rad/s or m, m/s; what is larger
-      is taken for a fault of the sensor.
-    """
-
-    q: PerJoint = eqx.field(converter=as_array, default=1e6)
-    dq: PerJoint = eqx.field(converter=as_array, default=1e6)
-
-
 class StepMemory(eqx.Module):
     """What the step keeps between two samples.
 
-    - `started`: whether a good measurement has come since the reset.
-    - `commanded`: whether a command has been given since then.
-    - `t`: time of the last good sample [s].
+    - `started`: True once a good measurement has come after the reset.
+    - `commanded`: True once a command has been given after the reset, also the 0 of a bad sample.
+    - `t`: time stamp of the last good sample [s].
     - `tau`: the last safe command [n], N m or N; 0 before the first.
-    - `law`: what the law keeps.
+    - `held`: steps in a row whose command was held.
+    - `stop`: True once the host has been asked to stop; it stays so until the reset.
+    - `outside`: time for which a joint has been outside the envelope without a break [s].
+    - `law`: memory of the law.
+    - `gate`: memory of the gate; None for a sampled-data law, which has its own.
     """
 
     started: Flag
     commanded: Flag
     t: Scalar
     tau: Vector
+    held: Scalar
+    stop: Flag
+    outside: Scalar
     law: Memory
+    gate: GateMemory | None

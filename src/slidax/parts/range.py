@@ -42,6 +42,14 @@ class End:
         number = self.number
         return number if number is not None else eval(self._code, {}, _Fields(part))
 
+    def traced(self, part: object) -> Any:
+        """The end for one part whose parameters are not known yet, a number or [n].
+
+        - `part`: whose parameters the expression names.
+        """
+        number = self.number
+        return number if number is not None else eval(self._code, {}, _TracedFields(part))
+
     def shown(self, part: object) -> str:
         """The end for a message: with the value it has, where it is another parameter's.
 
@@ -60,6 +68,11 @@ class _Fields(dict[str, Any]):
 
     def __missing__(self, name: str) -> Any:
         return np.asarray(getattr(self._part, name))
+
+
+class _TracedFields(_Fields):
+    def __missing__(self, name: str) -> Any:
+        return getattr(self._part, name)
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,8 @@
 """Every law at the arm's own rate, with an estimator, a prediction over the delay, and limits."""
 
 from .explicit_step import ExplicitStep as ExplicitStep
+from .gate import Admission as Admission
+from .gate import GateMemory as GateMemory
 from .gate import MeasurementGate as MeasurementGate
 from .law import SampledData as SampledData
 from .monitor import Monitor as Monitor

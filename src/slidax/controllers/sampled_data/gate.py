@@ -84,12 +84,14 @@ class MeasurementGate(AbstractPart):
         "rejected samples in a row after which the host is asked to stop", "samples", "[2, 1e6]", default=5.0
     )
 
-    def init(self, t: Scalar, state: State) -> GateMemory:
+    def init(self, t: Scalar, state: State, velocity: bool) -> GateMemory:
         """Memory after a first accepted sample.
 
         - `t`: its time stamp [s].
         - `state`: measured positions and velocities.
+        - `velocity`: whether velocities are used.
         """
+        state = _used(state, velocity)
         return GateMemory(q=state.q, dq=state.dq, suspect_t=t, suspect=state, consistent=jnp.zeros(()))
 
     def in_range(self, state: State, velocity: bool) -> Bool[Array, ""]:
@@ -113,6 +115,7 @@ class MeasurementGate(AbstractPart):
         - `velocity`: whether the estimator uses velocities.
         - `memory`: what `init` or the last call returned.
         """
+        state = _used(state, velocity)
         elapsed = t - last
         timely = (elapsed >= SHORTEST * period) & (elapsed <= LONGEST_GAP * period)
         accepted = State(memory.q, memory.dq)
@@ -152,3 +155,8 @@ class MeasurementGate(AbstractPart):
             return near
         change = (2.0 / self.patience) * self.speed * (elapsed / period + 1.0)
         return near & jnp.all(jnp.abs(state.dq - before.dq) <= change)
+
+
+def _used(state: State, velocity: bool) -> State:
+    """The measured state without what the estimator does not use, which may be anything."""
+    return state if velocity else State(q=state.q, dq=jnp.zeros_like(state.q))

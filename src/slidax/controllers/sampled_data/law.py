@@ -131,6 +131,8 @@ class SampledData(AbstractController):
         - `state`: measured positions and velocities.
         - `reference`: what the joints should do then.
         """
+        # A velocity that the estimator does not use may be anything.
+        state = State(q=state.q, dq=jnp.clip(state.dq, -self.gate.speed, self.gate.speed))
         held = self.nominal.bias(state.q, state.dq)
         # To learn from a torque it must be known until what it did has been measured.
         kept = commands_kept(self.delay) + (0 if self.adaptation is None else 2)
@@ -144,7 +146,7 @@ class SampledData(AbstractController):
             step=self.step.init(t, state, reference, self.period, self.horizon),
             adapted=None if self.adaptation is None else Adapted.init(self.adaptation, state, self.delay),
             watched=None if self.monitor is None else self.monitor.init(state),
-            gate=self.gate.init(t, state),
+            gate=self.gate.init(t, state, self.estimator.reads_velocity),
         )
 
     def __call__(
@@ -157,22 +159,35 @@ class SampledData(AbstractController):
         - `reference_now`, `reference_next`: what the joints should do now and one period later.
         - `memory`: what `init` or the last sample returned.
         """
-        velocity = self.estimator.reads_velocity
-        admission, gate = self.gate(t, state, memory.t, self.period, velocity, memory.gate)
+        command, accepted = self.gated(t, state, reference_now, reference_next, memory)
+        held = jnp.clip(memory.torques[-1], -self.limits.torque, self.limits.torque)
+        kept = _select(accepted, command.memory, memory)
+        signals = {name: jnp.where(accepted, value, 0.0) for name, value in command.signals.items()}
+        return Command(
+            tau=jnp.where(accepted, command.tau, held),
+            memory=eqx.tree_at(lambda kept: kept.gate, kept, command.memory.gate),
+            signals={**signals, "rejected": jnp.where(accepted, 0.0, 1.0)},
+        )
+
+    def gated(
+        self, t: Scalar, state: State, reference_now: Reference, reference_next: Reference, memory: Kept
+    ) -> tuple[Command, Bool[Array, ""]]:
+        """The command for a sample that the gate accepts, and True if it does.
+
+        For a rejected sample only the memory of the gate in the command means anything.
+
+        - `t`, `state`, `reference_now`, `reference_next`, `memory`: as in a call.
+        """
+        admission, gate = self.gate(
+            t, state, memory.t, self.period, self.estimator.reads_velocity, memory.gate
+        )
         accepted = admission.accepted
         # A rejected sample must not reach the arithmetic, not even where its result is discarded: gradients would see it.
         time = jnp.where(accepted, t, memory.t + self.period)
         measured = _select(accepted, state, memory.prior.state)
         before = self._restarted(time, measured, admission, memory)
         command = self._decided(time, measured, reference_now, reference_next, admission.restarts, before)
-        held = jnp.clip(memory.torques[-1], -self.limits.torque, self.limits.torque)
-        kept = _select(accepted, command.memory, memory)
-        signals = {name: jnp.where(accepted, value, 0.0) for name, value in command.signals.items()}
-        return Command(
-            tau=jnp.where(accepted, command.tau, held),
-            memory=eqx.tree_at(lambda kept: kept.gate, kept, gate),
-            signals={**signals, "rejected": jnp.where(accepted, 0.0, 1.0)},
-        )
+        return eqx.tree_at(lambda command: command.memory.gate, command, gate), accepted
 
     def _restarted(self, t: Scalar, measured: State, admission: Admission, memory: Kept) -> Kept:
         """The memory from which the law goes on where the gate restarts it; else the memory as it is."""
@@ -357,5 +372,5 @@ class SampledData(AbstractController):
 
 def _select(condition: Bool[Array, ""], yes: Tree, no: Tree) -> Tree:
     """One of two trees of the same structure."""
-    selected: Tree = jax.tree.map(lambda a, b: jnp.where(condition, a, b), yes, no)
+    selected: Tree = jax.tree.map(lambda a, b: a if a is b else jnp.where(condition, a, b), yes, no)
     return selected
