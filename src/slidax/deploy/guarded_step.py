@@ -72,7 +72,7 @@ class GuardedStep(AbstractController):
         - `controller`: the law.
         - `limits`: of torque and torque rate; each joint gets its own.
         - `period`: time between two samples [s].
-        - `gate`: for a law that has none; None: one with the widest ranges.
+        - `gate`: for a law that has none; None: the gate for its nominal arm.
         """
         n = controller.joints
         wide: TorqueLimits = jax.tree.map(lambda x: jnp.broadcast_to(x, (n,)), limits)
@@ -80,7 +80,10 @@ class GuardedStep(AbstractController):
         if isinstance(controller, SampledData):
             own = eqx.tree_at(lambda law: (law.limits, law.gate), controller, (wide, _per_joint(controller.gate, n)))
             return GuardedStep(own, None, None, None, reads)
-        gate = _per_joint(MeasurementGate() if gate is None else gate, n)
+        if gate is None:
+            nominal = getattr(controller, "nominal", None)
+            gate = MeasurementGate() if nominal is None else MeasurementGate.of_arm(nominal)
+        gate = _per_joint(gate, n)
         return GuardedStep(controller, gate, as_array(period), wide, reads)
 
     @property

@@ -274,6 +274,8 @@ class ScenarioDescription(AbstractDescription):
                     mass=nominal.mass(state0.q),
                     rotors=nominal.armature if isinstance(nominal, Articulated | Coupled) else None,
                     rated=_rated(drive.limits().torque, arms.limits, true.joints),
+                    limited=self.simulation.limits == "check",
+                    jitter=self.sensor.jitter,
                 )
                 with located("sampled_data"):
                     controller = self.scheme.sampled_data.build(controller, sampling)

@@ -10,12 +10,13 @@ import numpy as np
 from jaxtyping import Array
 from pydantic import field_validator
 
-from slidax._errors import as_array, located
+from slidax._errors import DefinitionError, as_array, located
 from slidax.actuators import TorqueLimits
 from slidax.adaptation import AbstractAdaptation, JointLearning
-from slidax.controllers import AbstractController, Monitor, Recovery, sampled_data
+from slidax.controllers import AbstractController, MeasurementGate, Monitor, Recovery, sampled_data
 from slidax.estimators import AbstractEstimator, Kalman, Measured
 from slidax.estimators.kalman import FASTEST_PACE, TORQUE_DENSITY
+from slidax.robots import AbstractRobot
 
 from .base import AbstractDescription, Numbers, said, same
 from .derived import PartDescription, plain_of, union_of
@@ -38,6 +39,8 @@ class Sampling:
     - `mass`: inertia matrix of the nominal arm at the start [n n].
     - `rotors`: rotor inertia that it has [n], kg m² or kg; None for an arm whose model has no rotors of its own.
     - `rated`: rated torque of its joints [n], N m or N; infinite where it is not known.
+    - `limited`: False if the arm may move beyond its limits.
+    - `jitter`: width of the spread of a measurement's age [periods].
     """
 
     period: float
@@ -49,6 +52,8 @@ class Sampling:
     mass: Array
     rotors: Array | None
     rated: Array
+    limited: bool = True
+    jitter: float = 0.0
 
 
 class MeasuredDescription(AbstractDescription):
@@ -101,6 +106,29 @@ class KalmanDescription(AbstractDescription):
             torque_density=self.torque_density,
             fastest=FASTEST_PACE if self.variance is None else None,
         )
+
+
+class GateDescription(AbstractDescription):
+    """Rejects measurements that the arm cannot have produced."""
+
+    q_max: Numbers | None = same(MeasurementGate, "q_max", default=None, source="1.5 times the arm's limits")
+    speed: Numbers | None = same(MeasurementGate, "speed", default=None, source="1.5 times the arm's limits")
+    spread: Numbers | None = same(
+        MeasurementGate, "spread", default=None, source="10 standard deviations of the sensor, and its jitter"
+    )
+    patience: float = same(MeasurementGate, "patience")
+
+    def build(self, arm: AbstractRobot, sampling: Sampling) -> MeasurementGate:
+        """The gate.
+
+        - `arm`: the arm as the law knows it.
+        - `sampling`: how the arm is sampled.
+        """
+        gate = MeasurementGate.of_arm(arm, limited=sampling.limited, **self.parameters())
+        if self.spread is not None:
+            return gate
+        spread = 10.0 * jnp.sqrt(sampling.variance) + sampling.jitter * sampling.period * gate.speed
+        return replace(gate, spread=spread)
 
 
 class JointLearningDescription(AbstractDescription):
@@ -177,6 +205,8 @@ class SampledDataDescription(AbstractDescription):
     """What to do outside the envelope; null: pull back to the drawn envelope as it is."""
     monitor: MonitorDescription | None = None
     """What says in every sample whether the envelope's promise still stands; null for nothing."""
+    gate: GateDescription = GateDescription()
+    """What rejects measurements that the arm cannot have produced."""
     slopes: bool = True
     """Whether the robust torque counts the slope part of tau1, as (45) prints it."""
 
@@ -223,6 +253,9 @@ class SampledDataDescription(AbstractDescription):
         if self.monitor is not None:
             with located("monitor"):
                 monitor = self.monitor.build()
+        with located("gate"):
+            self.gate.require_joints(sampling.mass.shape[0])
+            gate = self.gate.build(_nominal(law), sampling)
         return sampled_data(
             law,
             period=sampling.period,
@@ -235,4 +268,13 @@ class SampledDataDescription(AbstractDescription):
             slopes=self.slopes,
             adaptation=adaptation,
             monitor=monitor,
+            gate=gate,
         )
+
+
+def _nominal(law: AbstractController) -> AbstractRobot:
+    """The arm as a law knows it."""
+    nominal = getattr(law, "nominal", None)
+    if not isinstance(nominal, AbstractRobot):
+        raise DefinitionError(f"`{type(law).__name__}` has no `nominal` robot, which its sampled-data form needs")
+    return nominal

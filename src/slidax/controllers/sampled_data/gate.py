@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from slidax.parts import AbstractPart, PerJoint, Scalar, State, Vector, parameter
+from slidax.robots import AbstractRobot, Articulated
 
 LARGEST_POSITION = 1e4
 """rad or m: range of a joint whose position limits are not known."""
@@ -74,15 +77,38 @@ class MeasurementGate(AbstractPart):
     """
 
     q_max: PerJoint = parameter(
-        "largest size of a measured position", "rad or m", "> 0", "(1.5 times the arm's limits)", default=1e4
+        "largest size of a measured position", "rad or m", "> 0", default=1e4
     )
     speed: PerJoint = parameter(
-        "largest speed of a joint", "rad/s or m/s", "> 0", "(1.5 times the arm's limits)", default=1e6
+        "largest speed of a joint", "rad/s or m/s", "> 0", default=100.0
     )
     spread: PerJoint = parameter("largest error of a measured position", "rad or m", ">= 0", default=0.0)
     patience: Scalar = parameter(
         "rejected samples in a row after which the host is asked to stop", "samples", "[2, 1e6]", default=5.0
     )
+
+    @classmethod
+    def of_arm(cls, arm: AbstractRobot, *, spread: Any = 0.0, limited: bool = True, **parameters: Any) -> MeasurementGate:
+        """The gate for an arm: 1.5 times its position and velocity limits.
+
+        A joint without a position limit gets 1e4 rad or m; one without a velocity limit 100 rad/s or 20 m/s.
+
+        - `arm`: the arm as the law knows it.
+        - `spread`: largest error of a measured position, one number or [n], rad or m.
+        - `limited`: False for an arm that may move beyond its limits.
+        - `parameters`: parameters that are known otherwise; None for one that is not.
+
+        Raises DefinitionError if one of them is out of its range.
+        """
+        limits = arm.limits if limited and isinstance(arm, Articulated) else None
+        speed = jnp.asarray([FASTEST_JOINT[unit] for unit in arm.joint_units])
+        q_max = jnp.full(arm.joints, LARGEST_POSITION)
+        if limits is not None:
+            farthest = BEYOND_LIMITS * jnp.maximum(jnp.abs(limits.lower), jnp.abs(limits.upper))
+            q_max = jnp.where(jnp.isfinite(farthest) & (farthest > 0), farthest, q_max)
+            speed = jnp.where(jnp.isfinite(limits.velocity), BEYOND_LIMITS * limits.velocity, speed)
+        known = {name: value for name, value in parameters.items() if value is not None}
+        return cls(**{"q_max": q_max, "speed": speed, "spread": spread, **known})
 
     def init(self, t: Scalar, state: State, velocity: bool) -> GateMemory:
         """Memory after a first accepted sample.

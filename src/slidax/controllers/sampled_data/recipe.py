@@ -57,7 +57,7 @@ def sampled_data(
     - `slopes`: whether u counts τ1's slopes, as (45) prints it; without them u, and with it the torque, is smaller.
     - `adaptation`: what is learnt of the arm, such as `JointLearning.of_arm(...)`; None for nothing.
     - `monitor`: says in every sample whether the envelope's promise still stands; None for nothing.
-    - `gate`: rejects measurements that the arm cannot have produced; None: one with the widest ranges.
+    - `gate`: rejects measurements that the arm cannot have produced; None: the gate for the nominal arm.
 
     Raises DefinitionError if something does not fit.
     """
@@ -79,5 +79,5 @@ def sampled_data(
         dead_time=dead_time,
         adaptation=adaptation,
         monitor=monitor,
-        gate=MeasurementGate() if gate is None else gate,
+        gate=MeasurementGate.of_arm(step.robot) if gate is None else gate,
     )
