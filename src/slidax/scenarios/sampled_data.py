@@ -124,7 +124,9 @@ class GateDescription(AbstractDescription):
         - `arm`: the arm as the law knows it.
         - `sampling`: how the arm is sampled.
         """
-        gate = MeasurementGate.of_arm(arm, limited=sampling.limited, **self.parameters())
+        gate = MeasurementGate.of_arm(
+            arm, torque=sampling.rated, mass=sampling.mass, limited=sampling.limited, **self.parameters()
+        )
         if self.spread is not None:
             return gate
         spread = 10.0 * jnp.sqrt(sampling.variance) + sampling.jitter * sampling.period * gate.speed

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from slidax.parts import AbstractPart, PerJoint, Scalar, State, Vector, parameter
+from slidax.parts import AbstractPart, Matrix, PerJoint, Scalar, State, Vector, parameter
 from slidax.robots import AbstractRobot, Articulated
 
 LARGEST_POSITION = 1e4
@@ -16,6 +17,9 @@ LARGEST_POSITION = 1e4
 
 FASTEST_JOINT = {"rad": 100.0, "m": 20.0}
 """rad/s and m/s: speed of a joint whose velocity limit is not known. No robot joint moves faster."""
+
+RUN_UP = {"rad": 2.0 * math.pi, "m": 1.0}
+"""rad and m: way in which a joint gains its largest speed."""
 
 BEYOND_LIMITS = 1.5
 """Ranges are this many times the limits of the arm's description."""
@@ -88,13 +92,23 @@ class MeasurementGate(AbstractPart):
     )
 
     @classmethod
-    def of_arm(cls, arm: AbstractRobot, *, spread: Any = 0.0, limited: bool = True, **parameters: Any) -> MeasurementGate:
+    def of_arm(
+        cls,
+        arm: AbstractRobot,
+        *,
+        torque: Any = math.inf,
+        mass: Matrix | None = None,
+        limited: bool = True,
+        **parameters: Any,
+    ) -> MeasurementGate:
         """The gate for an arm: 1.5 times its position and velocity limits.
 
-        A joint without a position limit gets 1e4 rad or m; one without a velocity limit 100 rad/s or 20 m/s.
+        A joint without a position limit gets 1e4 rad or m. One without a velocity limit gets the speed after one turn,
+        or one metre, from rest at four times the acceleration `torque / mass`, at most 100 rad/s or 20 m/s.
 
         - `arm`: the arm as the law knows it.
-        - `spread`: largest error of a measured position, one number or [n], rad or m.
+        - `torque`: largest torque, one number or [n], N m or N; infinite if it is not known.
+        - `mass`: its inertia matrix where it works [n n]; None if it is not known.
         - `limited`: False for an arm that may move beyond its limits.
         - `parameters`: parameters that are known otherwise; None for one that is not.
 
@@ -102,13 +116,17 @@ class MeasurementGate(AbstractPart):
         """
         limits = arm.limits if limited and isinstance(arm, Articulated) else None
         speed = jnp.asarray([FASTEST_JOINT[unit] for unit in arm.joint_units])
+        if mass is not None:
+            way = jnp.asarray([RUN_UP[unit] for unit in arm.joint_units])
+            acceleration = 4.0 * jnp.asarray(torque) / jnp.diagonal(mass)
+            speed = jnp.minimum(speed, jnp.sqrt(2.0 * way * acceleration))
         q_max = jnp.full(arm.joints, LARGEST_POSITION)
         if limits is not None:
             farthest = BEYOND_LIMITS * jnp.maximum(jnp.abs(limits.lower), jnp.abs(limits.upper))
             q_max = jnp.where(jnp.isfinite(farthest) & (farthest > 0), farthest, q_max)
             speed = jnp.where(jnp.isfinite(limits.velocity), BEYOND_LIMITS * limits.velocity, speed)
         known = {name: value for name, value in parameters.items() if value is not None}
-        return cls(**{"q_max": q_max, "speed": speed, "spread": spread, **known})
+        return cls(**{"q_max": q_max, "speed": speed, **known})
 
     def init(self, t: Scalar, state: State, velocity: bool) -> GateMemory:
         """Memory after a first accepted sample.
@@ -128,6 +146,21 @@ class MeasurementGate(AbstractPart):
         """
         inside = jnp.all(jnp.abs(state.q) <= self.q_max)
         return inside & jnp.all(jnp.abs(state.dq) <= self.speed) if velocity else inside
+
+    def learnable(self, state: State, predicted: State, period: Scalar, velocity: bool) -> Bool[Array, ""]:
+        """True if a measurement is near enough to its prediction for parameters to be learnt from it.
+
+        With the innovation ν of the velocity, `|ν| <= (0.04 + 10 h) speed`, and h times as much for the position: what is
+        beyond comes from an outlier, a collision or a push, and not from the inertia and friction of the joint.
+
+        - `state`: measured positions and velocities.
+        - `predicted`: what the law predicted for that time.
+        - `period`: h [s].
+        - `velocity`: whether velocities are used.
+        """
+        largest = (0.04 + 10.0 * period) * self.speed
+        near = jnp.all(jnp.abs(state.q - predicted.q) <= period * largest + self.spread)
+        return near & jnp.all(jnp.abs(state.dq - predicted.dq) <= largest) if velocity else near
 
     def __call__(
         self, t: Scalar, state: State, last: Scalar, period: Scalar, velocity: bool, memory: GateMemory

@@ -232,7 +232,9 @@ class SampledData(AbstractController):
         under_way = jnp.where(missed, memory.torques[-1], memory.torques)
         net, adapted = under_way, memory.adapted
         if self.adaptation is not None and adapted is not None:
-            experience = experienced(self.nominal, state, estimate, acted(under_way, self.delay), h, missed)
+            surprised = ~self.gate.learnable(state, prior.state, h, self.estimator.reads_velocity)
+            torque = acted(under_way, self.delay)
+            experience = experienced(self.nominal, state, estimate, torque, h, missed | surprised)
             friction = jnp.where(missed, adapted.friction[-1], adapted.friction)
             net = under_way[-friction.shape[0] :] - friction
             adapted = Adapted(self.adaptation(experience, adapted.memory), friction)
