@@ -84,6 +84,12 @@ class JointLearning(AbstractAdaptation):
     )
     gate_direction: PerJoint = parameter("least c in the band that teaches friction", "", ">= 0", default=0.05)
     coherence: Scalar = parameter("least squared coherence that teaches inertia", "", "[0, 1)", default=0.8)
+    retreat: Scalar = parameter(
+        "time constant with which learnt values return to the first guess while a joint is outside its envelope",
+        "s",
+        "> 0",
+        default=0.2,
+    )
     recent: Scalar = parameter("time over which the coherence is taken", "s", "> 0", default=0.015)
     prior: PerJoint = parameter("information in the first guess of J", "(rad/s²)² s or (m/s²)² s", "> 0", default=0.3)
     window: PerJoint = parameter("information that is kept of J", "(rad/s²)² s or (m/s²)² s", ">= prior", default=1.0)
@@ -106,6 +112,29 @@ class JointLearning(AbstractAdaptation):
             rotor=nothing + self.rotor,
             coulomb=nothing + self.coulomb,
             squares=jnp.zeros((3, *nothing.shape), nothing.dtype),
+        )
+
+    def unlearnt(self, memory: Learning, measured: State, period: Scalar) -> Learning:
+        """The memory after a sample outside the envelope: learnt values and their information decay to the first guess.
+
+        - `memory`: what `init` or a sample returned.
+        - `measured`: positions and velocities.
+        - `period`: h [s].
+        """
+        share = -jnp.expm1(-period / self.retreat)
+        first = self.init(measured)
+
+        def nearer(value: Array, guess: Array) -> Array:
+            return value + share * (guess - value)
+
+        return eqx.tree_at(
+            lambda kept: (kept.rotor, kept.coulomb, kept.information),
+            memory,
+            (
+                nearer(memory.rotor, first.rotor),
+                nearer(memory.coulomb, first.coulomb),
+                nearer(memory.information, first.information),
+            ),
         )
 
     def learnt(self, memory: Learning) -> Learnt:

@@ -74,8 +74,8 @@ class MeasurementGate(AbstractPart):
     lost one: the last torque stands, and the law's memory does not change. The windows grow with T, so that the gate
     opens again by itself after any motion that the arm is capable of.
 
-    A sensor or a clock can jump for good. After `patience` rejected samples that are consistent with each other (two, if
-    only the time stamp is implausible) the law accepts them and restarts: it keeps its disturbance estimate, its learnt
+    A sensor or a clock can jump for good. After more than `patience` samples in a row that are consistent with each other (two,
+    if only the time stamp is implausible) the law accepts them and restarts: it keeps its disturbance estimate, its learnt
     parameters and the sides of its envelope, and takes the measured state. A sample outside `q_max` or `speed` is never
     accepted.
     """
@@ -186,7 +186,7 @@ class MeasurementGate(AbstractPart):
         follows = (memory.consistent > 0) & (since >= SHORTEST * period) & (since <= 2.5 * period)
         follows = follows & self._reachable(state, memory.suspect, since, period, velocity)
         consistent = jnp.where(follows, memory.consistent, 0.0) + 1.0
-        confirmed = consistent >= jnp.where(reachable, CLOCK, self.patience)
+        confirmed = consistent >= jnp.where(reachable, CLOCK, self.patience + 1.0)
         restarts = inside & ~plausible & confirmed
         takes = plausible | restarts
         slope = (state.q - memory.suspect.q) / jnp.where(since > 0, since, period)

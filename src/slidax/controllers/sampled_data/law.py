@@ -232,12 +232,16 @@ class SampledData(AbstractController):
         under_way = jnp.where(missed, memory.torques[-1], memory.torques)
         net, adapted = under_way, memory.adapted
         if self.adaptation is not None and adapted is not None:
+            recovers = self.step.recovers(t, memory.step)
             surprised = ~self.gate.learnable(state, prior.state, h, self.estimator.reads_velocity)
             torque = acted(under_way, self.delay)
-            experience = experienced(self.nominal, state, estimate, torque, h, missed | surprised)
+            experience = experienced(self.nominal, state, estimate, torque, h, missed | surprised | recovers)
             friction = jnp.where(missed, adapted.friction[-1], adapted.friction)
             net = under_way[-friction.shape[0] :] - friction
-            adapted = Adapted(self.adaptation(experience, adapted.memory), friction)
+            learning = self.adaptation(experience, adapted.memory)
+            # What was learnt may be why the joint left: without it the law is as robust as it was designed.
+            learning = _select(recovers, self.adaptation.unlearnt(learning, state, h), learning)
+            adapted = Adapted(learning, friction)
             # The push is a torque that is not explained: with another inertia it is another acceleration.
             lumped = matvec(robot.mass(estimate.state.q), estimate.push)
             robot = self._robot(adapted)

@@ -6,6 +6,7 @@ from abc import abstractmethod
 from typing import ClassVar
 
 import equinox as eqx
+import jax.numpy as jnp
 from jaxtyping import Array, Bool
 
 from slidax._types import Envelope, Reference
@@ -92,6 +93,14 @@ class AbstractStep(AbstractPart):
         - `memory`: what `init` or the last sample returned.
         """
         return memory
+
+    def recovers(self, t: Scalar, memory: Memory) -> Bool[Array, ""]:
+        """True while a joint is on its way back into its envelope.
+
+        - `t`: time [s].
+        - `memory`: what `init` or the last sample returned.
+        """
+        return jnp.zeros((), bool)
 
     @abstractmethod
     def __call__(self, moment: Moment, memory: Memory) -> Decision:

@@ -8,7 +8,7 @@ from typing import ClassVar
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array
+from jaxtyping import Array, Bool
 
 from slidax._types import Envelope, Reference
 from slidax.numerics import matvec, once
@@ -131,6 +131,16 @@ class AbstractSurfaceStep(AbstractStep):
         if self.recovery is None:
             return memory
         return eqx.tree_at(lambda kept: kept.reseat, memory, self.recovery.init(t, self.nominal.joints))
+
+    def recovers(self, t: Scalar, memory: Followed) -> Bool[Array, ""]:
+        """True while the recovery's envelope is in force for a joint.
+
+        - `t`: time [s].
+        - `memory`: what `init` or the last sample returned.
+        """
+        if memory.reseat is None:
+            return jnp.zeros((), bool)
+        return jnp.any(t < memory.reseat.until)
 
     def __call__(self, moment: Moment, memory: Followed) -> Decision:
         """The torque, with the plan that led to it in the memory.
