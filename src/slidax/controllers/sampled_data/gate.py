@@ -150,16 +150,16 @@ class MeasurementGate(AbstractPart):
     def learnable(self, state: State, predicted: State, period: Scalar, velocity: bool) -> Bool[Array, ""]:
         """True if a measurement is near enough to its prediction for parameters to be learnt from it.
 
-        With the innovation ν of the velocity, `|ν| <= (0.04 + 10 h) speed`, and h times as much for the position: what is
-        beyond comes from an outlier, a collision or a push, and not from the inertia and friction of the joint.
+        The position must be within `0.4 h speed + spread` of its prediction, a used velocity within `(0.04 + 10 h) speed`:
+        what is beyond comes from an outlier, a collision or a push, and not from the inertia and friction of the joint.
 
         - `state`: measured positions and velocities.
         - `predicted`: what the law predicted for that time.
         - `period`: h [s].
         - `velocity`: whether velocities are used.
         """
+        near = jnp.all(jnp.abs(state.q - predicted.q) <= 0.4 * period * self.speed + self.spread)
         largest = (0.04 + 10.0 * period) * self.speed
-        near = jnp.all(jnp.abs(state.q - predicted.q) <= period * largest + self.spread)
         return near & jnp.all(jnp.abs(state.dq - predicted.dq) <= largest) if velocity else near
 
     def __call__(
