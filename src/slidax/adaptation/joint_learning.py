@@ -124,18 +124,12 @@ class JointLearning(AbstractAdaptation):
         share = -jnp.expm1(-period / self.retreat)
         first = self.init(measured)
 
-        def nearer(value: Array, guess: Array) -> Array:
-            return value + share * (guess - value)
+        def parts(learning: Learning) -> list[Array]:
+            return [learning.rotor, learning.coulomb, learning.information]
 
-        return eqx.tree_at(
-            lambda kept: (kept.rotor, kept.coulomb, kept.information),
-            memory,
-            (
-                nearer(memory.rotor, first.rotor),
-                nearer(memory.coulomb, first.coulomb),
-                nearer(memory.information, first.information),
-            ),
-        )
+        nearer = [value + share * (guess - value) for value, guess in zip(parts(memory), parts(first), strict=True)]
+        retreated: Learning = eqx.tree_at(parts, memory, nearer)
+        return retreated
 
     def learnt(self, memory: Learning) -> Learnt:
         """What is learnt.

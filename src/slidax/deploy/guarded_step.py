@@ -8,6 +8,7 @@ from typing import Any, TypeVar
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 
 from slidax._errors import as_array
 from slidax._types import Command, Envelope, Memory, PerJoint, Reference, Scalar, State, Vector
@@ -346,7 +347,6 @@ class GuardedStep(AbstractController):
             return self.controller.limits
         return self.limits
 
-
     def _gate(self) -> MeasurementGate:
         if self.gate is None:
             assert isinstance(self.controller, SampledData)
@@ -388,7 +388,7 @@ def _select(condition: Flag, yes: Tree, no: Tree) -> Tree:
 
 def _representable(value: Vector) -> Vector:
     """The value without what no number stands for: the largest number for infinity, 0 for NaN."""
-    largest = jnp.finfo(value.dtype).max
+    largest = np.finfo(value.dtype).max
     bounded: Vector = jnp.clip(jnp.where(jnp.isnan(value), 0.0, value), -largest, largest)
     return bounded
 

@@ -88,7 +88,10 @@ def source(step: Step, dialect: Dialect) -> Source:
     inside = _body(answered, answered.assigned, dialect, arguments, helpers, names, given, library)
     # One after the other, and never one within another but what `derived` calls.
     deriving = derived.bytes + max((each.derived_bytes for each in library.shared), default=0)
-    total = round(SPILLED * max(checked.bytes, held.bytes, valid.bytes, begun.bytes, deriving, inside.bytes)) + CALLS[dialect.real]
+    total = (
+        round(SPILLED * max(checked.bytes, held.bytes, valid.bytes, begun.bytes, deriving, inside.bytes))
+        + CALLS[dialect.real]
+    )
     lines = [*derived.lines, *(line for each in library.shared for line in each.derived)]
     return Source(
         checked=checked,

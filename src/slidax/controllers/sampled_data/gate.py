@@ -74,18 +74,14 @@ class MeasurementGate(AbstractPart):
     lost one: the last torque stands, and the law's memory does not change. The windows grow with T, so that the gate
     opens again by itself after any motion that the arm is capable of.
 
-    A sensor or a clock can jump for good. After more than `patience` samples in a row that are consistent with each other (two,
-    if only the time stamp is implausible) the law accepts them and restarts: it keeps its disturbance estimate, its learnt
-    parameters and the sides of its envelope, and takes the measured state. A sample outside `q_max` or `speed` is never
-    accepted.
+    A sensor or a clock can jump for good. After more than `patience` samples in a row that are consistent with each
+    other (two, if only the time stamp is implausible) the law accepts them and restarts: it keeps its disturbance
+    estimate, its learnt parameters and the sides of its envelope, and takes the measured state. A sample outside
+    `q_max` or `speed` is never accepted.
     """
 
-    q_max: PerJoint = parameter(
-        "largest size of a measured position", "rad or m", "> 0", default=1e4
-    )
-    speed: PerJoint = parameter(
-        "largest speed of a joint", "rad/s or m/s", "> 0", default=100.0
-    )
+    q_max: PerJoint = parameter("largest size of a measured position", "rad or m", "> 0", default=1e4)
+    speed: PerJoint = parameter("largest speed of a joint", "rad/s or m/s", "> 0", default=100.0)
     spread: PerJoint = parameter("largest error of a measured position", "rad or m", ">= 0", default=0.0)
     patience: Scalar = parameter(
         "rejected samples in a row after which the host is asked to stop", "samples", "[2, 1e6]", default=5.0
@@ -150,8 +146,9 @@ class MeasurementGate(AbstractPart):
     def learnable(self, state: State, predicted: State, period: Scalar, velocity: bool) -> Bool[Array, ""]:
         """True if a measurement is near enough to its prediction for parameters to be learnt from it.
 
-        The position must be within `0.4 h speed + spread` of its prediction, a used velocity within `(0.04 + 10 h) speed`:
-        what is beyond comes from an outlier, a collision or a push, and not from the inertia and friction of the joint.
+        The position must be within `0.4 h speed + spread` of its prediction, a used velocity within
+        `(0.04 + 10 h) speed`: a larger difference comes from an outlier, a collision or a push, and not from the
+        inertia and friction of the joint.
 
         - `state`: measured positions and velocities.
         - `predicted`: what the law predicted for that time.

@@ -56,7 +56,8 @@ class SampledData(AbstractController):
     A sample that the gate rejects is treated as a lost one: the last torque stands, and only the gate's memory changes.
 
     Signals: those of the step, `push` (w), `residual` (the acceleration that the last prediction missed) [n], and
-    `rejected`, 1 for a sample that the gate did not accept, where all other signals are 0; with an adaptation `rotor` (J) and `coulomb` (f) [n]; with a monitor `margin` and `assumption_violated`.
+    `rejected`, 1 for a sample that the gate did not accept, where all other signals are 0; with an adaptation
+    `rotor` (J) and `coulomb` (f) [n]; with a monitor `margin` and `assumption_violated`.
     """
 
     step: AbstractStep = piece("what the law decides")
@@ -84,7 +85,9 @@ class SampledData(AbstractController):
 
     adaptation: AbstractAdaptation | None = piece("what is learnt of the arm; None for nothing", default=None)
     monitor: Monitor | None = piece("says whether the promise still stands; None for nothing", default=None)
-    gate: MeasurementGate = piece("rejects measurements that the arm cannot have produced", default_factory=MeasurementGate)
+    gate: MeasurementGate = piece(
+        "rejects measurements that the arm cannot have produced", default_factory=MeasurementGate
+    )
 
     def __check_init__(self) -> None:
         require_joints(self.adaptation, self.joints, type(self.nominal).__name__)
@@ -178,11 +181,9 @@ class SampledData(AbstractController):
 
         - `t`, `state`, `reference_now`, `reference_next`, `memory`: as in a call.
         """
-        admission, gate = self.gate(
-            t, state, memory.t, self.period, self.estimator.reads_velocity, memory.gate
-        )
+        admission, gate = self.gate(t, state, memory.t, self.period, self.estimator.reads_velocity, memory.gate)
         accepted = admission.accepted
-        # A rejected sample must not reach the arithmetic, not even where its result is discarded: gradients would see it.
+        # A rejected sample must not reach the arithmetic: gradients would see it even where its result is discarded.
         time = jnp.where(accepted, t, memory.t + self.period)
         measured = _select(accepted, state, memory.prior.state)
         before = self._restarted(time, measured, admission, memory)

@@ -23,7 +23,7 @@ from .units import Unit, unit
 NO_LIMIT = 1e300
 """Stands for infinity, which not every importer reads: what is at least as large is infinite in the step."""
 
-UNDECLARED = {"period": "s", "horizon": "s", "range_q": "rad or m", "range_dq": "rad/s or m/s"}
+UNDECLARED = {"period": "s", "horizon": "s"}
 SIGNALS = {
     "s": ("sliding variable", "rad/s or m/s"),
     "s_next": ("sliding variable that is planned for the next sample", "rad/s or m/s"),
@@ -36,6 +36,7 @@ SIGNALS = {
     "residual": ("acceleration that the last plan missed", "rad/s² or m/s²"),
     "rotor": ("rotor inertia that was learnt", "kg m² or kg"),
     "coulomb": ("Coulomb friction that was learnt", "N m or N"),
+    "rejected": ("1 for a measurement that the gate rejected", ""),
     "reseated": ("1 where the envelope in force is wider than it was drawn", ""),
     "assumption_violated": ("1 where the monitor says that what the promise was computed for is not so", ""),
     "e": ("error of position", "rad or m"),
