@@ -124,7 +124,7 @@ class JointLearning(AbstractAdaptation):
         share = -jnp.expm1(-period / self.retreat)
         first = self.init(measured)
 
-        def parts(learning: Learning) -> list[Array]:
+        def parts(learning: Learning) -> list[Any]:
             return [learning.rotor, learning.coulomb, learning.information]
 
         nearer = [value + share * (guess - value) for value, guess in zip(parts(memory), parts(first), strict=True)]

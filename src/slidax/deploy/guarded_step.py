@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from slidax._errors import as_array
-from slidax._types import Command, Envelope, Memory, PerJoint, Reference, Scalar, State, Vector
+from slidax._types import Command, Envelope, Memory, Reference, Scalar, State, Vector
 from slidax.actuators import TorqueLimits
 from slidax.controllers import AbstractController, MeasurementGate, SampledData
 from slidax.controllers.sampled_data.gate import LONGEST_GAP
@@ -373,7 +373,7 @@ class GuardedStep(AbstractController):
 def _per_joint(gate: MeasurementGate, joints: int) -> MeasurementGate:
     """The gate with a range for each joint."""
 
-    def wide(gate: MeasurementGate) -> list[PerJoint]:
+    def wide(gate: MeasurementGate) -> list[Any]:
         return [gate.q_max, gate.speed, gate.spread]
 
     each: MeasurementGate = eqx.tree_at(wide, gate, [jnp.broadcast_to(x, (joints,)) for x in wide(gate)])
