@@ -19,8 +19,11 @@ from slidax.deploy.status import (
     HELD,
     MEASUREMENT_NOT_FINITE,
     MEASUREMENT_OUT_OF_RANGE,
+    MEASUREMENT_REJECTED,
     MISSED_PERIOD,
+    RECOVERY_OVERDUE,
     REFERENCE_NOT_FINITE,
+    STOP_REQUESTED,
     TORQUE_LIMITED,
     TORQUE_NOT_FINITE,
 )
@@ -126,12 +129,12 @@ def test_a_measurement_that_is_not_finite_holds_the_last_command_and_is_not_reme
     command, status = step(guard, memory, t=t, state=state)
     assert status == MEASUREMENT_NOT_FINITE.bit
     np.testing.assert_array_equal(command.tau, memory.tau)
-    assert all(np.array_equal(a, b) for a, b in zip(*map(jax.tree.leaves, (command.memory, memory)), strict=True))
+    assert eqx.tree_equal(command.memory, eqx.tree_at(lambda kept: kept.held, memory, jnp.ones(())))
     assert not any(np.any(signal) for signal in command.signals.values())
 
 
 def test_more_than_a_sensor_can_mean_is_held_too():
-    guard = eqx.tree_at(lambda g: g.range.dq, guarded(), jnp.array([10.0, 10.0]))
+    guard = eqx.tree_at(lambda g: g.gate.speed, guarded(), jnp.array([10.0, 10.0]))
     memory, t = after_one(guard)
     fast = eqx.tree_at(lambda s: s.dq, STATE, jnp.array([0.0, -10.1]))
     command, status = step(guard, memory, t=t, state=fast)
@@ -148,10 +151,11 @@ def test_what_the_law_does_not_read_may_be_anything():
 
 
 def test_a_law_that_has_no_answer_outside_its_envelope_says_both():
+    # The gate would reject a jump of the arm itself: here it is the reference that jumps.
     guard = guarded()
     memory, t = after_one(guard)
-    outside = State(q=NOW.q + jnp.array([0.9, 0.0]), dq=NOW.dq)
-    command, status = step(guard, memory, t=t, state=outside)
+    far = Reference(NOW.q - jnp.array([0.9, 0.0]), NOW.dq, NOW.ddq)
+    command, status = step(guard, memory, t=t, now=far)
     assert status == ENVELOPE_LEFT.bit | TORQUE_NOT_FINITE.bit
     np.testing.assert_array_equal(command.tau, memory.tau)
     assert float(command.memory.t) == float(memory.t)
@@ -191,17 +195,30 @@ def test_a_torque_beyond_its_limit_is_limited():
     np.testing.assert_array_equal(command.memory.tau, command.tau)
 
 
-def test_the_first_torque_is_limited_too_where_the_rate_is():
-    limit = 1.0
-    command, status = step(guarded(limit, 10.0), begun(guarded(limit, 10.0)))
-    assert status == TORQUE_LIMITED.bit
-    np.testing.assert_allclose(jnp.abs(command.tau), limit)
-
-
-def test_the_rate_is_limited_from_the_second_command_on():
+def test_the_first_command_respects_the_rate_limit_counted_from_the_weight_of_the_nominal_arm():
     guard = guarded(rate=10.0)
-    first, status = step(guard, begun(guard))
-    assert status == 0
+    command, status = step(guard, begun(guard))
+    assert status == TORQUE_LIMITED.bit
+    weight = guard.controller.nominal.bias(STATE.q, STATE.dq)
+    np.testing.assert_allclose(jnp.abs(command.tau - weight), 10.0 * PERIOD)
+
+
+@pytest.mark.parametrize("make", [lambda: guarded(rate=10.0), sampled])
+def test_the_first_command_after_bad_samples_respects_the_rate_limit_counted_from_their_zero(make):
+    guard = make()
+    nothing = jax.tree.map(jnp.zeros_like, begun(guard))
+    bad = eqx.tree_at(lambda s: s.q, STATE, STATE.q * jnp.nan)
+    held, _ = step(guard, nothing, t=T - PERIOD, state=bad)
+    assert not held.tau.any()
+    first, status = step(guard, held.memory)
+    assert not status & HELD
+    rate = (guard.limits or guard.controller.limits).rate
+    assert jnp.all(jnp.abs(first.tau) <= rate * PERIOD * (1 + 1e-12))
+
+
+def test_the_rate_is_limited_from_one_command_to_the_next():
+    guard = guarded(rate=10.0)
+    first, _ = step(guard, begun(guard))
     far = State(q=STATE.q, dq=STATE.dq + 1.0)
     second, status = step(guard, first.memory, t=T + PERIOD, state=far)
     assert status == TORQUE_LIMITED.bit
@@ -233,12 +250,72 @@ def test_absurd_parameters_hold_the_last_command():
         np.testing.assert_array_equal(command.tau, memory.tau)
 
 
-@pytest.mark.parametrize(("periods", "missed"), [(1.0, False), (1.4, False), (1.6, True), (0.0, True), (-3.0, True)])
-def test_time_goes_on_by_a_period(periods, missed):
+@pytest.mark.parametrize(
+    ("periods", "condition"),
+    [
+        (1.0, 0),
+        (1.4, 0),
+        (1.6, MISSED_PERIOD.bit),
+        (99.0, MISSED_PERIOD.bit),
+        (101.0, MEASUREMENT_REJECTED.bit),
+        (0.0, MEASUREMENT_REJECTED.bit),
+        (-3.0, MEASUREMENT_REJECTED.bit),
+    ],
+)
+def test_a_gap_is_reported_and_an_implausible_time_stamp_is_a_lost_sample(periods, condition):
     guard = guarded()
     memory, _ = after_one(guard)
-    _, status = step(guard, memory, t=T + periods * PERIOD)
-    assert status == (MISSED_PERIOD.bit if missed else 0)
+    command, status = step(guard, memory, t=T + periods * PERIOD)
+    assert status == condition
+    if condition & HELD:
+        np.testing.assert_array_equal(command.tau, memory.tau)
+        assert not any(np.any(signal) for signal in command.signals.values())
+
+
+@pytest.mark.parametrize("make", [guarded, sampled])
+def test_an_impossible_jump_is_held_like_a_lost_sample_and_the_next_good_sample_goes_on(make):
+    guard = make()
+    memory, t = after_one(guard)
+    jump = State(q=STATE.q + jnp.array([2.0, 0.0]), dq=STATE.dq)
+    held, status = step(guard, memory, t=t, state=jump)
+    assert status == MEASUREMENT_REJECTED.bit
+    np.testing.assert_array_equal(held.tau, memory.tau)
+    assert float(held.memory.t) == float(memory.t)
+    assert not any(np.any(signal) for signal in held.signals.values())
+    _, status = step(guard, held.memory, t=t + PERIOD)
+    assert not status & HELD
+
+
+@pytest.mark.parametrize("fault", ["NaN", "far", "jumping", "clock stands still"])
+@pytest.mark.parametrize("make", [guarded, sampled])
+def test_the_host_is_asked_to_stop_after_five_held_commands_and_until_the_reset(make, fault):
+    guard = make()
+    memory, t = after_one(guard)
+    for count in range(1, 8):
+        offset = {"NaN": np.nan, "far": 1e5, "jumping": (-1.0) ** count * 3.0, "clock stands still": 0.0}[fault]
+        when = T if fault == "clock stands still" else t
+        command, status = step(guard, memory, t=when, state=State(q=STATE.q + offset, dq=STATE.dq))
+        assert status & HELD
+        assert bool(status & STOP_REQUESTED.bit) is (count >= 5)
+        memory, t = command.memory, t + PERIOD
+    _, status = step(guard, memory, t=t)
+    assert not status & HELD
+    assert status & STOP_REQUESTED.bit
+
+
+def test_recovery_is_overdue_once_a_joint_was_outside_for_longer_than_the_envelope_takes_to_settle():
+    guard = sampled()
+    guard = eqx.tree_at(
+        lambda g: g.controller.step.transformation.performance.deadline, guard, jnp.full(2, 2.5 * PERIOD)
+    )
+    far = Reference(NOW.q - jnp.array([0.9, 0.0]), NOW.dq, NOW.ddq)
+    memory, t, seen = begun(guard), T, []
+    for _ in range(4):
+        command, status = step(guard, memory, t=t, now=far)
+        assert status & ENVELOPE_LEFT.bit
+        seen.append(bool(status & RECOVERY_OVERDUE.bit))
+        memory, t = command.memory, t + PERIOD
+    assert seen == [False, False, True, True]
 
 
 def test_a_memory_with_a_rate_moves_on_as_in_the_simulation():
@@ -255,7 +332,7 @@ def test_a_memory_with_a_rate_moves_on_as_in_the_simulation():
 def test_a_law_without_an_envelope_never_leaves_one():
     guard = GuardedStep.around(computed_torque_4_1(), TorqueLimits(), PERIOD)
     far = State(q=NOW.q + 100.0, dq=NOW.dq)
-    assert step(guard, begun(guard), state=far)[1] == 0
+    assert step(guard, begun(guard, state=far), state=far)[1] == 0
 
 
 def test_a_sampled_data_law_shares_its_limits_and_its_period_with_its_guards():

@@ -10,7 +10,7 @@ import pytest
 
 from slidax import scenarios
 from slidax.actuators import TorqueLimits
-from slidax.controllers import Recovery, SampledData, sampled_data
+from slidax.controllers import MeasurementGate, Recovery, SampledData, sampled_data
 from slidax.estimators import AbstractEstimator, FilteredDifference, Kalman, Measured, RobustDifferentiator
 from slidax.estimators.kalman import FASTEST_PACE
 from slidax.reaching import SaturatedReaching
@@ -30,7 +30,13 @@ def law(block: dict[str, Any], **changes: Any) -> SampledData:
 
 
 def by_hand(**changes: Any) -> SampledData:
-    given: dict[str, Any] = {"period": 1e-3, "limits": TorqueLimits(60.0, 4000.0), "delay": 1.0, "recovery": Recovery()}
+    given: dict[str, Any] = {
+        "period": 1e-3,
+        "limits": TorqueLimits(60.0, 4000.0),
+        "delay": 1.0,
+        "recovery": Recovery(),
+        "gate": MeasurementGate.of_arm(TWO_LINK_NOMINAL, torque=60.0, mass=MASS, spread=1e-8 * jnp.ones(2)),
+    }
     return sampled_data(PRINTED, **given | changes)
 
 

@@ -386,11 +386,10 @@ def _select(condition: Flag, yes: Tree, no: Tree) -> Tree:
     return selected
 
 
-def _representable(value: Vector) -> Vector:
+def _representable(value: Any) -> Any:
     """The value without what no number stands for: the largest number for infinity, 0 for NaN."""
     largest = np.finfo(value.dtype).max
-    bounded: Vector = jnp.clip(jnp.where(jnp.isnan(value), 0.0, value), -largest, largest)
-    return bounded
+    return jnp.clip(jnp.where(jnp.isnan(value), 0.0, value), -largest, largest)
 
 
 def _finite(tree: Memory) -> Flag:
