@@ -35,7 +35,7 @@ def _conditions(tree: Any) -> Iterator[Any]:
             value = getattr(tree, field.name)
             if field.metadata.get("static", False) or value is None:
                 continue
-            if isinstance(tree, AbstractPart) and is_declared(field) and eqx.is_array_like(value):
+            if isinstance(tree, AbstractPart) and is_declared(field) and eqx.is_array(value):
                 yield _in_range(tree, declared(field), value)
             else:
                 yield from _conditions(value)
@@ -43,7 +43,7 @@ def _conditions(tree: Any) -> Iterator[Any]:
     for leaf in jax.tree.leaves(tree, is_leaf=lambda node: isinstance(node, eqx.Module)):
         if isinstance(leaf, eqx.Module):
             yield from _conditions(leaf)
-        elif eqx.is_inexact_array_like(leaf):
+        elif eqx.is_inexact_array(leaf):
             yield jnp.isfinite(leaf)
 
 
