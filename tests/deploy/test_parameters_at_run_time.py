@@ -1,4 +1,4 @@
-"""Parameters that are set at run time are checked as at construction, and compilers that drop the guards are refused."""
+"""Parameters set at run time are checked as at construction, and compilers that drop the guards are refused."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from slidax.scenarios import load
 
 from .exported import COMPILERS, Exported, needs_a_compiler
 
-BAD = [math.nan, math.inf, -math.inf, -1e308]
+BAD = [math.nan, math.inf, -math.inf]
 
 
 @pytest.fixture(scope="module")
@@ -73,10 +73,7 @@ def test_an_invalid_parameter_holds_the_command_and_is_reported(guard, which, tm
     assert not (good.status & HELD).any()
     checked = 0
     for name in filter(lambda name: name.startswith(which), exported.types["parameters"].names):
-        if name.startswith("limits_"):
-            wrong = [math.nan, -math.inf, 0.0, -1.0]
-        else:
-            wrong = BAD[:3]
+        wrong = [math.nan, -math.inf, 0.0, -1.0] if name.startswith("limits_") else BAD
         for value in wrong:
             parameters = exported.parameters()
             field = parameters[name].reshape(-1)
