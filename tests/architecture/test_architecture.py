@@ -18,7 +18,7 @@ SOURCE = Path(slidax.__file__).parent
 ROOT = SOURCE.parents[1]
 TESTS = Path(__file__).parents[1]
 MODULES = sorted(SOURCE.rglob("*.py"))
-LONGEST = 300
+LONGEST = 500
 ROOMS = sorted(path.parent.name for path in SOURCE.glob("*/__init__.py"))
 PACKAGES = sorted(".".join(path.parent.relative_to(SOURCE).parts) for path in SOURCE.glob("*/**/__init__.py"))
 """The rooms, and the packages inside of them that have a list of exports of their own."""

@@ -6,6 +6,7 @@ import math
 import subprocess
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -15,7 +16,7 @@ from slidax.deploy import GuardedStep
 from slidax.deploy.project import STEP, project, write_files
 from slidax.deploy.samples import random_samples
 from slidax.deploy.status import HELD, PARAMETERS_INVALID, STOP_REQUESTED
-from slidax.deploy.validity import parameters_valid
+from slidax.deploy.validity import constant_bounds, related_valid
 from slidax.scenarios import load
 
 from .exported import COMPILERS, Exported, needs_a_compiler
@@ -27,6 +28,17 @@ BAD = [math.nan, math.inf, -math.inf]
 def guard():
     scenario = load("example-4.1-1khz")
     return GuardedStep.around(scenario.controller, scenario.plant.actuator.limits, scenario.period)
+
+
+def parameters_valid(guard):
+    """As the exported step checks them."""
+    bounds = constant_bounds(guard, "double")
+    inside = [
+        bool(np.all((np.asarray(leaf) >= bound.low) & (np.asarray(leaf) <= bound.high)))
+        for leaf, bound in zip(jax.tree.leaves(guard), bounds, strict=True)
+        if bound is not None
+    ]
+    return all(inside) and bool(related_valid(guard))
 
 
 def test_the_parameters_of_a_scenario_are_valid(guard):

@@ -47,7 +47,7 @@ def deepest(folder):
 def test_it_is_short_and_what_is_asked_for_often_stands_in_it_once(panda):
     folder, made = panda
     text = (folder / "slidax_law.c").read_text()
-    assert len(text.splitlines()) < 3000
+    assert len(text.splitlines()) < 3400
     names = {program.name for program in functions(made.step.answered.program)}
     assert names >= {"frames", "links", "inertia", "bias", "factors", "substituted", "matvec"}
     for name in names:

@@ -9,6 +9,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Any
 
+import numpy as np
+
 import slidax
 from slidax.codegen.c import Dialect
 from slidax.codegen.ir import Loop, functions
@@ -171,6 +173,24 @@ class Project:
     def parameters(self) -> list[Member]:
         """Members of the parameters."""
         return self.step.parameters
+
+    @property
+    def ranges(self) -> list[str]:
+        """Arguments of `within` for each parameter: its first number, how many, and their bounds."""
+        pairs = zip(self.step.parameters, self.step.bounds, strict=True)
+        return [
+            ", ".join((self.address("parameters->", member), str(member.size), *map(self._bound, bounds)))
+            for member, bounds in pairs
+            if bounds is not None
+        ]
+
+    def _bound(self, number: float) -> str:
+        if math.isinf(number):
+            return "INFINITY" if number > 0 else "-INFINITY"
+        info, prefix = (np.finfo(np.float64), "DBL") if self.real == "double" else (np.finfo(np.float32), "FLT")
+        names = {float(info.max): f"{prefix}_MAX", float(info.tiny): f"{prefix}_MIN"}
+        sign = "-" if number < 0 else ""
+        return f"{sign}{names[abs(number)]}" if abs(number) in names else self.literal(number)
 
     @property
     def memory(self) -> list[Member]:

@@ -302,6 +302,8 @@ class GuardedStep(AbstractController):
         if isinstance(transformation, PrescribedPerformance):
             signals = {**signals, "rho": transformation.performance.radius(t)}
         shown = {name: jnp.where(used, _representable(value), 0.0) for name, value in signals.items()}
+        if isinstance(self.controller, SampledData):
+            shown["rejected"] = jnp.where(accepted, 0.0, 1.0)
         return Command(tau=kept.tau, memory=kept, signals=shown), flags
 
     def envelope(self, t: Scalar, memory: StepMemory) -> Envelope | None:

@@ -97,7 +97,7 @@ def _part(key: Any) -> str:
 def _meaning(tree: Any, path: Sequence[Any]) -> str:
     """The bullet of the innermost field on the way to the leaf, without what the declaration says by itself."""
     meaning = ""
-    for place, key in _way(tree, path):
+    for place, key in way(tree, path):
         if hasattr(key, "name"):
             meaning = bullets(type(place)).get(key.name, meaning)
     for unsaid in (r"; [^;]* if not given\.?$", r"; None.*", r"one number( or \[n\])?(, )?", r",? ?\[n\](?=[,;:.]|$)"):
@@ -108,7 +108,7 @@ def _meaning(tree: Any, path: Sequence[Any]) -> str:
 
 def _part_of(tree: Any, path: Sequence[Any]) -> str:
     """The first sentence about the innermost object that has the leaf."""
-    owners = [place for place, key in _way(tree, path) if hasattr(key, "name")]
+    owners = [place for place, key in way(tree, path) if hasattr(key, "name")]
     if not owners:
         return ""
     name = type(owners[-1]).__name__
@@ -116,8 +116,12 @@ def _part_of(tree: Any, path: Sequence[Any]) -> str:
     return f"{name}: {shortened(comment(' '.join(first.split())), 108 - len(name))}"
 
 
-def _way(tree: Any, path: Sequence[Any]) -> Iterator[tuple[Any, Any]]:
-    """The objects on the way to a leaf, each with the key that leads on."""
+def way(tree: Any, path: Sequence[Any]) -> Iterator[tuple[Any, Any]]:
+    """The objects on the way to a leaf, each with the key that leads on.
+
+    - `tree`: what has the leaf.
+    - `path`: of the leaf, as JAX has it.
+    """
     place = tree
     for key in path:
         yield place, key

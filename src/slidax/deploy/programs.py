@@ -22,7 +22,7 @@ from .guarded_step import GuardedStep
 from .members import Member, members
 from .status import ANSWERED, CHECKED, WAITING, Condition
 from .step_memory import Flag, StepMemory
-from .validity import parameters_valid
+from .validity import Bounds, constant_bounds, related_valid
 
 LONG = 64
 """Numbers from which on an array is a table."""
@@ -98,8 +98,9 @@ class Step:
     - `answered`: the law on a good sample.
     - `held`: the command on a bad one.
     - `begun`: from the first good sample to what is kept.
-    - `valid`: from the parameters to whether all of them are in their ranges.
+    - `valid`: from the parameters to whether those are in their ranges whose ranges name other parameters.
     - `parameters`, `memory`, `signals`: members of the structures.
+    - `bounds`: of the numbers of each parameter; None for one that is no real number.
     """
 
     checked: Function
@@ -108,14 +109,16 @@ class Step:
     begun: Function
     valid: Function
     parameters: list[Member]
+    bounds: list[Bounds | None]
     memory: list[Member]
     signals: list[Member]
 
 
-def step_programs(guard: GuardedStep) -> Step:
+def step_programs(guard: GuardedStep, real: str = "double") -> Step:
     """The programs of a guarded step.
 
     - `guard`: the step, with the parameters' defaults.
+    - `real`: type of its numbers in C, "double" or "float".
 
     Raises DefinitionError if there is no native code for the law.
     """
@@ -141,7 +144,7 @@ def step_programs(guard: GuardedStep) -> Step:
         return guard.begun(t, state, now, memory)
 
     def valid(guard: GuardedStep) -> Flag:
-        return parameters_valid(guard)
+        return related_valid(guard)
 
     sample = (t, state, reference, reference)
     signals = members(jax.eval_shape(answered, guard, held, *sample)[1])
@@ -176,6 +179,7 @@ def step_programs(guard: GuardedStep) -> Step:
         ),
         valid=_function(valid, (guard,), ("",), given, [Place("", Member("valid", "b1", ()))]),
         parameters=parameters,
+        bounds=constant_bounds(guard, real),
         memory=memory,
         signals=signals,
     )

@@ -107,7 +107,7 @@ def project(
     limits = TorqueLimits() if actuator is None else actuator.limits
     guard = GuardedStep.around(scenario.controller, limits, scenario.period)
     dialect = Dialect("float" if single else "double")
-    step = step_programs(guard)
+    step = step_programs(guard, dialect.real)
     same = not single or fits(step.answered.program)
     helpers = Helpers(dialect)
     of_motion, of_arm = motion_program(scenario.trajectory, robot.joints), arm_program(plant)

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Iterator
-from typing import Any
+from typing import Any, NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -14,45 +12,77 @@ import numpy as np
 from slidax.parts import AbstractPart, Parameter
 from slidax.parts.parameter import declared, is_declared
 
+from .members import way
 from .step_memory import Flag
 
 
-def parameters_valid(tree: Any) -> Flag:
-    """True if every parameter in a tree of parts is finite and in the range that it declares.
+class Bounds(NamedTuple):
+    """Closed bounds of the numbers of one array.
 
-    An infinite number is valid only where the range ends with `inf]` or begins with `[-inf`. Numbers without a
-    declaration must be finite.
+    - `low`, `high`: what a valid number is at least and at most; infinite for a parameter that may be.
+    """
+
+    low: float
+    high: float
+
+
+def constant_bounds(tree: Any, real: str) -> list[Bounds | None]:
+    """Bounds of each array in a tree, in the order of its leaves, as far as they do not depend on other parameters.
+
+    An open end is replaced by the next number of the type, at zero by the least normal one. Numbers without a
+    declaration must be finite. None for an array of other than real numbers.
+
+    - `tree`: a part, or a module with parts.
+    - `real`: "double" or "float".
+    """
+    kind = np.float64 if real == "double" else np.float32
+    largest, least = float(np.finfo(kind).max), float(np.finfo(kind).tiny)
+
+    def closed(number: float | None, open_end: bool, outward: float) -> float:
+        if number is None or (np.isinf(number) and open_end):
+            return outward * largest
+        if np.isinf(number) or not open_end:
+            return number
+        return -outward * least if number == 0.0 else float(np.nextafter(kind(number), kind(-outward * np.inf)))
+
+    found: list[Bounds | None] = []
+    for _, parameter, leaf in _declarations(tree):
+        if not jnp.issubdtype(leaf.dtype, jnp.inexact):
+            found.append(None)
+        elif parameter is None:
+            found.append(Bounds(-largest, largest))
+        else:
+            lower, upper = parameter.range.ends
+            found.append(Bounds(closed(lower.number, lower.open, -1.0), closed(upper.number, upper.open, 1.0)))
+    return found
+
+
+def related_valid(tree: Any) -> Flag:
+    """True if every parameter whose range has another parameter as its end is in that range.
 
     - `tree`: a part, or a module with parts.
     """
-    conditions = [jnp.all(condition) for condition in _conditions(tree)]
+    conditions = []
+    for part, parameter, value in _declarations(tree):
+        if parameter is None or not jnp.issubdtype(value.dtype, jnp.inexact):
+            continue
+        for end, is_lower in zip(parameter.range.ends, (True, False), strict=True):
+            if end.number is None:
+                bound = end.traced(part)
+                smaller, larger = (bound, value) if is_lower else (value, bound)
+                conditions.append(jnp.all(larger > smaller if end.open else larger >= smaller))
     return jnp.all(jnp.stack(conditions)) if conditions else jnp.ones((), bool)
 
 
-def _conditions(tree: Any) -> Iterator[Any]:
-    if isinstance(tree, eqx.Module):
-        for field in dataclasses.fields(tree):
-            value = getattr(tree, field.name)
-            if field.metadata.get("static", False) or value is None:
-                continue
-            if isinstance(tree, AbstractPart) and is_declared(field) and eqx.is_array(value):
-                yield _in_range(tree, declared(field), value)
-            else:
-                yield from _conditions(value)
-        return
-    for leaf in jax.tree.leaves(tree, is_leaf=lambda node: isinstance(node, eqx.Module)):
-        if isinstance(leaf, eqx.Module):
-            yield from _conditions(leaf)
-        elif eqx.is_inexact_array(leaf):
-            yield jnp.isfinite(leaf)
-
-
-def _in_range(part: AbstractPart, parameter: Parameter, value: Any) -> Any:
-    if not jnp.issubdtype(jnp.asarray(value).dtype, jnp.inexact):
-        return jnp.ones((), bool)
-    lower, upper = parameter.range.ends
-    low, high = lower.traced(part), upper.traced(part)
-    above = value > low if lower.open else value >= low
-    inside = above & (value < high if upper.open else value <= high)
-    endless = any(end.number is not None and np.isinf(end.number) and not end.open for end in (lower, upper))
-    return inside if endless else inside & jnp.isfinite(value)
+def _declarations(tree: Any) -> Iterator[tuple[Any, Parameter | None, Any]]:
+    """For each array its part, its declaration, None if it has none, and itself."""
+    for path, leaf in jax.tree_util.tree_leaves_with_path(tree):
+        owner, parameter = None, None
+        for place, key in way(tree, path):
+            # A pytree within a parameter, such as a tuple of arrays, is of the part that declares it.
+            if isinstance(place, AbstractPart):
+                field = next(field for field in place.__dataclass_fields__.values() if field.name == key.name)
+                owner, parameter = place, declared(field) if is_declared(field) else None
+            elif hasattr(key, "name"):
+                owner, parameter = place, None
+        yield owner, None if parameter is None or parameter.piece else parameter, leaf

@@ -190,7 +190,7 @@ def test_bad_samples_are_bridged_for_some_periods_and_then_stop_it(law: onboard.
         arm.move(list(pilot.report.tau))
     assert (action, k, pilot.report.bridged) == (onboard.STOP, 100 + pilot.options.held, bridged)
     assert "measurement" in pilot.why
-    assert law.conditions(pilot.report.status) == ["MEASUREMENT_NOT_FINITE"]
+    assert law.conditions(pilot.report.status) == ["MEASUREMENT_NOT_FINITE", "STOP_REQUESTED"]
     # It stays stopped, also when all is well again.
     assert pilot.step(1e-3, *arm.measured()) == onboard.STOP
 
