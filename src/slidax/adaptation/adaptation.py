@@ -81,15 +81,6 @@ class AbstractAdaptation(AbstractPart):
         - `memory`: what `init` or a sample returned.
         """
 
-    def unlearnt(self, memory: Memory, measured: State, period: Scalar) -> Memory:
-        """The memory after a sample outside the envelope, nearer to the first guess.
-
-        - `memory`: what `init` or a sample returned.
-        - `measured`: positions and velocities.
-        - `period`: h [s].
-        """
-        return memory
-
     def robot(self, nominal: AbstractRobot, memory: Memory) -> AbstractRobot:
         """The arm as it is believed to be, without its friction.
 

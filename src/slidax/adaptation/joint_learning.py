@@ -84,12 +84,6 @@ class JointLearning(AbstractAdaptation):
     )
     gate_direction: PerJoint = parameter("least c in the band that teaches friction", "", ">= 0", default=0.05)
     coherence: Scalar = parameter("least squared coherence that teaches inertia", "", "[0, 1)", default=0.8)
-    retreat: Scalar = parameter(
-        "time constant with which learnt values return to the first guess while a joint is outside its envelope",
-        "s",
-        "> 0",
-        default=0.2,
-    )
     recent: Scalar = parameter("time over which the coherence is taken", "s", "> 0", default=0.015)
     prior: PerJoint = parameter("information in the first guess of J", "(rad/s²)² s or (m/s²)² s", "> 0", default=0.3)
     window: PerJoint = parameter("information that is kept of J", "(rad/s²)² s or (m/s²)² s", ">= prior", default=1.0)
@@ -113,23 +107,6 @@ class JointLearning(AbstractAdaptation):
             coulomb=nothing + self.coulomb,
             squares=jnp.zeros((3, *nothing.shape), nothing.dtype),
         )
-
-    def unlearnt(self, memory: Learning, measured: State, period: Scalar) -> Learning:
-        """The memory after a sample outside the envelope: learnt values and their information decay to the first guess.
-
-        - `memory`: what `init` or a sample returned.
-        - `measured`: positions and velocities.
-        - `period`: h [s].
-        """
-        share = -jnp.expm1(-period / self.retreat)
-        first = self.init(measured)
-
-        def parts(learning: Learning) -> list[Any]:
-            return [learning.rotor, learning.coulomb, learning.information]
-
-        nearer = [value + share * (guess - value) for value, guess in zip(parts(memory), parts(first), strict=True)]
-        retreated: Learning = eqx.tree_at(parts, memory, nearer)
-        return retreated
 
     def learnt(self, memory: Learning) -> Learnt:
         """What is learnt.

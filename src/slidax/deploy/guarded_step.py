@@ -166,7 +166,7 @@ class GuardedStep(AbstractController):
         finite = _finite((t, measured))
         return {
             MEASUREMENT_NOT_FINITE: ~finite,
-            MEASUREMENT_OUT_OF_RANGE: finite & ~self._gate().in_range(state, self._velocity),
+            MEASUREMENT_OUT_OF_RANGE: finite & ~self._gate().in_range(state.q),
             REFERENCE_NOT_FINITE: ~_finite(wanted),
         }
 
@@ -237,7 +237,7 @@ class GuardedStep(AbstractController):
         gate, before = memory.gate, memory.law
         accepted = jnp.ones((), bool)
         if self.gate is not None and gate is not None:
-            admission, gate = self.gate(t, state, memory.t, period, self._velocity, gate)
+            admission, gate = self.gate(t, state, memory.t, gate.q, period, self._velocity, gate)
             accepted = admission.accepted
             t_used = jnp.where(accepted, t, memory.t + period)
             seen = _select(accepted, state, State(q=gate.q, dq=gate.dq if self._velocity else state.dq))

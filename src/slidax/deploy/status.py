@@ -33,9 +33,9 @@ MEASUREMENT_NOT_FINITE = Condition(
 MEASUREMENT_OUT_OF_RANGE = Condition(
     "MEASUREMENT_OUT_OF_RANGE",
     2,
-    "a measured position is beyond `gate_q_max`, or a velocity that the law uses is beyond `gate_speed`",
+    "a measured position is beyond `gate_q_max`",
     True,
-    "As above. The ranges are 1.5 times the limits of the arm's description; set them if your joints move farther.",
+    "As above. The range is 1.5 times the limits of the arm's description; set it if your joints move farther.",
 )
 REFERENCE_NOT_FINITE = Condition(
     "REFERENCE_NOT_FINITE",
@@ -84,8 +84,8 @@ PROMISE_VOID = Condition(
 MEASUREMENT_REJECTED = Condition(
     "MEASUREMENT_REJECTED",
     256,
-    "the arm cannot have moved from the last accepted measurement to this one in the time between them, or the time "
-    "stamp is not after the last one; the sample is treated as a lost one",
+    "the arm cannot have moved from the last accepted measurement to this one in the time between them, the positions "
+    "are frozen, or the time stamp is not after the last one; the sample is treated as a lost one",
     True,
     "One such sample is harmless. If they repeat, look at the encoder, its cable and the clock.",
 )

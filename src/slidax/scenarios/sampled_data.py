@@ -112,7 +112,10 @@ class GateDescription(AbstractDescription):
     """Rejects measurements that the arm cannot have produced."""
 
     q_max: Numbers | None = same(MeasurementGate, "q_max", default=None, source="1.5 times the arm's limits")
-    speed: Numbers | None = same(MeasurementGate, "speed", default=None, source="1.5 times the arm's limits")
+    speed: Numbers | None = same(MeasurementGate, "speed", default=None, source="4 times the arm's limits")
+    acceleration: Numbers | None = same(
+        MeasurementGate, "acceleration", default=None, source="4 times the torque over the inertia"
+    )
     spread: Numbers | None = same(
         MeasurementGate, "spread", default=None, source="10 standard deviations of the sensor, and its jitter"
     )

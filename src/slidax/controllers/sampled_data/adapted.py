@@ -19,10 +19,12 @@ class Adapted(eqx.Module):
 
     - `memory`: of the adaptation.
     - `friction`: the part of each command under way that compensates friction, the oldest first, [m n].
+    - `recovering`: time for which a joint has been on its way back into its envelope [s].
     """
 
     memory: Memory
     friction: Float[Array, "m n"]
+    recovering: Scalar
 
     @classmethod
     def init(cls, adaptation: AbstractAdaptation, state: State, delay: float) -> Adapted:
@@ -33,7 +35,7 @@ class Adapted(eqx.Module):
         - `delay`: age of a measurement when its torque sets in [periods].
         """
         friction = jnp.zeros((commands_kept(delay), *state.q.shape), state.q.dtype)
-        return cls(memory=adaptation.init(state), friction=friction)
+        return cls(memory=adaptation.init(state), friction=friction, recovering=jnp.zeros(()))
 
 
 def acted(torques: Float[Array, "m n"], delay: float) -> Vector:

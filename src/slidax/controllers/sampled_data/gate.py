@@ -21,14 +21,20 @@ FASTEST_JOINT = {"rad": 100.0, "m": 20.0}
 RUN_UP = {"rad": 2.0 * math.pi, "m": 1.0}
 """rad and m: way in which a joint gains its largest speed."""
 
-BEYOND_LIMITS = 1.5
-"""Ranges are this many times the limits of the arm's description."""
+BEYOND_LIMITS, FASTER_THAN_LIMITS = 1.5, 4.0
+"""Range of positions and largest speed, relative to the limits of the arm's description."""
+
+LARGEST_ACCELERATION = 1e4
+"""rad/s² and m/s²: acceleration of a joint whose drives are not known."""
 
 SHORTEST = 0.1
 """Periods: two samples that are closer in time than this have the same time stamp."""
 
 LONGEST_GAP = 100.0
 """Periods: after a longer gap the law starts anew, once a second sample has confirmed the clock."""
+
+FROZEN = 2.0
+"""Samples in a row that may be the same to the last bit while the arm moves, as of a sensor at half the loop's rate."""
 
 CLOCK = 2.0
 """Samples with consistent time stamps that confirm a jump of the clock, or a long gap."""
@@ -40,6 +46,7 @@ class GateMemory(eqx.Module):
     - `q`, `dq`: the last accepted measurement, [n] each.
     - `suspect_t`, `suspect`: time stamp and measurement of the last rejected sample.
     - `consistent`: rejected samples in a row that are consistent with each other; 0 after an accepted one.
+    - `same`: accepted samples in a row whose positions are the same to the last bit.
     """
 
     q: Vector
@@ -47,6 +54,7 @@ class GateMemory(eqx.Module):
     suspect_t: Scalar
     suspect: State
     consistent: Float[Array, ""]
+    same: Float[Array, ""]
 
 
 class Admission(eqx.Module):
@@ -67,21 +75,25 @@ class MeasurementGate(AbstractPart):
 
     With the time T since then and the period h, a sample is accepted if for every joint
 
-        |q' - q| <= speed (T + h) + spread,   |q'| <= q_max,
-        |dq'| <= speed,   |dq' - dq| <= (2 / patience) speed (T/h + 1),
+        |q'| <= q_max,   |q' - q| <= speed (T + h) + spread,
+        |dq' - dq| <= (2 / patience) speed (T/h + 1) + acceleration (T + h),
+        |q' - q - T (dq' + dq)/2| <= T (acceleration (T + 4 h) + 0.02 speed) + 2 spread,
 
-    the last two only if the estimator uses velocities, and if `0.1 h <= T <= 100 h`. A rejected sample is treated as a
-    lost one: the last torque stands, and the law's memory does not change. The windows grow with T, so that the gate
-    opens again by itself after any motion that the arm is capable of.
+    the last two only if the estimator uses velocities, and if `0.1 h <= T <= 100 h`. From the third sample in a row on
+    whose positions are the same to the last bit, while the law predicts that a joint has moved by more than
+    `2 spread`, the sensor is frozen and the sample is rejected, too. A rejected sample is treated as a lost one: the last
+    torque stands, and the law's memory does not change. The windows grow with T, so that the gate opens again by itself
+    after any motion that the arm is capable of.
 
     A sensor or a clock can jump for good. After more than `patience` samples in a row that are consistent with each
     other (two, if only the time stamp is implausible) the law accepts them and restarts: it keeps its disturbance
-    estimate, its learnt parameters and the sides of its envelope, and takes the measured state. A sample outside
-    `q_max` or `speed` is never accepted.
+    estimate, its learnt parameters and the sides of its envelope, and takes the measured state. A sample outside `q_max`
+    is never accepted.
     """
 
     q_max: PerJoint = parameter("largest size of a measured position", "rad or m", "> 0", default=1e4)
     speed: PerJoint = parameter("largest speed of a joint", "rad/s or m/s", "> 0", default=100.0)
+    acceleration: PerJoint = parameter("largest acceleration of a joint", "rad/s² or m/s²", ">= 0", default=1e4)
     spread: PerJoint = parameter("largest error of a measured position", "rad or m", ">= 0", default=0.0)
     patience: Scalar = parameter(
         "rejected samples in a row after which the host is asked to stop", "samples", "[2, 1e6]", default=5.0
@@ -97,10 +109,11 @@ class MeasurementGate(AbstractPart):
         limited: bool = True,
         **parameters: Any,
     ) -> MeasurementGate:
-        """The gate for an arm: 1.5 times its position and velocity limits.
+        """The gate for an arm: 1.5 times its position limits, and 4 times its velocity limits.
 
-        A joint without a position limit gets 1e4 rad or m. One without a velocity limit gets the speed after one turn,
-        or one metre, from rest at four times the acceleration `torque / mass`, at most 100 rad/s or 20 m/s.
+        A push can make a joint faster than its velocity limit. A joint without a position limit gets 1e4 rad or m. The
+        acceleration is four times `torque / mass`, if both are known. A joint without a velocity limit gets the speed
+        after one turn, or one metre, from rest at that acceleration, at most 100 rad/s or 20 m/s.
 
         - `arm`: the arm as the law knows it.
         - `torque`: largest torque, one number or [n], N m or N; infinite if it is not known.
@@ -112,17 +125,18 @@ class MeasurementGate(AbstractPart):
         """
         limits = arm.limits if limited and isinstance(arm, Articulated) else None
         speed = jnp.asarray([FASTEST_JOINT[unit] for unit in arm.joint_units])
+        acceleration = jnp.full(arm.joints, LARGEST_ACCELERATION)
         if mass is not None:
             way = jnp.asarray([RUN_UP[unit] for unit in arm.joint_units])
-            acceleration = 4.0 * jnp.asarray(torque) / jnp.diagonal(mass)
+            acceleration = jnp.minimum(acceleration, 4.0 * jnp.asarray(torque) / jnp.diagonal(mass))
             speed = jnp.minimum(speed, jnp.sqrt(2.0 * way * acceleration))
         q_max = jnp.full(arm.joints, LARGEST_POSITION)
         if limits is not None:
             farthest = BEYOND_LIMITS * jnp.maximum(jnp.abs(limits.lower), jnp.abs(limits.upper))
             q_max = jnp.where(jnp.isfinite(farthest) & (farthest > 0), farthest, q_max)
-            speed = jnp.where(jnp.isfinite(limits.velocity), BEYOND_LIMITS * limits.velocity, speed)
+            speed = jnp.where(jnp.isfinite(limits.velocity), FASTER_THAN_LIMITS * limits.velocity, speed)
         known = {name: value for name, value in parameters.items() if value is not None}
-        return cls(**{"q_max": q_max, "speed": speed, **known})
+        return cls(**{"q_max": q_max, "speed": speed, "acceleration": acceleration, **known})
 
     def init(self, t: Scalar, state: State, velocity: bool) -> GateMemory:
         """Memory after a first accepted sample.
@@ -132,16 +146,14 @@ class MeasurementGate(AbstractPart):
         - `velocity`: whether velocities are used.
         """
         state = _used(state, velocity)
-        return GateMemory(q=state.q, dq=state.dq, suspect_t=t, suspect=state, consistent=jnp.zeros(()))
+        return GateMemory(q=state.q, dq=state.dq, suspect_t=t, suspect=state, consistent=jnp.zeros(()), same=jnp.zeros(()))
 
-    def in_range(self, state: State, velocity: bool) -> Bool[Array, ""]:
-        """True if every position, and every velocity if `velocity`, is within its range.
+    def in_range(self, q: Vector) -> Bool[Array, ""]:
+        """True if every position is within its range.
 
-        - `state`: measured positions and velocities.
-        - `velocity`: whether velocities are used.
+        - `q`: measured positions [n].
         """
-        inside = jnp.all(jnp.abs(state.q) <= self.q_max)
-        return inside & jnp.all(jnp.abs(state.dq) <= self.speed) if velocity else inside
+        return jnp.all(jnp.abs(q) <= self.q_max)
 
     def learnable(self, state: State, predicted: State, period: Scalar, velocity: bool) -> Bool[Array, ""]:
         """True if a measurement is near enough to its prediction for parameters to be learnt from it.
@@ -160,13 +172,21 @@ class MeasurementGate(AbstractPart):
         return near & jnp.all(jnp.abs(state.dq - predicted.dq) <= largest) if velocity else near
 
     def __call__(
-        self, t: Scalar, state: State, last: Scalar, period: Scalar, velocity: bool, memory: GateMemory
+        self,
+        t: Scalar,
+        state: State,
+        last: Scalar,
+        predicted: Vector,
+        period: Scalar,
+        velocity: bool,
+        memory: GateMemory,
     ) -> tuple[Admission, GateMemory]:
         """Judge a sample.
 
         - `t`: its time stamp [s].
         - `state`: measured positions and velocities.
         - `last`: time stamp of the last accepted sample [s].
+        - `predicted`: positions that the law predicted for the next sample [n].
         - `period`: h [s].
         - `velocity`: whether the estimator uses velocities.
         - `memory`: what `init` or the last call returned.
@@ -176,14 +196,16 @@ class MeasurementGate(AbstractPart):
         timely = (elapsed >= SHORTEST * period) & (elapsed <= LONGEST_GAP * period)
         accepted = State(memory.q, memory.dq)
         reachable = self._reachable(state, accepted, jnp.where(elapsed > 0, elapsed, period), period, velocity)
-        inside = self.in_range(state, velocity)
-        plausible = inside & timely & reachable
+        inside = self.in_range(state.q)
+        same = jnp.where(jnp.all(state.q == memory.q), memory.same + 1.0, 0.0)
+        frozen = (same > FROZEN) & jnp.any(jnp.abs(predicted - memory.q) > 2.0 * self.spread)
+        plausible = inside & timely & reachable & ~frozen
 
         since = t - memory.suspect_t
         follows = (memory.consistent > 0) & (since >= SHORTEST * period) & (since <= 2.5 * period)
         follows = follows & self._reachable(state, memory.suspect, since, period, velocity)
         consistent = jnp.where(follows, memory.consistent, 0.0) + 1.0
-        confirmed = consistent >= jnp.where(reachable, CLOCK, self.patience + 1.0)
+        confirmed = consistent >= jnp.where(reachable & ~frozen, CLOCK, self.patience + 1.0)
         restarts = inside & ~plausible & confirmed
         takes = plausible | restarts
         slope = (state.q - memory.suspect.q) / jnp.where(since > 0, since, period)
@@ -198,6 +220,7 @@ class MeasurementGate(AbstractPart):
                 q=jnp.where(doubted, state.q, memory.suspect.q), dq=jnp.where(doubted, state.dq, memory.suspect.dq)
             ),
             consistent=jnp.where(takes, 0.0, jnp.where(doubted, consistent, memory.consistent)),
+            same=jnp.where(plausible, same, jnp.where(restarts, 0.0, memory.same)),
         )
         return Admission(takes, restarts, dq), after
 
@@ -209,8 +232,13 @@ class MeasurementGate(AbstractPart):
         near = jnp.all(jnp.abs(state.q - before.q) <= farthest)
         if not velocity:
             return near
-        change = (2.0 / self.patience) * self.speed * (elapsed / period + 1.0)
-        return near & jnp.all(jnp.abs(state.dq - before.dq) <= change)
+        steps = elapsed / period + 1.0
+        change = (2.0 / self.patience) * self.speed * steps + self.acceleration * (elapsed + period)
+        # The way must be that of the mean velocity.
+        missing = state.q - before.q - 0.5 * elapsed * (state.dq + before.dq)
+        slack = self.acceleration * (elapsed + 4.0 * period) + 0.02 * self.speed
+        fits = jnp.all(jnp.abs(missing) <= elapsed * slack + 2.0 * self.spread)
+        return near & fits & jnp.all(jnp.abs(state.dq - before.dq) <= change)
 
 
 def _used(state: State, velocity: bool) -> State:

@@ -36,6 +36,9 @@ from .kept import Kept
 from .monitor import Monitor, Watched
 from .prediction import commands_kept, free_acceleration, moved_on, predicted, reference_ahead
 
+PAUSE = 0.3
+"""s: longest pause of the learning while a joint is on its way back into its envelope."""
+
 STRONGEST = 1e6
 """Largest estimated disturbance in the law, rad/s² or m/s²; no drive could compensate as much."""
 
@@ -181,7 +184,9 @@ class SampledData(AbstractController):
 
         - `t`, `state`, `reference_now`, `reference_next`, `memory`: as in a call.
         """
-        admission, gate = self.gate(t, state, memory.t, self.period, self.estimator.reads_velocity, memory.gate)
+        admission, gate = self.gate(
+            t, state, memory.t, memory.prior.state.q, self.period, self.estimator.reads_velocity, memory.gate
+        )
         accepted = admission.accepted
         # A rejected sample must not reach the arithmetic: gradients would see it even where its result is discarded.
         time = jnp.where(accepted, t, memory.t + self.period)
@@ -233,16 +238,17 @@ class SampledData(AbstractController):
         under_way = jnp.where(missed, memory.torques[-1], memory.torques)
         net, adapted = under_way, memory.adapted
         if self.adaptation is not None and adapted is not None:
+            # On the way back all joints accelerate at once, so that learning each by itself would go wrong. It goes on
+            # where the way takes long, since the arm may have changed.
             recovers = self.step.recovers(t, memory.step)
+            recovering = jnp.where(recovers, adapted.recovering + h, 0.0)
+            paused = recovers & (recovering <= PAUSE)
             surprised = ~self.gate.learnable(state, prior.state, h, self.estimator.reads_velocity)
             torque = acted(under_way, self.delay)
-            experience = experienced(self.nominal, state, estimate, torque, h, missed | surprised | recovers)
+            experience = experienced(self.nominal, state, estimate, torque, h, missed | surprised | paused)
             friction = jnp.where(missed, adapted.friction[-1], adapted.friction)
             net = under_way[-friction.shape[0] :] - friction
-            learning = self.adaptation(experience, adapted.memory)
-            # What was learnt may be why the joint left: without it the law is as robust as it was designed.
-            learning = _select(recovers, self.adaptation.unlearnt(learning, state, h), learning)
-            adapted = Adapted(learning, friction)
+            adapted = Adapted(self.adaptation(experience, adapted.memory), friction, recovering)
             # The push is a torque that is not explained: with another inertia it is another acceleration.
             lumped = matvec(robot.mass(estimate.state.q), estimate.push)
             robot = self._robot(adapted)
@@ -274,7 +280,9 @@ class SampledData(AbstractController):
         if self.adaptation is not None and adapted is not None:
             friction = self.adaptation.friction(adapted.memory, moment.reference.dq)
             wanted = wanted + friction
-            adapted = Adapted(adapted.memory, jnp.concatenate([adapted.friction[1:], friction[None]]))
+            adapted = Adapted(
+                adapted.memory, jnp.concatenate([adapted.friction[1:], friction[None]]), adapted.recovering
+            )
         tau, withheld, free = self._within_limits(wanted, memory.torques[-1], m0)
         moved = decision.acceleration - withheld
         if following is None:
