@@ -16,18 +16,19 @@ from tests.paper import SCARA
 
 H = 1e-3
 SPEED = np.array([2.0, 4.0])
-GATE = MeasurementGate(q_max=jnp.array([3.0, 3.0]), speed=jnp.asarray(SPEED))
+GATE = MeasurementGate(q_max=jnp.array([3.0, 3.0]), speed=jnp.asarray(SPEED), acceleration=0.0)
 
 
 def state(q, dq=(0.0, 0.0)):
     return State(q=jnp.asarray(q, float), dq=jnp.asarray(dq, float))
 
 
-def judged(samples, gate=GATE, velocity=True):
+def judged(samples, gate=GATE, velocity=False, moving=0.0):
     """Whether each sample `(t, state)` after a first one at t = 0 and q = 0 is accepted, and whether it restarts."""
     memory, last, decisions = gate.init(jnp.zeros(()), state([0, 0]), velocity), jnp.zeros(()), []
     for t, measured in samples:
-        admission, memory = gate(jnp.asarray(t), measured, last, jnp.asarray(H), velocity, memory)
+        predicted = memory.q + moving
+        admission, memory = gate(jnp.asarray(t), measured, last, predicted, jnp.asarray(H), velocity, memory)
         last = jnp.where(admission.accepted, t, last)
         decisions.append((bool(admission.accepted), bool(admission.restarts)))
     return decisions
@@ -58,9 +59,28 @@ def test_a_position_beyond_its_range_is_never_accepted_however_often_it_comes():
 
 def test_an_unused_velocity_may_be_anything():
     assert judged([(H, state([0, 0], [np.nan, 1e300]))], velocity=False) == [(True, False)]
-    assert judged([(H, state([0, 0], [2.1, 0.0]))]) == [(False, False)]
-    assert judged([(H, state([0, 0], [1.7, 0.0]))]) == [(False, False)]
-    assert judged([(H, state([0, 0], [1.5, 0.0]))]) == [(True, False)]
+
+
+@pytest.mark.parametrize(("dq", "accepted"), [(1.5, True), (1.7, False), (-1.7, False), (1e4, False)])
+def test_a_used_velocity_may_change_by_two_fifths_of_the_largest_speed_in_a_period(dq, accepted):
+    way = 0.5 * dq * H
+    assert judged([(H, state([way, 0], [dq, 0.0]))], velocity=True) == [(accepted, False)]
+
+
+def test_a_velocity_that_contradicts_the_positions_is_rejected_for_as_long_as_it_lasts():
+    samples = [(k * H, state([0, 0], [1.0, 0.0])) for k in range(1, 20)]
+    assert judged(samples, velocity=True) == [(False, False)] * 19
+
+
+def test_a_frozen_sensor_is_rejected_from_the_third_sample_on_while_the_law_predicts_a_motion():
+    samples = [(k * H, state([0, 0])) for k in range(1, 6)]
+    assert judged(samples, moving=1e-3) == [(True, False)] * 2 + [(False, False)] * 3
+    assert judged(samples, moving=0.0) == [(True, False)] * 5
+
+
+def test_a_blocked_arm_restarts_the_law_after_the_patience():
+    samples = [(k * H, state([0, 0])) for k in range(1, 10)]
+    assert judged(samples, moving=1e-3)[7] == (True, True)
 
 
 def test_after_one_outlier_the_next_good_sample_is_accepted():
@@ -99,12 +119,12 @@ def test_a_gap_of_up_to_100_periods_needs_no_confirmation():
     assert judged([(101 * H, state([0, 0]))]) == [(False, False)]
 
 
-def test_ranges_are_half_as_large_again_as_the_limits_of_the_arm():
+def test_ranges_follow_from_the_limits_of_the_arm():
     arm = panda()
     gate = MeasurementGate.of_arm(arm)
     farthest = np.maximum(np.abs(arm.limits.lower), np.abs(arm.limits.upper))
     np.testing.assert_allclose(gate.q_max, 1.5 * farthest)
-    np.testing.assert_allclose(gate.speed, 1.5 * arm.limits.velocity)
+    np.testing.assert_allclose(gate.speed, 4.0 * arm.limits.velocity)
 
 
 def test_an_arm_without_limits_gets_the_speed_that_its_drives_reach_in_one_turn_or_metre():

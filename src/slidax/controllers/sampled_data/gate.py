@@ -146,7 +146,9 @@ class MeasurementGate(AbstractPart):
         - `velocity`: whether velocities are used.
         """
         state = _used(state, velocity)
-        return GateMemory(q=state.q, dq=state.dq, suspect_t=t, suspect=state, consistent=jnp.zeros(()), same=jnp.zeros(()))
+        return GateMemory(
+            q=state.q, dq=state.dq, suspect_t=t, suspect=state, consistent=jnp.zeros(()), same=jnp.zeros(())
+        )
 
     def in_range(self, q: Vector) -> Bool[Array, ""]:
         """True if every position is within its range.
