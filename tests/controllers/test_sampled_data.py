@@ -220,8 +220,10 @@ def test_after_lost_samples_the_plan_is_made_anew_and_nothing_is_learnt_from_the
     state = State(q=jnp.array([0.1]), dq=jnp.array([0.0]))
     memory = law.init(jnp.asarray(0.0), state, still)
     for k in range(3):
+        # Not the same to the last bit: that would be a frozen sensor.
+        state = State(q=jnp.array([0.1 + 1e-9 * k]), dq=jnp.array([0.0]))
         memory = asked(law, jnp.asarray(1e-3 * k), state, still, still, memory).memory
-    moved = State(q=jnp.array([0.1]), dq=jnp.array([0.5]))
+    moved = State(q=jnp.array([0.1 + 1e-8]), dq=jnp.array([0.5]))
     near, far = (asked(law, jnp.asarray(t), moved, still, still, memory) for t in (3e-3, 23e-3))
     assert float(jnp.abs(near.memory.prior.push - memory.prior.push)[0]) > 1.0
     np.testing.assert_array_equal(far.memory.prior.push, memory.prior.push)

@@ -80,15 +80,15 @@ class MeasurementGate(AbstractPart):
         |q' - q - T (dq' + dq)/2| <= T (acceleration (T + 4 h) + 0.02 speed) + 2 spread,
 
     the last two only if the estimator uses velocities, and if `0.1 h <= T <= 100 h`. From the third sample in a row on
-    whose positions are the same to the last bit, while the law predicts that a joint has moved by more than
-    `2 spread`, the sensor is frozen and the sample is rejected, too. A rejected sample is treated as a lost one: the last
-    torque stands, and the law's memory does not change. The windows grow with T, so that the gate opens again by itself
-    after any motion that the arm is capable of.
+    whose positions are the same to the last bit, while the law predicts that a joint has moved by more than `2 spread`,
+    the sensor is frozen and the sample is rejected, too. A rejected sample is treated as a lost one: the last torque
+    stands, and the law's memory does not change. The windows grow with T, so that the gate opens again by itself after
+    any motion that the arm is capable of.
 
     A sensor or a clock can jump for good. After more than `patience` samples in a row that are consistent with each
     other (two, if only the time stamp is implausible) the law accepts them and restarts: it keeps its disturbance
-    estimate, its learnt parameters and the sides of its envelope, and takes the measured state. A sample outside `q_max`
-    is never accepted.
+    estimate, its learnt parameters and the sides of its envelope, and takes the measured state. A sample outside
+    `q_max` is never accepted.
     """
 
     q_max: PerJoint = parameter("largest size of a measured position", "rad or m", "> 0", default=1e4)

@@ -9,7 +9,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool
 
-from slidax._errors import each_of
+from slidax._errors import counted
 from slidax._types import Command, Envelope, Reference
 from slidax.actuators import TorqueLimits
 from slidax.adaptation import AbstractAdaptation, Learnt
@@ -116,7 +116,7 @@ class SampledData(AbstractController):
             fits = False
         if not fits:
             raise DefinitionError(
-                f"`{type(self.estimator).__name__}` does not fit {each_of(self.joints, 'joint')} of "
+                f"`{type(self.estimator).__name__}` does not fit the {counted(self.joints, 'joint')} of "
                 f"{type(self.nominal).__name__}: give one number, or one per joint"
             )
 
