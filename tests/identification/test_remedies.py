@@ -124,6 +124,15 @@ def test_an_inertia_of_no_body_is_refused_with_an_option_of_this_command(tmp_pat
     assert identified(LOG, tmp_path, "--inertias", "nearest", robot=bad).exit_code == 0
 
 
+def test_a_rounded_inertia_is_read_and_the_warning_has_an_option_of_this_command(tmp_path):
+    """By 0.25 %: 0.00402 kg m² are 0.00002 more than the sum of the others."""
+    rounded = tmp_path / "rounded.urdf"
+    rounded.write_text(FILE.read_text().replace('izz="0.001"', 'izz="0.00402"'))
+    result = identified(LOG, tmp_path, robot=rounded)
+    assert result.exit_code == 0 and "`--inertias strict` refuses" in result.output
+    assert identified(LOG, tmp_path, "--inertias", "strict", robot=rounded).exit_code == 2
+
+
 def test_lists_of_a_wrong_length_or_sign_are_one_line(tmp_path):
     for options, words in (
         (["--torque-sign", "1,-1"], "one for each of the 3 joints"),

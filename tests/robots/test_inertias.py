@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
 import pytest
 from scipy.optimize import minimize
@@ -105,20 +107,21 @@ def test_a_file_with_such_an_inertia_is_refused_unless_the_nearest_is_asked_for(
         arm = read(text, inertias="nearest")
     (warning,) = caught
     assert str(warning.message) == (
-        f"arm: inertias are changed to the nearest that a rigid body can have: of {owner} (by 48 %)"
+        "arm: inertias are changed to the nearest that a rigid body can have, by a part of the largest principal "
+        f"moment: {owner} (35 %)"
     )
     np.testing.assert_allclose(np.linalg.eigvalsh(arm.inertias[1]), [0.045, 0.055, 0.1], rtol=1e-12)
     np.testing.assert_array_equal(arm.inertias[0], read(GOOD if read is from_urdf else bad_mjcf.GOOD).inertias[0])
 
 
 def test_another_word_is_refused():
-    with pytest.raises(DefinitionError, match="`inertias` must be `given` or `nearest`; got `neerest`; did you mean"):
+    with pytest.raises(DefinitionError, match="must be `given`, `nearest` or `strict`; got `neerest`; did you mean"):
         Feasible("neerest")
 
 
 def test_a_link_that_is_fixed_gets_the_nearest_too():
     text = changed(GOOD, TOOL, FLAT_TOOL)
-    with pytest.warns(DefinitionWarning, match=r"of link `tool` \(by \d+ %\)"):
+    with pytest.warns(DefinitionWarning, match=r"link `tool` \(17 %\)"):
         arm = from_urdf(text, inertias="nearest")
     as_it_should_be = FLAT_TOOL.replace('ixx="1"', 'ixx="1.5"').replace('iyy="1"', 'iyy="1.5"')
     expected = from_urdf(changed(GOOD, TOOL, as_it_should_be.replace('izz="3"', 'izz="3.0"')))
@@ -140,3 +143,85 @@ def test_what_mujoco_balances_itself_is_left_to_it():
     )
     moments = np.linalg.eigvalsh(from_mjcf(text).inertias[1])
     np.testing.assert_allclose(moments, np.full(3, 0.13 / 3), rtol=1e-9)
+
+
+def largest_change(printed: np.ndarray) -> float:
+    """In parts of the largest principal moment, from the second moments by hand."""
+    moments = np.linalg.eigvalsh(printed)
+    sigma = 0.5 * moments.sum() - moments
+    kept = np.maximum(sigma, 0.0)
+    return float(np.abs(kept.sum() - kept - moments).max() / moments[2])
+
+
+def with_moments(kind: str, moments: str) -> tuple[object, str]:
+    """A reader, and the good arm with these moments in its forearm."""
+    if kind == "urdf":
+        return from_urdf, changed(GOOD, INERTIA, inertia(*moments.split()))
+    return from_mjcf, changed(
+        bad_mjcf.GOOD, bad_mjcf.INERTIAL, f'<inertial pos="0.1 0.01 0" mass="1.25" diaginertia="{moments}"/>'
+    )
+
+
+@pytest.mark.parametrize("kind", ["urdf", "mjcf"])
+def test_an_inertia_within_one_percent_is_read_with_one_warning(kind):
+    """By hand: Σ = diag(.05, .05, -.00099), so two moments grow by 0.00099, 0.99 % of the largest."""
+    read, text = with_moments(kind, "0.04901 0.04901 0.1")
+    with pytest.warns(DefinitionWarning) as caught:
+        arm = read(text)
+    (warning,) = caught
+    owner = "link `fore`" if kind == "urdf" else "body `fore`"
+    assert f'moment: {owner} (0.99 %); inertias="strict" refuses them' in str(warning.message)
+    np.testing.assert_allclose(np.linalg.eigvalsh(arm.inertias[1]), [0.05, 0.05, 0.1], rtol=1e-12)
+
+
+@pytest.mark.parametrize("kind", ["urdf", "mjcf"])
+def test_an_inertia_beyond_one_percent_is_refused_and_its_remedy_works(kind):
+    read, text = with_moments(kind, "0.04899 0.04899 0.1")
+    with pytest.raises(DefinitionError, match=r'`fore` is of no rigid body.*; inertias="nearest" takes') as caught:
+        read(text)
+    with pytest.warns(DefinitionWarning, match=r"`fore` \(1 %\)$"):
+        arm = read(text, **{caught.value.setting.name: caught.value.setting.value})
+    np.testing.assert_allclose(np.linalg.eigvalsh(arm.inertias[1]), [0.05, 0.05, 0.1], rtol=1e-12)
+
+
+@pytest.mark.parametrize("kind", ["urdf", "mjcf"])
+def test_strict_refuses_what_is_otherwise_replaced_and_reads_a_plate(kind):
+    read, text = with_moments(kind, "0.04901 0.04901 0.1")
+    with pytest.raises(DefinitionError, match="`fore` is of no rigid body"):
+        read(text, inertias="strict")
+    read, text = with_moments(kind, "0.05 0.05 0.1")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        for choice in ("given", "strict"):
+            np.testing.assert_allclose(np.linalg.eigvalsh(read(text, inertias=choice).inertias[1]), [0.05, 0.05, 0.1])
+
+
+@pytest.mark.parametrize("moments", ["-0.0005 0.1 0.1", "0.1 -0.0005 0.1", "-0.0002 0.1 0.101"])
+def test_a_negative_moment_is_refused_however_small_the_change_is(moments):
+    with pytest.raises(DefinitionError, match="`fore` must be positive definite"):
+        from_urdf(changed(GOOD, INERTIA, inertia(*moments.split())))
+
+
+def test_a_link_beyond_the_bound_is_refused_beside_one_within_it():
+    text = changed(GOOD, INERTIA, inertia("0.04901", "0.04901", "0.1"), TOOL, FLAT_TOOL)
+    with pytest.raises(DefinitionError, match="link `tool` is of no rigid body"):
+        from_urdf(text)
+    with pytest.warns(DefinitionWarning, match=r"moment: link `tool` \(17 %\) and link `fore` \(0.99 %\)$") as caught:
+        from_urdf(text, inertias="nearest")
+    assert len(caught) == 1
+
+
+def test_any_body_printed_to_three_digits_is_read():
+    """Plates in any axes, where rounding leads out of what bodies can have."""
+    rng = np.random.default_rng(11)
+    changes = []
+    for _ in range(2000):
+        sigma = rng.uniform(0.02, 1.0, 3) * np.array([1.0, 1.0, 0.0])
+        axes = np.eye(3) if rng.integers(2) else turned(rng)
+        true = (axes * (sigma.sum() - sigma)) @ axes.T * 10.0 ** rng.uniform(-6, 1)
+        printed = np.array([[float(f"{entry:.2e}") for entry in row] for row in 0.5 * (true + true.T)])
+        if not is_rigid(printed):
+            changes.append(largest_change(printed))
+            rigid = Feasible("given").of(printed, "link `fore`", moves=True)
+            assert np.linalg.eigvalsh(0.5 * np.trace(rigid) * np.eye(3) - rigid)[0] > -1e-15 * np.trace(rigid)
+    assert len(changes) > 500 and 0.002 < max(changes) < 0.0072

@@ -22,7 +22,10 @@ Gravity = Annotated[
     str | None, typer.Option(metavar="X,Y,Z", help="Gravity in the base frame (m/s²), for a mounted arm.")
 ]
 
-Inertias = Annotated[str | None, typer.Option(help="`nearest` replaces inertias in the file that no body can have.")]
+Inertias = Annotated[
+    str | None,
+    typer.Option(help="Inertias in the file that no body can have: `nearest` replaces, `strict` refuses all."),
+]
 
 Locked = Annotated[
     list[str] | None,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -40,7 +41,7 @@ def named_robot(
 
     - `word`: a ready arm by its name; or a URDF file, an MJCF file, or a YAML file with a mapping `robot`.
     - `tip`: the link, body or site of the tip; for URDF and MJCF files with more than one end.
-    - `inertias`: `nearest` to replace inertias in a file that no rigid body can have.
+    - `inertias`: `nearest` replaces inertias in a file that no rigid body can have, `strict` refuses them all.
     - `locked`: joints in a file that do not move, with their positions [rad or m].
     - `gravity`: acceleration of gravity in the base frame [3], m/s²; as the description says if not given.
 
@@ -71,23 +72,29 @@ def named_robot(
     if gravity is not None:
         description["nominal"] = dict(description.get("nominal", {})) | {"gravity": list(gravity)}
     try:
-        return _built(word, description), description
+        with warnings.catch_warnings(record=True) as assumed:
+            warnings.simplefilter("always")
+            robot = _built(word, description)
     except DefinitionError as error:
         # The remedies of the files' readers are for Python and for scenarios: these are options of the command.
         option = error.setting and f"`{error.setting.as_option}`"
         reworded = error.reworded(option) if option else error
         raise DefinitionError(_with_options(reworded.message), where=error.where) from None
+    for warning in assumed:
+        warnings.warn(_with_options(str(warning.message)), warning.category, stacklevel=2)
+    return robot, description
 
 
 def _with_options(message: str) -> str:
-    """A message with `locked={...}` as options of the command."""
-    return re.sub(
+    """A message with `locked={...}` and `inertias: strict` as options of the command."""
+    message = re.sub(
         r"locked=\{([^}]*)\}",
         lambda found: " ".join(
             f"--locked {name}={position}" for name, position in re.findall(r"'([^']+)': ([^,]+)", found[1])
         ),
         message,
     )
+    return re.sub(r"\binertias: (strict|nearest)\b", r"`--inertias \1`", message)
 
 
 def _built(word: str, description: Mapping[str, Any]) -> Articulated:

@@ -52,8 +52,8 @@ class AbstractFile(AbstractArticulated):
     """Joints that do not move, with their positions [rad or m]."""
     meshes: bool = False
     """Whether every mesh that it names must be there; none is needed for a run."""
-    inertias: Literal["given", "nearest"] = "given"
-    """An inertia that no rigid body can have: refused, or replaced by the nearest that one can."""
+    inertias: Literal["given", "nearest", "strict"] = "given"
+    """Inertias that no rigid body can have: replaced by the nearest if the change is at most 1 %, always, or never."""
 
     def described(self) -> Articulated | Coupled:
         """The arm as the file has it; the file's own path is no part of the path in a scenario."""

@@ -1,4 +1,4 @@
-"""Inertias in robot files that no rigid body can have: refused, or replaced by the nearest that one can."""
+"""Inertias in robot files that no rigid body can have: refused, or replaced by the nearest that a body can have."""
 
 from __future__ import annotations
 
@@ -12,31 +12,44 @@ from ..inertia import is_rigid, nearest_rigid, require_rigid
 from .mjcf_geometry import by_shape
 from .notes import Notes
 
-Inertias = Literal["given", "nearest"]
+Inertias = Literal["given", "nearest", "strict"]
 
-CHOICES = ("given", "nearest")
+CHOICES = ("given", "nearest", "strict")
 NEAREST = Setting("inertias", "nearest")
+
+PRINTED = 0.01
+"""Largest change that "given" makes, as a part of the largest principal moment: rounding to three printed digits.
+
+Such rounding changes each entry by at most 0.5 %: a body's inertia I becomes I + E with `|E| ≤ 0.005 |I|`, where
+`‖I‖ ≤ √2 I₃` in the Frobenius norm. An eigenvalue of `½ tr(E) 1 - E` is `⟨E, ½ 1 - u uᵀ⟩ ≤ 0.005 (√3/2) √2 I₃`, one
+of E is at most `0.005 √2 I₃`. So the projection changes no principal moment by more than 0.71 % of the largest.
+"""
 
 
 class Feasible:
-    """Looks at the inertias of a file, and remembers which it has replaced.
+    """Checks the inertias of a file, and remembers the replaced ones.
 
-    - `how`: "given" to refuse those that no body can have, "nearest" to replace them.
+    - `how`: "strict" refuses each inertia that no body can have, and "nearest" replaces it by the nearest that a body
+      can have. "given" replaces it if no principal moment is negative and none changes by more than `PRINTED` of the
+      largest.
 
     Raises DefinitionError for another word.
     """
 
     def __init__(self, how: str) -> None:
         if how not in CHOICES:
-            raise DefinitionError(f"`inertias` must be `given` or `nearest`; got `{how}`; {nearest(str(how), CHOICES)}")
+            listed = ", ".join(f"`{choice}`" for choice in CHOICES[:-1])
+            raise DefinitionError(
+                f"`inertias` must be {listed} or `{CHOICES[-1]}`; got `{how}`; {nearest(str(how), CHOICES)}"
+            )
         self._how = how
-        self._replaced: list[str] = []
+        self._changes: dict[str, float] = {}
 
     def of(self, inertia: np.ndarray, owner: str, *, moves: bool) -> np.ndarray:
-        """An inertia that a body can have: the given one, or the nearest.
+        """Return an inertia that a body can have: the given one, or the nearest.
 
         - `inertia`: about the centre of mass, symmetric [3 3], kg m².
-        - `owner`: whose: "link `forearm`".
+        - `owner`: its link or body, such as "link `forearm`".
         - `moves`: whether a joint moves it by itself.
 
         Raises DefinitionError, naming the owner, if there is none.
@@ -44,12 +57,14 @@ class Feasible:
         if not np.isfinite(inertia).all() or is_rigid(inertia):
             return inertia
         close = nearest_rigid(inertia)
-        what = f"the inertia of {owner}"
+        # The principal axes stay, so the spectral norm of the difference is the largest change of a moment.
+        change = float(np.linalg.norm(close - inertia, 2) / np.linalg.norm(inertia, 2))
         helps = not moves or bool(np.any(close))
-        if self._how == "given" or not helps:
-            require_rigid(inertia, what, moves=moves, setting=NEAREST if helps else None)
-        share = np.linalg.norm(close - inertia) / np.linalg.norm(inertia)
-        self._replaced.append(f"{owner} (by {100 * share:.2g} %)")
+        # The nearest to a negative moment may be 0, with which a joint about that axis has no inertia.
+        rounded = change <= PRINTED and np.linalg.eigvalsh(inertia)[0] >= 0.0
+        if not helps or self._how == "strict" or (self._how == "given" and not rounded):
+            require_rigid(inertia, f"the inertia of {owner}", moves=moves, setting=NEAREST if helps else None)
+        self._changes[owner] = change
         return close
 
     def of_bodies(self, spec: Any) -> None:
@@ -70,14 +85,19 @@ class Feasible:
             else:
                 xx, yy, zz, xy, xz, yz = full
                 given = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-                found = self.of(given, f"body `{body.name}`", moves=True)
-                if found is not given:
-                    body.fullinertia = found[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
+                rigid = self.of(given, f"body `{body.name}`", moves=True)
+                if rigid is not given:
+                    body.fullinertia = rigid[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
 
     def add_to(self, notes: Notes) -> None:
-        """Note which inertias were replaced, and by how much.
+        """Note the replaced inertias and their changes, the largest first.
 
         - `notes`: of the reading.
         """
-        if self._replaced:
-            notes.add(f"inertias are changed to the nearest that a rigid body can have: of {', '.join(self._replaced)}")
+        strict = '; inertias="strict" refuses them' if self._how == "given" else ""
+        for owner in sorted(self._changes, key=lambda name: -self._changes[name]):
+            notes.add(
+                "inertias are changed to the nearest that a rigid body can have, by a part of the largest principal "
+                f"moment: {{}}{strict}",
+                f"{owner} ({100 * self._changes[owner]:.2g} %)",
+            )

@@ -49,8 +49,10 @@ def from_mjcf(
     - `locked`: joints that do not move, such as a gripper's, with their positions, rad or m.
     - `gravity`: its acceleration in the world's frame [3], m/s²; by default the file's.
     - `meshes`: whether every mesh must be there. Only those are read that a body's inertia comes from.
-    - `inertias`: "given" refuses an inertia that no rigid body can have, such as one with a principal moment greater
-      than the sum of the others; "nearest" takes the nearest that one can, and warns by how much it differs.
+    - `inertias`: for an inertia that no rigid body can have, such as one with a principal moment greater than the sum
+      of the others. "given" replaces it by the nearest that a body can have if no principal moment is negative and none
+      changes by more than 1 % of the largest, and refuses it otherwise; "nearest" replaces it always, "strict" never.
+      A replacement is a DefinitionWarning with its size.
 
     Raises DefinitionError, naming body, joint or what it is about, if the file is not one arm on a fixed base, or has
     something that such an arm cannot have.

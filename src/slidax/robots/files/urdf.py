@@ -59,8 +59,10 @@ def from_urdf(
       the file are tried by themselves.
     - `meshes`: whether every mesh must be there. None is read: nothing of the motion depends on them.
     - `limits`: whether to read limits of positions, velocity and effort. Without them all are infinite.
-    - `inertias`: "given" refuses an inertia that no rigid body can have, such as one with a principal moment greater
-      than the sum of the others; "nearest" takes the nearest that one can, and warns by how much it differs.
+    - `inertias`: for an inertia that no rigid body can have, such as one with a principal moment greater than the sum
+      of the others. "given" replaces it by the nearest that a body can have if no principal moment is negative and none
+      changes by more than 1 % of the largest, and refuses it otherwise; "nearest" replaces it always, "strict" never.
+      A replacement is a DefinitionWarning with its size.
     - `mimics`: "held" holds a joint that follows another, unless it is between base and tip; "followed" lets each move
       with its leader.
     - `arguments`: values of a xacro file's `<xacro:arg>` by name. A file that ends in `.xacro` is expanded by xacrodoc.
