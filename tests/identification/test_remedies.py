@@ -124,6 +124,7 @@ def test_an_inertia_of_no_body_is_refused_with_an_option_of_this_command(tmp_pat
     assert identified(LOG, tmp_path, "--inertias", "nearest", robot=bad).exit_code == 0
 
 
+@pytest.mark.filterwarnings("always:.*changed to the nearest")
 def test_a_rounded_inertia_is_read_and_the_warning_has_an_option_of_this_command(tmp_path):
     """By 0.25 %: 0.00402 kg m² are 0.00002 more than the sum of the others."""
     rounded = tmp_path / "rounded.urdf"
