@@ -67,6 +67,7 @@ def test_a_report_that_does_not_fit_is_named(tmp_path: Path) -> None:
     assert_whole(tmp_path, 20_000)
 
 
+@pytest.mark.filterwarnings("ignore:Error writing persistent compilation cache")
 def test_a_project_that_does_not_fit_is_named(tmp_path: Path) -> None:
     assert "cannot write the project to" in refused(
         6_000, "export", "c", "example-4.1-1khz", "--out", str(tmp_path / "c")

@@ -69,8 +69,9 @@ def test_a_wrong_answer_is_found(exported, tmp_path):
             shutil.copy(file, tmp_path)
     source = tmp_path / "slidax_law.c"
     text = source.read_text()
-    assert "command->s[0] = " in text
-    source.write_text(text.replace("command->s[0] = ", "command->s[0] = (1.0 + 1e-9) * "))
+    wrong, count = re.subn(r"(command->s\[0\] = )(.*);", r"\1(\2) * (1.0 + 1e-9);", text)
+    assert count == 1
+    source.write_text(wrong)
     compiled(COMPILERS[0], tmp_path, *WITH_SCENARIO, "test_law.c", "-o", "test_law", "-lm")
     done = subprocess.run(["./test_law"], cwd=tmp_path, capture_output=True, text=True, check=False)
     assert done.returncode == 1

@@ -115,15 +115,20 @@ def _drawn(
     """Two samples in a row for each key, both with the memory before the first."""
 
     def two(key: Array) -> tuple[Sample, Sample]:
-        keys = jax.random.split(key, 5)
+        keys = jax.random.split(key, 4)
         n = guard.joints
         t = period * jnp.floor(jax.random.uniform(keys[0], (), minval=1.0, maxval=t1 / period))
         before, now, following = (trajectory.reference(t + k * period) for k in (-1, 0, 1))
-        error = _inside(guard, t, before, jax.random.uniform(keys[1], (n,), minval=-1.0, maxval=1.0))
+        share = jax.random.uniform(keys[1], (n,), minval=-1.0, maxval=1.0)
+        error = _inside(guard, t, before, share)
         rate = jax.random.normal(keys[2], (n,)) * 10.0 ** jax.random.uniform(keys[3], (), minval=-3.0, maxval=1.0)
+        # Near to its bounds the error decreases, and never by more than a part of it: the next one is inside, too.
+        rate = jnp.where(jnp.abs(share) > 0.5, -jnp.sign(error) * jnp.abs(rate), rate)
+        fastest = 0.2 * jnp.abs(error) / (jnp.abs(share) * period)
+        rate = jnp.clip(rate, -fastest, fastest)
         last = State(q=before.q + error, dq=before.dq + rate)
         memory = guard.init(t - period, last, before)
-        moved = error * (1.0 - 0.02 * jax.random.uniform(keys[4], (n,)))
+        moved = error + period * rate
         state = State(q=now.q + moved, dq=now.dq + rate)
         return Sample(memory, t - period, last, before, now), Sample(memory, t, state, now, following)
 

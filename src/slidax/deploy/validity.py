@@ -70,8 +70,8 @@ def related_valid(tree: Any) -> Flag:
             if end.number is None:
                 bound = end.traced(part)
                 smaller, larger = (bound, value) if is_lower else (value, bound)
-                conditions.append(jnp.all(larger > smaller if end.open else larger >= smaller))
-    return jnp.all(jnp.stack(conditions)) if conditions else jnp.ones((), bool)
+                conditions.append(jnp.ravel(larger > smaller if end.open else larger >= smaller))
+    return jnp.all(jnp.concatenate(conditions)) if conditions else jnp.ones((), bool)
 
 
 def _declarations(tree: Any) -> Iterator[tuple[Any, Parameter | None, Any]]:
