@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from slidax.realtime import KEPT_ROWS, Job, Mailbox, Places, Ring, arm_process, now
+from slidax.realtime import KEPT_ROWS, STOP, Job, Mailbox, Places, Ring, arm_process, now
 
 FORTH, BACK, ROW = 24 + 24, 8 + 8, 16
 
@@ -32,8 +32,8 @@ class Still:
 COMMANDS = []
 
 
-@pytest.mark.parametrize(("number", "late", "taken"), [(0, -1_000_000, 0), (0, 1_000_000, None), (1, -1, 1)])
-def test_a_command_is_taken_at_its_tick_if_it_was_sent_before_it(monkeypatch, number, late, taken):
+def work(monkeypatch, number, sent):
+    """The arm's loop with one command, sent at a time relative to tick 0, or at no time: a request to stop."""
     monkeypatch.setattr(arm_process, "Arm", Still)
     sizes = np.cumsum(
         [0, Mailbox.size(FORTH), Mailbox.size(BACK), Ring.size(ROW, KEPT_ROWS), Ring.size(ROW, KEPT_ROWS)]
@@ -44,17 +44,27 @@ def test_a_command_is_taken_at_its_tick_if_it_was_sent_before_it(monkeypatch, nu
 
     def started():
         box = Mailbox(memory[sizes[1] :], BACK)
-        box.message[:8].view("i8")[0] = start + late
+        box.message[:8].view("i8")[0] = STOP if sent is None else start + sent
         box.put(number)
         return start
 
     stage = SimpleNamespace(
         at=lambda offset: memory[offset:], ready=lambda: None, started=started, stops=False, report=lambda *said: said
     )
-    reason, counts = arm_process.work(job, stage)
-    came = COMMANDS[-1]
+    return *arm_process.work(job, stage), COMMANDS[-1]
+
+
+@pytest.mark.parametrize(("number", "late", "taken"), [(0, -1_000_000, 0), (0, 1_000_000, None), (1, -1, 1)])
+def test_a_command_is_taken_at_its_tick_if_it_was_sent_before_it(monkeypatch, number, late, taken):
+    reason, counts, came = work(monkeypatch, number, late)
     assert [k for k, it_came, _ in came if it_came] == ([] if taken is None else [taken])
     # After 20 ticks without one it brakes, and that it rests is its end.
     ticks = 21 if taken is None else taken + 22
     assert [braking for _, _, braking in came] == [False] * (ticks - 1) + [True]
     assert (reason, counts["ticks"], counts["held"]) == ("no command", ticks, ticks - (taken is not None))
+
+
+def test_arm_brakes_at_the_first_tick_at_which_the_law_asks_for_a_stop(monkeypatch):
+    reason, counts, came = work(monkeypatch, 0, None)
+    assert came == [(0, False, True)]
+    assert (reason, counts["ticks"]) == ("stop requested", 1)

@@ -12,6 +12,7 @@ from .board import mapped as mapped
 from .clock import Sleeper as Sleeper
 from .clock import now as now
 from .job import KEPT_ROWS as KEPT_ROWS
+from .job import STOP as STOP
 from .job import Job as Job
 from .job import Places as Places
 from .job import Report as Report

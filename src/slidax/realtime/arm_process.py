@@ -5,7 +5,7 @@ from __future__ import annotations
 from .arm import Arm
 from .board import Mailbox, Ring
 from .clock import SECOND, Sleeper, now
-from .job import KEPT_ROWS, Job, Report
+from .job import KEPT_ROWS, STOP, Job, Report
 from .process import Stage, took_part
 
 BRAKES_FOR = 2.0
@@ -17,7 +17,8 @@ def work(job: Job, stage: Stage) -> Report:
 
     A command that comes late is not taken at all: the torque of the tick before stands for a tick more. Time does not
     wait: where this process itself is late, it makes up for the ticks that went by, as an arm would not have stood
-    still either; and a command for them that was sent after their time is late all the same.
+    still either; and a command for them that was sent after their time is late all the same. The arm brakes after
+    `patience` ticks without a command, or as soon as the law asks for it, however late that command is.
 
     - `job`: what is to be done.
     - `stage`: what is shared.
@@ -42,12 +43,14 @@ def work(job: Job, stage: Stage) -> Report:
     says[1:] = start - period, start - period
     measurements.put(-1)
     applied, without, braked = -1, 0, 0
-    reason = "done"
+    reason = cause = "done"
     for k in range(job.ticks + 1):
         due = start + k * period
         sleeper.until(due)
         woke = now()
-        came = commands.get() == k and sent[0] <= due
+        number = commands.get()
+        requested = sent[0] == STOP
+        came = number == k and not requested and sent[0] <= due
         if came:
             arm.tau[:] = torque
             applied, without = k, 0
@@ -56,8 +59,9 @@ def work(job: Job, stage: Stage) -> Report:
             if not arm.braking:
                 counts["held"] += 1
                 counts["longest"] = max(counts["longest"], without)
-        if without > job.patience:
+        if (requested or without > job.patience) and not arm.braking:
             arm.braking = True
+            cause = "stop requested" if requested else "no command"
         arm.set(k, came)
         goes_out = arm.measure(k)
         if arm.braking:
@@ -77,7 +81,7 @@ def work(job: Job, stage: Stage) -> Report:
             break
         if arm.braking:
             braked += 1
-            reason = "no command"
+            reason = cause
             if arm.rests or braked * job.period > BRAKES_FOR:
                 break
         elif stage.stops:

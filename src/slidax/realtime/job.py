@@ -10,6 +10,9 @@ from .arena import Plan
 KEPT_ROWS = 8192
 """Rows of a ring: eight seconds at 1 kHz, for a recorder that is held up."""
 
+STOP = -1
+"""In a command, in place of the time at which it was sent: the law asks the arm to brake."""
+
 
 @dataclass(frozen=True)
 class Places:
@@ -43,6 +46,7 @@ class Job:
     - `priority`: real-time priority that is asked for.
     - `world`: for the arm: MuJoCo's model with the places of the joints, or None.
     - `substeps`: MuJoCo's steps in a tick.
+    - `stop_bit`: bit of the law's status with which the arm must brake; 0 for none.
     """
 
     plan: Plan
@@ -55,13 +59,15 @@ class Job:
     priority: int
     world: tuple[Any, Any, Any] | None
     substeps: int
+    stop_bit: int = 0
 
 
 @dataclass(frozen=True)
 class Report:
     """What a side says at its end.
 
-    - `reason`: why it ended: "done", "stopped", "no command", "no measurement" or "not finite".
+    - `reason`: why it ended: "done", "stopped", "no command", "stop requested", "no measurement" or
+      "not finite".
     - `priority`, `locked`, `absolute`: as in `Granted`.
     - `counts`: what it counted, by name.
     """

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .board import Mailbox, Ring
 from .clock import SECOND, Sleeper, now
-from .job import KEPT_ROWS, Job, Report
+from .job import KEPT_ROWS, STOP, Job, Report
 from .law import Law
 from .process import Stage, took_part
 
@@ -26,6 +26,7 @@ def work(job: Job, stage: Stage) -> Report:
     sent = measurements.message[:24].view("i8")
     body = measurements.message[24:]
     stamp, torque = commands.message[:8].view("i8"), commands.message[8:]
+    status = law.arena.view("status")
     wake, response, took, logged = (law.arena.view(name) for name in ("wake", "response", "took", "logged"))
     sleeper, period = Sleeper(), round(job.period * SECOND)
     counts = {"answered": 0, "skipped": 0, "rolled_back": 0, "astray": 0}
@@ -59,7 +60,7 @@ def work(job: Job, stage: Stage) -> Report:
             counts["astray"] += 1
         done = now()
         torque[:] = law.tau
-        stamp[0] = done
+        stamp[0] = STOP if int(status) & job.stop_bit else done
         commands.put(k)
         wake[()], took[()], response[()] = (woke - due) / SECOND, (done - began) / SECOND, (now() - sent[1]) / SECOND
         before = now()

@@ -19,6 +19,7 @@ from slidax._errors import DefinitionError
 from slidax.logs import LogWriter
 from slidax.realtime import KEPT_ROWS, Job, Mailbox, Places, Report, Ring, anonymous, mapped, now
 
+from ..status import STOP_REQUESTED
 from .arm_plan import ArmPlan, arm_plan
 from .kept import attachments_of, metadata_of
 from .law_plan import LawPlan, law_plan
@@ -81,6 +82,7 @@ def run_loop(
         priority=LAW_FIRST,
         world=None,
         substeps=of_arm.substeps,
+        stop_bit=STOP_REQUESTED.bit,
     )
     of_the_arm = replace(job, plan=of_arm.plan, priority=ARM_FIRST, world=of_arm.world)
     begins = memory[places.start :][:16].view(np.int64)

@@ -65,6 +65,8 @@ class Looped:
             return "the arm's process was killed"
         if self.arm.reason == "no command":
             return "the arm braked, as no command had come for too long"
+        if self.arm.reason == "stop requested":
+            return "the arm braked, as the law asked for a stop (STOP_REQUESTED): too many commands in a row were held"
         return {"done": "done", "stopped": "stopped", "not finite": "the arm's motion became infinite"}[self.arm.reason]
 
     @property
