@@ -237,6 +237,13 @@ def test_in_real_time_the_log_has_each_tick_and_gives_the_same_bits(tmp_path):
     assert (again.first, again.unknown) == (None, 0)
 
 
+def test_arm_brakes_when_the_law_requests_a_stop():
+    """The gate takes every motion of this arm for a fault of its sensor."""
+    done = in_process("loop", NAME, "--set", "scheme.sampled_data.gate.speed=0.02", "--time", "20", "--patience", "500")
+    assert done.exit_code == 3
+    assert "the arm braked, as the law asked for a stop (STOP_REQUESTED)" in " ".join(done.output.split())
+
+
 @pytest.mark.full
 def test_when_the_arm_is_killed_the_law_ends(tmp_path):
     killed = threading.Thread(target=_kill, args=("arm_process",))

@@ -67,4 +67,4 @@ def test_a_command_is_taken_at_its_tick_if_it_was_sent_before_it(monkeypatch, nu
 def test_arm_brakes_at_the_first_tick_at_which_the_law_asks_for_a_stop(monkeypatch):
     reason, counts, came = work(monkeypatch, 0, None)
     assert came == [(0, False, True)]
-    assert (reason, counts["ticks"]) == ("stop requested", 1)
+    assert (reason, counts["ticks"], counts["held"]) == ("stop requested", 1, 0)

@@ -54,7 +54,7 @@ def work(job: Job, stage: Stage) -> Report:
         if came:
             arm.tau[:] = torque
             applied, without = k, 0
-        else:
+        elif not requested:
             without += 1
             if not arm.braking:
                 counts["held"] += 1

@@ -127,6 +127,7 @@ def law_plan(scenario: Scenario) -> LawPlan:
     fields |= {f"signal:{name}": slot for name, slot in signals.items()}
     for name in ("wake", "took", "response", "logged"):
         fields[name] = planner.view(name, NUMBER)
+    planner.named("status", status)
     first, last = fields["k"], fields["logged"]
     for name, start, end in (
         ("row", first, last),
