@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -182,3 +183,17 @@ def test_seven_joints_fit_on_a_terminal_under_their_own_names(
     # The sums of the paper are for its own examples.
     assert not any("(80)" in line for line in lines)
     assert "IAE (80) [rad]" in in_process("run", "example-4.1", "--set", "simulation.t1=0.01").stdout
+
+
+@pytest.mark.parametrize("form", [(), ("--json",)])
+def test_rejected_measurements_are_counted_in_one_line(form: tuple[str, ...]) -> None:
+    slow = ("--set", "scheme.sampled_data.gate.speed=0.2", "--set", "simulation.t1=0.5")
+    result = in_process("run", "example-4.1-1khz", *slow, *form)
+    lines = [line for line in result.stderr.splitlines() if "gate rejected" in line]
+    assert len(lines) == 1
+    number = re.search(r"rejected (\d+) of 501 measurements", lines[0])
+    assert number is not None and 0 < int(number[1]) < 501
+
+
+def test_a_run_without_rejected_measurements_has_no_line_about_them() -> None:
+    assert "rejected" not in in_process("run", "example-4.1-1khz", "--set", "simulation.t1=0.5").output

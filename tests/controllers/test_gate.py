@@ -166,13 +166,23 @@ def run_with(sensor, engine, **changes):
 def test_an_outlier_in_simulation_is_a_lost_sample_in_both_engines(engine, size):
     run = run_with(Faulty(1500, size), engine)
     assert np.flatnonzero(np.asarray(run.log.signals["rejected"])).tolist() == [1500]
+    assert int(run.tally.rejected) == 1
     error = np.abs(np.asarray(run.log.state.q - run.log.reference.q))
     assert error[1500:].max() < 1e-3
+
+
+@pytest.mark.parametrize("engine", ["native", pytest.param("xla", marks=pytest.mark.full)])
+def test_a_lost_measurement_does_not_count_as_rejected(engine):
+    outage = {"sensor.loss": {"outages": [{"start": 0.1, "samples": 20}]}}
+    run = load("example-4.1-1khz", {"simulation.t1": 0.3, **outage}).replace(engine=engine).simulate(log_every=1)
+    assert int(run.tally.rejected) == 0
+    assert not np.any(run.log.signals["rejected"])
 
 
 def test_an_encoder_that_slips_for_good_restarts_the_law_and_loses_no_more_than_its_slip():
     run = run_with(Faulty(1500, 0.3, 10_000), "native", **{"simulation.outside": "recover"})
     rejected = np.flatnonzero(np.asarray(run.log.signals["rejected"]))
     assert rejected.tolist() == list(range(1500, 1505))
+    assert int(run.tally.rejected) == 5
     error = np.asarray(run.log.state.q - run.log.reference.q)[-1]
     np.testing.assert_allclose(error, [-0.3, 0.0], atol=1e-3)

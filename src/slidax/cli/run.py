@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from slidax._errors import counted
+
 from .options import AsJson, Changes, Engine, Named
 from .session import OUTCOME, errors_as_lines, parsed, prepare, print_json, say_warning, say_where
 
@@ -86,6 +88,7 @@ def run(
                 say_where(folder)
             if log is not None:
                 typer.echo(f"The log is in {log.resolve()}")
+        _warn_of_rejections(finished)
         if not finished.outcome.ok:
             typer.echo(finished.outcome.message, err=True)
             _say_why(parts)
@@ -118,6 +121,18 @@ def _warn_beforehand(parts: Scenario) -> None:
 
     for said in beforehand(parts):
         say_warning(said)
+
+
+def _warn_of_rejections(finished: Run) -> None:
+    """Print how many measurements the law's gate rejected, if there are any."""
+    rejected = finished.tally.rejected
+    if rejected is None or not int(rejected):
+        return
+    say_warning(
+        f"the law's gate rejected {int(rejected)} of {counted(int(finished.tally.samples), 'measurement')} as "
+        "implausible for this arm, and the last torque stood; the signal `rejected` of a log (`--out FOLDER`) has "
+        "their times; if the measurements are right, raise a limit of `scheme.sampled_data.gate`"
+    )
 
 
 def _say_why(parts: Scenario) -> None:

@@ -48,6 +48,10 @@ def decided(loop: Loop, carry: Carry, t: Scalar) -> tuple[Evaluation, Passed, He
         tau, delivery = plant.actuator.set(tau, period, carry.actuator)
     if plant.sensor is not None or plant.actuator is not None:
         command = eqx.tree_at(lambda c: c.tau, now.command, once(tau))
+        if fresh is not None and "rejected" in command.signals:
+            # A measurement that was lost on the way cannot be rejected.
+            rejected = jnp.where(fresh, command.signals["rejected"], 0.0)
+            command = eqx.tree_at(lambda c: c.signals["rejected"], command, rejected)
         now = judged(loop, t, carry.state, carry.memory, now.reference, command)
     passed = Passed(memory=memory, sensor=sensor, actuator=delivery, torque=torque)
     return now, passed, HeldTorque(tau=now.command.tau, delivery=delivery)

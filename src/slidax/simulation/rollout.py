@@ -61,6 +61,7 @@ def begin(loop: Loop, state: State) -> Begun:
             tube,
             Promise.begin() if _has_monitor(loop.controller) else None,
             Tool.begin(loop.plant.robot) if isinstance(loop.trajectory, ToolMotion) else None,
+            gated=getattr(loop.controller, "gate", None) is not None,
         ),
         fault=no_fault(),
         excursion=Excursion.none(joints) if loop.recover else None,
@@ -123,6 +124,7 @@ def _counted(
     if loop.tube is not None:
         tally = tally.watching(loop.tube, t, e, running)
     tally = tally.warned(carry.k, now.command.signals, good)
+    tally = tally.with_rejection(now.command.signals, good)
     if tally.tool is not None:
         steady = good & (carry.k >= loop.windows.steady)
         tool = tally.tool.add(loop.plant.robot, carry.state.q, now.reference.q, good, steady)

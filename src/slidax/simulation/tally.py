@@ -47,6 +47,7 @@ class Tally(eqx.Module):
     - `tube`: what was seen of the tube that judges the run; None without one.
     - `promise`: what the law's monitor said; None without one.
     - `tool`: how far the tool was off; None where none is led.
+    - `rejected`: how many measurements the law's gate rejected, []; None without a gate.
     """
 
     samples: Int[Array, ""]
@@ -70,10 +71,16 @@ class Tally(eqx.Module):
     tube: Watched | None = None
     promise: Promise | None = None
     tool: Tool | None = None
+    rejected: Int[Array, ""] | None = None
 
     @staticmethod
     def empty(
-        joints: int, bands: int, tube: Watched | None = None, promise: Promise | None = None, tool: Tool | None = None
+        joints: int,
+        bands: int,
+        tube: Watched | None = None,
+        promise: Promise | None = None,
+        tool: Tool | None = None,
+        gated: bool = False,
     ) -> Tally:
         """The tally before the first sample.
 
@@ -82,6 +89,7 @@ class Tally(eqx.Module):
         - `tube`: the tube that judges it, if there is one.
         - `promise`: of a law with a monitor.
         - `tool`: of a motion that leads one.
+        - `gated`: True for a law with a gate for measurements.
         """
         zero = jnp.zeros(joints)
         count = jnp.zeros((), int)
@@ -107,6 +115,7 @@ class Tally(eqx.Module):
             tube=tube,
             promise=promise,
             tool=tool,
+            rejected=count if gated else None,
         )
 
     def add(self, k: Int[Array, ""], e: Vector, tau: Vector, envelope: Envelope | None, windows: Windows) -> Tally:
@@ -149,6 +158,7 @@ class Tally(eqx.Module):
             tube=self.tube,
             promise=self.promise,
             tool=self.tool,
+            rejected=self.rejected,
         )
 
     def watching(self, tube: PrescribedPerformance, t: Scalar, e: Vector, running: Bool[Array, ""]) -> Tally:
@@ -172,6 +182,18 @@ class Tally(eqx.Module):
         said = self.promise.add(k, signals["margin"], running)
         heard: Tally = eqx.tree_at(lambda tally: tally.promise, self, said)
         return heard
+
+    def with_rejection(self, signals: dict[str, Array], running: Bool[Array, ""]) -> Tally:
+        """The tally with one more decision of the law's gate.
+
+        - `signals`: of the law.
+        - `running`: True until the run is over.
+        """
+        if self.rejected is None:
+            return self
+        rejected = running & (signals["rejected"] > 0.0)
+        counted: Tally = eqx.tree_at(lambda tally: tally.rejected, self, self.rejected + rejected.astype(int))
+        return counted
 
     def with_violation(self, outside: Bool[Array, ""]) -> Tally:
         """The tally with one more violation where `outside` is true.
