@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
 from .commands import in_process, own_process
@@ -145,6 +147,13 @@ def test_an_unknown_scenario_is_named_with_the_nearest(scenario: str, words: lis
     result = in_process("run", scenario)
     assert result.exit_code == 2
     assert all(word in result.stderr for word in words)
+
+
+def test_a_motion_with_an_open_quotation_mark_is_named_with_its_line(tmp_path: Path) -> None:
+    path = tmp_path / "quote.csv"
+    path.write_text('time,"a\n0,0\n1,1\n')
+    words = ["quote.csv", "line 3", "a quotation mark is not closed"]
+    assert_one_line(words, "example-4.1", "--set", f"trajectory={{kind: csv, file: '{path}'}}")
 
 
 def test_no_traceback_reaches_the_user() -> None:

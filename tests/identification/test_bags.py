@@ -5,12 +5,14 @@ from __future__ import annotations
 import shutil
 import sqlite3
 import struct
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from slidax import DefinitionError
 from slidax.identification import read_log
+from tests.cli.commands import in_process
 
 mcap = pytest.importorskip("mcap.writer")
 pytest.importorskip("mcap_ros2")
@@ -148,6 +150,14 @@ def test_messages_of_another_publisher_are_left_out(tmp_path):
         mixed += [message] + ([joint_state(T[k] + 0.001, ["finger1"], [0.0], (), [0.0])] if k % 4 == 0 else [])
     path = write_mcap(tmp_path / "a.mcap", {"/joint_states": mixed})
     assert_read(read_log(path, ARM), f"60 of {K + 60} messages are of another publisher")
+
+
+def test_driver_that_fills_in_torques_of_0_is_refused(tmp_path):
+    path = write_mcap(tmp_path / "log.mcap", {"/joint_states": arm_messages(tau=0.0 * TAU)})
+    result = in_process("identify", str(path), "--robot", str(Path(__file__).parent / "three_link.urdf"))
+    assert result.exit_code == 2
+    lines = result.output.strip().splitlines()
+    assert len(lines) == 1 and "the torques of `log.mcap` are all 0" in lines[0]
 
 
 def test_joints_of_a_gripper_in_the_same_message_are_left_out_and_named(tmp_path):

@@ -89,6 +89,19 @@ def test_torques_that_are_all_0_are_refused(tmp_path):
     assert refused.exit_code == 2 and "are all 0" in refused.output
 
 
+@pytest.mark.parametrize("time", ["inf", "-inf", "nan"])
+def test_a_time_that_is_not_finite_is_named_with_its_sample(tmp_path, time):
+    path = tmp_path / "log.csv"
+    rows = [f"{0.001 * k:.3f},{0.1 * k:.1f},{0.2 * k:.1f},1,2" for k in range(299)]
+    path.write_text("\n".join(["time,q_1,q_2,tau_1,tau_2", *rows, f"{time},1,1,1,1\n"]))
+    robot = Path(__file__).parents[2] / "examples" / "robots" / "two_link.urdf"
+    result = CliRunner().invoke(app, ["identify", str(path), "--robot", str(robot)])
+    assert result.exit_code == 2
+    lines = result.output.strip().splitlines()
+    assert len(lines) == 1
+    assert f"the time of sample 300 of `log.csv` is not finite: it is {time}" in lines[0]
+
+
 def test_velocities_that_are_all_0_are_left_out(tmp_path):
     plain, zero = (identified(replace(LOG, dq=dq), tmp_path) for dq in (None, 0.0 * LOG.q))
     assert zero.exit_code == 0 and "is 0 throughout" in zero.output

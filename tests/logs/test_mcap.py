@@ -9,6 +9,7 @@ import pytest
 
 from slidax._errors import DefinitionError
 from slidax.logs import Channels, Field, LogWriter, Message, flags, joint_state, read_joint_states, read_mcap
+from tests.cli.commands import in_process
 
 pytest.importorskip("foxglove")
 pytest.importorskip("mcap")
@@ -126,6 +127,20 @@ def test_what_is_no_log_is_said(tmp_path, content, words):
         (tmp_path / "log.mcap").write_bytes(content)
     with pytest.raises(DefinitionError, match=words):
         read_mcap(tmp_path / "log.mcap")
+
+
+@pytest.mark.parametrize("command", ["replay", "explain"])
+def test_a_log_whose_scenario_is_no_text_is_refused_in_one_line(tmp_path, command):
+    """One flipped bit is enough for that."""
+    path = tmp_path / "flip.mcap"
+    writer = LogWriter(path, CHANNELS, {"scenario": "x"}, {"scenario.yaml": b"title: n\xefne"}, start=0)
+    writer.close()
+    result = in_process(command, str(path))
+    assert result.exit_code == 2
+    lines = result.output.strip().splitlines()
+    assert len(lines) == 1
+    assert lines[0].startswith("slidax: ") and "flip.mcap" in lines[0] and "scenario.yaml" in lines[0]
+    assert "no UTF-8 text" in lines[0]
 
 
 def test_a_log_of_others_is_not_taken_for_ours(tmp_path):
