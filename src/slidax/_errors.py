@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -67,8 +68,10 @@ class DefinitionError(ValueError):
         - `words`: take the place of the setting, such as `error.setting.as_option`.
         """
         message, setting = self.message, self.setting
-        for form in () if setting is None else (setting.in_python, setting.in_yaml, setting.as_option):
-            message = message.replace(form, words)
+        if setting is not None:
+            # In one pass: the new words may themselves have one of these forms.
+            forms = map(re.escape, (setting.in_python, setting.in_yaml, setting.as_option))
+            message = re.sub("|".join(forms), lambda _: words, message)
         return DefinitionError(message, where=self.where).offering(setting)
 
 

@@ -133,7 +133,7 @@ def test_an_inertia_of_no_body_is_refused_with_an_option_of_this_command(tmp_pat
     bad = tmp_path / "bad.urdf"
     bad.write_text(FILE.read_text().replace('izz="0.001"', 'izz="0.005"'))
     refused = identified(LOG, tmp_path, robot=bad)
-    assert refused.exit_code == 2 and "`--inertias nearest`" in refused.output
+    assert refused.exit_code == 2 and " `--inertias nearest` takes" in refused.output
     assert identified(LOG, tmp_path, "--inertias", "nearest", robot=bad).exit_code == 0
 
 
