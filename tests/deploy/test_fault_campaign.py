@@ -4,13 +4,22 @@ from __future__ import annotations
 
 import subprocess
 from pathlib import Path
+from typing import Any
 
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
 import pytest
 
+from slidax.deploy import GuardedStep
 from slidax.deploy.project import STEP, project, write_files
+from slidax.deploy.recording import recorded
+from slidax.deploy.status import MEASUREMENT_REJECTED
+from slidax.parts import State
 from slidax.scenarios import load
+from slidax.sensors import AbstractSensor, Measurement
 
-from .exported import COMPILERS, needs_a_compiler
+from .exported import COMPILERS, Exported, needs_a_compiler
 
 pytestmark = needs_a_compiler
 
@@ -52,3 +61,64 @@ def test_no_fault_at_200_random_times_makes_a_law_run_away(name, single, tmp_pat
     report = disturbed(name, single, 200, 11, tmp_path)
     print(f"{name}, {'floats' if single else 'doubles'}\n{report}")
     assert f"all: {200 * KINDS} runs, 0 bad" in report
+
+
+class Disturbed(AbstractSensor):
+    """A sensor with outliers in position and velocity, swapped joints and frozen samples, drawn from a seed."""
+
+    inner: AbstractSensor | None
+    q: Any
+    dq: Any
+    kind: Any
+
+    @classmethod
+    def drawn(cls, inner: AbstractSensor | None, joints: int, samples: int, seed: int) -> Disturbed:
+        rng = np.random.default_rng(seed)
+        kind = np.where(rng.random(samples) < 0.02, rng.integers(1, 4, samples), 0)
+        kind[: samples // 8] = 0
+        size = 10.0 ** rng.uniform(-1.0, 6.0, (2, samples, joints)) * rng.choice([-1.0, 0.0, 1.0], (2, samples, joints))
+        return cls(inner, jnp.asarray(size[0]), jnp.asarray(size[1]), jnp.asarray(kind))
+
+    def init(self, state: State) -> Any:
+        inner = () if self.inner is None else self.inner.init(state)
+        return state, inner
+
+    def __call__(self, k: Any, state: State, period: Any, memory: Any) -> Any:
+        last, inner = memory
+        fresh = jnp.asarray(True)
+        if self.inner is not None:
+            measurement, inner = self.inner(k, state, period, inner)
+            state, fresh = measurement.state, measurement.fresh
+        at = jnp.minimum(k, self.kind.shape[0] - 1)
+        kind = self.kind[at]
+        outlier = State(q=state.q + self.q[at], dq=state.dq + self.dq[at])
+        swapped = State(q=state.q[::-1], dq=state.dq[::-1])
+
+        def pick(good: Any, *wrong: Any) -> Any:
+            for number, value in enumerate(wrong, start=1):
+                good = jnp.where(kind == number, value, good)
+            return good
+
+        seen = State(pick(state.q, outlier.q, swapped.q, last.q), pick(state.dq, outlier.dq, swapped.dq, last.dq))
+        return Measurement(state=seen, fresh=fresh), (seen, inner)
+
+
+@pytest.mark.parametrize(
+    "name", ["example-4.1-1khz", *(pytest.param(name, marks=pytest.mark.full) for name in EXPORTS if "4.1" not in name)]
+)
+def test_python_and_c_answer_the_faults_of_a_run_alike(name, tmp_path):
+    scenario = load(name, {"simulation.t1": 2.0, "simulation.outside": "recover"})
+    guard = GuardedStep.around(scenario.controller, scenario.plant.actuator.limits, scenario.period)
+    samples = round(2.0 / scenario.period) + 1
+    sensor = Disturbed.drawn(scenario.plant.sensor, guard.joints, samples, 7)
+    plant = eqx.tree_at(lambda plant: plant.sensor, scenario.plant, sensor, is_leaf=lambda x: x is None)
+    recording = recorded(scenario.replace(plant=plant), guard)
+    answers = Exported(scenario, tmp_path).answers(recording.samples)
+    np.testing.assert_array_equal(answers.status, recording.status)
+    rejected = (recording.status & MEASUREMENT_REJECTED.bit) != 0
+    assert 3 < rejected.sum() < samples // 10
+    # The plan is searched to 1e-12 rad/s, so that the last digits of a torque are not those of the other compiler.
+    tolerance = 1e-12 * np.abs(recording.tau).max()
+    np.testing.assert_allclose(answers.command["tau"], recording.tau, rtol=0, atol=tolerance)
+    same = float(np.mean(answers.command["tau"] == recording.tau))
+    print(f"{name}: all statuses and {100 * same:.1f} % of the torques are the same to the last bit")
