@@ -24,7 +24,7 @@ def make() -> None:
                     run = simulated(setting, ARMS, SEED)
                     count += int(np.sum(diverging(setting, run)))
                     horizon = 1e3 * float(setting.load().controller.horizon)
-                    largest.append(largest_errors(run)[1].reshape(ARMS, len(CHANGES)).max(axis=0))
+                    largest.append(largest_errors(run)[2].reshape(ARMS, len(CHANGES)).max(axis=0))
                 row += [f"{x:.1e}" for x in np.max(largest, axis=0)]
             rows.append([f"{rate}", f"{delay}", f"{horizon:.3g}", *row, f"{count}"])
     short = ("nothing", "half torque", "2 kg", "push")

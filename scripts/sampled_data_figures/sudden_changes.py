@@ -151,16 +151,17 @@ def simulated(setting: Setting, arms: int, seed: int, changes: tuple[str, ...] =
     return simulate_batch(define, drawn, t1=END, stepping=scenario.stepping, log_every=every)
 
 
-def largest_errors(run: Run) -> tuple[np.ndarray, np.ndarray]:
-    """Largest error of any joint [rad] in the last window but one and in the last, for each run; inf if not finite.
+def largest_errors(run: Run) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Largest error of any joint [rad] in each of the last three windows, for each run; inf if not finite.
 
     - `run`: a batch.
     """
     t, log = np.asarray(run.log.t)[0], run.log
     error = np.abs(np.asarray(log.state.q) - np.asarray(log.reference.q)).max(axis=-1)
     error = np.where(np.asarray(log.valid) & np.isfinite(error), error, np.inf)
-    last, before = t >= END - WINDOW, (t >= END - 2 * WINDOW) & (t < END - WINDOW)
-    return error[:, before].max(axis=1), error[:, last].max(axis=1)
+    starts = [END - k * WINDOW for k in (3, 2, 1)]
+    first, second, third = (error[:, (t >= start) & (t <= start + WINDOW)].max(axis=1) for start in starts)
+    return first, second, third
 
 
 def allowed_error(law: SampledData, final: float) -> float:
@@ -176,15 +177,17 @@ def diverging(setting: Setting, run: Run) -> np.ndarray:
     """True for each run that diverges.
 
     At the end of the run, 9 s after the change, its error is not finite, or larger than `allowed_error`, or grows: it
-    is `GROWTH` times that of the window before, and outside the final radius.
+    is outside the final radius, `GROWTH` times that of the window before, and that one is larger than the one before
+    it. One growing window is no sign: the motion's sinusoids beat, and the error with them.
 
     - `setting`: of the runs.
     - `run`: the batch.
     """
     scenario = setting.load()
     final = float(scenario.description.scheme.transformation.performance.final)
-    before, last = largest_errors(run)
-    return (last > allowed_error(scenario.controller, final)) | ((last > GROWTH * before) & (last > final))
+    first, before, last = largest_errors(run)
+    grows = (last > GROWTH * before) & (before > first) & (last > final)
+    return (last > allowed_error(scenario.controller, final)) | grows
 
 
 def _plant(scenario: Scenario, row: dict[str, Any]) -> Weakened:

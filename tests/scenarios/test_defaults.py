@@ -51,7 +51,7 @@ def test_no_default_diverges(name: str, rate: int, sensor: str, delay: float) ->
 
 @pytest.mark.full
 def test_the_measure_of_divergence_finds_a_gain_that_is_too_large() -> None:
-    eager = {"estimator": {"kind": "measured", "gain": 0.5}}
+    eager = {"estimator": {"kind": "measured", "gain": 0.7}}
     setting = Setting("panda-payload", 100, "velocity sensor", 1, tuple({"horizon": 0.02, **eager}.items()))
     assert diverging(setting, simulated(setting, 20, 5, HALF)).sum() >= 2
 
