@@ -8,7 +8,6 @@ from typing import Any, TypeVar
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import numpy as np
 
 from slidax._errors import as_array
 from slidax._types import Command, Envelope, Memory, Reference, Scalar, State, Vector
@@ -56,6 +55,7 @@ class GuardedStep(AbstractController):
     - `reads`: what the law reads of a sample, such as `now.dq`: all else may be anything.
 
     Signals: those of the law, `rho` if it has an envelope, and `status`; all 0 but `status` while the command is held.
+    A signal that is not finite is 0.
     """
 
     controller: AbstractController
@@ -259,11 +259,14 @@ class GuardedStep(AbstractController):
             limited = limited | ~command.memory.planned
             # The torque that its first command is limited from is in its own memory.
             tau = jnp.where(memory.commanded, tau, self._within(command.tau))
-        finite = _finite((command.tau, tau, law)) | ~accepted
-        used = finite & accepted
-        after = _select(used, law, memory.law)
+        checked, before_law = law, memory.law
         if isinstance(self.controller, SampledData):
-            after = eqx.tree_at(lambda kept: kept.gate, after, _select(finite, law.gate, memory.law.gate))
+            # The gate keeps what was measured, which is finite, also of a rejected sample.
+            checked = eqx.tree_at(lambda kept: kept.gate, law, None)
+            before_law = eqx.tree_at(lambda kept: kept.gate, memory.law, law.gate)
+        finite = _finite((command.tau, tau, checked)) | ~accepted
+        used = finite & accepted
+        after = _select(used, law, before_law)
 
         envelope = self.controller.envelope(t, before)
         e = state.q - self.wanted_then(reference_now)
@@ -301,7 +304,7 @@ class GuardedStep(AbstractController):
         transformation = getattr(decides, "transformation", None)
         if isinstance(transformation, PrescribedPerformance):
             signals = {**signals, "rho": transformation.performance.radius(t)}
-        shown = {name: jnp.where(used, _representable(value), 0.0) for name, value in signals.items()}
+        shown = {name: jnp.where(used & jnp.isfinite(value), value, 0.0) for name, value in signals.items()}
         if isinstance(self.controller, SampledData):
             shown["rejected"] = jnp.where(accepted, 0.0, 1.0)
         return Command(tau=kept.tau, memory=kept, signals=shown), flags
@@ -386,12 +389,6 @@ def _select(condition: Flag, yes: Tree, no: Tree) -> Tree:
     """One of two trees of the same structure."""
     selected: Tree = jax.tree.map(lambda a, b: a if a is b else jnp.where(condition, a, b), yes, no)
     return selected
-
-
-def _representable(value: Any) -> Any:
-    """The value without what no number stands for: the largest number for infinity, 0 for NaN."""
-    largest = np.finfo(value.dtype).max
-    return jnp.clip(jnp.where(jnp.isnan(value), 0.0, value), -largest, largest)
 
 
 def _finite(tree: Memory) -> Flag:

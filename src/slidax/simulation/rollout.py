@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 
 from slidax._types import Memory, Scalar, State, Vector
-from slidax.controllers import AbstractController
+from slidax.controllers import AbstractController, SampledData
 from slidax.trajectories import ToolMotion
 
 from .evaluation import Evaluation, evaluate, where
@@ -61,7 +61,7 @@ def begin(loop: Loop, state: State) -> Begun:
             tube,
             Promise.begin() if _has_monitor(loop.controller) else None,
             Tool.begin(loop.plant.robot) if isinstance(loop.trajectory, ToolMotion) else None,
-            gated=getattr(loop.controller, "gate", None) is not None,
+            gated=isinstance(loop.controller, SampledData),
         ),
         fault=no_fault(),
         excursion=Excursion.none(joints) if loop.recover else None,

@@ -216,10 +216,11 @@ class MeasurementGate(AbstractPart):
         doubted = inside & ~takes
         after = GateMemory(
             q=jnp.where(takes, state.q, memory.q),
-            dq=jnp.where(takes, state.dq, memory.dq),
+            dq=jnp.where(takes, state.dq, memory.dq) if velocity else memory.dq,
             suspect_t=jnp.where(doubted, t, memory.suspect_t),
             suspect=State(
-                q=jnp.where(doubted, state.q, memory.suspect.q), dq=jnp.where(doubted, state.dq, memory.suspect.dq)
+                q=jnp.where(doubted, state.q, memory.suspect.q),
+                dq=jnp.where(doubted, state.dq, memory.suspect.dq) if velocity else memory.suspect.dq,
             ),
             consistent=jnp.where(takes, 0.0, jnp.where(doubted, consistent, memory.consistent)),
             same=jnp.where(plausible, same, jnp.where(restarts, 0.0, memory.same)),
