@@ -10,8 +10,6 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from slidax._errors import counted
-
 from .options import AsJson, Changes, Engine, Named
 from .session import OUTCOME, errors_as_lines, parsed, prepare, print_json, say_warning, say_where
 
@@ -125,6 +123,8 @@ def _warn_beforehand(parts: Scenario) -> None:
 
 def _warn_of_rejections(finished: Run) -> None:
     """Print how many measurements the law's gate rejected, if there are any."""
+    from slidax._errors import counted
+
     rejected = finished.tally.rejected
     if rejected is None or not int(rejected):
         return
