@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, TypeVar
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -14,6 +14,7 @@ from slidax._types import Command, Envelope, Memory, Reference, Scalar, State, V
 from slidax.actuators import TorqueLimits
 from slidax.controllers import AbstractController, MeasurementGate, SampledData
 from slidax.controllers.sampled_data.gate import LONGEST_GAP
+from slidax.numerics import select
 from slidax.parts import AbstractPart
 from slidax.transformations import PrescribedPerformance
 
@@ -33,8 +34,6 @@ from .status import (
     Condition,
 )
 from .step_memory import Flag, Status, StepMemory
-
-Tree = TypeVar("Tree")
 
 Flags = dict[Condition, Flag]
 """What can be said of a sample or an answer, and whether it is so."""
@@ -240,7 +239,7 @@ class GuardedStep(AbstractController):
             admission, gate = self.gate(t, state, memory.t, gate.q, period, self._velocity, gate)
             accepted = admission.accepted
             t_used = jnp.where(accepted, t, memory.t + period)
-            seen = _select(accepted, state, State(q=gate.q, dq=gate.dq if self._velocity else state.dq))
+            seen = select(accepted, state, State(q=gate.q, dq=gate.dq if self._velocity else state.dq))
             before = jax.lax.cond(
                 admission.restarts, lambda: self.controller.init(t_used, seen, reference_now), lambda: before
             )
@@ -266,7 +265,7 @@ class GuardedStep(AbstractController):
             before_law = eqx.tree_at(lambda kept: kept.gate, memory.law, law.gate)
         finite = _finite((command.tau, tau, checked)) | ~accepted
         used = finite & accepted
-        after = _select(used, law, before_law)
+        after = select(used, law, before_law)
 
         envelope = self.controller.envelope(t, before)
         e = state.q - self.wanted_then(reference_now)
@@ -379,16 +378,10 @@ def _per_joint(gate: MeasurementGate, joints: int) -> MeasurementGate:
     """The gate with a range for each joint."""
 
     def wide(gate: MeasurementGate) -> list[Any]:
-        return [gate.q_max, gate.speed, gate.spread]
+        return [gate.q_max, gate.speed, gate.acceleration, gate.spread]
 
     each: MeasurementGate = eqx.tree_at(wide, gate, [jnp.broadcast_to(x, (joints,)) for x in wide(gate)])
     return each
-
-
-def _select(condition: Flag, yes: Tree, no: Tree) -> Tree:
-    """One of two trees of the same structure."""
-    selected: Tree = jax.tree.map(lambda a, b: a if a is b else jnp.where(condition, a, b), yes, no)
-    return selected
 
 
 def _finite(tree: Memory) -> Flag:

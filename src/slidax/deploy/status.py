@@ -87,7 +87,7 @@ MEASUREMENT_REJECTED = Condition(
     "the arm cannot have moved from the last accepted measurement to this one in the time between them, the positions "
     "are frozen, or the time stamp is not after the last one; the sample is treated as a lost one",
     True,
-    "One such sample is harmless. If they repeat, look at the encoder, its cable and the clock.",
+    "One such sample is harmless. If they repeat, look at the encoder, its cable, its sampling rate and the clock.",
 )
 
 STOP_REQUESTED = Condition(

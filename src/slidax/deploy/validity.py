@@ -68,7 +68,7 @@ def related_valid(tree: Any) -> Flag:
             continue
         for end, is_lower in zip(parameter.range.ends, (True, False), strict=True):
             if end.number is None:
-                bound = end.traced(part)
+                bound = end.value(part)
                 smaller, larger = (bound, value) if is_lower else (value, bound)
                 conditions.append(jnp.ravel(larger > smaller if end.open else larger >= smaller))
     return jnp.all(jnp.concatenate(conditions)) if conditions else jnp.ones((), bool)

@@ -15,6 +15,7 @@ from .power import sig_and_slope as sig_and_slope
 from .precision import require_64_bits as require_64_bits
 from .runge_kutta import runge_kutta_4 as runge_kutta_4
 from .saturation import saturation as saturation
+from .select import select as select
 from .semi_implicit_euler import semi_implicit_euler as semi_implicit_euler
 from .smooth_power import smooth_power as smooth_power
 from .smooth_power import smooth_power_and_slope as smooth_power_and_slope

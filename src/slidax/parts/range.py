@@ -11,6 +11,8 @@ from typing import Any
 
 import numpy as np
 
+from slidax._errors import is_traced
+
 INTERVAL = re.compile(r"([\[(])(.+),(.+)([\])])")
 COMPARISON = re.compile(r"(>=|>|<=|<)(.+)")
 
@@ -42,14 +44,6 @@ class End:
         number = self.number
         return number if number is not None else eval(self._code, {}, _Fields(part))
 
-    def traced(self, part: object) -> Any:
-        """The end for one part whose parameters are not known yet, a number or [n].
-
-        - `part`: whose parameters the expression names.
-        """
-        number = self.number
-        return number if number is not None else eval(self._code, {}, _TracedFields(part))
-
     def shown(self, part: object) -> str:
         """The end for a message: with the value it has, where it is another parameter's.
 
@@ -67,12 +61,8 @@ class _Fields(dict[str, Any]):
         self._part = part
 
     def __missing__(self, name: str) -> Any:
-        return np.asarray(getattr(self._part, name))
-
-
-class _TracedFields(_Fields):
-    def __missing__(self, name: str) -> Any:
-        return getattr(self._part, name)
+        value = getattr(self._part, name)
+        return value if is_traced(value) else np.asarray(value)
 
 
 @dataclass(frozen=True)

@@ -2,12 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import equinox as eqx
-import jax
 import jax.numpy as jnp
-from jaxtyping import Array
 
 from slidax._types import Command, Envelope, Memory, Reference, Scalar, State
 from slidax.numerics import once
@@ -56,12 +52,3 @@ def judged(loop: Loop, t: Scalar, state: State, memory: Memory, reference: Refer
     finite = jnp.isfinite(command.tau) & jnp.isfinite(state.dq)
     fault = find_fault(t, state.q - reference.q, finite, None if loop.recover else envelope)
     return Evaluation(reference, command, envelope, fault)
-
-
-def where(condition: Array, yes: Any, no: Any) -> Any:
-    """One of two trees.
-
-    - `condition`: which.
-    - `yes`, `no`: trees of the same kind.
-    """
-    return jax.tree.map(lambda a, b: jnp.where(condition, a, b), yes, no)

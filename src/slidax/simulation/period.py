@@ -8,9 +8,9 @@ import jax.numpy as jnp
 from jaxtyping import Array, Int
 
 from slidax._types import Memory, Scalar, State, Vector
-from slidax.numerics import once
+from slidax.numerics import once, select
 
-from .evaluation import Evaluation, evaluate, judged, where
+from .evaluation import Evaluation, evaluate, judged
 from .loop import Carry, Loop, Passed
 
 
@@ -43,7 +43,7 @@ def decided(loop: Loop, carry: Carry, t: Scalar) -> tuple[Evaluation, Passed, He
     if fresh is not None and carry.torque is not None:
         # No measurement, no new command: the last one stands, and the law has seen nothing.
         tau = torque = jnp.where(fresh, tau, carry.torque)
-        memory = where(fresh, memory, carry.memory)
+        memory = select(fresh, memory, carry.memory)
     if plant.actuator is not None:
         tau, delivery = plant.actuator.set(tau, period, carry.actuator)
     if plant.sensor is not None or plant.actuator is not None:

@@ -8,9 +8,10 @@ import jax.numpy as jnp
 
 from slidax._types import Memory, Scalar, State, Vector
 from slidax.controllers import AbstractController, SampledData
+from slidax.numerics import select
 from slidax.trajectories import ToolMotion
 
-from .evaluation import Evaluation, evaluate, where
+from .evaluation import Evaluation, evaluate
 from .excursion import Excursion
 from .loop import Begun, Carry, Loop, Passed
 from .outcome import earlier, no_fault
@@ -113,14 +114,14 @@ def _counted(
     onward = good & found.absent & moves
 
     counted = carry.tally.add(carry.k, e, now.command.tau, now.envelope, loop.windows)
-    tally = where(good, counted, carry.tally.with_violation(running & (now.fault.kind == 1)))
+    tally = select(good, counted, carry.tally.with_violation(running & (now.fault.kind == 1)))
     excursion = carry.excursion
     if excursion is not None and now.envelope is not None:
         # Also where the law has no answer: being outside is why.
         known = running & jnp.all(jnp.isfinite(e))
         seen = excursion.add(carry.k, e, now.envelope)
         tally = tally.with_violation(known & seen.outside)
-        excursion = where(known, seen, excursion)
+        excursion = select(known, seen, excursion)
     if loop.tube is not None:
         tally = tally.watching(loop.tube, t, e, running)
     tally = tally.warned(carry.k, now.command.signals, good)
@@ -132,11 +133,11 @@ def _counted(
     after = Carry(
         # The number grows in runs that are over, too: so a batch has one time, and shares what depends on time alone.
         k=carry.k + 1,
-        state=where(onward, moved, carry.state),
-        good=where(good, carry.state, carry.good),
-        memory=where(onward, passed.memory, carry.memory),
+        state=select(onward, moved, carry.state),
+        good=select(good, carry.state, carry.good),
+        memory=select(onward, passed.memory, carry.memory),
         tally=tally,
-        fault=where(running, found, carry.fault),
+        fault=select(running, found, carry.fault),
         excursion=excursion,
         sensor=passed.sensor,
         actuator=passed.actuator,

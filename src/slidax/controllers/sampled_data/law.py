@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import TypeVar
-
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -14,7 +12,7 @@ from slidax._types import Command, Envelope, Reference
 from slidax.actuators import TorqueLimits
 from slidax.adaptation import AbstractAdaptation, Learnt
 from slidax.estimators import AbstractEstimator, Estimate
-from slidax.numerics import matvec, nearest_in_box, once, solve_symmetric, vector_norm
+from slidax.numerics import matvec, nearest_in_box, once, select, solve_symmetric, vector_norm
 from slidax.parts import (
     DefinitionError,
     Matrix,
@@ -41,9 +39,6 @@ PAUSE = 0.3
 
 STRONGEST = 1e6
 """Largest estimated disturbance in the law, rad/s² or m/s²; no drive could compensate as much."""
-
-
-Tree = TypeVar("Tree")
 
 
 class SampledData(AbstractController):
@@ -167,7 +162,7 @@ class SampledData(AbstractController):
         """
         command, accepted = self.gated(t, state, reference_now, reference_next, memory)
         held = jnp.clip(memory.torques[-1], -self.limits.torque, self.limits.torque)
-        kept = _select(accepted, command.memory, memory)
+        kept = select(accepted, command.memory, memory)
         signals = {name: jnp.where(accepted, value, 0.0) for name, value in command.signals.items()}
         return Command(
             tau=jnp.where(accepted, command.tau, held),
@@ -190,7 +185,7 @@ class SampledData(AbstractController):
         accepted = admission.accepted
         # A rejected sample must not reach the arithmetic: gradients would see it even where its result is discarded.
         time = jnp.where(accepted, t, memory.t + self.period)
-        measured = _select(accepted, state, memory.prior.state)
+        measured = select(accepted, state, memory.prior.state)
         before = self._restarted(time, measured, admission, memory)
         command = self._decided(time, measured, reference_now, reference_next, admission.restarts, before)
         return eqx.tree_at(lambda command: command.memory.gate, command, gate), accepted
@@ -210,7 +205,7 @@ class SampledData(AbstractController):
             watched=None if self.monitor is None else self.monitor.init(state),
             gate=memory.gate,
         )
-        return _select(admission.restarts, anew, memory)
+        return select(admission.restarts, anew, memory)
 
     def _decided(
         self,
@@ -383,9 +378,3 @@ class SampledData(AbstractController):
 
         tau, withheld = jax.lax.cond(free, lambda: (wanted, jnp.zeros_like(wanted)), limited)
         return tau, withheld, free
-
-
-def _select(condition: Bool[Array, ""], yes: Tree, no: Tree) -> Tree:
-    """One of two trees of the same structure."""
-    selected: Tree = jax.tree.map(lambda a, b: a if a is b else jnp.where(condition, a, b), yes, no)
-    return selected
