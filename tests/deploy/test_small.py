@@ -17,6 +17,7 @@ from slidax.scenarios import load
 from .exported import compiled, needs_a_compiler, run, write_law
 
 ARM = ("arm-none-eabi-gcc", "-std=c99", "-Os", "-mcpu=cortex-m7", "-mfpu=fpv5-d16", "-mfloat-abi=hard", "-mthumb")
+ARMS = ("ur5e-payload", "panda-payload")
 NODE = re.compile(r'node: \{ title: "([^"]+)" label: "[^"]*?(\d+) bytes')
 EDGE = re.compile(r'edge: \{ sourcename: "([^"]+)" targetname: "([^"]+)"')
 
@@ -74,6 +75,19 @@ def test_the_stack_is_bounded_and_the_bound_is_near(panda, optimisation):
     compiled("gcc", folder, optimisation, "-fcallgraph-info=su", "-c", "slidax_law.c", "-o", "law.o")
     used = deepest(folder)
     assert used <= made.stack <= 1.5 * used
+
+
+@pytest.mark.full
+@pytest.mark.parametrize("single", [False, True], ids=["doubles", "floats"])
+@pytest.mark.parametrize(
+    "name", ["example-4.1", "example-4.1-1khz", "example-4.2-1khz", "ur5e-payload", "panda-payload"]
+)
+def test_no_export_takes_more_stack_than_its_bound(name, single, tmp_path):
+    made = project(load(name), name="law", single=single, with_golden=False)
+    write_law(made, tmp_path)
+    for optimisation in ("-Os", "-O1", "-O2", "-O3"):
+        compiled("gcc", tmp_path, optimisation, "-fcallgraph-info=su", "-c", "slidax_law.c", "-o", "law.o")
+        assert deepest(tmp_path) <= made.stack, optimisation
 
 
 @pytest.mark.skipif(not shutil.which(ARM[0]), reason="arm-none-eabi-gcc is not here")

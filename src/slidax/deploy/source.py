@@ -52,10 +52,10 @@ class Source:
     bytes: int
 
 
-CALLS = {"double": 640, "float": 384}
+CALLS = {"double": 640, "float": 512}
 """Bytes for what calls keep: return addresses, saved registers, arguments, numbers between two operations."""
 
-SPILLED = 1.25
+SPILLED = 1.4
 """What a compiler that unrolls loops takes beside the variables, as a share of them."""
 
 TAKEN = ("checked", "begun", "held", "within", "related", "derived", "kept_up", "answered")
