@@ -182,7 +182,11 @@ class Members:
 
     @cached_property
     def _effects(self) -> Floats:
-        """What each axis from end to end does to the torques along the motion, over each joint's largest [D T n]."""
+        """Effect of each axis, from end to end, on the torques along the motion [D T n].
+
+        Relative to the largest effect that all axes have on the joint together, which is the same in however many equal
+        terms the set is written.
+        """
         count, motion = len(self.axes), Motion.of(self.scenario)
         points = np.full((2 * count, count), 0.5)
         points[np.arange(count) * 2, np.arange(count)] = 0.0
@@ -194,8 +198,9 @@ class Members:
         kinds, which = kinds_of(plants)
         torque = needed(kinds, few)[1][which] - outer(plants, few)
         moved = torque[1::2] - torque[::2]
-        found: Floats = moved / np.maximum(np.abs(moved).max(axis=(0, 1)), 1e-300)
-        return found
+        largest = np.abs(moved).sum(axis=0).max(axis=0)
+        effects: Floats = moved / np.maximum(largest, 1e-300)
+        return effects
 
     def is_inertial(self, axis: int) -> bool:
         """Whether a number can change the inertia.
