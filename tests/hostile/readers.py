@@ -33,6 +33,7 @@ from .whole_files import (
     path_csv,
     saved_run,
     semicolon_log,
+    semicolon_motion,
 )
 
 
@@ -131,6 +132,7 @@ def all_readers() -> Iterator[Reader]:
     yield Reader("study", "a.yaml", example("studies/example-4.1-1khz.yaml"), read_study)
     yield Reader("requirements", "a.yaml", example("design/two-link.yaml"), read_requirements)
     yield Reader("motion", "a.csv", motion_csv, lambda path: csv_table(path, JOINTS))
+    yield Reader("semicolon motion", "a.csv", semicolon_motion, lambda path: csv_table(path, JOINTS))
     yield Reader("joint trajectory", "a.json", joint_trajectory, lambda path: joint_trajectory_table(path, JOINTS))
     yield Reader("tool path", "a.csv", path_csv, Through.from_csv)
     yield Reader("urdf", "a.urdf", example("robots/two_link.urdf"), sx.robots.from_urdf)

@@ -220,6 +220,10 @@ def motion_csv() -> bytes:
     return "\n".join(rows).encode()
 
 
+def semicolon_motion() -> bytes:
+    return motion_csv().replace(b",", b";").replace(b".", b",")
+
+
 def joint_trajectory() -> bytes:
     points = [
         {"positions": [0.1 * k, -0.1 * k], "velocities": [], "time_from_start": {"sec": k, "nanosec": 0}}

@@ -264,16 +264,20 @@ def test_columns_of_another_form_are_refused(text):
             "line 8: `n/a` in column `tau_2`",
         ),
         (
+            lambda lines: lines.__setitem__(7, lines[7].replace(lines[7].split(",")[5], "1_5", 1)),
+            "line 8: `1_5` in column `tau_2`",
+        ),
+        (
             lambda lines: lines.__setitem__(7, lines[7].rpartition(",")[0]),
             "line 8: 6 entries, but line 1 names 7 columns",
         ),
         (lambda lines: lines.__setitem__(7, lines[7] + ",1"), "line 8: 8 entries, but line 1 names 7 columns"),
         (lambda lines: lines.__setitem__(-1, lines[-1][:9]), "leave out this line if its writing was interrupted"),
-        (lambda lines: lines.__delitem__(slice(1, None)), "names 7 columns, but has no rows of numbers"),
+        (lambda lines: lines.__delitem__(slice(1, None)), "has titles, but no rows of numbers"),
         (lambda lines: lines.__delitem__(0), "line 1: numbers, but the first line must name the columns"),
         (lambda lines: lines.__setitem__(9, "\0" * 40), "line 10: a character of code 0"),
     ],
-    ids=["hole", "word", "short", "long", "cut", "header alone", "no header", "zeros"],
+    ids=["hole", "word", "underscore", "short", "long", "cut", "header alone", "no header", "zeros"],
 )
 def test_place_and_remedy_of_a_wrong_entry_are_named(tmp_path, damage, words):
     path = write(tmp_path / "a.csv", PLAIN)
@@ -289,6 +293,21 @@ def test_hole_in_a_column_that_is_not_needed_does_no_harm(tmp_path):
     path = write(tmp_path / "a.csv", [*PLAIN, "mode"], np.column_stack([T, Q, TAU, T]))
     path.write_text("\n".join(f"{line.rpartition(',')[0]}," for line in path.read_text().splitlines()) + "\n")
     path.write_text(path.read_text().replace("tau_3,", "tau_3,mode", 1))
+    assert_read(read_log(path, ARM))
+
+
+def test_point_between_thousands_is_not_taken_for_a_decimal_point(tmp_path):
+    path = write(tmp_path / "a.csv", PLAIN, separator=";", comma=True)
+    lines = path.read_text().splitlines()
+    lines[200] = ";".join([*lines[200].split(";")[:-1], "1.234"])
+    path.write_text("\n".join(lines))
+    with pytest.raises(DefinitionError, match=r"line 201, column `tau_3`: `1.234` has a point"):
+        read_log(path, ARM)
+
+
+def test_lines_of_separators_alone_are_left_out(tmp_path):
+    path = write(tmp_path / "a.csv", PLAIN)
+    path.write_text(path.read_text() + "\n,,,,,,\n;;\n")
     assert_read(read_log(path, ARM))
 
 

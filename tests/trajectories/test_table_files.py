@@ -144,6 +144,16 @@ def test_a_unit_that_contradicts_the_data_or_is_none_is_refused():
         Tabulated.from_joint_trajectory(message(1, lambda t: {"sec": int(10 * t), "nanosec": 0}), time_unit="ms")
 
 
+@pytest.mark.parametrize(("separator", "decimal"), [(";", "."), (";", ","), ("\t", "."), ("\t", ","), ("  ", ".")])
+def test_separators_and_decimal_commas_are_recognised(separator, decimal):
+    text = CSV.replace(",", separator).replace(".", decimal)
+    same(Tabulated.from_csv(text), Tabulated.from_csv(CSV))
+
+
+def test_lines_without_entries_are_left_out():
+    same(Tabulated.from_csv(CSV + ",,\n ,,\n"), Tabulated.from_csv(CSV))
+
+
 def test_limits_go_with_the_joints_of_the_robot():
     with pytest.raises(DefinitionError, match=r"the text: joint `shoulder` would go to -0.3.*below its limit of -0.2"):
         Tabulated.from_csv(CSV, joints=["elbow", "shoulder"], lower=[-1.0, -0.2])
@@ -184,26 +194,29 @@ def test_empty_lists_in_a_message_mean_that_there_is_nothing():
     ("text", "words"),
     [
         ("\n", "the text is empty: the first line must name the columns"),
-        ("0,1,2\n1,2,3\n", "line 1: the first line must name the columns, such as `time,shoulder,elbow`"),
-        ("time;a;b\n0;1;2\n", "line 1: columns must be separated by commas"),
+        ("0,1,2\n1,2,3\n", "line 1: numbers, but the first line must name the columns, such as `time,shoulder,elbow`"),
         ("t,a\n0,1\n1,2\n", "line 1: there must be a column `time` .*is it `t`"),
         ("time\n0\n1\n", "there must be a column per joint besides `time`"),
         ("time [min],a\n0,1\n1,2\n", r"column `time \[min\]`: the unit must be one of s, sec, ms"),
         ("time,a [Nm]\n0,1\n1,2\n", r"column `a \[Nm\]`: the unit must be one of rad, m, deg"),
         ("time,a,a.velocity [rad]\n0,1,0\n1,2,0\n", "the unit must be one of rad/s, m/s"),
-        ('time,"a\n0,0\n1,1\n', "the text, line 3: a quotation mark is not closed"),
-        ('time,"a\n0",b\n0,0,0\n1,1,1\n', "the name of column 2 has a line break: close its quotation mark"),
+        ('time,"a\n0,0\n1,1\n', "the text, line 1: a quotation mark is not closed"),
         ("TIME,Time [s],a\n0,0,0\n1,1,1\n", r"line 1: the column `Time \[s\]` is there twice"),
         ("time,a,a\n0,1,2\n1,2,3\n", "line 1: the column `a` is there twice"),
-        ("time,a,\n0,1,2\n1,2,3\n", "column 3 has no name"),
+        ("time,a,\n0,1,2\n1,2,3\n", "line 2: 3 entries, but line 1 names 2 columns"),
         (
             "time,a,b,a.velocity\n0,1,2,0\n1,2,3,0\n",
             "the column `b.velocity` is missing: give velocities for all joints",
         ),
         ("time,a,c.velocity\n0,1,0\n1,2,0\n", "there is `c.velocity`, but no column `c` with positions"),
-        ("time,a\n0,1\n\n1,2,3\n", "line 4: 3 entries, but the header names 2 "),
+        (
+            "time,a\n0,1\n\n1,2,3\n",
+            "line 4: 3 entries, but line 1 names 2 columns; if a comma stands before the decimals",
+        ),
         ("time,a\n0,1\n1,\n", "line 3, column `a`: there is no number"),
         ("time,a\n0,1\n1,x\n", "line 3, column `a`: `x` is not a number"),
+        ("time,a\n0,1\n1,1_5\n", "line 3, column `a`: `1_5` is not a number"),
+        ("time;a\n0;0,5\n1;1.500\n", "line 2, column `a`: `0,5` is not a number"),
         ("time,a\n0,1\n1,nan\n", "line 3, column `a`: `nan` is not a finite number"),
         ("time,a\n0,1\n", "the text has 1 row: a motion needs two or more"),
         ("time,a\n0,1\n2,1\n1,1\n", "the text, line 4: time 1 s comes after 2 s: the times must increase"),

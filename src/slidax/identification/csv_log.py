@@ -2,25 +2,26 @@
 
 from __future__ import annotations
 
-import csv
 import re
+from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing
 from datetime import datetime
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
 
 from slidax._errors import DefinitionError, plain
 from slidax._files import MEGABYTE, open_file
+from slidax._tables import form_of, is_number, lines_of, rows_of
 
-from .csv_form import Form, form_of, is_number, lines_of
+from .columns import Columns
 from .log import Log
 from .matching import match_columns
 from .reading import Reading
 
 MOST_BYTES = 1000 * MEGABYTE
-_NAMES = {"\t": "tabs", ";": "semicolons", ",": "commas", " ": "spaces"}
 
 
 def read_csv(path: Path, joints: Sequence[str], reading: Reading) -> Log:
@@ -37,116 +38,58 @@ def read_csv(path: Path, joints: Sequence[str], reading: Reading) -> Log:
     """
     name = f"`{path.name}`"
     with open_file(path, most=MOST_BYTES) as file:
-        form = form_of(lines_of(file, name), name)
+        form = form_of(lines_of(file, name), name, "time,q_1,tau_1")
         columns = match_columns(form.titles, joints, name, reading)
         places = [form.titles.index(title) for title in columns.titles]
-        optional = [form.titles.index(title) for title in columns.of.get("dq", [])]
         with closing(lines_of(file, name)) as lines:
-            values, notes = _numbers(lines, form, places, optional, name)
+            values, notes = _numbers(rows_of(lines, form, places, name), columns, name)
     return columns.log(name, joints, dict(zip(columns.titles, values.T, strict=True)), notes)
 
 
-def _numbers(
-    lines: Iterator[tuple[int, str]], form: Form, places: Sequence[int], optional: Sequence[int], name: str
-) -> tuple[np.ndarray, list[str]]:
-    """The numbers of the columns at these places, the first of which are the times."""
-    time = places[0]
-    rows, notes = _Rows(lines, form, places, optional, name), list[str]()
-    first = next(rows, None)
-    if first is None:
-        raise DefinitionError(f"{name} names {len(form.titles)} columns, but has no rows of numbers")
-    rows.pushed = first
-    stamp = Stamp()
-    converters: dict[int | str, Callable[[str], float]] | None = None
-    entry = first.split("\t")[0]
-    if not is_number(entry) and stamp.is_time(entry):
-        converters = {0: stamp.seconds}
-        notes.append(f"the times in `{plain(form.titles[time])}` are dates: they are counted from the first one")
-    try:
-        values = np.loadtxt(rows, delimiter="\t", ndmin=2, comments=None, converters=converters)
-    except ValueError as error:
-        if isinstance(error, DefinitionError):
-            raise
-        raise rows.wrong_entry(converters is not None) or DefinitionError(
-            f"{name} is not a table of numbers: {str(error).partition(chr(10))[0]}"
-        ) from None
-    return values, notes
+def _numbers(rows: Iterator[tuple[int, list[str]]], columns: Columns, name: str) -> tuple[np.ndarray, list[str]]:
+    """The numbers in the rows, the first of each its time, and notes about them."""
+    # numpy reads some rows ahead of the one that it complains about.
+    last: deque[tuple[int, list[str]]] = deque(maxlen=4)
+    optional = columns.of.get("dq", [])
 
-
-class _Rows:
-    """The rows of a table with only the columns that are needed, separated by tabs."""
-
-    def __init__(
-        self,
-        lines: Iterator[tuple[int, str]],
-        form: Form,
-        places: Sequence[int],
-        optional: Sequence[int],
-        name: str,
-    ) -> None:
-        self._lines, self._form, self._places, self._optional, self._name = lines, form, places, optional, name
-        self.pushed: str | None = None
-        self._last: list[tuple[int, str]] = []
-
-    def __iter__(self) -> _Rows:
-        return self
-
-    def __next__(self) -> str:
-        if self.pushed is not None:
-            row, self.pushed = self.pushed, None
-            return row
-        for number, line in self._lines:
-            if number <= self._form.header or line.startswith("#"):
-                continue
-            try:
-                cells = self._form.cells(line)
-            except csv.Error as error:
-                raise DefinitionError(f"{self._name}, line {number}: {error}") from None
-            self._require_as_many(cells, number)
-            row = "\t".join([self._form.number(cells[place]) for place in self._places])
-            # numpy reads some rows ahead of the one that it complains about.
-            return self._kept(number, row, cells)
-        raise StopIteration
-
-    def _kept(self, number: int, row: str, cells: list[str]) -> str:
-        for place in self._places:
-            if not cells[place]:
-                raise DefinitionError(
-                    f"{self._name}, line {number}: column `{plain(self._form.titles[place])}` is empty; leave out "
-                    f"this line{' or all velocities (`--drop dq`)' if place in self._optional else ''}"
-                )
-        self._last.append((number, row))
-        if len(self._last) > 4:
-            del self._last[0]
-        return row
-
-    def _require_as_many(self, cells: list[str], number: int) -> None:
-        titles = len(self._form.titles)
-        if len(cells) == titles or (len(cells) > titles and not any(cells[titles:])):
-            return
-        if self._form.separator == "," and len(cells) == 2 * titles:
-            hint = "; if a comma stands before the decimals, separate the columns by semicolons"
-        elif len(cells) < titles:
-            hint = "; leave out this line if its writing was interrupted"
-        else:
-            hint = f"; columns are separated by {_NAMES[self._form.separator]}"
-        raise DefinitionError(
-            f"{self._name}, line {number}: {len(cells)} entries, but line {self._form.header} names {titles} "
-            f"columns{hint}"
-        )
-
-    def wrong_entry(self, dates: bool) -> DefinitionError | None:
-        """The entry that numpy could not read: the first that is no number in the last rows."""
-        for number, row in self._last:
-            for place, cell in zip(self._places, row.split("\t"), strict=True):
-                date = dates and place == self._places[0]
-                if not (Stamp().is_time(cell) if date else is_number(cell)):
-                    kind = "date" if date else "number"
-                    return DefinitionError(
-                        f"{self._name}, line {number}: `{plain(cell)}` in column `{plain(self._form.titles[place])}` "
-                        f"is no {kind}; leave out this line, or correct it"
+    def lines() -> Iterator[str]:
+        for number, cells in rows:
+            for title, cell in zip(columns.titles, cells, strict=True):
+                if not cell:
+                    remedy = " or all velocities (`--drop dq`)" if title in optional else ""
+                    raise DefinitionError(
+                        f"{name}, line {number}: column `{plain(title)}` is empty; leave out this line{remedy}"
                     )
-        return None
+            last.append((number, cells))
+            yield "\t".join(cells)
+
+    texts = lines()
+    first = next(texts, None)
+    if first is None:
+        raise DefinitionError(f"{name} has titles, but no rows of numbers below them")
+    stamp = Stamp()
+    entry = last[0][1][0]
+    notes, converters = list[str](), dict[int | str, Callable[[str], float]]()
+    if not is_number(entry) and stamp.is_time(entry):
+        converters[0] = stamp.seconds
+        notes.append(f"the times in `{plain(columns.time)}` are dates: they are counted from the first one")
+    try:
+        values = np.loadtxt(
+            chain([first], texts), delimiter="\t", ndmin=2, comments=None, converters=converters or None
+        )
+    except DefinitionError:
+        raise
+    except ValueError as error:
+        for number, cells in last:
+            for title, cell in zip(columns.titles, cells, strict=True):
+                date = bool(converters) and title == columns.time
+                if not (stamp.is_time(cell) if date else is_number(cell)):
+                    raise DefinitionError(
+                        f"{name}, line {number}: `{plain(cell)}` in column `{plain(title)}` is no "
+                        f"{'date' if date else 'number'}; leave out this line, or correct it"
+                    ) from None
+        raise DefinitionError(f"{name} is not a table of numbers: {str(error).partition(chr(10))[0]}") from None
+    return values, notes
 
 
 _ZONE = re.compile(r"\s*(?:Z|UTC|[-+]\d\d:?\d\d)$")

@@ -61,8 +61,8 @@ class Through(AbstractMove):
 
         Raises DefinitionError, with line and column, if it has not that form.
         """
-        name, number, titles, lines = csv_lines(source, "time,x,y,z")
-        where = f"{name}, line {number}"
+        name, form, lines = csv_lines(source, "time,x,y,z")
+        titles, where = form.titles, f"{name}, line {form.header}"
         named = [unit_of(title) for title in titles]
         header = [title.casefold() for title, _ in named]
         wanted = COLUMNS if "qw" in header else COLUMNS[:3]

@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import re
 import unicodedata
 from array import array
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from io import BytesIO
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from slidax._errors import DefinitionError, counted, plain
+from slidax._errors import DefinitionError, plain
+from slidax._files import read_bytes
+from slidax._tables import Form, form_of, is_number, lines_of, rows_of
 
-from .source_text import source_text
 from .table import TIME_UNITS, UNITS, Table, columns_of
 
 ANGLES = ("rad", "deg", "°", "rpm")
@@ -61,8 +61,8 @@ def csv_table(
 
     Raises DefinitionError, with line and column, if it has not that form.
     """
-    name, header_line, header, lines = csv_lines(source, "time,shoulder,elbow")
-    where = f"{name}, line {header_line}"
+    name, form, lines = csv_lines(source, "time,shoulder,elbow")
+    header, where = form.titles, f"{name}, line {form.header}"
     columns, time = _columns(header, where)
     names = list(columns["positions"])
     chosen = [names[place] for place in columns_of(name, names, joints)]
@@ -84,42 +84,38 @@ def csv_table(
     return Table(name, tuple(joints or chosen), lines_of, factor * values[:, time.place], **parts, unit_is_known=said)
 
 
-def csv_lines(source: str | Path, example: str) -> tuple[str, int, list[str], Iterator[tuple[int, list[str]]]]:
-    """What to call a CSV file in messages, the number of its first line, the names of its columns, and its other lines.
+def csv_lines(source: str | Path, example: str) -> tuple[str, Form, Iterator[tuple[int, list[str]]]]:
+    """Return the name of a CSV file for messages, its form, and the numbers and entries of its other lines.
 
     - `source`: path, or the text itself, which has a line break in it.
     - `example`: of the first line, for a message.
 
     Blank lines and those that begin with `#` are left out. Raises DefinitionError if there is no line, or it is no CSV.
     """
-    name, text = source_text(source, is_text=lambda text: "\n" in text or "\r" in text)
-    lines = _lines(text, name)
-    first, header = next(lines, (0, []))
-    if not header:
-        raise DefinitionError(f"{name} is empty: the first line must name the columns, such as `{example}`")
-    return name, first, header, lines
+    if isinstance(source, str) and ("\n" in source or "\r" in source):
+        name, body = "the text", source.encode("utf-8", "surrogatepass")
+    else:
+        name, body = f"`{Path(source).name}`", read_bytes(Path(source))
+    file = BytesIO(body)
+    form = form_of(lines_of(file, name), name, example)
+    return name, form, rows_of(lines_of(file, name), form, range(len(form.titles)), name)
 
 
 def numbers_in(
     name: str, header: list[str], lines: Iterator[tuple[int, list[str]]], most: int
 ) -> tuple[NDArray[np.float64], array[int]]:
-    """The numbers of a table [rows, columns], and the line of each row.
+    """Return the numbers of a table [rows, columns], and the line of each row.
 
     - `name`: of the table, for messages.
     - `header`: names of the columns.
     - `lines`: entries of each line, with its number.
     - `most`: rows that are read.
 
-    Raises DefinitionError, with line and column, for what is no finite number, and if there are more rows.
+    Raises DefinitionError, with line and column, for an entry that is no finite number, and if there are more rows.
     """
     # Row by row, so that the texts of all entries are never in memory together.
     numbers, rows = array("d"), array("q")
     for line, row in lines:
-        if len(row) != len(header):
-            raise DefinitionError(
-                f"{name}, line {line}: {counted(len(row), 'entry', 'entries')}, but the header names {len(header)} "
-                "(a decimal comma counts as a comma)"
-            )
         if len(rows) == most:
             raise DefinitionError(f"{name} has more than {most} rows: leave some of them out")
         rows.append(line)
@@ -143,25 +139,11 @@ def _plain_unit(unit: str) -> str:
     return unicodedata.normalize("NFKC", unit).casefold().replace("^", "").replace(" ", "")
 
 
-def _lines(text: str, name: str) -> Iterator[tuple[int, list[str]]]:
-    """The entries of each line that is neither empty nor a comment, with its number."""
-    reader = csv.reader(io.StringIO(text, newline=""), skipinitialspace=True, strict=True)
-    try:
-        for row in reader:
-            cells = [cell.strip() for cell in row]
-            if any(cells) and not cells[0].startswith("#"):
-                yield reader.line_num, cells
-    except csv.Error as error:
-        why = "a quotation mark is not closed" if "unexpected end" in str(error) else error
-        raise DefinitionError(f"{name}, line {reader.line_num}: {why}") from None
-
-
 def _number(cell: str, where: str) -> float:
-    try:
-        number = float(cell)
-    except ValueError:
-        what = f"`{plain(cell)}` is not a number" if cell else "there is no number"
-        raise DefinitionError(f"{where}: {what}") from None
+    if not is_number(cell):
+        reason = f"`{plain(cell)}` is not a number" if cell else "there is no number"
+        raise DefinitionError(f"{where}: {reason}")
+    number = float(cell)
     if not np.isfinite(number):
         raise DefinitionError(f"{where}: `{plain(cell)}` is not a finite number")
     return number
@@ -169,14 +151,8 @@ def _number(cell: str, where: str) -> float:
 
 def _columns(header: list[str], where: str) -> tuple[dict[str, dict[str, Column]], Column]:
     """Of positions, velocities and accelerations, the column of each joint; and that of the time."""
-    if len(header) == 1 and re.search(r"[;\t]", header[0]):
-        raise DefinitionError(f"{where}: columns must be separated by commas")
-    if all(re.fullmatch(r"[-+.\deE]+", title) for title in header):
-        raise DefinitionError(f"{where}: the first line must name the columns, such as `time,shoulder,elbow`")
     found: dict[str, dict[str, Column]] = {kind: {} for kind in ("time", *KINDS.values())}
     for place, title in enumerate(header):
-        if "\n" in title or "\r" in title:
-            raise DefinitionError(f"{where}: the name of column {place + 1} has a line break: close its quotation mark")
         joint, suffix, unit = _parts_of(title)
         if not joint:
             raise DefinitionError(f"{where}: column {place + 1} has no name")

@@ -10,9 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slidax._errors import DefinitionError, each_of, shown
-from slidax._files import parse_json
+from slidax._files import parse_json, read_text
 
-from .source_text import source_text
 from .table import TIME_UNITS, Table, columns_of
 
 MOST_CHARACTERS = 16_000_000
@@ -39,7 +38,10 @@ def joint_trajectory_table(
     if isinstance(source, Mapping):
         name, message = "the message", source
     else:
-        name, text = source_text(source, is_text=lambda text: text.lstrip("\ufeff \t\r\n").startswith(("{", "[")))
+        if isinstance(source, str) and source.lstrip("\ufeff \t\r\n").startswith(("{", "[")):
+            name, text = "the text", source.removeprefix("\ufeff")
+        else:
+            name, text = f"`{Path(source).name}`", read_text(Path(source))
         if len(text) > MOST_CHARACTERS:
             raise DefinitionError(f"{name} has {len(text)} characters, and at most {MOST_CHARACTERS} are read")
         message = parse_json(text, name)
