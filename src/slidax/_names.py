@@ -14,10 +14,13 @@ NUMBERED = re.compile(r"joint \d+")
 def bare(name: str) -> str:
     """A name without case, spaces, quotation marks and punctuation: `"Joint_1 "` becomes `joint1`.
 
+    Two numbers stay apart: `joint_1_1` becomes `joint1.1`, since `joint_11` is another joint.
+
     - `name`: any text.
     """
     folded = unicodedata.normalize("NFKC", name).casefold()
-    return "".join(letter for letter in folded if letter.isalnum()) or name
+    parts = re.sub(r"(?<=\d)[\W_]+(?=\d)", "\n", folded)
+    return "".join(letter for letter in parts if letter.isalnum() or letter == "\n").replace("\n", ".") or name
 
 
 def matched(names: Sequence[str], wanted: Sequence[str]) -> dict[str, int]:
@@ -34,8 +37,8 @@ def matched(names: Sequence[str], wanted: Sequence[str]) -> dict[str, int]:
     rest = {place: bare(name) for place, name in enumerate(names) if place not in taken}
     alike, twins = Counter(rest.values()), Counter(bare(name) for name in wanted)
     loose = {key: place for place, key in rest.items() if alike[key] == 1}
-    found = {name: exact.get(name, loose.get(bare(name)) if twins[bare(name)] == 1 else None) for name in wanted}
-    return {name: place for name, place in found.items() if place is not None}
+    places = {name: exact.get(name, loose.get(bare(name)) if twins[bare(name)] == 1 else None) for name in wanted}
+    return {name: place for name, place in places.items() if place is not None}
 
 
 def are_numbered(names: Sequence[str]) -> bool:

@@ -126,6 +126,13 @@ def test_topic_that_has_the_arms_joints_is_taken(tmp_path):
     assert_read(read_log(path, ARM), "`/arm/joint_states` is read")
 
 
+def test_topic_with_the_arms_joints_in_another_case_is_taken(tmp_path):
+    gripper = [joint_state(t, ["finger1"], [0.0], (), [0.0]) for t in T]
+    arm = [joint_state(t, [name.upper() for name in ARM], Q[k], (), TAU[k]) for k, t in enumerate(T)]
+    path = write_mcap(tmp_path / "a.mcap", {"/joint_states": gripper, "/arm/joint_states": arm})
+    assert_read(read_log(path, ARM), "`/arm/joint_states` is read")
+
+
 def test_of_several_topics_the_user_says_which(tmp_path):
     topics = {"/left/joint_states": arm_messages(q=Q + 1), "/right/joint_states": arm_messages()}
     path = write_mcap(tmp_path / "a.mcap", topics)

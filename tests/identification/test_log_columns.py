@@ -180,6 +180,28 @@ def test_torques_that_a_controller_computed_are_not_taken_for_measured_ones(tmp_
         read_log(write(tmp_path / "a.csv", titles), ARM)
 
 
+@pytest.mark.parametrize("prefix", ["cmd", "desired", "error", "controller.reference"])
+def test_columns_of_commands_are_not_taken_for_measured_ones(tmp_path, prefix):
+    titles = ["time", *(f"{prefix}.positions[{k}]" for k in range(N)), *numbered("effort", "{word}[{k}]", 0)]
+    path = write(tmp_path / "a.csv", titles)
+    with pytest.raises(DefinitionError, match=rf"no measured `q`, only `({prefix}.position)`; `--columns q=\1`"):
+        read_log(path, ARM)
+    assert_read(read_log(path, ARM, columns={"q": f"{prefix}.position"}))
+
+
+def test_commanded_velocities_are_left_out(tmp_path):
+    titles = ["time", *PLAIN[1:4], *numbered("dq", "cmd.{word}[{k}]", 0), *PLAIN[4:]]
+    log = read_log(write(tmp_path / "a.csv", titles, np.column_stack([T, Q, DQ, TAU])), ARM)
+    assert log.dq is None and log.notes == ("`cmd.dq` was not measured: it is left out",)
+
+
+def test_two_columns_of_one_joint_are_not_guessed(tmp_path):
+    path = write(tmp_path / "a.csv", [*PLAIN, "q1"], np.column_stack([T, Q, TAU, Q[:, 0] + 1]))
+    with pytest.raises(DefinitionError, match=r"two columns for `q` of one joint, `q_1` and `q1`.*--drop q1"):
+        read_log(path, ARM)
+    assert_read(read_log(path, ARM, drop=["q1"]))
+
+
 @pytest.mark.parametrize(
     ("time", "factor"),
     [("time [ms]", 1e-3), ("time_us", 1e-6), ("timestamp_ns", 1e-9), ("t (s)", 1.0), ("%time", 1e-9)],

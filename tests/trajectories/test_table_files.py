@@ -94,6 +94,16 @@ def test_names_that_become_alike_match_exactly_or_not_at_all():
         Tabulated.from_csv("time,b_1,b.1,c\n0,1,2,3\n1,2,3,4\n", joints=["c", "B-1"])
 
 
+def test_numbers_in_a_name_stay_apart():
+    """The first joint of the first finger is not joint 11."""
+    with pytest.raises(DefinitionError, match="lacks the joint `joint_11`"):
+        Tabulated.from_csv("time,joint_1_1\n0,1\n1,2\n", joints=["joint_11"])
+    same(
+        Tabulated.from_csv("time,Joint-1-1\n0,1\n1,2\n", joints=["joint_1_1"]),
+        Tabulated.through([0.0, 1.0], [[1.0], [2.0]]),
+    )
+
+
 def test_joints_without_names_take_the_columns_in_order_and_a_warning_says_so():
     with pytest.warns(DefinitionWarning, match="columns `shoulder`, `elbow` move `joint 1`, `joint 2` in this order"):
         same(Tabulated.from_csv(CSV, joints=["joint 1", "joint 2"]), Tabulated.through(TIMES, PLACES))
@@ -119,6 +129,21 @@ def test_a_length_for_a_joint_that_turns_is_refused():
     Tabulated.from_csv(text, joints=["a", "b"], units=["m", "rad"])
     with pytest.raises(DefinitionError, match="the column of `a` is in m, but `a` turns"):
         Tabulated.from_csv(text, joints=["a", "b"], units=["rad", "rad"])
+
+
+@pytest.mark.parametrize(
+    ("titles", "words"),
+    [
+        ("a [deg],a.velocity [mm/s]", "the column of `a.velocity` is in m, but that of `a` in rad"),
+        ("a,a.velocity [mm/s]", "the column of `a.velocity` is in m, but `a` turns"),
+        ("a [deg],a.velocity", r"`a.velocity` has no unit: write its unit in brackets, such as `a.velocity \[rad/s\]`"),
+        ("a [deg],a.velocity [deg/s],a.acceleration", r"such as `a.acceleration \[rad/s2\]`"),
+    ],
+)
+def test_units_of_velocities_and_positions_agree(titles, words):
+    units = ["rad"] if titles.startswith("a,") else []
+    with pytest.raises(DefinitionError, match=words):
+        Tabulated.from_csv(f"time,{titles}\n", joints=["a"], units=units)
 
 
 @pytest.mark.parametrize(("unit", "factor"), [("ms", 1e3), ("us", 1e6), ("ns", 1e9)])

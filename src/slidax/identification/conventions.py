@@ -96,23 +96,19 @@ class Conventions:
         for unit in self.position_unit:
             if unit not in POSITION_UNITS:
                 raise DefinitionError(f"unknown `position_unit` `{unit}`; {nearest(str(unit), POSITION_UNITS)}")
-        self.seconds  # noqa: B018  # raises
-
-    @property
-    def seconds(self) -> float:
-        """Seconds per unit of the log's times."""
-        if self.time_unit in TIME_UNITS:
-            return TIME_UNITS[str(self.time_unit)]
-        try:
-            seconds = float(self.time_unit)
-        except ValueError:
-            seconds = np.nan
-        if not (np.isfinite(seconds) and seconds > 0.0):
+        if not 0.0 < self.seconds < np.inf:
             raise DefinitionError(
                 f"`time_unit` must be one of {', '.join(TIME_UNITS)}, or the seconds per unit, > 0; got "
                 f"`{shown(self.time_unit)}`"
             )
-        return seconds
+
+    @property
+    def seconds(self) -> float:
+        """Seconds per unit of the log's times."""
+        try:
+            return TIME_UNITS[self.time_unit] if self.time_unit in TIME_UNITS else float(self.time_unit)
+        except ValueError:
+            return np.nan
 
     def applied(self, log: Log, units: Sequence[str]) -> Log:
         """The log in the arm's units, signs and joint order.

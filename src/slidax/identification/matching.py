@@ -20,6 +20,7 @@ from .titles import (
     TIMES,
     WORDS,
     Title,
+    is_command,
     rank_of_state,
     scale_of,
     scale_of_time,
@@ -46,10 +47,14 @@ def match_columns(titles: Sequence[str], joints: Sequence[str], source: str, rea
 
 @dataclass
 class _Group:
-    """Columns of one quantity that are called alike: by the name of the joint, and by its number."""
+    """Columns of one quantity that are called alike: by the name of the joint, and by its number.
+
+    `twins` are two columns of one joint, such as `q_1` and `q1`.
+    """
 
     named: dict[str, Title] = field(default_factory=dict)
     numbered: dict[int, Title] = field(default_factory=dict)
+    twins: list[tuple[Title, Title]] = field(default_factory=list)
 
 
 class _Matching:
@@ -116,9 +121,9 @@ class _Matching:
         return f"{texts}, ..." if len(self.all) > 8 else texts
 
     def _time(self) -> Title:
-        given = self.reading.columns.get("t")
-        if given is not None:
-            return self._named_column(given if isinstance(given, str) else given[0], "t")
+        choice = self.reading.columns.get("t")
+        if choice is not None:
+            return self._named_column(choice if isinstance(choice, str) else choice[0], "t")
         for word in TIMES:
             for title in self.left:
                 if title.bare.lower() == word:
@@ -142,38 +147,53 @@ class _Matching:
         )
 
     def _quantity(self, quantity: str) -> list[Title] | None:
-        given = self.reading.columns.get(quantity)
-        if isinstance(given, str) and len(self.joints) == 1 and any(t.text.strip() == given for t in self.all):
-            given = [given]
-        if given is not None and not isinstance(given, str):
-            if len(given) != len(self.joints):
+        choice = self.reading.columns.get(quantity)
+        if isinstance(choice, str) and len(self.joints) == 1 and any(t.text.strip() == choice for t in self.all):
+            choice = [choice]
+        if choice is not None and not isinstance(choice, str):
+            if len(choice) != len(self.joints):
                 raise DefinitionError(
-                    f"`columns` names {len(given)} columns for `{quantity}`, but the arm has {len(self.joints)} joints"
+                    f"`columns` names {len(choice)} columns for `{quantity}`, but the arm has {len(self.joints)} joints"
                 )
-            return [self._named_column(text, quantity) for text in given]
-        words = WORDS[quantity] if given is None else (Title.of(given).bare.lower(),)
-        groups = self._groups(words, positions=quantity == "q" and given is None)
+            return [self._named_column(text, quantity) for text in choice]
+        words = WORDS[quantity] if choice is None else (Title.of(choice).bare.lower(),)
+        groups = self._groups(words, positions=quantity == "q" and choice is None)
         whole = [place for place, group in groups.items() if self._whole(group)]
         if not whole:
-            self._require_missing_is_allowed(quantity, words, groups, given)
+            self._require_missing_is_allowed(quantity, words, groups, choice)
             return None
-        first = min(whole, key=lambda place: (place[0], rank_of_state(place[1])))
+        first = min(whole, key=lambda place: (is_command(place[1]), place[0], rank_of_state(place[1])))
+
+        def called(place: tuple[int, str]) -> str:
+            return f"{place[1]}.{(*words, '')[place[0]]}".strip(".")
+
+        if choice is None and is_command(first[1]):
+            name = called(first)
+            if quantity == "dq":
+                self.notes.append(f"`{plain(name)}` was not measured: it is left out")
+                return None
+            raise DefinitionError(
+                f"{self.source} has no measured `{quantity}`, only `{plain(name)}`; `--columns {quantity}={name}` "
+                "reads it all the same"
+            )
         rivals = [
             place for place in whole if place[0] == first[0] and rank_of_state(place[1]) == rank_of_state(first[1])
         ]
         if len(rivals) > 1:
-            names = ", ".join(f"`{prefix}.{(*words, '')[word]}`".replace(".`", "`") for word, prefix in rivals)
-            option = f"{rivals[0][1]}.{(*words, '')[rivals[0][0]]}".strip(".")
+            names = ", ".join(f"`{plain(called(place))}`" for place in rivals)
             raise DefinitionError(
                 f"{self.source} has several columns for `{quantity}`: {names}; say which "
-                f"(such as `--columns {quantity}={option}`)"
+                f"(such as `--columns {quantity}={called(rivals[0])}`)"
             )
         return self._of_group(quantity, groups[first])
 
     def _groups(self, words: Sequence[str], *, positions: bool) -> dict[tuple[int, str], _Group]:
         """The columns of one quantity by the place of their word in `words`, and by what stands before it."""
         rank = {word: place for place, word in reversed(list(enumerate(words)))}
-        rank |= {many: rank[one] for many, one in PLURALS.items() if one in rank and many not in rank}
+        for many, single in PLURALS.items():
+            for word, place in list(rank.items()):
+                if word == single or word.endswith(f".{single}"):
+                    rank.setdefault(word.removesuffix(single) + many, place)
         groups: dict[tuple[int, str], _Group] = {}
         for title in self.left:
             for prefix, suffix in title.suffixes():
@@ -181,10 +201,13 @@ class _Matching:
                 if matched is not None:
                     word, key = matched
                     group = groups.setdefault((word, prefix.lower()), _Group())
-                    if isinstance(key, int):
+                    first = (
                         group.numbered.setdefault(key, title)
-                    else:
-                        group.named.setdefault(key, title)
+                        if isinstance(key, int)
+                        else group.named.setdefault(key, title)
+                    )
+                    if first.text != title.text and first.unit == title.unit:
+                        group.twins.append((first, title))
                     break
         return groups
 
@@ -223,6 +246,11 @@ class _Matching:
         return sorted(number for number in group.numbered if number not in self.dropped_numbers)
 
     def _of_group(self, quantity: str, group: _Group) -> list[Title]:
+        for first, second in group.twins:
+            raise DefinitionError(
+                f"{self.source} has two columns for `{quantity}` of one joint, `{plain(first.text)}` and "
+                f"`{plain(second.text)}`: leave one of them out (`--drop {plain(second.text.strip())}`)"
+            )
         if all(name in group.named for name in self.joints):
             extra = [name for name in group.named if name not in self.joints and name not in self.reading.drop]
             if extra:
@@ -244,7 +272,7 @@ class _Matching:
         return [group.numbered[number] for number in numbers]
 
     def _require_missing_is_allowed(
-        self, quantity: str, words: Sequence[str], groups: Mapping[tuple[int, str], _Group], given: str | None
+        self, quantity: str, words: Sequence[str], groups: Mapping[tuple[int, str], _Group], choice: str | None
     ) -> None:
         """Raise a DefinitionError with the reason why a quantity is missing, unless it may be missing."""
         nearly = max(groups.values(), key=lambda group: len(group.named) + len(group.numbered), default=_Group())
@@ -252,7 +280,7 @@ class _Matching:
         if not known:
             numbers = self._numbers(nearly)
             known = list(self.joints[: len(numbers)])
-        if quantity == "dq" and given is None:
+        if quantity == "dq" and choice is None:
             if not known:
                 return
             if self.reading.drop and any(self.fold(word) not in self.keys for word in self.reading.drop):
@@ -261,9 +289,9 @@ class _Matching:
         missing = next((name for name in self.joints if name not in known), self.joints[0])
         number = list(self.joints).index(missing) + 1
         remedy = ", or leave `dq` out (`--drop dq`)" if quantity == "dq" else ""
-        if given is not None:
+        if choice is not None:
             raise DefinitionError(
-                f"{self.source} has no columns `{plain(given)}` with a number or name for each of {len(self.joints)} "
+                f"{self.source} has no columns `{plain(choice)}` with a number or name for each of {len(self.joints)} "
                 f"joints, joint `{missing}` is the first without; it has {self._some()}"
             )
         if quantity == "tau" and not known:

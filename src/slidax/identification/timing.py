@@ -188,7 +188,10 @@ def _merged(log: Log, breaks: np.ndarray) -> tuple[Log, np.ndarray, int]:
     """Samples of equal times are averaged."""
     starts = np.concatenate([[True], np.diff(log.t) > 0])
     if starts.sum() < 2:
-        raise DefinitionError(f"the times of {log.source} do not advance: all are {log.t[0]:g} s")
+        raise DefinitionError(
+            f"the times of {log.source} do not advance: all are {log.t[0]:g} s; `--columns t=NAME` reads another "
+            "column, and messages need the time of their measurement in `header.stamp`"
+        )
     if starts.all():
         return log, breaks, 0
     if starts.sum() < FEWEST:

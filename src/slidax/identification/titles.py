@@ -34,8 +34,11 @@ UNITS: dict[str, dict[str, float]] = {
 }
 """Units that a title may name, and what one of them is in s, rad, rad/s or N m."""
 
-STATES = ("", "state", "robot_state", "joint_states", "joint_state", "measured", "actual", "robot0")
+STATES = ("", "state", "robot_state", "joint_states", "joint_state", "measured", "actual", "feedback", "robot0")
 """What stands before the measured one of two columns that are called alike, as in `state.q[0]` and `cmd.q[0]`."""
+
+COMMANDS = ("cmd", "command", "desired", "target", "goal", "reference", "ref", "setpoint", "output", "error")
+"""Words before a column that was not measured."""
 
 RATES = ("success_rate", "state.success_rate", "control_command_success_rate")
 """Titles that libfranka writes next to its times, which are milliseconds."""
@@ -90,12 +93,20 @@ class Title:
 
 
 def rank_of_state(prefix: str) -> int:
-    """Return the rank of what stands before a word: measured states first.
+    """Return the rank of what stands before a word: measured states first, commands last.
 
     - `prefix`: separated by points.
     """
     last = prefix.rpartition(".")[2]
-    return STATES.index(last) if last in STATES else len(STATES)
+    return STATES.index(last) if last in STATES else len(STATES) + is_command(prefix)
+
+
+def is_command(prefix: str) -> bool:
+    """Return True if a column with these words before its quantity was not measured.
+
+    - `prefix`: separated by points.
+    """
+    return prefix.rpartition(".")[2] in COMMANDS
 
 
 def scale_of(quantity: str, title: Title, source: str) -> tuple[float, str]:

@@ -9,6 +9,7 @@ from types import SimpleNamespace
 from typing import Any
 
 from slidax._errors import DefinitionError, nearest, plain
+from slidax._names import matched
 
 from .message import joint_state
 from .needed import require_reader
@@ -139,7 +140,9 @@ def _no_joint_states(topics: set[str]) -> str:
 
 def _has_joints(source: str, messages: Sequence[bytes], joints: Sequence[str], decode: Any) -> bool:
     """True if one of the first messages, which may be of several publishers, has all the joints."""
-    return any(set(joints) <= set(message["name"]) for message in _decoded(source, messages[:20], decode))
+    return any(
+        len(matched(message["name"], joints)) == len(joints) for message in _decoded(source, messages[:20], decode)
+    )
 
 
 def _decoded(source: str, messages: Sequence[bytes], decode: Any) -> Iterator[dict[str, Any]]:

@@ -67,7 +67,7 @@ def csv_table(
     names = list(columns["positions"])
     chosen = [names[place] for place in columns_of(name, names, joints)]
     _require_all_or_none(columns, chosen, where)
-    _require_units(columns["positions"], chosen, joints, units, where)
+    _require_units(columns, chosen, joints, units, where)
     if time_unit is not None and time.unit and time.factor != TIME_UNITS[time_unit]:
         raise DefinitionError(f"{where}, column `{header[time.place]}`: the times cannot also be in {time_unit}")
     values, rows = numbers_in(name, header, lines, MOST_ROWS)
@@ -202,10 +202,30 @@ def _require_all_or_none(found: dict[str, dict[str, Column]], chosen: list[str],
 
 
 def _require_units(
-    positions: dict[str, Column], chosen: list[str], joints: Sequence[str] | None, units: Sequence[str], where: str
+    columns: dict[str, dict[str, Column]],
+    chosen: list[str],
+    joints: Sequence[str] | None,
+    units: Sequence[str],
+    where: str,
 ) -> None:
-    """No joint that turns is given in m, and none that slides in rad."""
-    for name, joint, unit in zip(chosen, joints or chosen, units, strict=False):
-        if positions[name].unit not in ("", unit):
-            kind = "turns" if unit == "rad" else "slides"
-            raise DefinitionError(f"{where}: the column of `{name}` is in {positions[name].unit}, but `{joint}` {kind}")
+    """Raise a DefinitionError if a joint that turns is in m, one that slides in rad, or a derivative lacks its unit."""
+    for place, name in enumerate(chosen):
+        position = columns["positions"][name]
+        for suffix, kind in KINDS.items():
+            column = columns[kind].get(name)
+            if column is None:
+                continue
+            title = f"{name}.{suffix}" if suffix else name
+            if not column.unit and position.factor != 1.0:
+                raise DefinitionError(
+                    f"{where}: the column `{name}` is in another unit than {position.unit}, and `{title}` has no unit: "
+                    f"write its unit in brackets, such as `{title} [{list(UNITS[kind])[position.unit == 'm']}]`"
+                )
+            if units and column.unit not in ("", units[place]):
+                verb = "turns" if units[place] == "rad" else "slides"
+                joint = joints[place] if joints else name
+                raise DefinitionError(f"{where}: the column of `{title}` is in {column.unit}, but `{joint}` {verb}")
+            if column.unit and position.unit and column.unit != position.unit:
+                raise DefinitionError(
+                    f"{where}: the column of `{title}` is in {column.unit}, but that of `{name}` in {position.unit}"
+                )
