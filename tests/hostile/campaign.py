@@ -31,13 +31,13 @@ SLOWEST = 20.0
 
 
 def failures(reader: Reader, seed: int, count: int) -> Iterator[dict[str, Any]]:
-    """What goes wrong with damaged files."""
+    """Damaged files on which a reader raises another error than a DefinitionError, or is slow."""
     content = reader.content()
     name = zlib.crc32(reader.name.encode())
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / reader.file
         path.parent.mkdir(parents=True, exist_ok=True)
-        reader.beside(path.parent)
+        reader.prepare(path.parent)
         for number in range(count):
             body = damaged(content, np.random.default_rng([seed, name, number]), text=reader.text)
             path.write_bytes(body)

@@ -46,7 +46,7 @@ class Reader:
     - `content`: of a whole file.
     - `read`: given the path.
     - `text`: whether it reads text.
-    - `beside`: writes whatever else it needs into the folder.
+    - `prepare`: writes the other files that it needs into the folder.
     """
 
     name: str
@@ -54,7 +54,7 @@ class Reader:
     content: Callable[[], bytes]
     read: Callable[[Path], Any]
     text: bool = True
-    beside: Callable[[Path], None] = lambda folder: None
+    prepare: Callable[[Path], None] = lambda folder: None
 
 
 def read_mesh(path: Path) -> Any:
@@ -154,11 +154,11 @@ def all_readers() -> Iterator[Reader]:
     yield Reader("zstd mcap log", "a.mcap", lambda: bag_mcap("ZSTD", chunked=True), log_of, text=False)
     yield Reader("lz4 mcap log", "a.mcap", lambda: bag_mcap("LZ4", chunked=True), log_of, text=False)
     yield Reader("bag database", "a.db3", bag_database, log_of, text=False)
-    yield Reader("bag metadata", "bag/metadata.yaml", BAG_METADATA.encode, folder, beside=with_mcap)
-    yield Reader("bag folder", "bag/bag_0.mcap", bag_mcap, folder, text=False, beside=with_metadata)
+    yield Reader("bag metadata", "bag/metadata.yaml", BAG_METADATA.encode, folder, prepare=with_mcap)
+    yield Reader("bag folder", "bag/bag_0.mcap", bag_mcap, folder, text=False, prepare=with_metadata)
     yield Reader("own log", "a.mcap", own_log, replayed, text=False)
     yield Reader("own log to explain", "a.mcap", own_log, lambda path: explained(path / "x"), text=False)
-    yield Reader("saved run", "run/log.parquet", saved_run, explained, text=False, beside=with_scenario)
+    yield Reader("saved run", "run/log.parquet", saved_run, explained, text=False, prepare=with_scenario)
     yield Reader("rows", "study/rows.parquet", lambda: parquet_log("zstd"), rows, text=False)
     yield Reader(
         "identity", "study/study.json", lambda: b'{"scenario": {"a": 1}}', lambda path: read_identity(path.parent)

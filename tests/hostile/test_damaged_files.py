@@ -50,6 +50,6 @@ def test_whole_file_of_each_kind_is_read(tmp_path):
     for number, reader in enumerate(READERS):
         path = tmp_path / str(number) / reader.file
         path.parent.mkdir(parents=True)
-        reader.beside(path.parent)
+        reader.prepare(path.parent)
         path.write_bytes(reader.content())
         assert reader.read(path) is not None, reader.name

@@ -30,7 +30,7 @@ def _limit_of_time():
 def place(tmp_path, reader):
     path = tmp_path / reader.file
     path.parent.mkdir(parents=True, exist_ok=True)
-    reader.beside(path.parent)
+    reader.prepare(path.parent)
     path.unlink(missing_ok=True)
     return path
 

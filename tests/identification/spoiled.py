@@ -125,8 +125,7 @@ def _without(log: Log) -> np.ndarray:
 
 
 def _gap(log: Log, rng: np.random.Generator) -> Log:
-    keep = _without(log)
-    return replace(log, t=log.t[keep], q=log.q[keep], tau=log.tau[keep], dq=None if log.dq is None else log.dq[keep])
+    return log.rows(_without(log))
 
 
 def _lines(log: Log, rng: np.random.Generator) -> Log:
@@ -172,6 +171,11 @@ KINDS = (
     Kind("a gap of 2 s that straight lines fill", _lines, r"straight lines for 2", refused=False),
     Kind("a clock that is set back", _set_back, r"clock was set back", refused=False),
     Kind("torques of nothing", _noise, r"varies by|noise alone|do not fit"),
+    Kind(
+        "positions in revolutions",
+        lambda log, rng: replace(log, q=log.q / 2 / np.pi, dq=None if log.dq is None else log.dq / 2 / np.pi),
+        r"--position-unit rev",
+    ),
 )
 """Kinds that spoil the log; `MOUNTED` spoils the arm's file."""
 

@@ -44,15 +44,13 @@ def damaged(log: Log, rng: np.random.Generator) -> Log:
         log = replace(log, **{name: values})
     keep = np.sort(rng.permutation(len(log.t))[: int(rng.integers(250, len(log.t)))])
     if rng.random() < 0.3:
-        dq = None if log.dq is None else log.dq[keep]
-        log = replace(log, t=log.t[keep], q=log.q[keep], tau=log.tau[keep], dq=dq)
+        log = log.rows(keep)
     return log
 
 
 def require_finite_or_refused(name: str, seeds: range) -> None:
     arm = ARMS[name]()
-    clean = clean_log(arm, 0)
-    clean = replace(clean, t=clean.t[:2000], q=clean.q[:2000], tau=clean.tau[:2000], dq=clean.dq[:2000])
+    clean = clean_log(arm, 0).rows(np.arange(2000))
     for seed in seeds:
         rng = np.random.default_rng(seed)
         log = damaged(clean, rng)
@@ -61,7 +59,7 @@ def require_finite_or_refused(name: str, seeds: range) -> None:
             result = identify(log, arm, **options)
         except DefinitionError:
             continue
-        numbers = [(one.value, one.standard_error) for one in result.parameters]
+        numbers = [(parameter.value, parameter.standard_error) for parameter in result.parameters]
         assert np.isfinite(numbers).all(), seed
         assert np.isfinite([result.fit_rms, result.held_out_rms, result.measured_rms]).all(), seed
 

@@ -122,6 +122,39 @@ def test_columns_in_alphabetical_order_are_taken_by_the_names_of_their_joints(tm
     assert_read(read_log(write(tmp_path / "a.csv", titles, np.column_stack([T, Q[:, order], TAU[:, order]])), ARM))
 
 
+def echoed(path, names):
+    """A table as `rostopic echo -p` writes it, with the joints' names in each line."""
+    n = len(names)
+    titles = ["%time", *(f"field.{word}{k}" for word in ("name", "position", "effort") for k in range(n))]
+    places = [ARM.index(name) for name in names]
+    rows = [
+        ",".join([f"{1e9 * t:.0f}", *names, *(f"{x:.10g}" for x in (*Q[k, places], *TAU[k, places]))])
+        for k, t in enumerate(T)
+    ]
+    path.write_text("\n".join([",".join(titles), *rows]))
+    return path
+
+
+def test_names_in_columns_say_which_joint_the_numbers_are_of(tmp_path):
+    path = echoed(tmp_path / "a.csv", ["wrist", "shoulder", "elbow"])
+    assert_read(read_log(path, ARM))
+    path.write_text(path.read_text()[::-1].replace("wrist"[::-1], "wirst"[::-1], 1)[::-1])
+    with pytest.raises(DefinitionError, match="line 251: the names of the joints differ from those above"):
+        read_log(path, ARM)
+
+
+def test_names_in_a_list_say_which_joint_the_numbers_are_of(tmp_path):
+    """As bagpy writes it."""
+    order = [2, 0, 1]
+    titles = ["Time", "name", *numbered("position", "{word}_{k}", 0), *numbered("effort", "{word}_{k}", 0)]
+    names = str([ARM[k] for k in order])
+    rows = [
+        f'{t:g},"{names}",' + ",".join(f"{x:.10g}" for x in (*Q[k, order], *TAU[k, order])) for k, t in enumerate(T)
+    ]
+    (tmp_path / "a.csv").write_text("\n".join([",".join(titles), *rows]))
+    assert_read(read_log(tmp_path / "a.csv", ARM))
+
+
 def test_column_of_another_joint_is_left_out_and_named(tmp_path):
     titles = ["time", "finger.position", *(f"{name}.position" for name in ARM), *(f"{name}.effort" for name in ARM)]
     path = write(tmp_path / "a.csv", titles, np.column_stack([T, T, Q, TAU]))

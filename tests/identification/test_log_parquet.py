@@ -44,6 +44,18 @@ def test_parquet_types_are_converted_knowingly(tmp_path):
         read_log(tmp_path / "a.parquet", ARM)
 
 
+def test_names_in_a_list_say_which_joint_the_numbers_are_of(tmp_path):
+    names, places = ["wrist", "finger", "shoulder", "elbow"], [2, 0, 0, 1]
+    columns = {"time": T, "position": Q[:, places].tolist(), "effort": TAU[:, places].tolist()}
+    pq.write_table(pa.table({**columns, "name": [names] * K}), tmp_path / "a.parquet")
+    log = read_log(tmp_path / "a.parquet", ARM)
+    assert_read(log)
+    assert log.notes == ("the arm has no joint `finger`: left out",)
+    pq.write_table(pa.table({**columns, "name": [names] * (K - 1) + [names[::-1]]}), tmp_path / "a.parquet")
+    with pytest.raises(DefinitionError, match="names in column `name` differ from row to row"):
+        read_log(tmp_path / "a.parquet", ARM)
+
+
 def test_lists_in_parquet_are_vectors(tmp_path):
     pq.write_table(pa.table({"time": T, "position": Q.tolist(), "effort": TAU.tolist()}), tmp_path / "a.parquet")
     assert_read(read_log(tmp_path / "a.parquet", ARM))

@@ -122,29 +122,34 @@ def test_a_held_joint_that_trembles_is_no_reason_to_refuse(tmp_path):
 
 def test_a_gap_is_told_with_its_place_and_the_friction_stays_right(tmp_path):
     keep = (LOG.t < 5.0) | (LOG.t > 7.0)
-    result = identified(replace(LOG, t=LOG.t[keep], q=LOG.q[keep], tau=LOG.tau[keep]), tmp_path)
+    result = identified(LOG.rows(keep), tmp_path)
     assert result.exit_code == 0
     assert re.search(r"has a gap, the longest of 2.0\d s at 4.99 s", result.output)
     np.testing.assert_allclose(friction(result.output), COULOMB, rtol=0.06)
 
 
+def with_moment(tmp_path, moment):
+    """The arm's file with another moment of inertia of its last link."""
+    path = tmp_path / "other.urdf"
+    path.write_text(FILE.read_text().replace('izz="0.001"', f'izz="{moment}"'))
+    return path
+
+
 @pytest.mark.filterwarnings("ignore:.*changed to the nearest")
 def test_an_inertia_of_no_body_is_refused_with_an_option_of_this_command(tmp_path):
-    bad = tmp_path / "bad.urdf"
-    bad.write_text(FILE.read_text().replace('izz="0.001"', 'izz="0.005"'))
-    refused = identified(LOG, tmp_path, robot=bad)
+    robot = with_moment(tmp_path, 0.005)
+    refused = identified(LOG, tmp_path, robot=robot)
     assert refused.exit_code == 2 and " `--inertias nearest` takes" in refused.output
-    assert identified(LOG, tmp_path, "--inertias", "nearest", robot=bad).exit_code == 0
+    assert identified(LOG, tmp_path, "--inertias", "nearest", robot=robot).exit_code == 0
 
 
 @pytest.mark.filterwarnings("always:.*changed to the nearest")
 def test_a_rounded_inertia_is_read_and_the_warning_has_an_option_of_this_command(tmp_path):
     """By 0.25 %: 0.00402 kg m² are 0.00002 more than the sum of the others."""
-    rounded = tmp_path / "rounded.urdf"
-    rounded.write_text(FILE.read_text().replace('izz="0.001"', 'izz="0.00402"'))
-    result = identified(LOG, tmp_path, robot=rounded)
+    robot = with_moment(tmp_path, 0.00402)
+    result = identified(LOG, tmp_path, robot=robot)
     assert result.exit_code == 0 and "`--inertias strict` refuses" in result.output
-    assert identified(LOG, tmp_path, "--inertias", "strict", robot=rounded).exit_code == 2
+    assert identified(LOG, tmp_path, "--inertias", "strict", robot=robot).exit_code == 2
 
 
 def test_lists_of_a_wrong_length_or_sign_are_one_line(tmp_path):

@@ -16,7 +16,7 @@ EVERY_DAY = {kind.name: kind for kind in KINDS}
 
 
 def judged(kind: Kind, name: str, seed: int) -> tuple[bool, str]:
-    """Whether a spoiled log was refused, and the words about it."""
+    """True if a spoiled log was refused, and the words about it."""
     arm = ARMS[name]()
     log = clean_log(mounted(arm) if kind is MOUNTED else arm, seed)
     try:
@@ -33,7 +33,7 @@ def test_a_spoiled_log_of_a_small_arm_is_named(kind):
 
 
 @pytest.mark.full
-def test_of_66_spoiled_logs_none_passes_in_silence_and_the_cause_is_named():
+def test_of_69_spoiled_logs_none_passes_in_silence_and_the_cause_is_named():
     rows = []
     for name in ARMS:
         for seed, kind in enumerate([*KINDS, MOUNTED]):
@@ -43,7 +43,7 @@ def test_of_66_spoiled_logs_none_passes_in_silence_and_the_cause_is_named():
         print(f"{name:9} {kind.name:44} {'refused' if refused else 'fitted':8} {'named' if named else words}")
     assert [row[:2] for row in rows if row[1].refused and not row[2]] == []
     assert [row[:2] for row in rows if not row[2] and not row[3]] == []
-    assert sum(row[3] for row in rows) >= 60
+    assert sum(row[3] for row in rows) >= 63
 
 
 @pytest.mark.parametrize(
@@ -75,7 +75,7 @@ def test_a_gap_does_not_change_the_friction_by_more_than_its_error():
     arm = ARMS["two_link"]()
     log = clean_log(arm, 3)
     keep = (log.t < 6.0) | (log.t > 8.0)
-    cut = replace(log, t=log.t[keep], q=log.q[keep], tau=log.tau[keep], dq=log.dq[keep])
+    cut = log.rows(keep)
     true = with_drives(arm, np.random.default_rng(3))
     for name in ("coulomb", "viscous", "armature"):
         result = identify(cut, arm)

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from .options import AsJson, Gravity, Inertias, Locked, numbers, positions
+from .options import AsJson, Gravity, Inertias, Locked, Tip, named_arm
 from .session import errors_as_lines, prepare, print_json
 
 
@@ -24,9 +24,7 @@ def excite(
     ] = None,
     payload: Annotated[float, typer.Option(help="Largest payload [kg] that the torque limits must allow.")] = 0.0,
     links: Annotated[bool, typer.Option("--links", help="Show the links' inertial parameters, too.")] = False,
-    tip: Annotated[
-        str | None, typer.Option(help="The link, body or site of the tip, where a file has several ends.")
-    ] = None,
+    tip: Tip = None,
     gravity: Gravity = None,
     inertias: Inertias = None,
     locked: Locked = None,
@@ -42,15 +40,8 @@ def excite(
         from slidax import identification
         from slidax._errors import as_array
         from slidax.robots import Payload
-        from slidax.scenarios import named_robot
 
-        arm, _ = named_robot(
-            robot,
-            tip=tip,
-            inertias=inertias,
-            locked=positions("--locked", locked or []),
-            gravity=None if gravity is None else numbers("--gravity", gravity),
-        )
+        arm, _ = named_arm(robot, tip, inertias, locked, gravity)
         carried = Payload(mass=as_array(payload)) if payload else None
         found = identification.excite(
             arm,

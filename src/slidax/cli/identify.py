@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from .options import AsJson, Gravity, Inertias, Locked, numbers, positions
+from .options import AsJson, Gravity, Inertias, Locked, Tip, named_arm, numbers
 from .session import errors_as_lines, prepare, print_json, say_note, say_warning, say_where
 
 UNITS = "Units, signs and joint order of the log"
@@ -34,7 +34,6 @@ Drop = Annotated[
         help="Leave out a quantity (dq), a column, or a joint by its name or number in the log; repeatable.",
     ),
 ]
-Tip = Annotated[str | None, typer.Option(help="The link, body or site of the tip, where a file has several ends.")]
 
 
 def identify(
@@ -118,15 +117,8 @@ def identify(
     with errors_as_lines():
         prepare()
         from slidax import identification
-        from slidax.scenarios import named_robot
 
-        arm, description = named_robot(
-            robot,
-            tip=tip,
-            inertias=inertias,
-            locked=positions("--locked", locked or []),
-            gravity=None if gravity is None else numbers("--gravity", gravity),
-        )
+        arm, description = named_arm(robot, tip, inertias, locked, gravity)
         conventions = identification.Conventions(
             time_unit=time_unit,
             position_unit=_words(position_unit),

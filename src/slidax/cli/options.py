@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from enum import StrEnum
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -18,6 +18,8 @@ AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object and 
 Engine = StrEnum("Engine", ["auto", "native", "xla", "cuda"])
 """What computes a run."""
 
+Tip = Annotated[str | None, typer.Option(help="The link, body or site of the tip, where a file has several ends.")]
+
 Gravity = Annotated[
     str | None, typer.Option(metavar="X,Y,Z", help="Gravity in the base frame (m/s²), for a mounted arm.")
 ]
@@ -31,6 +33,27 @@ Locked = Annotated[
     list[str] | None,
     typer.Option(metavar="JOINT=POSITION", help="A joint in the file that does not move (rad or m); repeatable."),
 ]
+
+
+def named_arm(
+    robot: str, tip: str | None, inertias: str | None, locked: list[str] | None, gravity: str | None
+) -> tuple[Any, dict[str, Any]]:
+    """Return the arm that a command's options name, and its description.
+
+    - `robot`: a ready arm by its name, or a file.
+    - `tip`, `inertias`, `locked`, `gravity`: the options of these names.
+
+    Raises DefinitionError if there is no such arm, or an option does not fit it.
+    """
+    from slidax.scenarios import named_robot
+
+    return named_robot(
+        robot,
+        tip=tip,
+        inertias=inertias,
+        locked=positions("--locked", locked or []),
+        gravity=None if gravity is None else numbers("--gravity", gravity),
+    )
 
 
 def numbers(option: str, text: str) -> list[float]:

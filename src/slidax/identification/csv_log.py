@@ -4,31 +4,37 @@ from __future__ import annotations
 
 import re
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing
 from datetime import datetime
 from itertools import chain
 from pathlib import Path
+from typing import BinaryIO
 
 import numpy as np
 
 from slidax._errors import DefinitionError, plain
 from slidax._files import MEGABYTE, open_file
-from slidax._tables import form_of, is_number, lines_of, rows_of
+from slidax._tables import Form, form_of, is_number, lines_of, rows_of
 
 from .columns import Columns
 from .log import Log
 from .matching import match_columns
 from .reading import Reading
+from .titles import INDEX, PLURALS, WORDS, Title
 
 MOST_BYTES = 1000 * MEGABYTE
+
+_NAME = re.compile(r"(?:(?P<prefix>.*)\.)?names?(?:[._]?\[?(?P<index>\d{1,6})\]?)?")
+"""The title of a column with the name of a joint, or with a list of names."""
 
 
 def read_csv(path: Path, joints: Sequence[str], reading: Reading) -> Log:
     """Return the log in a CSV file.
 
     Columns are separated by commas, semicolons, tabs or spaces, and decimals by a point, or by a comma where no comma
-    separates columns; which of them is recognised. Only the columns that are needed must be numbers.
+    separates columns; which of them is recognised. Only the columns that are needed must be numbers. Numbered columns
+    belong to the joints that other columns name, such as `name0` next to `position0`.
 
     - `path`: of the file.
     - `joints`: the arm's joints, in its order.
@@ -39,11 +45,57 @@ def read_csv(path: Path, joints: Sequence[str], reading: Reading) -> Log:
     name = f"`{path.name}`"
     with open_file(path, most=MOST_BYTES) as file:
         form = form_of(lines_of(file, name), name, "time,q_1,tau_1")
-        columns = match_columns(form.titles, joints, name, reading)
-        places = [form.titles.index(title) for title in columns.titles]
+        joints_in = _joints_in(form, file, name)
+        titles = [_renamed(title, joints_in) for title in form.titles] if joints_in else form.titles
+        columns = match_columns(titles, joints, name, reading)
+        places = [titles.index(title) for title in columns.titles]
         with closing(lines_of(file, name)) as lines:
             values, notes = _numbers(rows_of(lines, form, places, name), columns, name)
     return columns.log(name, joints, dict(zip(columns.titles, values.T, strict=True)), notes)
+
+
+def _joints_in(form: Form, file: BinaryIO, name: str) -> dict[tuple[str, int], str]:
+    """The joints' names in columns of texts, by what stands before in the title and by their number.
+
+    `rostopic echo -p` writes columns `field.name0`, `field.name1`; bagpy writes a list into a column `name`.
+    """
+    parts = {place: _NAME.fullmatch(Title.of(text).bare.lower()) for place, text in enumerate(form.titles)}
+    titles = {place: part for place, part in parts.items() if part is not None}
+    joints: dict[tuple[str, int], str] = {}
+    if not titles:
+        return joints
+    with closing(lines_of(file, name)) as lines:
+        for number, cells in rows_of(lines, form, list(titles), name):
+            own: dict[tuple[str, int], str] = {}
+            for part, cell in zip(titles.values(), cells, strict=True):
+                prefix = part["prefix"] or ""
+                if part["index"]:
+                    own[prefix, int(part["index"])] = cell
+                elif cell.startswith("["):
+                    words = cell.strip("[]").split(",")
+                    own |= {(prefix, index): word.strip(" '\"") for index, word in enumerate(words)}
+            joints = joints or own
+            if own != joints:
+                raise DefinitionError(
+                    f"{name}, line {number}: the names of the joints differ from those above: write a column for each "
+                    "joint, such as `elbow.position`"
+                )
+            if not own:
+                break
+    return joints
+
+
+def _renamed(text: str, joints: Mapping[tuple[str, int], str]) -> str:
+    """A title with the joint's name in place of its number."""
+    title = Title.of(text)
+    parts = INDEX.fullmatch(title.bare)
+    if parts is None:
+        return text
+    prefix, _, word = parts["stem"].rpartition(".")
+    joint = joints.get((prefix.lower(), int(parts["a"] or parts["b"] or parts["c"])))
+    if joint is None or not any(word.lower() in words for words in (*WORDS.values(), PLURALS)):
+        return text
+    return f"{parts['stem']}.{joint}" + (f" [{title.unit}]" if title.unit else "")
 
 
 def _numbers(rows: Iterator[tuple[int, list[str]]], columns: Columns, name: str) -> tuple[np.ndarray, list[str]]:

@@ -128,7 +128,7 @@ def identify(
         parameters=estimates_of(robot, unknowns, found, theta),
         log=log,
         cut_off=signals.cut_off,
-        condition=float(found.gain[0] / max(found.gain[-1], found.gain[0] * np.finfo(float).eps)),
+        condition=float(found.gain[0] / max(found.gain[-1], found.gain[0] * np.finfo(float).eps, 1e-300)),
         unseen_directions=int(np.sum(found.gain < 1.0)),
         lag=found.lag,
         lag_error=found.lag_error,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -60,6 +60,14 @@ class Log:
                 f"the time of sample {row + 1} of {self.source} is not finite: it is {self.t[row]:g}; "
                 "leave out this sample"
             )
+
+    def rows(self, rows: np.ndarray) -> Log:
+        """Return the log with some of its samples.
+
+        - `rows`: their numbers in the new order, or True for each that is kept.
+        """
+        dq = None if self.dq is None else self.dq[rows]
+        return replace(self, t=self.t[rows], q=self.q[rows], tau=self.tau[rows], dq=dq)
 
     @property
     def period(self) -> float:

@@ -191,9 +191,9 @@ class _Matching:
         """The columns of one quantity by the place of their word in `words`, and by what stands before it."""
         rank = {word: place for place, word in reversed(list(enumerate(words)))}
         for many, single in PLURALS.items():
-            for word, place in list(rank.items()):
-                if word == single or word.endswith(f".{single}"):
-                    rank.setdefault(word.removesuffix(single) + many, place)
+            for text, place in list(rank.items()):
+                if text == single or text.endswith(f".{single}"):
+                    rank.setdefault(text.removesuffix(single) + many, place)
         groups: dict[tuple[int, str], _Group] = {}
         for title in self.left:
             for prefix, suffix in title.suffixes():

@@ -32,8 +32,8 @@ def position_signs(robot: Articulated, sample: Sample, conventions: Conventions)
     """
     n = robot.joints
     same = np.arange(n)
-    one, zero = np.ones(n), np.zeros(n)
-    for start in (one, -one):
+    ones, zero = np.ones(n), np.zeros(n)
+    for start in (ones, -ones):
         sign, match = improved(start, lambda sign: matched(robot, sample.with_positions(same, sign, zero)), flips)
         if (sign < 0).any():
             yield Repair(
@@ -52,15 +52,15 @@ def joint_orders(robot: Articulated, sample: Sample, conventions: Conventions) -
     - `conventions`: that were applied already.
     """
     n = robot.joints
-    one, zero = np.ones(n), np.zeros(n)
+    ones, zero = np.ones(n), np.zeros(n)
 
     def match_both(order: np.ndarray) -> Match:
-        return matched(robot, sample.with_positions(order, one, zero).with_torques(order, one))
+        return matched(robot, sample.with_positions(order, ones, zero).with_torques(order, ones))
 
     def match_positions(order: np.ndarray) -> Match:
-        return matched(robot, sample.with_positions(order, one, zero))
+        return matched(robot, sample.with_positions(order, ones, zero))
 
-    for match_of, option, given, what in (
+    for match_of, option, earlier, columns in (
         (match_both, "--joint-order", conventions.joint_order, "positions and torques"),
         (match_positions, "--position-order", conventions.position_order, "positions"),
     ):
@@ -75,29 +75,44 @@ def joint_orders(robot: Articulated, sample: Sample, conventions: Conventions) -
         if (order != np.arange(n)).any():
             moved = order != np.arange(n)
             yield Repair(
-                f"the {what} of {named(robot, moved)} interchanged",
-                f"{option} {order_option(robot, order, given)}",
+                f"the {columns} of {named(robot, moved)} interchanged",
+                f"{option} {order_option(robot, order, earlier)}",
                 int(moved.sum()),
                 match,
             )
 
 
-def position_units(robot: Articulated, sample: Sample, conventions: Conventions) -> Iterator[Repair]:
-    """Positions in degrees, or with another zero.
+def position_units(robot: Articulated, sample: Sample) -> Iterator[Repair]:
+    """Positions in degrees or revolutions.
+
+    - `robot`: the arm.
+    - `sample`: of the log.
+    """
+    turning = np.array([unit == "rad" for unit in robot.joint_units])
+    largest = np.abs(sample.motion.q[:, turning]).max(initial=0.0)
+    for size, name, unit, is_possible in (
+        (DEGREE, "degrees", "deg", largest > 0.5),
+        (2.0 * np.pi, "revolutions", "rev", 0.0 < largest < 1.0),
+    ):
+        if is_possible:
+            factor = np.where(turning, size, 1.0)
+            match = matched(robot, sample.with_positions(np.arange(robot.joints), factor, np.zeros(robot.joints)))
+            yield Repair(f"positions in {name}", f"--position-unit {unit}", 1, match)
+
+
+def position_zeros(robot: Articulated, sample: Sample, conventions: Conventions) -> Iterator[Repair]:
+    """Positions with another zero.
 
     - `robot`: the arm.
     - `sample`: of the log.
     - `conventions`: that were applied already.
     """
     n = robot.joints
-    same, one, zero = np.arange(n), np.ones(n), np.zeros(n)
+    same, ones, zero = np.arange(n), np.ones(n), np.zeros(n)
     turning = np.array([unit == "rad" for unit in robot.joint_units])
-    if turning.any() and np.abs(sample.motion.q[:, turning]).max() > 0.5:
-        degrees = sample.with_positions(same, np.where(turning, DEGREE, 1.0), zero)
-        yield Repair("positions in degrees", "--position-unit deg", 1, matched(robot, degrees))
 
     def match_of(offset: np.ndarray) -> Match:
-        return matched(robot, sample.with_positions(same, one, offset))
+        return matched(robot, sample.with_positions(same, ones, offset))
 
     def others(offset: np.ndarray) -> Iterator[np.ndarray]:
         for joint in np.nonzero(turning)[0]:

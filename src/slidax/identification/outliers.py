@@ -58,6 +58,4 @@ def without_outliers(log: Log, robot: Articulated) -> tuple[Log, list[str]]:
     warnings.append(
         f"{count} samples of {log.source} are far from their neighbours, first sample {first + 1}: they are left out"
     )
-    keep = ~wrong
-    dq = None if log.dq is None else log.dq[keep]
-    return replace(log, t=log.t[keep], q=q[keep], tau=log.tau[keep], dq=dq), warnings
+    return replace(log, q=q).rows(~wrong), warnings

@@ -12,18 +12,18 @@ from slidax._errors import DefinitionError, plain
 from slidax.simulation import parquet
 
 from .columns import Columns
+from .conventions import TIME_UNITS
 from .log import Log
 from .matching import match_columns
 from .reading import Reading
-
-SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 
 
 def read_parquet(path: Path, joints: Sequence[str], reading: Reading) -> Log:
     """Return the log in a Parquet file, as `slidax run --out` or another tool has written it.
 
     Timestamps are converted by the unit of their type, and decimals and dictionaries of numbers to numbers. A list of
-    numbers is a column for each of them, such as `position[0]`.
+    numbers is a column for each of them, such as `position[0]`, or `position.elbow` where a column `name` has a list of
+    the joints' names, as messages have.
 
     - `path`: of the file.
     - `joints`: the arm's joints, in its order.
@@ -32,6 +32,7 @@ def read_parquet(path: Path, joints: Sequence[str], reading: Reading) -> Log:
     Raises DefinitionError, with the column, if one has another type or misses a value.
     """
     name = f"`{path.name}`"
+    order = _joint_names(path, name)
     columns: list[Columns] = []
     lists: dict[str, tuple[str, int]] = {}
 
@@ -39,7 +40,8 @@ def read_parquet(path: Path, joints: Sequence[str], reading: Reading) -> Log:
         titles: list[str] = []
         for title in schema.names:
             if title in sizes:
-                parts = [f"{title}[{place}]" for place in range(sizes[title])]
+                named = len(order) == sizes[title]
+                parts = [f"{title}.{order[k]}" if named else f"{title}[{k}]" for k in range(sizes[title])]
                 lists.update({part: (title, place) for place, part in enumerate(parts)})
                 titles += parts
             else:
@@ -64,6 +66,27 @@ def read_parquet(path: Path, joints: Sequence[str], reading: Reading) -> Log:
     return chosen.log(name, joints, values, notes)
 
 
+def _joint_names(path: Path, source: str) -> tuple[str, ...]:
+    """The names in the lists of a column `name`; none if there is no such column."""
+    import pyarrow as pa
+
+    def choose(schema: Any, sizes: dict[str, int]) -> list[str]:
+        lists = [field for field in schema if field.name in sizes and field.name.lower() in ("name", "joint_names")]
+        texts = [field.name for field in lists if not pa.types.is_primitive(field.type.value_type)]
+        return texts[:1]
+
+    table = parquet.read_table(path, choose)
+    if not table.num_columns:
+        return ()
+    orders = {tuple(map(str, row or ())) for chunk in table.column(0).chunks for row in chunk.to_pylist()}
+    if len(orders) > 1:
+        raise DefinitionError(
+            f"{source}: the names in column `{plain(table.column_names[0])}` differ from row to row: write a column "
+            "for each joint, such as `elbow.position`"
+        )
+    return next(iter(orders), ())
+
+
 def _numbers(column: Any, title: str, name: str, *, is_time: bool) -> tuple[np.ndarray, str]:
     """A column as numbers, times as seconds from the first; and what was converted."""
     import pyarrow as pa
@@ -83,7 +106,7 @@ def _numbers(column: Any, title: str, name: str, *, is_time: bool) -> tuple[np.n
         if not is_time:
             raise DefinitionError(f"{where} has times ({kind}), where numbers are needed")
         ticks = column.cast(pa.int64()).to_numpy()
-        seconds = (ticks - ticks[:1]) * SECONDS[kind.unit]
+        seconds = (ticks - ticks[:1]) * TIME_UNITS[kind.unit]
         return seconds, f"the times in `{plain(title)}` are {kind}: they are counted from the first one"
     if pa.types.is_integer(kind) or pa.types.is_floating(kind):
         numbers = column.to_numpy()

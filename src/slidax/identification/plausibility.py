@@ -63,11 +63,10 @@ def _judge_prediction(
     size = np.std(result.measured[inner], axis=0) + 1e-12
     errors = np.maximum(result.fit_rms, result.held_out_rms)
     share = errors / size
-    f, power = signals.spectrum(signals.tau, 4.0)
-    above = (f > 3.0 * signals.cut_off) & (f < 0.45 * signals.rate)
-    noise = np.sqrt(np.median(power[above], axis=0) * signals.cut_off) if above.sum() > 3 else 0.0 * size
     limit = np.asarray(robot.limits.torque)
-    silent = (noise > NOISE_ALONE * size) | (np.isfinite(limit) & (size < SMALL * limit)) | (size < 1e-9)
+    silent = (
+        (signals.torque_noise() > NOISE_ALONE * size) | (np.isfinite(limit) & (size < SMALL * limit)) | (size < 1e-9)
+    )
     for joint, name in enumerate(robot.joint_names):
         if ignored[joint] or share[joint] <= POOR:
             continue

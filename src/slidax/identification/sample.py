@@ -103,9 +103,6 @@ def sample_of(signals: Signals, counts: np.ndarray) -> Sample:
     rows = np.unique(rows[np.linspace(0, len(rows) - 1, ROWS).astype(int)])
     tau = signals.filtered(signals.tau)
     size = np.std(tau[signals.inner], axis=0) + 1e-12
-    f, power = signals.spectrum(signals.tau, 4.0)
-    above = (f > 3.0 * signals.cut_off) & (f < 0.45 * signals.rate)
-    density = np.median(power[above], axis=0) if above.sum() > 3 else np.zeros(tau.shape[1])
     return Sample(
         t=signals.t[rows],
         motion=Motion(*(signals.filtered(values)[rows] for values in signals.motion)),
@@ -113,5 +110,5 @@ def sample_of(signals: Signals, counts: np.ndarray) -> Sample:
         tau=tau[rows],
         counts=np.where(counts[rows].mean(axis=0) > FEW_COUNT, counts[rows], True),
         size=size,
-        noise=np.sqrt(density * signals.cut_off),
+        noise=signals.torque_noise(),
     )

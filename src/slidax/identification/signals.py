@@ -85,6 +85,14 @@ class Signals:
         """
         return _spectrum(values, self.rate, self.pieces, seconds)
 
+    def torque_noise(self) -> np.ndarray:
+        """Standard deviation of the torques' noise in the band of the equations, from the spectrum above it [n]."""
+        f, power = self.spectrum(self.tau, 4.0)
+        above = (f > 3.0 * self.cut_off) & (f < 0.45 * self.rate)
+        density = np.median(power[above], axis=0) if above.sum() > 3 else np.zeros(self.tau.shape[1])
+        noise: np.ndarray = np.sqrt(density * self.cut_off)
+        return noise
+
     def part(self, rows: slice) -> Signals:
         """The signals of some rows.
 

@@ -73,7 +73,7 @@ def timed(log: Log, robot: Articulated) -> Timed:
         )
         place = np.cumsum(keep) - keep
         breaks = np.unique(np.concatenate([place[breaks], place[cuts]]))
-        log = _rows(log, keep)
+        log = log.rows(keep)
     steps = np.diff(log.t)
     gaps = np.nonzero(steps > max(GAP_PERIODS * log.period, GAP_SECONDS))[0] + 1
     new = np.setdiff1d(gaps, breaks)
@@ -176,7 +176,7 @@ def _in_order(log: Log, backward: np.ndarray) -> tuple[Log, np.ndarray, str]:
         f"sample {first + 1} of {log.source} is at {log.t[first]:.6g} s, the sample before at {log.t[first - 1]:.6g} s"
     )
     if path(log.q[order]) <= 1.02 * path(log.q):
-        return _rows(log, order), np.zeros(0, int), f"{where}: the samples are sorted by their times"
+        return log.rows(order), np.zeros(0, int), f"{where}: the samples are sorted by their times"
     # Each part goes on after the one before, so that the times increase.
     t = log.t.copy()
     for start in backward:
@@ -234,10 +234,6 @@ def _frozen(log: Log, breaks: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
             keep[start + 1 : after] = False
             cuts.append(after)
     return keep, np.array(cuts, int)
-
-
-def _rows(log: Log, rows: np.ndarray) -> Log:
-    return replace(log, t=log.t[rows], q=log.q[rows], tau=log.tau[rows], dq=None if log.dq is None else log.dq[rows])
 
 
 def _gaps(count: int) -> str:

@@ -14,7 +14,7 @@ from slidax.robots import Articulated
 from .conventions import Conventions
 from .log import Log
 from .motion_checks import TRAVEL
-from .motion_repairs import joint_orders, mountings, position_signs, position_units
+from .motion_repairs import joint_orders, mountings, position_signs, position_units, position_zeros
 from .repair import Repair, named
 from .sample import Sample, sample_of
 from .signals import Signals
@@ -140,10 +140,10 @@ def _repairs(
         lambda: itertools.chain(
             torque_signs(robot, rigid, sample, conventions), position_signs(robot, sample, conventions)
         ),
-        lambda: torque_scales(robot, rigid, sample, conventions),
+        lambda: itertools.chain(torque_scales(robot, rigid, sample, conventions), position_units(robot, sample)),
         lambda: torque_orders(robot, rigid, sample, conventions),
         # For an arm in a plane, another zero of its first joint is another direction of gravity: both are named.
-        lambda: itertools.chain(position_units(robot, sample, conventions), mountings(robot, sample)),
+        lambda: itertools.chain(position_zeros(robot, sample, conventions), mountings(robot, sample)),
         lambda: torque_delays(signals, rigid, sample, conventions),
         lambda: joint_orders(robot, sample, conventions),
     )

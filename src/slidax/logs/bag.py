@@ -11,8 +11,9 @@ from typing import Any
 from slidax._errors import DefinitionError, plain
 from slidax._files import MEGABYTE, open_file, read_text, require_file
 
-from .joint_states import TYPES, JointStates, choose_topic, decoder, states_in_mcap
+from .joint_states import TYPES, JointStates, choose_topic, decoder
 from .needed import require_rosbags
+from .records import read_contents
 
 METADATA = "metadata.yaml"
 ENDINGS = (".mcap", ".db3")
@@ -44,8 +45,10 @@ def read_bag(path: Path, topic: str | None = None, joints: Sequence[str] = ()) -
         for listed in _files(path, notes):
             file = _unpacked(listed, folder) if listed.suffix == ".zstd" else listed
             if file.suffix == ".mcap":
-                part, names, whole = states_in_mcap(file)
-                notes += [] if whole else [f"`{file.name}` has no end or is damaged: it is read as far as it is whole"]
+                contents = read_contents(file, TYPES)
+                part, names = contents.bodies, contents.topics
+                if not contents.whole:
+                    notes.append(f"`{file.name}` has no end or is damaged: it is read as far as it is whole")
             else:
                 part, names = _states_in_database(file)
             topics |= names
@@ -75,8 +78,8 @@ def _files(path: Path, notes: list[str]) -> list[Path]:
 
 
 def _number(file: Path) -> int:
-    found = re.findall(r"\d{1,9}", Path(file.name.removesuffix(".zstd")).stem)
-    return int(found[-1]) if found else 0
+    numbers = re.findall(r"\d{1,9}", Path(file.name.removesuffix(".zstd")).stem)
+    return int(numbers[-1]) if numbers else 0
 
 
 def _listed(path: Path) -> list[Path] | None:

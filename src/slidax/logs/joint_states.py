@@ -13,7 +13,7 @@ from slidax._names import matched
 
 from .message import joint_state
 from .needed import require_reader
-from .records import Message, read_records
+from .records import read_contents
 
 TYPES = ("sensor_msgs/msg/JointState", "sensor_msgs/JointState")
 TOPIC = "/joint_states"
@@ -49,37 +49,9 @@ def read_joint_states(path: Path, topic: str | None = None, joints: Sequence[str
     """
     require_reader()
     decode = decoder()
-    bodies, topics, whole = states_in_mcap(path)
-    notes = () if whole else ("the file has no end or is damaged: it is read as far as it is whole",)
-    return choose_topic(f"`{path.name}`", bodies, topics, topic, joints, decode, notes)
-
-
-def states_in_mcap(path: Path) -> tuple[dict[str, list[bytes]], set[str], bool]:
-    """Return the joint states as they were sent, by topic; all topics; and whether the file has an end.
-
-    - `path`: of the MCAP file.
-
-    Raises DefinitionError as `read_records` does.
-    """
-    topics: set[str] = set()
-    kinds: dict[int, str] = {}
-    channels: dict[int, str] = {}
-    bodies: dict[str, list[bytes]] = {}
-    whole = False
-    for record in read_records(path):
-        kind = type(record).__name__
-        if isinstance(record, Message):
-            if record.channel_id in channels:
-                bodies.setdefault(channels[record.channel_id], []).append(record.data)
-        elif kind == "Schema":
-            kinds[record.id] = record.name
-        elif kind == "Channel":
-            topics.add(record.topic)
-            if kinds.get(record.schema_id) in TYPES and record.message_encoding == "cdr":
-                channels[record.id] = record.topic
-        elif kind == "DataEnd":
-            whole = True
-    return bodies, topics, whole
+    contents = read_contents(path, TYPES)
+    notes = () if contents.whole else ("the file has no end or is damaged: it is read as far as it is whole",)
+    return choose_topic(f"`{path.name}`", contents.bodies, contents.topics, topic, joints, decode, notes)
 
 
 def choose_topic(

@@ -11,8 +11,7 @@ from slidax._errors import DefinitionError
 
 from .channels import Channels
 from .message import Message
-from .records import Message as Recorded
-from .records import read_records
+from .records import read_contents
 from .writer import METADATA, SCENARIO
 
 
@@ -63,32 +62,23 @@ def read_mcap(path: Path) -> SavedLog:
 
     Raises DefinitionError if it cannot be read, is damaged or is none of ours, or mcap is not installed.
     """
-    messages: dict[str, list[bytes]] = {}
+    contents = read_contents(path)
     metadata: dict[str, str] | None = None
     attachments: dict[str, bytes] = {}
-    topics: dict[int, str] = {}
-    whole = False
-    for record in read_records(path):
+    for record in contents.others:
         kind = type(record).__name__
-        if isinstance(record, Recorded):
-            if record.channel_id in topics:
-                messages.setdefault(topics[record.channel_id], []).append(record.data)
-        elif kind == "Channel":
-            topics[record.id] = record.topic
-        elif kind == "Metadata" and record.name == METADATA:
+        if kind == "Metadata" and record.name == METADATA:
             metadata = record.metadata
         elif kind == "Attachment":
             attachments[record.name] = record.data
-        elif kind == "DataEnd":
-            whole = True
     if metadata is None or "channels" not in metadata:
         raise DefinitionError(f"`{path}` is no log of slidax: `slidax run SCENARIO --out log.mcap` writes one")
     try:
         channels = Channels.of_text(metadata["channels"])
-        sides = [_columns(messages, side) for side in (channels.law(), channels.arm())]
+        sides = [_columns(contents.bodies, side) for side in (channels.law(), channels.arm())]
     except ValueError as error:
         raise DefinitionError(f"`{path}` is damaged: {error}; record or run it again") from None
-    return SavedLog(path, channels, metadata, attachments, sides[0], sides[1], whole)
+    return SavedLog(path, channels, metadata, attachments, sides[0], sides[1], contents.whole)
 
 
 def _columns(messages: dict[str, list[bytes]], kinds: list[Message]) -> dict[str, np.ndarray]:

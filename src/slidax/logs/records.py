@@ -5,8 +5,8 @@ from __future__ import annotations
 import io
 import struct
 import zlib
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -28,17 +28,25 @@ packed to a tenth at best, zeros to a thousandth."""
 _SCHEMA, _CHANNEL, _MESSAGE, _PRIVATE = 3, 4, 5, 0x80
 
 
-@dataclass(frozen=True, slots=True)
-class Message:
-    """A message.
+@dataclass
+class Contents:
+    """The records of a file, up to its end or up to where it breaks off or is damaged.
 
-    - `channel_id`: number of its channel.
-    - `log_time`: when it was logged [ns].
-    - `data`: as it was sent.
+    - `bodies`: messages as they were sent, by topic.
+    - `topics`: all of them.
+    - `others`: metadata and attachments, by the package `mcap`.
+    - `whole`: True if the file has an end.
     """
 
+    bodies: dict[str, list[bytes]] = field(default_factory=dict)
+    topics: set[str] = field(default_factory=set)
+    others: list[Any] = field(default_factory=list)
+    whole: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class _Message:
     channel_id: int
-    log_time: int
     data: bytes
 
 
@@ -46,15 +54,37 @@ class _DamagedError(Exception):
     """A record is not what it must be."""
 
 
-def read_records(path: Path) -> Iterator[Any]:
-    """Yield all records up to the end, or up to where the file breaks off or is damaged.
-
-    Records of other kinds than messages are those of the package `mcap`. A whole file has a `DataEnd`.
+def read_contents(path: Path, types: Sequence[str] = ()) -> Contents:
+    """Return the records of an MCAP file.
 
     - `path`: of the file.
+    - `types`: of the only messages that are kept, in CDR; all messages and other records are kept if not given.
 
     Raises DefinitionError if the file cannot be read, is no MCAP file, or unpacks to too much, or mcap is missing.
     """
+    contents = Contents()
+    schemas: dict[int, str] = {}
+    channels: dict[int, str] = {}
+    for record in _records(path):
+        kind = type(record).__name__
+        if isinstance(record, _Message):
+            if record.channel_id in channels:
+                contents.bodies.setdefault(channels[record.channel_id], []).append(record.data)
+        elif kind == "Schema":
+            schemas[record.id] = record.name
+        elif kind == "Channel":
+            contents.topics.add(record.topic)
+            if not types or (schemas.get(record.schema_id) in types and record.message_encoding == "cdr"):
+                channels[record.id] = record.topic
+        elif kind == "DataEnd":
+            contents.whole = True
+        elif not types:
+            contents.others.append(record)
+    return contents
+
+
+def _records(path: Path) -> Iterator[Any]:
+    """All records up to the end, or up to where the file breaks off: messages, and the others as `mcap` has them."""
     require_reader()
     from mcap.stream_reader import StreamReader
 
@@ -76,7 +106,7 @@ def read_records(path: Path) -> Iterator[Any]:
                         )
                     yield from _of_chunk(record)
                 elif kind == "Message":
-                    yield Message(record.channel_id, record.log_time, record.data)
+                    yield _Message(record.channel_id, record.data)
                 else:
                     yield record
         except DefinitionError:
@@ -102,10 +132,9 @@ def _of_chunk(chunk: Any) -> Iterator[Any]:
         if length > end - at:
             raise _DamagedError("a record is longer than its chunk")
         if kind == _MESSAGE:
-            channel, _, log_time = struct.unpack_from("<HIQ", content, at)
             if length < 22:
                 raise _DamagedError("a message is too short")
-            yield Message(channel, log_time, content[at + 22 : at + length])
+            yield _Message(struct.unpack_from("<H", content, at)[0], content[at + 22 : at + length])
         elif kind in (_SCHEMA, _CHANNEL):
             reader = Schema if kind == _SCHEMA else Channel
             yield reader.read(ReadDataStream(io.BytesIO(content[at : at + length])))
