@@ -9,6 +9,7 @@ import slidax
 from slidax._errors import DefinitionError
 from slidax.certificates import Verdict, certify, statistical
 from slidax.certificates import certify as certify_module
+from slidax.certificates.certificate import certificate
 from slidax.scenarios import Scenario, load
 
 SHORT = {"simulation.t1": 0.05}
@@ -19,12 +20,15 @@ def test_one_certificate_that_refuses_takes_no_other_with_it(monkeypatch: pytest
 
     module = importlib.import_module("slidax.certificates.certify")
 
+    @certificate("refuses", "", covers=())
     def refuses(_: Scenario) -> Verdict:
         raise DefinitionError("there is no such thing")
 
+    @certificate("broken", "", covers=())
     def broken(_: Scenario) -> Verdict:
         raise ZeroDivisionError
 
+    @certificate("fine", "", covers=())
     def fine(_: Scenario) -> Verdict:
         return Verdict("fine", "fine", True, 0.5, {"x": 1.0}, (), "It holds.")
 

@@ -48,7 +48,7 @@ def test_a_path_that_a_certificate_does_not_cover_makes_it_not_applicable_by_nam
 def test_each_certificate_covers_a_set_or_names_what_it_does_not_cover() -> None:
     paths = {path: one for path, _, one in PATHS}
     found = slidax.certify(load(NAME, {"uncertainty": paths, "simulation.t1": 3.0}), runs=0)
-    assert {one.name for one in found} == {one.__name__ for one in CERTIFICATES}
+    assert {one.name for one in found} == {one.name for one in CERTIFICATES}
     for verdict in found:
         assert verdict.holds is None, verdict.name
 

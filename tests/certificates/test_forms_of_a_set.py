@@ -33,7 +33,7 @@ NOTHING: dict[str, Any] = {
 SLOW = ("loop_rate", "torque_budget")
 """Certificates that simulate, or need seconds."""
 
-QUICK = [one for one in CERTIFICATES if one.__name__ not in SLOW]
+QUICK = [one for one in CERTIFICATES if one.name not in SLOW]
 
 once = settings(max_examples=1, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck), database=None)
 some = settings(max_examples=4, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck), database=None)
@@ -81,7 +81,7 @@ def permuted(draw: st.DrawFn, sets: dict[str, Any]) -> dict[str, Any]:
 def test_order_and_padding_change_no_bit_of_a_quick_certificate(sets: dict[str, Any]) -> None:
     plain, other = written(SET), written(dict(reversed(sets.items())))
     for certificate in QUICK:
-        assert certificate(plain).as_json() == certificate(other).as_json(), certificate.__name__
+        assert certificate(plain).as_json() == certificate(other).as_json(), certificate.name
 
 
 @once
@@ -89,7 +89,7 @@ def test_order_and_padding_change_no_bit_of_a_quick_certificate(sets: dict[str, 
 def test_equal_terms_add_up_in_a_quick_certificate(terms: int) -> None:
     plain, other = written(SET), written(SET, terms)
     for certificate in QUICK:
-        assert near(numbers(certificate(plain)), numbers(certificate(other)), 1e-6), certificate.__name__
+        assert near(numbers(certificate(plain)), numbers(certificate(other)), 1e-6), certificate.name
 
 
 @pytest.mark.full
@@ -102,7 +102,7 @@ def test_order_and_padding_change_no_bit_of_any_certificate(sets: dict[str, Any]
     heavy = {path: one for path, one in SET.items() if path.startswith("robot.plant.masses")}
     plain, other = (written(one, name=PRINTED) for one in (heavy, {**NOTHING_PRINTED, **heavy}))
     for certificate in CERTIFICATES:
-        assert certificate(plain).as_json() == certificate(other).as_json(), certificate.__name__
+        assert certificate(plain).as_json() == certificate(other).as_json(), certificate.name
 
 
 NOTHING_PRINTED = {"start.q": {"around": 0.0, "each": "joint"}, "disturbance.scale": {"around": 0.0}}
@@ -119,8 +119,8 @@ def test_equal_terms_and_terms_of_nothing_change_no_certificate(terms: int, lear
     padded = written({**silent, **SET}, **more, **{"disturbance.terms": [TERM, *nothing]})
     for certificate in CERTIFICATES:
         asked = numbers(certificate(plain))
-        assert near(asked, numbers(certificate(other)), 1e-4), certificate.__name__
-        assert near(asked, numbers(certificate(padded)), 1e-4), certificate.__name__
+        assert near(asked, numbers(certificate(other)), 1e-4), certificate.name
+        assert near(asked, numbers(certificate(padded)), 1e-4), certificate.name
 
 
 @pytest.mark.full
@@ -135,7 +135,7 @@ def test_a_larger_set_has_no_smaller_bounds(learns: bool) -> None:
             "disturbance.terms.0.amplitude": {"around": 0.4 * part, "each": "joint"},
         }
         scenario = written(sets, **more)
-        verdicts = {one.__name__: one(scenario).bound for one in CERTIFICATES}
+        verdicts = {one.name: one(scenario).bound for one in CERTIFICATES}
         sizes.append(
             {
                 "start": verdicts["admissibility"]["start_error"],

@@ -1,10 +1,10 @@
 """What is promised of a scenario before it runs: each certificate is a Verdict with its bound and its assumptions."""
 
 from .admissibility import admissibility as admissibility
+from .certificate import Certificate as Certificate
 from .certify import CERTIFICATES as CERTIFICATES
 from .certify import Certificates as Certificates
 from .certify import certify as certify
-from .reads import reads_any as reads_any
 from .statistical import statistical as statistical
 from .verdict import Assumption as Assumption
 from .verdict import Status as Status

@@ -14,22 +14,22 @@ from slidax.diagnosis import Remedy
 from slidax.robots import Articulated, Coupled
 from slidax.scenarios import Scenario
 
+from .certificate import ARM, certificate
 from .corners import members_of
-from .covers import ARM, covers
 from .each import Each
 from .envelope import draws_envelope
 from .extent import Extent, starts_of
 from .law_of import law_of
 from .members import Motion
 from .numbers import listed
-from .reads import reads
 from .verdict import Assumption, Status, Verdict
 
 NAME, TITLE = "admissibility", "parameters, starts and motion are admissible"
 
+READS = ("scheme", "trajectory", "start", "robot.nominal", "simulation")
 
-@covers(NAME, TITLE, *ARM, "sensor", "actuator")
-@reads("scheme", "trajectory", "start", "robot.nominal", "simulation")
+
+@certificate(NAME, TITLE, covers=(*ARM, "sensor", "actuator"), reads=READS)
 def admissibility(scenario: Scenario) -> Verdict:
     """The ranges of (20) and (29)-(47), `bρ(0) < e(0) < b̄ρ(0)` for each start, and the motion within the limits.
 

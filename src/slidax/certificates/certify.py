@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache, wraps
 from typing import Any
 
@@ -13,8 +13,8 @@ from slidax.scenarios import Scenario
 
 from .admissibility import admissibility
 from .arm import demand, robust_torque, torque_budget, uncertainty_bound
+from .certificate import Certificate
 from .continuous import printed_period, settling_time, ultimate_bound
-from .covers import covers
 from .demand import Demand
 from .loop import inertia_ratio, loop_rate
 from .members import family_of
@@ -27,23 +27,22 @@ def _demand(scenario: Scenario) -> Demand:
     return demand(scenario)
 
 
-def _asking(certificate: Callable[..., Verdict]) -> Callable[[Scenario], Verdict]:
-    """A certificate of what a set of arms asks of the loops, which is found once for all of these."""
+def _with_demand(certificate: Certificate[...]) -> Certificate[...]:
+    """The certificate with the scenario's demand, which is computed once for all certificates that need it."""
 
-    @covers(*certificate.heading, *certificate.covers)  # type: ignore[attr-defined]
-    @wraps(certificate)
-    def asked(scenario: Scenario) -> Verdict:
-        return certificate(scenario, _demand(scenario))
+    @wraps(certificate.judge)
+    def judge(scenario: Scenario) -> Verdict:
+        return certificate.judge(scenario, _demand(scenario))
 
-    return asked
+    return replace(certificate, judge=judge)
 
 
-CERTIFICATES: tuple[Callable[[Scenario], Verdict], ...] = (
+CERTIFICATES: tuple[Certificate[...], ...] = (
     admissibility,
-    _asking(inertia_ratio),
+    _with_demand(inertia_ratio),
     loop_rate,
-    _asking(robust_torque),
-    _asking(torque_budget),
+    _with_demand(robust_torque),
+    _with_demand(torque_budget),
     uncertainty_bound,
     printed_period,
     settling_time,
@@ -118,7 +117,8 @@ def certify(
         )
     # A set that is empty, or leads nowhere, is a mistake in the scenario and no answer of a certificate.
     family_of(scenario)
-    asked = [*((one.__name__, one) for one in CERTIFICATES if one.__name__ not in without)]
+    asked: list[tuple[str, Callable[[Scenario], Verdict]]]
+    asked = [(one.name, one) for one in CERTIFICATES if one.name not in without]
     if runs:
         asked.append((statistical.__name__, lambda one: statistical(one, runs, seed)))
     answers = {one.name: one for one in known}

@@ -9,13 +9,14 @@ import numpy as np
 import pytest
 
 from slidax._errors import DefinitionError
-from slidax.certificates import CERTIFICATES, Verdict, reads_any
+from slidax.certificates import CERTIFICATES, Verdict
+from slidax.certificates.certificate import certificate
 from slidax.deploy.web import certified, export
 from slidax.deploy.web.knob import knobs_of
 from slidax.scenarios import Scenario, load
 from slidax.scenarios.load import altered
 
-DECLARED = [one for one in CERTIFICATES if hasattr(one, "reads")]
+DECLARED = [one for one in CERTIFICATES if one.reads is not None]
 
 SCENARIOS = [
     "example-4.1",
@@ -51,7 +52,7 @@ def all_but(name: str, certificate: Any) -> tuple[Scenario, list[str]]:
     """The scenario in which everything was moved that the certificate does not read, as far as it goes together."""
     scenario, done = loaded(name), []
     for path, value in movable(name).items():
-        if reads_any(certificate, path):
+        if certificate.may_read(path):
             continue
         try:
             scenario = altered(scenario, {path: value})
@@ -62,7 +63,7 @@ def all_but(name: str, certificate: Any) -> tuple[Scenario, list[str]]:
 
 
 @pytest.mark.parametrize("name", SCENARIOS)
-@pytest.mark.parametrize("certificate", DECLARED, ids=lambda one: one.__name__)
+@pytest.mark.parametrize("certificate", DECLARED, ids=lambda one: one.name)
 def test_what_a_certificate_does_not_declare_moves_no_digit_of_its_answer(certificate: Any, name: str) -> None:
     other, moved = all_but(name, certificate)
     assert moved, "nothing was moved, so that nothing was shown"
@@ -70,16 +71,17 @@ def test_what_a_certificate_does_not_declare_moves_no_digit_of_its_answer(certif
 
 
 def test_one_that_reads_what_it_does_not_declare_is_found_out() -> None:
+    @certificate("forgetful", "", covers=(), reads=("robot",))
     def forgetful(scenario: Scenario) -> Verdict:
         gain = float(np.max(np.asarray(scenario.controller.surface.k1)))
         return Verdict("forgetful", "", True, gain, {}, (), "")
 
-    forgetful.reads = ("robot",)  # type: ignore[attr-defined]
     other, _ = all_but("example-4.1", forgetful)
     assert forgetful(other).as_json() != forgetful(loaded("example-4.1")).as_json()
 
 
 def test_one_that_declares_nothing_stands_on_everything(monkeypatch: pytest.MonkeyPatch) -> None:
+    @certificate("fresh", "new", covers=())
     def fresh(scenario: Scenario) -> Verdict:
         return Verdict("fresh", "new", True, 0.5, {"bound": [1.0, 2.0]}, (), "It is so.")
 
@@ -97,7 +99,7 @@ def test_a_light_that_was_not_computed_says_so_in_words(monkeypatch: pytest.Monk
     monkeypatch.setattr(certified, "certify", lambda scenario, runs, without: asked.append(without) or [])
     monkeypatch.setattr(certified, "SLOW", 1)
     scenario = loaded("example-4.1")
-    monkeypatch.setattr(certified, "CERTIFICATES", tuple(one for one in CERTIFICATES if one.__name__ == "loop_rate"))
+    monkeypatch.setattr(certified, "CERTIFICATES", tuple(one for one in CERTIFICATES if one.name == "loop_rate"))
     (light,) = certified.certificates_of(scenario, ["scheme.surface.k1"])
     assert asked == [["loop_rate"]]
     assert light["holds"] is None and "not computed" in light["statement"] and "2 joints" in light["statement"]
@@ -119,7 +121,7 @@ def test_the_lights_say_what_slidax_certify_says() -> None:
     lights = {
         light["certificate"]: light for light in certified.certificates_of(scenario, list(movable(scenario.name)))
     }
-    for certificate in CERTIFICATES:
-        theirs, light = certificate(scenario), lights[certificate.__name__]
+    for each in CERTIFICATES:
+        theirs, light = each(scenario), lights[each.name]
         assert (light["holds"], light["statement"], light["title"]) == (theirs.holds, theirs.statement, theirs.title)
         assert light["margin"] == theirs.as_json()["margin"]

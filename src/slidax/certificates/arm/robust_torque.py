@@ -15,7 +15,7 @@ from slidax.diagnosis import Remedy
 from slidax.reaching import AbstractBound, StateBound
 from slidax.scenarios import Scenario
 
-from ..covers import ARM, covers
+from ..certificate import ARM, certificate
 from ..demand import Demand
 from ..verdict import Assumption, Verdict
 from .demand import demand as demand_of
@@ -29,7 +29,7 @@ SPARE = 1.05
 """Beyond what is needed, in a remedy."""
 
 
-@covers(NAME, TITLE, *ARM, "sensor", "actuator")
+@certificate(NAME, TITLE, covers=(*ARM, "sensor", "actuator"))
 def robust_torque(
     scenario: Scenario, demand: Demand | None = None, *, radius: Any = None, speed: Any = None
 ) -> Verdict:

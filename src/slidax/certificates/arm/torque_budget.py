@@ -13,7 +13,7 @@ from slidax.scenarios.family import Family
 from slidax.scenarios.load import altered
 from slidax.simulation import Plant
 
-from ..covers import ARM, covers
+from ..certificate import ARM, certificate
 from ..demand import Demand
 from ..verdict import Assumption, Verdict
 from .approach import Approach, approach_of
@@ -32,7 +32,7 @@ LONGER = (1.5, 2.0, 3.0, 4.0)
 """Times the deadline, in the search for one with which no limit is reached."""
 
 
-@covers(NAME, TITLE, *ARM)
+@certificate(NAME, TITLE, covers=ARM)
 def torque_budget(scenario: Scenario, demand: Demand | None = None, family: Family | None = None) -> Verdict:
     """Is the torque that the set can ask for, and its change from sample to sample, within the limits of the drives?
 

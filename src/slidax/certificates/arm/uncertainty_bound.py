@@ -13,7 +13,7 @@ from slidax.reaching import StateBound, UncertaintyBound
 from slidax.scenarios import Scenario
 from slidax.scenarios.family import Family
 
-from ..covers import ARM, covers
+from ..certificate import ARM, certificate
 from ..verdict import Assumption, Verdict
 from .evaluated import Floats
 from .members import Members
@@ -48,7 +48,7 @@ class Samples:
     lumped: Floats
 
 
-@covers(NAME, TITLE, *ARM, "sensor")
+@certificate(NAME, TITLE, covers=(*ARM, "sensor"))
 def uncertainty_bound(scenario: Scenario, family: Family | None = None) -> Verdict:
     """Do the law's b0, b1, b2 and γ bound the lumped uncertainty, `ρ <= b0 + b1‖q‖ + b2‖q̇‖² + γ‖τ‖` (19)?
 

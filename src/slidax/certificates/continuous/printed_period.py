@@ -9,11 +9,10 @@ from slidax.diagnosis import Remedy
 from slidax.reaching import TwoPowerReaching
 from slidax.scenarios import Scenario
 
+from ..certificate import ARM, WORLD, certificate
 from ..corners import members_of
-from ..covers import ARM, covers
 from ..each import Each
 from ..members import Motion
-from ..reads import WORLD, reads
 from ..verdict import Assumption, Verdict
 from .law import PrintedLaw
 
@@ -24,8 +23,7 @@ SAFE = 0.95
 paper's examples 20-fold within 2 % (docs/certificates/paper.md)."""
 
 
-@covers(NAME, TITLE, *ARM)
-@reads(*WORLD, "scheme", "simulation")
+@certificate(NAME, TITLE, covers=ARM, reads=(*WORLD, "scheme", "simulation"))
 def printed_period(scenario: Scenario) -> Verdict:
     """`h < 2/λmax(M⁻¹ (M0 Λ + (u/s0) I))`: the printed law near its goal, held over a period.
 

@@ -13,7 +13,7 @@ from slidax.diagnosis import Remedy
 from slidax.reaching import UncertaintyBound
 from slidax.scenarios import Scenario
 
-from ..covers import ARM, covers
+from ..certificate import ARM, certificate
 from ..numbers import listed
 from ..verdict import Assumption, Verdict
 from .law import PowerSurface, PrintedLaw, masses_of
@@ -25,7 +25,7 @@ Floats = NDArray[np.floating[Any]]
 NAME, TITLE = "settling_time", "settled by a time"
 
 
-@covers(NAME, TITLE, *ARM)
+@certificate(NAME, TITLE, covers=ARM)
 def settling_time(scenario: Scenario) -> Verdict:
     """Until when the transformed error is in its core, `|ε1| <= δ`: (48)-(50) beside what is sharp.
 

@@ -14,8 +14,8 @@ from slidax._types import State
 from slidax.diagnosis import Remedy
 from slidax.scenarios import Scenario
 
+from ..certificate import ARM, certificate
 from ..corners import members_of
-from ..covers import ARM, covers
 from ..each import Each
 from ..members import Motion
 from ..numbers import listed
@@ -31,7 +31,7 @@ SAME = 1e-9
 """Two arms whose inertias differ by less than this part are the same."""
 
 
-@covers(NAME, TITLE, *ARM)
+@certificate(NAME, TITLE, covers=ARM)
 def ultimate_bound(scenario: Scenario) -> Verdict:
     """How large the error may still be once s is small, under (51) and a bounded disturbance.
 

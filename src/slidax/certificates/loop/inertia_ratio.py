@@ -16,7 +16,7 @@ from slidax.diagnosis.linear_loop import LinearLoop
 from slidax.scenarios import Scenario
 
 from ..arm.learnt import learns, learnt_ratios
-from ..covers import ARM, covers
+from ..certificate import ARM, certificate
 from ..demand import Demand
 from ..verdict import Assumption, Verdict
 from .coupled_maps import CoupledMaps
@@ -33,7 +33,7 @@ BETWEEN = 32
 """κ that are tried in a range, evenly in the logarithm."""
 
 
-@covers(NAME, TITLE, *ARM)
+@certificate(NAME, TITLE, covers=ARM)
 def inertia_ratio(scenario: Scenario, demand: Demand) -> Verdict:
     """Whether each joint's loop is stable for all κ of the set, and all loops together for K of its members.
 

@@ -12,7 +12,7 @@ from slidax._errors import DefinitionError
 from slidax.diagnosis import Remedy
 from slidax.scenarios import Scenario
 
-from ..covers import ARM, covers
+from ..certificate import ARM, certificate
 from ..demand import Demand
 from ..verdict import Assumption, Verdict
 from .assembled import Assembly
@@ -44,7 +44,7 @@ PARTS = (0.5, 0.2)
 """Of what is uncertain, tried for more joints."""
 
 
-@covers(NAME, TITLE, *ARM)
+@certificate(NAME, TITLE, covers=ARM)
 def loop_rate(
     scenario: Scenario,
     demand: Demand | None = None,

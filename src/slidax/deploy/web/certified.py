@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from slidax.certificates import CERTIFICATES, Verdict, certify, reads_any
+from slidax.certificates import CERTIFICATES, Verdict, certify
 from slidax.certificates.loop.loop_rate import NAME, TITLE
 from slidax.scenarios import Scenario
 
@@ -24,7 +24,7 @@ def certificates_of(scenario: Scenario, paths: Sequence[str], rate: bool = False
     answers = {verdict.name: verdict for verdict in certify(scenario, runs=0, without=left_out)}
     found = []
     for certificate in CERTIFICATES:
-        name = certificate.__name__
+        name = certificate.name
         verdict = answers.get(name) or _not_asked(scenario.plant.robot.joints)
         said = verdict.as_json()
         found.append(
@@ -38,7 +38,7 @@ def certificates_of(scenario: Scenario, paths: Sequence[str], rate: bool = False
                 "margin": said["margin"],
                 "bound": {key: value for key, value in said["bound"].items() if _brief(value)},
                 "words": verdict.bound_in_words,
-                "reads": [path for path in paths if reads_any(certificate, path)],
+                "reads": [path for path in paths if certificate.may_read(path)],
             }
         )
     return found
