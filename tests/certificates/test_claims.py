@@ -72,6 +72,30 @@ def test_a_pulse_between_all_other_times_is_found_and_one_without_an_effect_is_n
     assert any("no torque depends on it" in one.text and one.status == "tested" for one in asked.assumptions)
 
 
+BRIEF = {
+    "trajectory": {"kind": "sinusoid", "offset": [5.0, 0.8], "amplitude": [0.2, 0.2], "frequency": [2.0, 2.0]},
+    "start": {"q": [5.0, 0.8], "dq": [0.4, 0.4]},
+    "simulation.t1": 1.7,
+    **WITHOUT,
+}
+
+
+@pytest.mark.parametrize("position", [None, {"between": [5.1995, 5.6]}], ids=["surface known", "surface uncertain"])
+def test_a_contact_of_a_few_samples_counts_with_its_uncertain_stiffness(position: Any) -> None:
+    # The first joint is 0.5 mrad deep in the surface at t = 0.785 s, and less than 36 ms in contact.
+    stop = {"kind": "elastic_stop", "position": [5.1995, 15.0], "stiffness": [20000.0, 0.0], "damping": [0.0, 0.0]}
+    sets: dict[str, Any] = {"disturbance.terms.0.stiffness": {"between": [0.0, 40000.0]}}
+    if position:
+        sets["disturbance.terms.0.position.0"] = position
+    touched = demand(load(NAME, {**BRIEF, "disturbance.terms": [stop], "uncertainty": sets}))
+    # The stiffest surface presses with 20 N m.
+    pressed = demand(load(NAME, {**BRIEF, "disturbance.terms": [{"kind": "constant", "value": [-20.0, 0.0]}]}))
+    k = round(0.25 * np.pi / 0.001)
+    assert touched.effects is not None
+    bound = np.abs(touched.push[:, k]).max(axis=0) + np.abs(touched.effects[:, :, k]).sum(axis=1).max(axis=0)
+    assert (bound >= 0.999 * np.abs(pressed.push[0, k])).all()
+
+
 def test_a_ripple_that_vanishes_at_each_sample_counts_between_them() -> None:
     # A sine of 1 kHz at 1 kHz: of 20 N m nothing is seen at a sample.
     verdict = robust_torque(load(NAME, {**RIPPLE, "simulation.t1": 3.0}))

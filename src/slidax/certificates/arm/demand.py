@@ -164,7 +164,7 @@ def probed(members: Members, points: Floats) -> Floats:
     """The torques of members at states drawn at random and at some of the motion [P F].
 
     At times drawn at random, at which no ripple vanishes but by chance, and at those at which a force of one of them
-    sets in, jumps or ends, since a pulse may lie between all others.
+    sets in, jumps or ends, since a pulse may lie between all others, and at those of brief contacts.
 
     - `members`: of the set.
     - `points`: of its box [P D].
@@ -173,7 +173,8 @@ def probed(members: Members, points: Floats) -> Floats:
     motion, plants = Motion.of(members.scenario), members.plants(points)
     end = members.scenario.t1
     jumps = breakpoints(plants, end)
-    t = np.concatenate([np.sort(random.uniform(0.0, end, PROBES)), jumps, jumps[:-1] + 0.5 * np.diff(jumps)])
+    pulses = jumps[:-1] + 0.5 * np.diff(jumps)
+    t = np.concatenate([np.sort(random.uniform(0.0, end, PROBES)), jumps, pulses, members.brief])
     few = motion.at(t, instants=1)
     drawn = np.random.default_rng(1).normal(size=(3, PROBES, motion.joints))
     count = len(few.t)

@@ -138,11 +138,25 @@ def hull_of(evaluate: Callable[[Floats], Floats], dimensions: int) -> Hull:
 
 
 def _degrees(evaluate: Callable[[Floats], Floats], dimensions: int) -> list[int]:
-    """Of each axis: 0 to 2, or 3 for all that is neither."""
-    base = np.random.default_rng(1).uniform(0.1, 0.9, dimensions)
+    """Of each axis: 0 to 2, or 3 for all that is neither.
+
+    An axis without effect at a point drawn at random may have one at an end of the others, as the stiffness of a stop
+    has only where the arm touches it.
+    """
+    degrees = _degrees_at(evaluate, np.random.default_rng(1).uniform(0.1, 0.9, dimensions), list(range(dimensions)))
+    for end in (0.0, 1.0):
+        idle = [k for k, degree in enumerate(degrees) if degree == 0]
+        if idle:
+            for k, degree in zip(idle, _degrees_at(evaluate, np.full(dimensions, end), idle), strict=True):
+                degrees[k] = degree
+    return degrees
+
+
+def _degrees_at(evaluate: Callable[[Floats], Floats], base: Floats, axes: Sequence[int]) -> list[int]:
+    """The degrees of some axes, with all others as at a point of the box."""
     shares = (0.0, 0.5, 1.0, PROBE)
-    points = [_with(base, (k,), np.array([share])) for k in range(dimensions) for share in shares]
-    values = evaluate(np.array(points)).reshape(dimensions, len(shares), -1)
+    points = [_with(base, (k,), np.array([share])) for k in axes for share in shares]
+    values = evaluate(np.array(points)).reshape(len(axes), len(shares), -1)
     scale = ROUNDING * max(float(np.abs(values).max()), 1e-300)
     found = []
     for low, half, high, probe in values:

@@ -222,7 +222,7 @@ def as_seen(
 
 def _disturbed(members: Members, motion: Motion) -> tuple[list[int], Hull, Floats, Floats]:
     """The axes of the disturbance, their hull, and of that the corners [C N n] and the effects [E N n] of τ_d."""
-    free = [k for k, axis in enumerate(members.axes) if axis.path.startswith("disturbance.")]
+    free = members.of_the_disturbance
 
     def at(shares: Floats) -> list[Plant]:
         full = np.full((len(shares), len(members.axes)), 0.5)
@@ -231,7 +231,7 @@ def _disturbed(members: Members, motion: Motion) -> tuple[list[int], Hull, Float
 
     def probes(shares: Floats) -> Floats:
         arms = at(shares)
-        few = motion.at(breakpoints(arms, float(motion.t[-1])), instants=PROBES)
+        few = motion.at(np.union1d(breakpoints(arms, motion.t[-1]), members.brief), instants=PROBES)
         return disturbed(arms, few).reshape(len(shares), -1)
 
     outside = hull_of(probes, len(free))

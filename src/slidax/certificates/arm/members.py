@@ -23,7 +23,7 @@ from slidax.simulation import Plant
 from ..members import canonical
 from .axes import Axis, axes_of
 from .evaluated import Floats
-from .motion import Motion, breakpoints, kinds_of, needed, outer
+from .motion import Motion, breakpoints, disturbed, kinds_of, needed, outer
 
 MOVES = ("robot", "disturbance")
 """The blocks of a scenario file that say what moves and pushes the arm."""
@@ -36,6 +36,9 @@ MOST_ENDS = 256
 
 NAMED = 6
 """Axes that a sentence names, if there are many."""
+
+BRIEF = 0.125
+"""Share of the samples; a force that acts at fewer of them may lie between instants drawn at random."""
 
 INSTANTS = 64
 """Of the motion, at which the effects of uncertain numbers are compared, besides those at which forces jump."""
@@ -194,13 +197,36 @@ class Members:
         if not count:
             return np.zeros((0, 1, motion.joints))
         plants = self.plants(points)
-        few = motion.at(breakpoints(plants, motion.t[-1]), instants=INSTANTS)
+        few = motion.at(np.union1d(breakpoints(plants, motion.t[-1]), self.brief), instants=INSTANTS)
         kinds, which = kinds_of(plants)
         torque = needed(kinds, few)[1][which] - outer(plants, few)
         moved = torque[1::2] - torque[::2]
         largest = np.abs(moved).sum(axis=0).max(axis=0)
         effects: Floats = moved / np.maximum(largest, 1e-300)
         return effects
+
+    @cached_property
+    def brief(self) -> Floats:
+        """Times at which forces that act only briefly, such as a contact, depend most on the set's numbers [K], s.
+
+        Each number of the disturbance goes from end to end, while all others are at one end or in the middle.
+        """
+        motion, samples = Motion.of(self.scenario), [np.zeros(0, int)]
+        for axis in self.of_the_disturbance:
+            points = np.repeat([0.0, 0.5, 1.0], 2)[:, None] * np.ones(len(self.axes))
+            points[:, axis] = np.tile([0.0, 1.0], 3)
+            forces = disturbed(self.plants(points), motion)
+            moved = np.abs(forces[1::2] - forces[::2])
+            acting = (moved > 0.0).any(axis=(0, 2)).mean()
+            if 0.0 < acting < BRIEF:
+                samples.append(moved.argmax(axis=1).ravel())
+        times: Floats = motion.t[np.unique(np.concatenate(samples))]
+        return times
+
+    @cached_property
+    def of_the_disturbance(self) -> list[int]:
+        """The axes that are numbers of the disturbance."""
+        return [k for k, axis in enumerate(self.axes) if axis.path.startswith("disturbance.")]
 
     def is_inertial(self, axis: int) -> bool:
         """Whether a number can change the inertia.
@@ -225,9 +251,8 @@ class Members:
 
         A number of the scenario file is one of the disturbance's, so that it is enough to move one axis at a time.
         """
-        count = len(self.axes)
-        moved = [k for k in range(count) if self.axes[k].path.startswith("disturbance.")]
-        points = np.full((2 * len(moved) + 1, count), 0.5)
+        moved = self.of_the_disturbance
+        points = np.full((2 * len(moved) + 1, len(self.axes)), 0.5)
         for row, axis in enumerate(moved):
             points[2 * row + 1, axis], points[2 * row + 2, axis] = 0.0, 1.0
         found = [plant.disturbance for plant in (*self.plants(points), self.plant)]
