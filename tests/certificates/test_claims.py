@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 import slidax
-from slidax.certificates import CERTIFICATES
+from slidax.certificates import CERTIFICATES, admissibility
 from slidax.certificates.arm import demand, robust_torque
+from slidax.certificates.continuous import settling_time, ultimate_bound
 from slidax.certificates.loop import inertia_ratio, loop_rate
 from slidax.certificates.verdict import Assumption, Verdict
 from slidax.scenarios import load
@@ -70,6 +71,14 @@ def test_a_pulse_between_all_other_times_is_found_and_one_without_an_effect_is_n
     late = {**pulse, "start": 50.0, "end": 51.0}
     asked = demand(load(NAME, {**changes, "disturbance.terms": [late]}))
     assert any("no torque depends on it" in one.text and one.status == "tested" for one in asked.assumptions)
+
+
+def test_a_start_of_the_set_outside_of_the_envelope_is_no_proved_line_of_another_certificate() -> None:
+    starts = {"start.q": {"around": 0.9, "each": "joint"}}
+    for certificate in (admissibility, settling_time, ultimate_bound):
+        verdict = certificate(load("example-4.2", {"uncertainty": starts, "simulation.t1": 1.0}))
+        statuses = {one.status for one in verdict.assumptions if "side of the envelope" in one.text}
+        assert verdict.holds is False and statuses == {"fails"}
 
 
 BRIEF = {

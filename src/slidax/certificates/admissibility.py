@@ -15,14 +15,13 @@ from slidax.robots import Articulated, Coupled
 from slidax.scenarios import Scenario
 
 from .certificate import ARM, certificate
-from .corners import members_of
 from .each import Each
 from .envelope import draws_envelope
 from .extent import Extent, starts_of
 from .law_of import law_of
 from .members import Motion
 from .numbers import listed
-from .verdict import Assumption, Status, Verdict
+from .verdict import Assumption, Verdict
 
 NAME, TITLE = "admissibility", "parameters, starts and motion are admissible"
 
@@ -64,8 +63,8 @@ class _Start:
     - `share`: of the room towards the nearer bound, [n]; 1 is the bound.
     """
 
-    def __init__(self, extent: Extent, references: np.ndarray, envelope: Any) -> None:
-        low, high = extent.lower - references.max(axis=0), extent.upper - references.min(axis=0)
+    def __init__(self, extent: Extent, reference: np.ndarray, envelope: Any) -> None:
+        low, high = extent.lower - reference, extent.upper - reference
         self.error = np.maximum(np.abs(low), np.abs(high))
         # Sides are drawn by the error's sign: the wide one is always towards the start.
         upper, lower = envelope(high)[1], envelope(low)[0]
@@ -87,19 +86,17 @@ def _start(scenario: Scenario) -> tuple[_Start | None, list[Assumption]]:
 
     if not draws_envelope(scenario):
         return None, [Assumption("the scheme draws no envelope, so that any start will do", "proved")]
-    moving = members_of(scenario) if _moves_otherwise(scenario) else [scenario]
-    references = np.concatenate([Motion(one).reference(np.zeros(1))[0] for one in moving])
-    compiled, still = Each(bounds), np.zeros_like(references[0])
+    reference = Motion(scenario).reference(np.zeros(1))[0][0]
+    compiled, still = Each(bounds), np.zeros_like(reference)
 
     def envelope(error: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         lower, upper = compiled([error], [still], [still])
         return lower[0], upper[0]
 
     extent = starts_of(scenario)
-    start = _Start(extent, references, envelope)
+    start = _Start(extent, reference, envelope)
     joint = int(np.argmax(start.share))
     of = extent.said
-    status: Status = "proved" if len(moving) == 1 else "tested"
     inside = bool(start.share[joint] < 1.0)
     if inside:
         text = f"{of} inside of the envelope, |e(0)| up to {listed(start.error)} (12)"
@@ -108,7 +105,7 @@ def _start(scenario: Scenario) -> tuple[_Start | None, list[Assumption]]:
             f"{extent.one} outside of the envelope: joint {joint + 1} begins up to {start.error[joint]:.4g} off its "
             f"reference, {start.share[joint]:.3g} times its bound (12)"
         )
-    return start, [Assumption(text, status if inside else "fails", float(start.share[joint]))]
+    return start, [Assumption(text, "proved" if inside else "fails", float(start.share[joint]))]
 
 
 def _parameters(scenario: Scenario) -> list[Assumption]:
@@ -132,26 +129,20 @@ def _limits(scenario: Scenario) -> list[Assumption]:
         return [Assumption("the arm's description has no limits of position or speed to keep", "assumed")]
     limits = robot.limits
     lower, upper, fastest = (np.asarray(one) for one in (limits.lower, limits.upper, limits.velocity))
-    moving = members_of(scenario) if _moves_otherwise(scenario) else [scenario]
-    room, speed = [], []
-    for one in moving:
-        motion = Motion(one)
-        times = np.unique(np.append(motion.times, [0.0, scenario.t1]))
-        q, dq, ddq = motion.reference(times)
-        step = float(np.max(np.diff(times)))
-        # Between two samples a curve leaves the chord by at most an eighth of its curvature times the step squared.
-        slack = step**2 / 8.0 * np.abs(ddq).max(axis=0)
-        jerk = np.abs(np.diff(ddq, axis=0) / np.diff(times)[:, None]).max(axis=0)
-        span = np.where(np.isfinite(upper - lower), upper - lower, np.inf)
-        with np.errstate(invalid="ignore"):
-            left = np.minimum(upper - q.max(axis=0), q.min(axis=0) - lower) - slack
-            room.append(np.where(np.isfinite(span), left / span, np.inf))
-        speed.append(1.0 - (np.abs(dq).max(axis=0) + step**2 / 8.0 * jerk) / fastest)
+    motion = Motion(scenario)
+    times = np.unique(np.append(motion.times, [0.0, scenario.t1]))
+    q, dq, ddq = motion.reference(times)
+    step = float(np.max(np.diff(times)))
+    # Between two samples a curve leaves the chord by at most an eighth of its curvature times the step squared.
+    slack = step**2 / 8.0 * np.abs(ddq).max(axis=0)
+    jerk = np.abs(np.diff(ddq, axis=0) / np.diff(times)[:, None]).max(axis=0)
+    span = np.where(np.isfinite(upper - lower), upper - lower, np.inf)
+    with np.errstate(invalid="ignore"):
+        left = np.minimum(upper - q.max(axis=0), q.min(axis=0) - lower) - slack
+        room = np.where(np.isfinite(span), left / span, np.inf)
+    speed = 1.0 - (np.abs(dq).max(axis=0) + step**2 / 8.0 * jerk) / fastest
     over = f"at {len(times)} times, with the most that the motion can do in between"
-    if len(moving) > 1:
-        over += f", for {len(moving) - 1} corners of the uncertain set as well"
-    for name, values in (("positions", room), ("speeds", speed)):
-        least = np.min(values, axis=0)
+    for name, least in (("positions", room), ("speeds", speed)):
         joint = int(np.argmin(least))
         if not least[joint] >= 0.0:
             text = f"{name} of the motion pass a limit of joint `{robot.joint_names[joint]}`"
@@ -160,10 +151,6 @@ def _limits(scenario: Scenario) -> list[Assumption]:
             found.append(Assumption(f"{name} of the motion are within the arm's limits, {over}", "tested",
                                     float(least[joint])))  # fmt: skip
     return found
-
-
-def _moves_otherwise(scenario: Scenario) -> bool:
-    return any(path.split(".")[0] == "trajectory" for path in scenario.description.uncertainty)
 
 
 def _torque(scenario: Scenario) -> Assumption:

@@ -44,7 +44,7 @@ class Verdict:
     - `title`: the promise in a few words, for a table.
     - `holds`: whether the promise stands; None where the certificate does not apply, which the statement explains.
     - `margin`: by how much, as a share of what is allowed: positive if it holds; None where there is no number.
-    - `bound`: the certified numbers by name, scalars or one per joint, in SI.
+    - `bound`: the numbers of the bound by name, scalars or one per joint, in SI.
     - `assumptions`: what it stands on.
     - `statement`: a sentence that says with units what is certain, by which equation.
     - `remedies`: the smallest changes that would make it hold, the best first; empty if it holds.
@@ -88,7 +88,7 @@ class Verdict:
 
     @property
     def bound_in_words(self) -> list[str]:
-        """The certified numbers, "error 1.2e-05", the largest of all joints; what is given over time is left out."""
+        """The numbers of the bound, "error 1.2e-05", the largest of all joints; what is given over time is left out."""
         words = []
         for name, value in self.bound.items():
             if name in OVER_TIME:

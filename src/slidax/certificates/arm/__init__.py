@@ -1,4 +1,4 @@
-"""What is certified of an arm and its set: constants, what its motion asks of the loops, and of the drives."""
+"""Certificates of an arm and its set: its constants, and the demand of its motion on the loops and the drives."""
 
 from .constants import ArmConstants as ArmConstants
 from .constants import arm_constants as arm_constants

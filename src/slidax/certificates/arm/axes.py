@@ -66,7 +66,7 @@ def axes_of(path: str, one: AbstractSet, leaf: Leaf) -> list[Axis]:
     Raises DefinitionError for whole numbers.
     """
     if leaf.integer:
-        raise DefinitionError("a whole number of the arm or its disturbance cannot be certified", where=path)
+        raise DefinitionError("no certificate covers a set of a whole number of the arm or its disturbance", where=path)
     lower, upper = (np.asarray(end, float) for end in ends_of(one, leaf))
     if not isinstance(one, Ball):
         drawn = np.asarray(values_along(one, leaf, SHARES), float)

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from slidax.robots import AbstractRobot, Articulated, Load
-from slidax.simulation import Plant
 
 from ..verdict import Assumption
 from .evaluated import Floats, mass_and_bias
@@ -85,24 +84,6 @@ def arm_constants(
         coriolis=1.5 * slope,
         seen=(low, high),
         assumptions=(Assumption(text, "proved", reach.factor),),
-    )
-
-
-def constants_of_all(plants: Sequence[Plant]) -> ArmConstants:
-    """The worst of several arms, and of all whose M and G are convex means of theirs.
-
-    - `plants`: the arms.
-    """
-    each = [arm_constants(plant.robot, plant.load) for plant in plants]
-    return ArmConstants(
-        inertia_max=max(one.inertia_max for one in each),
-        inertia_min=min(one.inertia_min for one in each),
-        weight=np.array([one.weight for one in each]).max(axis=0),
-        mass_slope=max(one.mass_slope for one in each),
-        weight_slope=max(one.weight_slope for one in each),
-        coriolis=max(one.coriolis for one in each),
-        seen=(min(one.seen[0] for one in each), max(one.seen[1] for one in each)),
-        assumptions=each[0].assumptions,
     )
 
 

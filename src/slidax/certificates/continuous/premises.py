@@ -6,6 +6,7 @@ import numpy as np
 
 from slidax.actuators import TorqueLimits
 
+from ..extent import starts_of
 from ..verdict import Assumption, Status
 from .law import PrintedLaw
 
@@ -39,7 +40,10 @@ def continuous_premises(printed: PrintedLaw, *, unit_vector: bool = True) -> tup
     else:
         found.append(Assumption("the torque stays within the drives' limits, see `torque_budget`", "assumed"))
     if printed.performance is not None:
-        share = np.max(np.abs(printed.start[0]) / printed.radius(np.zeros(1))[0])
+        starts = starts_of(scenario)
+        reference = np.asarray(scenario.state0.q) - printed.start[0]
+        error = np.maximum(np.abs(starts.lower - reference), np.abs(starts.upper - reference))
+        share = np.max(error / printed.radius(np.zeros(1))[0])
         status: Status = "proved" if share < 1.0 else "fails"
-        found.append(Assumption("the start is inside of the envelope, |e(0)| < ρ0", status, float(share)))
+        found.append(Assumption(f"{starts.said} inside of the envelope, |e(0)| < ρ0", status, float(share)))
     return tuple(found)

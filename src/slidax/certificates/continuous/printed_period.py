@@ -31,7 +31,7 @@ def printed_period(scenario: Scenario) -> Verdict:
     damping has an eigenvalue at -1 just where `h M⁻¹ (M0 Λ + (u/s0) I)` has one at 2. The two limits that are known
     each by itself, `2/λmax(M⁻¹ M0 Λ)` of the surface and `2 s0 λmin(M)/u` of the layer, are those without the other.
 
-    - `period`: certified, with some distance from the limit; `limit`, `surface`, `layer`: as above, s.
+    - `period`: the bound, with some distance from the limit; `limit`, `surface`, `layer`: as above, s.
 
     - `scenario`: what is asked about.
     """
@@ -52,9 +52,11 @@ def printed_period(scenario: Scenario) -> Verdict:
     if not printed.held:
         text = f"{said}; this scenario's torque follows the state at once, its period is the integrator's step."
         return Verdict(NAME, TITLE, None, None, limits, (), text)
+    cases = len(members_of(scenario)) - 1
+    over = f", for the scenario and {cases} corners of its uncertain set" if cases else ""
     assumptions = (
         Assumption("the loop is linear near its goal: e and s are small against ρ∞, δ and s0", "assumed"),
-        Assumption(f"M, M0 and u along the reference, at {len(Motion(scenario).times)} times", "tested"),
+        Assumption(f"M, M0 and u along the reference, at {len(Motion(scenario).times)} times{over}", "tested"),
     )
     holds = period < limit
     statement = f"{said}: h < {SAFE:g} · 2/λmax(M⁻¹ (M0 Λ + (u/s0) I)); its period is {1e3 * period:.3g} ms."

@@ -58,7 +58,7 @@ def settling_time(scenario: Scenario) -> Verdict:
     holds = all(one.status != "fails" for one in assumptions)
     words = (
         f"by (48)-(50) at t = {listed(times.printed)} s; by the same inequalities without splitting their integrals at "
-        f"{listed(times.supremum)} s, from any start; from this one at {listed(times.given_start)} s"
+        f"{listed(times.supremum)} s, from any start; from the scenario's own at {listed(times.given_start)} s"
     )
     statement = f"Each joint has |ε1| <= δ {words}" + (
         "." if deadline is None else f"; the envelope itself is ±ρ∞ from t = {listed(deadline)} s on (20)."

@@ -71,7 +71,7 @@ def ultimate_bound(scenario: Scenario) -> Verdict:
             f"{found['disturbance']:.3g} N m against s0 = {layer:.3g}."
         )
     else:
-        statement = "No bound of the error is certified under (51), since an assumption of its derivation is not met."
+        statement = "There is no bound of the error under (51), since an assumption of its derivation is not met."
     remedies = () if holds or share < 1.0 else _larger(scenario, found["disturbance"])
     return Verdict(NAME, TITLE, holds, 1.0 - share if holds else None, found, assumptions, statement, remedies)
 

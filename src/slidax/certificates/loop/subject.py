@@ -1,4 +1,4 @@
-"""What a scenario must be for its loop to be certified, and the numbers of it that the bounds need."""
+"""The scenarios that `loop_rate` applies to, and their numbers that the bounds need."""
 
 from __future__ import annotations
 

@@ -26,7 +26,7 @@ def of_scenario(scenario: Scenario, beside: Sequence[str] = (), rate: bool = Fal
 
     - `scenario`: it, as `load` gives it.
     - `beside`: names of schemes that are shown beside its own, and `printed` for the law as it is printed.
-    - `rate`: whether its loop's rate is certified for any number of joints, which may take minutes.
+    - `rate`: whether `loop_rate` is computed for any number of joints, which may take minutes.
 
     Raises DefinitionError if there is no such scheme, or the scenario cannot run in a page.
     """

@@ -46,7 +46,7 @@ class Setting:
     - `kind`: whether it is ours, the law as printed, or a rival.
     - `choices`: what has several programs.
     - `note`: a line beside its title.
-    - `rate`: whether its loop's rate is certified for any number of joints, which may take minutes.
+    - `rate`: whether `loop_rate` is computed for any number of joints, which may take minutes.
     """
 
     description: ScenarioDescription
