@@ -11,7 +11,8 @@ import pytest
 import slidax
 from slidax.certificates import CERTIFICATES, admissibility
 from slidax.certificates.arm import demand, robust_torque
-from slidax.certificates.continuous import settling_time, ultimate_bound
+from slidax.certificates.continuous.law import PrintedLaw
+from slidax.certificates.continuous.premises import continuous_premises
 from slidax.certificates.loop import inertia_ratio, loop_rate
 from slidax.certificates.verdict import Assumption, Verdict
 from slidax.scenarios import load
@@ -73,12 +74,16 @@ def test_a_pulse_between_all_other_times_is_found_and_one_without_an_effect_is_n
     assert any("no torque depends on it" in one.text and one.status == "tested" for one in asked.assumptions)
 
 
-def test_a_start_of_the_set_outside_of_the_envelope_is_no_proved_line_of_another_certificate() -> None:
-    starts = {"start.q": {"around": 0.9, "each": "joint"}}
-    for certificate in (admissibility, settling_time, ultimate_bound):
-        verdict = certificate(load("example-4.2", {"uncertainty": starts, "simulation.t1": 1.0}))
-        statuses = {one.status for one in verdict.assumptions if "side of the envelope" in one.text}
-        assert verdict.holds is False and statuses == {"fails"}
+@pytest.mark.parametrize(("reach", "statuses"), [(0.6, ["proved"]), (0.9, ["fails"])])
+def test_the_start_is_proved_inside_the_envelope_only_for_all_starts_of_the_set(
+    reach: float, statuses: list[str]
+) -> None:
+    # The envelope begins at 1.2, and the reference is 0.5 from the middle of the starts.
+    scenario = load("example-4.2", {"uncertainty": {"start.q": {"around": reach, "each": "joint"}}})
+    printed = PrintedLaw.of(scenario)
+    assert printed is not None
+    for assumptions in (admissibility(scenario).assumptions, continuous_premises(printed)):
+        assert [one.status for one in assumptions if "side of the envelope" in one.text] == statuses
 
 
 BRIEF = {
