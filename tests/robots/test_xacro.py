@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from slidax._errors import DefinitionError
-from slidax.robots.files import from_urdf
+from slidax.robots.files import expression, from_urdf
+from slidax.robots.files import xacro as xacro_files
 from slidax.robots.files.expression import ExpressionError, evaluate
 from tests.robots.bad_file import changed
 from tests.robots.bad_urdf import GOOD, LIMIT, MASS, ORIGIN
@@ -79,6 +80,11 @@ HOSTILE = {
     "a long list": "list(range(10 ** 9))",
     "loops in loops": "[[x for x in range(9999)] for y in range(9999)]",
     "a wide format": "'%99999999d' % 1",
+    "a long text of bytes": "len(b'a' * 10 ** 9)",
+    "a power by rounding": "round(5, -10 ** 8)",
+    "a product of many integers": "math.prod([9 ** 1000] * 99999)",
+    "a sum of lists": "sum([[1]] * 99999, [])",
+    "squares of squares": "[(9 ** 1200) * (9 ** 1200)]",
 }
 
 
@@ -91,6 +97,94 @@ def test_an_expression_cannot_run_code_or_take_the_memory(words, form, tmp_path)
     with pytest.raises(DefinitionError, match="xacro does not expand the robot file") as caught:
         from_urdf(path)
     assert "\n" not in str(caught.value)
+
+
+def chain(first, *, times):
+    """Properties a0 to aN, each of which has the one before it twice."""
+    later = (f'<xacro:property name="a{i}" value="${{[a{i - 1}, a{i - 1}]}}"/>' for i in range(1, times + 1))
+    return f'<xacro:property name="a0" value="{first}"/>' + "".join(later) + f'<link name="${{a{times}}}"/>'
+
+
+def macros(body, *, times):
+    """Macros m0 to mN, each of which calls the one before it twice, and a call of the last."""
+    later = (f'<xacro:macro name="m{i}"><xacro:m{i - 1}/><xacro:m{i - 1}/></xacro:macro>' for i in range(1, times + 1))
+    return f'<xacro:macro name="m0">{body}</xacro:macro>' + "".join(later) + f"<xacro:m{times}/>"
+
+
+def blocks(*, times):
+    """Blocks b0 to bN, each of which has the one before it twice, and the last of them."""
+    later = (
+        f'<xacro:property name="b{i}"><xacro:insert_block name="b{i - 1}"/><xacro:insert_block name="b{i - 1}"/>'
+        "</xacro:property>"
+        for i in range(1, times + 1)
+    )
+    first = '<xacro:property name="b0"><link name="x"/></xacro:property>'
+    return first + "".join(later) + f'<xacro:insert_block name="b{times}"/>'
+
+
+REPEATED = {
+    "macros": macros('<link name="x"/>', times=40),
+    "blocks": blocks(times=40),
+    "lists": chain("1", times=40),
+    "a large macro": f'<xacro:macro name="a"><xacro:a/>{"<b/>" * 3000}</xacro:macro><xacro:a/>',
+    "texts": '<xacro:property name="t" value="${\'x\' * 90000}"/>' + '<b c="${t}${t}${t}"/>' * 100,
+    "dollars": f'<link name="{"$ " * 20000}"/>',
+    "elements": "<b/>" * 5000,
+    "attributes": f"<b {' '.join(f'c{i}=""' for i in range(5000))}/>",
+}
+
+
+@pytest.mark.parametrize("body", REPEATED.values(), ids=REPEATED)
+def test_an_expansion_without_end_is_refused(body, tmp_path, monkeypatch):
+    monkeypatch.setattr(expression, "MOST_STEPS", 100_000)
+    path = tmp_path / "arm.xacro"
+    path.write_text(as_xacro(head=body))
+    with pytest.raises(
+        DefinitionError, match=r"more than 100000 steps; does .* repeat itself\?.*`xacro FILE"
+    ) as caught:
+        from_urdf(path)
+    assert len(str(caught.value)) < 1000
+
+
+@pytest.mark.parametrize(
+    "body",
+    ['<xacro:macro name="a"><xacro:a/></xacro:macro><xacro:a/>', '<xacro:include filename="arm.xacro"/>'],
+    ids=["macro", "file"],
+)
+def test_a_macro_or_file_that_contains_itself_is_refused(body, tmp_path):
+    path = tmp_path / "arm.xacro"
+    path.write_text(as_xacro(head=body))
+    with pytest.raises(DefinitionError, match="nested too deeply; does one of them contain itself"):
+        from_urdf(path)
+
+
+def test_an_expansion_longer_than_the_limit_is_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr(xacro_files, "MOST_BYTES", 10_000)
+    path = tmp_path / "arm.xacro"
+    path.write_text(as_xacro(head=macros(f"<b>{'x' * 1000}</b>", times=4)))
+    with pytest.raises(DefinitionError, match="its expansion has more than"):
+        from_urdf(path)
+
+
+def test_a_macro_may_call_itself_a_hundred_times(tmp_path):
+    path = tmp_path / "arm.xacro"
+    head = (
+        '<xacro:macro name="count" params="n"><b c="${n}"/><xacro:if value="${n > 0}"><xacro:count n="${n - 1}"/>'
+        '</xacro:if></xacro:macro><xacro:count n="100"/>'
+    )
+    path.write_text(as_xacro(head=head))
+    assert from_urdf(path).joints == 2
+
+
+def test_patterns_of_texts_and_parameters_take_no_exponential_time(tmp_path):
+    path = tmp_path / "arm.xacro"
+    words = "'" + "a" * 60 + "!'"
+    head = (
+        f'<xacro:macro name="m" params="a:={"x" * 60}&apos;"/>'
+        f"<b c=\"${{xacro.tokenize({words}, 'x](a+)+b[x')}}\" d=\"${{xacro.tokenize('1, 2')[1]}}\"/>"
+    )
+    path.write_text(as_xacro(head=head))
+    assert from_urdf(path).joints == 2
 
 
 @pytest.mark.parametrize(
@@ -118,7 +212,7 @@ def test_expressions_of_robot_files_have_pythons_values(words, value):
     assert evaluate(words, names, {}) == pytest.approx(value)
 
 
-def test_a_name_that_no_one_defines_is_named(tmp_path):
+def test_an_undefined_name_is_named(tmp_path):
     path = tmp_path / "arm.xacro"
     path.write_text(as_xacro(MASS, '<mass value="${heavy}"/>'))
     with pytest.raises(DefinitionError, match=r"arm\.xacro`: .*heavy"):
@@ -126,7 +220,7 @@ def test_a_name_that_no_one_defines_is_named(tmp_path):
 
 
 @pytest.mark.parametrize("words", ["1 +", "x: int", "", "lambda: 1"])
-def test_what_is_no_expression_is_refused(words):
+def test_a_text_that_is_no_expression_is_refused(words):
     with pytest.raises(ExpressionError):
         evaluate(words, {}, {})
 

@@ -25,7 +25,7 @@ PRESETS: dict[str, Preset] = {
 }
 """The schemes that a file can name: all that the controllers' room exports."""
 
-ENVELOPE = {one.name for one in parameters_of(PrescribedPerformance)}
+ENVELOPE = tuple(one.name for one in parameters_of(PrescribedPerformance))
 """What may stand in a scheme itself: `performance` and `overshoot` make an envelope."""
 
 RENAMED = {
@@ -148,7 +148,7 @@ def placed(scheme: dict[str, Any]) -> dict[str, Any]:
         if isinstance(part, dict):
             found[owner] = {**part, key: value}
     envelope = found.get("transformation")
-    if isinstance(envelope, dict) and ENVELOPE & envelope.keys():
+    if isinstance(envelope, dict) and envelope.keys() & set(ENVELOPE):
         found["transformation"] = {"kind": kind_of(PrescribedPerformance), **envelope}
     if isinstance(found.get("bound"), dict):
         found["bound"] = {RENAMED.get(key, key): value for key, value in found["bound"].items()}

@@ -6,24 +6,30 @@ import ast
 import math
 import operator
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 LONGEST = 100_000
 """Characters of a text, entries of a list, and steps of a loop."""
 
 MOST_BITS = 4096
-"""Of a power of integers."""
+"""Of an integer."""
+
+MOST_STEPS = 5_000_000
+"""Steps of an expansion, of about a microsecond each; the UR5e by its maker takes 100 000."""
+
+CHARACTERS = 100
+"""Characters of a text that count as one step."""
 
 MATHEMATICS = {
     name: function
     for name, function in vars(math).items()
-    if callable(function) and name[0] != "_" and name not in ("factorial", "comb", "perm")
+    if callable(function) and name[0] != "_" and name not in ("factorial", "comb", "perm", "prod", "lcm")
 }
 """Functions of one or two numbers; of the others the value can be of any length."""
 
 BUILTINS = (
-    *(bool, int, float, str, list, tuple, dict, set, len, min, max, abs, round, sum, sorted, reversed, zip, enumerate),
+    *(bool, int, float, str, list, tuple, dict, set, len, min, max, abs, sorted, reversed, zip, enumerate),
     *(all, any, divmod, isinstance, repr),
 )
 
@@ -47,8 +53,8 @@ OPERATORS: Mapping[type, Callable[[Any, Any], Any]] = {
     ast.GtE: operator.ge,
     ast.Is: operator.is_,
     ast.IsNot: operator.is_not,
-    ast.In: lambda one, others: one in others,
-    ast.NotIn: lambda one, others: one not in others,
+    ast.In: lambda entry, entries: entry in entries,
+    ast.NotIn: lambda entry, entries: entry not in entries,
 }
 
 SIGNS: Mapping[type, Callable[[Any], Any]] = {ast.USub: operator.neg, ast.UAdd: operator.pos, ast.Not: operator.not_}
@@ -58,28 +64,89 @@ class ExpressionError(ValueError):
     """An expression has something that is not evaluated."""
 
 
+class Budget:
+    """Counts the steps of an expansion, so that a file that repeats itself ends with an error."""
+
+    def __init__(self) -> None:
+        self.left = MOST_STEPS
+
+    def spend(self, steps: int) -> None:
+        """Count steps.
+
+        - `steps`: of about a microsecond each.
+
+        Raises ExpressionError if none are left.
+        """
+        self.left -= steps
+        if self.left < 0:
+            raise ExpressionError(
+                f"it takes more than {MOST_STEPS} steps; does a macro, an include or a property repeat itself? If not, "
+                "expand it by `xacro FILE > robot.urdf`"
+            )
+
+    def spend_on(self, value: Any) -> None:
+        """Count a value with all that is in it, each time that it occurs.
+
+        - `value`: of an expression.
+        """
+        waiting = [value]
+        while waiting:
+            entry = waiting.pop()
+            self.spend(1 + len(entry) // CHARACTERS if isinstance(entry, str) else 1)
+            if isinstance(entry, Mapping):
+                waiting.extend((*entry.keys(), *entry.values()))
+            elif isinstance(entry, list | tuple | set):
+                waiting.extend(entry)
+
+
 def limited_range(*ends: int) -> range:
     """Return a range that is not longer than a file needs.
 
     - `ends`: as of `range`.
     """
-    found = range(*ends)
-    if len(found) > LONGEST:
-        raise ExpressionError(f"a range of {len(found)} is longer than {LONGEST}")
-    return found
+    steps = range(*ends)
+    if len(steps) > LONGEST:
+        raise ExpressionError(f"a range of {len(steps)} is longer than {LONGEST}")
+    return steps
 
 
-SAFE = frozenset({*BUILTINS, limited_range, *MATHEMATICS.values()})
-"""What an expression may call; it is compared by identity."""
+def limited_round(number: Any, digits: int | None = None) -> Any:
+    """Return a rounded number; rounding an integer to -10⁹ digits would compute the power.
+
+    - `number`, `digits`: as of `round`.
+    """
+    if digits is not None and abs(digits) > MOST_BITS:
+        raise ExpressionError(f"a number is not rounded to {digits} digits")
+    return round(number, digits)
 
 
-def evaluate(text: str, names: Mapping[str, Any], functions: Mapping[str, Callable[..., Any]]) -> Any:
+def limited_sum(numbers: Iterable[Any], start: Any = 0) -> Any:
+    """Return a sum of numbers; that of many lists would copy each of them many times.
+
+    - `numbers`, `start`: as of `sum`.
+    """
+    terms = [start, *numbers]
+    if not all(isinstance(term, int | float) for term in terms):
+        raise ExpressionError("only numbers are summed")
+    return sum(terms)
+
+
+LIMITED: Mapping[str, Callable[..., Any]] = {"range": limited_range, "round": limited_round, "sum": limited_sum}
+
+SAFE = frozenset({*BUILTINS, *LIMITED.values(), *MATHEMATICS.values()})
+"""The functions that an expression may call; they are compared by identity."""
+
+
+def evaluate(
+    text: str, names: Mapping[str, Any], functions: Mapping[str, Callable[..., Any]], budget: Budget | None = None
+) -> Any:
     """Return the value of an expression.
 
     - `text`: numbers, texts, lists, arithmetic, comparisons, conditions, indices, comprehensions and calls.
     - `names`: values by name; a mapping among them has its entries as attributes.
     - `functions`: what may be called by name, also in a namespace such as `xacro`, in addition to `math` and some of
       Python's own.
+    - `budget`: of the expansion; one of its own if not given.
 
     Raises ExpressionError for anything else.
     """
@@ -87,12 +154,13 @@ def evaluate(text: str, names: Mapping[str, Any], functions: Mapping[str, Callab
         tree = ast.parse(text.strip(), mode="eval")
     except (SyntaxError, ValueError, MemoryError, RecursionError) as error:
         raise ExpressionError(f"no expression: {error}") from error
-    return _Evaluation(names, functions).value(tree.body)
+    return _Evaluation(names, functions, budget or Budget()).value(tree.body)
 
 
 class _Evaluation:
-    def __init__(self, names: Mapping[str, Any], functions: Mapping[str, Callable[..., Any]]) -> None:
-        self.names, self.functions, self.local, self.steps = names, functions, dict[str, Any](), 0
+    def __init__(self, names: Mapping[str, Any], functions: Mapping[str, Callable[..., Any]], budget: Budget) -> None:
+        self.names, self.functions, self.budget = names, functions, budget
+        self.local, self.steps = dict[str, Any](), 0
 
     def value(self, node: ast.expr) -> Any:
         self.steps += 1
@@ -101,24 +169,29 @@ class _Evaluation:
         method = getattr(self, f"_{type(node).__name__.lower()}", None)
         if method is None:
             raise ExpressionError(f"`{type(node).__name__}` is not evaluated")
-        found = method(node)
-        if isinstance(found, str | list | tuple | dict | set) and len(found) > LONGEST:
-            raise ExpressionError(f"a value of {len(found)} entries is longer than {LONGEST}")
-        return found
+        result = method(node)
+        if isinstance(result, str | list | tuple | dict | set) and len(result) > LONGEST:
+            raise ExpressionError(f"a value of {len(result)} entries is longer than {LONGEST}")
+        if isinstance(result, int) and result.bit_length() > MOST_BITS:
+            raise ExpressionError(f"an integer must have at most {MOST_BITS} bits")
+        self.budget.spend_on(result)
+        return result
 
     def _constant(self, node: ast.Constant) -> Any:
+        if not isinstance(node.value, int | float | str | None):
+            raise ExpressionError(f"a constant of type `{type(node.value).__name__}` is not evaluated")
         return node.value
 
     def _name(self, node: ast.Name) -> Any:
         if node.id in self.local:
             return self.local[node.id]
-        found = self.names[node.id]
-        return self._function(node.id) if callable(found) else found
+        named = self.names[node.id]
+        return self._function(node.id) if callable(named) else named
 
-    def _function(self, name: str, found: Any = None) -> Any:
+    def _function(self, name: str, named: Any = None) -> Any:
         if name in self.functions:
             return self.functions[name]
-        own = {"range": limited_range, **{f.__name__: f for f in BUILTINS}, **MATHEMATICS}.get(name, found)
+        own = {**LIMITED, **{f.__name__: f for f in BUILTINS}, **MATHEMATICS}.get(name, named)
         if name.startswith("_") or not any(own is safe for safe in SAFE):
             raise ExpressionError(f"`{name}` is not called")
         return own
@@ -129,30 +202,30 @@ class _Evaluation:
         owner = self.value(node.value)
         if not isinstance(owner, Mapping):
             raise ExpressionError(f"`{node.attr}` of a {type(owner).__name__} is not read")
-        found = owner[node.attr]
-        return self._function(node.attr, found) if callable(found) else found
+        entry = owner[node.attr]
+        return self._function(node.attr, entry) if callable(entry) else entry
 
     def _call(self, node: ast.Call) -> Any:
-        given = [self.value(one) for one in node.args]
-        named = {one.arg: self.value(one.value) for one in node.keywords if one.arg}
-        if len(named) < len(node.keywords):
+        arguments = [self.value(argument) for argument in node.args]
+        options = {option.arg: self.value(option.value) for option in node.keywords if option.arg}
+        if len(options) < len(node.keywords):
             raise ExpressionError("`**` is not evaluated")
         if isinstance(node.func, ast.Attribute):
             owner = self.value(node.func.value)
             for kind, methods in METHODS.items():
                 if isinstance(owner, kind) and node.func.attr in methods and node.func.attr not in _entries(owner):
                     if node.func.attr in ("replace", "join"):
-                        self._refuse_long(owner, *given)
-                    return getattr(owner, node.func.attr)(*given, **named)
+                        self._refuse_long(owner, *arguments)
+                    return getattr(owner, node.func.attr)(*arguments, **options)
         elif not isinstance(node.func, ast.Name):
             raise ExpressionError("only a function by its name is called")
         called = self.value(node.func)
         if not callable(called):
             raise ExpressionError("this is not called, as it is no function")
-        return called(*given, **named)
+        return called(*arguments, **options)
 
     def _refuse_long(self, *texts: Any) -> None:
-        sizes = [len(one) for one in texts if isinstance(one, str | list | tuple)]
+        sizes = [len(text) for text in texts if isinstance(text, str | list | tuple)]
         if math.prod(size + 1 for size in sizes) > LONGEST:
             raise ExpressionError("the texts are too long")
 
@@ -166,9 +239,13 @@ class _Evaluation:
                 raise ExpressionError(f"a power must be of numbers, and an integer have at most {MOST_BITS} bits")
             return left**right
         if kind is ast.Mult:
-            for one, other in ((left, right), (right, left)):
-                if isinstance(one, str | list | tuple) and isinstance(other, int) and len(one) * other > LONGEST:
-                    raise ExpressionError(f"a product of {len(one) * other} entries is longer than {LONGEST}")
+            for entries, times in ((left, right), (right, left)):
+                if (
+                    isinstance(entries, str | list | tuple)
+                    and isinstance(times, int)
+                    and len(entries) * times > LONGEST
+                ):
+                    raise ExpressionError(f"a product of {len(entries) * times} entries is longer than {LONGEST}")
             return left * right
         if kind is ast.Mod:
             if isinstance(left, str) and re.search(r"\d{4}|\*", left):
@@ -184,17 +261,17 @@ class _Evaluation:
         return SIGNS[type(node.op)](self.value(node.operand))
 
     def _boolop(self, node: ast.BoolOp) -> Any:
-        found: Any = None
-        for one in node.values:
-            found = self.value(one)
-            if bool(found) is isinstance(node.op, ast.Or):
+        result: Any = None
+        for operand in node.values:
+            result = self.value(operand)
+            if bool(result) is isinstance(node.op, ast.Or):
                 break
-        return found
+        return result
 
     def _compare(self, node: ast.Compare) -> Any:
         left = self.value(node.left)
-        for kind, one in zip(node.ops, node.comparators, strict=True):
-            right = self.value(one)
+        for kind, other in zip(node.ops, node.comparators, strict=True):
+            right = self.value(other)
             if not OPERATORS[type(kind)](left, right):
                 return False
             left = right
@@ -207,33 +284,33 @@ class _Evaluation:
         return self.value(node.value)[self.value(node.slice)]
 
     def _slice(self, node: ast.Slice) -> Any:
-        return slice(*(None if one is None else self.value(one) for one in (node.lower, node.upper, node.step)))
+        return slice(*(None if end is None else self.value(end) for end in (node.lower, node.upper, node.step)))
 
     def _list(self, node: ast.List) -> Any:
-        return [self.value(one) for one in node.elts]
+        return [self.value(entry) for entry in node.elts]
 
     def _tuple(self, node: ast.Tuple) -> Any:
-        return tuple(self.value(one) for one in node.elts)
+        return tuple(self.value(entry) for entry in node.elts)
 
     def _set(self, node: ast.Set) -> Any:
-        return {self.value(one) for one in node.elts}
+        return {self.value(entry) for entry in node.elts}
 
     def _dict(self, node: ast.Dict) -> Any:
         if any(key is None for key in node.keys):
             raise ExpressionError("`**` is not evaluated")
-        return {self.value(key): self.value(one) for key, one in zip(node.keys, node.values, strict=True) if key}
+        return {self.value(key): self.value(entry) for key, entry in zip(node.keys, node.values, strict=True) if key}
 
     def _listcomp(self, node: ast.ListComp | ast.GeneratorExp) -> Any:
-        if len(node.generators) != 1 or not isinstance(node.generators[0].target, ast.Name):
+        loop = node.generators[0]
+        if len(node.generators) != 1 or not isinstance(loop.target, ast.Name):
             raise ExpressionError("a comprehension must have one loop over one name")
-        loop, before, found = node.generators[0], dict(self.local), []
-        name = loop.target.id  # type: ignore[attr-defined]  # a name, as was looked at
-        for one in self.value(loop.iter):
-            self.local[name] = one
+        before, results = dict(self.local), []
+        for entry in self.value(loop.iter):
+            self.local[loop.target.id] = entry
             if all(self.value(test) for test in loop.ifs):
-                found.append(self.value(node.elt))
+                results.append(self.value(node.elt))
         self.local = before
-        return found
+        return results
 
     _generatorexp = _listcomp
 

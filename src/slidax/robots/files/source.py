@@ -68,7 +68,7 @@ def read(
     else:
         path = Path(source)
         if path.suffix.lower() == ".xacro" and root == "robot":
-            text = expand(path, arguments or {}, packages)
+            text = expand(path, arguments or {}, packages, most=MOST_BYTES)
         else:
             text = read_bytes(path, "the robot file", most=MOST_BYTES)
     if not text.strip():

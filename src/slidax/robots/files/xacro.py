@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import io
 import math
+import re
 import threading
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
@@ -12,18 +13,35 @@ from typing import Any
 from xml.dom import minidom
 
 from slidax._errors import DefinitionError
-from slidax._files import open_file
+from slidax._files import MEGABYTE, read_bytes
 
-from .expression import ExpressionError, evaluate
+from .expression import CHARACTERS, Budget, ExpressionError, evaluate
 from .meshes import Packages
 
 MISSING = "xacrodoc, which reads xacro files, is needed: pip install 'slidax[robots]'"
+
+MOST_OF_YAML = MEGABYTE // 4
+"""Of a YAML file; its reader takes up to ten seconds for more."""
+
+STEPS_OF_A_NODE = 25
+"""Steps that an element or an attribute counts, so that those of an expansion need at most about 0.2 GB."""
+
+STEPS_OF_A_COPY = 100
+"""Steps that each use of a macro or a block counts in addition."""
+
+LONGEST_MESSAGE = 500
+"""Characters of a message of xacro."""
+
+MACRO_PARAMETER = re.compile(
+    r"^\s*([^\s:=]+?)\s*:?=\s*(\^\|?)?(\$\{.*?\}|\$\(.*?\)|(?:'[^']*'|\"[^\"]*\"|[^\s'\"])+|)(?:\s+|$)(.*)"
+)
+"""xacro's own, but for a repetition in a repetition, which takes exponential time."""
 
 _ONE_AT_A_TIME = threading.Lock()
 """xacro keeps the file that it reads in variables of its module."""
 
 
-def expand(path: Path, arguments: Mapping[str, str], packages: Packages = ()) -> str:
+def expand(path: Path, arguments: Mapping[str, str], packages: Packages = (), *, most: int) -> str:
     """Return the URDF text of a xacro file.
 
     Its expressions are evaluated by `expression.evaluate`, so that a file cannot run code; it may include and read
@@ -33,8 +51,10 @@ def expand(path: Path, arguments: Mapping[str, str], packages: Packages = ()) ->
     - `path`: of the file.
     - `arguments`: values of its `<xacro:arg>` by name.
     - `packages`: as of `from_urdf`.
+    - `most`: bytes of the file, of each file that it includes, and of the text.
 
-    Raises DefinitionError if xacrodoc is not installed, or the file cannot be expanded.
+    Raises DefinitionError if xacrodoc is not installed, or the file cannot be expanded within `most` and the steps of a
+    `Budget`.
     """
     try:
         import xacro
@@ -43,31 +63,43 @@ def expand(path: Path, arguments: Mapping[str, str], packages: Packages = ()) ->
         from xacrodoc import packages as ros
     except ImportError as error:
         raise DefinitionError(MISSING) from error
-    with open_file(path, "the robot file") as file:
-        text = file.read().decode("utf-8", "replace")
-    functions = _functions(xacro)
+    text = read_bytes(path, "the robot file", most=most).decode("utf-8", "replace")
+    functions, budget = _functions(xacro), Budget()
+    original_eval_all, original_eval_text = xacro.eval_all, xacro.eval_text
 
     def expression(words: str, names: Any, local: Any = None) -> Any:
-        return evaluate(words, names, functions)
+        return evaluate(words, names, functions, budget)
 
     def substitution(words: str, context: Mapping[str, Any]) -> str:
-        given = {name: substitution_args.convert_value(one, "auto") for name, one in context.get("arg", {}).items()}
-        arg: dict[str, Callable[..., Any]] = {"arg": lambda name: given[name]}
-        return str(evaluate(words, {**functions, **given, **arg}, {**functions, **arg}))
+        values = {name: substitution_args.convert_value(word, "auto") for name, word in context.get("arg", {}).items()}
+        arg: dict[str, Callable[..., Any]] = {"arg": lambda name: values[name]}
+        return str(evaluate(words, {**functions, **values, **arg}, {**functions, **arg}, budget))
+
+    def eval_text(words: str, symbols: Any) -> Any:
+        # The lexer of xacro copies the rest of a text at each `$`.
+        budget.spend(1 + len(words) // CHARACTERS + words.count("$") * len(words) // CHARACTERS**2)
+        return original_eval_text(words, symbols)
+
+    def eval_all(node: Any, macros: Any, symbols: Any) -> None:
+        if node.parentNode is None:
+            # A copy of a macro or of a block: count all of it before what is in it is copied in turn.
+            budget.spend(STEPS_OF_A_COPY + STEPS_OF_A_NODE * _nodes_in(node))
+        original_eval_all(node, macros, symbols)
 
     def parse(source: Any, filename: str | None = None) -> Any:
         if source is None:
-            source = _content(Path(xacro.root_dir, str(filename)))
+            source = read_bytes(Path(xacro.root_dir, str(filename)), "the included file", most=most)
         if not isinstance(source, str | bytes):
             return source
-        if "<!DOCTYPE" in (source if isinstance(source, str) else source.decode("utf-8", "replace")):
+        source = source.encode() if isinstance(source, str) else source
+        if b"<!DOCTYPE" in source:
             raise DefinitionError("it has a DOCTYPE, which may define entities; remove it")
+        budget.spend(STEPS_OF_A_NODE * sum(map(source.count, (b"</", b"/>", b"="))))
         return minidom.parseString(source)
 
     def find(package: str) -> str:
-        found = _package(package, path, packages)
         try:
-            return found or str(ros.get_path(package))
+            return _package(package, path, packages) or str(ros.get_path(package))
         except Exception:
             raise DefinitionError(
                 f"package `{package}` is not found; packages={{'{package}': FOLDER}} says where it is"
@@ -75,6 +107,9 @@ def expand(path: Path, arguments: Mapping[str, str], packages: Packages = ()) ->
 
     swaps = (
         (xacro, "safe_eval", expression),
+        (xacro, "eval_text", eval_text),
+        (xacro, "eval_all", eval_all),
+        (xacro, "re_macro_arg", MACRO_PARAMETER),
         (xacro, "parse", parse),
         (substitution_args, "_eval", substitution),
         (substitution_args, "_eval_find", find),
@@ -84,27 +119,55 @@ def expand(path: Path, arguments: Mapping[str, str], packages: Packages = ()) ->
         xacro.init_stacks(str(path))
         try:
             document = xacrodoc.XacroDoc.from_string(text, subargs=dict(arguments), resolve_packages=False)
-            expanded: str = document.dom.toxml()
+            expansion = _LimitedText(most)
+            document.dom.writexml(expansion)
         except Exception as error:
             raise DefinitionError(f"xacro does not expand the robot file `{path}`: {_one_line(error)}") from error
-    return expanded
+    return expansion.getvalue()
 
 
-def _one_line(error: BaseException) -> str:
+class _LimitedText(io.StringIO):
+    def __init__(self, most: int) -> None:
+        super().__init__()
+        self.most = most
+
+    def write(self, text: str) -> int:
+        if self.tell() + len(text) > self.most:
+            raise ExpressionError(f"its expansion has more than {self.most / MEGABYTE:g} MB")
+        return super().write(text)
+
+
+def _nodes_in(element: Any) -> int:
+    """The number of elements and attributes in an element, itself among them."""
+    number, waiting = 0, [element]
+    while waiting:
+        node = waiting.pop()
+        number += 1 + (len(node.attributes) if node.attributes else 0)
+        waiting.extend(child for child in node.childNodes if child.nodeType == child.ELEMENT_NODE)
+    return number
+
+
+def _one_line(error: Exception) -> str:
     """The message, with that of the error behind it, without line ends."""
+    cause: BaseException | None = error
+    while cause is not None:
+        if isinstance(cause, RecursionError):
+            return "macros, includes, properties or elements are nested too deeply; does one of them contain itself?"
+        cause = cause.__context__
     inner = getattr(error, "exc", None)
     text = str(error) or (str(inner) if inner else "") or type(error).__name__
-    return "; ".join(line.strip() for line in text.splitlines() if line.strip())
+    text = "; ".join(line.strip() for line in text.splitlines() if line.strip())
+    return text if len(text) <= LONGEST_MESSAGE else f"{text[:LONGEST_MESSAGE]}..."
 
 
 @contextlib.contextmanager
 def _replaced(swaps: tuple[tuple[Any, str, Any], ...]) -> Iterator[None]:
-    """While a file is expanded: what would run Python's evaluator, or open any file, is our own.
+    """Replace names in modules, while a file is expanded, by our own: evaluation, the opening of files and the limits.
 
     Raises DefinitionError if a version of xacro has none of that name, and so may evaluate in another way.
     """
     for module, name, _ in swaps:
-        if not callable(getattr(module, name, None)):
+        if not hasattr(module, name):
             raise DefinitionError(
                 f"this version of xacro has no `{module.__name__}.{name}`, so that its expressions could run code; "
                 "install another, or expand the file yourself by `xacro FILE > robot.urdf`"
@@ -120,7 +183,7 @@ def _replaced(swaps: tuple[tuple[Any, str, Any], ...]) -> Iterator[None]:
 
 
 def _functions(xacro: Any) -> dict[str, Callable[..., Any]]:
-    def message(*words: Any, **_: Any) -> str:
+    def message(*words: Any, **options: Any) -> str:
         return ""
 
     def fatal(*words: Any) -> None:
@@ -134,15 +197,11 @@ def _functions(xacro: Any) -> dict[str, Callable[..., Any]]:
         "abs_filename": lambda name: xacro.abs_filename_spec(str(name)),
         "dotify": dict,
         "arg": lambda name: xacro.substitution_args_context["arg"][name],
-        "tokenize": lambda text, sep=",; ", skip_empty=True: xacro.tokenize(str(text), sep, skip_empty),
+        # Its separators stand in a regular expression, which may be any.
+        "tokenize": lambda text, sep=",; ", skip_empty=True: xacro.tokenize(str(text), re.escape(sep), skip_empty),
         "fatal": fatal,
         **dict.fromkeys(("message", "warning", "error", "print_location"), message),
     }
-
-
-def _content(path: Path) -> bytes:
-    with open_file(path, "the included file") as file:
-        return file.read()
 
 
 def _yaml(path: Path) -> Any:
@@ -151,7 +210,6 @@ def _yaml(path: Path) -> Any:
 
     factors = {"radians": 1.0, "degrees": math.pi / 180.0, "meters": 1.0, "millimeters": 1e-3}
     factors |= {"foot": 0.3048, "inches": 0.0254}
-
     # A class of its own, as the constructors would be those of every reader of YAML.
     loader: Any = type("Loader", (yaml.SafeLoader,), {})
 
@@ -160,7 +218,7 @@ def _yaml(path: Path) -> Any:
 
     for unit, factor in factors.items():
         loader.add_constructor(f"!{unit}", scaled(factor))
-    return yaml.load(_content(path), loader)
+    return yaml.load(read_bytes(path, "the YAML file", most=MOST_OF_YAML), loader)
 
 
 def _package(name: str, path: Path, packages: Packages) -> str | None:
