@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from slidax._errors import DefinitionError
-from slidax.robots.files import expression, from_urdf
-from slidax.robots.files import xacro as xacro_files
+from slidax.robots.files import expression, from_urdf, source
 from slidax.robots.files.expression import ExpressionError, evaluate
 from tests.robots.bad_file import changed
 from tests.robots.bad_urdf import GOOD, LIMIT, MASS, ORIGIN
@@ -130,7 +129,7 @@ REPEATED = {
     "texts": '<xacro:property name="t" value="${\'x\' * 90000}"/>' + '<b c="${t}${t}${t}"/>' * 100,
     "dollars": f'<link name="{"$ " * 20000}"/>',
     "elements": "<b/>" * 5000,
-    "attributes": f"<b {' '.join(f'c{i}=""' for i in range(5000))}/>",
+    "attributes": "<b {}/>".format(" ".join(f'c{i}=""' for i in range(5000))),
 }
 
 
@@ -159,7 +158,7 @@ def test_a_macro_or_file_that_contains_itself_is_refused(body, tmp_path):
 
 
 def test_an_expansion_longer_than_the_limit_is_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr(xacro_files, "MOST_BYTES", 10_000)
+    monkeypatch.setattr(source, "MOST_BYTES", 10_000)
     path = tmp_path / "arm.xacro"
     path.write_text(as_xacro(head=macros(f"<b>{'x' * 1000}</b>", times=4)))
     with pytest.raises(DefinitionError, match="its expansion has more than"):
