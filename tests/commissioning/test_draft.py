@@ -152,3 +152,20 @@ def test_a_velocity_that_all_joints_share_has_the_units_of_all(tmp_path: Path) -
     (tmp_path / "arm.urdf").write_text(SLIDE.format("".join(links)))
     notes = draft(tmp_path / "arm.urdf", folder=tmp_path).notes
     assert any("2 rad/s or m/s on every joint" in note for note in notes)
+
+
+FOLLOWS = '<mimic joint="j2" multiplier="-1"/>'
+
+
+def test_an_arm_with_a_joint_that_follows_is_refused_with_a_tip_that_works(tmp_path: Path) -> None:
+    text = arm().replace('<child link="fore"/>', '<child link="fore"/>' + FOLLOWS)
+    with pytest.raises(DefinitionError, match=r"joint `j3` of .* follows another joint.*`--tip upper` ends the arm"):
+        new(tmp_path, text, tip="wrist")
+    _, scenario = new(tmp_path, text, tip="upper")
+    assert scenario.controller.nominal.joint_names == ("j1", "j2")
+
+
+def test_a_file_whose_joints_lead_and_follow_alone_asks_for_the_tip(tmp_path: Path) -> None:
+    text = arm().replace('<child link="upper"/>', '<child link="upper"/><mimic joint="j1"/>')
+    with pytest.raises(DefinitionError, match=r"no joint of an arm: `j1`, `j2` follow or lead others.*`--tip LINK`"):
+        new(tmp_path, text)

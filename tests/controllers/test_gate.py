@@ -9,7 +9,7 @@ import pytest
 
 from slidax.controllers import MeasurementGate
 from slidax.parts import DefinitionError, State
-from slidax.robots import panda
+from slidax.robots import couple, panda
 from slidax.scenarios import load
 from slidax.sensors import AbstractSensor, Measurement
 from tests.paper import SCARA
@@ -125,6 +125,13 @@ def test_ranges_follow_from_the_limits_of_the_arm():
     farthest = np.maximum(np.abs(arm.limits.lower), np.abs(arm.limits.upper))
     np.testing.assert_allclose(gate.q_max, 1.5 * farthest)
     np.testing.assert_allclose(gate.speed, 4.0 * arm.limits.velocity)
+
+
+def test_ranges_of_an_arm_with_followers_are_those_of_its_leaders():
+    arm = panda()
+    gate = MeasurementGate.of_arm(couple(arm, {arm.joint_names[1]: (arm.joint_names[0], 2.0, 0.0)}))
+    np.testing.assert_allclose(gate.q_max[0], 1.5 * 0.5 * arm.limits.upper[1])
+    np.testing.assert_allclose(gate.speed[0], 4.0 * 0.5 * arm.limits.velocity[1])
 
 
 def test_an_arm_without_limits_gets_the_speed_that_its_drives_reach_in_one_turn_or_metre():

@@ -10,9 +10,11 @@ import pytest
 from typer.testing import CliRunner
 
 import slidax as sx
+from slidax._errors import DefinitionError
 from slidax.cli import app
 from slidax.identification import Log
 from slidax.parts import as_array
+from slidax.scenarios import named_robot
 from tests.identification.recorded import moved, recorded
 
 FILE = Path(__file__).parent / "three_link.urdf"
@@ -166,3 +168,21 @@ def test_lists_of_a_wrong_length_or_sign_are_one_line(tmp_path):
     ):
         refused = identified(LOG, tmp_path, *options)
         assert refused.exit_code == 2 and words in refused.output.replace("\n", " "), refused.output
+
+
+def test_a_joint_that_follows_is_held_where_the_message_says(tmp_path):
+    text = FILE.read_text()
+    follows = re.sub(r'(<joint name="wrist".*?)</joint>', r'\1<mimic joint="elbow"/></joint>', text, flags=re.S)
+    assert follows != text
+    robot = tmp_path / "arm.urdf"
+    robot.write_text(follows)
+    with pytest.raises(DefinitionError, match=r"joints that follow others.*--locked wrist=0 holds them"):
+        named_robot(str(robot))
+    arm, description = named_robot(str(robot), locked={"wrist": 0.0})
+    assert (arm.joint_names, description["locked"]) == (("shoulder", "elbow"), {"wrist": 0.0})
+
+
+def test_joints_that_an_option_holds_are_held_in_addition_to_those_of_the_file(tmp_path):
+    (tmp_path / "arm.yaml").write_text(f"robot: {{kind: urdf, file: '{FILE}', locked: {{wrist: 0.1}}}}\n")
+    arm, _ = named_robot(str(tmp_path / "arm.yaml"), locked={"elbow": 0.2})
+    assert arm.joint_names == ("shoulder",)

@@ -68,17 +68,15 @@ def _arm(robot: str, tip: str | None, folder: Path) -> tuple[Articulated, tuple[
         raise DefinitionError(f"`{robot}` is no ready robot, nor a file ({known}); {nearest(robot, ready.names())}")
     chain = chain_of(path, tip)
     read = from_urdf if kind == "urdf" else from_mjcf
-    with warnings.catch_warnings(record=True) as said:
+    with warnings.catch_warnings(record=True) as assumed:
         warnings.simplefilter("always")
         arm = read(path, tip=chain.tip, locked=chain.locked, inertias="nearest")
     if isinstance(arm, Coupled):
-        raise DefinitionError(
-            f"joint `{arm.followers[0]}` of `{path}` follows another one, and no motion for such an arm is chosen "
-            f"here; write the scenario by hand with robot: {{kind: {kind}, file: {path.name}, tip: {chain.tip}}}"
-        )
-    changed = [str(one.message) for one in said if "inertias are changed" in str(one.message)]
-    notes = [message.removeprefix(f"{path}: ").rpartition("; ")[2] for message in changed]
-    notes += [str(one.message).removeprefix(f"{path}: ") for one in said if str(one.message).endswith("left out")]
+        raise DefinitionError(_with_followers(arm, kind, path, chain.tip))
+    messages = [str(warning.message).removeprefix(f"{path}: ") for warning in assumed]
+    changed = [message for message in messages if "inertias are changed" in message]
+    notes = [message.rpartition("; ")[2] for message in changed]
+    notes += [message for message in messages if message.endswith("left out")]
     lines = [f"kind: {kind}", f"file: {_quoted(relpath(path, folder))}", f"tip: {_quoted(chain.tip)}"]
     if chain.locked:
         held = ", ".join(f"{_quoted(name)}: {value:.6g}" for name, value in chain.locked.items())
@@ -87,6 +85,18 @@ def _arm(robot: str, tip: str | None, folder: Path) -> tuple[Articulated, tuple[
     if changed:
         lines.append("inertias: nearest")
     return arm, tuple(lines), tuple(notes)
+
+
+def _with_followers(arm: Coupled, kind: str, path: Path, tip: str) -> str:
+    """The message for an arm whose joints follow others, with the remedy."""
+    follower = arm.followers[0]
+    carrier = arm.arm.parents[arm.arm.joint_names.index(follower)]
+    link = arm.arm.link_names[carrier]
+    shorter = f"`--tip {link}` ends the arm before this joint and holds it; or " if carrier >= 0 else ""
+    return (
+        f"joint `{follower}` of `{path}` follows another joint, and `slidax new` chooses no motion for such an arm; "
+        f"{shorter}write the scenario by hand with `robot: {{kind: {kind}, file: {path.name}, tip: {tip}}}`"
+    )
 
 
 def _held(chain: Chain) -> str:

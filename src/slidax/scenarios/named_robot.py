@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from pydantic import TypeAdapter, ValidationError
 
 from slidax._errors import DefinitionError, nearest, plain
@@ -63,8 +64,8 @@ def named_robot(
             description["file"] = str(folder / description["file"])
     else:
         description = {"kind": kind or word, **({"file": word} if kind else {}), **({"tip": tip} if tip else {})}
-    asked: dict[str, Any] = {"inertias": inertias, "locked": dict(locked or {})}
-    for field, value in asked.items():
+    held = {**description.get("locked", {}), **locked} if locked else None
+    for field, value in {"inertias": inertias, "locked": held}.items():
         if value:
             if description["kind"] not in ("urdf", "mjcf"):
                 raise DefinitionError(f"`--{field}` is for URDF and MJCF files alone; `{plain(word)}` is no such file")
@@ -106,9 +107,12 @@ def _built(word: str, description: Mapping[str, Any]) -> Articulated:
         raise DefinitionError(f"`{plain(word)}` must be an arm of rigid links; got {found.kind}")
     robot = found.build().nominal
     if isinstance(robot, Coupled):
+        lower, upper = np.asarray(robot.arm.limits.lower), np.asarray(robot.arm.limits.upper)
+        at = dict(zip(robot.arm.joint_names, np.clip(0.0, lower, upper).tolist(), strict=True))
+        held = ", ".join(f"'{name}': {at[name]:g}" for name in robot.followers)
         raise DefinitionError(
-            f"joint `{robot.followers[0]}` of `{plain(word)}` follows another one, and such an arm is not identified; "
-            f"a YAML file with `robot: {{kind: urdf, file: ..., locked: {{{robot.followers[0]}: 0}}}}` holds the joint"
+            f"`{plain(word)}` has joints that follow others, and no log of such an arm is identified; "
+            f"locked={{{held}}} holds them, if they stand there in the log"
         )
     assert isinstance(robot, Articulated)
     return robot

@@ -10,7 +10,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from slidax.parts import AbstractPart, Matrix, PerJoint, Scalar, State, Vector, parameter
-from slidax.robots import AbstractRobot, Articulated
+from slidax.robots import AbstractRobot, Articulated, Coupled
 
 LARGEST_POSITION = 1e4
 """rad or m: range of a joint whose position limits are not known."""
@@ -123,7 +123,7 @@ class MeasurementGate(AbstractPart):
 
         Raises DefinitionError if one of them is out of its range.
         """
-        limits = arm.limits if limited and isinstance(arm, Articulated) else None
+        limits = arm.limits if limited and isinstance(arm, Articulated | Coupled) else None
         speed = jnp.asarray([FASTEST_JOINT[unit] for unit in arm.joint_units])
         acceleration = jnp.full(arm.joints, LARGEST_ACCELERATION)
         if mass is not None:

@@ -13,6 +13,7 @@ import numpy as np
 
 from slidax._errors import DefinitionError, located, nearest
 from slidax._files import open_file
+from slidax._names import quoted
 
 from .loader import mujoco, reading
 from .mjcf_checks import name_all
@@ -59,6 +60,11 @@ class _Hinge:
     held: float | None
     follows: bool = False
 
+    @property
+    def is_of_a_hand(self) -> bool:
+        """True if it follows another one, leads one, or is called a finger."""
+        return self.follows or FINGER.search(self.name) is not None
+
 
 def chain_of(source: str | Path, tip: str | None = None) -> Chain:
     """The arm in a robot file, URDF or MJCF.
@@ -93,11 +99,17 @@ class _Tree:
     def chain(self, tip: str | None) -> Chain:
         moving = self._to(tip) if tip is not None else self._longest()
         if not moving:
-            raise DefinitionError("no joint moves the tip" if tip else "there is no joint of an arm")
+            raise DefinitionError("no joint moves the tip" if tip else f"there is no joint of an arm{self._left_out()}")
         end = tip if tip is not None else self._tip(moving[-1].child)
         names = tuple(hinge.name for hinge in moving)
         held = {one.name: one.held for one in self._hinges if one.held is not None and one.name not in names}
         return Chain(names, end, held)
+
+    def _left_out(self) -> str:
+        """The joints that are taken for those of a hand, with the remedy."""
+        names = [hinge.name for hinge in self._hinges if hinge.held is not None and hinge.is_of_a_hand]
+        reason = "follow or lead others, or have names of fingers; name the arm's end by `--tip LINK`"
+        return f": {quoted(names)} {reason}" if names else ""
 
     def _to(self, tip: str) -> list[_Hinge]:
         if tip not in self._carrier:
@@ -137,7 +149,7 @@ class _Tree:
 
     def _length(self, hinge: _Hinge) -> int:
         """How many joints of an arm are one after the other, from this one on."""
-        if hinge.held is not None and (hinge.follows or FINGER.search(hinge.name)):
+        if hinge.held is not None and hinge.is_of_a_hand:
             return 0
         further = max((self._length(one) for one in self._below.get(hinge.child, ())), default=0)
         return further + (hinge.held is not None)
