@@ -225,3 +225,19 @@ def test_any_body_printed_to_three_digits_is_read():
             rigid = Feasible("given").of(printed, "link `fore`", moves=True)
             assert np.linalg.eigvalsh(0.5 * np.trace(rigid) * np.eye(3) - rigid)[0] > -1e-15 * np.trace(rigid)
     assert len(changes) > 500 and 0.002 < max(changes) < 0.0072
+
+
+def test_moments_that_are_rounded_zeros_are_those_of_a_point():
+    dust = changed(GOOD, INERTIA, inertia("0", "0", "0", "1.3e-20"))
+    for how in ("given", "nearest"):
+        with pytest.raises(
+            DefinitionError, match=r"`fore` must be positive definite.*; write the body's own there"
+        ) as it:
+            from_urdf(dust, inertias=how)
+        assert "nearest" not in str(it.value)
+    rounded = 'ixx="0" iyy="0" izz="0" ixy="1.3e-20" ixz="0" iyz="0"'
+    point = (
+        f'{TOOL}<joint name="weld" type="fixed"><parent link="tool"/><child link="dust"/></joint><link name="dust">'
+        f'<inertial><mass value="0.1"/><inertia {rounded}/></inertial></link>'
+    )
+    assert from_urdf(changed(GOOD, TOOL, point), tip="tool").joints == 2

@@ -158,7 +158,7 @@ def test_a_thin_rod_is_a_body_and_rounding_below_0_is_0(moment):
 
 
 def test_rounding_is_relative_to_the_links_own_moments():
-    small = changed(GOOD, INERTIA, inertia("-4e-22", "5e-22", "5e-22"))
+    small = changed(GOOD, INERTIA, inertia("-4e-13", "5e-13", "5e-13"))
     with pytest.raises(DefinitionError, match=r"link `fore` must be positive definite.*inertias=\"nearest\""):
         from_urdf(small)
 

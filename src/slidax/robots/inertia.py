@@ -12,6 +12,9 @@ ROUNDING = 1e-6
 ZERO = 1e-9
 """Below this share of the largest a negative principal moment is a rounded 0."""
 
+POINT = 1e-15
+"""kg m²: moments below this are rounded zeros, as of a point. A grain of 1 mg and 0.1 mm has ten times as much."""
+
 
 def require_rigid(inertia: np.ndarray, what: str, *, moves: bool, setting: Setting | None = None) -> None:
     """Raises DefinitionError unless a rigid body can have this inertia.
@@ -26,15 +29,27 @@ def require_rigid(inertia: np.ndarray, what: str, *, moves: bool, setting: Setti
     moments = np.linalg.eigvalsh(inertia)
     listed = ", ".join(f"{moment:.3g}" for moment in moments)
     end = f"; {setting.in_python} takes the nearest that a body can have" if setting else ""
-    empty = moves and moments[2] <= 0
-    if empty or moments[0] < -ZERO * abs(moments[2]):
+    if moves and is_point(inertia):
+        raise DefinitionError(
+            f"{what} must be positive definite; its principal moments are {listed} kg m²; write the body's own there"
+        )
+    if is_rigid(inertia):
+        return
+    if moments[0] < -ZERO * abs(moments[2]):
         rule = "positive definite" if moves else "positive semi-definite"
         raise DefinitionError(f"{what} must be {rule}; its principal moments are {listed} kg m²{end}").offering(setting)
-    if not is_rigid(inertia):
-        raise DefinitionError(
-            f"{what} is of no rigid body: the largest of its principal moments {listed} kg m² is more than the sum of "
-            f"the others{end}"
-        ).offering(setting)
+    raise DefinitionError(
+        f"{what} is of no rigid body: the largest of its principal moments {listed} kg m² is more than the sum of the "
+        f"others{end}"
+    ).offering(setting)
+
+
+def is_point(inertia: np.ndarray) -> bool:
+    """True if an inertia is 0, but for rounding.
+
+    - `inertia`: about the centre of mass, symmetric [3 3], kg m².
+    """
+    return bool(np.linalg.norm(inertia, 2) < POINT)
 
 
 def is_rigid(inertia: np.ndarray) -> bool:
@@ -42,6 +57,8 @@ def is_rigid(inertia: np.ndarray) -> bool:
 
     - `inertia`: about the centre of mass, symmetric [3 3], kg m².
     """
+    if is_point(inertia):
+        return True
     moments = np.linalg.eigvalsh(inertia)
     return bool(moments[0] >= -ZERO * abs(moments[2]) and moments[0] + moments[1] >= moments[2] * (1.0 - ROUNDING))
 

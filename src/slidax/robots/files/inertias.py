@@ -8,7 +8,7 @@ import numpy as np
 
 from slidax._errors import DefinitionError, Setting, nearest
 
-from ..inertia import is_rigid, nearest_rigid, require_rigid
+from ..inertia import is_point, is_rigid, nearest_rigid, require_rigid
 from .mjcf_geometry import by_shape
 from .notes import Notes
 
@@ -59,7 +59,7 @@ class Feasible:
         close = nearest_rigid(inertia)
         # The principal axes stay, so the spectral norm of the difference is the largest change of a moment.
         change = float(np.linalg.norm(close - inertia, 2) / np.linalg.norm(inertia, 2))
-        helps = not moves or bool(np.any(close))
+        helps = not moves or not is_point(close)
         # The nearest to a negative moment may be 0, with which a joint about that axis has no inertia.
         rounded = change <= PRINTED and np.linalg.eigvalsh(inertia)[0] >= 0.0
         if not helps or self._how == "strict" or (self._how == "given" and not rounded):
@@ -84,9 +84,9 @@ class Feasible:
                 body.inertia = np.diagonal(self.of(np.diag(body.inertia), f"body `{body.name}`", moves=False))
             else:
                 xx, yy, zz, xy, xz, yz = full
-                given = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-                rigid = self.of(given, f"body `{body.name}`", moves=True)
-                if rigid is not given:
+                inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+                rigid = self.of(inertia, f"body `{body.name}`", moves=True)
+                if rigid is not inertia:
                     body.fullinertia = rigid[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
 
     def add_to(self, notes: Notes) -> None:
