@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import struct
 
+import numpy as np
 import pytest
 
 import slidax as sx
@@ -100,6 +101,27 @@ def test_parquet_that_announces_billions_of_rows_is_refused(tmp_path, monkeypatc
 
 
 TITLES = ("time", "q_1", "q_2", "tau_1", "tau_2")
+
+
+def test_lists_in_parquet_count_with_all_their_entries(tmp_path, monkeypatch):
+    pa, pq = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
+    monkeypatch.setattr(parquet, "MOST_NUMBERS", 100_000)
+    columns = {"time": np.arange(300.0), "position": [[0.0] * 500] * 300, "effort": [[0.0] * 500] * 300}
+    pq.write_table(pa.table(columns), tmp_path / "a.parquet", compression="zstd")
+    with pytest.raises(DefinitionError, match="it has 300 rows"):
+        parquet.read_table(tmp_path / "a.parquet", lambda schema, sizes: list(schema.names))
+
+
+@pytest.mark.parametrize("kind", ["string", "binary", "struct<x: int64>", "list<element: double>", "dictionary"])
+def test_saved_run_with_a_column_that_is_not_numeric_is_refused_unread(tmp_path, kind):
+    pa, pq = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
+    text = pa.array(["a" * 1000] * 20)
+    column = {"struct<x: int64>": [{"x": 1}] * 20, "list<element: double>": [[1.0, 2.0]] * 20, "string": text}.get(kind)
+    if column is None:
+        column = text.dictionary_encode() if kind == "dictionary" else text.cast(pa.binary())
+    pq.write_table(pa.table({"t": np.arange(20.0), "q_1": column}), tmp_path / "a.parquet")
+    with pytest.raises(DefinitionError, match=f"column `q_1` has the type {kind}.*, and is no numbers"):
+        parquet.read_columns(tmp_path / "a.parquet")
 
 
 @pytest.mark.parametrize(

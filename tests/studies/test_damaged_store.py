@@ -17,6 +17,9 @@ from slidax._writing import is_temporary
 from slidax.studies import read_rows, scenario_of_row
 from slidax.studies.store import Store, rows_kept
 
+pa = pytest.importorskip("pyarrow")
+pq = pytest.importorskip("pyarrow.parquet")
+
 IDENTITY = {
     **{"study": "monte_carlo", "scenario": {"t1": 0.1 + 0.2}, "seed": 5, "made_by": {"machine": "a"}},
     **{"uncertain": {}, "varied": {}, "engine": None},
@@ -112,7 +115,7 @@ def test_every_changed_byte_of_a_part_is_noticed_or_changes_no_row(whole: Path, 
     name = "000000000192-8.parquet"
     content = (whole / "parts" / name).read_bytes()
     expected, store, noticed = chunk(192, 8), opened(out), 0
-    for place in range(0, len(content), 3):
+    for place in range(0, len(content), 5):
         changed = bytearray(content)
         changed[place] ^= 1 << place % 8
         (out / "parts" / name).write_bytes(changed)
@@ -139,6 +142,47 @@ def test_parts_of_another_study_or_place_are_named_and_computed_again(whole: Pat
         "000000000128-64.parquet` has other rows than its name says: its 64 rows are computed again",
     ]
     assert same(out, whole)
+
+
+def test_a_part_that_announces_other_rows_is_not_read(whole: Path, out: Path) -> None:
+    """A few bytes can stand for gigabytes of equal numbers."""
+    path = out / "parts" / "000000000064-64.parquet"
+    marks = pq.read_schema(path).metadata
+    zeros = pa.table({"row": np.zeros(10**6, int)}).replace_schema_metadata(marks)
+    pq.write_table(zeros, path, compression="zstd")
+    assert path.stat().st_size < 20_000
+    # Read, it would have a wrong checksum.
+    with pytest.warns(DefinitionWarning, match="has other rows than its name says: its 64 rows are computed again"):
+        assert fill(opened(out)) == 64
+    assert same(out, whole)
+
+
+@pytest.mark.parametrize(
+    ("names", "columns", "words"),
+    [
+        (("row", "row"), ([1, 2], [1, 2]), "it has two columns `row`"),
+        (("row",), (["a", "b"],), "column `row` has the type string, and is no numbers"),
+        (("row", "q"), ([1, 2], [[1.0], [2.0]]), "column `q` has the type list.*, and is no numbers"),
+    ],
+    ids=["two of one name", "text", "lists"],
+)
+def test_a_table_with_other_columns_is_a_clear_line(
+    out: Path, names: tuple[str, ...], columns: tuple[list[Any], ...], words: str
+) -> None:
+    pq.write_table(pa.table([pa.array(column) for column in columns], names=names), out / "rows.parquet")
+    with pytest.raises(DefinitionError, match=rf"rows\.parquet` is damaged: {words}"):
+        read_rows(out)
+
+
+def test_a_table_that_announces_too_many_numbers_is_not_read(out: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("slidax.studies.stored.MOST_NUMBERS", 799)
+    with pytest.raises(DefinitionError, match=r"it has 200 rows, and 4 columns .* at most 8e\+02 numbers are read"):
+        read_rows(out)
+
+
+def test_a_missing_folder_is_named_and_no_other(tmp_path: Path) -> None:
+    with pytest.raises(DefinitionError, match=r"there is no folder `.*nowhere`$"):
+        read_rows(tmp_path / "nowhere")
 
 
 def test_other_files_among_the_parts_are_passed_over(whole: Path, out: Path) -> None:

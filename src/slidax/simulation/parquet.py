@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from slidax._errors import DefinitionError
+from slidax._errors import DefinitionError, plain
 from slidax._files import MEGABYTE, require_file
 
 MOST_BYTES = 4000 * MEGABYTE
@@ -35,8 +35,8 @@ def read_columns(path: Path) -> dict[str, np.ndarray]:
 
     - `path`: the file, such as the `log.parquet` of a saved run.
 
-    Raises DefinitionError if it cannot be read, is no Parquet file, has two columns of one name, or pyarrow is
-    missing.
+    Raises DefinitionError if it cannot be read, is no Parquet file, has two columns of one name or a column without
+    numbers, or pyarrow is missing.
     """
     table = read_table(path)
     return {name: np.asarray(table.column(name)) for name in table.column_names}
@@ -49,8 +49,8 @@ def read_table(path: Path, choose: Callable[[Any, dict[str, int]], list[str]] | 
     - `choose`: names the columns, of the file's schema, and of the columns with lists, each with how many entries the
       list of the first row has; all columns if not given.
 
-    Raises DefinitionError if it cannot be read, is no Parquet file, has two columns of one name or more numbers than
-    are read, or pyarrow is missing; and whatever `choose` raises.
+    Raises DefinitionError if it cannot be read, is no Parquet file, has two columns of one name, a column without
+    numbers or more numbers than are read, or pyarrow is missing; and whatever `choose` raises.
     """
     require_pyarrow("reading the log")
     import pyarrow.parquet as pq
@@ -58,18 +58,10 @@ def read_table(path: Path, choose: Callable[[Any, dict[str, int]], list[str]] | 
     require_file(path, most=MOST_BYTES)
     try:
         with pq.ParquetFile(path) as file:
-            schema, rows = file.schema_arrow, file.metadata.num_rows
-            names = list(schema.names)
-            doubled = [name for name, count in Counter(names).items() if count > 1]
-            if doubled:
-                raise DefinitionError(f"`{path}` has two columns `{doubled[0]}`: rename one of them")
-            if choose is not None:
-                names = choose(schema, _list_sizes(file, schema))
-            if rows * max(len(names), 1) > MOST_NUMBERS:
-                raise DefinitionError(
-                    f"`{path}` has {rows} rows, and {len(names)} columns of them are needed: at most "
-                    f"{MOST_NUMBERS:.0e} numbers are read; write a part of it, or each second row"
-                )
+            require_names(file, f"`{path}`:")
+            sizes = {} if choose is None else _list_sizes(file)
+            names = file.schema_arrow.names if choose is None else choose(file.schema_arrow, sizes)
+            require_numbers(file, f"`{path}`:", names, sizes)
             return file.read(columns=names)
     except DefinitionError:
         raise
@@ -79,15 +71,73 @@ def read_table(path: Path, choose: Callable[[Any, dict[str, int]], list[str]] | 
         raise DefinitionError(f"cannot read the file `{path}`: {reason}") from None
 
 
-def _list_sizes(file: Any, schema: Any) -> dict[str, int]:
-    """For each column with lists, how many entries the list of the first row has."""
-    import pyarrow as pa
+def require_names(file: Any, name: str) -> None:
+    """Check that each column of a Parquet file has a name of its own.
 
-    lists = [field.name for field in schema if pa.types.is_list(field.type) or pa.types.is_fixed_size_list(field.type)]
+    - `file`: a `ParquetFile` of pyarrow.
+    - `name`: the file's name, for messages.
+
+    Raises DefinitionError if two columns have one name.
+    """
+    doubled = [title for title, count in Counter(file.schema_arrow.names).items() if count > 1]
+    if doubled:
+        raise DefinitionError(f"{name} it has two columns `{plain(doubled[0])}`: rename one of them")
+
+
+def require_numbers(
+    file: Any, name: str, columns: Sequence[str], sizes: Mapping[str, int], *, most: int | None = None
+) -> None:
+    """Check columns of a Parquet file before they are read: numbers alone, and not too many.
+
+    A few bytes can stand for gigabytes of equal numbers or texts. The metadata of column chunks would say more, but
+    pyarrow ends the process where they are damaged.
+
+    - `file`: a `ParquetFile` of pyarrow.
+    - `name`: the file's name, for messages.
+    - `columns`: names of the columns that are needed.
+    - `sizes`: how many numbers are in each row of those columns that may have lists.
+    - `most`: how many numbers are read; `MOST_NUMBERS` if not given.
+
+    Raises DefinitionError if a column has no numbers, or there are too many.
+    """
+    most = MOST_NUMBERS if most is None else most
+    schema, rows = file.schema_arrow, file.metadata.num_rows
+    for title in columns:
+        kind = schema.field(title).type
+        word = plain(str(kind))
+        if not _has_numbers(kind.value_type if title in sizes else kind):
+            raise DefinitionError(
+                f"{name} column `{plain(title)}` has the type {word}, and is no numbers: write it as float64"
+            )
+    if rows * sum(max(sizes.get(title, 1), 1) for title in columns) > most:
+        raise DefinitionError(
+            f"{name} it has {rows} rows, and {len(columns)} columns of them are needed: at most {most:.0e} numbers are "
+            "read; write a part of it, or each second row"
+        )
+
+
+def _has_numbers(kind: Any) -> bool:
+    from pyarrow import types
+
+    if types.is_dictionary(kind):
+        kind = kind.value_type
+    # Of no type at all is a column without a value.
+    return bool(types.is_primitive(kind) or types.is_decimal(kind) or types.is_null(kind))
+
+
+def _list_sizes(file: Any) -> dict[str, int]:
+    """For each column with lists of numbers, how many entries the list of the first row has."""
+    from pyarrow import types
+
+    lists = [
+        field.name
+        for field in file.schema_arrow
+        if (types.is_list(field.type) or types.is_fixed_size_list(field.type)) and _has_numbers(field.type.value_type)
+    ]
     if not lists or not file.metadata.num_rows:
         return {}
     first = next(file.iter_batches(batch_size=1, columns=lists))
-    return {name: min(len(first.column(name)[0].as_py() or ()), 1000) for name in lists}
+    return {name: min(len(first.column(name)[0].values or ()), 1000) for name in lists}
 
 
 def element(column: Any, place: int) -> Any:

@@ -28,19 +28,19 @@ def scenario_of_row(folder: str | Path, row: int) -> ScenarioDescription:
 
     Raises DefinitionError if there is no such row.
     """
-    rows, said = read_rows(folder), read_identity(Path(folder))
-    if "row" not in rows or any(key not in said for key in TASK):
+    rows, identity = read_rows(folder), read_identity(Path(folder))
+    if "row" not in rows or any(key not in identity for key in TASK):
         raise DefinitionError(
             f"the folder `{folder}` is not of a study: `rows.parquet` has no column `row`, or `study.json` no sets"
         )
-    if study_of_rows(Path(folder) / ROWS) != digest_of(said):
+    if study_of_rows(Path(folder) / ROWS) != digest_of(identity):
         raise DefinitionError(
             f"`{Path(folder) / ROWS}` has rows of another study than `study.json` says: "
             f"`slidax study FILE --out {folder} --resume` writes them again"
         )
     if not 0 <= row < len(rows["row"]):
         raise DefinitionError(f"there are rows 0 to {len(rows['row']) - 1}; got {row}")
-    family = Task(json.dumps({key: said[key] for key in TASK})).cases().family
+    family = Task(json.dumps({key: identity[key] for key in TASK})).cases().family
     return family.case({path: _value(rows, path, row) for path in family.space.sets})
 
 

@@ -182,7 +182,7 @@ class Store:
 
     def _table(self, path: Path, first: int, rows: int) -> Any:
         """A part that is whole and has these rows of this study. Raises DamagedError otherwise."""
-        table = read_table(path)
+        table = read_table(path, rows)
         marks = table.schema.metadata or {}
         if marks.get(STUDY) != self.digest.encode():
             raise DamagedError("belongs to another study, or to an older version of slidax")
@@ -223,7 +223,9 @@ def read_rows(path: str | Path) -> Columns:
     Raises DefinitionError if there is none, or it is damaged.
     """
     parquet.require_pyarrow("keeping the rows of a study")
-    path = Path(path) / ROWS if Path(path).is_dir() else Path(path)
+    path = Path(path) if Path(path).suffix == ".parquet" and not Path(path).is_dir() else Path(path) / ROWS
+    if not path.parent.is_dir():
+        raise DefinitionError(f"cannot read the rows of a study: there is no folder `{path.parent}`")
     remedy = f"`slidax study FILE --out {path.parent} --resume` writes it again from the parts"
     try:
         return columns_in(read_table(path, largest=LARGEST_ROWS))

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from slidax._errors import DefinitionError, plain
+from slidax.simulation import parquet
 
 from .table import Columns
 
@@ -22,6 +23,9 @@ STUDY, CONTENT = b"study", b"content"
 
 LARGEST_IDENTITY, LARGEST_PART, LARGEST_ROWS = 64_000_000, 1_000_000_000, 8_000_000_000
 """Sizes up to which files of a store are read [bytes]."""
+
+MOST_NUMBERS = 10**9
+"""Numbers in a table that is read; a small file may stand for more."""
 
 
 class DamagedError(Exception):
@@ -59,11 +63,12 @@ def study_of_rows(path: Path) -> str | None:
     return None if mark is None else str(mark.decode("ascii", "replace"))
 
 
-def read_table(path: Path, largest: int | None = LARGEST_PART) -> Any:
+def read_table(path: Path, rows: int | None = None, *, largest: int = LARGEST_PART) -> Any:
     """A Parquet file as a table.
 
     - `path`: the file.
-    - `largest`: size up to which it is read [bytes]; None for any.
+    - `rows`: how many there must be; None for any number.
+    - `largest`: size up to which it is read [bytes].
 
     Raises FileNotFoundError if there is none, and DamagedError if it is something else or not whole.
     """
@@ -72,9 +77,16 @@ def read_table(path: Path, largest: int | None = LARGEST_PART) -> Any:
 
     try:
         _require_regular(path, largest)
-        return pq.ParquetFile(pa.BufferReader(path.read_bytes())).read()
+        with pq.ParquetFile(pa.BufferReader(path.read_bytes())) as file:
+            if rows is not None and file.metadata.num_rows != rows:
+                raise DamagedError("has other rows than its name says")
+            parquet.require_names(file, "is damaged:")
+            parquet.require_numbers(file, "is damaged:", file.schema_arrow.names, {}, most=MOST_NUMBERS)
+            return file.read()
     except FileNotFoundError:
         raise
+    except DefinitionError as error:
+        raise DamagedError(error.message) from None
     except OSError as error:
         if error.errno is not None:
             raise DamagedError(f"cannot be read ({error.strerror})") from None
@@ -152,8 +164,8 @@ def digest_of(identity: Mapping[str, Any]) -> str:
 
     - `identity`: the contents of `study.json`; who made it is left out.
     """
-    said = {key: value for key, value in identity.items() if key != "made_by"}
-    return hashlib.sha256(json.dumps(said, sort_keys=True).encode()).hexdigest()[:32]
+    content = {key: value for key, value in identity.items() if key != "made_by"}
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:32]
 
 
 def identity_in(path: Path) -> dict[str, Any]:
