@@ -103,7 +103,7 @@ class _Warnings:
         self._is_cache_told = False
 
     def show(self, message: Warning | str, *_: Any, **__: Any) -> None:
-        """Say a warning.
+        """Print a warning.
 
         - `message`: the warning.
         """

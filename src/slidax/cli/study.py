@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shlex
 import sys
 import time
@@ -136,13 +137,13 @@ def _told_what_is_kept(out: Path | None) -> Iterator[None]:
         from slidax._errors import DefinitionError
         from slidax.studies.store import rows_kept
 
-        if out is None or error.filename is None:
+        if out is None or error.filename is None or not out.is_dir():
             raise
         kept = rows_kept(out)
-        remedy = "free some space" if error.errno in NO_ROOM else "make it writable"
+        remedy = "free some space" if error.errno in NO_ROOM else "make it possible to write this file"
         raise DefinitionError(
-            f"cannot write `{error.filename}`: {error.strerror}. {kept} rows are kept in `{out}`: {remedy}, and go on "
-            f"with: {shlex.join(_again())}"
+            f"cannot write `{os.fsdecode(error.filename)}`: {error.strerror}. {kept} rows are kept in `{out}`: "
+            f"{remedy}, and go on with: {shlex.join(_again())}"
         ) from None
 
 
@@ -151,17 +152,19 @@ def _tell_part(asked: AbstractStudy, done: PartDone, part: str, json: bool) -> N
         print_json({"kind": asked.study, "part": part, "runs": done.total, "missing": done.missing})
         return
     typer.echo(
-        f"Part {part} is done; {done.missing} of {done.total} rows of other parts are missing. When those are done, "
-        f"write table and report with: {shlex.join(_again(without='--part'))}"
+        f"Part {part} is done. {done.missing} of the study's {done.total} rows are missing, which other parts compute. "
+        f"When all are done, write table and report with: {shlex.join(_again(without='--part'))}"
     )
 
 
-def _again(without: str = "") -> list[str]:
-    words = ["slidax", *sys.argv[1:]]
-    if without in words:
-        place = words.index(without)
-        del words[place : place + 2]
-    words = [word for word in words if not without or not word.startswith(f"{without}=")]
+def _again(without: str | None = None) -> list[str]:
+    """The command that goes on with a study, without an option and its value."""
+    words, rest = ["slidax"], iter(sys.argv[1:])
+    for word in rest:
+        if word == without:
+            next(rest, None)
+        elif without is None or not word.startswith(f"{without}="):
+            words.append(word)
     return words if "--resume" in words else [*words, "--resume"]
 
 

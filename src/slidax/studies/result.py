@@ -85,7 +85,7 @@ class AbstractResult(ABC):
 
 
 def all_done(runs: int) -> str:
-    """That no run is missing, in words.
+    """The sentence that no run is missing.
 
     - `runs`: how many there were.
     """

@@ -169,20 +169,18 @@ class Runner:
             yield from self._stream_part(self.part, self.store, list(chunks))
 
     def _stream_part(self, part: Part, store: Store, chunks: list[tuple[int, Values]]) -> Iterator[tuple[int, Columns]]:
-        own = {first for first, _ in chunks if part.has(first // self.chunk)}
-        computed = dict(self._stream(iter(chunk for chunk in chunks if chunk[0] in own)))
+        done = dict(self._stream(chunk for chunk in chunks if part.has(chunk[0] // self.chunk)))
         sizes = {first: len(next(iter(values.values()))) for first, values in chunks}
-        others = {first: store.read(first, sizes[first]) for first in sizes if first not in own}
-        missing = sum(sizes[first] for first, columns in others.items() if columns is None)
-        if missing:
-            raise PartDone(missing, sum(sizes.values()))
         for first, values in chunks:
-            columns = computed.get(first) or others[first]
-            assert columns is not None
-            if first not in own:
+            columns = None if first in done else store.read(first, sizes[first])
+            if columns is not None:
                 _require_same(first, flat(values), columns)
                 self.seen(sizes[first])
-            yield first, columns
+                done[first] = columns
+        missing = sum(size for first, size in sizes.items() if first not in done)
+        if missing:
+            raise PartDone(missing, sum(sizes.values()))
+        yield from ((first, done[first]) for first in sizes)
 
     def _stream(self, chunks: Iterator[tuple[int, Values]]) -> Iterator[tuple[int, Columns]]:
         stored: list[tuple[int, Columns]] = []
