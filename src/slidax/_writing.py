@@ -14,16 +14,16 @@ import platform
 import re
 import secrets
 import stat
+import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO
 
-try:
+# On Windows nothing is locked, and no temporary file of another process is removed.
+if sys.platform != "win32":
     import fcntl
-except ImportError:  # Windows: nothing is locked, and no temporary file of another process is removed.
-    fcntl = None  # type: ignore[assignment]
 
 NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 """Error numbers of a full disk, a used-up quota and a limit on file sizes."""
@@ -196,7 +196,7 @@ def _remove_if_abandoned(path: Path) -> None:
 
 def _lock(handle: int, *, wait: bool) -> bool:
     """True if the lock is ours; False if another process has it, or the file system has no locks."""
-    if fcntl is None:
+    if sys.platform == "win32":
         return False
     try:
         fcntl.flock(handle, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
@@ -234,7 +234,7 @@ def _named(path: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        given = error.filename
-        if error.errno is None or (given is not None and not is_temporary(Path(os.fsdecode(given)).name)):
+        name = error.filename
+        if error.errno is None or (name is not None and not is_temporary(Path(os.fsdecode(name)).name)):
             raise
         raise OSError(error.errno, error.strerror, str(path)) from None

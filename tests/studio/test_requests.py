@@ -17,7 +17,7 @@ from starlette.testclient import TestClient
 
 from slidax.studio.bench import OWN_FAULT
 from slidax.studio.commands import COMMANDS
-from slidax.studio.requests import ASKED, JobRequest, RequestError, ScenarioRequest, read_request
+from slidax.studio.requests import QUESTIONS, JobRequest, RequestError, ScenarioRequest, read_request
 
 JSON = {"content-type": "application/json"}
 
@@ -109,10 +109,10 @@ def test_a_body_that_is_no_request_is_refused_with_a_sentence(content: bytes) ->
         assert 5 < len(str(refused.value)) < 300 and "\n" not in str(refused.value)
 
 
-@pytest.mark.parametrize("do", [*ASKED, "jobs"])
+@pytest.mark.parametrize("do", [*QUESTIONS, "jobs"])
 def test_every_field_is_checked_by_its_type(do: str) -> None:
     """By the schema: each field in turn has every kind of value, and only those of its own kind pass."""
-    kind = ASKED.get(do, JobRequest)
+    kind = QUESTIONS.get(do, JobRequest)
     types = {"string": str, "number": (int, float), "object": dict, "null": type(None)}
     for field, schema in kind.model_json_schema().get("properties", {}).items():
         expected = tuple(types[one["type"]] for one in schema.get("anyOf", [schema]))
@@ -150,7 +150,7 @@ def test_requests_that_ended_the_workbench_are_refused(asker: Asker) -> None:
         assert asker.post(do, body) == 400
 
 
-def fuzz(asker: Asker, rounds: int, seed: int, ways: Sequence[str] = (*ASKED, "jobs")) -> None:
+def fuzz(asker: Asker, rounds: int, seed: int, ways: Sequence[str] = (*QUESTIONS, "jobs")) -> None:
     random = np.random.default_rng(seed)
     scenario = read_yaml_of(asker)
     fields = list(paths_of(scenario))
@@ -191,7 +191,7 @@ def test_random_requests_end_nothing(asker: Asker) -> None:
 @pytest.mark.parametrize("seed", range(4))
 def test_thousands_of_random_requests_to_every_answer_end_nothing(asker: Asker, seed: int) -> None:
     for content in RAW:
-        for do in (*ASKED, "jobs"):
+        for do in (*QUESTIONS, "jobs"):
             asker.post(do, content)
     fuzz(asker, 1000, seed)
 

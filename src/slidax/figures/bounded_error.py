@@ -36,7 +36,7 @@ def bounded_error(
     rows = -(-joints // columns)
     figure = Figure(figsize=(WIDTH, 1.9 * rows + 0.4), layout="constrained")
     panels = figure.subplots(rows, columns, squeeze=False, sharex=True)
-    sizes = np.concatenate([radii.ravel(), *(one[1].ravel() for one in bounds.values())])
+    sizes = np.concatenate([radii.ravel(), *(size.ravel() for _, size in bounds.values())])
     # The axis leaves out what is rarely so small, and a bound is drawn for a part of the time only.
     use_size_axis(panels.ravel(), np.append(np.full(99, sizes[sizes > 0].min()), sizes.max()))
     time = every_nth(t)

@@ -22,7 +22,7 @@ class Metric(Generic[Value]):
     """A metric, called like the function that computes it: `metrics.peak_torque(run)`.
 
     A batch has the run as first axis. What a run does not have is None; of a batch it is masked. Inside `jit`, `vmap`
-    and `grad`, where nobody knows yet what there is, it is NaN.
+    and `grad`, where this is not known yet, it is NaN.
 
     - `key`: its place in `summary` and in JSON; a dot in it opens a group.
     - `title`: a few words for tables.
@@ -33,7 +33,7 @@ class Metric(Generic[Value]):
     - `brief`: whether the short comparison on a terminal shows it.
     - `bars`: whether the report of a comparison draws it.
     - `needs_settling`: whether it is a time that means nothing if it lies at the end of the run.
-    - `counts`: whether it counts samples, and so has no derivative.
+    - `counts`: True if it counts samples, and so has no derivative.
     - `source`: a DOI; tables show the metric for scenarios of this source only.
     """
 
@@ -118,9 +118,9 @@ def counting(name: str) -> DefinitionError:
 
 
 def arrays(run: Run) -> Any:
-    """What a metric computes with: NumPy, or JAX's twin of it inside `jit`, `vmap` and `grad`.
+    """Return NumPy for a finished run, and JAX's twin of NumPy inside `jit`, `vmap` and `grad`.
 
-    - `run`: the run that it looks at.
+    - `run`: the run that a metric looks at.
     """
     return jnp if is_traced(run.tally) else np
 
@@ -130,8 +130,8 @@ def array_of(value: Any) -> np.ndarray:
 
     - `value`: one number, or an array.
     """
-    array: Any = value if is_traced(value) else np.asarray(value)
-    return array  # type: ignore[no-any-return]
+    array: np.ndarray = value if is_traced(value) else np.asarray(value)
+    return array
 
 
 def root(xp: Any, square: Any) -> Any:
@@ -151,8 +151,7 @@ def where(known: Any, values: np.ndarray) -> np.ndarray | None:
     - `values`: [n] or [runs n]; of a traced run they are NaN where they are not known.
     """
     if is_traced((known, values)):
-        traced: Any = jnp.where(jnp.asarray(known)[..., None], values, jnp.nan)
-        return traced  # type: ignore[no-any-return]
+        return _traced_where(jnp.asarray(known)[..., None], values)
     known = np.asarray(known)
     if known.ndim == 0:
         return values if known else None
@@ -167,12 +166,18 @@ def of_the_run(known: Any, value: np.ndarray) -> np.ndarray | float | None:
     - `value`: [] or [runs]; of a traced run it is NaN where it is not known.
     """
     if is_traced((known, value)):
-        traced: Any = jnp.where(known, value, jnp.nan)
-        return traced  # type: ignore[no-any-return]
+        return _traced_where(known, value)
     if value.ndim == 0:
         return float(value) if known else None
     masked: np.ndarray = np.ma.masked_array(value, ~np.asarray(known))
     return masked
+
+
+def _traced_where(known: Any, values: Any) -> np.ndarray:
+    array: Any = jnp.where(known, values, jnp.nan)
+    # A traced array of JAX stands for one of NumPy.
+    alike: np.ndarray = array
+    return alike
 
 
 def integral(run: Run, total: Any, first: Any, last: Any) -> np.ndarray:
@@ -182,5 +187,5 @@ def integral(run: Run, total: Any, first: Any, last: Any) -> np.ndarray:
     - `total`: the sum over all samples.
     - `first`, `last`: the first and the last sample, of which half counts.
     """
-    found: np.ndarray = array_of(run.period)[..., None] * (array_of(total) - 0.5 * (array_of(first) + array_of(last)))
-    return found
+    area: np.ndarray = array_of(run.period)[..., None] * (array_of(total) - 0.5 * (array_of(first) + array_of(last)))
+    return area

@@ -26,7 +26,7 @@ from .jobs import Jobs, TooManyError
 from .names import OutsideError
 from .page import page
 from .process import scratch
-from .requests import ASKED, JobRequest, RequestError, read_request
+from .requests import QUESTIONS, JobRequest, RequestError, read_request
 
 DEFAULT = "example-4.1-1khz"
 """The built-in scenario on the page before it has said the token."""
@@ -71,9 +71,9 @@ class Answer(JSONResponse):
 
 def _finite(value: Any) -> Any:
     if isinstance(value, dict):
-        return {key: _finite(one) for key, one in value.items()}
+        return {key: _finite(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
-        return [_finite(one) for one in value]
+        return [_finite(item) for item in value]
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
@@ -206,18 +206,18 @@ class Studio:
 
     async def _ask(self, request: Request) -> Response:
         do = request.path_params["do"]
-        if do not in ASKED:
+        if do not in QUESTIONS:
             raise LookupError(do)
-        asked = read_request(await _body(request), ASKED[do]).model_dump(exclude_none=True)
+        question = read_request(await _body(request), QUESTIONS[do]).model_dump(exclude_none=True)
         who = str(request.headers.get("x-slidax-slot", ""))[:64]
         bench = self.compiler if do == "compiled" else self.bench
-        answer, content = await bench.ask({**asked, "do": do}, only_newest=who)
+        answer, content = await bench.ask({**question, "do": do}, only_newest=who)
         if "error" in answer:
             outside = "outside of the studio's folder" in answer["error"]["message"]
             return Answer(answer, 403 if outside else 422)
         if not content:
             return Answer(answer)
-        head = Answer(answer).render(answer)
+        head = bytes(Answer(answer).body)
         head += b" " * (-len(head) % 8)
         return Response(struct.pack("<Q", len(head)) + head + content, media_type="application/octet-stream")
 
@@ -225,8 +225,8 @@ class Studio:
         return Answer({"jobs": self.jobs.all()})
 
     async def _new_job(self, request: Request) -> Response:
-        asked = read_request(await _body(request), JobRequest)
-        job = self.jobs.add(asked.kind, asked.said)
+        new = read_request(await _body(request), JobRequest)
+        job = self.jobs.add(new.kind, new.said)
         return Answer(self.jobs.shown(job), 201)
 
     async def _job(self, request: Request) -> Response:

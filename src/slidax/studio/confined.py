@@ -150,8 +150,8 @@ class Watch:
 
     def _require_target(self, target: Any, path: Any, folder: int) -> None:
         """A new link leads nowhere else."""
-        beside = os.path.dirname(_at(path, folder))
-        _require_within(os.path.realpath(os.path.join(beside, os.fsdecode(target))), target, self._write)
+        around = os.path.dirname(_at(path, folder))
+        _require_within(os.path.realpath(os.path.join(around, os.fsdecode(target))), target, self._write)
 
     def _require_address(self, address: Any) -> None:
         if isinstance(address, str | bytes):

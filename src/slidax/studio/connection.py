@@ -6,7 +6,6 @@ are many, so that a program without the token cannot take the place of the page.
 
 from __future__ import annotations
 
-import asyncio
 import secrets
 from typing import Any, ClassVar
 
@@ -34,7 +33,7 @@ class Connection(H11Protocol):
     token: ClassVar[bytes] = b""
     untrusted: ClassVar[dict[Connection, None]] = {}
 
-    def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
+    def connection_made(self, transport: Any) -> None:
         """Begin to watch a connection.
 
         - `transport`: of it.
@@ -102,5 +101,5 @@ def connections(token: str) -> type[Connection]:
 
 
 def _says(scope: Any, token: bytes) -> bool:
-    given = [value for name, value in scope["headers"] if name == TOKEN.encode()]
-    return len(given) == 1 and secrets.compare_digest(given[0], token)
+    tokens = [value for name, value in scope["headers"] if name == TOKEN.encode()]
+    return len(tokens) == 1 and secrets.compare_digest(tokens[0], token)

@@ -74,13 +74,13 @@ class PartRequest(_Request):
 
 
 class JobRequest(_Request):
-    """A new job; `commands` checks what is said to it."""
+    """A new job; `commands` checks the values of its options in `said`."""
 
     kind: Name
     said: Annotated[dict[Name, Any], Field(max_length=100)]
 
 
-ASKED: dict[str, type[_Request]] = {
+QUESTIONS: dict[str, type[_Request]] = {
     "check": ScenarioRequest,
     "run": ScenarioRequest,
     "manifest": ScenarioRequest,
