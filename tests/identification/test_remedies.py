@@ -165,6 +165,7 @@ def test_lists_of_a_wrong_length_or_sign_are_one_line(tmp_path):
         (["--gravity", "up"], "needs numbers with commas"),
         (["--ignore-torque", "hip"], "there is no joint `hip`"),
         (["--locked", "finger"], "needs the form JOINT=POSITION"),
+        (["--locked", "finger=0.04", "--locked", "finger=0.02"], "names joint `finger` twice"),
     ):
         refused = identified(LOG, tmp_path, *options)
         assert refused.exit_code == 2 and words in refused.output.replace("\n", " "), refused.output

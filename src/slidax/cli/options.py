@@ -80,17 +80,19 @@ def positions(option: str, texts: list[str]) -> dict[str, float]:
     - `option`: its name, for messages.
     - `texts`: each as JOINT=POSITION.
 
-    Raises DefinitionError if one has another form.
+    Raises DefinitionError if one has another form, or a joint has two positions.
     """
-    from slidax._errors import DefinitionError, shown
+    from slidax._errors import DefinitionError, plain, shown
 
-    places = {}
+    places: dict[str, float] = {}
     for text in texts:
         name, _, value = text.partition("=")
         try:
-            places[name.strip()] = float(value)
+            position = float(value)
         except ValueError:
             raise DefinitionError(
                 f"`{option}` needs the form JOINT=POSITION, such as finger=0.04; got {shown(text)}"
             ) from None
+        if places.setdefault(name.strip(), position) != position:
+            raise DefinitionError(f"`{option}` names joint `{plain(name.strip())}` twice, with different positions")
     return places
