@@ -173,8 +173,7 @@ def as_array(value: Any) -> Array:
         return value
     try:
         # Unlike `jnp.asarray`, this compiles nothing.
-        array: Array = jax.device_put(np.asarray(value, dtype=float))
-        return array
+        return jax.device_put(np.asarray(value, dtype=float))
     except (TypeError, ValueError) as error:
         raise DefinitionError(f"a number or a list of numbers is needed; got {shown(value)}") from error
 

@@ -96,8 +96,7 @@ class AbstractAdaptation(AbstractPart):
         """
         nothing = jnp.zeros(mass.shape[0])
         rotor = self.learnt(self.init(State(q=nothing, dq=nothing))).rotor
-        believed: Matrix = with_rotors(mass, rotor, self.counted)
-        return believed
+        return with_rotors(mass, rotor, self.counted)
 
     def friction(self, memory: Memory, dq: Vector) -> Vector:
         """`f tanh(q̇/v_s)`, the Coulomb friction that is compensated [n], N m or N.
@@ -105,5 +104,4 @@ class AbstractAdaptation(AbstractPart):
         - `memory`: what `init` or a sample returned.
         - `dq`: velocities [n]; those of the reference, which has no noise.
         """
-        friction: Vector = self.learnt(memory).coulomb * jnp.tanh(dq / self.smoothing)
-        return friction
+        return self.learnt(memory).coulomb * jnp.tanh(dq / self.smoothing)

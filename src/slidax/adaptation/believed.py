@@ -48,8 +48,7 @@ class Believed(AbstractRobot):
 
         - `q`: positions [n].
         """
-        believed: Matrix = with_rotors(self.nominal.mass(q), self.rotor, self.counted)
-        return believed
+        return with_rotors(self.nominal.mass(q), self.rotor, self.counted)
 
     def bias(self, q: Vector, dq: Vector) -> Vector:
         """That of the nominal arm, `C0 q̇ + G0`, [n], N m or N.
@@ -93,5 +92,4 @@ def with_rotors(mass: Matrix, rotor: Vector, counted: PerJoint) -> Matrix:
     heavier = mass + jnp.where(diagonal, (jnp.maximum(rotor, 0.0) - counted)[:, None], 0.0)
     entry = jnp.diagonal(heavier)
     scale = jnp.sqrt(jnp.maximum((entry + jnp.minimum(rotor, 0.0)) / entry, LEAST_SHARE))
-    believed: Matrix = heavier * scale[:, None] * scale[None, :]
-    return believed
+    return heavier * scale[:, None] * scale[None, :]

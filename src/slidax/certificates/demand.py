@@ -75,5 +75,4 @@ class Demand:
         size = np.abs(through(self.push))
         if self.effects is not None and self.effects.shape[1]:
             size = size + np.abs(through(self.effects)).sum(axis=1)
-        largest: Floats = size.max(axis=0)
-        return largest
+        return size.max(axis=0)

@@ -76,7 +76,7 @@ def _computed(op: str, type: Type, args: tuple[Value, ...]) -> Number | None:
         if op == "convert":
             return converted(args[0].data, args[0].type, type)
         if op == "bitcast":
-            return np.asarray(numbers[0]).view(DTYPES[type]).item()  # type: ignore[no-any-return]
+            return np.asarray(numbers[0]).view(DTYPES[type]).item()
         if op == "not":
             return (not args[0].data) if type == "b1" else np.invert(numbers[0]).item()
         if op in ("div", "rem"):
@@ -92,9 +92,9 @@ def _divided(op: str, type: Type, numbers: list[Any]) -> Number | None:
         return None
     rest = np.fmod(*numbers)
     if op == "rem":
-        return rest.item()  # type: ignore[no-any-return]
+        return rest.item()
     if type in FLOATS:
-        return np.divide(*numbers).item()  # type: ignore[no-any-return]
+        return np.divide(*numbers).item()
     return int((numbers[0] - rest) // numbers[1])
 
 

@@ -16,5 +16,4 @@ def loaded(arm: Articulated, share: float) -> Articulated:
     - `share`: of the mass.
     """
     mass = float(arm.payload.mass) + share * float(np.sum(np.asarray(arm.masses)))
-    carrying: Articulated = eqx.tree_at(lambda one: one.payload.mass, arm, as_array(mass))
-    return carrying
+    return eqx.tree_at(lambda one: one.payload.mass, arm, as_array(mass))

@@ -55,8 +55,7 @@ def home_of(arm: Articulated, ratings: Ratings) -> Numbers:
         + 3.0 * np.minimum(below / reach, 1.0)
         + 0.5 * away
     )
-    best: Numbers = np.round(places[int(np.argmin(score))], 2)
-    return best
+    return np.round(places[int(np.argmin(score))], 2)
 
 
 def _dexterity(arm: Articulated, seen: States) -> Numbers:

@@ -73,8 +73,7 @@ class Preset:
                     made[name] = _made(preset.part, {**preset.values, **value})
             else:
                 made[name] = placed.get(name, preset)
-        law: AbstractController = _made(self.law, {"nominal": nominal, **made})
-        return law
+        return _made(self.law, {"nominal": nominal, **made})
 
     def placed(self, given: Mapping[str, Any]) -> dict[str, Any]:
         """What is given, with numbers of parts under the names of these parts.

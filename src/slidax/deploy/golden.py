@@ -96,8 +96,7 @@ def _of_the_run(scenario: Scenario, guard: GuardedStep) -> Sample:
     count = len(samples.t)
     first = min(OF_A_RUN // 4, count - 1)
     which = np.concatenate([np.arange(first), np.linspace(first, count - 1, OF_A_RUN - first).astype(int)])
-    found: Sample = jax.tree.map(lambda values: jnp.asarray(values[which]), samples)
-    return found
+    return jax.tree.map(lambda values: jnp.asarray(values[which]), samples)
 
 
 def _rounded(tree: Any) -> Any:

@@ -104,8 +104,7 @@ class GuardedStep(AbstractController):
         def begun() -> StepMemory:
             return self.begun(t, state, reference, nothing)
 
-        held: StepMemory = jax.lax.cond(_status(bad) == 0, begun, lambda: nothing)
-        return held
+        return jax.lax.cond(_status(bad) == 0, begun, lambda: nothing)
 
     def __call__(
         self, t: Scalar, state: State, reference_now: Reference, reference_next: Reference, memory: StepMemory
@@ -145,8 +144,7 @@ class GuardedStep(AbstractController):
             status = jnp.where(bad == 0, jnp.uint32(TORQUE_NOT_FINITE.bit), bad) | _status(flags)
             return Command(tau=kept.tau, memory=kept, signals=_zeros(answered)[0].signals), status
 
-        answer: tuple[Command, Status] = jax.lax.cond((bad == 0) & memory.started, answered, held)
-        return answer
+        return jax.lax.cond((bad == 0) & memory.started, answered, held)
 
     def checked(self, t: Scalar, state: State, reference_now: Reference, reference_next: Reference) -> Flags:
         """What is wrong with what comes in.
@@ -380,8 +378,7 @@ def _per_joint(gate: MeasurementGate, joints: int) -> MeasurementGate:
     def wide(gate: MeasurementGate) -> list[Any]:
         return [gate.q_max, gate.speed, gate.acceleration, gate.spread]
 
-    each: MeasurementGate = eqx.tree_at(wide, gate, [jnp.broadcast_to(x, (joints,)) for x in wide(gate)])
-    return each
+    return eqx.tree_at(wide, gate, [jnp.broadcast_to(x, (joints,)) for x in wide(gate)])
 
 
 def _finite(tree: Memory) -> Flag:

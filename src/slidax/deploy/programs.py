@@ -211,8 +211,7 @@ def arm_program(plant: Plant) -> Function:
     long, short = _tables(plant)
 
     def acceleration(t: Scalar, state: State, tau: Vector, long: Any) -> Vector:
-        found: Vector = eqx.combine(long, short).acceleration(t, state, tau)
-        return found
+        return eqx.combine(long, short).acceleration(t, state, tau)
 
     t, state, _ = _sample(plant.robot.joints)
     shape = state.q.shape

@@ -35,8 +35,7 @@ QUICKLY = {"xla_backend_optimization_level": 0}
 
 def _compiled_quickly(function: Callable[Arguments, Result]) -> Callable[Arguments, Result]:
     jit: Any = eqx.filter_jit
-    compiled: Callable[Arguments, Result] = jit(function, compiler_options=QUICKLY)
-    return compiled
+    return jit(function, compiler_options=QUICKLY)
 
 
 class Sample(eqx.Module):
@@ -76,8 +75,7 @@ def random_samples(
         answer(guard, first)[0].memory,
         first.memory,
     )
-    samples: Sample = eqx.tree_at(lambda sample: sample.memory, drawn, memory)
-    return samples
+    return eqx.tree_at(lambda sample: sample.memory, drawn, memory)
 
 
 def answer(guard: GuardedStep, samples: Sample) -> tuple[Command, Status]:
@@ -95,8 +93,7 @@ def answer(guard: GuardedStep, samples: Sample) -> tuple[Command, Status]:
         which = np.minimum(np.arange(first, first + AT_ONCE), count - 1)
         piece = jax.tree.map(lambda x, which=which: jnp.asarray(x[which]), given)
         pieces.append(jax.tree.map(np.asarray, _answered(guard, piece)))
-    answered: tuple[Command, Status] = jax.tree.map(lambda *parts: jnp.asarray(np.concatenate(parts)[:count]), *pieces)
-    return answered
+    return jax.tree.map(lambda *parts: jnp.asarray(np.concatenate(parts)[:count]), *pieces)
 
 
 @_compiled_quickly
@@ -104,8 +101,7 @@ def _answered(guard: GuardedStep, samples: Sample) -> tuple[Command, Status]:
     def one(sample: Sample) -> tuple[Command, Status]:
         return guard.step(sample.t, sample.state, sample.now, sample.following, sample.memory)
 
-    answered: tuple[Command, Status] = jax.lax.map(one, samples)
-    return answered
+    return jax.lax.map(one, samples)
 
 
 @_compiled_quickly
@@ -132,8 +128,7 @@ def _drawn(
         state = State(q=now.q + moved, dq=now.dq + rate)
         return Sample(memory, t - period, last, before, now), Sample(memory, t, state, now, following)
 
-    drawn: tuple[Sample, Sample] = jax.lax.map(two, keys)
-    return drawn
+    return jax.lax.map(two, keys)
 
 
 def _inside(guard: GuardedStep, t: Scalar, reference: Reference, share: Vector) -> Vector:
@@ -161,5 +156,4 @@ def broken(samples: Sample) -> Sample:
         part = parts[rng.choice(len(parts), p=[0.1, 0.4, 0.3, 0.1, 0.1])]
         row = part[k : k + 1].reshape(-1)
         row[rng.integers(row.size)] = BAD[k % len(BAD)]
-    found: Sample = eqx.tree_at(places, samples, [jnp.asarray(part) for part in parts])
-    return found
+    return eqx.tree_at(places, samples, [jnp.asarray(part) for part in parts])

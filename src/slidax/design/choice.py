@@ -112,8 +112,7 @@ class Frame:
         - `drift`: times that of `slidax new`.
         - `even`: of the choice.
         """
-        found: Floats = (drift * DRIFT * self.torque * (self.middle / self.torque) ** even) ** 2
-        return found
+        return (drift * DRIFT * self.torque * (self.middle / self.torque) ** even) ** 2
 
     def measured_gain(self, choice: Choice) -> float:
         """The gain of the `measured` estimator: after the horizon, as a scenario without one has it.

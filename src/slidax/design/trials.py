@@ -231,8 +231,7 @@ def _corners(space: Space, joints: int) -> Floats:
     )
     turns = np.arange(space.dimensions) % 2 == 0
     masks = [np.ones_like(turns), ~turns, *(owner != joint for joint in range(joints))]
-    found: Floats = np.where(np.concatenate([(mask, ~mask) for mask in masks]), np.nextafter(1.0, 0.0), 0.0)
-    return found
+    return np.where(np.concatenate([(mask, ~mask) for mask in masks]), np.nextafter(1.0, 0.0), 0.0)
 
 
 def _set(value: Any) -> dict[str, Any]:

@@ -85,10 +85,9 @@ class _Ahead:
     def pushed(self) -> np.ndarray:
         """Torque from outside along the motion."""
         moving = State(q=jnp.asarray(self.q), dq=jnp.asarray(self.dq))
-        torque: np.ndarray = np.asarray(
+        return np.asarray(
             jax.jit(jax.vmap(lambda t, state: self.plant.disturbance(t, state)))(jnp.asarray(self.t), moving)
         )
-        return torque
 
     def torques(self) -> Iterator[str]:
         """The torque that the motion needs."""

@@ -45,5 +45,4 @@ def _filtered(signal: Signal, edges: float | tuple[float, float], kind: str, per
     from scipy.signal import butter, sosfiltfilt
 
     sections = butter(2, edges, kind, fs=2.0 * np.pi / period, output="sos")
-    found: Signal = sosfiltfilt(sections, signal, axis=0)
-    return found
+    return sosfiltfilt(sections, signal, axis=0)

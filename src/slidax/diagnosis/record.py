@@ -194,8 +194,7 @@ class Record:
     def narrow(self) -> np.ndarray:
         """Whether the envelope has its final width [N]: until then larger errors are allowed for."""
         width = (self.upper - self.lower).min(axis=1)
-        narrow: np.ndarray = width <= NARROW * width[-1]
-        return narrow
+        return width <= NARROW * width[-1]
 
     @cached_property
     def torque_limits(self) -> np.ndarray:
@@ -216,8 +215,7 @@ class Record:
     @cached_property
     def lumped(self) -> np.ndarray:
         """`M0 w`, the torque by which the law makes up for what its model does not explain [N n]."""
-        torque: np.ndarray = np.einsum("kij,kj->ki", self.mass_and_bias[0], self.signals["push"])
-        return torque
+        return np.einsum("kij,kj->ki", self.mass_and_bias[0], self.signals["push"])
 
     @cached_property
     def seen(self) -> Seen:
@@ -232,8 +230,7 @@ class Record:
             return own
         learnt = self.signals["rotor"][self.before].mean(axis=0) - np.asarray(self.law.adaptation.counted)
         # A law never believes in a negative inertia: it scales the links instead.
-        believed: np.ndarray = np.maximum(own + learnt, 0.01 * own)
-        return believed
+        return np.maximum(own + learnt, 0.01 * own)
 
     @cached_property
     def loops(self) -> tuple[LinearLoop | None, ...]:
@@ -248,8 +245,7 @@ class Record:
     @cached_property
     def room(self) -> np.ndarray:
         """What the envelope allows at its narrowest on its nearer side, ϑ ρ∞ [n], rad or m."""
-        room: np.ndarray = np.min(np.minimum(self.upper, -self.lower), axis=0)
-        return room
+        return np.min(np.minimum(self.upper, -self.lower), axis=0)
 
     @cached_property
     def missed(self) -> np.ndarray:
@@ -257,8 +253,7 @@ class Record:
         d = float(self.law.delay)
         missed = np.abs(self.signals["residual"][1:]) + d * np.abs(np.diff(self.signals["push"], axis=0))
         narrow = self.narrow[1:]
-        worst: np.ndarray = missed[narrow].max(axis=0) if narrow.any() else missed.max(axis=0)
-        return worst
+        return missed[narrow].max(axis=0) if narrow.any() else missed.max(axis=0)
 
     @cached_property
     def unexplained(self) -> np.ndarray:

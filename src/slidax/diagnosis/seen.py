@@ -103,8 +103,7 @@ def late(tau: np.ndarray, times: np.ndarray) -> np.ndarray:
     """
     whole = np.floor(times).astype(int)
     part = (times - whole)[:, None]
-    torque: np.ndarray = (1.0 - part) * tau[np.maximum(whole, 0)] + part * tau[np.clip(whole + 1, 0, len(tau) - 1)]
-    return torque
+    return (1.0 - part) * tau[np.maximum(whole, 0)] + part * tau[np.clip(whole + 1, 0, len(tau) - 1)]
 
 
 def _noise(record: Record, count: int) -> np.ndarray:

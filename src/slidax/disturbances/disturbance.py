@@ -32,14 +32,12 @@ class Samples:
     def turn(self) -> Floats:
         """|Δq̇| over each period [N n], rad/s or m/s; after the last sample as before it."""
         steps = np.abs(np.diff(self.dq, axis=0, append=self.dq[-1:]))
-        found: Floats = np.concatenate([steps[:-1], steps[-2:-1] if len(steps) > 1 else steps])
-        return found
+        return np.concatenate([steps[:-1], steps[-2:-1] if len(steps) > 1 else steps])
 
     @property
     def way(self) -> Floats:
         """How far a joint moves at most in each period [N n], rad or m."""
-        found: Floats = (np.abs(self.dq) + self.turn) * self.period
-        return found
+        return (np.abs(self.dq) + self.turn) * self.period
 
     def jumps(self, first: Any, last: Any) -> NDArray[np.bool_]:
         """True for each period in which, or at whose end, a jump between two times may fall [N].
@@ -47,10 +45,7 @@ class Samples:
         - `first`, `last`: the earliest and the latest time of the jump [s].
         """
         spare = 1e-6 * self.period
-        found: NDArray[np.bool_] = (np.asarray(last) >= self.t - spare) & (
-            np.asarray(first) <= self.t + self.period + spare
-        )
-        return found
+        return (np.asarray(last) >= self.t - spare) & (np.asarray(first) <= self.t + self.period + spare)
 
 
 def largest(lower: Any, upper: Any) -> Floats:
@@ -58,8 +53,7 @@ def largest(lower: Any, upper: Any) -> Floats:
 
     - `lower`, `upper`: the ends.
     """
-    found: Floats = np.asarray(np.maximum(np.abs(np.asarray(lower, float)), np.abs(np.asarray(upper, float))))
-    return found
+    return np.asarray(np.maximum(np.abs(np.asarray(lower, float)), np.abs(np.asarray(upper, float))))
 
 
 class AbstractDisturbance(AbstractPart):
@@ -129,8 +123,7 @@ class Sum(AbstractDisturbance):
         - `samples`: a period apart.
         """
         pairs = zip(self.terms, upper.terms, strict=True)
-        found: Floats = sum((low.off_chord(high, samples) for low, high in pairs), start=np.zeros(samples.q.shape))
-        return found
+        return sum((low.off_chord(high, samples) for low, high in pairs), start=np.zeros(samples.q.shape))
 
 
 class Scaled(AbstractDisturbance):
@@ -160,5 +153,4 @@ class Scaled(AbstractDisturbance):
         factor = largest(self.factor, upper.factor)
         if not factor.any():
             return np.zeros(samples.q.shape)
-        found: Floats = factor * self.disturbance.off_chord(upper.disturbance, samples)
-        return found
+        return factor * self.disturbance.off_chord(upper.disturbance, samples)

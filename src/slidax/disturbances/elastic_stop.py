@@ -41,5 +41,4 @@ class ElasticStop(AbstractDisturbance):
         fastest = np.abs(samples.dq) + samples.turn
         damping, stiffness = largest(self.damping, upper.damping), largest(self.stiffness, upper.stiffness)
         moved = np.minimum(samples.way, deepest) * (1.0 + damping * fastest)
-        found: Floats = stiffness * (moved + deepest * damping * samples.turn)
-        return found
+        return stiffness * (moved + deepest * damping * samples.turn)

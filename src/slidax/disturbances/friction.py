@@ -43,5 +43,4 @@ class Friction(AbstractDisturbance):
         - `samples`: a period apart.
         """
         x = samples.turn / np.asarray(self.smoothing)
-        found: Floats = largest(self.coulomb, upper.coulomb) * np.minimum(np.minimum(BEND * x * x / 8.0, x), 2.0)
-        return found
+        return largest(self.coulomb, upper.coulomb) * np.minimum(np.minimum(BEND * x * x / 8.0, x), 2.0)

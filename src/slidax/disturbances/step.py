@@ -38,5 +38,4 @@ class Step(AbstractDisturbance):
         - `samples`: a period apart.
         """
         jumps = samples.jumps(self.start, upper.start) | samples.jumps(self.end, upper.end)
-        found: Floats = jumps[:, None] * largest(self.value, upper.value)
-        return found
+        return jumps[:, None] * largest(self.value, upper.value)

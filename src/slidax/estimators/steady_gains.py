@@ -34,8 +34,7 @@ def steady_gains(density: Any, variance: Any, period: Any) -> Float[Array, "..."
         if not is_traced(value) and not np.all((np.asarray(value) > 0) & np.isfinite(value)):
             raise DefinitionError(f"`{name}` of a Kalman filter must be > 0 {unit} and finite; got {value}")
     spread, noise, h = jnp.broadcast_arrays(*given)
-    found: Float[Array, "..."] = _steady(spread, noise, h)
-    return found
+    return _steady(spread, noise, h)
 
 
 # As one program: JAX would compile each of its operations alone, which takes a second.
@@ -69,8 +68,7 @@ def _steady_covariance(f: Three, q: Three) -> Three:
     1978; Chu, Fan, Lin and Wang, 2004).
     """
     measured = _matrix([1.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0])
-    covariance: Three = jax.lax.fori_loop(0, DOUBLINGS, _twice, (f.T, measured, q))[2]
-    return covariance
+    return jax.lax.fori_loop(0, DOUBLINGS, _twice, (f.T, measured, q))[2]
 
 
 # By itself, and not within what calls it: jax compiles a loop again for each function that it has not seen.
@@ -100,5 +98,4 @@ def _symmetric(a: Three) -> Three:
 def _inverse(a: Three) -> Three:
     """By cofactors, which are the cross products of the rows."""
     cofactors = jnp.stack([jnp.cross(a[1], a[2]), jnp.cross(a[2], a[0]), jnp.cross(a[0], a[1])])
-    inverse: Three = cofactors.T / jnp.sum(a[0] * cofactors[0])
-    return inverse
+    return cofactors.T / jnp.sum(a[0] * cofactors[0])

@@ -74,5 +74,4 @@ def _with_its_beginning(places: np.ndarray, most: int) -> np.ndarray:
     each = min(200, most)
     even = np.searchsorted(way, np.linspace(0.0, way[-1], each)).clip(0, len(places) - 1)
     chosen = np.unique(np.concatenate([even, np.linspace(0, len(places) - 1, each).round().astype(int)]))
-    kept: np.ndarray = places[chosen]
-    return kept
+    return places[chosen]

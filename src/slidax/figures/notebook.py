@@ -41,8 +41,7 @@ def drawn_by(settings: Any) -> Callable[[Callable[Given, Drawn]], Callable[Given
                 # Here, in the one place that all figures pass, and not where each is made.
                 figure.__class__ = NotebookFigure
                 figure.settings = settings  # type: ignore[attr-defined]
-            made: Drawn = figure
-            return made
+            return figure
 
         return drawn
 

@@ -119,8 +119,7 @@ def clipped(y: np.ndarray, limits: tuple[float, float]) -> np.ndarray:
     - `limits`: of the axis.
     """
     span = limits[1] - limits[0]
-    near: np.ndarray = np.clip(y, limits[0] - span, limits[1] + span)
-    return near
+    return np.clip(y, limits[0] - span, limits[1] + span)
 
 
 def crest(t: np.ndarray, size: np.ndarray, columns: int) -> tuple[np.ndarray, np.ndarray]:

@@ -52,8 +52,7 @@ def every_nth(points: np.ndarray, most: int = 160) -> np.ndarray:
     - `most`: how many to keep.
     """
     chosen = np.unique(np.linspace(0, len(points) - 1, min(most, len(points))).round().astype(int))
-    kept: np.ndarray = points[chosen]
-    return kept
+    return points[chosen]
 
 
 def _off_lines(x: np.ndarray, y: np.ndarray, tolerance: float) -> np.ndarray:

@@ -23,8 +23,7 @@ def pseudo_inertia(phi: np.ndarray) -> np.ndarray:
 
     - `phi`: mass, mass times centre, inertia about the frame's origin [10].
     """
-    matrix: np.ndarray = np.tensordot(phi, BASIS, axes=1)
-    return matrix
+    return np.tensordot(phi, BASIS, axes=1)
 
 
 def consistent(
@@ -66,8 +65,7 @@ def consistent(
 def _solve(curve: np.ndarray, slope: np.ndarray) -> np.ndarray:
     """`curve⁻¹ slope` for a positive definite curve; where rounding hides a curvature, with the least that shows."""
     values, vectors = np.linalg.eigh(curve)
-    solution: np.ndarray = vectors @ ((vectors.T @ slope) / np.maximum(values, 1e-15 * values[-1]))
-    return solution
+    return vectors @ ((vectors.T @ slope) / np.maximum(values, 1e-15 * values[-1]))
 
 
 def _descend(

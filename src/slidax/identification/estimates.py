@@ -61,10 +61,7 @@ def identified_robot(robot: Articulated, unknowns: Unknowns, theta: np.ndarray) 
         masses, centers, inertias = (np.array(values) for values in zip(*links, strict=True))
         changes |= {"masses": as_array(masses), "centers": as_array(centers), "inertias": as_array(inertias)}
     names = list(changes)
-    found: Articulated = eqx.tree_at(
-        lambda arm: [getattr(arm, name) for name in names], robot, [changes[name] for name in names]
-    )
-    return found
+    return eqx.tree_at(lambda arm: [getattr(arm, name) for name in names], robot, [changes[name] for name in names])
 
 
 def estimates_of(robot: Articulated, unknowns: Unknowns, found: Fit, theta: np.ndarray) -> tuple[Estimated, ...]:

@@ -197,5 +197,4 @@ def _inside(unknowns: Unknowns, theta: np.ndarray) -> np.ndarray:
 
 
 def _rms(values: np.ndarray) -> np.ndarray:
-    rms: np.ndarray = np.sqrt(np.mean(values**2, axis=0))
-    return rms
+    return np.sqrt(np.mean(values**2, axis=0))

@@ -98,15 +98,13 @@ def _solve(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """The least `|a x - b|² + |x|²`: by orthogonal factors, which no log makes singular."""
     factor = np.linalg.qr(np.column_stack([a, b]), mode="r")
     u, s, vt = np.linalg.svd(factor[:, :-1], full_matrices=False)
-    solution: np.ndarray = vt.T @ (s / (s**2 + 1.0) * (u.T @ factor[:, -1]))
-    return solution
+    return vt.T @ (s / (s**2 + 1.0) * (u.T @ factor[:, -1]))
 
 
 def _inverse(matrix: np.ndarray) -> np.ndarray:
     """The inverse of a symmetric matrix whose eigenvalues are at least 1, but for rounding."""
     values, vectors = np.linalg.eigh(matrix)
-    inverse: np.ndarray = (vectors / np.maximum(values, 1.0)) @ vectors.T
-    return inverse
+    return (vectors / np.maximum(values, 1.0)) @ vectors.T
 
 
 def jackknife(data: np.ndarray, a: np.ndarray, off: np.ndarray) -> np.ndarray:

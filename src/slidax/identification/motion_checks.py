@@ -65,8 +65,7 @@ def require_radians(log: Log, robot: Articulated) -> None:
 
 
 def _largest(log: Log) -> np.ndarray:
-    largest: np.ndarray = np.abs(log.q).max(axis=0)
-    return largest
+    return np.abs(log.q).max(axis=0)
 
 
 def usable_velocities(
@@ -151,5 +150,4 @@ def _require_own(log: Log, slope: np.ndarray, velocity: np.ndarray, usable: np.n
 
 
 def _rms(values: np.ndarray) -> np.ndarray:
-    rms: np.ndarray = np.sqrt(np.mean(values**2, axis=0))
-    return rms
+    return np.sqrt(np.mean(values**2, axis=0))

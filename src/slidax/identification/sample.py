@@ -47,8 +47,7 @@ class Sample:
     @cached_property
     def floor(self) -> np.ndarray:
         """The least residual that counts, as a share of the torque [n]."""
-        floor: np.ndarray = np.clip(self.noise / self.size, FLOOR, 1.0)
-        return floor
+        return np.clip(self.noise / self.size, FLOOR, 1.0)
 
     def with_torques(self, order: np.ndarray, factor: np.ndarray) -> Sample:
         """The sample with each joint's torque taken from another column, times a factor.

@@ -132,8 +132,7 @@ class Search:
         - `motion`: over a period.
         """
         torque = self._torque(motion)
-        share: np.ndarray = np.abs(torque).max(axis=0) / (self.share * self.torque)
-        return share
+        return np.abs(torque).max(axis=0) / (self.share * self.torque)
 
     def score(self, motion: Motion) -> float:
         """Bits of information, less what the torque limits are passed by.
@@ -175,8 +174,7 @@ class Search:
         )
 
     def _torque(self, motion: Motion) -> np.ndarray:
-        torque: np.ndarray = rigid_torque(self.robot, motion, self.known, self.carried) + motion.ddq * self.armature
-        return torque
+        return rigid_torque(self.robot, motion, self.known, self.carried) + motion.ddq * self.armature
 
 
 _BODY = np.array([1.0, *3 * (REACH,), *6 * (REACH**2,)])

@@ -60,8 +60,7 @@ class Signals:
 
     @cached_property
     def _sos(self) -> np.ndarray:
-        sos: np.ndarray = signal.butter(ORDER, self.cut_off, fs=self.rate, output="sos")
-        return sos
+        return signal.butter(ORDER, self.cut_off, fs=self.rate, output="sos")
 
     def filtered(self, columns: np.ndarray) -> np.ndarray:
         """The columns after the zero-phase filter of the equations; the same for torque and regressor.
@@ -90,8 +89,7 @@ class Signals:
         f, power = self.spectrum(self.tau, 4.0)
         above = (f > 3.0 * self.cut_off) & (f < 0.45 * self.rate)
         density = np.median(power[above], axis=0) if above.sum() > 3 else np.zeros(self.tau.shape[1])
-        noise: np.ndarray = np.sqrt(density * self.cut_off)
-        return noise
+        return np.sqrt(density * self.cut_off)
 
     def part(self, rows: slice) -> Signals:
         """The signals of some rows.
@@ -264,8 +262,7 @@ def _slope(values: np.ndarray, rate: float, pieces: tuple[slice, ...]) -> np.nda
 
     def five_points(piece: np.ndarray) -> np.ndarray:
         padded = np.pad(piece, ((2, 2), (0, 0)), mode="reflect", reflect_type="odd")
-        slope: np.ndarray = (8.0 * (padded[3:-1] - padded[1:-3]) - (padded[4:] - padded[:-4])) * (rate / 12.0)
-        return slope
+        return (8.0 * (padded[3:-1] - padded[1:-3]) - (padded[4:] - padded[:-4])) * (rate / 12.0)
 
     slope = np.zeros_like(values)
     for piece in pieces:

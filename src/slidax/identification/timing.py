@@ -202,8 +202,7 @@ def _merged(log: Log, breaks: np.ndarray) -> tuple[Log, np.ndarray, int]:
     counts = np.diff(np.append(rows, len(starts)))[:, None]
 
     def mean(values: np.ndarray) -> np.ndarray:
-        averaged: np.ndarray = np.add.reduceat(values, rows, axis=0) / counts
-        return averaged
+        return np.add.reduceat(values, rows, axis=0) / counts
 
     dq = None if log.dq is None else mean(log.dq)
     merged = replace(log, t=log.t[rows], q=mean(log.q), tau=mean(log.tau), dq=dq)

@@ -110,8 +110,7 @@ class Rigid:
     @property
     def total(self) -> np.ndarray:
         """The torque by the arm's description [m n]."""
-        total: np.ndarray = self.columns[:, :, : self.links].sum(axis=2) + self.known
-        return total
+        return self.columns[:, :, : self.links].sum(axis=2) + self.known
 
     def only(self, joint: int) -> Rigid:
         """The torques of one joint.
@@ -206,8 +205,7 @@ def nonnegative(
     except RuntimeError:
         # By rounding it turned in a circle; bounded least squares ends.
         solution = optimize.lsq_linear(factor, target, (0.0, np.inf), max_iter=100).x
-    nearest: np.ndarray = np.asarray(solution) / size
-    return nearest
+    return np.asarray(solution) / size
 
 
 def with_gravity(robot: Articulated, gravity: np.ndarray) -> Articulated:
@@ -216,8 +214,7 @@ def with_gravity(robot: Articulated, gravity: np.ndarray) -> Articulated:
     - `robot`: the arm.
     - `gravity`: acceleration [3], m/s².
     """
-    turned: Articulated = eqx.tree_at(lambda arm: arm.gravity_vector, robot, as_array(gravity))
-    return turned
+    return eqx.tree_at(lambda arm: arm.gravity_vector, robot, as_array(gravity))
 
 
 def with_gravity_torques(log: Log, robot: Articulated) -> Log:

@@ -279,5 +279,4 @@ def _direction(owner: str, axis: object) -> Array:
 def _orthonormal(rotation: Array) -> Array:
     """The rotation next to a matrix that rounding has made a little skew."""
     left, _, right = np.linalg.svd(rotation)
-    found: Array = left @ right
-    return found
+    return left @ right

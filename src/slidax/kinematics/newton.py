@@ -56,5 +56,4 @@ def solved(matrices: Array, right: Array) -> Array:
     - `matrices`: K [k m m].
     - `right`: r [k m].
     """
-    found: Array = np.einsum("kij,kj->ki", np.linalg.pinv(matrices, rcond=EMPTY), right)
-    return found
+    return np.einsum("kij,kj->ki", np.linalg.pinv(matrices, rcond=EMPTY), right)

@@ -62,5 +62,4 @@ def angle_between(one: Array, other: Array) -> Array:
     """
     # By the difference, which keeps the digits of a small angle: |R - S|² = 8 sin²(a/2) in the sum of squares.
     apart = np.sqrt(np.sum((one - other) ** 2, axis=(-2, -1)) / 8.0)
-    found: Array = 2.0 * np.arcsin(np.minimum(apart, 1.0))
-    return found
+    return 2.0 * np.arcsin(np.minimum(apart, 1.0))

@@ -96,8 +96,7 @@ def cross(a: Array, b: Array) -> Array:
     """
     # Twice as fast as NumPy's own for few vectors.
     x, y = a[..., [1, 2, 0]], b[..., [2, 0, 1]]
-    found: Array = x * y - a[..., [2, 0, 1]] * b[..., [1, 2, 0]]
-    return found
+    return x * y - a[..., [2, 0, 1]] * b[..., [1, 2, 0]]
 
 
 def dot(a: Array, b: Array) -> Array:
@@ -105,8 +104,7 @@ def dot(a: Array, b: Array) -> Array:
 
     - `a`, `b`: [... 3].
     """
-    found: Array = np.sum(a * b, axis=-1)
-    return found
+    return np.sum(a * b, axis=-1)
 
 
 def wide(a: Array, b: Array) -> Array:

@@ -168,8 +168,7 @@ def curvature(task: Task, curve: AbstractCurve, z: Array, s: Array, along: Array
     n = task.posture.size
     aim = curve.aim([s, np.ones_like(s), None])
     *_, second = task.residual([z[:, :n], along[:, :n], None], [z[:, n:], along[:, n:], None], aim)
-    found: Array = 2.0 * second
-    return found
+    return 2.0 * second
 
 
 def tool_errors(task: Task, curve: AbstractCurve, q: Array, s: Array) -> tuple[Array, Array]:
@@ -219,8 +218,7 @@ def least_motion(task: Task, q: Array) -> Array:
     - `task`: what is asked.
     - `q`: postures [... n].
     """
-    found: Array = np.linalg.svd(jacobian(task, q), compute_uv=False)[..., ways(task) - 1]
-    return found
+    return np.linalg.svd(jacobian(task, q), compute_uv=False)[..., ways(task) - 1]
 
 
 def ways(task: Task) -> int:

@@ -167,8 +167,7 @@ def _steps(rows: Array) -> Array:
     """How far it is from each pose to the next, m; where only the tool turns, by an arm of .1 m."""
     places = np.linalg.norm(np.diff(rows[:, :3], axis=0), axis=1)
     cosines = np.clip(np.sum(rows[1:, 3:] * rows[:-1, 3:], axis=1), -1.0, 1.0)
-    found: Array = np.hypot(places, 0.1 * 2 * np.arccos(cosines))
-    return found
+    return np.hypot(places, 0.1 * 2 * np.arccos(cosines))
 
 
 def _pose(row: Array) -> Pose:

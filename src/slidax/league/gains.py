@@ -136,5 +136,4 @@ def _set(one: GainDescription, base: ScenarioDescription) -> AbstractSet:
     elif one.times == "period":
         scale = base.simulation.period
     ends = [(end * scale).tolist() if isinstance(scale, np.ndarray) else end * scale for end in one.between]
-    found: AbstractSet = TypeAdapter(AnySet).validate_python({"between": ends, "distribution": "log_uniform"})
-    return found
+    return TypeAdapter(AnySet).validate_python({"between": ends, "distribution": "log_uniform"})

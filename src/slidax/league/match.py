@@ -133,8 +133,7 @@ def inside_of(columns: Columns) -> NDArray[np.bool_]:
 
     - `columns`: of outcomes and metrics.
     """
-    found: NDArray[np.bool_] = (columns["tube_violations"] == 0) & ~np.isin(columns["outcome"], ENDED)
-    return found
+    return (columns["tube_violations"] == 0) & ~np.isin(columns["outcome"], ENDED)
 
 
 def failed_of(columns: Columns, scale: Scale) -> NDArray[np.bool_]:

@@ -21,5 +21,4 @@ def tuned(objective: Callable[[NDArray[Any]], NDArray[Any]], dimension: int, bud
     - `budget`: how many points it may ask for.
     """
     found = lowest(objective, dimension, evaluations=budget, seed=SEED, islands=2, keep=1)
-    best: NDArray[Any] = found.points[0] if len(found.points) else np.full(dimension, 0.5)
-    return best
+    return found.points[0] if len(found.points) else np.full(dimension, 0.5)

@@ -158,8 +158,7 @@ def injected(loop: Loop, signals: Signals) -> Loop:
         plant = eqx.tree_at(lambda p: p.sensor, plant, Shifted(plant.sensor, signals.position, signals.velocity))
     motion = Offset(loop.trajectory, signals.reference, signals.reference_velocity, signals.reference_acceleration)
     law = Nudged(loop.controller, signals.torque)
-    made: Loop = eqx.tree_at(lambda x: (x.plant, x.trajectory, x.controller), loop, (plant, motion, law))
-    return made
+    return eqx.tree_at(lambda x: (x.plant, x.trajectory, x.controller), loop, (plant, motion, law))
 
 
 def standing(controller: AbstractController, memory: Memory) -> tuple[AbstractController, Memory]:

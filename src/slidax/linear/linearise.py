@@ -129,8 +129,7 @@ class Linear:
         names = [f"{where}[{name}]" for name in self.joint_names]
         if where not in self._known:
             self._known[where] = [margins_of(self._of_joint(where, k), name) for k, name in enumerate(names)]
-        found: list[Margins] = self._known[where]
-        return found
+        return self._known[where]
 
     def together(self, where: str) -> tuple[float, float, float] | None:
         """Disk margin, peak of the largest singular value of S, and its frequency [rad/s], for all joints at once.

@@ -133,8 +133,7 @@ def together(closed: SampledSystem, where: str) -> tuple[float, float, float]:
 
     def largest(share: float) -> tuple[float, float]:
         def size(w: Array) -> Array:
-            found: Array = np.linalg.svd(share * eye + closed.response(w), compute_uv=False)[:, 0]
-            return found
+            return np.linalg.svd(share * eye + closed.response(w), compute_uv=False)[:, 0]
 
         return _peak(omega, size(omega), lambda w: float(size(np.array([w]))[0]))
 

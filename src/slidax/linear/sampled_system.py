@@ -80,8 +80,7 @@ class SampledSystem:
             matrices = z[first : first + CHUNK, None, None] * eye - self.a
             right = np.broadcast_to(self.b, (len(matrices), *self.b.shape))
             found.append(self.c @ np.linalg.solve(matrices, right))
-        whole: Complex = (np.concatenate(found) + self.d).astype(complex)
-        return whole
+        return (np.concatenate(found) + self.d).astype(complex)
 
     def step_response(self, duration: float) -> tuple[Array, Array]:
         """Times [k], s, and the outputs after a unit step of each input, [k outputs inputs].

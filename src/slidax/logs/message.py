@@ -137,8 +137,7 @@ class Message:
 
 def _bytes(numbers: np.ndarray, dtype: str) -> np.ndarray:
     plain = np.ascontiguousarray(numbers.astype(dtype))
-    found: np.ndarray = plain.reshape(len(plain), -1).view(np.uint8)
-    return found
+    return plain.reshape(len(plain), -1).view(np.uint8)
 
 
 def joint_state(topic: str, names: Sequence[str], columns: Sequence[str]) -> Message:

@@ -34,8 +34,7 @@ def settling_time(run: Run, band: float) -> np.ndarray:
         raise DefinitionError(f"the band {band:g} was not tallied; there are {known}; {remedy}")
     last = np.maximum(array_of(run.tally.last_above)[..., match[0], :], 0)
     # Rounded to a picosecond: 7614 periods of 1e-4 s are .7614 s, not .7614000000000001 s.
-    times: np.ndarray = np.round(last * array_of(run.period)[..., None], 12)
-    return times
+    return np.round(last * array_of(run.period)[..., None], 12)
 
 
 def settling_times(run: Run) -> tuple[Metric[np.ndarray], ...]:
@@ -105,8 +104,7 @@ def reached_last_quarter(run: Run) -> Any:
 
 
 def _bands(run: Run) -> np.ndarray:
-    bands: np.ndarray = np.atleast_2d(run.windows.bands)[0]
-    return bands
+    return np.atleast_2d(run.windows.bands)[0]
 
 
 def _named(band: float) -> str:

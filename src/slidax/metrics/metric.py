@@ -130,8 +130,7 @@ def array_of(value: Any) -> np.ndarray:
 
     - `value`: one number, or an array.
     """
-    array: np.ndarray = value if is_traced(value) else np.asarray(value)
-    return array
+    return value if is_traced(value) else np.asarray(value)
 
 
 def root(xp: Any, square: Any) -> Any:
@@ -155,8 +154,7 @@ def where(known: Any, values: np.ndarray) -> np.ndarray | None:
     known = np.asarray(known)
     if known.ndim == 0:
         return values if known else None
-    masked: np.ndarray = np.ma.masked_array(values, np.broadcast_to(~known[..., None], values.shape))
-    return masked
+    return np.ma.masked_array(values, np.broadcast_to(~known[..., None], values.shape))
 
 
 def of_the_run(known: Any, value: np.ndarray) -> np.ndarray | float | None:
@@ -169,15 +167,13 @@ def of_the_run(known: Any, value: np.ndarray) -> np.ndarray | float | None:
         return _traced_where(known, value)
     if value.ndim == 0:
         return float(value) if known else None
-    masked: np.ndarray = np.ma.masked_array(value, ~np.asarray(known))
-    return masked
+    return np.ma.masked_array(value, ~np.asarray(known))
 
 
 def _traced_where(known: Any, values: Any) -> np.ndarray:
     array: Any = jnp.where(known, values, jnp.nan)
     # A traced array of JAX stands for one of NumPy.
-    alike: np.ndarray = array
-    return alike
+    return array
 
 
 def integral(run: Run, total: Any, first: Any, last: Any) -> np.ndarray:
@@ -187,5 +183,4 @@ def integral(run: Run, total: Any, first: Any, last: Any) -> np.ndarray:
     - `total`: the sum over all samples.
     - `first`, `last`: the first and the last sample, of which half counts.
     """
-    area: np.ndarray = array_of(run.period)[..., None] * (array_of(total) - 0.5 * (array_of(first) + array_of(last)))
-    return area
+    return array_of(run.period)[..., None] * (array_of(total) - 0.5 * (array_of(first) + array_of(last)))

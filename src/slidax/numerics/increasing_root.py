@@ -62,8 +62,7 @@ def increasing_root(
     - `bracket`: two points with the root between them, [n] each.
     - `tolerance`: how far from the target the value may be, [n].
     """
-    found: Vector = _root(function, parameters, target, (guess, at_guess, bracket, tolerance))
-    return found
+    return _root(function, parameters, target, (guess, at_guess, bracket, tolerance))
 
 
 @eqx.filter_custom_jvp
@@ -90,8 +89,7 @@ def _root(function: Increasing, parameters: Any, target: Vector, search: Any) ->
     value, slope = at_guess
     first = _Search(guess, value, slope, lower, upper, jnp.ones(guess.shape, bool), jnp.zeros((), int))
     first = _narrowed(eqx.tree_at(lambda s: s.value, first, target + jnp.inf), guess, value, slope, target)
-    found: Vector = jax.lax.while_loop(unfinished, step, first).x
-    return found
+    return jax.lax.while_loop(unfinished, step, first).x
 
 
 def _narrowed(now: _Search, x: Vector, value: Vector, slope: Vector, target: Vector) -> _Search:

@@ -26,8 +26,7 @@ def inverse_norm(a: Matrix) -> Scalar:
     """
     n = a.shape[0]
     if n == 1:
-        only: Scalar = 1.0 / a[0, 0]
-        return only
+        return 1.0 / a[0, 0]
     if n == 2:
         return _of_two(a)
     if n == 3:
@@ -39,8 +38,7 @@ def _of_two(a: Matrix) -> Scalar:
     """`λmax/det A`: the smaller root itself would lose digits by a difference."""
     half = 0.5 * (a[0, 0] - a[1, 1])
     largest = 0.5 * (a[0, 0] + a[1, 1]) + vector_norm(jnp.stack([half, a[1, 0]]))
-    norm: Scalar = largest / (a[0, 0] * a[1, 1] - a[1, 0] * a[1, 0])
-    return norm
+    return largest / (a[0, 0] * a[1, 1] - a[1, 0] * a[1, 0])
 
 
 def _smallest_of_three(a: Matrix) -> Scalar:
@@ -53,8 +51,7 @@ def _smallest_of_three(a: Matrix) -> Scalar:
     determinant = x * (y * z - w * w) - u * (u * z - v * w) + v * (u * w - v * y)
     # At the ends, where two eigenvalues meet, the slope of the arc cosine is infinite.
     cosine = jnp.clip(determinant / (2.0 * safe * safe * safe), -1.0 + 1e-14, 1.0 - 1e-14)
-    smallest: Scalar = mean + 2.0 * p * jnp.cos(jnp.arccos(cosine) / 3.0 + 2.0 * np.pi / 3.0)
-    return smallest
+    return mean + 2.0 * p * jnp.cos(jnp.arccos(cosine) / 3.0 + 2.0 * np.pi / 3.0)
 
 
 def _by_squaring(a: Matrix) -> Scalar:

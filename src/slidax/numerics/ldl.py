@@ -30,8 +30,7 @@ def solve_symmetric(a: Matrix, b: Vector) -> Vector:
     - `a`: symmetric positive definite matrix [n n]; only the lower triangle is read.
     - `b`: right-hand side [n].
     """
-    solution: Vector = _substituted(*_factors(a), b)
-    return solution
+    return _substituted(*_factors(a), b)
 
 
 # jit's memory saves tracing them anew, and in exported C each stays a function.

@@ -42,5 +42,4 @@ def nearest_in_box(wanted: Vector, lower: Vector, upper: Vector, mass: Matrix) -
         return jnp.clip(wanted + jax.lax.fori_loop(0, SWEEPS, sweep, start), lower, upper)
 
     inside = jnp.all((wanted >= lower) & (wanted <= upper))
-    nearest: Vector = jax.lax.cond(inside, lambda: wanted, project)
-    return nearest
+    return jax.lax.cond(inside, lambda: wanted, project)

@@ -14,5 +14,4 @@ def once(x: Tree) -> Tree:
 
     - `x`: any pytree of arrays.
     """
-    same: Tree = jax.tree.map(jax.lax.optimization_barrier, x)
-    return same
+    return jax.tree.map(jax.lax.optimization_barrier, x)

@@ -17,5 +17,4 @@ def select(condition: Bool[Array, ""], yes: Tree, no: Tree) -> Tree:
     - `condition`: True for `yes`.
     - `yes`, `no`: pytrees of arrays.
     """
-    selected: Tree = jax.tree.map(lambda a, b: a if a is b else jnp.where(condition, a, b), yes, no)
-    return selected
+    return jax.tree.map(lambda a, b: a if a is b else jnp.where(condition, a, b), yes, no)

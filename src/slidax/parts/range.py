@@ -104,8 +104,7 @@ class Range:
         lower, upper = self.ends
         low, high = lower.value(part), upper.value(part)
         above = values > low if lower.open else values >= low
-        inside: np.ndarray = np.asarray(above & (values < high if upper.open else values <= high))
-        return inside
+        return np.asarray(above & (values < high if upper.open else values <= high))
 
     def rule(self, part: object, unit: str = "") -> str:
         """The range as a rule: "must be > 0", "must be in (0, 1)".

@@ -67,8 +67,7 @@ def proximal_step(reaching: Reaching, metric: Matrix, s: Vector, u: Scalar) -> V
     - `s`: sliding variable [n], rad/s or m/s.
     - `u`: size of the robust torque, >= 0, N m.
     """
-    found: Vector = _step(reaching, metric, s, u)
-    return found
+    return _step(reaching, metric, s, u)
 
 
 def _residual_and_jacobian(
@@ -122,8 +121,7 @@ def _step(reaching: Any, metric: Matrix, s: Vector, u: Scalar) -> Vector:
             return (now.size > tolerance) & (now.step < STEPS)
 
         def direction_from(s: Vector, careful: Bool[Array, ""]) -> tuple[Vector, Scalar]:
-            found: tuple[Vector, Scalar] = _direction(reaching, metric, push, u, s, careful)
-            return found
+            return _direction(reaching, metric, push, u, s, careful)
 
         def step(now: _Search) -> _Search:
             change = now.fraction * now.direction
@@ -148,12 +146,10 @@ def _step(reaching: Any, metric: Matrix, s: Vector, u: Scalar) -> Vector:
 
         direction, length = direction_from(start, jnp.zeros((), bool))
         first = _Search(start, length, direction, jnp.ones(()), jnp.zeros((), bool), jnp.zeros((), int))
-        found: Vector = jax.lax.while_loop(unfinished, step, first).s
-        return found
+        return jax.lax.while_loop(unfinished, step, first).s
 
     held = (layer <= 0.0) & (size <= u)
-    reached: Vector = jax.lax.cond(held, lambda: jnp.zeros_like(s), search)
-    return reached
+    return jax.lax.cond(held, lambda: jnp.zeros_like(s), search)
 
 
 @_step.def_jvp  # type: ignore[untyped-decorator]

@@ -54,8 +54,7 @@ class SaturatedReaching(AbstractReaching):
         - `s`: sliding variable [n], rad/s or m/s.
         - `u`: size of the robust torque, >= 0, N m.
         """
-        found: Vector = _step(self, metric, s, u)
-        return found
+        return _step(self, metric, s, u)
 
 
 class _Sweep(eqx.Module):
@@ -95,8 +94,7 @@ def _step(law: Any, metric: Matrix, s: Vector, u: Scalar) -> Vector:
         return (now.change > tolerance) & (now.count < SWEEPS)
 
     first = _Sweep(jnp.zeros_like(s), jnp.full((), jnp.inf), jnp.zeros((), int))
-    found: Vector = jax.lax.while_loop(unfinished, sweep, first).s
-    return found
+    return jax.lax.while_loop(unfinished, sweep, first).s
 
 
 @_step.def_jvp  # type: ignore[untyped-decorator]
@@ -107,8 +105,7 @@ def _step_jvp(primals: Any, tangents: Any) -> tuple[Vector, Vector]:
 
     def residual(moving: Any) -> Vector:
         law, metric, s, u = eqx.combine(moving, still)
-        rest: Vector = matvec(metric, found - s) + law.continuous_term(found) + u * law.switching_direction(found)
-        return rest
+        return matvec(metric, found - s) + law.continuous_term(found) + u * law.switching_direction(found)
 
     _, change = jax.jvp(residual, (moving,), (eqx.filter(tangents, mask),))
     law, metric, _, u = primals

@@ -93,8 +93,7 @@ class Arena:
         - `name`: of the view.
         """
         slot = self.plan.views[name]
-        found: np.ndarray = self.block[slot.offset : slot.end].view(slot.dtype).reshape(slot.shape)
-        return found
+        return self.block[slot.offset : slot.end].view(slot.dtype).reshape(slot.shape)
 
     def region(self, name: str) -> np.ndarray:
         """A part of the block, as bytes.

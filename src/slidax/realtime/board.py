@@ -142,5 +142,4 @@ class Ring:
             self._taken = oldest
         which = np.arange(self._taken, max(upto, self._taken)) % self._count
         self._taken = max(upto, self._taken)
-        taken: np.ndarray = self._rows[which]
-        return taken
+        return self._rows[which]

@@ -71,16 +71,14 @@ class Articulated(AbstractRobot):
 
         - `q`: positions [n].
         """
-        matrix: Matrix = _inertia(*_links(self, self._frames(q)), self.armature, self.parents)
-        return matrix
+        return _inertia(*_links(self, self._frames(q)), self.armature, self.parents)
 
     def bias(self, q: Vector, dq: Vector) -> Vector:
         """`C(q,q̇) q̇ + G(q)`, [n], N m or N; friction is not in it.
 
         - `q`, `dq`: positions and velocities [n].
         """
-        forces: Vector = _bias(*_links(self, self._frames(q)), dq, self.gravity_vector, self.parents)
-        return forces
+        return _bias(*_links(self, self._frames(q)), dq, self.gravity_vector, self.parents)
 
     def friction(self, dq: Vector) -> Vector:
         """`F(q̇) = f_c tanh(q̇/v_s) + f_v q̇`, [n], N m or N.
@@ -127,8 +125,7 @@ class Articulated(AbstractRobot):
         return tuple(unit == "rad" for unit in self.joint_units)
 
     def _frames(self, q: Vector) -> JointFrames:
-        at: JointFrames = _frames(self.rotations, self.translations, q, self.parents, self._revolute)
-        return at
+        return _frames(self.rotations, self.translations, q, self.parents, self._revolute)
 
     def _bodies(self) -> Bodies:
         """The links about their joints' origins, with the payload as part of the link that carries the tip."""

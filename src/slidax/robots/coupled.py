@@ -60,20 +60,17 @@ class Coupled(AbstractRobot):
     @property
     def armature(self) -> Vector:
         """Inertia of the rotors, seen from the leaders [n], kg m² or kg."""
-        rotors: Vector = jnp.sum(self._selection() ** 2 * self.arm.armature[:, None], axis=0)
-        return rotors
+        return jnp.sum(self._selection() ** 2 * self.arm.armature[:, None], axis=0)
 
     @property
     def viscous(self) -> Vector:
         """Viscous friction, seen from the leaders [n], N m s/rad or N s/m."""
-        friction: Vector = jnp.sum(self._selection() ** 2 * self.arm.viscous[:, None], axis=0)
-        return friction
+        return jnp.sum(self._selection() ** 2 * self.arm.viscous[:, None], axis=0)
 
     @property
     def coulomb(self) -> Vector:
         """Coulomb friction while all of a leader's joints move, seen from the leaders [n], N m or N."""
-        friction: Vector = jnp.sum(jnp.abs(self._selection()) * self.arm.coulomb[:, None], axis=0)
-        return friction
+        return jnp.sum(jnp.abs(self._selection()) * self.arm.coulomb[:, None], axis=0)
 
     def positions(self, q: Vector) -> Float[Array, " m"]:
         """Positions of all joints of the arm, `S q + s₀`, rad or m.
@@ -138,8 +135,7 @@ class Coupled(AbstractRobot):
         return jnp.where(chosen, self.ratios[:, None], 0.0)
 
     def _onto_leaders(self, forces: Float[Array, " m"]) -> Vector:
-        total: Vector = jnp.sum(self._selection() * forces[:, None], axis=0)
-        return total
+        return jnp.sum(self._selection() * forces[:, None], axis=0)
 
 
 def couple(arm: Articulated, following: Mapping[str, tuple[str, float, float]]) -> Coupled:

@@ -77,5 +77,4 @@ def nearest_rigid(inertia: np.ndarray) -> np.ndarray:
     """
     moments, axes = np.linalg.eigh(0.5 * np.trace(inertia) * np.eye(3) - inertia)
     kept = np.maximum(moments, 0.0)
-    nearest: np.ndarray = (axes * (kept.sum() - kept)) @ axes.T
-    return nearest
+    return (axes * (kept.sum() - kept)) @ axes.T

@@ -34,12 +34,8 @@ class Load(AbstractPart):
         Raises DefinitionError for an arm that cannot carry anything.
         """
         if isinstance(robot, Coupled):
-            coupled: Coupled = eqx.tree_at(lambda one: one.arm, robot, self.on(robot.arm, t))
-            return coupled
+            return eqx.tree_at(lambda one: one.arm, robot, self.on(robot.arm, t))
         if not isinstance(robot, Articulated):
             raise DefinitionError(f"a {type(robot).__name__} has no tip to carry a load; only an articulated arm has")
         carried = jnp.where((t >= self.attached) & (t < self.released), 1.0, 0.0)
-        loaded: Articulated = eqx.tree_at(
-            lambda arm: arm.payload, robot, robot.payload.joined(self.payload.times(carried))
-        )
-        return loaded
+        return eqx.tree_at(lambda arm: arm.payload, robot, robot.payload.joined(self.payload.times(carried)))

@@ -43,14 +43,12 @@ class Mismatch(AbstractPart):
         Raises DefinitionError if a list has another length than the arm has joints, followers among them.
         """
         if isinstance(nominal, Coupled):
-            coupled: Arm = eqx.tree_at(lambda one: one.arm, nominal, self._true(nominal.arm))
-            return coupled
-        true: Arm = self._true(nominal)  # type: ignore[assignment]  # the same class, which mypy does not see
-        return true
+            return eqx.tree_at(lambda one: one.arm, nominal, self._true(nominal.arm))
+        return self._true(nominal)  # type: ignore[return-value]  # the same class, which mypy does not see
 
     def _true(self, nominal: Articulated) -> Articulated:
         factor = self._each("mass_factor", nominal, jnp.ones(()))
-        true: Articulated = eqx.tree_at(
+        return eqx.tree_at(
             lambda arm: (arm.masses, arm.inertias, arm.viscous, arm.coulomb, arm.armature),
             nominal,
             (
@@ -59,7 +57,6 @@ class Mismatch(AbstractPart):
                 *(self._each(name, nominal, getattr(nominal, name)) for name in ("viscous", "coulomb", "armature")),
             ),
         )
-        return true
 
     def _each(self, field: str, nominal: Articulated, otherwise: PerJoint) -> Vector:
         """One number for each joint: the field's, or what is there if it is not given."""
@@ -71,5 +68,4 @@ class Mismatch(AbstractPart):
                 f"`Mismatch.{field}` must be one number or one for {each_of(nominal.joints, 'joint')} of "
                 f"{nominal.name}, {', '.join(nominal.joint_names)}; got {value.shape[0]}"
             )
-        each: Vector = jnp.broadcast_to(value, (nominal.joints,))
-        return each
+        return jnp.broadcast_to(value, (nominal.joints,))

@@ -175,8 +175,7 @@ def bias_forces(bodies: Bodies, s: Axes, parents: Sequence[int], dq: Vector, gra
     force = force + cross(w, linear)
     torque = torque + cross(w, angular) + cross(v, linear)
     force, torque = once((_down_to_the_base(force, parents), _down_to_the_base(torque, parents)))
-    total: Vector = jnp.sum(s.angular * torque + s.linear * force, axis=0)
-    return total
+    return jnp.sum(s.angular * torque + s.linear * force, axis=0)
 
 
 def cross(a: Float[Array, "3 ..."], b: Float[Array, "3 ..."]) -> Float[Array, "3 ..."]:

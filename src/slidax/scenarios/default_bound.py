@@ -122,12 +122,10 @@ def warn_of_another_arms(
 
 def _carrying(true: AbstractRobot, load: Load | None) -> AbstractRobot:
     if isinstance(true, Coupled) and load is not None:
-        coupled: Coupled = eqx.tree_at(lambda one: one.arm.payload, true, load.payload)
-        return coupled
+        return eqx.tree_at(lambda one: one.arm.payload, true, load.payload)
     if load is None or not isinstance(true, Articulated):
         return true
-    carrying: Articulated = eqx.tree_at(lambda arm: arm.payload, true, load.payload)
-    return carrying
+    return eqx.tree_at(lambda arm: arm.payload, true, load.payload)
 
 
 def _box(robot: AbstractRobot) -> tuple[Numbers, Numbers]:
@@ -142,8 +140,7 @@ def _box(robot: AbstractRobot) -> tuple[Numbers, Numbers]:
 def _friction(robot: AbstractRobot) -> Numbers:
     """Of a joint at 1 rad/s or m/s [n]."""
     if isinstance(robot, Articulated | Coupled):
-        friction: Numbers = np.asarray(robot.coulomb) + np.asarray(robot.viscous)
-        return friction
+        return np.asarray(robot.coulomb) + np.asarray(robot.viscous)
     return np.zeros(robot.joints)
 
 

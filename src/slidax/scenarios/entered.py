@@ -17,7 +17,6 @@ def with_scheme(name: str, scheme: Preset | type[AbstractController]) -> type[Sc
     - `scheme`: a preset, or the class of a law that a nominal arm and numbers make.
     """
     preset = scheme if isinstance(scheme, Preset) else Preset(scheme, (scheme.__doc__ or name).strip())
-    form: type[ScenarioDescription] = create_model(
+    return create_model(
         "ScenarioDescription", __base__=ScenarioDescription, scheme=(described_scheme(name, preset), ...)
     )
-    return form

@@ -111,8 +111,7 @@ class SensorDescription(AbstractDescription):
         """The variance of a measured position, one number or [n], rad² or m²."""
         of = self if self.instrument is None else self.instrument
         rounding, noise = (as_array(getattr(of, name, 0.0)) for name in ("resolution", "position_noise"))
-        found: Array = _variance(rounding, noise)
-        return found
+        return _variance(rounding, noise)
 
 
 class ActuatorDescription(AbstractDescription):

@@ -51,9 +51,8 @@ class LinksDescription(AbstractDescription):
         inertias = [inertia_of(entries) for entries in self.inertia]
         for name, inertia in zip(robot.link_names, inertias, strict=True):
             require_rigid(inertia, f"the inertia of `{name}`", moves=False)
-        found: Articulated = eqx.tree_at(
+        return eqx.tree_at(
             lambda arm: (arm.masses, arm.centers, arm.inertias),
             robot,
             (as_array(self.mass), as_array(self.center), as_array(inertias)),
         )
-        return found

@@ -115,8 +115,7 @@ class SchemeDescription(PartDescription):
         """
         skipped = ("name", "sampled_data")
         values = {name: built(name, value) for name, value in self if name not in skipped and value is not None}
-        law: AbstractController = self.part(**values, **more)
-        return law
+        return self.part(**values, **more)
 
 
 def filled(given: Given, value: dict[str, Any]) -> dict[str, Any]:

@@ -207,8 +207,7 @@ def trajectory_of(described: Any, limits: JointLimits | None, robot: AbstractRob
         return described.build(limits, robot)
     if isinstance(described, WaypointTrajectory):
         described.require_joints(robot.joints)
-    found: AbstractTrajectory = described.build(*([limits] if isinstance(described, TrajectoryPart) else []))
-    return found
+    return described.build(*([limits] if isinstance(described, TrajectoryPart) else []))
 
 
 def warn_of_units(described: Any, trajectory: AbstractTrajectory, t1: float) -> None:

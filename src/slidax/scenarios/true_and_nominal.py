@@ -112,8 +112,7 @@ class NominalArm(AbstractDescription):
         Raises DefinitionError if a list has another length than the arm has joints.
         """
         if isinstance(robot, Coupled):
-            coupled: Coupled = eqx.tree_at(lambda one: one.arm, robot, self._known(robot.arm))
-            return coupled
+            return eqx.tree_at(lambda one: one.arm, robot, self._known(robot.arm))
         return self._known(robot)
 
     def _known(self, robot: Articulated) -> Articulated:

@@ -26,8 +26,7 @@ def whole(value: Any) -> Array:
     number = np.asarray(value)
     if number.size and not np.issubdtype(number.dtype, np.integer):
         raise DefinitionError(f"a whole number or a list of whole numbers is needed; got {shown(value)}")
-    array: Array = jax.device_put(number.astype(int))
-    return array
+    return jax.device_put(number.astype(int))
 
 
 def seed(chances: str) -> Any:

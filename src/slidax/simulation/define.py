@@ -141,8 +141,7 @@ def constant(number: Any) -> Array:
 
     - `number`: Python's or NumPy's.
     """
-    array: Array = jax.device_put(np.asarray(number))
-    return array
+    return jax.device_put(np.asarray(number))
 
 
 def _steps(t1: float, period: float) -> int:

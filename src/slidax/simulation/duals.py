@@ -28,8 +28,7 @@ class Dual(eqx.Module):
     @property
     def fault(self) -> Fault:
         """Of a carry."""
-        fault: Fault = self.value.fault
-        return fault
+        return self.value.fault
 
 
 def duals(define: Callable[[Any], tuple[Loop, State]]) -> tuple[Callable[..., Any], Callable[..., Any]]:

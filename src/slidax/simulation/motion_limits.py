@@ -90,8 +90,7 @@ def _positions(trajectory: AbstractTrajectory, times: np.ndarray) -> np.ndarray:
     if llvm.available():
         with suppress(NoNativeCodeError):
             numbers = [np.asarray(leaf) for leaf in jax.tree.leaves(arrays)]
-            places: np.ndarray = _compiled(signature).batch([*numbers, times], runs=len(times), threads=1)[0]
-            return places
+            return _compiled(signature).batch([*numbers, times], runs=len(times), threads=1)[0]
     return np.asarray(jax.jit(jax.vmap(trajectory.position))(times))
 
 

@@ -81,8 +81,7 @@ def earlier(first: Fault, second: Fault) -> Fault:
 
     - `first`, `second`: in the order of time.
     """
-    kept: Fault = jax.tree.map(lambda a, b: jnp.where(first.absent, b, a), first, second)
-    return kept
+    return jax.tree.map(lambda a, b: jnp.where(first.absent, b, a), first, second)
 
 
 def find_fault(t: Scalar, e: Vector, finite: Bool[Array, " n"], envelope: Envelope | None) -> Fault:

@@ -88,8 +88,7 @@ def moved(loop: Loop, state: State, t: Scalar, held: HeldTorque) -> State:
         return loop.integrator(rate, t + i.astype(float) * h, state, h)[0], None
 
     if loop.substeps == 1:
-        after: State = loop.integrator(rate, t, state, h)[0]
-        return after
+        return loop.integrator(rate, t, state, h)[0]
     return jax.lax.scan(substep, state, jnp.arange(loop.substeps))[0]
 
 

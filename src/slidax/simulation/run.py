@@ -169,8 +169,7 @@ class Run(eqx.Module):
             return one
         valid = np.asarray(one.log.valid)
         log = jax.tree.map(lambda x: np.asarray(x)[valid], one.log)
-        single: Run = eqx.tree_at(lambda run: run.log, one, log)
-        return single
+        return eqx.tree_at(lambda run: run.log, one, log)
 
     def __iter__(self) -> Iterator[Run]:
         return (self[k] for k in range(len(self)))
@@ -217,5 +216,4 @@ class Run(eqx.Module):
 
 def _picked(run: Run, which: int | slice) -> Run:
     # By NumPy: JAX would compile a slice for each shape.
-    chosen: Run = jax.tree.map(lambda x: x[which] if is_traced(x) else np.asarray(x)[which, ...], run)
-    return chosen
+    return jax.tree.map(lambda x: x[which] if is_traced(x) else np.asarray(x)[which, ...], run)

@@ -79,8 +79,7 @@ def simulate_batch(
                 raise
             say_xla_instead(f"there is {error.message}")
     many = jax.vmap(task.simulated)
-    run: Run = many(varied) if is_traced(varied) else jax.jit(many)(varied)
-    return run
+    return many(varied) if is_traced(varied) else jax.jit(many)(varied)
 
 
 @dataclass(frozen=True)
@@ -140,8 +139,7 @@ def _natively(task: Task, varied: Any, threads: int | None, on: native_engine.Ou
     )
     log, tally, fault, excursion, state, (windows, period, t1) = arrays
     leaves = jax.tree.leaves((log, tally, windows, fault, excursion, state, period, t1))
-    run: Run = jax.tree.unflatten(jax.tree.structure(first), leaves)
-    return run
+    return jax.tree.unflatten(jax.tree.structure(first), leaves)
 
 
 def _require_one_length(varied: Any) -> None:

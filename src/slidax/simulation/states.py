@@ -42,8 +42,7 @@ class States(NamedTuple):
 
         - `ddq`: accelerations [k n].
         """
-        found: Numbers = np.einsum("kij,kj->ki", self.mass, ddq) + self.bias
-        return found
+        return np.einsum("kij,kj->ki", self.mass, ddq) + self.bias
 
 
 def states_of(robot: AbstractRobot, q: Numbers, dq: Numbers | None = None) -> States:
@@ -98,5 +97,4 @@ def spread(lower: Numbers, upper: Numbers, count: int) -> Numbers:
         root = (1.0 + root) ** (1.0 / (n + 1))
     steps = root ** -np.arange(1.0, n + 1.0)
     share = np.modf(0.5 + np.arange(1, count + 1)[:, None] * steps)[0]
-    points: Numbers = lower + share * (upper - lower)
-    return points
+    return lower + share * (upper - lower)

@@ -168,8 +168,7 @@ class Tally(eqx.Module):
         """
         if self.tube is None:
             return self
-        watched: Tally = eqx.tree_at(lambda tally: tally.tube, self, self.tube.add(tube, t, e, running))
-        return watched
+        return eqx.tree_at(lambda tally: tally.tube, self, self.tube.add(tube, t, e, running))
 
     def warned(self, k: Int[Array, ""], signals: dict[str, Array], running: Bool[Array, ""]) -> Tally:
         """The tally with one more answer of the law's monitor.
@@ -180,8 +179,7 @@ class Tally(eqx.Module):
         if self.promise is None:
             return self
         said = self.promise.add(k, signals["margin"], running)
-        heard: Tally = eqx.tree_at(lambda tally: tally.promise, self, said)
-        return heard
+        return eqx.tree_at(lambda tally: tally.promise, self, said)
 
     def with_rejection(self, signals: dict[str, Array], running: Bool[Array, ""]) -> Tally:
         """The tally with one more decision of the law's gate.
@@ -192,13 +190,11 @@ class Tally(eqx.Module):
         if self.rejected is None:
             return self
         rejected = running & (signals["rejected"] > 0.0)
-        counted: Tally = eqx.tree_at(lambda tally: tally.rejected, self, self.rejected + rejected.astype(int))
-        return counted
+        return eqx.tree_at(lambda tally: tally.rejected, self, self.rejected + rejected.astype(int))
 
     def with_violation(self, outside: Bool[Array, ""]) -> Tally:
         """The tally with one more violation where `outside` is true.
 
         - `outside`: whether the sample lies at or outside its bounds.
         """
-        counted: Tally = eqx.tree_at(lambda tally: tally.violations, self, self.violations + outside.astype(int))
-        return counted
+        return eqx.tree_at(lambda tally: tally.violations, self, self.violations + outside.astype(int))

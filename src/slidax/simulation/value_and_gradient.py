@@ -70,8 +70,7 @@ def value_and_gradient(
 
     def by_xla(at: Any, directions: Any) -> tuple[Scalar, Any]:
         many: Any = jax.vmap(lambda v: jax.jvp(lambda x: metric(task.simulated(x)), (at,), (v,)), out_axes=(None, 0))
-        pair: tuple[Scalar, Any] = many(directions)
-        return pair
+        return many(directions)
 
     value, slopes = jax.jit(by_xla)(at, directions)
     return value, rebuilt(slopes)

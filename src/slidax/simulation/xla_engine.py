@@ -41,8 +41,7 @@ def advance(loop: Loop, carry: Carry, points: int, every: int | None, *, pack: b
         # One array instead of dozens: XLA looks up the address of each in every step.
         same = eqx.combine(unpack(once(packed)), rest) if pack else loop
         # Tied together, so that a run rounds alike whether it is logged or not.
-        tied: tuple[Carry, Log] = jax.lax.optimization_barrier(sample(same, carry))
-        return tied
+        return jax.lax.optimization_barrier(sample(same, carry))
 
     def unlogged(carry: Carry, _: None) -> tuple[Carry, None]:
         return turn(carry, None)[0], None

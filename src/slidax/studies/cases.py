@@ -235,5 +235,4 @@ class _Loop:
 
 def _repeated(run: Run, rows: int) -> Run:
     """One run as many that are alike."""
-    many: Run = jax.tree.map(lambda x: np.broadcast_to(np.asarray(x), (rows, *np.shape(x))), run)
-    return many
+    return jax.tree.map(lambda x: np.broadcast_to(np.asarray(x), (rows, *np.shape(x))), run)

@@ -23,5 +23,4 @@ def points(seed: int, first: int, rows: int, dimensions: int) -> NDArray[np.floa
     stream = np.random.Philox(key=seed)
     stream.advance(first * steps)
     drawn = np.random.Generator(stream).random((rows, steps * WORDS))
-    found: NDArray[np.float64] = drawn[:, :dimensions]
-    return found
+    return drawn[:, :dimensions]

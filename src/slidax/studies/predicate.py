@@ -52,14 +52,12 @@ class Predicate:
         if parsed is None:
             if np.isnan(columns["margin"]).all() and not outcome.any():
                 raise DefinitionError("the scheme draws no envelope: ask for a metric, such as `steady_error < 1e-3`")
-            fine: NDArray[np.bool_] = outcome == 0
-            return fine
+            return outcome == 0
         name, sign, limit = parsed
         if name not in columns:
             raise DefinitionError(f"there is no metric `{plain(name)}`; {nearest(name, columns)}", where="holds")
         ended = (outcome == 1) | (outcome == 2)
-        found: NDArray[np.bool_] = SIGNS[sign](columns[name], limit) & ~ended
-        return found
+        return SIGNS[sign](columns[name], limit) & ~ended
 
     def _parsed(self) -> tuple[str, str, float] | None:
         if self.text == ENVELOPE:

@@ -83,8 +83,7 @@ def columns_of(run: Run) -> Columns:
 
 
 def _worst(numbers: NDArray[Any], least_is_best: bool) -> NDArray[Any]:
-    found: NDArray[Any] = numbers.max(axis=1) if least_is_best else numbers.min(axis=1)
-    return found
+    return numbers.max(axis=1) if least_is_best else numbers.min(axis=1)
 
 
 def joined(parts: Sequence[tuple[NDArray[Any], Columns]], rows: int) -> Columns:

@@ -48,8 +48,7 @@ class Task:
     @property
     def said(self) -> dict[str, Any]:
         """What the text says."""
-        found: dict[str, Any] = json.loads(self.text)
-        return found
+        return json.loads(self.text)
 
     @property
     def digest(self) -> str:

@@ -66,8 +66,7 @@ def _peak(samples: NDArray[np.float64]) -> NDArray[np.float64]:
     bend = 2 * at - before - after
     inside = (top[0] > 0) & (top[0] < len(samples) - 1) & (bend > 0)
     rise: NDArray[np.float64] = np.where(inside, (after - before) ** 2, 0.0) / np.where(inside, 8 * bend, 1.0)
-    peak: NDArray[np.float64] = at + rise
-    return peak
+    return at + rise
 
 
 def _proportions(

@@ -46,8 +46,7 @@ def drum(radius: float, height: float) -> trimesh.Trimesh:
     half = height / 2
     profile = [[0, -half], [radius - edge, -half], [radius, edge - half]]
     profile += [[radius, half - edge], [radius - edge, half], [0, half]]
-    turned: trimesh.Trimesh = trimesh.creation.revolve(np.array(profile), sections=SECTIONS)
-    return turned
+    return trimesh.creation.revolve(np.array(profile), sections=SECTIONS)
 
 
 def bone(

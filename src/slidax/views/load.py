@@ -39,8 +39,7 @@ class MovedLoad:
         - `shown`: in which [k].
         """
         turned = self.solid.vertices @ self.rotations[shown].transpose(0, 2, 1)
-        moved: np.ndarray = (turned + self.places[shown, None]).reshape(-1, 3)
-        return moved
+        return (turned + self.places[shown, None]).reshape(-1, 3)
 
 
 def load_of(run: Run, plant: eqx.Module, skeleton: Skeleton, motion: Motion) -> MovedLoad | None:

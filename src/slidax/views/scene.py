@@ -165,5 +165,4 @@ def _add_ground(server: viser.ViserServer, stage: Stage) -> None:
 
 def _quaternions(rotations: np.ndarray) -> np.ndarray:
     """Scalar first, [k 4]."""
-    turns: np.ndarray = Rotation.from_matrix(rotations).as_quat(scalar_first=True).astype(np.float32)
-    return turns
+    return Rotation.from_matrix(rotations).as_quat(scalar_first=True).astype(np.float32)

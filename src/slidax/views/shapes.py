@@ -90,8 +90,7 @@ def _radii(skeleton: Skeleton, size: float) -> np.ndarray:
     far = np.zeros(skeleton.joints + 1)
     for joint, parent in enumerate(skeleton.parents):
         far[joint + 1] = far[parent + 1] + np.linalg.norm(skeleton.translations[joint])
-    thick: np.ndarray = 0.04 * max(reach, size / 4) * (1 - 0.5 * np.minimum(far / reach, 1.0))
-    return thick
+    return 0.04 * max(reach, size / 4) * (1 - 0.5 * np.minimum(far / reach, 1.0))
 
 
 def _link(body: int, end: np.ndarray, start_radius: float, end_radius: float) -> list[Solid]:

@@ -29,8 +29,7 @@ class Poses:
         - `body`: its number.
         - `offset`: the point in the body's frame [3], m.
         """
-        moved: np.ndarray = self.places[:, body] + self.rotations[:, body] @ offset
-        return moved
+        return self.places[:, body] + self.rotations[:, body] @ offset
 
 
 @dataclass(frozen=True)
@@ -116,8 +115,7 @@ def skeleton(robot: AbstractRobot, q: Any) -> np.ndarray:
     joints = np.array(bones.chain) + 1
     points = np.concatenate([poses.places[0, :1], poses.places[0, joints], bones.tips(poses)])
     new = np.linalg.norm(np.diff(points, axis=0), axis=1) > 1e-9 * bones.reach
-    kept: np.ndarray = points[np.append(True, new)]
-    return kept
+    return points[np.append(True, new)]
 
 
 @singledispatch

@@ -55,8 +55,7 @@ class Solid:
         normals = np.zeros_like(self.vertices)
         np.add.at(normals, self.faces, areas[:, None, :])
         sizes = np.linalg.norm(normals, axis=1, keepdims=True)
-        moved: np.ndarray = self.vertices - depth * normals / np.where(sizes > 0, sizes, 1.0)
-        return moved
+        return self.vertices - depth * normals / np.where(sizes > 0, sizes, 1.0)
 
 
 def merged(solids: list[Solid]) -> list[Solid]:
@@ -87,5 +86,4 @@ def turn_up(up: np.ndarray) -> np.ndarray:
     if cosine < -1 + 1e-12:
         return np.diag([1.0, -1.0, -1.0])
     cross = np.array([[0, -axis[2], axis[1]], [axis[2], 0, -axis[0]], [-axis[1], axis[0], 0]])
-    turned: np.ndarray = np.eye(3) + cross + cross @ cross / (1 + cosine)
-    return turned
+    return np.eye(3) + cross + cross @ cross / (1 + cosine)

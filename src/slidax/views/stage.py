@@ -59,8 +59,7 @@ class Stage:
 
         - `points`: [k 3], m.
         """
-        seen: np.ndarray = points @ self.rotation.T + self.base
-        return seen
+        return points @ self.rotation.T + self.base
 
 
 def stage(skeleton: Skeleton, motion: Motion, load: MovedLoad | None = None, table: float | None = None) -> Stage:
@@ -113,8 +112,7 @@ def _fallen(load: MovedLoad | None, rotation: np.ndarray, floor: float, far: flo
         return np.zeros((0, 3))
     corners = load.corners(load.visible & ~load.carried) @ rotation.T
     near = np.linalg.norm(corners[:, :2], axis=1) < far
-    kept: np.ndarray = corners[near & (corners[:, 2] > floor - 0.1 * far)]
-    return kept
+    return corners[near & (corners[:, 2] > floor - 0.1 * far)]
 
 
 def _points(skeleton: Skeleton, motion: Motion, load: MovedLoad | None) -> np.ndarray:

@@ -57,14 +57,12 @@ class Approach:
     @property
     def peak(self) -> Floats:
         """The largest |τ| of each joint [n]."""
-        found: Floats = np.nanmax(np.abs(self.tau), axis=(0, 1))
-        return found
+        return np.nanmax(np.abs(self.tau), axis=(0, 1))
 
     @property
     def step(self) -> Floats:
         """The largest |τ(k+1) - τ(k)| of each joint [n]."""
-        found: Floats = np.nanmax(np.abs(np.diff(self.tau, axis=1)), axis=(0, 1))
-        return found
+        return np.nanmax(np.abs(np.diff(self.tau, axis=1)), axis=(0, 1))
 
     def after(self, time: float) -> Approach:
         """The part of the way from a time on.
@@ -80,8 +78,7 @@ class Approach:
         - `limit`: of the torque [n].
         - `change`: of its change in a period [n].
         """
-        found: Flags = (self.peak >= AT_LIMIT * limit) | (self.step >= AT_LIMIT * change)
-        return found
+        return (self.peak >= AT_LIMIT * limit) | (self.step >= AT_LIMIT * change)
 
     def free_after(self, limit: Floats, change: Floats) -> Floats:
         """The time from which on each joint is at no limit [n], s.
@@ -93,8 +90,7 @@ class Approach:
             at[:, 1:] |= np.abs(np.diff(self.tau, axis=1)) >= AT_LIMIT * change
         some = at.any(axis=0)
         last = np.where(some.any(axis=0), len(self.t) - 1 - np.argmax(some[::-1], axis=0), -1)
-        found: Floats = np.where(last >= 0, self.t[np.minimum(last + 1, len(self.t) - 1)], 0.0)
-        return found
+        return np.where(last >= 0, self.t[np.minimum(last + 1, len(self.t) - 1)], 0.0)
 
 
 def approach_of(members: Members, longest: float = np.inf) -> Approach:

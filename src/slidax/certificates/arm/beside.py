@@ -73,8 +73,7 @@ class Beside:
         moved: Floats = (
             np.einsum("kijl,kl->kij", self.mass_slope, r) + np.minimum(0.5 * sigma**2, 2.0)[:, :, None] * self.mass
         )
-        found: Floats = np.array([_solved(inverse, moved, lacks) for inverse in self.inverse]).max(axis=0)
-        return found
+        return np.array([_solved(inverse, moved, lacks) for inverse in self.inverse]).max(axis=0)
 
     def _outer(self, r: Floats, ways: Floats) -> Floats:
         """How much friction and outer forces can change [N n]: each falls or rises with its joint's own q and q̇."""
@@ -188,8 +187,7 @@ def _anywhere(
     corners = len(hull.corners)
 
     def worst(bounds: list[Floats]) -> Floats:
-        found: Floats = np.max(bounds[:corners], axis=0) + np.sum(bounds[corners:], axis=0)
-        return found
+        return np.max(bounds[:corners], axis=0) + np.sum(bounds[corners:], axis=0)
 
     difference = worst([one.bound() for one in lacked])
     weight = worst([grid.series(one).bound() for part in hull.of(weights) for one in part])

@@ -51,8 +51,7 @@ class Braking:
         a, c = self.acceleration, self.lead
         with np.errstate(invalid="ignore"):
             braked = np.sqrt((a * c) ** 2 + 2.0 * a * width[0]) - a * c
-        found: Floats = np.where(np.isfinite(a), braked, width[0] / c)
-        return found
+        return np.where(np.isfinite(a), braked, width[0] / c)
 
 
 def room_to_brake(scenario: Scenario, members: Members, limit: Floats, torque: Floats) -> Braking:

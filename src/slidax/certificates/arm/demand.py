@@ -125,8 +125,7 @@ def between_samples(asked: Asked, motion: Motion) -> Floats:
     bend[:-1] = np.maximum(bend[:-1], bend[1:])
     jump = np.abs(np.diff(motion.ddq, axis=0, append=motion.ddq[-1:]))
     jump[1:] = np.maximum(jump[1:], jump[:-1])
-    found: Floats = bend + np.einsum("kij,kj->ki", asked.lacking, jump) + asked.held
-    return found
+    return bend + np.einsum("kij,kj->ki", asked.lacking, jump) + asked.held
 
 
 def pushed_between_samples(

@@ -86,8 +86,7 @@ def unloaded(robot: AbstractRobot, like: Plant) -> Load | None:
     alike = bool(jax.tree.structure(robot) == jax.tree.structure(like.robot))  # type: ignore[operator]
     if like.load is None or not alike:
         return None
-    nothing: Load = eqx.tree_at(lambda load: load.payload, like.load, like.load.payload.times(jnp.zeros(())))
-    return nothing
+    return eqx.tree_at(lambda load: load.payload, like.load, like.load.payload.times(jnp.zeros(())))
 
 
 def friction(robot: AbstractRobot, dq: Floats) -> Floats:
@@ -98,8 +97,7 @@ def friction(robot: AbstractRobot, dq: Floats) -> Floats:
     """
     if isinstance(robot, Articulated):
         coulomb, viscous, smoothing = (np.asarray(x) for x in (robot.coulomb, robot.viscous, robot.smoothing))
-        found: Floats = coulomb * np.tanh(dq / smoothing) + viscous * dq
-        return found
+        return coulomb * np.tanh(dq / smoothing) + viscous * dq
     return np.asarray(_friction(robot, jnp.asarray(dq)))
 
 

@@ -70,8 +70,7 @@ class Hull:
         - `values`: of the members at `points` [P ...].
         """
         corners, effects = self.of(values)
-        found: Floats = np.abs(corners).max(axis=0) + np.abs(effects).sum(axis=0)
-        return found
+        return np.abs(corners).max(axis=0) + np.abs(effects).sum(axis=0)
 
     def merged(self, which: Sequence[int]) -> Hull:
         """The same where some of the members are alike, in terms of those that differ.

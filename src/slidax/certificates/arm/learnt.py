@@ -56,8 +56,7 @@ class Asked:
     @property
     def largest(self) -> Floats:
         """|w*| at most [N n], rad/s² or m/s²."""
-        found: Floats = (np.abs(self.push) + np.abs(self.effects).sum(axis=1)).max(axis=0)
-        return found
+        return (np.abs(self.push) + np.abs(self.effects).sum(axis=1)).max(axis=0)
 
 
 def learns(scenario: Scenario) -> bool:
@@ -87,8 +86,7 @@ def after_learning(members: Members, belief: Belief, hull: Hull, plants: list[Pl
     def rubbed(given: list[Plant]) -> Floats:
         learned = [learnt_of(members.scenario, belief, one, motion) for one in given]
         compensated = np.array([one.friction(motion.t, motion.wanted_dq) for one in learned])
-        found: Floats = outer(given, motion) + compensated
-        return found
+        return outer(given, motion) + compensated
 
     def at(shares: Floats) -> list[Plant]:
         full = np.full((len(shares), len(members.axes)), 0.5)
@@ -244,8 +242,7 @@ def _relearnt(belief: Belief, motion: Motion, push: Floats) -> Floats:
     rotor = belief.rotor_at(motion.t)
     step = np.abs(np.diff(rotor, axis=0, prepend=rotor[:1])) * push
     mass, _ = belief.mass_and_bias(motion.t, motion.q, motion.dq)
-    found: Floats = np.einsum("kij,kj->ki", np.abs(np.linalg.inv(mass)), step)
-    return found
+    return np.einsum("kij,kj->ki", np.abs(np.linalg.inv(mass)), step)
 
 
 def learnt_ratios(scenario: Scenario) -> Floats:

@@ -202,8 +202,7 @@ class Members:
         torque = needed(kinds, few)[1][which] - outer(plants, few)
         moved = torque[1::2] - torque[::2]
         largest = np.abs(moved).sum(axis=0).max(axis=0)
-        effects: Floats = moved / np.maximum(largest, 1e-300)
-        return effects
+        return moved / np.maximum(largest, 1e-300)
 
     @cached_property
     def brief(self) -> Floats:
@@ -220,8 +219,7 @@ class Members:
             acting = (moved > 0.0).any(axis=(0, 2)).mean()
             if 0.0 < acting < BRIEF:
                 samples.append(moved.argmax(axis=1).ravel())
-        times: Floats = motion.t[np.unique(np.concatenate(samples))]
-        return times
+        return motion.t[np.unique(np.concatenate(samples))]
 
     @cached_property
     def of_the_disturbance(self) -> list[int]:
@@ -315,5 +313,4 @@ def _direction(number: int, times: int, joints: int) -> Floats:
         return np.tile(np.arange(joints) == number, (times, 1)).astype(float)
     random = np.random.default_rng(number)
     phase = np.linspace(0.0, 1.0, times)[:, None] * (number // joints) + random.uniform(size=joints)
-    found: Floats = random.normal(size=joints) * np.cos(np.pi * phase)
-    return found
+    return random.normal(size=joints) * np.cos(np.pi * phase)

@@ -54,5 +54,4 @@ class Misread:
         - `radius`: what a prediction misses of q [N n], rad or m.
         - `speed`: of q̇ [N n], rad/s or m/s.
         """
-        found: Floats = np.einsum("kij,kj->ki", self.along_q, radius) + np.einsum("kij,kj->ki", self.along_dq, speed)
-        return found
+        return np.einsum("kij,kj->ki", self.along_q, radius) + np.einsum("kij,kj->ki", self.along_dq, speed)

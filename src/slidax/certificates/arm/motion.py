@@ -72,8 +72,7 @@ class Belief:
         - `t`: times [N], s.
         - `dq`: these velocities [N n].
         """
-        found: Floats = self._then(self.coulomb, t) * np.tanh(dq / self.smoothing)
-        return found
+        return self._then(self.coulomb, t) * np.tanh(dq / self.smoothing)
 
     def rotor_at(self, t: Floats) -> Floats:
         """J at times [N n]; zero for a law that learns nothing.
@@ -237,8 +236,7 @@ def outer(plants: list[Plant], motion: Motion) -> Floats:
     - `plants`: P arms.
     - `motion`: N states.
     """
-    found: Floats = disturbed(plants, motion) - np.array([friction(plant.robot, motion.dq) for plant in plants])
-    return found
+    return disturbed(plants, motion) - np.array([friction(plant.robot, motion.dq) for plant in plants])
 
 
 def disturbed(plants: list[Plant], motion: Motion) -> Floats:

@@ -162,8 +162,7 @@ def _slopes(arms: Sequence[tuple[Plant, Belief]], motion: Motion) -> Floats:
 
 def _ratio(plant: Plant, belief: Belief, motion: Motion) -> Floats:
     believed, _ = belief.mass_and_bias(motion.t, motion.q, motion.dq)
-    found: Floats = np.linalg.solve(needed([plant], motion)[0][0], believed)
-    return found
+    return np.linalg.solve(needed([plant], motion)[0][0], believed)
 
 
 def _between(times: Floats, values: Floats, at: Floats) -> Floats:
@@ -171,5 +170,4 @@ def _between(times: Floats, values: Floats, at: Floats) -> Floats:
     before = np.searchsorted(times, at + 1e-9) - 1
     after = np.minimum(before + 1, len(times) - 1)
     share = np.where(after > before, (at - times[before]) / np.maximum(times[after] - times[before], 1e-12), 0.0)
-    found: Floats = values[before] + share.reshape(-1, *[1] * (values.ndim - 1)) * (values[after] - values[before])
-    return found
+    return values[before] + share.reshape(-1, *[1] * (values.ndim - 1)) * (values[after] - values[before])

@@ -51,8 +51,7 @@ def robust_torque(
     mass, bias = belief.mass_and_bias(motion.t, motion.q, motion.dq)
 
     def lumped(w: Floats) -> Floats:
-        found: Floats = np.einsum("kij,...kj->...ki", mass, w)
-        return found
+        return np.einsum("kij,...kj->...ki", mass, w)
 
     torque = demand.worst(lumped)
     if demand.jumping is not None:

@@ -38,8 +38,7 @@ class Series:
 
     def bound(self) -> Floats:
         """`Σ |c_k|`, which no |f| exceeds [...]."""
-        found: Floats = np.abs(self.coefficients).sum(axis=0)
-        return found
+        return np.abs(self.coefficients).sum(axis=0)
 
     def slopes(self) -> Floats:
         """What no |∂f/∂q_j| exceeds [... n]: `Σ |k_j| |c_k|`, and Markov's `4 Σ |c_k|/a` for a prismatic joint."""

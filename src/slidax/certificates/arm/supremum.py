@@ -83,8 +83,7 @@ def supremum(series: Series, degree: int, size: Callable[[Floats], Floats], term
 def _of(degrees: Floats, joints: Sequence[int]) -> Flags:
     """Which coefficients are of these joints alone [K]."""
     others = [at for at in range(degrees.shape[1]) if at not in joints]
-    found: Flags = ~degrees[:, others].any(axis=1)
-    return found
+    return ~degrees[:, others].any(axis=1)
 
 
 def _factor(count: int, entries: int, degree: int) -> float:
@@ -146,5 +145,4 @@ def spectral_of_each(values: Any) -> Floats:
 
     - `values`: the matrices, which may be complex.
     """
-    found: Floats = np.linalg.norm(values, ord=2, axis=(1, 2))
-    return found
+    return np.linalg.norm(values, ord=2, axis=(1, 2))

@@ -161,8 +161,7 @@ def smallest(samples: Samples, gamma: float) -> Floats:
     )
     # There always is one: b0 alone can cover everything.
     assert solved.success, solved.message
-    found: Floats = np.asarray(solved.x)
-    return found
+    return np.asarray(solved.x)
 
 
 def used(numbers: Floats, gamma: float, samples: Samples) -> float:
@@ -181,8 +180,7 @@ def used(numbers: Floats, gamma: float, samples: Samples) -> float:
 
 
 def _known(numbers: Floats, samples: Samples) -> Floats:
-    found: Floats = numbers[0] + numbers[1] * samples.position + numbers[2] * samples.speed
-    return found
+    return numbers[0] + numbers[1] * samples.position + numbers[2] * samples.speed
 
 
 def _remedy(enough: Floats) -> Remedy:

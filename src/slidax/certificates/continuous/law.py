@@ -129,8 +129,7 @@ class PrintedLaw:
 
     def slopes(self) -> Floats:
         """The slope of the pull at zero, [n]."""
-        slope: Floats = self._surface(np.zeros((1, self.joints)))[1][0]
-        return slope
+        return self._surface(np.zeros((1, self.joints)))[1][0]
 
     def pull_inverse(self, pull: float) -> Floats:
         """The transformed errors at which the surface pulls so hard, no less than these by more than 1e-5, [n].

@@ -93,8 +93,7 @@ class _Times:
         n = self.printed_law.joints
         if self.spread > 1e-12:
             return self.stated * np.eye(n)
-        found: Floats = masses_of(self.printed_law.law.nominal, np.zeros((1, n)))[0]
-        return found
+        return masses_of(self.printed_law.law.nominal, np.zeros((1, n)))[0]
 
     @property
     def stated(self) -> float:
@@ -149,8 +148,7 @@ class _Times:
         one = self.powers
         each = zip(one.k1, one.p, one.k2, one.q, one.delta, strict=True)
         sliding = np.array([two_power_time(k1, p, k2, q, lower=delta) for k1, p, k2, q, delta in each])
-        found: Floats = self.reaching["supremum"] + 0.5 * self.radius * sliding
-        return found
+        return self.reaching["supremum"] + 0.5 * self.radius * sliding
 
     @property
     def energy(self) -> float:

@@ -121,8 +121,7 @@ class _Member:
         mass, bias = self.motion.truth
         mass0 = self.motion.of_arm(self.printed.law.nominal)[0]
         reached = np.einsum("kij,kj->ki", mass0 - mass, self.motion.states[2])
-        left: Floats = np.linalg.norm(reached + bias0 - bias + self.motion.pushed, axis=1)
-        return left
+        return np.linalg.norm(reached + bias0 - bias + self.motion.pushed, axis=1)
 
     @property
     def largest(self) -> float:
@@ -194,8 +193,7 @@ class _Member:
             return np.full(n, np.inf)
         eps = law.pull_inverse(size)
         both = np.abs(law.places(np.stack([eps, -eps]))).max(axis=0)
-        error: Floats = law.radius(np.array([self.scenario.t1]))[0] * both
-        return error
+        return law.radius(np.array([self.scenario.t1]))[0] * both
 
 
 def _roots(u: Floats, left: Floats, rate: Floats, layer: float) -> tuple[float, float]:

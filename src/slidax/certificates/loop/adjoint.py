@@ -78,8 +78,7 @@ class Along:
         - `samples`: as of `at`.
         """
         matrix = self._matrices(samples)[:, self._whose[:, None], self._whose]
-        found: Floats = self._still.step + matrix * self._adds.step
-        return found
+        return self._still.step + matrix * self._adds.step
 
     def enters(self, samples: NDArray[np.integer[Any]]) -> Floats:
         """Of these maps alone what comes in [T 5 S n].
@@ -87,12 +86,10 @@ class Along:
         - `samples`: as of `at`.
         """
         matrix = self._matrices(samples)[:, self._whose]
-        found: Floats = self._still.enters + matrix[:, None] * self._adds.enters
-        return found
+        return self._still.enters + matrix[:, None] * self._adds.enters
 
     def _matrices(self, samples: NDArray[np.integer[Any]]) -> Floats:
-        found: Floats = self.matrices[np.clip(samples, 0, len(self.matrices) - 1)]
-        return found
+        return self.matrices[np.clip(samples, 0, len(self.matrices) - 1)]
 
     def columns(self, *places: int) -> Floats:
         """States that are one in some places of each joint's own [S n], as far as they are kept.

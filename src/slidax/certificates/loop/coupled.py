@@ -158,8 +158,7 @@ class Coupled(Setting):
         noise, h = self.noise, self.period
         position, velocity = noise.position_deviation**2, (h * noise.velocity_deviation) ** 2
         spread = np.sqrt(kernels.noise_square[0] @ position + kernels.noise_square[1] @ velocity)
-        found: Floats = kernels.noise[0] @ noise.position + noise.deviations(times, chance) * spread
-        return found
+        return kernels.noise[0] @ noise.position + noise.deviations(times, chance) * spread
 
     def _misled(self, misread: Floats) -> Floats:
         """What commands that are predicted as others do at most [N 9 n]."""

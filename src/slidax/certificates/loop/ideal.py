@@ -106,8 +106,7 @@ def _at_samples(
 
 @eqx.filter_jit
 def _references(trajectory: Any, t: Any) -> Reference:
-    found: Reference = jax.vmap(trajectory.reference)(t)
-    return found
+    return jax.vmap(trajectory.reference)(t)
 
 
 @eqx.filter_jit

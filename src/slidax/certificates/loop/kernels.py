@@ -140,8 +140,7 @@ def _summed(placed: Floats, tail: Floats) -> Floats:
     """Of a command that is wrong by 1, which is a p that is wrong by H² and no part of p [9]."""
     whole = placed.copy()
     whole[MISSED, 0] += 1.0
-    found: Floats = np.sum(np.abs(whole), axis=1) + tail
-    return found
+    return np.sum(np.abs(whole), axis=1) + tail
 
 
 def outputs_of(raw: Floats, at: NDArray[np.integer[Any]], whole: int, loop: LinearLoop, kappa: float) -> Floats:
@@ -179,8 +178,7 @@ def largest_within(by_v: Floats, by_q: Floats) -> Floats:
     sizes = np.abs(by_v) + np.abs(end)
     # Of what changes its sign within the period, a part of the trapezoid is taken away.
     crossed = np.minimum(by_v * end, 0.0)
-    found: Floats = 0.5 * sizes + crossed / np.maximum(sizes, TINY)
-    return found
+    return 0.5 * sizes + crossed / np.maximum(sizes, TINY)
 
 
 class _Beyond:

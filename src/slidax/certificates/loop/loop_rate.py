@@ -177,8 +177,7 @@ def settled_from(found: Certified) -> int:
 def _asked_radius(found: Certified) -> Floats:
     """The final radius that this bound would need [n]: it hardly depends on it where the surface is steep."""
     sides = np.stack([-found.narrowing.lower, found.narrowing.upper])
-    late: Floats = np.max(found.error[settled_from(found) :] / sides[None], axis=(0, 1))
-    return late
+    return np.max(found.error[settled_from(found) :] / sides[None], axis=(0, 1))
 
 
 def _least_radius(scenario: Scenario, whole: Proved, chance: float) -> Floats:

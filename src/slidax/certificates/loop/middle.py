@@ -101,8 +101,7 @@ class Middle:
         mass, bias = belief.mass_and_bias(motion.t, motion.q, motion.dq)
         believed = np.einsum("kij,kj->ki", mass, motion.ddq) + bias + belief.friction(motion.t, motion.wanted_dq)
         lacks = believed - needed([self.plant], motion)[1][0] + outer([self.plant], motion)[0]
-        found: Floats = np.linalg.solve(mass, lacks[..., None])[..., 0]
-        return found
+        return np.linalg.solve(mass, lacks[..., None])[..., 0]
 
     def _unexplained(self, motion: Motion, samples: NDArray[np.integer[Any]], push: Floats) -> Floats:
         """`|a - q̈ + w*|` in the mean of each period [N n], rad/s² or m/s²: what holding the torque does."""
@@ -112,8 +111,7 @@ class Middle:
         command = (1.0 - part) * self.seen.command[decided[0]] + part * self.seen.command[decided[1]]
         acceleration = (command + self.seen.wanted[samples]) / h**2
         later = np.concatenate([push[1:], push[-1:]])
-        found: Floats = np.abs(acceleration - motion.ddq + 0.5 * (push + later))
-        return found
+        return np.abs(acceleration - motion.ddq + 0.5 * (push + later))
 
 
 def _silent(scenario: Scenario) -> Scenario:

@@ -75,15 +75,13 @@ class Narrowing:
         """
         r = self.period / self.horizon
         tangent = self.now[:-1] + r * (self.ahead[:-1] - self.now[:-1])
-        found: Floats = np.maximum(tangent - self.now[1:], 0.0)
-        return found
+        return np.maximum(tangent - self.now[1:], 0.0)
 
     @property
     def sagging(self) -> Floats:
         """`h (ρ̇_k + ρ̇_{k+1})/2 - (ρ_{k+1} - ρ_k)`, where ρ̇ is not concave: what the mean of y and e loses [N-1 n]."""
         mean = 0.5 * self.period * (self.rate[:-1] + self.rate[1:])
-        found: Floats = np.maximum(mean - np.diff(self.radius, axis=0), 0.0)
-        return found
+        return np.maximum(mean - np.diff(self.radius, axis=0), 0.0)
 
     @property
     def unruly(self) -> NDArray[np.bool_]:
@@ -92,8 +90,7 @@ class Narrowing:
         Where a radius is slim, or more than a millionth of the final radius is lost.
         """
         lost = np.sum(self.outgrown + self.sagging, axis=0)
-        found: NDArray[np.bool_] = np.any(self.slim, axis=0) | (lost > 1e-6 * self.radius[-1])
-        return found
+        return np.any(self.slim, axis=0) | (lost > 1e-6 * self.radius[-1])
 
 
 @eqx.filter_jit

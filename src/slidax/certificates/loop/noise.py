@@ -58,8 +58,7 @@ class Noise:
             (self.position_deviation**2)[None, :, None] * squares[0]
             + ((period * self.velocity_deviation) ** 2)[None, :, None] * squares[1]
         )
-        found: Floats = self.position[None, :, None] * sums[0] + self.deviations(times, chance) * spread
-        return found
+        return self.position[None, :, None] * sums[0] + self.deviations(times, chance) * spread
 
     def start(self, period: float, times: int, chance: float) -> tuple[Floats, Floats]:
         """Of the first measurement alone: position [n], rad or m, and velocity [n], rad or m per period."""

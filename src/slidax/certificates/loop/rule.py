@@ -37,8 +37,7 @@ class Reach:
     @property
     def holds(self) -> NDArray[np.bool_]:
         """For which joints no sample can be outside [n]."""
-        found: NDArray[np.bool_] = np.all(self.room > 0.0, axis=(0, 1))
-        return found
+        return np.all(self.room > 0.0, axis=(0, 1))
 
 
 def reached(

@@ -108,8 +108,7 @@ class Setting:
             parts = self.asked.effects[:, :, first : first + self.samples]
             each = np.linalg.norm(np.einsum("kij,mekj->meki", self.sliding.inertia, parts), axis=3)
             sizes = sizes + each.sum(axis=1).max(axis=0)
-        found: Floats = sizes
-        return found
+        return sizes
 
     def reach(self, found: Certified) -> tuple[Floats, Floats, Floats, Floats]:
         """How far the arm may be beside the ideal one around each of its samples, and beside what is predicted.
@@ -172,8 +171,7 @@ class Setting:
                 curved[:-1] = np.maximum(curved[:-1], curved[1:])
             stray = stray + curved
         later = np.concatenate([stray, np.repeat(stray[-1:], 3, axis=0)]) * self.period**2
-        found: Floats = np.array([later[first + k : first + k + n] for k in range(3)]).max(axis=0)
-        return found
+        return np.array([later[first + k : first + k + n] for k in range(3)]).max(axis=0)
 
     def recent(self, sizes: Floats, length: int) -> Floats:
         """The largest of those that a loop has not forgotten [N n], in units of periods.
@@ -210,8 +208,7 @@ class Setting:
             times = self.set_in[:-1] + (1.0 - part) * self.period
         radius = of_rows(_radius, times, self.most, self.subject.drawn.performance, self.e)
         sides = np.stack([-np.asarray(self.sides.lower), np.asarray(self.sides.upper)])
-        found: Floats = np.max(error / (sides[None] * radius[:, None]), axis=1)
-        return found
+        return np.max(error / (sides[None] * radius[:, None]), axis=1)
 
 
 @eqx.filter_jit

@@ -86,8 +86,7 @@ class Subject:
         mass = along(self.law.nominal, np.asarray(reference.q), np.asarray(reference.dq))[0]
         if self.law.adaptation is not None:
             mass = np.array([np.asarray(self.law.adaptation.mass_at_start(jnp.asarray(one))) for one in mass])
-        found: Floats = np.interp(times, grid, np.linalg.eigvalsh(mass)[:, -1])
-        return found
+        return np.interp(times, grid, np.linalg.eigvalsh(mass)[:, -1])
 
     def cover(self) -> tuple[float, float]:
         """The least u [N m], at rest at zero without torque, and s0; an infinite u where s⁺ does not depend on one."""

@@ -30,8 +30,7 @@ def while_loop(b: Builder, equation: Any, arrays: list[Values], inline: Inline) 
 
     def condition(carried: Sequence[Value]) -> Value:
         (answer,) = inline(params["cond_jaxpr"], [*condition_shares, *unpacked(carried, shapes)])
-        value: Value = answer.item()
-        return value
+        return answer.item()
 
     def body(carried: Sequence[Value]) -> list[Value]:
         return packed(inline(params["body_jaxpr"], [*shares, *unpacked(carried, shapes)]))

@@ -81,8 +81,7 @@ class Library:
             kind, data = one
             if kind == "const":
                 return builder.constant(data, "f64")
-            value: Value = args[data] if kind == "input" else made[data]
-            return value
+            return args[data] if kind == "input" else made[data]
 
         return [of_list([element(one) for one in elements], shape) for shape, elements in shared.results]
 

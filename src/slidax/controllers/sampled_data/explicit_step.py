@@ -36,8 +36,7 @@ class ExplicitStep(AbstractStep):
     @property
     def robot(self) -> AbstractRobot:
         """The robot as the law knows it."""
-        robot: AbstractRobot = self.law.nominal  # type: ignore[attr-defined]
-        return robot
+        return self.law.nominal  # type: ignore[attr-defined]
 
     def init(self, t: Scalar, state: State, reference: Reference, period: Scalar, horizon: Scalar | None) -> Memory:
         """The law's own memory.

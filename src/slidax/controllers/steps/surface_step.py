@@ -217,5 +217,4 @@ def _slowness(moment: Moment) -> Vector:
     """1/a, with the acceleration a that the limits leave each joint beside the arm's weight and coupled inertia."""
     limit = moment.limits.torque
     mass: Matrix = jnp.abs(moment.mass)
-    slowness: Vector = jnp.sum(mass, axis=1) / jnp.maximum(limit - jnp.abs(moment.bias), 0.25 * limit)
-    return slowness
+    return jnp.sum(mass, axis=1) / jnp.maximum(limit - jnp.abs(moment.bias), 0.25 * limit)

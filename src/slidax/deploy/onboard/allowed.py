@@ -127,8 +127,7 @@ class Allowed:
         return texts[0] if len(set(texts)) == 1 else ", ".join(texts)
 
     def __getitem__(self, name: str) -> list[float]:
-        numbers: list[float] = getattr(self, name)
-        return numbers
+        return getattr(self, name)
 
 
 def _numbers(values: np.ndarray) -> list[float]:

@@ -191,8 +191,7 @@ class Pilot:
         - `q`: measured positions, rad or m.
         """
         self._q[:] = list(q)
-        found: bool = self.law.call("pilot_begin")(self._at, self._q)
-        return found
+        return self.law.call("pilot_begin")(self._at, self._q)
 
     def step(self, elapsed: float, q: Sequence[float], dq: Sequence[float]) -> int:
         """One period: GO, FINISH or STOP; the torque is `report.tau`.
@@ -202,8 +201,7 @@ class Pilot:
         """
         self._q[:] = q
         self._dq[:] = dq
-        found: int = self._step(self._at, elapsed, self._q, self._dq)
-        return found
+        return self._step(self._at, elapsed, self._q, self._dq)
 
     def rest(self) -> None:
         """Asks for an end: the arm comes to rest along its path."""
@@ -240,8 +238,7 @@ class Pilot:
     @property
     def phase(self) -> str:
         """Where on its way the reference is."""
-        found: str = self.law.phases[self.report.phase]
-        return found
+        return self.law.phases[self.report.phase]
 
     @property
     def why(self) -> str:

@@ -61,8 +61,7 @@ def sooner(sensor: AbstractSensor | None) -> AbstractSensor:
     Raises DefinitionError if its measurements are less than one period old.
     """
     if isinstance(sensor, Lossy):
-        other: AbstractSensor = eqx.tree_at(lambda one: one.sensor, sensor, sooner(sensor.sensor))
-        return other
+        return eqx.tree_at(lambda one: one.sensor, sensor, sooner(sensor.sensor))
     if not isinstance(sensor, Delayed) or sensor.periods - 0.5 * sensor.jitter < 1:
         raise DefinitionError(
             "in a loop of two processes a measurement is one period old when its torque sets in, and the law must "
@@ -99,8 +98,7 @@ def arm_plan(scenario: Scenario, *, transport: int) -> ArmPlan:
     arrays, static = eqx.partition((loop.plant, loop.trajectory, period), eqx.is_array)
 
     def parts(given: Any) -> tuple[Plant, Any, Scalar]:
-        whole: tuple[Plant, Any, Scalar] = eqx.combine(given, static)
-        return whole
+        return eqx.combine(given, static)
 
     def measure(given: Any, k: Any, state: State, memory: Any) -> Any:
         _, trajectory, period = parts(given)
@@ -123,8 +121,7 @@ def arm_plan(scenario: Scenario, *, transport: int) -> ArmPlan:
 
     def loop_of(given: Any) -> Loop:
         plant, trajectory, period = parts(given)
-        made: Loop = eqx.tree_at(lambda one: (one.plant, one.trajectory, one.period), loop, (plant, trajectory, period))
-        return made
+        return eqx.tree_at(lambda one: (one.plant, one.trajectory, one.period), loop, (plant, trajectory, period))
 
     def move(given: Any, k: Any, state: State, tau: Vector, delivery: Any) -> State:
         one = loop_of(given)

@@ -175,10 +175,8 @@ def dtype_of(fields: dict[str, Slot], first: Slot, last: Slot) -> np.dtype[Any]:
 
 
 def _state(vector: Any) -> State:
-    state: State = jax.eval_shape(lambda q: State(q, q), vector)
-    return state
+    return jax.eval_shape(lambda q: State(q, q), vector)
 
 
 def _reference(vector: Any) -> Reference:
-    reference: Reference = jax.eval_shape(lambda q: Reference(q, q, q), vector)
-    return reference
+    return jax.eval_shape(lambda q: Reference(q, q, q), vector)

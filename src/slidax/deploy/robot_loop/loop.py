@@ -205,8 +205,7 @@ def _report(side: subprocess.Popen[bytes]) -> Report | None:
     said = _output(side).read()
     if side.wait() or not said:
         return None
-    report: Report = pickle.loads(said)
-    return report
+    return pickle.loads(said)
 
 
 def _output(side: subprocess.Popen[bytes]) -> IO[bytes]:

@@ -106,8 +106,7 @@ def _radii(bones: Skeleton) -> np.ndarray:
     far = np.zeros(bones.joints + 1)
     for joint, parent in enumerate(bones.parents):
         far[joint + 1] = far[parent + 1] + np.linalg.norm(bones.translations[joint])
-    thick: np.ndarray = THICK * bones.reach * (1.0 - 0.5 * np.minimum(far / bones.reach, 1.0))
-    return thick
+    return THICK * bones.reach * (1.0 - 0.5 * np.minimum(far / bones.reach, 1.0))
 
 
 def _towards(direction: np.ndarray) -> np.ndarray:
@@ -131,8 +130,7 @@ def _quaternion(turn: np.ndarray) -> np.ndarray:
     )
     x, y, z, w = np.linalg.eigh(matrix)[1][:, -1]
     found = np.array([w, x, y, z])
-    quaternion: np.ndarray = found if w >= 0 else -found
-    return quaternion
+    return found if w >= 0 else -found
 
 
 def _plain(numbers: Any) -> list[float]:

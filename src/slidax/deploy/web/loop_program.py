@@ -192,8 +192,7 @@ def loop_program(variants: Sequence[Variant]) -> LoopProgram | None:
         return found
 
     def define(leaves: list[Array]) -> tuple[Loop, State]:
-        whole: tuple[Loop, State] = eqx.combine(jax.tree.unflatten(tree, leaves), rest)
-        return whole
+        return eqx.combine(jax.tree.unflatten(tree, leaves), rest)
 
     def begun(varied: list[Array]) -> tuple[Carry, dict[str, Array]]:
         loop, state = define(varied)

@@ -53,5 +53,4 @@ def bounds_of(loop: Loop, before: Carry, log: Log) -> Envelope | None:
         return log.envelope
     assert before.tally.tube is not None
     t: Any = log.t
-    tube: Envelope = loop.tube.envelope(t, before.tally.tube.sides)
-    return tube
+    return loop.tube.envelope(t, before.tally.tube.sides)

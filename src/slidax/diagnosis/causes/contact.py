@@ -93,11 +93,9 @@ def _accelerations(record: Record, robot: Articulated, samples: list[int]) -> np
 
     def acceleration(q: jax.Array, dq: jax.Array, ddq: jax.Array) -> jax.Array:
         def velocity(q: jax.Array, dq: jax.Array) -> jax.Array:
-            moved: jax.Array = jax.jvp(robot.tip, (q,), (dq,))[1]
-            return moved
+            return jax.jvp(robot.tip, (q,), (dq,))[1]
 
-        found: jax.Array = jax.jvp(velocity, (q, dq), (dq, ddq))[1]
-        return found
+        return jax.jvp(velocity, (q, dq), (dq, ddq))[1]
 
     return np.stack([np.asarray(acceleration(*map(jnp.asarray, (q[k], dq[k], ddq[k])))) for k in samples])
 

@@ -142,14 +142,12 @@ def _weighed(record: Record, nominal: Articulated, part: slice) -> Weighed:
 def _carrying(nominal: Articulated, arm: float) -> Articulated:
     """The arm with a kilogram more on the tip's axis."""
     more = Carried(mass=as_array(1.0), center=as_array([0.0, 0.0, arm]))
-    loaded: Articulated = eqx.tree_at(lambda robot: robot.payload, nominal, nominal.payload.joined(more))
-    return loaded
+    return eqx.tree_at(lambda robot: robot.payload, nominal, nominal.payload.joined(more))
 
 
 def _torque(robot: Articulated, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> np.ndarray:
     mass, bias = along(robot, q, dq)
-    torque: np.ndarray = np.einsum("kij,kj->ki", mass, ddq) + bias
-    return torque
+    return np.einsum("kij,kj->ki", mass, ddq) + bias
 
 
 def _remedies(record: Record, found: Weighed) -> list[Remedy]:

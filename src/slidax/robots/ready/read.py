@@ -103,8 +103,7 @@ def read(name: str) -> Ready:
 def _data(name: str) -> dict[str, Any]:
     if name not in names():
         raise DefinitionError(f"there is no ready robot `{name}`; {nearest(name, names())}")
-    data: dict[str, Any] = YAML(typ="safe", pure=True).load((FILES / f"{name}.yaml").read_text(encoding="utf-8"))
-    return data
+    return YAML(typ="safe", pure=True).load((FILES / f"{name}.yaml").read_text(encoding="utf-8"))
 
 
 def _joint(entry: dict[str, Any]) -> Joint:

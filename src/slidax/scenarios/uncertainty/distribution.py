@@ -53,8 +53,7 @@ def shares(u: Array, lower: Array, upper: Array, distribution: Distribution, cut
     else:
         values = lower + (upper - lower) * u
     # Rounding must not lead out of the set.
-    clipped: Array = np.clip(values, lower, upper)
-    return clipped
+    return np.clip(values, lower, upper)
 
 
 def cut_normal(u: Array, sigmas: float = 8.0) -> Array:
@@ -66,5 +65,4 @@ def cut_normal(u: Array, sigmas: float = 8.0) -> Array:
     from scipy.special import ndtr, ndtri
 
     low = ndtr(-sigmas)
-    normal: Array = ndtri(np.clip(low + u * (1.0 - 2.0 * low), TAIL, 1.0 - TAIL))
-    return normal
+    return ndtri(np.clip(low + u * (1.0 - 2.0 * low), TAIL, 1.0 - TAIL))

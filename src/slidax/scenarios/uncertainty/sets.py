@@ -154,8 +154,7 @@ class Choice(AbstractSet):
         if leaf.integer and (values != np.round(values)).any():
             raise DefinitionError(f"needs whole numbers; got {shown(self.choice)}")
         picked: Array = np.take_along_axis(values[None], which.reshape(len(cube), 1, *u.shape[1:]), axis=1)[:, 0]
-        whole: Array = picked.astype(int) if leaf.integer else picked
-        return whole
+        return picked.astype(int) if leaf.integer else picked
 
     def _weights(self, count: int) -> Array:
         weights = np.ones(count) if self.weights is None else np.asarray(self.weights, float)
@@ -186,8 +185,7 @@ class StandardError(AbstractSet):
         if not (np.isfinite(error) & (error >= 0)).all():
             raise DefinitionError(f"`standard_error` must be >= 0 and finite; got {shown(self.standard_error)}")
         reach = cut_normal(cube.reshape(len(cube), *own.shape), self.sigmas)
-        values: Array = np.clip(own + error * reach, *leaf.ends)
-        return values
+        return np.clip(own + error * reach, *leaf.ends)
 
 
 class Inside(AbstractSet):

@@ -72,14 +72,12 @@ class NativeSteps:
     @property
     def begun(self) -> Begun:
         """The carry as it is now, with envelope and reference at the beginning."""
-        begun: Begun = (self._carries[self._at], *self._rest)
-        return begun
+        return (self._carries[self._at], *self._rest)
 
     @property
     def log(self) -> Log:
         """The lines that were kept."""
-        whole: Log = jax.tree.map(lambda x: x[: self._kept], self._log)
-        return whole
+        return jax.tree.map(lambda x: x[: self._kept], self._log)
 
     def decide(self, k: int, keep: bool) -> bool:
         """One sample; returns whether the run goes on.
@@ -124,8 +122,7 @@ def _compiled(signature: LoopSignature) -> _Code:
     arrays = signature.arrays
 
     def of_loop(given: Any) -> Loop:
-        loop: Loop = whole((given, arrays[1]))[0]
-        return loop
+        return whole((given, arrays[1]))[0]
 
     begin_code, begun = _kernel(lambda given, start: begin(of_loop(given), start), *arrays)
     decide_code, (_, log, held) = _kernel(lambda given, carry: decide(of_loop(given), carry), arrays[0], begun[0])

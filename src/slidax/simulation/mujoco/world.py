@@ -66,8 +66,7 @@ class World:
         if self._built.body is None:
             return None
         at = self._built.body[0]
-        pose: np.ndarray = self._data.qpos[at : at + 7].copy()
-        return pose
+        return self._data.qpos[at : at + 7].copy()
 
     def arrive(self, time: float) -> None:
         """Takes up and lets go what is due.

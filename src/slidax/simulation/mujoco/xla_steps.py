@@ -50,14 +50,12 @@ class XlaSteps:
     @property
     def begun(self) -> Begun:
         """The carry as it is now, with envelope and reference at the beginning."""
-        begun: Begun = (self._code.of_carry.unpack(self._carry), *self._rest)
-        return begun
+        return (self._code.of_carry.unpack(self._carry), *self._rest)
 
     @property
     def log(self) -> Log:
         """The lines that were kept."""
-        whole: Log = self._code.of_log.unpack(tuple(np.stack(column) for column in zip(*self._lines, strict=True)))
-        return whole
+        return self._code.of_log.unpack(tuple(np.stack(column) for column in zip(*self._lines, strict=True)))
 
     def decide(self, k: int, keep: bool) -> bool:
         """One sample; returns whether the run goes on.
@@ -106,8 +104,7 @@ def _compiled(signature: LoopSignature) -> _Code:
     of_loop = Packing(arrays[0])
 
     def loop_of(known: Packed) -> Loop:
-        loop: Loop = whole((of_loop.unpack(known), arrays[1]))[0]
-        return loop
+        return whole((of_loop.unpack(known), arrays[1]))[0]
 
     def begun(known: Packed, state: State) -> Begun:
         return begin(loop_of(known), state)

@@ -42,8 +42,7 @@ def points_for_indices(groups: Sequence[int], base: int, *, seed: int = 0) -> np
     if base < 2 or base & (base - 1):
         raise DefinitionError(f"`base` must be a power of two, as 512; got {shown(base)}")
     salib = _salib()
-    points: np.ndarray = salib[0].sample(_problem(groups), base, calc_second_order=False, scramble=True, seed=seed)
-    return points
+    return salib[0].sample(_problem(groups), base, calc_second_order=False, scramble=True, seed=seed)
 
 
 def sobol_indices(
