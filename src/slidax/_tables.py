@@ -71,7 +71,9 @@ def lines_of(file: BinaryIO, name: str) -> Lines:
             f"cannot read the file {name}: after line {number} it is not UTF-8 text; save it as CSV in UTF-8"
         ) from None
     finally:
-        text.detach()
+        # A closed file has nothing to keep open. It is closed already if both are collected in one circle.
+        if not file.closed:
+            text.detach()
 
 
 def form_of(lines: Lines, name: str, example: str) -> Form:

@@ -152,7 +152,7 @@ def test_an_unknown_scenario_is_named_with_the_nearest(scenario: str, words: lis
 def test_a_motion_with_an_open_quotation_mark_is_named_with_its_line(tmp_path: Path) -> None:
     path = tmp_path / "quote.csv"
     path.write_text('time,"a\n0,0\n1,1\n')
-    words = ["quote.csv", "line 3", "a quotation mark is not closed"]
+    words = ["quote.csv", "line 1", "a quotation mark is not closed"]
     assert_one_line(words, "example-4.1", "--set", f"trajectory={{kind: csv, file: '{path}'}}")
 
 

@@ -67,21 +67,11 @@ def read_parquet(path: Path, joints: Sequence[str], reading: Reading) -> Log:
 
 
 def _joint_names(path: Path, source: str) -> tuple[str, ...]:
-    """The names in the lists of a column `name`; none if there is no such column."""
-    import pyarrow as pa
-
-    def choose(schema: Any, sizes: dict[str, int]) -> list[str]:
-        lists = [field for field in schema if field.name in sizes and field.name.lower() in ("name", "joint_names")]
-        texts = [field.name for field in lists if not pa.types.is_primitive(field.type.value_type)]
-        return texts[:1]
-
-    table = parquet.read_table(path, choose)
-    if not table.num_columns:
-        return ()
-    orders = {tuple(map(str, row or ())) for chunk in table.column(0).chunks for row in chunk.to_pylist()}
+    """Return the names in the lists of a column `name`; none if there is no such column."""
+    title, orders = parquet.read_text_lists(path, ("name", "joint_names"))
     if len(orders) > 1:
         raise DefinitionError(
-            f"{source}: the names in column `{plain(table.column_names[0])}` differ from row to row: write a column "
+            f"{source}: the names in column `{plain(title)}` differ from row to row: write a column "
             "for each joint, such as `elbow.position`"
         )
     return next(iter(orders), ())

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -63,6 +63,65 @@ def read_table(path: Path, choose: Callable[[Any, dict[str, int]], list[str]] | 
             names = file.schema_arrow.names if choose is None else choose(file.schema_arrow, sizes)
             require_numbers(file, f"`{path}`:", names, sizes)
             return file.read(columns=names)
+    except DefinitionError:
+        raise
+    # pyarrow raises whatever a damaged byte leads it to.
+    except Exception as error:
+        reason = getattr(error, "strerror", None) or str(error).partition("\n")[0] or type(error).__name__
+        raise DefinitionError(f"cannot read the file `{path}`: {reason}") from None
+
+
+def read_text_lists(path: Path, titles: Collection[str]) -> tuple[str, set[tuple[str, ...]]]:
+    """Return the first column with lists of texts, and its different lists.
+
+    The texts stay in their dictionary until the different lists are known, since a few bytes can stand for many texts.
+
+    - `path`: of the file.
+    - `titles`: that the column may have, in small letters.
+
+    Raises DefinitionError if the file cannot be read, or has more texts than numbers are read. The name is empty and
+    there is no list if there is no such column.
+    """
+    require_pyarrow("reading the log")
+    import pyarrow.parquet as pq
+    from pyarrow import types
+
+    require_file(path, most=MOST_BYTES)
+    try:
+        with pq.ParquetFile(path) as file:
+            for field in file.schema_arrow:
+                if (
+                    field.name.lower() in titles
+                    and (types.is_list(field.type) or types.is_fixed_size_list(field.type))
+                    and not _has_numbers(getattr(field.type.value_type, "value_type", field.type.value_type))
+                ):
+                    break
+            else:
+                return "", set()
+        leaf = next(
+            column.path
+            for column in map(file.schema.column, range(len(file.schema)))
+            if column.path.startswith(f"{field.name}.")
+        )
+        lists: set[tuple[str, ...]] = set()
+        total = 0
+        with pq.ParquetFile(path, read_dictionary=[leaf]) as file:
+            for batch in file.iter_batches(batch_size=10_000, columns=[field.name]):
+                column = batch.column(0)
+                texts = column.flatten()
+                total += len(texts)
+                if total > MOST_NUMBERS:
+                    raise DefinitionError(
+                        f"`{path}`: column `{plain(field.name)}` has more than {MOST_NUMBERS:.0e} texts: write a "
+                        "column for each joint"
+                    )
+                if not types.is_dictionary(texts.type):
+                    texts = texts.dictionary_encode()
+                places = np.asarray(texts.indices.fill_null(-1))
+                ends = np.cumsum(np.asarray(column.value_lengths().fill_null(0)))
+                for row in {tuple(part) for part in np.split(places, ends[:-1])}:
+                    lists.add(tuple("" if place < 0 else texts.dictionary[int(place)].as_py() for place in row))
+        return field.name, lists
     except DefinitionError:
         raise
     # pyarrow raises whatever a damaged byte leads it to.
