@@ -42,7 +42,7 @@ def check_yaml(text: str, part_of: str, folder: Path) -> None:
 
         (folder / "a-study-on-the-page.yaml").write_text(text, encoding="utf-8")
         read_study(folder / "a-study-on-the-page.yaml", {})
-    elif not ("wishes" in read and "robot" in read):
+    elif not ("requirements" in read and "robot" in read):
         raise PageError("this YAML is no whole file: say of which scenario it is a part, `<!-- part of: NAME -->`")
 
 

@@ -209,11 +209,11 @@ def test_32_bit_numbers_are_refused_by_states_certificates_and_designs() -> None
 import numpy as np
 from slidax._errors import DefinitionError
 from slidax.certificates import certify
-from slidax.design import design, read_requirements
+from slidax.design import design, read_problem
 from slidax.scenarios import load
 from slidax.simulation.states import states_of
 from tests.paper import plant_4_1
-asked = read_requirements("examples/design/two-link.yaml")
+asked = read_problem("examples/design/two-link.yaml")
 scenario, robot = load("example-4.1"), plant_4_1().robot
 for ask in (lambda: states_of(robot, np.zeros((1, 2))), lambda: certify(scenario), lambda: design(asked)):
     try:

@@ -31,7 +31,7 @@ sensor: {resolution: 1.0e-5, velocity: differenced}
 actuator: {torque: 60, rate: 4000}
 simulation: {period: 2.0e-3, substeps: 2, t1: 2.4}
 uncertainty: {robot.plant.masses: {around: 20 %, each: joint}, start.q: {around: 0.1, each: joint}}
-wishes: {deadline: 1.2, torque_step: 6}
+requirements: {deadline: 1.2, torque_step: 6}
 """
 
 
@@ -87,7 +87,7 @@ def test_4_and_a_reason_where_the_drives_are_too_weak(requirements: Path, tmp_pa
 def test_2_for_requirements_that_are_none(requirements: Path, tmp_path: Path) -> None:
     requirements.write_text(REQUIREMENTS.replace("deadline: 1.2", "deadline: -1"), encoding="utf-8")
     done = in_process("design", str(requirements), "--out", str(tmp_path / "law.yaml"))
-    assert done.exit_code == 2 and "wishes.deadline" in done.output
+    assert done.exit_code == 2 and "requirements.deadline" in done.output
     done = in_process("design", str(requirements), "--out", str(tmp_path / "law.json"))
     assert done.exit_code == 2 and "ending .yaml" in done.output
 

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from ruamel.yaml import YAML
 
-from slidax.design import read_requirements
+from slidax.design import read_problem
 
 from .test_requirements import EXAMPLES
 
@@ -24,12 +24,12 @@ def test_a_law_of_many_joints_for_which_a_bound_is_asked_does_not_learn(
     file: str, proof: str, learns: bool, tmp_path: Path
 ) -> None:
     data = YAML(typ="safe").load((EXAMPLES / f"{file}.yaml").read_text(encoding="utf-8"))
-    data["wishes"]["proof"] = proof
+    data["requirements"]["proof"] = proof
     path = tmp_path / "requirements.yaml"
     with path.open("w", encoding="utf-8") as written:
         YAML(typ="safe").dump(data, written)
-    requirements = read_requirements(path)
-    frame, choice = design._begin(requirements)
+    problem = read_problem(path)
+    frame, choice = design._begin(problem)
     assert frame.learns is learns
-    scenario: Any = requirements.scenario(frame.scheme(choice)).build("begun")
+    scenario: Any = problem.scenario(frame.scheme(choice)).build("begun")
     assert (scenario.controller.adaptation is not None) is learns

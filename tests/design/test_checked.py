@@ -35,7 +35,7 @@ def checked(monkeypatch: pytest.MonkeyPatch) -> Any:
     """Of the margins that the checks find, one after the other, the design, and what the checks were asked."""
 
     def of(
-        *margins: float, accuracy: Any = "best", steps: Any = (), wished: float | None = None
+        *margins: float, accuracy: Any = "best", steps: Any = (), required: float | None = None
     ) -> tuple[Any, list[int], list[Any]]:
         found, seeds, harder = iter(margins), [], []
         wild = iter(steps or [0.0] * len(margins))
@@ -50,13 +50,13 @@ def checked(monkeypatch: pytest.MonkeyPatch) -> Any:
         aims.clear()
         monkeypatch.setattr(design, "tried", tried)
         monkeypatch.setattr(design, "fine", lambda _, __, aim: aims.append(aim))
-        monkeypatch.setattr(design, "_aim", lambda *_: Aim(1.0, wished is not None, None))
+        monkeypatch.setattr(design, "_aim", lambda *_: Aim(1.0, required is not None, None))
         monkeypatch.setattr(design, "_sized", lambda *_: next(laws))
         monkeypatch.setattr(design, "_described", lambda *_: SimpleNamespace(build=lambda _: None))
         monkeypatch.setattr(design, "of_accuracy", lambda *_: Refused("no", [], None))
-        wishes = SimpleNamespace(accuracy=accuracy, proof="tested", torque_step=wished)
+        requirements = SimpleNamespace(accuracy=accuracy, proof="tested", torque_step=required)
         first = SimpleNamespace(choice=Law(np.full(1, 1.0), 0))
-        made = design._checked(SimpleNamespace(wishes=wishes), trials, first, None, 10, lambda _: None)
+        made = design._checked(SimpleNamespace(requirements=requirements), trials, first, None, 10, lambda _: None)
         return made, seeds, harder
 
     of.aims = aims = []
@@ -78,11 +78,11 @@ def test_of_designs_that_hold_without_much_room_the_roomiest_is_taken(checked: A
     assert checked(0.05, -0.2, -0.1, -0.1)[0].choice.law == 0
 
 
-def test_with_an_accuracy_that_is_wished_a_design_that_holds_is_taken(checked: Any) -> None:
+def test_with_an_accuracy_that_is_required_a_design_that_holds_is_taken(checked: Any) -> None:
     assert checked(0.01, accuracy=1e-3)[0].choice.law == 0
 
 
-def test_each_time_the_envelope_ends_wider_where_no_accuracy_is_wished(checked: Any) -> None:
+def test_each_time_the_envelope_ends_wider_where_no_accuracy_is_required(checked: Any) -> None:
     assert checked(0.2)[0].choice.final == 1.0
     assert checked(-0.1, 0.2)[0].choice.final == 1.5
     assert checked(-0.1, -0.1, 0.2)[0].choice.final == 1.5**2
@@ -93,20 +93,20 @@ def test_what_is_left_four_times_is_refused(checked: Any) -> None:
     assert isinstance(checked(-0.1, -0.2, -0.1, -0.1)[0], Refused)
 
 
-def test_a_design_that_is_wilder_in_its_check_than_is_wished_gives_way_to_a_calmer_one(checked: Any) -> None:
-    assert checked(0.2, 0.2, steps=(0.7, 0.5), wished=0.6)[0].choice.law == 1
+def test_a_design_that_is_wilder_in_its_check_than_is_required_gives_way_to_a_calmer_one(checked: Any) -> None:
+    assert checked(0.2, 0.2, steps=(0.7, 0.5), required=0.6)[0].choice.law == 1
     # It is looked for half as much below what was allowed as the first was above it.
     (aim,) = checked.aims
     assert aim.step == pytest.approx(np.sqrt(CALM * 0.6 / 0.7))
-    assert checked(0.2, steps=(0.6,), wished=0.6)[0].choice.law == 0
+    assert checked(0.2, steps=(0.6,), required=0.6)[0].choice.law == 0
     assert checked(0.2, steps=(0.7,))[0].choice.law == 0
 
 
 def test_a_torque_step_that_no_law_has_in_its_check_is_refused_with_what_it_has(checked: Any) -> None:
-    made = checked(0.2, 0.2, 0.2, 0.2, steps=(0.7, 0.7, 0.7, 0.65), wished=0.6)[0]
+    made = checked(0.2, 0.2, 0.2, 0.2, steps=(0.7, 0.7, 0.7, 0.65), required=0.6)[0]
     assert isinstance(made, Refused)
     assert "0.65 N m in the worst of 10 cases" in made.reason
-    assert made.would_do[0].changes == {"wishes.torque_step": 0.75}
+    assert made.would_do[0].changes == {"requirements.torque_step": 0.75}
 
 
 @pytest.fixture
@@ -130,7 +130,7 @@ def certified(monkeypatch: pytest.MonkeyPatch) -> Any:
         )
         frame = SimpleNamespace(initial=np.array([8.0]))
         law, found = design._certified(
-            SimpleNamespace(wishes=SimpleNamespace(accuracy=accuracy)),
+            SimpleNamespace(requirements=SimpleNamespace(accuracy=accuracy)),
             SimpleNamespace(frame=frame),
             Choice(0.01, 1.0, 1.0, np.array([0.5]), 1.0),
         )
@@ -149,7 +149,7 @@ def test_an_envelope_is_widened_to_what_its_certificate_asks_for(certified: Any)
     assert certified(1.0, 1.1, 1.11) == (1.1 * WIDER[1], True, 3)
 
 
-def test_what_would_be_too_wide_or_is_wished_is_not_widened(certified: Any) -> None:
+def test_what_would_be_too_wide_or_is_required_is_not_widened(certified: Any) -> None:
     assert certified(3.0) == (0.5, False, 1)
     assert certified(0.6, 0.7, 0.8, 1.2, 1.9) == (0.5, False, 5)
     assert certified(1.0, accuracy=0.5) == (0.5, False, 1)

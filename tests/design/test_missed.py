@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from slidax.design import read_requirements
+from slidax.design import read_problem
 from slidax.design.missed import missed_in_cases
 from slidax.design.trials import Trials
 
@@ -22,7 +22,7 @@ trajectory: {kind: sinusoid, offset: [1.0, 1.0], amplitude: [0.3, 0.3], frequenc
 sensor: {resolution: 1.0e-5, velocity: differenced}
 simulation: {period: 2.0e-3, substeps: 2, t1: 2.4}
 uncertainty: {robot.plant.masses: {around: 20 %, each: joint}}
-wishes: {deadline: 1.2}
+requirements: {deadline: 1.2}
 """
 
 
@@ -30,9 +30,9 @@ wishes: {deadline: 1.2}
 def test_a_joint_that_misses_more_than_the_rule_allows_is_named_with_both_numbers(tmp_path: Path) -> None:
     path = tmp_path / "requirements.yaml"
     path.write_text(REQUIREMENTS, encoding="utf-8")
-    requirements = read_requirements(path)
-    frame, first = import_module("slidax.design.design")._begin(requirements)
-    trials = Trials(requirements, frame, first)
+    problem = read_problem(path)
+    frame, first = import_module("slidax.design.design")._begin(problem)
+    trials = Trials(problem, frame, first)
     wide = missed_in_cases(trials, replace(first, final=np.full(2, 0.05)))
     assert not wide.beyond and wide.in_words() == "" and (wide.missed > 0.0).all()
     narrow = missed_in_cases(trials, replace(first, final=np.array([1e-7, 0.05])))

@@ -11,7 +11,7 @@ import pytest
 from ruamel.yaml import YAML
 
 from slidax import DefinitionError
-from slidax.design import read_requirements
+from slidax.design import read_problem
 
 EXAMPLES = Path(__file__).parents[2] / "examples" / "design"
 
@@ -30,17 +30,20 @@ def changed(folder: Path, **changes: Any) -> Path:
     ("changes", "said"),
     [
         ({"trajectory": None}, "needs either `trajectory` or `workspace`"),
-        ({"wish": {}}, "unknown key `wish`; did you mean `wishes`"),
-        ({"wishes": {"accuracy": -1}}, "wishes.accuracy: must be > 0, or `best`"),
-        ({"wishes": {"accuracy": [1e-3]}}, "wishes.accuracy: must be one number or one for each of the 2 joints"),
-        ({"wishes": {"deadline": 0}}, "wishes.deadline: must be > 0"),
+        ({"requirement": {}}, "unknown key `requirement`; did you mean `requirements`"),
+        ({"requirements": {"accuracy": -1}}, "requirements.accuracy: must be > 0, or `best`"),
+        (
+            {"requirements": {"accuracy": [1e-3]}},
+            "requirements.accuracy: must be one number or one for each of the 2 joints",
+        ),
+        ({"requirements": {"deadline": 0}}, "requirements.deadline: must be > 0"),
         ({"simulation": {"period": 1e-3, "t1": 1.5}}, "simulation.t1: must be after the deadline"),
         ({"simulation": {}}, "simulation.period: is missing"),
     ],
 )
 def test_each_mistake_is_one_line_with_its_path(tmp_path: Path, changes: dict[str, Any], said: str) -> None:
     with pytest.raises(DefinitionError) as caught:
-        read_requirements(changed(tmp_path, **changes))
+        read_problem(changed(tmp_path, **changes))
     assert said in str(caught.value) and "\n" not in str(caught.value)
 
 
@@ -48,7 +51,7 @@ def test_a_workspace_becomes_a_motion_within_its_range_speed_and_acceleration(tm
     speed, acceleration = np.array([1.0, 2.0]), np.array([3.0, 4.0])
     space = {"q": {"low": [0, -1], "high": [2, 1]}, "speed": speed.tolist(), "acceleration": acceleration.tolist()}
     path = changed(tmp_path, trajectory=None, workspace=space, start=None)
-    moved = read_requirements(path).blocks()["trajectory"]
+    moved = read_problem(path).blocks()["trajectory"]
     amplitude, frequency = np.array(moved["amplitude"]), np.array(moved["frequency"])
     assert np.all(np.abs(np.array(moved["offset"]) - [1, 0]) + amplitude <= 1.0)
     used = np.maximum(amplitude * frequency / speed, amplitude * frequency**2 / acceleration)
@@ -56,8 +59,8 @@ def test_a_workspace_becomes_a_motion_within_its_range_speed_and_acceleration(tm
 
 
 def test_without_a_start_the_arm_begins_on_its_motion(tmp_path: Path) -> None:
-    requirements = read_requirements(changed(tmp_path, start=None))
-    built = requirements.scenario(
+    problem = read_problem(changed(tmp_path, start=None))
+    built = problem.scenario(
         {
             "name": "cftsmppc",
             "performance": {"kind": "fixed_time", "initial": 1, "final": 0.1, "deadline": 1, "exponent": 2.01},
@@ -72,4 +75,4 @@ def test_without_a_start_the_arm_begins_on_its_motion(tmp_path: Path) -> None:
 def test_a_workspace_of_an_arm_without_limits_needs_its_range(tmp_path: Path) -> None:
     path = changed(tmp_path, trajectory=None, workspace={"speed": 1.0, "acceleration": 1.0})
     with pytest.raises(DefinitionError, match=r"workspace\.q: this robot has no limits of its own"):
-        read_requirements(path).blocks()
+        read_problem(path).blocks()

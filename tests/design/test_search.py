@@ -39,7 +39,7 @@ def test_a_law_that_comes_near_is_no_better_than_a_wild_one_that_does_not() -> N
     assert replace(roomy, step=5.0).best([near, far]) is far
 
 
-def test_below_a_step_that_is_wished_the_most_exact_is_taken() -> None:
+def test_below_a_step_that_is_required_the_most_exact_is_taken() -> None:
     exact, calm, wild = worst(1.0, 8.0), worst(2.0, 1.0), worst(0.1, 12.0)
     assert Aim(10.0, False, None).best([exact, calm, wild]) is calm
     assert Aim(10.0, True, None).best([exact, calm, wild]) is exact
@@ -53,7 +53,7 @@ def test_with_an_accuracy_that_is_enough_the_calmest_is_taken() -> None:
     assert Aim(np.inf, False, 5.0).best([exact, calm]) is exact
 
 
-def test_where_a_certificate_is_wished_no_drive_of_its_own_comes_to_its_limit() -> None:
+def test_where_a_certificate_is_required_no_drive_of_its_own_comes_to_its_limit() -> None:
     driven, free, wild = replace(worst(1.0, 1.0), driven=0.95), replace(worst(9.0, 9.0), driven=0.8), worst(0.1, 20.0)
     own = Aim(10.0, False, None, own=0.9)
     assert ANY.best([driven, free]) is driven
@@ -103,7 +103,7 @@ def test_a_law_that_is_left_where_less_is_unknown_gives_way_to_one_that_is_not(m
     laws = [replace(CHOICE, slope=float(k)) for k in range(3)]
 
     class Some:
-        requirements = SimpleNamespace(wishes=SimpleNamespace(accuracy=1.0))
+        problem = SimpleNamespace(requirements=SimpleNamespace(accuracy=1.0))
         frame = SimpleNamespace(shape=np.ones(1))
 
         def beyond(self, count: int) -> str:

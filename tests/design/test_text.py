@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from slidax.certificates import Assumption, Verdict
-from slidax.design import Designed, read_requirements
+from slidax.design import Designed, read_problem
 from slidax.design.choice import Choice, Frame
 from slidax.design.text import written
 from slidax.scenarios import load, parse
@@ -20,11 +20,11 @@ from .test_search import worst
 
 
 def made(folder: Path, learns: bool = True, **other: Any) -> Designed:
-    requirements = read_requirements(changed(folder))
+    problem = read_problem(changed(folder))
     two = np.ones(2)
     frame = Frame(two, two, 60.0 * two, 60.0 * two, 1e-3, 1.0, False, 4.0 * two, learns=learns)
     choice = replace(Choice(0.009, 1.0, 2.0, np.array([2e-3, 3e-3]), 2.0, margin=12.5), **other)
-    described = requirements.scenario(frame.scheme(choice))
+    described = problem.scenario(frame.scheme(choice))
     check = {"runs": 128, "failures": 0, "searched": 128, "worst_margin": 0.2}
     verdict = Verdict("statistical", "", True, 0.2, check, (), "")
     return Designed(described, "tested", frame, choice, worst(1e-4, 0.1), None, None, verdict, 0)
@@ -74,7 +74,7 @@ def test_a_law_is_certified_only_where_all_lines_are_proved_and_else_tested(tmp_
     assert "# Certified by `loop_rate`, grade A" in written(replace(found, proof="bound", rate=rate), tmp_path)
 
 
-def test_of_many_joints_it_names_the_wish_that_looks_for_a_law_with_a_proof(tmp_path: Path) -> None:
+def test_of_many_joints_it_names_the_requirement_that_looks_for_a_law_with_a_proof(tmp_path: Path) -> None:
     found = made(tmp_path)
     assert "`loop_rate` has no bound within such an envelope" in written(found, tmp_path)
     four = replace(found.frame, initial=np.ones(4))

@@ -11,7 +11,7 @@ import yaml
 
 from slidax.design.choice import Choice
 from slidax.design.design import _begin
-from slidax.design.requirements import read_requirements
+from slidax.design.requirements import read_problem
 from slidax.design.trials import BEYOND, Trials
 
 ARMATURE, LOAD = "robot.plant.armature", "robot.plant.load.mass"
@@ -29,12 +29,12 @@ def trials(tmp_path_factory: pytest.TempPathFactory) -> Trials:
             LOAD: {"between": [0.0, 2.0]},
             "start.q": {"around": 0.1, "each": "joint"},
         },
-        "wishes": {"deadline": 0.5, "accuracy": "best"},
+        "requirements": {"deadline": 0.5, "accuracy": "best"},
     }
     path = tmp_path_factory.mktemp("asked") / "asked.yaml"
     path.write_text(yaml.safe_dump(asked), encoding="utf-8")
-    requirements = read_requirements(path)
-    return Trials(requirements, *_begin(requirements))
+    problem = read_problem(path)
+    return Trials(problem, *_begin(problem))
 
 
 def test_each_joint_is_once_light_among_heavy_ones_and_once_heavy_among_light_ones(trials: Trials) -> None:

@@ -1,4 +1,4 @@
-"""What would do where a certificate is wished and none is had."""
+"""What would do where a certificate is required and none is had."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from slidax.certificates import Verdict
 from slidax.design import refusal
 from slidax.design.choice import Choice
 from slidax.design.design import _begin
-from slidax.design.requirements import read_requirements
+from slidax.design.requirements import read_problem
 from slidax.design.trials import Trials
 
 NONE = Verdict("loop_rate", "", False, None, {}, (), "It grows")
@@ -27,12 +27,12 @@ def trials(folder: Path, told: bool = False, accuracy: Any = "best") -> Trials:
         "actuator": {"torque": "robot"},
         "simulation": {"period": 2e-3, "t1": 1.0},
         "uncertainty": {"robot.plant.load.mass": {"between": [0.8, 1.2]}},
-        "wishes": {"deadline": 0.5, "accuracy": accuracy, "proof": "bound"},
+        "requirements": {"deadline": 0.5, "accuracy": accuracy, "proof": "bound"},
     }
     path = folder / "asked.yaml"
     path.write_text(yaml.safe_dump(asked), encoding="utf-8")
-    requirements = read_requirements(path)
-    return Trials(requirements, *_begin(requirements))
+    problem = read_problem(path)
+    return Trials(problem, *_begin(problem))
 
 
 @pytest.fixture
@@ -64,7 +64,7 @@ def test_a_law_that_does_not_know_its_payload_is_told_of_the_middle_of_its_set(t
     first, last = refusal.unproved(trials(tmp_path), CHOICE, NONE).would_do
     assert first.words == "a law that is told of 1 kg at its tip"
     assert first.changes == {"robot.nominal.load": {"mass": 1.0, "center": [0.0, 0.0, 0.1]}}
-    assert last.changes == {"wishes.proof": "tested"}
+    assert last.changes == {"requirements.proof": "tested"}
     assert [one.robot.nominal.load.mass for one in asked] == [1.0, 1.0]
 
 
@@ -72,7 +72,7 @@ def test_a_law_that_does_not_know_its_payload_is_told_of_the_middle_of_its_set(t
 def test_nothing_is_promised_of_a_payload_that_would_not_do(tmp_path: Path, certified: Any, radius: Any) -> None:
     certified(radius)
     (only,) = refusal.unproved(trials(tmp_path), CHOICE, NONE).would_do
-    assert only.changes == {"wishes.proof": "tested"}
+    assert only.changes == {"requirements.proof": "tested"}
 
 
 def test_a_law_that_knows_of_a_payload_is_not_told_again(tmp_path: Path, certified: Any) -> None:
@@ -90,7 +90,7 @@ def test_an_accuracy_is_named_that_is_certified(tmp_path: Path, certified: Any) 
     asked = certified(1.08e-3)
     found = refusal.unproved(trials(tmp_path, told=True, accuracy=1e-3), CHOICE, refused_at(1.05e-3)).would_do
     assert [one.words for one in found] == ["an accuracy of 0.00113", "what is tested in simulation alone"]
-    assert found[0].changes == {"wishes.accuracy": [1.134e-3] * 6}
+    assert found[0].changes == {"requirements.accuracy": [1.134e-3] * 6}
     assert len(asked) == 2
 
 

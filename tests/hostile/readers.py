@@ -112,7 +112,7 @@ def example(name: str) -> Callable[[], bytes]:
 def all_readers() -> Iterator[Reader]:
     """Every reader; what a machine lacks is left out by those that ask."""
     from slidax.commissioning import draft
-    from slidax.design import read_requirements
+    from slidax.design import read_problem
     from slidax.kinematics import Through
     from slidax.scenarios import named_robot
     from slidax.scenarios.load import described
@@ -130,7 +130,7 @@ def all_readers() -> Iterator[Reader]:
     yield Reader("scenario", "a.yaml", (BUILT_IN / "example-4.1-1khz.yaml").read_bytes, described)
     yield Reader("tool path scenario", "a.yaml", (BUILT_IN / "panda-pick.yaml").read_bytes, described)
     yield Reader("study", "a.yaml", example("studies/example-4.1-1khz.yaml"), read_study)
-    yield Reader("requirements", "a.yaml", example("design/two-link.yaml"), read_requirements)
+    yield Reader("requirements", "a.yaml", example("design/two-link.yaml"), read_problem)
     yield Reader("motion", "a.csv", motion_csv, lambda path: csv_table(path, JOINTS))
     yield Reader("semicolon motion", "a.csv", semicolon_motion, lambda path: csv_table(path, JOINTS))
     yield Reader("joint trajectory", "a.json", joint_trajectory, lambda path: joint_trajectory_table(path, JOINTS))

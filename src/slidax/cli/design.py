@@ -32,12 +32,12 @@ def design(
     with errors_as_lines():
         prepare()
         from slidax._errors import DefinitionError
-        from slidax.design import Refused, read_requirements
+        from slidax.design import Refused, read_problem
         from slidax.design import design as designed
 
         if out.suffix not in (".yaml", ".yml"):
             raise DefinitionError(f"a scenario file needs the ending .yaml; got `{out}`")
-        asked = read_requirements(requirements)
+        asked = read_problem(requirements)
         if out.exists() and out.samefile(requirements):
             raise DefinitionError(f"`{out}` has the requirements; give another name")
         found = designed(asked, runs=runs, say=lambda what: typer.echo(f"... {what}", err=True))

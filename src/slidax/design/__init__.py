@@ -4,6 +4,6 @@ from .design import Design as Design
 from .design import Designed as Designed
 from .design import design as design
 from .refusal import Refused as Refused
+from .requirements import DesignProblem as DesignProblem
 from .requirements import Requirements as Requirements
-from .requirements import Wishes as Wishes
-from .requirements import read_requirements as read_requirements
+from .requirements import read_problem as read_problem

@@ -16,15 +16,15 @@ DRIVEN = 0.97
 """Of what the drives can do in a period, that is allowed: at their limit a plan is not carried out."""
 
 OWN = 0.9
-"""Of what its own drive can do in a period, that a joint may use where a certificate is wished: that begins after the
+"""Of what its own drive can do in a period, that a joint may use where a certificate is required: that begins after the
 last limit, and its cases are not the common ones."""
 
 CALMNESS = 0.5
-"""The weight of the torque step beside the error, where none of both is wished: half the error is worth four times the
+"""The weight of the torque step beside the error, where neither is required: half the error is worth four times the
 step."""
 
 NARROW, HARDLY = 0.1, 0.001
-"""The weight of a narrow envelope: half the final radius is worth 7 % of the error, below a wished step nearly none."""
+"""The weight of a narrow envelope: half the final radius is worth 7 % of the error, below a required step hardly."""
 
 OUTSIDE, NEAR, WILD, COARSE = 400.0, 300.0, 200.0, 100.0
 """Costs of a law that leaves, or comes too near, or is too wild, or not exact enough: more than any of a law that is
@@ -36,14 +36,14 @@ class Aim:
     """Laws that all cases keep with some room; of those the calm ones; of those the exact ones; of those the best.
 
     - `step`: largest change of torque that is allowed [N m].
-    - `wished`: whether it is a wish, so that below it nothing is gained by less.
+    - `required`: whether it is a requirement, so that below it nothing is gained by less.
     - `error`: the steady error that is small enough, so that below it the calmest is best [rad]; None for none.
     - `room`: of an envelope's width, that the worst case must leave.
     - `own`: of what its own drive can do in a period, that the torque step of each joint may be.
     """
 
     step: float
-    wished: bool
+    required: bool
     error: float | None
     room: float = 0.0
     own: float = np.inf
@@ -65,7 +65,7 @@ class Aim:
         if self.error is not None:
             return float(step) if one.error <= self.error else COARSE + float(error)
         narrow = np.log(float(np.min(one.choice.final)))
-        return float(error + HARDLY * narrow if self.wished else error + CALMNESS * step + NARROW * narrow)
+        return float(error + HARDLY * narrow if self.required else error + CALMNESS * step + NARROW * narrow)
 
     def best(self, found: Sequence[Worst]) -> Worst:
         """The one that costs least.

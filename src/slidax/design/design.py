@@ -21,7 +21,7 @@ from .aim import CALM, DRIVEN, OWN, Aim
 from .choice import EXPONENT, LARGEST, OVERSHOOT, Choice, Frame, frame_of
 from .proof import Asked, asked_of, boundable, of_the_rate, widened
 from .refusal import Refused, of_accuracy, of_deadline, of_torque, of_torque_step, unproved
-from .requirements import Requirements
+from .requirements import DesignProblem
 from .search import LEAST_MARGIN, MANY, MOST, SPARE, coarse, fine, narrowest
 from .trials import Trials, Worst
 
@@ -30,7 +30,7 @@ RUNS = 1000
 
 TIMES, SLACK = 4, 1.5
 """How often a law is checked, each with cases of its own, before it is refused; and what the final radius is each time
-multiplied by besides, where it is not wished."""
+multiplied by besides, where it is not required."""
 
 ENOUGH = 0.1
 """The margin that the worst case of the check must leave, but for the last, since a longer search finds worse ones."""
@@ -39,7 +39,7 @@ U_OVER, U_AMPLE = 1.15, 2.0
 """u over what the model lacks: where it is searched for at least, and where it is not."""
 
 UNSEEN = 0.95
-"""Of a torque step that is wished, that the common cases may show: the many of the check show more."""
+"""Of a torque step that is required, that the common cases may show: the many of the check show more."""
 
 ROOM_LEFT = 0.12
 """Of an envelope's width, that the common cases must leave of one that is not widened by `SPARE`."""
@@ -85,10 +85,10 @@ def _unheard(_: str) -> None:
     """Nobody is told."""
 
 
-def design(requirements: Requirements, *, runs: int = RUNS, say: Say = _unheard) -> Design:
+def design(problem: DesignProblem, *, runs: int = RUNS, say: Say = _unheard) -> Design:
     """The law for an arm and its task, by the certificates where they have an answer, else by simulated cases.
 
-    In closed form: ρ0 from the starts, T as wished, u from `robust_torque`, H and the estimator's density in
+    In closed form: ρ0 from the starts, T as required, u from `robust_torque`, H and the estimator's density in
     proportion to the period, the delay and the drives. Then fifteen pairs of H and density and three surfaces on the
     same eight cases of the set, and from the best of them a search of all these numbers, ϑ and ρ∞ at once; ρ∞ from
     `loop_rate`, or the smallest that 48 cases held. Last, random cases that were not seen before and a search for
@@ -104,55 +104,65 @@ def design(requirements: Requirements, *, runs: int = RUNS, say: Say = _unheard)
     # The search for the worst case comes last, after minutes.
     require_cmaes()
     require_64_bits()
-    frame, first = _begin(requirements)
+    frame, first = _begin(problem)
     say("what the motion and the set ask of the drives")
-    asked = _asked(requirements, frame, first)
+    asked = _asked(problem, frame, first)
     if asked is not None:
         if (asked.torque >= asked.limit).any():
-            return of_torque(requirements, asked)
+            return of_torque(problem, asked)
         least, ample = (float(f"{asked.needed * times:.4g}") for times in (U_OVER, U_AMPLE))
-        if requirements.wishes.torque_step is not None:
+        if problem.requirements.torque_step is not None:
             # How much more is searched for: on the two-link arm three times as much is calmer, and more exact.
             frame, first = replace(frame, least_margin=least), replace(first, margin=max(asked.u, least))
         elif ample > asked.u:
             first = replace(first, margin=ample)
     say("horizon, estimator and surface on common cases")
-    trials, best = _best(requirements, frame, first)
-    wishes = requirements.wishes
+    trials, best = _best(problem, frame, first)
+    requirements = problem.requirements
     if not best.holds:
         return of_deadline(trials, best)
-    if wishes.torque_step is not None and best.step > wishes.torque_step:
-        return of_torque_step(trials, best, wishes.torque_step)
+    if requirements.torque_step is not None and best.step > requirements.torque_step:
+        return of_torque_step(trials, best, requirements.torque_step)
     say("the final radius")
-    sized = _sized(requirements, trials, best, _aim(requirements, frame))
+    sized = _sized(problem, trials, best, _aim(problem, frame))
     if isinstance(sized, Refused):
         return sized
-    return _checked(requirements, trials, sized, asked, runs, say)
+    return _checked(problem, trials, sized, asked, runs, say)
 
 
-def _begin(requirements: Requirements) -> tuple[Frame, Choice]:
+def _begin(problem: DesignProblem) -> tuple[Frame, Choice]:
     """What all choices have in common, and the first one."""
-    wishes, h = requirements.wishes, requirements.simulation.period
-    drawn = {"kind": "fixed_time", "initial": 1.0, "final": 0.1, "deadline": wishes.deadline, "exponent": EXPONENT}
-    base = requirements.scenario({"name": "cftsmppc", "performance": drawn, "overshoot": OVERSHOOT, "sampled_data": {}})
+    requirements, h = problem.requirements, problem.simulation.period
+    drawn = {
+        "kind": "fixed_time",
+        "initial": 1.0,
+        "final": 0.1,
+        "deadline": requirements.deadline,
+        "exponent": EXPONENT,
+    }
+    base = problem.scenario({"name": "cftsmppc", "performance": drawn, "overshoot": OVERSHOOT, "sampled_data": {}})
     moving = base.moving()
     units = moving.arms.nominal.joint_units
     wide = np.array([WIDTH[unit] for unit in units])
-    shape = wide if wishes.accuracy == "best" else np.broadcast_to(np.asarray(wishes.accuracy, float), wide.shape)
+    shape = (
+        wide
+        if requirements.accuracy == "best"
+        else np.broadcast_to(np.asarray(requirements.accuracy, float), wide.shape)
+    )
     starts = starts_of(base.build("start"))
     frame = frame_of(
         moving,
         (np.asarray(starts.lower), np.asarray(starts.upper)),
         np.asarray(shape, float),
         period=h,
-        delay=requirements.sensor.delay + requirements.actuator.dead_time,
-        has_velocity=requirements.sensor.has_velocity,
+        delay=problem.sensor.delay + problem.actuator.dead_time,
+        has_velocity=problem.sensor.has_velocity,
     )
-    if (frame.shape >= LARGEST * frame.initial).any() and wishes.accuracy != "best":
+    if (frame.shape >= LARGEST * frame.initial).any() and requirements.accuracy != "best":
         frame = replace(frame, initial=np.maximum(frame.initial, frame.shape / LARGEST))
-    frame = replace(frame, learns=wishes.proof != "bound" or boundable(len(units), learns=True))
+    frame = replace(frame, learns=requirements.proof != "bound" or boundable(len(units), learns=True))
     horizon, drift = frame.horizons[2 if len(frame.horizons) > 2 else -1], 1.0
-    return frame, Choice(horizon, drift, 1.0, _provisional(frame), wishes.deadline)
+    return frame, Choice(horizon, drift, 1.0, _provisional(frame), requirements.deadline)
 
 
 def _provisional(frame: Frame) -> Any:
@@ -161,58 +171,56 @@ def _provisional(frame: Frame) -> Any:
     return np.minimum(np.maximum(4.0 * wide, frame.shape if frame.shape.max() < 0.1 else 0.0), LARGEST * frame.initial)
 
 
-def _asked(requirements: Requirements, frame: Frame, first: Choice) -> Asked | None:
+def _asked(problem: DesignProblem, frame: Frame, first: Choice) -> Asked | None:
     try:
-        return asked_of(requirements.scenario(frame.scheme(first)).build("asked"))
+        return asked_of(problem.scenario(frame.scheme(first)).build("asked"))
     except DefinitionError:
         return None
 
 
-def _aim(requirements: Requirements, frame: Frame) -> Aim:
+def _aim(problem: DesignProblem, frame: Frame) -> Aim:
     """What is better, of two laws."""
-    wishes = requirements.wishes
-    small = None if wishes.accuracy == "best" else float(np.min(frame.shape)) / (2.0 * SPARE)
-    step = wishes.torque_step
-    room = ROOM_LEFT if wishes.accuracy == "best" else LEAST_MARGIN
+    requirements = problem.requirements
+    small = None if requirements.accuracy == "best" else float(np.min(frame.shape)) / (2.0 * SPARE)
+    step = requirements.torque_step
+    room = ROOM_LEFT if requirements.accuracy == "best" else LEAST_MARGIN
     most = min(DRIVEN * float(np.max(frame.changes)), np.inf if step is None else UNSEEN * step)
-    return Aim(most, step is not None, small, room, OWN if wishes.proof == "bound" else np.inf)
+    return Aim(most, step is not None, small, room, OWN if requirements.proof == "bound" else np.inf)
 
 
-def _best(requirements: Requirements, frame: Frame, first: Choice) -> tuple[Trials, Worst]:
+def _best(problem: DesignProblem, frame: Frame, first: Choice) -> tuple[Trials, Worst]:
     """The best law with the better estimator, where velocities are measured."""
-    aim, found = _aim(requirements, frame), []
+    aim, found = _aim(problem, frame), []
     for kalman in (True, False) if frame.has_velocity else (True,):
-        trials = Trials(requirements, frame, first if kalman else replace(first, drift=None))
+        trials = Trials(problem, frame, first if kalman else replace(first, drift=None))
         found.append((trials, coarse(trials, aim, kalman=kalman)))
     trials, best = min(found, key=lambda one: aim.cost(one[1]))
     return trials, fine(trials, best, aim)
 
 
-def _sized(requirements: Requirements, trials: Trials, best: Worst, aim: Aim) -> Worst | Refused:
+def _sized(problem: DesignProblem, trials: Trials, best: Worst, aim: Aim) -> Worst | Refused:
     """The law with its final radius."""
-    frame, wishes = trials.frame, requirements.wishes
-    if wishes.accuracy == "best":
-        held = narrowest(trials, best, CALM * aim.step if aim.wished else np.inf)
+    frame, requirements = trials.frame, problem.requirements
+    if requirements.accuracy == "best":
+        held = narrowest(trials, best, CALM * aim.step if aim.required else np.inf)
         found = [best] if best.holds and best.margin >= ROOM_LEFT else []
         if held is not None:
             wider = np.minimum(SPARE * held.choice.final, trials.most * frame.shape)
             found += trials.judged([replace(held.choice, final=wider)], trials.cases(MOST))
         return aim.best(found) if found else of_accuracy(trials, best, None)
-    (wished,) = trials.judged([replace(best.choice, final=frame.shape)], trials.cases(MANY))
-    if wished.holds and wished.margin >= LEAST_MARGIN:
-        return wished
-    return of_accuracy(trials, wished, narrowest(trials, best))
+    (required,) = trials.judged([replace(best.choice, final=frame.shape)], trials.cases(MANY))
+    if required.holds and required.margin >= LEAST_MARGIN:
+        return required
+    return of_accuracy(trials, required, narrowest(trials, best))
 
 
-def _checked(
-    requirements: Requirements, trials: Trials, worst: Worst, asked: Asked | None, runs: int, say: Say
-) -> Design:
+def _checked(problem: DesignProblem, trials: Trials, worst: Worst, asked: Asked | None, runs: int, say: Say) -> Design:
     """The same after its certificate and its check; where a case left or came near, another law that bears it, too.
 
-    So it is where one had a larger torque step than is wished.
+    So it is where one had a larger torque step than is required.
     """
-    best, wished = requirements.wishes.accuracy == "best", requirements.wishes.torque_step
-    aim = _aim(requirements, trials.frame)
+    best, required = problem.requirements.accuracy == "best", problem.requirements.torque_step
+    aim = _aim(problem, trials.frame)
     proved = boundable(trials.frame.initial.size, trials.frame.learns)
     kept: Designed | None = None
     for turn in range(TIMES):
@@ -223,14 +231,14 @@ def _checked(
         # Where it holds for no radius it does not hold for a law nearby, and an answer for many joints takes a minute.
         if asked is not None and proved:
             say("the certificate of the loops")
-            choice, rate = _certified(requirements, trials, choice)
+            choice, rate = _certified(problem, trials, choice)
         proved = rate is not None and bool(rate.holds)
-        if requirements.wishes.proof == "bound" and not proved:
+        if problem.requirements.proof == "bound" and not proved:
             return unproved(trials, choice, rate)
         say(f"{2 * runs} cases that were not seen before")
-        description = _described(requirements, trials.frame, choice, worst)
+        description = _described(problem, trials.frame, choice, worst)
         check, hard = tried(description.build("design"), runs, seed=1 + turn)
-        wild = 1.0 if wished is None else check.bound.get("steady_torque_step", 0.0) / wished
+        wild = 1.0 if required is None else check.bound.get("steady_torque_step", 0.0) / required
         if check.holds is not False and wild <= 1.0:
             found: Proof = "bound" if proved else "tested"
             made = Designed(description, found, trials.frame, choice, worst, asked, rate, check, trials.runs)
@@ -242,34 +250,32 @@ def _checked(
         say("a law for the hardest of them, too")
         # The largest of many cases is a rare one, which a law that is half as much calmer may not show.
         trials, aim = trials.with_harder(hard), aim.stricter(float(np.sqrt(CALM / wild)) if wild > 1.0 else 1.0)
-        sized = _sized(requirements, trials, fine(trials, worst, aim), aim)
+        sized = _sized(problem, trials, fine(trials, worst, aim), aim)
         if isinstance(sized, Refused):
             return kept or sized
         worst = sized
-    if kept is None and wished is not None and wild > 1.0:
-        return of_torque_step(trials, worst, wished, check)
+    if kept is None and required is not None and wild > 1.0:
+        return of_torque_step(trials, worst, required, check)
     return kept or of_accuracy(trials, worst, None, check)
 
 
-def _certified(requirements: Requirements, trials: Trials, choice: Choice) -> tuple[Choice, Verdict | None]:
+def _certified(problem: DesignProblem, trials: Trials, choice: Choice) -> tuple[Choice, Verdict | None]:
     """A law and what `loop_rate` says of it, with the final radius that this asks for, where any may be had."""
 
     def rate_of(choice: Choice) -> Verdict | None:
-        return of_the_rate(_described(requirements, trials.frame, choice).build("design"))
+        return of_the_rate(_described(problem, trials.frame, choice).build("design"))
 
     rate = rate_of(choice)
-    if requirements.wishes.accuracy != "best":
+    if problem.requirements.accuracy != "best":
         return choice, rate
     # An envelope that is wider, and not certified either, is good for nothing.
     return widened(choice, rate, rate_of, LARGEST * trials.frame.initial) or (choice, rate)
 
 
-def _described(
-    requirements: Requirements, frame: Frame, choice: Choice, worst: Worst | None = None
-) -> ScenarioDescription:
+def _described(problem: DesignProblem, frame: Frame, choice: Choice, worst: Worst | None = None) -> ScenarioDescription:
     """The scenario with a law; its monitor is as strict as the common cases allow."""
     scheme = frame.scheme(choice)
     if worst is not None:
         used = float(np.clip(1.25 * (1.0 - worst.promise), 0.3, 1.0))
         scheme["sampled_data"]["monitor"] = {"share": float(f"{used:.2g}"), "led": float(f"{used:.2g}")}
-    return requirements.scenario(scheme)
+    return problem.scenario(scheme)

@@ -82,7 +82,7 @@ def missed_in_cases(trials: Trials, choice: Choice) -> Missed:
         residual, push = (np.asarray(log.signals[name]) for name in ("residual", "push"))
         each = np.abs(residual[1:]) + delay * np.abs(np.diff(push, axis=0))
         worst.append(np.max(each[narrow] if narrow.any() else each, axis=0))
-    arm = trials.requirements.robot.build().nominal
+    arm = trials.problem.robot.build().nominal
     allowed = choice.overshoot * np.asarray(choice.final) / (choice.horizon + delay * h) ** 2
     return Missed(arm.joint_names, arm.joint_units, np.max(worst, axis=0), allowed)
 
@@ -96,6 +96,6 @@ def missed_by(rate: Verdict, trials: Trials, choice: Choice) -> Missed | None:
     """
     if "w_bar" not in rate.bound:
         return None
-    arm = trials.requirements.robot.build().nominal
+    arm = trials.problem.robot.build().nominal
     allowed = choice.overshoot * np.asarray(choice.final) / choice.horizon**2
     return Missed(arm.joint_names, arm.joint_units, np.asarray(rate.bound["w_bar"], float), allowed)

@@ -16,7 +16,7 @@ from slidax.scenarios.load import altered_description
 from .choice import LARGEST, Choice, rounded
 from .missed import Missed, missed_by, missed_in_cases
 from .proof import Asked, of_the_rate, widened
-from .requirements import Requirements
+from .requirements import DesignProblem
 from .search import LEAST_MARGIN, MANY, SPARE
 from .trials import LOAD, Trials, Worst
 
@@ -61,13 +61,13 @@ def refused(reason: str, would_do: list[Remedy], missed: Missed | None = None) -
     return Refused(f"{reason}.{f' {words[:1].upper()}{words[1:]} would do.' if words else ''}", would_do, missed)
 
 
-def of_torque(requirements: Requirements, asked: Asked) -> Refused:
+def of_torque(problem: DesignProblem, asked: Asked) -> Refused:
     """The motion needs more than the drives have.
 
     - `requirements`: which ask for it.
     - `asked`: of the drives.
     """
-    arm = requirements.robot.build().nominal
+    arm = problem.robot.build().nominal
     k = int(np.argmax(asked.torque / asked.limit))
     name, unit = arm.joint_names[k], arm.torque_units[k]
     reason = (
@@ -92,7 +92,7 @@ def of_deadline(trials: Trials, best: Worst) -> Refused:
     would = []
     if found:
         soonest = found[0].choice.deadline
-        would.append(Remedy(f"a deadline of {soonest:.3g} s", {"wishes.deadline": soonest}))
+        would.append(Remedy(f"a deadline of {soonest:.3g} s", {"requirements.deadline": soonest}))
     reason = (
         f"no law that was tried keeps its envelope at {1.0 / trials.frame.period:g} Hz with a deadline of "
         f"{deadline:g} s: the best leaves it in {best.outside} of {best.cases} cases, first at {_joint(trials, best)}"
@@ -100,33 +100,33 @@ def of_deadline(trials: Trials, best: Worst) -> Refused:
     return refused(reason, [*would, *_payload(trials, best, cases)])
 
 
-def of_torque_step(trials: Trials, best: Worst, wished: float, check: Verdict | None = None) -> Refused:
+def of_torque_step(trials: Trials, best: Worst, required: float, check: Verdict | None = None) -> Refused:
     """The calmest law is not calm enough.
 
     - `trials`: on what.
     - `best`: the calmest.
-    - `wished`: largest change of torque from sample to sample [N m].
+    - `required`: largest change of torque from sample to sample [N m].
     - `check`: of cases that were not seen before, if that is why.
     """
     step, cases = (best.step, best.cases) if check is None else (check.bound["steady_torque_step"], check.bound["runs"])
     reason = (
-        f"a torque step of {wished:g} N m cannot be had at {1.0 / trials.frame.period:g} Hz: the calmest law that was "
-        f"tried has {step:.3g} N m in the worst of {cases} cases"
+        f"a torque step of {required:g} N m cannot be had at {1.0 / trials.frame.period:g} Hz: the calmest law "
+        f"that was tried has {step:.3g} N m in the worst of {cases} cases"
     )
     smallest = float(f"{1.15 * step:.2g}")
-    return refused(reason, [Remedy(f"{smallest:g} N m", {"wishes.torque_step": smallest})])
+    return refused(reason, [Remedy(f"{smallest:g} N m", {"requirements.torque_step": smallest})])
 
 
 def of_accuracy(trials: Trials, best: Worst, held: Worst | None, check: Verdict | None = None) -> Refused:
     """The final radius is too small.
 
     - `trials`: on what.
-    - `best`: the law with the radius that is wished.
+    - `best`: the law with the radius that is required.
     - `held`: the smallest radius that held; None if none did.
     - `check`: of cases that were not seen before, if that is why.
     """
     final = float(np.min(best.choice.final))
-    unit = trials.requirements.robot.build().nominal.joint_units[best.joint]
+    unit = trials.problem.robot.build().nominal.joint_units[best.joint]
     where = f"accuracy {final:.2g} {unit} at {1.0 / trials.frame.period:g} Hz"
     missed = missed_in_cases(trials, best.choice)
     if check is not None:
@@ -141,46 +141,46 @@ def of_accuracy(trials: Trials, best: Worst, held: Worst | None, check: Verdict 
     would = []
     if held is not None:
         wider = float(f"{SPARE * float(np.min(held.choice.final)):.2g}")
-        would.append(Remedy(f"{wider:g} {unit}", {"wishes.accuracy": _scaled(trials, wider / final)}))
+        would.append(Remedy(f"{wider:g} {unit}", {"requirements.accuracy": _scaled(trials, wider / final)}))
     would += [*_rates(trials, best), *_payload(trials, best, trials.cases(MANY))]
     return refused(f"{where} cannot be had: {said}", would, missed)
 
 
 def unproved(trials: Trials, choice: Choice, rate: Verdict | None) -> Refused:
-    """A bound of the error is wished, and there is none.
+    """A bound of the error is required, and there is none.
 
     - `trials`: of which arm.
     - `choice`: the law.
     - `rate`: what `loop_rate` says; None if nothing.
     """
-    unproved = Remedy("what is tested in simulation alone", {"wishes.proof": "tested"})
+    unproved = Remedy("what is tested in simulation alone", {"requirements.proof": "tested"})
     if rate is None:
-        return refused("a bound is wished, and `loop_rate` has no answer for this arm", [unproved])
+        return refused("a bound is required, and `loop_rate` has no answer for this arm", [unproved])
     missed = missed_by(rate, trials, choice)
     why = [one for one in ("" if missed is None else missed.in_words(), rate.statement) if one]
-    reason = f"a bound is wished, and `loop_rate` gives none: {'; '.join(why)}"
+    reason = f"a bound is required, and `loop_rate` gives none: {'; '.join(why)}"
     return refused(reason, [*_wider(trials, choice, rate), *_told(trials, choice), unproved], missed)
 
 
 def _wider(trials: Trials, choice: Choice, rate: Verdict) -> Iterator[Remedy]:
-    """Final radii within which there is a bound; where the best are wished, such were looked for before."""
-    if trials.requirements.wishes.accuracy == "best":
+    """Final radii within which there is a bound; where the best are required, such were looked for before."""
+    if trials.problem.requirements.accuracy == "best":
         return
     found = widened(choice, rate, lambda one: _rate_of(trials, one, {}), LARGEST * trials.frame.initial)
     if found is not None:
         radius = rounded(found[0].final)
-        yield Remedy(f"an accuracy of {max(radius):.3g}", {"wishes.accuracy": radius})
+        yield Remedy(f"an accuracy of {max(radius):.3g}", {"requirements.accuracy": radius})
 
 
 def _told(trials: Trials, choice: Choice) -> Iterator[Remedy]:
     """A law that knows what is at its tip in the middle of the set, where it knew of nothing there."""
-    path, robot = trials.payload, trials.requirements.robot.model_dump(exclude_unset=True)
+    path, robot = trials.payload, trials.problem.robot.model_dump(exclude_unset=True)
     if path != f"robot.plant.{LOAD}" or (robot.get("nominal") or {}).get("load") is not None:
         return
     mass = float(f"{float(np.mean(trials.cases(MANY)[path][:2])):.3g}")
     told = {"robot.nominal.load": {**robot["plant"]["load"], "mass": mass}}
     rate = _rate_of(trials, choice, told)
-    if trials.requirements.wishes.accuracy == "best":
+    if trials.problem.requirements.accuracy == "best":
         found = widened(choice, rate, lambda one: _rate_of(trials, one, told), LARGEST * trials.frame.initial)
         holds = found is not None
     else:
@@ -190,7 +190,7 @@ def _told(trials: Trials, choice: Choice) -> Iterator[Remedy]:
 
 
 def _rate_of(trials: Trials, choice: Choice, changes: dict[str, Any]) -> Verdict | None:
-    scenario = trials.requirements.scenario(trials.frame.scheme(choice))
+    scenario = trials.problem.scenario(trials.frame.scheme(choice))
     return of_the_rate(altered_description(scenario, changes).build("design"))
 
 
@@ -201,7 +201,7 @@ def _rates(trials: Trials, best: Worst) -> Iterator[Remedy]:
         horizon = float(f"{max(factor * best.choice.horizon, 2.0 * period):.4g}")
         frame = replace(trials.frame, period=period)
         first = replace(best.choice, horizon=horizon)
-        other = Trials(trials.requirements, frame, first, period)
+        other = Trials(trials.problem, frame, first, period)
         try:
             (tried,) = other.judged([first], other.cases(MANY))
         except DefinitionError:
@@ -227,10 +227,10 @@ def _payload(trials: Trials, best: Worst, cases: Any) -> Iterator[Remedy]:
 
 
 def _scaled(trials: Trials, factor: float) -> Any:
-    wished = trials.requirements.wishes.accuracy
-    if wished == "best":
+    required = trials.problem.requirements.accuracy
+    if required == "best":
         return "best"
-    numbers = np.asarray(wished, float) * factor
+    numbers = np.asarray(required, float) * factor
     return [float(f"{one:.2g}") for one in numbers] if numbers.ndim else float(f"{float(numbers):.2g}")
 
 

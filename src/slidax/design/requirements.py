@@ -27,7 +27,7 @@ AFTER = 6.0
 """A run goes on for so long after the deadline, s, so that the motion is seen as a whole."""
 
 
-class Wishes(AbstractDescription):
+class Requirements(AbstractDescription):
     """What is asked of the law."""
 
     deadline: float = said("from when on the error is within its final radius", "s", "> 0", default=2.0)
@@ -48,8 +48,8 @@ class TimeDescription(AbstractDescription):
     t1: float | None = said("end of the runs", "s", "> 0", default=None, source="6 s after the deadline")
 
 
-class Requirements(AbstractDescription):
-    """An arm, what it must do, what is not known of it, and what is wished."""
+class DesignProblem(AbstractDescription):
+    """An arm, what it must do, what is not known of it, and the requirements."""
 
     title: str = ""
     """One line for a person."""
@@ -71,14 +71,14 @@ class Requirements(AbstractDescription):
     """How the arm is commanded."""
     uncertainty: Uncertainty = Field(default={})
     """What is not known: a set of values by path."""
-    wishes: Wishes = Wishes()
+    requirements: Requirements = Requirements()
     """What is asked of the law."""
 
     @property
     def t1(self) -> float:
         """The end of its runs, a whole number of periods [s]."""
         period = self.simulation.period
-        end = self.wishes.deadline + AFTER if self.simulation.t1 is None else self.simulation.t1
+        end = self.requirements.deadline + AFTER if self.simulation.t1 is None else self.simulation.t1
         return float(round(end / period) * period)
 
     def blocks(self) -> dict[str, Any]:
@@ -86,7 +86,7 @@ class Requirements(AbstractDescription):
 
         Raises DefinitionError, with the path of the field, if the motion cannot be.
         """
-        data = self.model_dump(exclude_unset=True, exclude={"title", "workspace", "wishes", "simulation"})
+        data = self.model_dump(exclude_unset=True, exclude={"title", "workspace", "requirements", "simulation"})
         with located("robot"):
             arms = self.robot.build()
         if self.workspace is not None:
@@ -121,7 +121,7 @@ class Requirements(AbstractDescription):
         return validated({"title": title, **self.blocks(), "scheme": scheme, "simulation": time})
 
 
-def read_requirements(path: str | Path) -> Requirements:
+def read_problem(path: str | Path) -> DesignProblem:
     """The requirements in a YAML file.
 
     - `path`: of the file; files that it names are found from its folder.
@@ -131,28 +131,28 @@ def read_requirements(path: str | Path) -> Requirements:
     path = Path(path)
     data = read_yaml_file(path, "the requirements")
     if not isinstance(data, dict):
-        raise DefinitionError("requirements are a mapping with the keys " + ", ".join(Requirements.model_fields))
+        raise DefinitionError("requirements are a mapping with the keys " + ", ".join(DesignProblem.model_fields))
     require_readable(data)
     try:
-        found = Requirements.model_validate(data, context={"folder": path.parent})
+        found = DesignProblem.model_validate(data, context={"folder": path.parent})
     except ValidationError as error:
         raise translated(error, data) from None
     if (found.trajectory is None) == (found.workspace is None):
         raise DefinitionError("needs either `trajectory` or `workspace`")
     _require_accuracy(found)
-    if found.t1 <= found.wishes.deadline:
+    if found.t1 <= found.requirements.deadline:
         raise DefinitionError(f"must be after the deadline; got {found.t1:g}", where="simulation.t1")
     return found
 
 
-def _require_accuracy(found: Requirements) -> None:
-    wished = found.wishes.accuracy
-    if wished == "best":
+def _require_accuracy(found: DesignProblem) -> None:
+    required = found.requirements.accuracy
+    if required == "best":
         return
-    numbers = np.asarray(wished, float)
-    with located("wishes.accuracy"):
+    numbers = np.asarray(required, float)
+    with located("requirements.accuracy"):
         if not (np.isfinite(numbers).all() and (numbers > 0).all()):
-            raise DefinitionError(f"must be > 0, or `best`; got {plain(wished)}")
+            raise DefinitionError(f"must be > 0, or `best`; got {plain(required)}")
         joints = found.robot.build().true.joints
         if numbers.ndim and len(numbers) != joints:
             raise DefinitionError(f"must be one number or one for {each_of(joints, 'joint')}; got {len(numbers)}")

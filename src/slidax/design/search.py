@@ -19,8 +19,8 @@ FEW, MANY, MOST = 8, 48, 96
 POLISH = 6
 """Cases of the second search."""
 
-SIZES, WISHED = (0.15, 0.08), (0.15, 0.1, 0.06)
-"""Of its turns: the first standard deviation, of the cube. With a torque step that is wished there is one turn more."""
+SIZES, REQUIRED = (0.15, 0.08), (0.15, 0.1, 0.06)
+"""First standard deviation of each turn of CMA-ES in the unit cube; a required torque step takes one turn more."""
 
 TOP = 5
 """Of the laws of each turn, that are tried in the many cases."""
@@ -72,10 +72,10 @@ def fine(trials: Trials, best: Worst, aim: Aim) -> Worst:
     - `aim`: what is better.
     """
     cases, many = trials.beyond(POLISH), trials.beyond(MOST)
-    free = trials.requirements.wishes.accuracy == "best"
+    free = trials.problem.requirements.accuracy == "best"
     start = _near(trials, best, aim) if free else replace(best, choice=replace(best.choice, final=trials.frame.shape))
     found, share = trials.judged([start.choice, best.choice], many), 1.0
-    for turn, size in enumerate(WISHED if aim.wished else SIZES):
+    for turn, size in enumerate(REQUIRED if aim.required else SIZES):
         tried = polished(trials, start.choice, cases, aim.stricter(share).cost, free=free, size=size, seed=turn)
         top = sorted(tried, key=aim.stricter(share).cost)[:TOP]
         judged = trials.judged([one.choice for one in top], many)

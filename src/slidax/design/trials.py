@@ -25,7 +25,7 @@ from slidax.studies.table import Columns, columns_of
 from slidax.studies.task import Task
 
 from .choice import LARGEST, Choice, Frame
-from .requirements import Requirements
+from .requirements import DesignProblem
 
 Floats = NDArray[np.floating[Any]]
 
@@ -81,7 +81,7 @@ class Trials:
     - `smaller`: paths whose sets are used up to this share of their width.
     """
 
-    requirements: Requirements
+    problem: DesignProblem
     frame: Frame
     first: Choice
     period: float | None = None
@@ -101,7 +101,7 @@ class Trials:
     @cached_property
     def base(self) -> ScenarioDescription:
         """The scenario with the first choice."""
-        return self.requirements.scenario(self.frame.scheme(self.first), period=self.period)
+        return self.problem.scenario(self.frame.scheme(self.first), period=self.period)
 
     @cached_property
     def family(self) -> Family:
