@@ -235,4 +235,4 @@ def _scaled(trials: Trials, factor: float) -> Any:
 
 
 def _joint(trials: Trials, worst: Worst) -> str:
-    return f"`{trials.requirements.robot.build().nominal.joint_names[worst.joint]}`"
+    return f"`{trials.problem.robot.build().nominal.joint_names[worst.joint]}`"
