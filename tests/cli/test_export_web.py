@@ -46,11 +46,11 @@ def test_a_scenario_becomes_one_file_that_says_what_is_in_it(tmp_path: Path) -> 
     made = manifest_in(tmp_path / "site")
     schemes = [setting["scheme"] for setting in made["settings"]]
     assert schemes == ["cftsmppc", "cftsmppc-printed", "slotine_li"]
-    knobs = sum(len(setting["knobs"]) for setting in made["settings"])
-    assert f"3 laws, {len(made['programs'])} programs, {knobs} sliders" in done.stdout
+    tunables = sum(len(setting["tunables"]) for setting in made["settings"])
+    assert f"3 laws, {len(made['programs'])} programs, {tunables} sliders" in done.stdout
     assert str(tmp_path / "site" / "index.html") in done.stdout
     own = made["settings"][0]
-    assert next(knob["default"] for knob in own["knobs"] if knob["path"] == "scheme.surface.k1") == 0.4
+    assert next(tunable["default"] for tunable in own["tunables"] if tunable["path"] == "scheme.surface.k1") == 0.4
     assert [choice["path"] for choice in own["choices"]] == ["simulation.period", "sensor.delay"]
     assert [light["certificate"] for light in own["certificates"]][:3] == [
         *("admissibility", "inertia_ratio", "loop_rate"),

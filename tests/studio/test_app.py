@@ -139,9 +139,9 @@ def test_every_built_in_scenario_is_a_playground(client: TestClient):
         made = client.post("/api/manifest", json={"name": name}).json()["manifest"]
         first = made["settings"][0]
         assert {"printed", "rival", "ours"} == {one["kind"] for one in made["settings"]}
-        assert first["knobs"] and len(first["variants"]) == np.prod([len(one["values"]) for one in first["choices"]])
-        knob = next(one for one in first["knobs"] if one["path"].endswith("performance.final"))
-        changed = client.post("/api/check", json={"name": name, "changes": {knob["path"]: knob["default"]}})
+        assert first["tunables"] and len(first["variants"]) == np.prod([len(one["values"]) for one in first["choices"]])
+        tunable = next(one for one in first["tunables"] if one["path"].endswith("performance.final"))
+        changed = client.post("/api/check", json={"name": name, "changes": {tunable["path"]: tunable["default"]}})
         assert changed.status_code == 200, changed.text
 
 

@@ -45,8 +45,8 @@ def export_web(
             names = [name.strip() for name in (beside or "").split(",") if name.strip()]
             manifest = web.of_scenario(load(scenario, parsed(changes or [])), names, certify_rate)
         page = web.write_page(manifest, out)
-        knobs = sum(len(setting["knobs"]) for setting in manifest["settings"])
+        tunables = sum(len(setting["tunables"]) for setting in manifest["settings"])
         typer.echo(
             f"{counted(len(manifest['settings']), 'law')}, {counted(len(manifest['programs']), 'program')}, "
-            f"{counted(knobs, 'slider')}, {page.stat().st_size / 1e6:.2f} MB: {page.resolve()}"
+            f"{counted(tunables, 'slider')}, {page.stat().st_size / 1e6:.2f} MB: {page.resolve()}"
         )

@@ -10,7 +10,7 @@ import numpy as np
 import slidax
 from slidax._errors import DefinitionError
 from slidax.deploy.web.arm import arm_entry
-from slidax.deploy.web.knob import knobs_of
+from slidax.deploy.web.knob import tunables_of
 from slidax.deploy.web.playground import playground
 from slidax.deploy.web.setting import Setting
 from slidax.scenarios import Scenario, ScenarioDescription
@@ -75,7 +75,7 @@ def compiled_manifest_of(scenario: Scenario) -> dict[str, Any]:
     own, at = compiled["settings"][0], [choice["default"] for choice in first["choices"]]
     (variant,) = own["variants"]
     first["variants"] = [variant | {"at": at} if one["at"] == at else one for one in first["variants"]]
-    first |= {name: own[name] for name in ("knobs", "constants", "certificates", "c_files", "c_parameters")}
+    first |= {name: own[name] for name in ("tunables", "constants", "certificates", "c_files", "c_parameters")}
     made["programs"] += compiled["programs"]
     return made
 
@@ -101,7 +101,7 @@ def _setting(description: ScenarioDescription, scheme: str, title: str, kind: st
         "note": "",
         "choices": choices,
         "variants": _variants([len(choice["values"]) for choice in choices]),
-        "knobs": [knob.entry(0) for knob in knobs_of(resolved, joints)],
+        "tunables": [tunable.entry(0) for tunable in tunables_of(resolved, joints)],
         "constants": None,
         "scenario": json.loads(json.dumps(resolved.model_dump(exclude_unset=True), default=_listed)),
         "c_files": None,

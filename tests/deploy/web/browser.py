@@ -83,10 +83,10 @@ class Visit:
         self.context.close()
 
 
-def typed(visit: Visit, knob: str, value: str) -> None:
-    """Types a number into a knob's box."""
-    visit.page.evaluate("document.querySelectorAll('#knobs .group').forEach(one => { one.open = true; })")
-    box = visit.page.locator(f"{knob} > .slider .box")
+def typed(visit: Visit, tunable: str, value: str) -> None:
+    """Types a number into a tunable's box."""
+    visit.page.evaluate("document.querySelectorAll('#tunables .group').forEach(one => { one.open = true; })")
+    box = visit.page.locator(f"{tunable} > .slider .box")
     box.fill(value)
     box.press("Enter")
     visit.settle()

@@ -90,7 +90,7 @@ def _add(made: dict[str, Any], arm: str, title: str, scenario: Any) -> None:
                     }
                 ],
                 "variants": [{"at": [0], "program": f"{arm}-False"}, {"at": [1], "program": f"{arm}-True"}],
-                "knobs": _knobs(described, n, scale),
+                "tunables": _tunables(described, n, scale),
                 "constants": doubles([scale] + [0.0] * n),
                 "scenario": described,
                 "c_files": packed(json.dumps({"law.h": "#define K1 @{k1}\n", "law.c": "int law;\n"}).encode()),
@@ -100,7 +100,7 @@ def _add(made: dict[str, Any], arm: str, title: str, scenario: Any) -> None:
         )
 
 
-def _knobs(described: dict[str, Any], n: int, scale: float) -> list[dict[str, Any]]:
+def _tunables(described: dict[str, Any], n: int, scale: float) -> list[dict[str, Any]]:
     k1 = described["scheme"]["surface"]["k1"]
     return [
         {

@@ -43,11 +43,11 @@ def variant_of(setting: Mapping[str, Any], choices: Mapping[str, Any]) -> Mappin
     return next(one for one in setting["variants"] if one["at"] == at)
 
 
-def inputs_of(setting: Mapping[str, Any], variant: Mapping[str, Any], knobs: Mapping[str, Any]) -> np.ndarray:
+def inputs_of(setting: Mapping[str, Any], variant: Mapping[str, Any], tunables: Mapping[str, Any]) -> np.ndarray:
     """A program's inputs."""
     found = numbers(variant["constants"])
-    by_path = {knob["path"]: knob["inputs"] for knob in setting["knobs"]}
-    for path, value in knobs.items():
+    by_path = {tunable["path"]: tunable["inputs"] for tunable in setting["tunables"]}
+    for path, value in tunables.items():
         start, count = by_path[path]
         found[start : start + count] = value
     return found

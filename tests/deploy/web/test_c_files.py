@@ -13,7 +13,7 @@ import pytest
 from slidax.deploy.project import project
 from slidax.deploy.text import render
 from slidax.deploy.web.c_files import TEMPLATES, c_files
-from slidax.deploy.web.knob import knobs_of
+from slidax.deploy.web.knob import tunables_of
 from slidax.scenarios import load
 from slidax.scenarios.family import Family
 from slidax.scenarios.load import validated
@@ -31,9 +31,14 @@ def offered(name: str) -> tuple[Any, Mapping[str, str], Mapping[str, Any], Mappi
     base = base.model_copy(update={"robot": base.robot.resolved()})
     family = Family(base, Space({}, {}), Space({}, {}))
     templates = family.templates({})
-    knobs = knobs_of(base, templates.built.plant.robot.joints)
-    found = c_files(family, templates, knobs)
-    return base, unpacked(found["c_files"]), found["c_parameters"], {knob.path: knob.defaults for knob in knobs}
+    tunables = tunables_of(base, templates.built.plant.robot.joints)
+    found = c_files(family, templates, tunables)
+    return (
+        base,
+        unpacked(found["c_files"]),
+        found["c_parameters"],
+        {tunable.path: tunable.defaults for tunable in tunables},
+    )
 
 
 def filled(name: str, moved: Mapping[str, Any]) -> dict[str, str]:

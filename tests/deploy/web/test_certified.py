@@ -12,7 +12,7 @@ from slidax._errors import DefinitionError
 from slidax.certificates import CERTIFICATES, Verdict
 from slidax.certificates.certificate import certificate
 from slidax.deploy.web import certified, export
-from slidax.deploy.web.knob import knobs_of
+from slidax.deploy.web.knob import tunables_of
 from slidax.scenarios import Scenario, load
 from slidax.scenarios.load import altered
 
@@ -37,10 +37,10 @@ def movable(name: str) -> dict[str, Any]:
     scenario = loaded(name)
     described = scenario.description.model_copy(update={"robot": scenario.description.robot.resolved()})
     found: dict[str, Any] = {}
-    for knob in knobs_of(described, scenario.plant.robot.joints):
-        own = knob.defaults if knob.each else np.asarray(knob.leaf.own)
-        moved = np.where(own == 0.0, 0.3 * knob.high, own + 0.07 * (knob.high - own))
-        found[knob.path] = moved.tolist()
+    for tunable in tunables_of(described, scenario.plant.robot.joints):
+        own = tunable.defaults if tunable.each else np.asarray(tunable.leaf.own)
+        moved = np.where(own == 0.0, 0.3 * tunable.high, own + 0.07 * (tunable.high - own))
+        found[tunable.path] = moved.tolist()
     if scenario.description.scheme.sampled_data is not None:
         found["sensor.delay"] = 1.0 - scenario.description.sensor.delay
         found["sensor.resolution"] = 3e-5

@@ -39,7 +39,7 @@ def assert_same(
     manifest: Mapping[str, Any],
     which: int,
     folder: Path,
-    knobs: Mapping[str, Any] | None = None,
+    tunables: Mapping[str, Any] | None = None,
     choices: Mapping[str, Any] | None = None,
     close: float = CLOSE,
     relaxed: bool = True,
@@ -47,9 +47,9 @@ def assert_same(
     """What the page computes is what the scenario that it gives to be downloaded does."""
     setting = manifest["settings"][which]
     variant = variant_of(setting, choices or {})
-    inputs = inputs_of(setting, variant, knobs or {})
+    inputs = inputs_of(setting, variant, tunables or {})
     result = played(manifest, variant["program"], inputs, folder, relaxed=relaxed)
-    run = scenario_of(setting, {**(knobs or {}), **(choices or {})}).simulate(log_every=int(inputs[-1]))
+    run = scenario_of(setting, {**(tunables or {}), **(choices or {})}).simulate(log_every=int(inputs[-1]))
     log = run.log
     assert result["outcome"]["message"] == run.outcome.message
     assert result["outcome"]["kind"] == run.outcome.kind
@@ -89,12 +89,12 @@ def test_where_multiply_adds_are_rounded_once_it_has_the_same_bits(two_link: Any
 
 
 def test_so_it_does_with_other_numbers_and_another_period(two_link: Any, tmp_path: Path) -> None:
-    knobs = {
+    tunables = {
         "scheme.surface.k1": 0.5,
         "robot.plant.masses": [0.7, 1.2],
         "scheme.transformation.performance.final": 0.01,
     }
-    assert_same(two_link, 0, tmp_path, knobs, {"simulation.period": 2e-3})
+    assert_same(two_link, 0, tmp_path, tunables, {"simulation.period": 2e-3})
 
 
 def test_periods_share_one_program(two_link: Any) -> None:

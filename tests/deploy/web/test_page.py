@@ -70,7 +70,7 @@ def test_each_joint_has_its_own_slider(visit: Visit) -> None:
 
 
 def test_choices_and_schemes(visit: Visit) -> None:
-    visit.page.select_option("#knobs .choice select", "1")
+    visit.page.select_option("#tunables .choice select", "1")
     visit.settle()
     assert visit.state()["choices"] == {"sensor.delay": 0}
     assert "one was broken" in visit.text("#seen")
@@ -174,7 +174,7 @@ def test_a_broken_link_is_a_line_and_the_default(
 
 def test_the_scenario_is_the_same_run(visit: Visit) -> None:
     typed(visit, "[data-path='scheme.surface.k1']", "0.3")
-    visit.page.select_option("#knobs .choice select", "1")
+    visit.page.select_option("#tunables .choice select", "1")
     visit.settle()
     file = visit.saved("#scenario")
     assert file.suggested_filename == "two-link-cftsmppc.yaml"
@@ -189,7 +189,7 @@ def test_the_scenario_is_the_same_run(visit: Visit) -> None:
 
 def test_c_has_the_numbers_and_says_which_it_has_not(visit: Visit) -> None:
     typed(visit, "[data-path='scheme.surface.k1']", "0.3")
-    visit.page.select_option("#knobs .choice select", "1")
+    visit.page.select_option("#tunables .choice select", "1")
     visit.settle()
     archive = zipfile.ZipFile(io.BytesIO(Path(visit.saved("#c").path()).read_bytes()))
     assert archive.testzip() is None

@@ -31,7 +31,7 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_through_sliders_and_download_it_is_the_run_of_python(chromium: Any, site: Path, tmp_path: Path) -> None:
     with served(site.parent) as (address, asked):
         visit = Visit(chromium, f"{address}/{site.name}")
-        visit.page.evaluate("document.querySelectorAll('#knobs .group').forEach(one => { one.open = true; })")
+        visit.page.evaluate("document.querySelectorAll('#tunables .group').forEach(one => { one.open = true; })")
         for path, value in (
             ("scheme.surface.k1", "0.37"),
             ("robot.plant.inertias", None),
@@ -42,7 +42,7 @@ def test_through_sliders_and_download_it_is_the_run_of_python(chromium: Any, sit
             box.fill(value or "5.5")
             box.press("Enter")
             visit.settle()
-        visit.page.select_option("#knobs .choice select", "1")
+        visit.page.select_option("#tunables .choice select", "1")
         visit.settle()
         state = visit.state()
         assert state["values"] == {

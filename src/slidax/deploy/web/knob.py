@@ -59,7 +59,7 @@ FROM_ZERO = {
 
 
 @dataclass(frozen=True)
-class Knob:
+class Tunable:
     """One number, or one for each joint.
 
     - `leaf`: where it stands, with unit and own value.
@@ -100,7 +100,7 @@ class Knob:
         return np.broadcast_to(self.leaf.own, self.shape).astype(float)
 
     def entry(self, start: int) -> dict[str, Any]:
-        """The knob in a playground.
+        """The tunable in a playground.
 
         - `start`: place of its first number among the program's inputs.
         """
@@ -121,8 +121,8 @@ class Knob:
         }
 
 
-def knobs_of(description: ScenarioDescription, joints: int) -> list[Knob]:
-    """All that may be knobs, in the order of the file; whether a compiled loop can vary them is not asked.
+def tunables_of(description: ScenarioDescription, joints: int) -> list[Tunable]:
+    """All that may be tunables, in the order of the file; whether a compiled loop can vary them is not asked.
 
     - `description`: the scenario, with its robot resolved.
     - `joints`: of its arm.
@@ -138,8 +138,8 @@ def knobs_of(description: ScenarioDescription, joints: int) -> list[Knob]:
             continue
         if leaf.own is None or leaf.integer or leaf.own.ndim > 1 or not np.isfinite(leaf.own).all():
             continue
-        found.append(_knob(leaf, group, said, _beside(description, leaf.path)))
-    return sorted(found, key=lambda knob: ORDER.index(knob.group))
+        found.append(_tunable(leaf, group, said, _beside(description, leaf.path)))
+    return sorted(found, key=lambda tunable: ORDER.index(tunable.group))
 
 
 def _numbers(place: Any, path: str) -> Iterator[tuple[str, Any]]:
@@ -158,7 +158,7 @@ def _numbers(place: Any, path: str) -> Iterator[tuple[str, Any]]:
                 yield from _numbers(one, f"{path}.{k}")
 
 
-def _knob(leaf: Leaf, group: str, field: Any, beside: tuple[float, float]) -> Knob:
+def _tunable(leaf: Leaf, group: str, field: Any, beside: tuple[float, float]) -> Tunable:
     extra = field.json_schema_extra if isinstance(field.json_schema_extra, dict) else {}
     declared, unit = str(extra.get("range", "")), leaf.unit
     meaning = " ".join((field.description or "").split()).removesuffix(".")
@@ -175,7 +175,7 @@ def _knob(leaf: Leaf, group: str, field: Any, beside: tuple[float, float]) -> Kn
         title = f"{title}, term {int(within[-2]) + 1}"
     elif within[-2] in ("load", "recovery", "adaptation", "estimator", "surface", "reaching", "bound"):
         title = f"{within[-2].replace('load', 'payload')} {title}"
-    return Knob(leaf, title, group, meaning, low, high, logarithmic, declared)
+    return Tunable(leaf, title, group, meaning, low, high, logarithmic, declared)
 
 
 def _beside(description: ScenarioDescription, path: str) -> tuple[float, float]:

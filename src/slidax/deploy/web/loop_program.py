@@ -148,7 +148,7 @@ class LoopProgram:
 
     - `module`: the WebAssembly.
     - `entry`: how the page's runtime calls it, as JSON; see `docs/web.md`.
-    - `constants`: of each variant, what follows its knobs among the inputs.
+    - `constants`: of each variant, what follows its tunables among the inputs.
     """
 
     module: Module
@@ -157,10 +157,10 @@ class LoopProgram:
 
 
 def loop_program(variants: Sequence[Variant]) -> LoopProgram | None:
-    """The program that variants share: where their arrays differ, these are inputs; None if they can share none.
+    """One program for several variants; None if their arrays differ where the inputs decide them.
 
-    The inputs are the knobs' numbers, then the arrays that differ, then the number of samples, and one in how many is
-    logged.
+    The inputs are the tunable values, then the arrays that differ between the variants, the number of samples, and the
+    logging stride.
 
     - `variants`: of one form.
 

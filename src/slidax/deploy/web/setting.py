@@ -17,7 +17,7 @@ from slidax.scenarios.uncertainty import Space
 
 from .c_files import c_files
 from .certified import certificates_of
-from .knob import Knob, knobs_of
+from .knob import Tunable, tunables_of
 from .loop_program import LoopProgram, Variant, loop_program, packed
 
 
@@ -59,7 +59,7 @@ class Setting:
     rate: bool = False
 
     def made(self) -> Made:
-        """Its programs and knobs.
+        """Its programs and tunables.
 
         Raises DefinitionError if one of its variants is invalid or cannot run in a page.
         """
@@ -67,9 +67,9 @@ class Setting:
         templates = base.templates({})
         joints = templates.built.plant.robot.joints
         chosen = {choice.path for choice in self.choices}
-        possible = [knob for knob in knobs_of(base.base, joints) if knob.path not in chosen]
-        knobs = _varying(base, templates, possible)
-        own = {knob.path: knob.defaults for knob in knobs}
+        possible = [tunable for tunable in tunables_of(base.base, joints) if tunable.path not in chosen]
+        tunables = _varying(base, templates, possible)
+        own = {tunable.path: tunable.defaults for tunable in tunables}
         variants = []
         for at in itertools.product(*(range(len(choice.values)) for choice in self.choices)):
             changes = {choice.path: choice.values[k] for choice, k in zip(self.choices, at, strict=True)}
@@ -83,7 +83,7 @@ class Setting:
                 [(group, together)] if together is not None else [([one], loop_program([one[1]])) for one in group]
             )
             found += [(group, program) for group, program in programs if program is not None]
-        return Made(self, base, templates, knobs, found)
+        return Made(self, base, templates, tunables, found)
 
     def _family(self, changes: Mapping[str, Any]) -> Family:
         data = self.description.model_dump(exclude_unset=True)
@@ -97,25 +97,25 @@ class Made:
 
     - `setting`: it.
     - `family`, `templates`: its scenario, and that built.
-    - `knobs`: what varies within a program.
+    - `tunables`: what varies within a program.
     - `programs`: each with the variants that it is of.
     """
 
     setting: Setting
     family: Family
     templates: Templates
-    knobs: Sequence[Knob]
+    tunables: Sequence[Tunable]
     programs: Sequence[tuple[Sequence[tuple[tuple[int, ...], Variant]], LoopProgram]]
 
     def entry(self) -> dict[str, Any]:
         """The setting in a playground."""
         setting, described = self.setting, self.family.base
         choices = [_choice(choice, described) for choice in setting.choices]
-        knobs, start = [], 0
-        for knob in self.knobs:
-            knobs.append(knob.entry(start))
-            start += int(np.prod(knob.shape, dtype=int))
-        defaults = [knob.defaults.ravel() for knob in self.knobs]
+        tunables, start = [], 0
+        for tunable in self.tunables:
+            tunables.append(tunable.entry(start))
+            start += int(np.prod(tunable.shape, dtype=int))
+        defaults = [tunable.defaults.ravel() for tunable in self.tunables]
         variants = [
             {
                 "at": list(at),
@@ -135,18 +135,18 @@ class Made:
             "note": setting.note,
             "choices": choices,
             "variants": sorted(variants, key=lambda one: one["at"]),
-            "knobs": knobs,
+            "tunables": tunables,
             "constants": next(one["constants"] for one in variants if one["at"] == own),
             "scenario": described.model_dump(mode="json", exclude_unset=True),
         }
 
     def beside(self) -> dict[str, Any]:
         """What stands beside the setting: the law in C, and, if it promises something, its certificates."""
-        paths = [*(choice.path for choice in self.setting.choices), *(knob.path for knob in self.knobs)]
+        paths = [*(choice.path for choice in self.setting.choices), *(tunable.path for tunable in self.tunables)]
         certified = (
             [] if self.setting.kind == "rival" else certificates_of(self.templates.built, paths, self.setting.rate)
         )
-        return {**c_files(self.family, self.templates, self.knobs), "certificates": certified}
+        return {**c_files(self.family, self.templates, self.tunables), "certificates": certified}
 
 
 def _choice(choice: Choice, described: ScenarioDescription) -> dict[str, Any]:
@@ -166,11 +166,11 @@ def _at(place: Any, path: str) -> Any:
     return place
 
 
-def _varying(family: Family, templates: Templates, knobs: Sequence[Knob]) -> list[Knob]:
+def _varying(family: Family, templates: Templates, tunables: Sequence[Tunable]) -> list[Tunable]:
     """Those that vary within one compiled loop."""
-    if not knobs:
+    if not tunables:
         return []
-    some = {knob.path: np.stack([knob.defaults] * 2) for knob in knobs}
+    some = {tunable.path: np.stack([tunable.defaults] * 2) for tunable in tunables}
     asked = Family(family.base, Space({}, {}), Space({}, dict.fromkeys(some)))  # type: ignore[arg-type]
     known: Any = jax.tree.structure((family.parts(templates, {}),))
 
@@ -181,12 +181,12 @@ def _varying(family: Family, templates: Templates, knobs: Sequence[Knob]) -> lis
 
     try:
         jax.vmap(probe)(some)
-        return list(knobs)
+        return list(tunables)
     except UNTRACEABLE:
-        if len(knobs) == 1:
+        if len(tunables) == 1:
             return []
-    half = len(knobs) // 2
-    return _varying(family, templates, knobs[:half]) + _varying(family, templates, knobs[half:])
+    half = len(tunables) // 2
+    return _varying(family, templates, tunables[:half]) + _varying(family, templates, tunables[half:])
 
 
 def _alike(

@@ -75,11 +75,11 @@ function chosenFrom(playground, given, otherwise, faults) {
       else faults.push(`${path} has no value "${clipped(text)}"`);
       continue;
     }
-    const knob = playground.knob(made, path);
+    const tunable = playground.tunable(made, path);
     const numbers = text.trim() === "" ? [NaN] : text.split(",").map(Number);
     const value = numbers.length === 1 ? numbers[0] : numbers;
-    if (!knob) faults.push(`this scheme has no "${clipped(path)}"`);
-    else if (!fits(knob, value)) faults.push(`${path} cannot be "${clipped(text)}": its range is ${knob.low} to ${knob.high}`);
+    if (!tunable) faults.push(`this scheme has no "${clipped(path)}"`);
+    else if (!fits(tunable, value)) faults.push(`${path} cannot be "${clipped(text)}": its range is ${tunable.low} to ${tunable.high}`);
     else made = playground.withValue(made, path, value);
   }
   return made;

@@ -19,7 +19,7 @@ function touches(path, read) {
 export function certificateLights(playground, chosen) {
   const setting = playground.setting(chosen);
   const moved = [...Object.keys(chosen.values), ...Object.keys(chosen.choices)];
-  const titles = path => playground.knob(chosen, path)?.title ?? playground.choice(chosen, path)?.title ?? path;
+  const titles = path => playground.tunable(chosen, path)?.title ?? playground.choice(chosen, path)?.title ?? path;
   return (setting.certificates ?? []).map(({ certificate, title: name, holds, grade, since, statement, margin, bound, words: said, reads }) => {
     const title = capitalised(name ?? certificate.replaceAll("_", " "));
     const stale = moved.filter(path => !reads?.length || reads.some(read => touches(path, read)));

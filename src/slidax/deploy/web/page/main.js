@@ -1,7 +1,7 @@
 /* The page: what a person does, and what is shown of it. */
 
 import { byId, element } from "./dom.js";
-import { Knobs } from "./knobs.js";
+import { Tunables } from "./tunables.js";
 import { certificateLights, outcomeOf, runLights } from "./lights.js";
 import { showMeasures } from "./measures.js";
 import { shownNumber } from "./numbers.js";
@@ -14,7 +14,7 @@ import { followTheme } from "./theme.js";
 class Page {
   constructor() {
     this.pictures = new Pictures();
-    this.knobs = new Knobs(byId("knobs"), {
+    this.tunables = new Tunables(byId("tunables"), {
       moved: (path, value, stands) => this.put(this.playground.withValue(this.session.a, path, value), stands),
       chosen: (path, index) => this.put(this.playground.withChoice(this.session.a, path, index), true),
     });
@@ -135,7 +135,7 @@ class Page {
     byId("c").disabled = !setting.c_files;
     byId("c").title = setting.c_files ? "" : "The C of this setting is not in the page: slidax export c makes it of the scenario.";
     byId("reset").disabled = !Object.keys(a.values).length && !Object.keys(a.choices).length;
-    this.knobs.show(this.playground, a);
+    this.tunables.show(this.playground, a);
     byId("certificates").replaceChildren(...certificateLights(this.playground, a));
     if (!byId("certificates").children.length) byId("certificates").append(element("li.light", { text: "None was made for this law." }));
     const served = this.playground.program(a)?.engine === "server";

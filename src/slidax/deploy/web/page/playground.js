@@ -32,8 +32,8 @@ export class Playground {
     return this.manifest.settings.find(setting => setting.arm === chosen.arm && setting.scheme === chosen.scheme);
   }
 
-  knob(chosen, path) {
-    return this.setting(chosen).knobs.find(knob => knob.path === path);
+  tunable(chosen, path) {
+    return this.setting(chosen).tunables.find(tunable => tunable.path === path);
   }
 
   choice(chosen, path) {
@@ -52,7 +52,7 @@ export class Playground {
   }
 
   value(chosen, path) {
-    return chosen.values[path] ?? this.knob(chosen, path).default;
+    return chosen.values[path] ?? this.tunable(chosen, path).default;
   }
 
   choiceIndex(chosen, path) {
@@ -62,9 +62,9 @@ export class Playground {
   /* The same choice with another number; the default is not kept. */
   withValue(chosen, path, value) {
     // A slider that lets go when another playground has taken its place.
-    if (!this.knob(chosen, path)) return chosen;
+    if (!this.tunable(chosen, path)) return chosen;
     const values = { ...chosen.values };
-    if (sameNumbers(value, this.knob(chosen, path).default)) delete values[path];
+    if (sameNumbers(value, this.tunable(chosen, path).default)) delete values[path];
     else values[path] = value;
     return { ...chosen, values };
   }
@@ -81,8 +81,8 @@ export class Playground {
   withScheme(chosen, scheme) {
     let made = this.start(chosen.arm, scheme);
     for (const [path, value] of Object.entries(chosen.values)) {
-      const knob = this.knob(made, path);
-      if (knob && !path.startsWith("scheme.") && fits(knob, value)) made = this.withValue(made, path, value);
+      const tunable = this.tunable(made, path);
+      if (tunable && !path.startsWith("scheme.") && fits(tunable, value)) made = this.withValue(made, path, value);
     }
     for (const [path, index] of Object.entries(chosen.choices)) {
       const value = this.choice(chosen, path).values[index];
@@ -109,7 +109,7 @@ export class Playground {
     if (!this.constants.has(packed)) this.constants.set(packed, unpackedNumbers(packed));
     const inputs = Float64Array.from(await this.constants.get(packed));
     for (const [path, value] of Object.entries(chosen.values)) {
-      const [start, count] = this.knob(chosen, path).inputs;
+      const [start, count] = this.tunable(chosen, path).inputs;
       for (let k = 0; k < count; k++) inputs[start + k] = Array.isArray(value) ? value[k] : value;
     }
     return inputs;
@@ -147,11 +147,11 @@ export function sameNumbers(a, b) {
   return left.length === right.length && left.every((x, k) => x === right[k]);
 }
 
-/* Whether a value is what a knob takes: numbers within its range, one for all or one per joint. */
-export function fits(knob, value) {
+/* Whether a value is what a tunable takes: numbers within its range, one for all or one per joint. */
+export function fits(tunable, value) {
   const numbers = Array.isArray(value) ? value : [value];
-  const known = Array.isArray(knob.default) ? knob.default : [knob.default];
-  if (Array.isArray(value) && value.length !== (knob.inputs ? knob.inputs[1] : known.length)) return false;
+  const known = Array.isArray(tunable.default) ? tunable.default : [tunable.default];
+  if (Array.isArray(value) && value.length !== (tunable.inputs ? tunable.inputs[1] : known.length)) return false;
   return numbers.every((x, k) => Number.isFinite(x)
-    && ((x >= knob.low && x <= knob.high) || x === known[Math.min(k, known.length - 1)]));
+    && ((x >= tunable.low && x <= tunable.high) || x === known[Math.min(k, known.length - 1)]));
 }

@@ -49,7 +49,7 @@ export async function projectInC(playground, chosen) {
     let numbers = listed(playground.value(chosen, path), marks.length);
     // Where the law has one number for all joints, it cannot have one for each.
     if (numbers.length > marks.length && numbers.some(x => x !== numbers[0])) {
-      numbers = listed(playground.knob(chosen, path).default, marks.length);
+      numbers = listed(playground.tunable(chosen, path).default, marks.length);
       known.delete(path);
     }
     marks.forEach((mark, k) => { files[where.file] = files[where.file].replace(mark, () => literalInC(numbers[k])); });

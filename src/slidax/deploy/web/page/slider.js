@@ -17,12 +17,12 @@ export function scaleOf({ low, high, scale }) {
   };
 }
 
-/* - `knob`: of the manifest: low, high, scale, unit.
+/* - `tunable`: of the manifest: low, high, scale, unit.
    - `given`: {label, described, input, commit}: the accessible name, the id of what describes it, and what is called
      with a number while it moves and once it stands.
    The answer is {row, put}: the two fields, and a function that shows another value. */
-export function numberSlider(knob, { label, described, input, commit }) {
-  const scale = scaleOf(knob);
+export function numberSlider(tunable, { label, described, input, commit }) {
+  const scale = scaleOf(tunable);
   const name = `number-${++sliderCount}`;
   const bar = element("input.bar", {
     type: "range", min: 0, max: STEPS, step: 1, "aria-label": label, "aria-describedby": described,
@@ -44,9 +44,9 @@ export function numberSlider(knob, { label, described, input, commit }) {
 
   function typed() {
     const value = box.valueAsNumber;
-    if (!Number.isFinite(value) || value < knob.low || value > knob.high) {
+    if (!Number.isFinite(value) || value < tunable.low || value > tunable.high) {
       box.setAttribute("aria-invalid", "true");
-      box.setCustomValidity(`A number from ${shownNumber(knob.low)} to ${withUnit(knob.high, knob.unit)}.`);
+      box.setCustomValidity(`A number from ${shownNumber(tunable.low)} to ${withUnit(tunable.high, tunable.unit)}.`);
       box.reportValidity();
       return;
     }
@@ -59,7 +59,7 @@ export function numberSlider(knob, { label, described, input, commit }) {
     box.setCustomValidity("");
     bar.value = Math.round(scale.share(value) * STEPS);
     bar.style.setProperty("--share", scale.share(value));
-    bar.setAttribute("aria-valuetext", withUnit(value, knob.unit));
+    bar.setAttribute("aria-valuetext", withUnit(value, tunable.unit));
     if (box.valueAsNumber !== value) box.value = value;
   }
 

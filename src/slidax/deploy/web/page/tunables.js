@@ -8,9 +8,9 @@ import { numberSlider } from "./slider.js";
 /* What a stranger understands, besides the first group. */
 const OPENED = ["World", "The arm as it is", "Disturbance"];
 
-let knobCount = 0;
+let tunableCount = 0;
 
-export class Knobs {
+export class Tunables {
   /* - `place`: where they go.
      - `listeners`: {moved(path, value, stands), chosen(path, index)}. */
   constructor(place, listeners) {
@@ -18,7 +18,7 @@ export class Knobs {
     this.listeners = listeners;
     /* In a place of its own: text that came and went between the sliders would move them under a finger. */
     const explain = event => {
-      const meaning = event.target.closest(".knob")?.querySelector(".meaning");
+      const meaning = event.target.closest(".tunable")?.querySelector(".meaning");
       if (meaning) this.told.textContent = `${meaning.parentElement.getAttribute("aria-label")}: ${meaning.textContent}`;
     };
     this.told = element("p.told", { "aria-hidden": "true", text: "Touch a slider to read what it means." });
@@ -34,19 +34,19 @@ export class Knobs {
       this.setting = setting;
       this.shown = [];
       const groups = new Map();
-      for (const knob of setting.knobs) groups.set(knob.group, [...(groups.get(knob.group) ?? []), knob]);
+      for (const tunable of setting.tunables) groups.set(tunable.group, [...(groups.get(tunable.group) ?? []), tunable]);
       const joints = playground.jointNames(chosen.arm);
-      const plain = knob => ({ ...knob, unit: playground.unitOf(chosen.arm, knob.unit), title: capitalised(knob.title) });
+      const plain = tunable => ({ ...tunable, unit: playground.unitOf(chosen.arm, tunable.unit), title: capitalised(tunable.title) });
       this.place.replaceChildren(
         ...(setting.choices.length ? [element("div.choices", {}, setting.choices.map(choice => this.select(choice)))] : []),
-        ...[...groups].map(([title, knobs], k) => element("details.group", { open: k === 0 || OPENED.includes(title) },
-          element("summary", { text: title }), knobs.map(knob => this.knob(plain(knob), joints)))));
+        ...[...groups].map(([title, tunables], k) => element("details.group", { open: k === 0 || OPENED.includes(title) },
+          element("summary", { text: title }), tunables.map(tunable => this.tunable(plain(tunable), joints)))));
     }
     for (const put of this.shown) put(playground, chosen);
   }
 
   select(choice) {
-    const id = `choice-${++knobCount}`;
+    const id = `choice-${++tunableCount}`;
     const exact = value => value === 0 && choice.path === "sensor.resolution";
     const text = value => exact(value) ? "exact" : typeof value === "number" ? withUnit(value, choice.unit) : String(value);
     const option = (value, k) => element("option", { value: k, text: text(value) });
@@ -55,66 +55,66 @@ export class Knobs {
     return element("div.choice", {}, element("label", { for: id, text: capitalised(choice.title) }), made);
   }
 
-  knob(knob, joints) {
-    const meaning = `meaning-${++knobCount}`;
-    const several = knob.inputs[1] > 1 && (knob.each || Array.isArray(knob.default));
-    const names = knob.each ? joints : Array.from({ length: knob.inputs[1] }, (_, k) => String(k + 1));
-    let value = knob.default;
+  tunable(tunable, joints) {
+    const meaning = `meaning-${++tunableCount}`;
+    const several = tunable.inputs[1] > 1 && (tunable.each || Array.isArray(tunable.default));
+    const names = tunable.each ? joints : Array.from({ length: tunable.inputs[1] }, (_, k) => String(k + 1));
+    let value = tunable.default;
     const moved = (next, stands) => {
       value = next;
-      this.listeners.moved(knob.path, next, stands);
+      this.listeners.moved(tunable.path, next, stands);
     };
     /* One slider for all joints keeps their proportions. */
     const together = number => {
       if (!Array.isArray(value)) return number;
       const [first] = value;
       const scaled = value.map(one => (first ? (one * number) / first : number));
-      return scaled.map(one => Math.min(knob.high, Math.max(knob.low, Number(one.toPrecision(12)))));
+      return scaled.map(one => Math.min(tunable.high, Math.max(tunable.low, Number(one.toPrecision(12)))));
     };
-    const all = numberSlider(knob, {
-      label: knob.title, described: meaning,
+    const all = numberSlider(tunable, {
+      label: tunable.title, described: meaning,
       input: number => moved(together(number), false), commit: number => moved(together(number), true),
     });
     const reset = element("button.reset", {
-      type: "button", "aria-label": `Reset ${knob.title}`, title: `Back to ${defaultText(knob)}`, text: "↺",
-      on: { click: () => moved(knob.default, true) },
+      type: "button", "aria-label": `Reset ${tunable.title}`, title: `Back to ${defaultText(tunable)}`, text: "↺",
+      on: { click: () => moved(tunable.default, true) },
     });
-    const each = several ? this.perJoint(knob, names, meaning, () => value, moved) : null;
-    const allowed = knob.range ? `Allowed: ${knob.range}. ` : "";
-    const range = `${allowed}The slider goes from ${shownNumber(knob.low)} to ${withUnit(knob.high, knob.unit)}; ${defaultText(knob)} by default.`;
-    const text = `${knob.meaning ? `${knob.meaning} ` : ""}`.replace(/([^.!?\s])\s*$/, "$1. ") + range;
-    const made = element("div.knob", { "data-path": knob.path, role: "group", "aria-label": knob.title },
-      element("div.name", { title: text }, element("span", { text: knob.title }),
-        knob.unit ? element("span.unit", { text: knob.unit }) : null, reset),
-      knob.each || !several ? all.row : null, element("p.meaning.unseen", { id: meaning, text }), each?.made);
+    const each = several ? this.perJoint(tunable, names, meaning, () => value, moved) : null;
+    const allowed = tunable.range ? `Allowed: ${tunable.range}. ` : "";
+    const range = `${allowed}The slider goes from ${shownNumber(tunable.low)} to ${withUnit(tunable.high, tunable.unit)}; ${defaultText(tunable)} by default.`;
+    const text = `${tunable.meaning ? `${tunable.meaning} ` : ""}`.replace(/([^.!?\s])\s*$/, "$1. ") + range;
+    const made = element("div.tunable", { "data-path": tunable.path, role: "group", "aria-label": tunable.title },
+      element("div.name", { title: text }, element("span", { text: tunable.title }),
+        tunable.unit ? element("span.unit", { text: tunable.unit }) : null, reset),
+      tunable.each || !several ? all.row : null, element("p.meaning.unseen", { id: meaning, text }), each?.made);
     this.shown.push((playground, chosen) => {
-      value = playground.value(chosen, knob.path);
+      value = playground.value(chosen, tunable.path);
       all.put(Array.isArray(value) ? value[0] : value);
       each?.put(value);
-      const same = sameNumbers(value, knob.default);
+      const same = sameNumbers(value, tunable.default);
       reset.disabled = same;
       made.classList.toggle("moved", !same);
     });
     return made;
   }
 
-  perJoint(knob, joints, meaning, value, moved) {
-    const count = knob.inputs[1];
+  perJoint(tunable, joints, meaning, value, moved) {
+    const count = tunable.inputs[1];
     const at = (k, number) => listed(value(), count).map((one, other) => (other === k ? number : one));
-    const sliders = Array.from({ length: count }, (_, k) => numberSlider(knob, {
-      label: `${knob.title}, ${joints[k] ?? k + 1}`, described: meaning,
+    const sliders = Array.from({ length: count }, (_, k) => numberSlider(tunable, {
+      label: `${tunable.title}, ${joints[k] ?? k + 1}`, described: meaning,
       input: number => moved(at(k, number), false), commit: number => moved(at(k, number), true),
     }));
     const rows = sliders.map(({ row }, k) => element("div.joint", {}, element("span", { text: joints[k] ?? String(k + 1) }), row));
     return {
-      made: element("details.each", { open: !knob.each }, element("summary", { text: knob.each ? "each joint" : "each number" }), rows),
+      made: element("details.each", { open: !tunable.each }, element("summary", { text: tunable.each ? "each joint" : "each number" }), rows),
       put: now => listed(now, count).forEach((number, k) => sliders[k].put(number)),
     };
   }
 }
 
-function defaultText(knob) {
-  const values = Array.isArray(knob.default) ? knob.default : [knob.default];
+function defaultText(tunable) {
+  const values = Array.isArray(tunable.default) ? tunable.default : [tunable.default];
   const different = values.some(value => value !== values[0]);
   return different ? values.map(value => shownNumber(value)).join(", ") : shownNumber(values[0]);
 }
