@@ -47,15 +47,15 @@ FITTING = [
 
 
 @pytest.mark.parametrize(("name", "schemes"), FITTING)
-def test_every_scheme_fits_every_task_in_both_forms_with_the_same_tube(name, schemes):
+def test_every_scheme_fits_every_task_in_both_forms_with_the_same_tolerance(name, schemes):
     asked = task(name)
     for entry in entries(schemes):
         base = entry.described(asked)
-        assert base.tube is not None
+        assert base.tolerance is not None
         envelope = base.scheme.model_dump().get("transformation")
         if envelope is not None and "performance" in envelope:
             assert {"performance", "overshoot"} <= envelope.keys()
-            assert {key: envelope[key] for key in ("performance", "overshoot")} == base.tube.model_dump()
+            assert {key: envelope[key] for key in ("performance", "overshoot")} == base.tolerance.model_dump()
         assert (base.scheme.sampled_data is not None) == (entry.form == "sampled-data")
         assert entry.gains().sets(base)
 

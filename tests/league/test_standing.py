@@ -62,7 +62,7 @@ def test_lost_cases_are_in_no_median_and_an_error_without_a_number_is_last():
 
 def test_a_task_that_no_scheme_keeps_has_no_best():
     table = standing("t", {ONE: match([False] * 9, np.ones(9)), OTHER: match([False] * 9, 2 * np.ones(9))})
-    assert table.best is None and verdicts([table]) == ["no scheme keeps the tube in any case"]
+    assert table.best is None and verdicts([table]) == ["no scheme keeps the tolerance band in any case"]
     assert all(one.best == one.leads == 0 for one in overall([table], [ONE, OTHER]))
 
 
@@ -72,7 +72,7 @@ def test_holm_is_that_of_his_paper():
 
 
 def columns(outcome, outside, error, margin=0.1, t=np.nan):
-    numbers = {"tube_violations": outside, "steady_error": error, "tube_margin": margin, "t": t}
+    numbers = {"tolerance_violations": outside, "steady_error": error, "tolerance_margin": margin, "t": t}
     return {"outcome": np.array([outcome]), "steady_torque_step": np.array([0.01])} | {
         name: np.array([float(value)]) for name, value in numbers.items()
     }

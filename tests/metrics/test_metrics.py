@@ -147,7 +147,7 @@ def test_every_metric_has_a_title_a_unit_and_a_meaning_of_its_own() -> None:
         assert len({getattr(metric, said) for metric in found}) == len(found)
     assert all(metric.meaning and not metric.meaning.endswith(".") for metric in found)
     exported = [thing for thing in vars(metrics).values() if isinstance(thing, metrics.Metric)]
-    listed = {*metrics.METRICS, *metrics.OF_TOOLS, *metrics.OF_TUBES, *metrics.OF_MONITORS}
+    listed = {*metrics.METRICS, *metrics.OF_TOOLS, *metrics.OF_TOLERANCES, *metrics.OF_MONITORS}
     assert set(exported) == listed, "a metric needs its line in metrics/__init__.py"
     scara = scenarios.load("example-4.2", {"simulation.t1": 0.01}).simulate(log_every=None)
     assert metrics.torque_energy.units(scara) == ["(N m)² s", "(N m)² s", "N² s"]

@@ -18,16 +18,16 @@ from slidax.metrics.metric import root
 from slidax.papers.indices import INDICES
 from slidax.simulation import Run, simulate, value_and_gradient
 from tests.paper import MOTION_4_1, START_4_1
-from tests.simulation.simple import SMOOTH_PLANT, Spring, Tube
+from tests.simulation.simple import SMOOTH_PLANT, BoundedLaw, Spring
 
 HOW: dict[str, Any] = {"t1": 0.2, "period": 2e-3, "log_every": None}
 SMOOTH = [one for one in (*METRICS, *INDICES) if not one.counts]
-COUNTING = [metrics.envelope_violations, metrics.tube_violations, metrics.warned_at]
+COUNTING = [metrics.envelope_violations, metrics.tolerance_violations, metrics.warned_at]
 
 
 def define(stiffness: Any) -> Any:
     spring = Spring(stiffness=stiffness * jnp.array([300.0, 200.0]), damping=jnp.array([30.0, 20.0]))
-    return SMOOTH_PLANT, Tube(spring=spring, radius=jnp.array([2.0, 2.0])), MOTION_4_1, START_4_1
+    return SMOOTH_PLANT, BoundedLaw(spring=spring, radius=jnp.array([2.0, 2.0])), MOTION_4_1, START_4_1
 
 
 def sums(run: Run) -> dict[str, Any]:

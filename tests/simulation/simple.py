@@ -34,7 +34,7 @@ class Spring(AbstractController):
         return None
 
 
-class Tube(AbstractController):
+class BoundedLaw(AbstractController):
     """A spring whose error must stay within a constant radius."""
 
     spring: Spring

@@ -11,7 +11,7 @@ from slidax.sensors import DifferencedEncoders, Encoders
 from slidax.simulation import Plant, simulate
 from slidax.trajectories import Constant
 from tests.paper import MOTION_4_1, START_4_1, TWO_LINK, law_4_1, plant_4_1
-from tests.simulation.simple import SMOOTH_PLANT, SPRING, Spring, Tube
+from tests.simulation.simple import SMOOTH_PLANT, SPRING, BoundedLaw, Spring
 
 GAINS = jnp.array([0.4, 0.6, 0.8])
 
@@ -45,7 +45,7 @@ def test_a_batch_tells_which_runs_went_wrong_where_and_when():
     @jax.jit
     @jax.vmap
     def many(radius):
-        law = Tube(Spring(jnp.zeros(2), jnp.zeros(2)), radius)
+        law = BoundedLaw(Spring(jnp.zeros(2), jnp.zeros(2)), radius)
         start = State(q=jnp.array([np.pi / 2, 0.0]), dq=jnp.array([1.0, 0.0]))
         return simulate(SMOOTH_PLANT, law, Constant([np.pi / 2, 0.0]), start, t1=0.4, period=0.04)
 

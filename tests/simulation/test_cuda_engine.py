@@ -13,7 +13,7 @@ from slidax.simulation import native_engine, simulate, simulate_batch
 from slidax.trajectories import Constant
 from tests.codegen.card_on_the_processor import CardOnTheProcessor, needs_gxx
 from tests.paper import MOTION_4_1, START_4_1, plant_4_1
-from tests.simulation.simple import SMOOTH_PLANT, SPRING, Spring, Tube
+from tests.simulation.simple import SMOOTH_PLANT, SPRING, BoundedLaw, Spring
 from tests.simulation.test_simulate_batch import VARIED, shifted
 
 LOGGED = {"t1": 0.1, "period": 1e-3, "log_every": 20}
@@ -49,14 +49,14 @@ def test_a_batch_on_a_card_has_the_very_bits_of_the_native_engine(card):
 
 @needs_gxx
 def test_runs_that_end_early_end_alike(card):
-    def tube(radius):
-        law = Tube(Spring(jnp.zeros(2), jnp.zeros(2)), radius)
+    def bounded(radius):
+        law = BoundedLaw(Spring(jnp.zeros(2), jnp.zeros(2)), radius)
         start = State(q=jnp.array([np.pi / 2, 0.0]), dq=jnp.array([1.0, 0.0]))
         return SMOOTH_PLANT, law, Constant([np.pi / 2, 0.0]), start
 
-    done = simulate_batch(tube, jnp.array([0.095, 10.0, 0.135]), t1=0.4, period=0.04, engine="cuda")
+    done = simulate_batch(bounded, jnp.array([0.095, 10.0, 0.135]), t1=0.4, period=0.04, engine="cuda")
     assert done.fault.kind.tolist() == [1, 0, 1]
-    assert_equal(done, simulate_batch(tube, jnp.array([0.095, 10.0, 0.135]), t1=0.4, period=0.04, engine="native"))
+    assert_equal(done, simulate_batch(bounded, jnp.array([0.095, 10.0, 0.135]), t1=0.4, period=0.04, engine="native"))
 
 
 @pytest.mark.full

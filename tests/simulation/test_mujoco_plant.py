@@ -21,7 +21,7 @@ from slidax.simulation.mujoco.world import World
 from slidax.trajectories import Constant as Still
 from slidax.trajectories import Sinusoid
 from tests.paper import MOTION_4_1, START_4_1, TWO_LINK
-from tests.simulation.simple import SMOOTH_PLANT, SPRING, Breaks, Spring, Tube, Witness
+from tests.simulation.simple import SMOOTH_PLANT, SPRING, BoundedLaw, Breaks, Spring, Witness
 
 mujoco = pytest.importorskip("mujoco")
 
@@ -221,7 +221,7 @@ def test_a_run_ends_where_it_leaves_its_envelope_or_becomes_infinite_as_ours_doe
     monkeypatch.chdir(tmp_path)
     plant, law, motion, start = smooth_loop(TREE)
     still = State(q=motion.position(jnp.zeros(())), dq=motion.reference(jnp.zeros(())).dq)
-    theirs, ours = both(plant, Tube(law, jnp.asarray(0.02), 6), motion, still, integrator=semi_implicit_euler)
+    theirs, ours = both(plant, BoundedLaw(law, jnp.asarray(0.02), 6), motion, still, integrator=semi_implicit_euler)
     assert theirs.outcome.kind == "left_envelope"
     assert (theirs.outcome.t, theirs.outcome.joint) == (ours.outcome.t, ours.outcome.joint)
     assert len(theirs.log.t) == len(ours.log.t) == int(theirs.tally.samples)

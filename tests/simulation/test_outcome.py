@@ -13,7 +13,7 @@ from slidax.simulation import simulate
 from slidax.simulation.outcome import Fault, describe
 from slidax.trajectories import Constant
 from tests.paper import MOTION_4_1, START_4_1, law_4_1, plant_4_1
-from tests.simulation.simple import SMOOTH_PLANT, SPRING, Breaks, Spring, Tube
+from tests.simulation.simple import SMOOTH_PLANT, SPRING, BoundedLaw, Breaks, Spring
 
 AT_1_KHZ = {"t1": 10.0, "period": 1e-3}
 
@@ -86,7 +86,7 @@ FREE = Spring(jnp.zeros(2), jnp.zeros(2))
 @pytest.mark.parametrize(("mode", "when"), [("continuous", 0.10), ("held", 0.12)])
 def test_in_continuous_mode_the_outcome_comes_from_the_first_violating_stage(mode, when):
     """The error grows like t and meets .095 between the samples at .08 and .12, before the stage at .10."""
-    run = simulate(SMOOTH_PLANT, Tube(FREE, jnp.asarray(0.095)), mode=mode, **FALLING)
+    run = simulate(SMOOTH_PLANT, BoundedLaw(FREE, jnp.asarray(0.095)), mode=mode, **FALLING)
     assert run.outcome.kind == "left_envelope"
     assert run.outcome.joint == 1
     assert run.outcome.t == pytest.approx(when, abs=1e-12)
@@ -100,12 +100,12 @@ def test_an_error_that_leaves_only_inside_a_step_is_found_in_continuous_mode():
     """The samples themselves all lie inside: a stage in between does not."""
     import equinox as eqx
 
-    class Window(Tube):
-        """A tube that is narrow around t = 0.1 only, between two samples."""
+    class Window(BoundedLaw):
+        """A tolerance band that is narrow around t = 0.1 only, between two samples."""
 
         def envelope(self, t, memory):
             wide = jnp.where(jnp.abs(t - 0.1) < 0.01, self.radius, 10.0) * jnp.ones(2)
-            return eqx.tree_at(lambda e: (e.lower, e.upper), Tube.envelope(self, t, memory), (-wide, wide))
+            return eqx.tree_at(lambda e: (e.lower, e.upper), BoundedLaw.envelope(self, t, memory), (-wide, wide))
 
     law = Window(FREE, jnp.asarray(0.05))
     assert simulate(SMOOTH_PLANT, law, mode="held", **FALLING).outcome.ok
@@ -151,7 +151,7 @@ def test_an_unstable_loop_ends_with_an_outcome_not_with_nan():
 @pytest.mark.parametrize("target", [0.5, -0.5])
 def test_an_error_on_its_bound_is_outside_on_either_side(target):
     """The arm falls under gravity or is pushed; whichever bound it meets is the one that is named."""
-    law = Tube(Spring(jnp.zeros(2), jnp.zeros(2)), jnp.asarray(0.1))
+    law = BoundedLaw(Spring(jnp.zeros(2), jnp.zeros(2)), jnp.asarray(0.1))
     start = State(q=jnp.array([np.pi / 2, 0.0]), dq=jnp.array([target, 0.0]))
     run = simulate(SMOOTH_PLANT, law, Constant([np.pi / 2, 0.0]), start, t1=2.0, period=0.01)
     assert run.outcome.kind == "left_envelope"

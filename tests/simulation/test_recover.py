@@ -12,7 +12,7 @@ from slidax._types import State
 from slidax.simulation import simulate
 from slidax.trajectories import Constant
 from tests.paper import MOTION_4_1, START_4_1, law_4_1, plant_4_1
-from tests.simulation.simple import SMOOTH_PLANT, SPRING, Breaks, Spring, Tube
+from tests.simulation.simple import SMOOTH_PLANT, SPRING, BoundedLaw, Breaks, Spring
 
 PERIOD = 0.02
 RINGING = Spring(jnp.array([300.0, 150.0]), jnp.array([25.0, 3.0]))
@@ -21,8 +21,8 @@ PUSHED = State(q=jnp.array([np.pi / 2, 0.0]), dq=jnp.array([1.0, -2.0]))
 
 
 def run(radius=0.1, t1=3.0, start=PUSHED, law=RINGING, outside="recover", **extra):
-    tube = Tube(law, jnp.asarray(radius))
-    return simulate(SMOOTH_PLANT, tube, STILL, start, t1=t1, period=PERIOD, outside=outside, **extra)
+    bounded = BoundedLaw(law, jnp.asarray(radius))
+    return simulate(SMOOTH_PLANT, bounded, STILL, start, t1=t1, period=PERIOD, outside=outside, **extra)
 
 
 @cache

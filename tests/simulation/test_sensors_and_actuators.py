@@ -16,7 +16,7 @@ from slidax.trajectories import Constant as Still
 from tests.enrolled import every
 from tests.paper import MOTION_4_1, START_4_1, TWO_LINK
 from tests.sensors.members import LIKE_OTHERS, SENSORS
-from tests.simulation.simple import SMOOTH_PLANT, SPRING, Pendulum, Spring, Tube, Witness
+from tests.simulation.simple import SMOOTH_PLANT, SPRING, BoundedLaw, Pendulum, Spring, Witness
 
 PERIOD = 1e-2
 SAMPLES = 51
@@ -84,7 +84,7 @@ def test_while_samples_are_lost_the_torque_is_held_and_the_law_remembers_nothing
 def test_the_envelope_is_judged_by_the_true_error_and_not_by_the_measured_one():
     """The law, which does nothing, sees an arm at rest long after it has left."""
     start = State(q=jnp.array([np.pi / 2, 0.0]), dq=jnp.array([1.0, 0.0]))
-    law = Tube(Spring(jnp.zeros(2), jnp.zeros(2)), jnp.asarray(0.095))
+    law = BoundedLaw(Spring(jnp.zeros(2), jnp.zeros(2)), jnp.asarray(0.095))
 
     def outcome(sensor):
         plant = Plant(TWO_LINK, SMOOTH_PLANT.disturbance, sensor)

@@ -12,7 +12,7 @@ from slidax.sensors import DifferencedEncoders
 from slidax.simulation import Plant, simulate, simulate_batch
 from slidax.trajectories import Constant
 from tests.paper import DISTURBANCE_4_1, MOTION_4_1, START_4_1, TWO_LINK, law_4_1, plant_4_1
-from tests.simulation.simple import SMOOTH_PLANT, SPRING, Spring, Tube
+from tests.simulation.simple import SMOOTH_PLANT, SPRING, BoundedLaw, Spring
 
 HOW = {"t1": 0.4, "period": 1e-3}
 SHIFTS = jnp.linspace(-0.02, 0.02, 11)
@@ -52,12 +52,12 @@ def test_the_number_of_threads_changes_no_bit():
 
 @pytest.mark.parametrize("engine", ["native", "xla"])
 def test_a_batch_tells_which_runs_went_wrong_where_and_when(engine):
-    def tube(radius):
-        law = Tube(Spring(jnp.zeros(2), jnp.zeros(2)), radius)
+    def bounded(radius):
+        law = BoundedLaw(Spring(jnp.zeros(2), jnp.zeros(2)), radius)
         start = State(q=jnp.array([np.pi / 2, 0.0]), dq=jnp.array([1.0, 0.0]))
         return SMOOTH_PLANT, law, Constant([np.pi / 2, 0.0]), start
 
-    done = simulate_batch(tube, jnp.array([0.095, 10.0, 0.135]), t1=0.4, period=0.04, log_every=1, engine=engine)
+    done = simulate_batch(bounded, jnp.array([0.095, 10.0, 0.135]), t1=0.4, period=0.04, log_every=1, engine=engine)
     assert done.fault.kind.tolist() == [1, 0, 1]
     np.testing.assert_allclose(done.fault.t[::2], [0.12, 0.16], atol=1e-12)
     assert np.sum(done.log.valid, axis=1).tolist() == [3, 11, 4]

@@ -74,7 +74,7 @@ def tried(
     every = Asked(runner, family.space)
     drawn = every.points(points(seed, 0, runs, family.space.dimensions))
     if np.isnan(drawn["margin"]).all() and not np.asarray(drawn["outcome"]).any():
-        text = "the scheme draws no envelope, so that there is nothing to leave: write a `tube`"
+        text = "the scheme draws no envelope, so that there is nothing to leave: write a `tolerance`"
         return Verdict(NAME, TITLE, None, None, {}, (), text), {}
     failures = int((~Predicate(ENVELOPE).holds(drawn)).sum())
     upper = clopper_pearson(failures, runs, confidence, side="upper").upper

@@ -30,7 +30,7 @@ def league(
     small: Annotated[bool, typer.Option("--small", help="A trial: few cases, short runs, hardly any tuning.")] = False,
     json: AsJson = False,
 ) -> None:
-    """All schemes on common tasks: tuned alike on some cases, judged by others, all by the same tube.
+    """All schemes on common tasks: tuned alike on some cases, judged by others, all by the same tolerance band.
 
     Each match is kept in the folder as soon as it is played; the same command goes on where it was interrupted.
 

@@ -84,10 +84,16 @@ class Entry:
         name = self.scheme.rpartition(":")[2] if own else self.scheme
         scheme: dict[str, Any] = {"name": name}
         if self._draws_an_envelope:
-            scheme["transformation"] = {"kind": "prescribed_performance", **task.tube}
+            scheme["transformation"] = {"kind": "prescribed_performance", **task.tolerance}
         if self.form == "sampled-data":
             scheme["sampled_data"] = dict(task.sampled_data)
-        data = {"title": task.title, "source": task.source, **task.scenario, "scheme": scheme, "tube": task.tube}
+        data = {
+            "title": task.title,
+            "source": task.source,
+            **task.scenario,
+            "scheme": scheme,
+            "tolerance": task.tolerance,
+        }
         changes = {f"scheme.{path}": value for path, value in self.gains().fixed.items()}
         form = with_scheme(name, self.preset) if own else ScenarioDescription
         return validated(data, changes, form=form)

@@ -14,7 +14,7 @@ from .summary import Overall
 HEAD = (
     "scheme",
     "form",
-    "cases inside the tube",
+    "cases inside the tolerance band",
     "leads on",
     "best on",
     "steady error",
@@ -75,7 +75,7 @@ def verdicts(tables: Sequence[Standing]) -> list[str]:
 def _verdict(table: Standing, p_value: float) -> str:
     best = table.best
     if best is None:
-        return "no scheme keeps the tube in any case"
+        return "no scheme keeps the tolerance band in any case"
     share = best.interval
     said = (
         f"**{named(best.entry)}**, {percent(best.inside)} of the cases inside "

@@ -24,7 +24,7 @@ from .task import CasesDescription, LeagueTask
 
 ENDED = [OUTCOMES.index("left_envelope"), OUTCOMES.index("not_finite")]
 
-KEPT = ("steady_error", "peak_torque", "max_torque_step", "steady_torque_step", "torque_energy", "tube_margin")
+KEPT = ("steady_error", "peak_torque", "max_torque_step", "steady_torque_step", "torque_energy", "tolerance_margin")
 """The metrics that are kept of each case on which a scheme is judged; each of its worst joint."""
 
 Tuner = Callable[[Callable[[NDArray[Any]], NDArray[Any]], int, int], NDArray[Any]]
@@ -37,7 +37,7 @@ class Match:
 
     - `gains`: as they were tuned, by path.
     - `cost`: as in `costs`, on average over the training cases.
-    - `inside`: by held-out case, whether it never left the tube [cases].
+    - `inside`: by held-out case, whether it never left the tolerance band [cases].
     - `failed`: whether it was lost: not finite, or ended farther away than it may have begun [cases].
     - `metrics`: `KEPT`, by name [cases].
     - `seconds`: it took, in all.
@@ -104,7 +104,7 @@ def drawn(family: Family, cases: CasesDescription) -> Values:
 class Scale:
     """What numbers of a task are measured by, each the largest of all joints.
 
-    - `initial`, `final`: radii of the tube [rad or m].
+    - `initial`, `final`: radii of the tolerance band [rad or m].
     - `torque`: of the drives [N m or N]; infinite without limits.
     """
 
@@ -116,28 +116,28 @@ class Scale:
     def of(cls, family: Family) -> Scale:
         """Those of a family.
 
-        - `family`: whose scenarios have a tube.
+        - `family`: whose scenarios have a tolerance band.
 
         Raises DefinitionError if they have none.
         """
-        tube = family.base.tube
-        if tube is None:
-            raise DefinitionError("a task of the league needs a tube")
-        performance: Any = tube.build().performance
+        tolerance = family.base.tolerance
+        if tolerance is None:
+            raise DefinitionError("a task of the league needs a tolerance band")
+        performance: Any = tolerance.build().performance
         torque = family.base.moving().drive.limits().torque
         return cls(*(float(np.max(np.asarray(one))) for one in (performance.initial, performance.final, torque)))
 
 
 def inside_of(columns: Columns) -> NDArray[np.bool_]:
-    """Which cases reached their end and never left the tube.
+    """Which cases reached their end and never left the tolerance band.
 
     - `columns`: of outcomes and metrics.
     """
-    return (columns["tube_violations"] == 0) & ~np.isin(columns["outcome"], ENDED)
+    return (columns["tolerance_violations"] == 0) & ~np.isin(columns["outcome"], ENDED)
 
 
 def failed_of(columns: Columns, scale: Scale) -> NDArray[np.bool_]:
-    """Which cases were lost: not finite, or farther from the motion in the last quarter than the tube begins.
+    """Which cases were lost: not finite, or farther from the motion in the last quarter than the tolerance band begins.
 
     - `columns`: of outcomes and metrics.
     - `scale`: of the task.
@@ -148,9 +148,9 @@ def failed_of(columns: Columns, scale: Scale) -> NDArray[np.bool_]:
 def costs(columns: Columns, scale: Scale) -> NDArray[Any]:
     """What the tuner lowers, of each case.
 
-    Inside the tube `½ √(e/ρ∞) + ½ √(Δτ/τ_max)`, below 1, with the steady error and the steady torque step of the worst
-    joint. Outside `1 + min(8, -m) + n/(n + 100)`, with the margin m and n samples outside: below 10. For a run that
-    ended at t `20 - t/(1 s + t)`.
+    Inside the tolerance band `½ √(e/ρ∞) + ½ √(Δτ/τ_max)`, below 1, with the worst joint's steady error and steady
+    torque step. Outside `1 + min(8, -m) + n/(n + 100)`, with the margin m and n samples
+    outside: below 10. For a run that ended at t `20 - t/(1 s + t)`.
 
     - `columns`: of outcomes and metrics.
     - `scale`: of the task.
@@ -158,8 +158,8 @@ def costs(columns: Columns, scale: Scale) -> NDArray[Any]:
     error = np.sqrt(np.minimum(columns["steady_error"] / scale.final, 1.0))
     step = np.sqrt(np.minimum(columns["steady_torque_step"] / scale.torque, 1.0))
     good = 0.5 * np.nan_to_num(error, nan=1.0) + 0.5 * np.nan_to_num(step, nan=1.0)
-    depth = np.clip(-np.nan_to_num(columns["tube_margin"], nan=-8.0), 0.0, 8.0)
-    outside = columns["tube_violations"]
+    depth = np.clip(-np.nan_to_num(columns["tolerance_margin"], nan=-8.0), 0.0, 8.0)
+    outside = columns["tolerance_violations"]
     bad = 1.0 + depth + outside / (outside + 100.0)
     ended = np.isin(columns["outcome"], ENDED)
     found: NDArray[Any] = np.where(inside_of(columns), good, bad)

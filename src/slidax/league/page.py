@@ -117,9 +117,11 @@ def _drawn(one: Standing, folder: Path) -> Picture:
         )
         for score in one.scores
     ]
-    figure = figures.league_table(lines, "cases inside the tube  [%]", "steady error  [rad or m]")
+    figure = figures.league_table(lines, "cases inside the tolerance band  [%]", "steady error  [rad or m]")
     caption = (
-        "Share of the held-out cases inside the tube, with its interval; filled where it is not shown to be smaller "
+        "Share of the held-out cases inside the tolerance band, with its interval; filled where it is not shown to be "
     )
-    caption += "than the largest. Right: median steady error of the worst joint, over the cases that were not lost."
+    caption += (
+        "smaller than the largest. Right: median steady error of the worst joint, over the cases that were not lost."
+    )
     return picture(figure, folder, one.task, one.task, caption)

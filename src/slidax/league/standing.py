@@ -21,7 +21,7 @@ class Score:
     """What a scheme did on the held-out cases of a task.
 
     - `entry`: the scheme.
-    - `inside`: the share of cases that never left the tube.
+    - `inside`: the share of cases that never left the tolerance band.
     - `interval`: of that share, by Clopper and Pearson.
     - `failed`: the share that was lost.
     - `medians`: of each metric, over the cases that were not lost; None if all were.
@@ -58,7 +58,7 @@ class Standing:
 
     @property
     def best(self) -> Score | None:
-        """The first, if any scheme kept the tube in some case."""
+        """The first, if any scheme kept the tolerance band in some case."""
         return self.scores[0] if self.scores and self.scores[0].inside > 0 else None
 
 

@@ -1,4 +1,4 @@
-"""A task of the league: an arm, its motion, what is not known of it, and the tube that judges."""
+"""A task of the league: an arm, its motion, what is not known of it, and the tolerance band that judges."""
 
 from __future__ import annotations
 
@@ -41,8 +41,8 @@ class LeagueTask(AbstractDescription):
     """A scenario without a scheme."""
     sampled_data: dict[str, Any] = Field(default={})
     """The block `sampled_data` of every scheme in that form."""
-    tube: dict[str, Any]
-    """What judges, as the block `tube` of a scenario; also the envelope of every scheme that draws one."""
+    tolerance: dict[str, Any]
+    """What judges, as the block `tolerance` of a scenario; also the envelope of every scheme that draws one."""
     uncertainty: Uncertainty
     """What no law knows, as in a scenario."""
     training: CasesDescription

@@ -27,8 +27,8 @@ from .promise import promise_margin as promise_margin
 from .promise import warned_at as warned_at
 from .summary import METRICS as METRICS
 from .summary import OF_MONITORS as OF_MONITORS
+from .summary import OF_TOLERANCES as OF_TOLERANCES
 from .summary import OF_TOOLS as OF_TOOLS
-from .summary import OF_TUBES as OF_TUBES
 from .summary import metrics_of as metrics_of
 from .summary import summary as summary
 from .tool import rms_tool_error as rms_tool_error
@@ -37,5 +37,5 @@ from .tool import steady_tool_error as steady_tool_error
 from .tool import steady_tool_turn as steady_tool_turn
 from .tool import tool_error as tool_error
 from .tool import tool_turn as tool_turn
-from .tube import tube_margin as tube_margin
-from .tube import tube_violations as tube_violations
+from .tube import tolerance_margin as tolerance_margin
+from .tube import tolerance_violations as tolerance_violations

@@ -11,16 +11,16 @@ from slidax.simulation import Run
 from . import effort, envelope, error
 from . import promise as promises
 from . import tool as tools
-from . import tube as tubes
+from . import tube as tolerance_metrics
 from .metric import Metric
 
 METRICS: tuple[Metric[Any], ...] = tuple(
     thing for module in (error, effort, envelope) for thing in vars(module).values() if isinstance(thing, Metric)
 )
-"""Every metric in the order of tables; but for the settling times, which depend on a run's bands, and a tube's."""
+"""Every metric in the order of tables, except settling times, which depend on a run's bands, and tolerance metrics."""
 
-OF_TUBES: tuple[Metric[Any], ...] = (tubes.tube_violations, tubes.tube_margin)
-"""What a run with a tube has besides."""
+OF_TOLERANCES: tuple[Metric[Any], ...] = (tolerance_metrics.tolerance_violations, tolerance_metrics.tolerance_margin)
+"""Metrics of a run with a tolerance band."""
 
 
 OF_TOOLS: tuple[Metric[Any], ...] = tuple(thing for thing in vars(tools).values() if isinstance(thing, Metric))
@@ -38,7 +38,7 @@ def metrics_of(run: Run) -> tuple[Metric[Any], ...]:
     """
     besides = (
         *(one for one in OF_TOOLS if one(run) is not None),
-        *(OF_TUBES if run.tally.tube is not None else ()),
+        *(OF_TOLERANCES if run.tally.tolerance is not None else ()),
         *(OF_MONITORS if run.tally.promise is not None else ()),
     )
     return (*error.settling_times(run), *METRICS, *besides)

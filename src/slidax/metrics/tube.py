@@ -1,4 +1,4 @@
-"""Metrics of the tube that judges a run, whatever its scheme promises."""
+"""Metrics of the tolerance band that judges a run, whatever its scheme promises."""
 
 from __future__ import annotations
 
@@ -9,27 +9,27 @@ from slidax.simulation import Run
 from .metric import array_of, arrays, metric, where
 
 
-@metric("samples outside the tube", "", per_joint=False, counts=True)
-def tube_violations(run: Run) -> np.ndarray | int | None:
-    """How many samples had a joint at or outside the tube; None for a run without one.
+@metric("samples outside the tolerance band", "", per_joint=False, counts=True)
+def tolerance_violations(run: Run) -> np.ndarray | int | None:
+    """Number of samples with a joint at or outside the tolerance band; None for a run without one.
 
     - `run`: a finished run, or a batch.
     """
-    if run.tally.tube is None:
+    if run.tally.tolerance is None:
         return None
-    outside = array_of(run.tally.tube.outside)
+    outside = array_of(run.tally.tolerance.outside)
     return outside if outside.ndim else int(outside)
 
 
-@metric("tube margin", "of its width", least_is_best=False)
-def tube_margin(run: Run) -> np.ndarray | None:
-    """Least distance to the nearer side of the tube over the run, over the tube's width; below 0 outside.
+@metric("tolerance margin", "of its width", least_is_best=False)
+def tolerance_margin(run: Run) -> np.ndarray | None:
+    """Least distance to the nearer bound over the run, relative to the band's width; below 0 outside.
 
-    None for a run without a tube, and for one whose very first state was not finite.
+    None for a run without a tolerance band, and for one whose very first state was not finite.
 
     - `run`: a finished run, or a batch.
     """
-    if run.tally.tube is None:
+    if run.tally.tolerance is None:
         return None
-    margin = array_of(run.tally.tube.margin)
+    margin = array_of(run.tally.tolerance.margin)
     return where(arrays(run).isfinite(margin).all(axis=-1), margin)

@@ -31,10 +31,10 @@ from .scenario import Scenario
 from .schemes import AnyScheme
 from .trajectories import TrajectoryDescription, trajectory_of, warn_of_units
 from .true_and_nominal import Arms
-from .tube import TubeDescription, tube_of
+from .tube import ToleranceDescription, tolerance_of
 from .uncertainty.mapping import Uncertainty
 
-OF_THE_LAW = ("scheme", "simulation", "tube", "truth", "uncertainty", "title", "source")
+OF_THE_LAW = ("scheme", "simulation", "tolerance", "truth", "uncertainty", "title", "source")
 """Blocks in which nothing can be true without the law knowing it."""
 
 TOLD = "write it under the scenario's own key"
@@ -153,7 +153,7 @@ class ScenarioDescription(AbstractDescription):
     """The control scheme."""
     simulation: SimulationDescription
     """How time passes."""
-    tube: TubeDescription | None = None
+    tolerance: ToleranceDescription | None = None
     """What a run is judged by, whatever its scheme promises; nothing if not given."""
 
     truth: dict[str, Any] = Field(default={})
@@ -195,7 +195,7 @@ class ScenarioDescription(AbstractDescription):
                 engine=simulation.engine,
             ),
             log_every=simulation.log_every,
-            tube=tube_of(self.tube, believed.arms.true),
+            tolerance=tolerance_of(self.tolerance, believed.arms.true),
         )
 
     def as_it_is(self) -> ScenarioDescription:

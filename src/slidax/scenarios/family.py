@@ -161,8 +161,8 @@ class Family:
         if isinstance(actual.plant, MujocoPlant):
             raise DefinitionError("MuJoCo moves one arm at a time")
         parts = actual.plant, controller, actual.trajectory, actual.state0
-        tube = template.built.tube
-        return parts if tube is None else (*parts, tube)
+        tolerance = template.built.tolerance
+        return parts if tolerance is None else (*parts, tolerance)
 
     def traceable(self, template: Templates, values: Mapping[str, Array]) -> dict[str, bool]:
         """Which paths lead to arrays of the loop, so that many values of them go through one compiled loop.
@@ -283,14 +283,14 @@ def _joints(base: ScenarioDescription) -> tuple[str, ...]:
 
 
 def _start_of(own: ScenarioDescription) -> tuple[Array, Array]:
-    """The lowest and highest positions at t = 0 that are inside the envelope, or the tube if there is one."""
+    """The lowest and highest positions at t = 0 that are inside the envelope, or the tolerance band if there is one."""
     made = own.build("start")
     t = jax.numpy.zeros(())
     reference = made.trajectory.reference(t)
     state = State(q=reference.q, dq=reference.dq)
     envelope: Envelope | None
-    if made.tube is not None:
-        envelope = made.tube.envelope(t, made.tube.init(t, jax.numpy.zeros_like(reference.q)))
+    if made.tolerance is not None:
+        envelope = made.tolerance.envelope(t, made.tolerance.init(t, jax.numpy.zeros_like(reference.q)))
     else:
         envelope = made.controller.envelope(t, made.controller.init(t, state, reference))
     if envelope is None:

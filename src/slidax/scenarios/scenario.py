@@ -26,7 +26,7 @@ class Scenario:
     - `description`: the validated file it was built from.
     - `plant`, `controller`, `trajectory`, `state0`: the parts.
     - `t1`, `stepping`, `log_every`: as in `simulate`.
-    - `tube`: what a run is judged by, whatever the scheme promises; None for nothing.
+    - `tolerance`: what a run is judged by, whatever the scheme promises; None for nothing.
     - `changed`: what `replace` changed, so that it is no longer what `description` says.
     """
 
@@ -41,7 +41,7 @@ class Scenario:
     t1: float
     stepping: Stepping
     log_every: int | None = 1
-    tube: PrescribedPerformance | None = None
+    tolerance: PrescribedPerformance | None = None
     changed: tuple[str, ...] = ()
 
     @property
@@ -73,9 +73,9 @@ class Scenario:
 
     @property
     def parts(self) -> Parts:
-        """Plant, controller, trajectory and start, in the order in which `simulate` takes them, and the tube if any."""
+        """Plant, controller, trajectory, start, and the tolerance band if any, in the order that `simulate` takes."""
         parts = self.plant, self.controller, self.trajectory, self.state0
-        return parts if self.tube is None else (*parts, self.tube)
+        return parts if self.tolerance is None else (*parts, self.tolerance)
 
     def simulate(self, *, log_every: int | None = 0, throw: bool = False, progress: bool | None = None) -> Run:
         """The run of this scenario.

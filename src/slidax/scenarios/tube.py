@@ -1,4 +1,4 @@
-"""The tube that judges a run, in a scenario file."""
+"""The tolerance band that judges a run, in a scenario file."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from slidax.transformations import PrescribedPerformance
 from .derived import PartDescription, plain_of
 
 if TYPE_CHECKING:
-    TubeDescription = PartDescription
+    ToleranceDescription = PartDescription
 else:
-    TubeDescription = plain_of(
-        PrescribedPerformance, "TubeDescription", doc="Bounds of the error, drawn as an envelope is."
+    ToleranceDescription = plain_of(
+        PrescribedPerformance, "ToleranceDescription", doc="Bounds of the error, drawn as an envelope is."
     )
 
 
-def tube_of(description: TubeDescription | None, robot: AbstractRobot) -> PrescribedPerformance | None:
-    """The tube, if there is one.
+def tolerance_of(description: ToleranceDescription | None, robot: AbstractRobot) -> PrescribedPerformance | None:
+    """The tolerance band, if there is one.
 
     - `description`: of it.
     - `robot`: whose errors it is about.
@@ -28,7 +28,7 @@ def tube_of(description: TubeDescription | None, robot: AbstractRobot) -> Prescr
     """
     if description is None:
         return None
-    with located("tube"):
-        tube: PrescribedPerformance = description.build()
-        require_joints(tube, robot.joints, type(robot).__name__)
-    return tube
+    with located("tolerance"):
+        tolerance: PrescribedPerformance = description.build()
+        require_joints(tolerance, robot.joints, type(robot).__name__)
+    return tolerance

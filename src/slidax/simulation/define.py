@@ -37,7 +37,7 @@ def define_loop(
     stepping: Stepping,
     log_every: int | None,
     bands: tuple[float, ...],
-    tube: PrescribedPerformance | None = None,
+    tolerance: PrescribedPerformance | None = None,
 ) -> tuple[Loop, int]:
     """The closed loop, and the number of its samples, once its parts are known to fit each other.
 
@@ -48,7 +48,7 @@ def define_loop(
     require_64_bits()
     if log_every is not None and not 1 <= log_every <= MOST_SAMPLES:
         raise DefinitionError(f"`log_every` must be in [1, {MOST_SAMPLES:.0e}], or None for no log; got {log_every}")
-    require_fitting(plant, controller, trajectory, state0, tube, stepping=stepping)
+    require_fitting(plant, controller, trajectory, state0, tolerance, stepping=stepping)
     steps = _steps(float(t1), stepping.period)
     require_within_limits(plant.robot, trajectory, state0, steps, stepping)
     loop = Loop(
@@ -62,7 +62,7 @@ def define_loop(
         substeps=stepping.substeps,
         continuous=stepping.mode == "continuous",
         recover=stepping.outside == "recover",
-        tube=tube,
+        tolerance=tolerance,
     )
     return loop, steps + 1
 
@@ -72,13 +72,13 @@ def require_fitting(
     controller: AbstractController,
     trajectory: AbstractTrajectory,
     state0: State,
-    tube: PrescribedPerformance | None = None,
+    tolerance: PrescribedPerformance | None = None,
     *,
     stepping: Stepping,
 ) -> None:
     """Raises DefinitionError if the parts of a closed loop do not fit each other.
 
-    - `plant`, `controller`, `trajectory`, `state0`, `tube`: its parts, as in `simulate`.
+    - `plant`, `controller`, `trajectory`, `state0`, `tolerance`: its parts, as in `simulate`.
     - `stepping`: how time passes.
     """
     n = plant.robot.joints
@@ -99,8 +99,8 @@ def require_fitting(
             f"the trajectory's joints are {quoted(names)}, but the robot's order is {quoted(plant.robot.joint_names)}: "
             "read the motion with `joints=robot.joint_names`"
         )
-    if tube is not None:
-        require_joints(tube, n, "the plant")
+    if tolerance is not None:
+        require_joints(tolerance, n, "the plant")
     try:
         pushed = eqx.filter_eval_shape(plant.disturbance, jax.ShapeDtypeStruct((), float), state0).shape
     except (TypeError, ValueError) as error:
@@ -180,13 +180,13 @@ def require_start(loop: Loop, state0: State, envelope: Envelope | None, referenc
                 "in a posture that needs less"
             )
     e = np.asarray(state0.q - reference.q)
-    if loop.tube is not None:
-        judged = loop.tube.envelope(constant(0.0), loop.tube.init(constant(0.0), state0.q - reference.q))
+    if loop.tolerance is not None:
+        judged = loop.tolerance.envelope(constant(0.0), loop.tolerance.init(constant(0.0), state0.q - reference.q))
         outside = (e <= np.asarray(judged.lower)) | (np.asarray(judged.upper) <= e)
         if outside.any():
             joint = int(np.argmax(outside))
             raise DefinitionError(
-                f"the tube must hold the start, |e(0)| < rho0; got e(0) = {e[joint]:.4g} for {names[joint]}; "
+                f"the tolerance band must hold the start, |e(0)| < rho0; got e(0) = {e[joint]:.4g} for {names[joint]}; "
                 "enlarge its initial radius or start nearer"
             )
     if envelope is None or loop.recover:

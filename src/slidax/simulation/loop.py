@@ -33,7 +33,7 @@ class Loop(eqx.Module):
     - `substeps`: steps of the plant per period, in held mode.
     - `continuous`: whether the law is evaluated at every stage of the integrator.
     - `recover`: whether the run goes on outside the envelope.
-    - `tube`: what judges the run, whatever the scheme promises; None for nothing.
+    - `tolerance`: what judges the run, whatever the scheme promises; None for nothing.
     """
 
     plant: Plant
@@ -46,7 +46,7 @@ class Loop(eqx.Module):
     substeps: int = eqx.field(static=True)
     continuous: bool = eqx.field(static=True)
     recover: bool = eqx.field(static=True)
-    tube: PrescribedPerformance | None = None
+    tolerance: PrescribedPerformance | None = None
 
 
 class Carry(eqx.Module):

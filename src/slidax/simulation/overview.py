@@ -42,9 +42,9 @@ def remarks(run: Run) -> list[str]:
     if run.has_envelope:
         outside, samples = int(np.sum(run.tally.violations)), int(np.sum(run.tally.samples))
         said.append(f"Samples outside the envelope: {outside} of {samples}.")
-    if run.tally.tube is not None:
-        outside, samples = int(np.sum(run.tally.tube.outside)), int(np.sum(run.tally.samples))
-        said.append(f"Samples outside the tube: {outside} of {samples}.")
+    if run.tally.tolerance is not None:
+        outside, samples = int(np.sum(run.tally.tolerance.outside)), int(np.sum(run.tally.samples))
+        said.append(f"Samples outside the tolerance band: {outside} of {samples}.")
     if run.timing is not None:
         said.append(f"Simulated in {run.timing.run_s:.3g} s, after {run.timing.compile_s:.3g} s to compile.")
     return said

@@ -50,7 +50,7 @@ def begin(loop: Loop, state: State) -> Begun:
         torque = held
     memory = loop.controller.init(t, measured, reference)
     joints = state.q.shape[0]
-    tube = None if loop.tube is None else Watched.begin(loop.tube, state.q - reference.q)
+    tolerance = None if loop.tolerance is None else Watched.begin(loop.tolerance, state.q - reference.q)
     carry = Carry(
         k=jnp.zeros((), int),
         state=state,
@@ -59,7 +59,7 @@ def begin(loop: Loop, state: State) -> Begun:
         tally=Tally.empty(
             joints,
             loop.windows.bands.shape[0],
-            tube,
+            tolerance,
             Promise.begin() if _has_monitor(loop.controller) else None,
             Tool.begin(loop.plant.robot) if isinstance(loop.trajectory, ToolMotion) else None,
             gated=isinstance(loop.controller, SampledData),
@@ -122,8 +122,8 @@ def _counted(
         seen = excursion.add(carry.k, e, now.envelope)
         tally = tally.with_violation(known & seen.outside)
         excursion = select(known, seen, excursion)
-    if loop.tube is not None:
-        tally = tally.watching(loop.tube, t, e, running)
+    if loop.tolerance is not None:
+        tally = tally.watching(loop.tolerance, t, e, running)
     tally = tally.warned(carry.k, now.command.signals, good)
     tally = tally.with_rejection(now.command.signals, good)
     if tally.tool is not None:

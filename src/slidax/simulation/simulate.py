@@ -35,7 +35,7 @@ def simulate(
     controller: AbstractController,
     trajectory: AbstractTrajectory,
     state0: State,
-    tube: PrescribedPerformance | None = None,
+    tolerance: PrescribedPerformance | None = None,
     *,
     t1: float,
     stepping: Stepping | None = None,
@@ -59,7 +59,8 @@ def simulate(
     - `controller`: the scheme.
     - `trajectory`: what the joints should do.
     - `state0`: state at t = 0.
-    - `tube`: what the run is judged by, whatever the scheme promises: `metrics.tube_margin`, `metrics.tube_violations`.
+    - `tolerance`: band of the error that judges the run, independent of the scheme's envelope; see
+      `metrics.tolerance_margin` and `metrics.tolerance_violations`.
     - `t1`: end [s], a whole number of periods.
     - `stepping`: how time passes.
     - `log_every`: log one in so many samples; None logs none. Metrics count all samples whatever is logged.
@@ -77,7 +78,7 @@ def simulate(
     """
     stepping = Stepping.of(stepping, changes)
     own = plant.pushed if isinstance(plant, MujocoPlant) else plant
-    loop, samples = define_loop(own, controller, trajectory, state0, t1, stepping, log_every, bands, tube)
+    loop, samples = define_loop(own, controller, trajectory, state0, t1, stepping, log_every, bands, tolerance)
     traced = is_traced((plant, loop, state0))
     if log_every is not None and not traced:
         require_room(loop, state0, -(-samples // log_every))

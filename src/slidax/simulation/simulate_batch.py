@@ -32,7 +32,7 @@ Parts = (
     tuple[Plant | MujocoPlant, AbstractController, AbstractTrajectory, State]
     | tuple[Plant | MujocoPlant, AbstractController, AbstractTrajectory, State, PrescribedPerformance]
 )
-"""What a closed loop is made of: plant, controller, trajectory, state at t = 0, and perhaps the tube that judges it."""
+"""Plant, controller, trajectory, state at t = 0, and optionally the tolerance band that judges the run."""
 
 
 def simulate_batch(
@@ -54,9 +54,8 @@ def simulate_batch(
     and all of it if only gains vary: reference, envelope and disturbance. The bits of a run depend neither on the
     others nor on the number of threads.
 
-    - `define`: from what varies, for one run, to `(plant, controller, trajectory, state0)`, and if the runs have a tube
-      that as the fifth; pure, and traced by JAX, so that its numbers are not checked: `run.outcomes` says what went
-      wrong.
+    - `define`: maps one run's varied values to `(plant, controller, trajectory, state0)`, with the tolerance band as
+      an optional fifth. Pure and traced by JAX, so its values are not checked; read `run.outcomes`.
     - `varied`: a pytree of arrays with the run as their first axis.
     - `t1`, `stepping`, `bands`, `changes`: as in `simulate`, the same for all; the engine "xla" is `jax.vmap`, and
       "cuda" an NVIDIA card, each run in a thread of its own.
@@ -99,11 +98,11 @@ class Task:
 
     def loop(self, given: Any) -> tuple[Loop, State, int, tuple[tuple[str, ...], tuple[str, ...]]]:
         """The loop, the first state, how many samples, and the units and names of the joints."""
-        plant, controller, trajectory, state0, *tube = self.define(given)
+        plant, controller, trajectory, state0, *tolerance = self.define(given)
         if isinstance(plant, MujocoPlant):
             raise DefinitionError("MuJoCo moves one arm at a time: give a `Plant`, or call `simulate` for each run")
         loop, samples = define_loop(
-            plant, controller, trajectory, state0, self.t1, self.stepping, self.log_every, self.bands, *tube
+            plant, controller, trajectory, state0, self.t1, self.stepping, self.log_every, self.bands, *tolerance
         )
         return loop, state0, samples, (plant.robot.joint_units, plant.robot.joint_names)
 

@@ -44,7 +44,7 @@ class Tally(eqx.Module):
     - `torque_square`: sum of τ².
     - `torque_travel`: sum of |τ(k+1) - τ(k)|.
     - `margin`: min over time of the distance to the nearer bound, divided by the envelope's width; inf without one.
-    - `tube`: what was seen of the tube that judges the run; None without one.
+    - `tolerance`: what was seen of the tolerance band that judges the run; None without one.
     - `promise`: what the law's monitor said; None without one.
     - `tool`: how far the tool was off; None where none is led.
     - `rejected`: how many measurements the law's gate rejected, []; None without a gate.
@@ -68,7 +68,7 @@ class Tally(eqx.Module):
     torque_square: Vector
     torque_travel: Vector
     margin: Vector
-    tube: Watched | None = None
+    tolerance: Watched | None = None
     promise: Promise | None = None
     tool: Tool | None = None
     rejected: Int[Array, ""] | None = None
@@ -77,7 +77,7 @@ class Tally(eqx.Module):
     def empty(
         joints: int,
         bands: int,
-        tube: Watched | None = None,
+        tolerance: Watched | None = None,
         promise: Promise | None = None,
         tool: Tool | None = None,
         gated: bool = False,
@@ -86,7 +86,7 @@ class Tally(eqx.Module):
 
         - `joints`: number of joints.
         - `bands`: number of settling bands.
-        - `tube`: the tube that judges it, if there is one.
+        - `tolerance`: the tolerance band that judges it, if there is one.
         - `promise`: of a law with a monitor.
         - `tool`: of a motion that leads one.
         - `gated`: True for a law with a gate for measurements.
@@ -112,7 +112,7 @@ class Tally(eqx.Module):
             torque_square=zero,
             torque_travel=zero,
             margin=jnp.full(joints, jnp.inf),
-            tube=tube,
+            tolerance=tolerance,
             promise=promise,
             tool=tool,
             rejected=count if gated else None,
@@ -155,20 +155,20 @@ class Tally(eqx.Module):
             torque_square=self.torque_square + effort * effort,
             torque_travel=self.torque_travel + step,
             margin=margin,
-            tube=self.tube,
+            tolerance=self.tolerance,
             promise=self.promise,
             tool=self.tool,
             rejected=self.rejected,
         )
 
-    def watching(self, tube: PrescribedPerformance, t: Scalar, e: Vector, running: Bool[Array, ""]) -> Tally:
-        """The tally with one more sample of the tube that judges the run; also where the law has no answer.
+    def watching(self, tolerance: PrescribedPerformance, t: Scalar, e: Vector, running: Bool[Array, ""]) -> Tally:
+        """The tally with one more sample of the tolerance band that judges the run; also where the law has no answer.
 
-        - `tube`, `t`, `e`, `running`: as in `Watched.add`.
+        - `tolerance`, `t`, `e`, `running`: as in `Watched.add`.
         """
-        if self.tube is None:
+        if self.tolerance is None:
             return self
-        return eqx.tree_at(lambda tally: tally.tube, self, self.tube.add(tube, t, e, running))
+        return eqx.tree_at(lambda tally: tally.tolerance, self, self.tolerance.add(tolerance, t, e, running))
 
     def warned(self, k: Int[Array, ""], signals: dict[str, Array], running: Bool[Array, ""]) -> Tally:
         """The tally with one more answer of the law's monitor.

@@ -1,4 +1,4 @@
-"""A tube that a run is judged by, whatever its scheme promises."""
+"""A tolerance band that a run is judged by, whatever its scheme promises."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from slidax.transformations.psi import Sides
 
 
 class Watched(eqx.Module):
-    """What was seen of a tube, `b ρ(t) < e < b̄ ρ(t)` as in (12), with the sides of (13) by the true first error.
+    """Margin to a tolerance band `b ρ(t) < e < b̄ ρ(t)`, eq. (12), with the sides of (13) from the true first error.
 
     - `sides`: b and b̄ [n].
     - `outside`: how many of the samples had a joint at or outside its bounds, [].
-    - `margin`: min over time of the distance to the nearer bound, divided by the tube's width [n]; below 0 outside.
+    - `margin`: min over time of the distance to the nearer bound, divided by the band's width [n]; below 0 outside.
     """
 
     sides: Sides
@@ -24,24 +24,24 @@ class Watched(eqx.Module):
     margin: Vector
 
     @staticmethod
-    def begin(tube: PrescribedPerformance, e: Vector) -> Watched:
+    def begin(tolerance: PrescribedPerformance, e: Vector) -> Watched:
         """Before the first sample.
 
-        - `tube`: ρ and ϑ.
+        - `tolerance`: ρ and ϑ.
         - `e`: error at t = 0 [n], rad or m.
         """
-        sides = tube.init(jnp.zeros(()), e)
+        sides = tolerance.init(jnp.zeros(()), e)
         return Watched(sides=sides, outside=jnp.zeros((), int), margin=jnp.full(e.shape, jnp.inf))
 
-    def add(self, tube: PrescribedPerformance, t: Scalar, e: Vector, running: Bool[Array, ""]) -> Watched:
+    def add(self, tolerance: PrescribedPerformance, t: Scalar, e: Vector, running: Bool[Array, ""]) -> Watched:
         """The same with one more sample.
 
-        - `tube`: ρ and ϑ.
+        - `tolerance`: ρ and ϑ.
         - `t`: time [s].
         - `e`: error [n], rad or m.
         - `running`: whether the run is not over yet.
         """
-        bounds = tube.envelope(t, self.sides)
+        bounds = tolerance.envelope(t, self.sides)
         known = running & jnp.all(jnp.isfinite(e))
         inside = jnp.all((bounds.lower < e) & (e < bounds.upper))
         nearer = jnp.minimum(e - bounds.lower, bounds.upper - e) / (bounds.upper - bounds.lower)

@@ -8,7 +8,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from slidax.metrics import METRICS, OF_MONITORS, OF_TOOLS, OF_TUBES, metrics_of
+from slidax.metrics import METRICS, OF_MONITORS, OF_TOLERANCES, OF_TOOLS, metrics_of
 from slidax.simulation import Run
 
 Columns: TypeAlias = dict[str, NDArray[Any]]
@@ -25,7 +25,7 @@ COLUMNS = {
     "margin": "least distance to the nearer bound over the envelope's width; negative if it was outside",
     **{
         one.key: f"{one.title}, of the worst joint [{one.unit.format(position='rad or m', torque='N m or N')}]"
-        for one in (*METRICS, *OF_TOOLS, *OF_TUBES, *OF_MONITORS)
+        for one in (*METRICS, *OF_TOOLS, *OF_TOLERANCES, *OF_MONITORS)
     },
 }
 """What the columns of a table mean."""

@@ -56,14 +56,14 @@ def _bounds(run: Run, scenario: Scenario) -> tuple[np.ndarray, np.ndarray] | Non
     assert log is not None
     if log.envelope is not None:
         return np.asarray(log.envelope.lower), np.asarray(log.envelope.upper)
-    if scenario.tube is None:
+    if scenario.tolerance is None:
         return None
     import jax
     import jax.numpy as jnp
 
-    tube = scenario.tube
-    sides = tube.init(jnp.zeros(()), jnp.asarray(log.e[0]))
-    found = jax.vmap(lambda t: tube.envelope(t, sides))(jnp.asarray(log.t))
+    tolerance = scenario.tolerance
+    sides = tolerance.init(jnp.zeros(()), jnp.asarray(log.e[0]))
+    found = jax.vmap(lambda t: tolerance.envelope(t, sides))(jnp.asarray(log.t))
     return np.asarray(found.lower), np.asarray(found.upper)
 
 

@@ -125,7 +125,7 @@ def test_a_rival_is_judged_by_our_envelope(tmp_path: Path) -> None:
     manifest = made("example-4.2-1khz", ("super_twisting",), simulation__t1=4.0)
     ours, theirs = (assert_same(manifest, k, tmp_path) for k in (0, 1))
     assert theirs["signals"]["upper"] == ours["signals"]["upper"]
-    assert "tube_margin" in theirs["metrics"]
+    assert "tolerance_margin" in theirs["metrics"]
 
 
 @pytest.mark.full

@@ -101,14 +101,14 @@ def _rival(
         raise DefinitionError(f"there is no scheme `{plain(name)}`; {nearest(name, [*PRESETS, PRINTED])}")
     changes: dict[str, Any] = {"scheme.name": name, **{f"scheme.{gain}": value for gain, value in gains.items()}}
     envelope: Any = getattr(description.scheme, "transformation", None)
-    if description.tube is None and hasattr(envelope, "performance"):
+    if description.tolerance is None and hasattr(envelope, "performance"):
         # What judges a law that promises no envelope is the one that ours draws.
-        changes["tube"] = {
+        changes["tolerance"] = {
             key: value for key, value in envelope.model_dump(exclude_unset=True).items() if key != "kind"
         }
     rival = _with(description, changes)
     note = WITH if description.scheme.sampled_data is not None else ""
-    if note and "tube" in changes and not _draws(rival):
+    if note and "tolerance" in changes and not _draws(rival):
         note += JUDGED
     return Setting(rival, arm, name, title_of(name), "rival", choices, note)
 

@@ -56,9 +56,9 @@ class Variant:
         - `values`: by path; the scenario's own are not needed.
         """
         built = self.templates.built
-        plant, controller, trajectory, state0, *tube = self.family.parts(self.templates, values)
+        plant, controller, trajectory, state0, *tolerance = self.family.parts(self.templates, values)
         assert not isinstance(plant, MujocoPlant)
-        loop = define_loop(plant, controller, trajectory, state0, built.t1, built.stepping, 1, BANDS, *tube)[0]
+        loop = define_loop(plant, controller, trajectory, state0, built.t1, built.stepping, 1, BANDS, *tolerance)[0]
         return loop, state0
 
     @cached_property
@@ -231,9 +231,9 @@ def _start(loop: Loop, state: State, envelope: Envelope | None, reference: Refer
     found = {"e": e, "period": loop.period}
     if held is not None and loop.plant.actuator is not None:
         found |= {"held": held, "limit": jnp.broadcast_to(loop.plant.actuator.limits.torque, held.shape)}
-    if loop.tube is not None:
-        judged = loop.tube.envelope(jnp.zeros(()), loop.tube.init(jnp.zeros(()), e))
-        found |= {"tube_lower": judged.lower, "tube_upper": judged.upper}
+    if loop.tolerance is not None:
+        judged = loop.tolerance.envelope(jnp.zeros(()), loop.tolerance.init(jnp.zeros(()), e))
+        found |= {"tolerance_lower": judged.lower, "tolerance_upper": judged.upper}
     if envelope is not None and not loop.recover:
         found |= {"lower": envelope.lower, "upper": envelope.upper}
     return found

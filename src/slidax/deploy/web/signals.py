@@ -26,7 +26,7 @@ TITLES = {
 def signals_of(loop: Loop, before: Carry, log: Log) -> dict[str, Any]:
     """The signals of one sample, each one number or [n].
 
-    Bounds are those of the scheme's envelope, or of the tube that judges a scheme without one.
+    Bounds are those of the scheme's envelope, or of the tolerance band that judges a scheme without one.
 
     - `loop`: the closed loop.
     - `before`: the carry before the sample.
@@ -45,12 +45,12 @@ def signals_of(loop: Loop, before: Carry, log: Log) -> dict[str, Any]:
 
 
 def bounds_of(loop: Loop, before: Carry, log: Log) -> Envelope | None:
-    """Those of the scheme's envelope, or of the tube.
+    """Those of the scheme's envelope, or of the tolerance band.
 
     - `loop`, `before`, `log`: as in `signals_of`.
     """
-    if log.envelope is not None or loop.tube is None:
+    if log.envelope is not None or loop.tolerance is None:
         return log.envelope
-    assert before.tally.tube is not None
+    assert before.tally.tolerance is not None
     t: Any = log.t
-    return loop.tube.envelope(t, before.tally.tube.sides)
+    return loop.tolerance.envelope(t, before.tally.tolerance.sides)

@@ -12,7 +12,7 @@ const MEASURES = [
   ["rms_error", "error, rms", "q"],
   ["iae", "integral of |e|", "q s"],
   ["envelope_margin", "envelope margin", "of its width", true],
-  ["tube_margin", "margin in the judging tube", "of its width", true],
+  ["tolerance_margin", "margin in the tolerance band", "of its width", true],
   ["envelope_violations", "samples outside", ""],
   ["peak_torque", "peak torque", "tau"],
   ["initial_torque", "initial torque", "tau"],

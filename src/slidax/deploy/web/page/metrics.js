@@ -41,10 +41,10 @@ export function loopMetrics(program, ended) {
     found.envelope_violations = tally("violations");
     found.envelope_margin = samples > 0 ? tally("margin") : each(unknown);
   }
-  const tube = ended("tally.tube.margin");
-  if (tube !== null) {
-    found.tube_violations = ended("tally.tube.outside");
-    found.tube_margin = tube.every(Number.isFinite) ? tube : each(unknown);
+  const tolerance = ended("tally.tolerance.margin");
+  if (tolerance !== null) {
+    found.tolerance_violations = ended("tally.tolerance.outside");
+    found.tolerance_margin = tolerance.every(Number.isFinite) ? tolerance : each(unknown);
   }
   for (const [part, name] of [["place", "tool_error"], ["turn", "tool_turn"]]) {
     const most = ended(`tally.tool.${part}.error`);

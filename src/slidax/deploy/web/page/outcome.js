@@ -37,7 +37,7 @@ function outcomeRefused(program, start) {
         `${shortNumber(start.held[joint], 4)} ${unit} there, but its limit is ${shortNumber(start.limit[joint], 6)} ${unit}.`;
     }
   }
-  for (const [lower, upper, name, symbol] of [["tube_lower", "tube_upper", "tube", "|e(0)| < rho0"],
+  for (const [lower, upper, name, symbol] of [["tolerance_lower", "tolerance_upper", "tolerance band", "|e(0)| < rho0"],
     ["lower", "upper", "envelope", "lower < e(0) < upper"]]) {
     if (!start[lower]) continue;
     const joint = start.e.findIndex((e, k) => e <= start[lower][k] || e >= start[upper][k]);

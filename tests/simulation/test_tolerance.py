@@ -1,0 +1,83 @@
+import numpy as np
+import pytest
+
+from slidax import metrics, scenarios
+from slidax._errors import DefinitionError
+from slidax.simulation import Run
+
+FIXED_TIME = {"kind": "fixed_time", "initial": [0.8, 0.6], "final": 0.002, "deadline": [5.0, 6.0], "exponent": 2.01}
+
+OWN = {
+    "performance": FIXED_TIME,
+    "overshoot": 0.2,
+}
+"""The envelope of the scenario's own scheme, as a tolerance band."""
+
+NARROW = {
+    "performance": {"kind": "exponential", "initial": 1.0, "final": 0.05, "rate": 20.0},
+    "overshoot": 0.5,
+}
+
+
+def run(tolerance, engine="auto", **changes) -> Run:
+    changes = {"simulation.t1": 0.4, "simulation.engine": engine, "tolerance": tolerance, **changes}
+    return scenarios.load("example-4.1-1khz", changes).simulate(log_every=1, progress=False)
+
+
+@pytest.mark.parametrize("engine", ["native", "xla"])
+def test_a_tolerance_like_the_schemes_envelope_has_its_margin_to_the_bit(engine):
+    watched = run(OWN, engine, **{"scheme.sampled_data": None})
+    np.testing.assert_array_equal(metrics.tolerance_margin(watched), metrics.envelope_margin(watched))
+    assert metrics.tolerance_violations(watched) == metrics.envelope_violations(watched) == 0
+
+
+def test_a_tolerance_changes_no_bit_of_a_run_and_a_run_without_one_has_nothing_of_it():
+    plain, watched = run(None), run(NARROW)
+    np.testing.assert_array_equal(plain.log.tau, watched.log.tau)
+    np.testing.assert_array_equal(plain.log.state.q, watched.log.state.q)
+    assert (
+        plain.tally.tolerance is None
+        and metrics.tolerance_margin(plain) is None
+        and metrics.tolerance_violations(plain) is None
+    )
+    assert "tolerance_margin" not in metrics.summary(plain) and "tolerance_margin" in metrics.summary(watched)
+
+
+@pytest.mark.parametrize("scheme", ["gravity_pd", "cftsmppc"])
+def test_every_scheme_is_counted_against_the_tolerance_by_the_log_of_all_samples(scheme):
+    found = run(NARROW, **{"scheme.name": scheme})
+    rho = 0.95 * np.exp(-20.0 * found.log.t)[:, None] + 0.05
+    sides = np.where(found.log.e[0] >= 0, [[-0.5], [1.0]], [[-1.0], [0.5]])
+    lower, upper = sides[0] * rho, sides[1] * rho
+    outside = ((found.log.e <= lower) | (found.log.e >= upper)).any(axis=1)
+    assert metrics.tolerance_violations(found) == outside.sum() > 0
+    nearer = np.minimum(found.log.e - lower, upper - found.log.e) / (upper - lower)
+    np.testing.assert_allclose(metrics.tolerance_margin(found), nearer.min(axis=0), rtol=1e-9)
+    assert f"Samples outside the tolerance band: {outside.sum()} of 401." in repr(found)
+
+
+def test_a_batch_has_the_tolerance_of_its_scenario_and_may_vary_it():
+    scenario = scenarios.load(
+        "example-4.1-1khz", {"tolerance": NARROW, "simulation.t1": 0.1, "scheme.name": "gravity_pd"}
+    )
+    tolerance = scenario.tolerance
+    assert tolerance is not None
+    many = scenario.simulate_batch(
+        lambda one, share: one.replace(tolerance=type(tolerance)(tolerance.performance, share)), np.array([0.5, 0.25])
+    )
+    single = scenario.simulate(log_every=None)
+    violations, margins = metrics.tolerance_violations(many), metrics.tolerance_margin(many)
+    assert violations[0] == metrics.tolerance_violations(single)
+    np.testing.assert_array_equal(margins[0], metrics.tolerance_margin(single))
+    # On the far side the error is as near to the bound as before, and the tolerance band is slimmer.
+    assert np.all(margins[1] != margins[0])
+
+
+def test_a_tolerance_that_does_not_fit_is_refused_in_one_line():
+    small = {**OWN, "performance": {**FIXED_TIME, "initial": [0.5, 0.6]}}
+    with pytest.raises(DefinitionError, match=r"the tolerance band must hold the start.*got e\(0\) = -0.6 for joint 1"):
+        run(small)
+    with pytest.raises(DefinitionError, match=r"tolerance: .*2 joints"):
+        run({**OWN, "overshoot": [0.2, 0.2, 0.2]})
+    with pytest.raises(DefinitionError, match=r"tolerance.performance.kind"):
+        run({**OWN, "performance": {"kind": "wide"}})
