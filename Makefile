@@ -17,7 +17,7 @@ export PIP_NO_INDEX := 1
 export PIP_FIND_LINKS := $(abspath $(WHEELS))
 endif
 
-.PHONY: help venv demo test lint format bench verify figures tables targets league schema docs release lock wheels clean
+.PHONY: help venv demo test lint format bench verify figures tables targets benchmark schema docs release lock wheels clean
 .DEFAULT_GOAL := help
 
 help: ## Show these targets
@@ -65,8 +65,8 @@ tables: .venv/.installed ## Renew the measured tables of docs/choosing.md
 targets: .venv/.installed ## Build and run the exported step on every target that is here, and renew docs/targets.md
 	@.venv/bin/python -m benchmarks.targets $(ARGS)
 
-league: .venv/.installed ## Play the league, and renew its table in docs/league.md and README.md
-	@.venv/bin/python scripts/write-league $(ARGS)
+benchmark: .venv/.installed ## Benchmark the schemes, and renew the table in docs/benchmark-of-schemes.md and README.md
+	@.venv/bin/python scripts/write-benchmark $(ARGS)
 
 schema: .venv/.installed ## Renew the JSON schema of scenario files
 	@.venv/bin/slidax schema > src/slidax/scenarios/scenario.schema.json

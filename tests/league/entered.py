@@ -1,4 +1,4 @@
-"""A scheme from elsewhere, as somebody writes it who enters the league."""
+"""A user's scheme that enters the benchmark."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The league as a whole, small: a few matches of each kind, kept, gone on with, and shown."""
+"""The benchmark as a whole, small: results that are kept, resumed and shown."""
 
 import json
 import re
@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from slidax._errors import DefinitionError
-from slidax.league import Entry, Season, entries, forms_of, names, task, write_league
+from slidax.league import BenchmarkEntry, BenchmarkRound, entries, forms_of, names, task, write_benchmark
 from slidax.league.gains import gains_of
 from slidax.league.match import drawn
 from slidax.scenarios.family import Family
@@ -19,24 +19,24 @@ TASK = "scara-slow"
 
 
 @pytest.fixture(scope="module")
-def season():
-    return Season({TASK: task(TASK)}, [*entries(["pid"], [STIFF], ("printed",))]).small()
+def small():
+    return BenchmarkRound({TASK: task(TASK)}, [*entries(["pid"], [STIFF], ("printed",))]).small()
 
 
 @pytest.fixture(scope="module")
-def results(season, tmp_path_factory):
-    out = tmp_path_factory.mktemp("league")
-    return season.played(out, 0), out
+def results(small, tmp_path_factory):
+    out = tmp_path_factory.mktemp("benchmark")
+    return small.run(out, 0), out
 
 
-def test_every_arm_of_the_package_has_a_task_and_what_is_hard_is_there():
+def test_tasks_cover_every_arm_and_every_difficulty():
     tasks = [task(name) for name in names()]
-    arms = {one.scenario["robot"]["kind"] for one in tasks}
+    arms = {each.scenario["robot"]["kind"] for each in tasks}
     assert arms == {"two_link", "scara", "panda", "ur5e", "iiwa14", "xarm7", "gen3"}
-    about = {word for one in tasks for word in one.about}
+    about = {word for each in tasks for word in each.about}
     assert {"payload", "friction", "rotors", "delay", "encoders", "pushes", "contact", "point to point"} <= about
-    for one in tasks:
-        assert one.training.seed != one.held_out.seed and one.held_out.cases >= 200
+    for each in tasks:
+        assert each.training.seed != each.held_out.seed and each.held_out.cases >= 200
 
 
 FITTING = [
@@ -48,9 +48,8 @@ FITTING = [
 
 @pytest.mark.parametrize(("name", "schemes"), FITTING)
 def test_every_scheme_fits_every_task_in_both_forms_with_the_same_tolerance(name, schemes):
-    asked = task(name)
     for entry in entries(schemes):
-        base = entry.described(asked)
+        base = entry.described(task(name))
         assert base.tolerance is not None
         envelope = base.scheme.model_dump().get("transformation")
         if envelope is not None and "performance" in envelope:
@@ -60,48 +59,48 @@ def test_every_scheme_fits_every_task_in_both_forms_with_the_same_tolerance(name
         assert entry.gains().sets(base)
 
 
-def test_all_complete_schemes_take_part_and_what_is_tuned_is_listed():
+def test_all_complete_schemes_take_part():
     assert {entry.scheme for entry in entries()} == {name for name, preset in PRESETS.items() if preset.complete}
 
 
-def test_the_cases_of_training_and_those_held_out_share_none():
-    asked = task(TASK)
-    family = Family.of(Entry("pid", "printed").described(asked), asked.uncertainty)
-    seen, held = (drawn(family, cases)["start.q"] for cases in (asked.training, asked.held_out))
-    assert not np.isclose(seen[:, None], held[None]).all(axis=2).any()
+def test_training_and_held_out_cases_are_disjoint():
+    scara = task(TASK)
+    family = Family.of(BenchmarkEntry("pid", "printed").described(scara), scara.uncertainty)
+    training, held = (drawn(family, cases)["start.q"] for cases in (scara.training, scara.held_out))
+    assert not np.isclose(training[:, None], held[None]).all(axis=2).any()
 
 
-def test_a_season_is_played_kept_and_not_played_again(results, season):
-    played, out = results
-    assert len(played.matches) == 2 and not any(isinstance(one, str) for one in played.matches.values())
-    for (_, entry), match in played.matches.items():
-        assert match.inside.shape == match.metrics["steady_error"].shape == (8,)
-        assert set(match.gains) == {f"scheme.{path}" for path in entry.gains().tuned}
-    again = season.played(out, 0, lambda *_: pytest.fail("it was played again"))
-    for which, match in played.matches.items():
-        np.testing.assert_array_equal(again.matches[which].inside, match.inside)
-        for name, values in match.metrics.items():
-            np.testing.assert_array_equal(again.matches[which].metrics[name], values)
-    one = next((out / "matches").rglob("*.json"))
-    one.write_text(one.read_text().replace('"version": 1', '"version": 0'))
-    asked = []
-    season.played(out, 0, lambda *which: asked.append(which))
-    assert len(asked) == 1
+def test_a_round_is_kept_and_runs_again_only_for_another_version(results, small):
+    first, out = results
+    assert len(first.by_key) == 2 and not any(isinstance(each, str) for each in first.by_key.values())
+    for (_, entry), result in first.by_key.items():
+        assert result.inside.shape == result.metrics["steady_error"].shape == (8,)
+        assert set(result.gains) == {f"scheme.{path}" for path in entry.gains().tuned}
+    again = small.run(out, 0, lambda *_: pytest.fail("it ran again"))
+    for key, result in first.by_key.items():
+        np.testing.assert_array_equal(again.by_key[key].inside, result.inside)
+        for name, values in result.metrics.items():
+            np.testing.assert_array_equal(again.by_key[key].metrics[name], values)
+    file = next((out / "runs").rglob("*.json"))
+    file.write_text(file.read_text().replace('"version": 1', '"version": 0'))
+    ran = []
+    small.run(out, 0, lambda *key: ran.append(key))
+    assert len(ran) == 1
 
 
 def test_the_page_stands_alone_and_the_table_names_versions_and_the_command(results):
-    played, out = results
-    page = write_league(played, out, seconds=1.0, command="slidax league --small").read_text(encoding="utf-8")
+    first, out = results
+    page = write_benchmark(first, out, seconds=1.0, command="slidax benchmark --small").read_text(encoding="utf-8")
     assert not re.findall(r"https?://|\ssrc=|<link|<script", page)
     assert page.count("<figure") == 1 and "nan" not in page.lower().replace("nanometre", "")
-    table = (out / "league.md").read_text(encoding="utf-8")
-    assert "`stiffer`" in table and f"- `{TASK}`: " in table and "slidax league --small" in table and "jax" in table
-    found = json.loads((out / "results.json").read_text(encoding="utf-8"))
-    assert {one["scheme"] for one in found["tasks"][TASK]["schemes"]} == {"pid", STIFF}
+    table = (out / "benchmark.md").read_text(encoding="utf-8")
+    assert "`stiffer`" in table and f"- `{TASK}`: " in table and "slidax benchmark --small" in table and "jax" in table
+    values = json.loads((out / "results.json").read_text(encoding="utf-8"))
+    assert {each["scheme"] for each in values["tasks"][TASK]["schemes"]} == {"pid", STIFF}
 
 
-def test_of_a_scheme_from_elsewhere_every_positive_number_is_tuned_around_its_own():
-    entry = Entry(STIFF, "sampled-data")
+def test_a_users_scheme_is_tuned_in_every_positive_parameter():
+    entry = BenchmarkEntry(STIFF, "sampled-data")
     tuned = gains_of(STIFF, entry.preset, entry.form).tuned
     assert set(tuned) == {"kp", "kd", "damping"}
     assert tuned["kp"].between == (30.0, 27000.0) and tuned["kp"].times == "nothing"
@@ -110,7 +109,7 @@ def test_of_a_scheme_from_elsewhere_every_positive_number_is_tuned_around_its_ow
 
 
 @pytest.mark.parametrize(
-    ("ask", "said"),
+    ("request_", "text"),
     [
         (lambda: entries(["cftsmpc"]), "cftsmppc"),
         (lambda: entries([], ["tests.league.entered:Missing"]), "cannot import"),
@@ -120,7 +119,7 @@ def test_of_a_scheme_from_elsewhere_every_positive_number_is_tuned_around_its_ow
         (lambda: task("scara-slwo"), "scara-slow"),
     ],
 )
-def test_what_is_not_there_is_said_in_one_line(ask, said):
-    with pytest.raises(DefinitionError, match=said) as refused:
-        ask()
+def test_an_unknown_name_is_refused_in_one_line(request_, text):
+    with pytest.raises(DefinitionError, match=text) as refused:
+        request_()
     assert "\n" not in str(refused.value)

@@ -13,7 +13,7 @@ import pytest
 import slidax as sx
 from slidax.certificates import certify
 from slidax.identification import identify
-from slidax.league import Season, entries, task, write_league
+from slidax.league import BenchmarkRound, entries, task, write_benchmark
 from slidax.linear import linearise
 from slidax.papers import cftsmppc
 from slidax.reports import (
@@ -63,9 +63,9 @@ def of_an_identification(out: Path) -> None:
     write_identification_report(identify(recorded(true_arm()), sx.robots.ur5e()), out)
 
 
-def of_the_league(out: Path) -> None:
-    season = Season({"scara-slow": task("scara-slow")}, [*entries(["pid"], [], ("printed",))]).small()
-    write_league(season.played(out, 0), out, seconds=1.0)
+def of_the_benchmark(out: Path) -> None:
+    small = BenchmarkRound({"scara-slow": task("scara-slow")}, [*entries(["pid"], [], ("printed",))]).small()
+    write_benchmark(small.run(out, 0), out, seconds=1.0)
 
 
 def of_the_paper(out: Path) -> None:
@@ -79,7 +79,7 @@ KINDS: dict[str, Callable[[Path], None]] = {
     "study": of_a_study,
     "linear": of_a_linear_loop,
     "identification": of_an_identification,
-    "league": of_the_league,
+    "benchmark": of_the_benchmark,
     "paper": of_the_paper,
 }
 

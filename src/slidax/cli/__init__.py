@@ -24,7 +24,7 @@ from .export_ros2 import export_ros2
 from .export_ur import export_ur
 from .export_web import export_web
 from .identify import identify
-from .league import league
+from .league import benchmark
 from .linear import linear
 from .listing import list_, schema
 from .loop import loop
@@ -58,7 +58,7 @@ app.command(epilog="Example:  slidax excite panda --seed 1 --out motion.csv")(ex
 app.command(epilog="Example:  slidax identify log.csv --robot panda --out arm.yaml --report report")(identify)
 app.command(epilog="Example:  slidax explain bad  (after  slidax run SCENARIO --out bad)")(explain)
 app.command(epilog="Example:  slidax study cases.yaml --out cases  (docs/studies.md has such files)")(study)
-app.command(epilog="Example:  slidax league --tasks scara-slow --schemes cftsmppc,pid --out league")(league)
+app.command(epilog="Example:  slidax benchmark --tasks scara-slow --schemes cftsmppc,pid --out benchmark")(benchmark)
 app.command(epilog="Example:  slidax linear example-4.1-1khz --at 5 --out linear")(linear)
 app.command(epilog="Example:  slidax loop panda-payload --time 60 --out log.mcap --histogram latency.svg")(loop)
 app.command(epilog="Example:  slidax replay log.mcap  (after  slidax run panda-payload --out log.mcap)")(replay)

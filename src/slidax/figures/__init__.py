@@ -17,7 +17,7 @@ from .histograms import histograms as histograms
 from .identified_torques import identified_torques as identified_torques
 from .intervals import intervals as intervals
 from .latencies import latencies as latencies
-from .league_table import league_table as league_table
+from .league_table import benchmark_table as benchmark_table
 from .margin_over import margin_over as margin_over
 from .metric_bars import metric_bars as metric_bars
 from .parameter_map import parameter_map as parameter_map

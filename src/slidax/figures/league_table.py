@@ -31,7 +31,7 @@ class Line(NamedTuple):
 
 
 @styled
-def league_table(lines: Sequence[Line], share: str, error: str) -> Figure:
+def benchmark_table(lines: Sequence[Line], share: str, error: str) -> Figure:
     """A dot with its interval for each share, and on a logarithmic axis one for each error.
 
     - `lines`: from the top down.

@@ -1,16 +1,16 @@
-"""A league: schemes on common tasks, tuned alike on some cases, and judged by others that they have not seen."""
+"""Benchmark of schemes: common tasks, one tuner for all, and scores on cases that no tuner has seen."""
 
-from .entry import Entry as Entry
+from .entry import BenchmarkEntry as BenchmarkEntry
 from .entry import entries as entries
 from .entry import forms_of as forms_of
-from .match import Match as Match
-from .page import write_league as write_league
-from .season import Results as Results
-from .season import Season as Season
+from .match import TaskResult as TaskResult
+from .page import write_benchmark as write_benchmark
+from .season import BenchmarkRound as BenchmarkRound
+from .season import RoundResults as RoundResults
+from .standing import Ranking as Ranking
 from .standing import Score as Score
-from .standing import Standing as Standing
-from .standing import standing as standing
+from .standing import ranking as ranking
 from .task import VERSION as VERSION
-from .task import LeagueTask as LeagueTask
+from .task import BenchmarkTask as BenchmarkTask
 from .task import names as names
 from .task import task as task

@@ -1,4 +1,4 @@
-"""A scheme that takes part, in one of its forms."""
+"""Entries of the benchmark: a scheme in one of its forms."""
 
 from __future__ import annotations
 
@@ -17,22 +17,21 @@ from slidax.scenarios.load import validated
 from slidax.scenarios.schemes import PRESETS
 
 from .gains import Gains, gains_of
-from .task import LeagueTask
+from .task import BenchmarkTask
 
 Form = Literal["sampled-data", "printed"]
 FORMS: tuple[Form, ...] = ("sampled-data", "printed")
-"""With the estimator, learning, prediction and limits that all share, or as its source prints it."""
+"""With the common estimator, learning, prediction and limits, or as printed in the scheme's source."""
 
-CALLED = {("computed_torque", "sampled-data"): "computed_torque + disturbance observer"}
-"""What a form of a scheme is better known as."""
+COMMON_NAMES = {("computed_torque", "sampled-data"): "computed_torque + disturbance observer"}
+"""Better known names of a scheme in a form."""
 
 
 @dataclass(frozen=True)
-class Entry:
+class BenchmarkEntry:
     """A scheme in a form.
 
-    - `scheme`: its name in `slidax list schemes`, or `package.module:Name` of a preset or of a law's class.
-    - `form`: with all that the sampled-data form gives, or as it is printed.
+    - `scheme`: a name of `slidax list schemes`, or `package.module:Name` of a preset or a controller class.
     """
 
     scheme: str
@@ -40,19 +39,19 @@ class Entry:
 
     @property
     def name(self) -> str:
-        """What tables call it."""
-        return CALLED.get((self.scheme, self.form), self.scheme.rpartition(":")[2])
+        """The name in tables."""
+        return COMMON_NAMES.get((self.scheme, self.form), self.scheme.rpartition(":")[2])
 
     @property
     def file(self) -> str:
-        """What files are called that are about it."""
+        """The stem of its files."""
         return f"{self.scheme.replace(':', '.')}--{self.form}"
 
     @cached_property
     def preset(self) -> Preset:
-        """Its law with its parts.
+        """The law with its parts.
 
-        Raises DefinitionError if there is no such scheme.
+        Raises DefinitionError if the scheme does not exist.
         """
         if ":" not in self.scheme:
             if self.scheme not in PRESETS:
@@ -60,30 +59,28 @@ class Entry:
             return PRESETS[self.scheme]
         module, _, name = self.scheme.partition(":")
         try:
-            found = getattr(importlib.import_module(module), name)
+            scheme = getattr(importlib.import_module(module), name)
         except (ImportError, AttributeError, ValueError) as error:
             raise DefinitionError(f"cannot import `{plain(self.scheme)}`: {error}") from None
-        if isinstance(found, Preset):
-            return found
-        if isinstance(found, type) and issubclass(found, AbstractController):
-            return Preset(found, (found.__doc__ or name).strip())
+        if isinstance(scheme, Preset):
+            return scheme
+        if isinstance(scheme, type) and issubclass(scheme, AbstractController):
+            return Preset(scheme, (scheme.__doc__ or name).strip())
         raise DefinitionError(f"`{plain(self.scheme)}` is neither a `Preset` nor the class of a law")
 
     def gains(self) -> Gains:
-        """What is tuned of it, and what is set."""
+        """Return the tuned and fixed gains."""
         return gains_of(self.scheme, self.preset, self.form)
 
-    def described(self, task: LeagueTask) -> ScenarioDescription:
-        """The task's scenario with this scheme.
+    def described(self, task: BenchmarkTask) -> ScenarioDescription:
+        """Return the task's scenario with this scheme.
 
-        - `task`: what it is asked.
-
-        Raises DefinitionError if they do not fit each other.
+        Raises DefinitionError if the scheme does not fit the task.
         """
         own = ":" in self.scheme
         name = self.scheme.rpartition(":")[2] if own else self.scheme
         scheme: dict[str, Any] = {"name": name}
-        if self._draws_an_envelope:
+        if self._has_envelope:
             scheme["transformation"] = {"kind": "prescribed_performance", **task.tolerance}
         if self.form == "sampled-data":
             scheme["sampled_data"] = dict(task.sampled_data)
@@ -95,44 +92,40 @@ class Entry:
             "tolerance": task.tolerance,
         }
         changes = {f"scheme.{path}": value for path, value in self.gains().fixed.items()}
-        form = with_scheme(name, self.preset) if own else ScenarioDescription
-        return validated(data, changes, form=form)
+        return validated(data, changes, form=with_scheme(name, self.preset) if own else ScenarioDescription)
 
     @property
-    def _draws_an_envelope(self) -> bool:
-        given = self.preset.given.get("transformation")
-        needed = [one.name for one in parameters_of(given.part)] if given is not None else []
+    def _has_envelope(self) -> bool:
+        transformation = self.preset.given.get("transformation")
+        needed = [] if transformation is None else [each.name for each in parameters_of(transformation.part)]
         return "performance" in needed
 
 
 def entries(
     schemes: Sequence[str] | None = None, more: Sequence[str] = (), forms: Sequence[Form] = FORMS
-) -> list[Entry]:
-    """Who takes part.
+) -> list[BenchmarkEntry]:
+    """Return the entries of a round.
 
-    - `schemes`: names; all complete presets of the package if None.
-    - `more`: others, by `package.module:Name`.
-    - `forms`: in which.
+    - `schemes`: names; None: all complete presets of the package.
+    - `more`: further schemes, as `package.module:Name`.
 
-    Raises DefinitionError if there is no such scheme, or nothing of it can be tuned.
+    Raises DefinitionError if a scheme does not exist or has nothing to tune.
     """
     listed = [name for name, preset in PRESETS.items() if preset.complete] if schemes is None else schemes
-    found = [Entry(name, form) for form in forms for name in dict.fromkeys([*listed, *more])]
-    for one in found:
-        one.gains()
-    return found
+    result = [BenchmarkEntry(name, form) for form in forms for name in dict.fromkeys([*listed, *more])]
+    for entry in result:
+        entry.gains()
+    return result
 
 
 def forms_of(word: str) -> tuple[Form, ...]:
-    """The forms that a word asks for.
+    """Return the forms for `sampled-data`, `printed` or `both`.
 
-    - `word`: one of them, or `both`.
-
-    Raises DefinitionError if it is none.
+    Raises DefinitionError for any other word.
     """
     if word == "both":
         return FORMS
-    found = tuple(form for form in FORMS if form == word)
-    if not found:
+    forms = tuple(form for form in FORMS if form == word)
+    if not forms:
         raise DefinitionError(f"there is no form `{plain(word)}`; {nearest(word, [*FORMS, 'both'])}")
-    return found
+    return forms

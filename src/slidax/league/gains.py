@@ -1,4 +1,4 @@
-"""What is tuned of a scheme, and between which ends."""
+"""Tuned gains of each scheme, and their ranges."""
 
 from __future__ import annotations
 
@@ -20,51 +20,49 @@ from slidax.scenarios.uncertainty import AbstractSet, AnySet
 from slidax.scenarios.yaml_text import read_yaml
 
 FACTOR = 30.0
-"""What the gains of a scheme from elsewhere are tuned by, to both sides of its own numbers."""
+"""Range of the gains of a user's scheme: its own values divided and multiplied by this factor."""
 
 TUNABLE = ("one number", "one number or [n]", "[n]")
 
 
 class GainDescription(AbstractDescription):
-    """A gain that is tuned by a factor, log-uniformly."""
+    """Range of a tuned gain, searched log-uniformly."""
 
     between: tuple[float, float]
     """The ends."""
     times: Literal["nothing", "inertia", "strength", "period"] = "nothing"
-    """What they are multiplied by: the diagonal of the nominal inertia matrix at the start, joint by joint; the norm of
-    the drives' limits of torque; the period."""
+    """Scale of the ends: per joint the diagonal of the nominal inertia matrix at the start; the norm of the drives'
+    torque limits; the period."""
 
 
 class SchemeGains(AbstractDescription):
-    """What is tuned of a scheme of this package."""
+    """Tuned and fixed gains of a scheme of this package, by path in the scheme."""
 
     tuned: dict[str, GainDescription]
-    """By path in the scheme."""
+    """In both forms."""
     printed: dict[str, GainDescription] = Field(default={})
-    """In that form alone."""
+    """In printed form only."""
     sampled_data: dict[str, GainDescription] = Field(default={})
-    """In that form alone."""
+    """In sampled-data form only."""
     fixed: dict[str, Any] = Field(default={})
-    """What is set, and not tuned."""
+    """Fixed values."""
     fixed_sampled_data: dict[str, Any] = Field(default={})
-    """The same in that form alone."""
+    """Fixed values in sampled-data form only."""
 
 
 @dataclass(frozen=True)
 class Gains:
-    """What is tuned, by path in the scheme, and what is set."""
+    """Tuned and fixed gains in one form, by path in the scheme."""
 
     tuned: dict[str, GainDescription]
     fixed: dict[str, Any]
 
     def sets(self, base: ScenarioDescription) -> dict[str, AbstractSet]:
-        """Sets by path for an arm.
+        """Return the sets of the tuned gains by path, scaled for an arm.
 
-        - `base`: the scenario.
-
-        Raises DefinitionError if an end is to be multiplied by limits of torque that the arm has not.
+        Raises DefinitionError if a range scales with torque limits that the arm does not have.
         """
-        return {f"scheme.{path}": _set(one, base) for path, one in self.tuned.items()}
+        return {f"scheme.{path}": _set(gain, base) for path, gain in self.tuned.items()}
 
 
 @cache
@@ -74,46 +72,44 @@ def _listed() -> dict[str, SchemeGains]:
 
 
 def gains_of(scheme: str, preset: Preset, form: str) -> Gains:
-    """What is tuned of a scheme: what the league's list says, or else every number that it has, by its declarations.
+    """Return the gains of a scheme: those of `gains.yaml`, else every declared positive parameter.
 
-    - `scheme`: its name.
-    - `preset`: its law with its parts.
-    - `form`: in which it takes part.
+    Raises DefinitionError if there is no gain to tune.
     """
     sampled = form == "sampled-data"
     if scheme in _listed():
-        one = _listed()[scheme]
-        tuned = {**one.tuned, **(one.sampled_data if sampled else one.printed)}
-        return Gains(tuned, {**one.fixed, **(one.fixed_sampled_data if sampled else {})})
-    found = dict(_by_declarations(preset))
-    if not found:
-        raise DefinitionError(f"`{scheme}` declares no number > 0 with a default that could be tuned")
-    return Gains(found, {})
+        own = _listed()[scheme]
+        tuned = {**own.tuned, **(own.sampled_data if sampled else own.printed)}
+        return Gains(tuned, {**own.fixed, **(own.fixed_sampled_data if sampled else {})})
+    tuned = dict(_by_declarations(preset))
+    if not tuned:
+        raise DefinitionError(f"`{scheme}` declares no parameter > 0 with a default, so that nothing can be tuned")
+    return Gains(tuned, {})
 
 
 def _by_declarations(preset: Preset) -> list[tuple[str, GainDescription]]:
-    """Every positive number of the law, and of its parts but for the envelope's, around its own value."""
-    found = []
-    for one in parameters_of(preset.law):
-        given = preset.given.get(one.name, None if one.required else one.default)
-        if isinstance(given, Given):
-            if one.name == "transformation":
+    """Return all positive parameters of the law and its parts (without the envelope), around their own values."""
+    gains = []
+    for parameter in parameters_of(preset.law):
+        value = preset.given.get(parameter.name, None if parameter.required else parameter.default)
+        if isinstance(value, Given):
+            if parameter.name == "transformation":
                 continue
-            for inner in parameters_of(given.part):
-                found += _one(inner, given.values.get(inner.name), f"{one.name}.")
-        elif one.name != "nominal":
-            found += _one(one, given, "")
-    return found
+            for inner in parameters_of(value.part):
+                gains += _gain(inner, value.values.get(inner.name), f"{parameter.name}.")
+        elif parameter.name != "nominal":
+            gains += _gain(parameter, value, "")
+    return gains
 
 
-def _one(declared: Parameter, value: Any, place: str) -> list[tuple[str, GainDescription]]:
+def _gain(declared: Parameter, value: Any, place: str) -> list[tuple[str, GainDescription]]:
     value = declared.default if value is None and not declared.required else value
     if declared.shape not in TUNABLE or not isinstance(value, int | float) or not 0.0 < value < math.inf:
         return []
     ends = [end.number for end in declared.range.ends]
     low, high = value / FACTOR, value * FACTOR
     if any(end is None for end in ends):
-        # An end that is another gain: what is near to the scheme's own number keeps it in all likelihood.
+        # The end is another gain: values near the scheme's own most likely respect it.
         low, high = value / 1.2, value * 1.2
     else:
         low = max(low, ends[0] + 0.02 * (value - ends[0])) if ends[0] is not None and ends[0] > -math.inf else low
@@ -122,18 +118,18 @@ def _one(declared: Parameter, value: Any, place: str) -> list[tuple[str, GainDes
     return [(f"{place}{declared.name}", GainDescription(between=(low, high), times=times))]
 
 
-def _set(one: GainDescription, base: ScenarioDescription) -> AbstractSet:
+def _set(gain: GainDescription, base: ScenarioDescription) -> AbstractSet:
     scale: Any = 1.0
     moving = base.moving()
-    if one.times == "inertia":
+    if gain.times == "inertia":
         mass = np.diagonal(np.asarray(moving.arms.nominal.mass(moving.state0.q)))
         scale = np.array([float(f"{value:.3g}") for value in mass])
-    elif one.times == "strength":
+    elif gain.times == "strength":
         torque = np.broadcast_to(np.asarray(moving.drive.limits().torque), moving.state0.q.shape)
         if not np.isfinite(torque).all():
-            raise DefinitionError("a gain is to fit the drives' limits of torque, but the task has none")
+            raise DefinitionError("a gain scales with the drives' torque limits, but the task has none")
         scale = float(f"{np.linalg.norm(torque):.3g}")
-    elif one.times == "period":
+    elif gain.times == "period":
         scale = base.simulation.period
-    ends = [(end * scale).tolist() if isinstance(scale, np.ndarray) else end * scale for end in one.between]
+    ends = [(end * scale).tolist() if isinstance(scale, np.ndarray) else end * scale for end in gain.between]
     return TypeAdapter(AnySet).validate_python({"between": ends, "distribution": "log_uniform"})

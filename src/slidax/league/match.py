@@ -1,4 +1,4 @@
-"""One scheme on one task: tuned on the training cases, then run on those held out."""
+"""One scheme on one task: tuned on the training cases, then scored on held-out cases."""
 
 from __future__ import annotations
 
@@ -13,34 +13,33 @@ from numpy.typing import NDArray
 
 from slidax._errors import DefinitionError
 from slidax.scenarios.family import Family
-from slidax.scenarios.uncertainty import Space
 from slidax.scenarios.uncertainty.space import as_changes
 from slidax.studies.cases import Cases, Values
 from slidax.studies.points import points
 from slidax.studies.table import OUTCOMES, Columns
 
-from .entry import Entry
-from .task import CasesDescription, LeagueTask
+from .entry import BenchmarkEntry
+from .task import BenchmarkTask, CasesDescription
 
 ENDED = [OUTCOMES.index("left_envelope"), OUTCOMES.index("not_finite")]
 
 KEPT = ("steady_error", "peak_torque", "max_torque_step", "steady_torque_step", "torque_energy", "tolerance_margin")
-"""The metrics that are kept of each case on which a scheme is judged; each of its worst joint."""
+"""Metrics that are kept of each held-out case, each of its worst joint."""
 
 Tuner = Callable[[Callable[[NDArray[Any]], NDArray[Any]], int, int], NDArray[Any]]
-"""From an objective on points of the unit cube, its dimension and how many points may be asked for, to the best."""
+"""From an objective on points of the unit cube, its dimension and a budget of points, to the best point."""
 
 
 @dataclass(frozen=True)
-class Match:
-    """What came of a scheme on a task.
+class TaskResult:
+    """Result of a scheme on a task.
 
-    - `gains`: as they were tuned, by path.
-    - `cost`: as in `costs`, on average over the training cases.
-    - `inside`: by held-out case, whether it never left the tolerance band [cases].
-    - `failed`: whether it was lost: not finite, or ended farther away than it may have begun [cases].
+    - `gains`: the tuned ones, by path.
+    - `cost`: mean of `costs` over the training cases.
+    - `inside`: True if the held-out case never left the tolerance band [cases].
+    - `failed`: True if the case was lost: not finite, or steady errors above the band's initial radius [cases].
     - `metrics`: `KEPT`, by name [cases].
-    - `seconds`: it took, in all.
+    - `seconds`: wall-clock time.
     """
 
     gains: dict[str, Any]
@@ -51,20 +50,19 @@ class Match:
     seconds: float
 
 
-def played(entry: Entry, task: LeagueTask, tuner: Tuner, budget: int, threads: int | None = None) -> Match:
-    """A scheme on a task.
+def run_task(
+    entry: BenchmarkEntry, task: BenchmarkTask, tuner: Tuner, budget: int, threads: int | None = None
+) -> TaskResult:
+    """Tune a scheme on a task's training cases, and score it on the held-out cases.
 
-    - `entry`: the scheme.
-    - `task`: what it is asked.
-    - `tuner`: finds its gains.
-    - `budget`: how many points it may ask for.
+    - `budget`: largest number of points for the tuner.
     - `threads`: of the native engine.
 
-    Raises DefinitionError if they do not fit each other.
+    Raises DefinitionError if the scheme does not fit the task.
     """
     started = time.perf_counter()
     with warnings.catch_warnings():
-        # Ends of a range of gains may well be another arm's.
+        # Some gains in the ranges only suit other arms.
         warnings.simplefilter("ignore")
         base = entry.described(task)
         family = Family.of(base, task.uncertainty, entry.gains().sets(base))
@@ -73,39 +71,35 @@ def played(entry: Entry, task: LeagueTask, tuner: Tuner, budget: int, threads: i
 
         def objective(cube: NDArray[Any]) -> NDArray[Any]:
             count, each = len(cube), task.training.cases
-            told = family.varied.values(cube)
+            tried = family.varied.values(cube)
             values = {path: np.tile(array, (count, *[1] * (array.ndim - 1))) for path, array in training.items()}
-            values |= {path: np.repeat(array, each, axis=0) for path, array in told.items()}
+            values |= {path: np.repeat(array, each, axis=0) for path, array in tried.items()}
             return costs(cases.run(values), scale).reshape(count, each).mean(axis=1)
 
         dimension = family.varied.dimensions
         best = np.clip(tuner(objective, dimension, budget), 0.0, np.nextafter(1.0, 0.0))
         gains = {path: array[0] for path, array in family.varied.values(best[None]).items()}
         held = drawn(family, task.held_out)
-        told = {path: np.broadcast_to(array, (task.held_out.cases, *array.shape)) for path, array in gains.items()}
-        columns = cases.run({**held, **told})
+        fixed = {path: np.broadcast_to(array, (task.held_out.cases, *array.shape)) for path, array in gains.items()}
+        columns = cases.run({**held, **fixed})
         cost = float(objective(best[None])[0])
     inside, failed = inside_of(columns), failed_of(columns, scale)
     kept = {name: np.asarray(columns[name], float) for name in KEPT}
-    return Match(as_changes(gains), cost, inside, failed, kept, time.perf_counter() - started)
+    return TaskResult(as_changes(gains), cost, inside, failed, kept, time.perf_counter() - started)
 
 
 def drawn(family: Family, cases: CasesDescription) -> Values:
-    """What no law knows, of each case.
-
-    - `family`: of scenarios.
-    - `cases`: how many, and by which seed.
-    """
-    space: Space = family.uncertain
+    """Draw the uncertain values of each case."""
+    space = family.uncertain
     return space.values(points(cases.seed, 0, cases.cases, space.dimensions))
 
 
 @dataclass(frozen=True)
 class Scale:
-    """What numbers of a task are measured by, each the largest of all joints.
+    """Scales of a task's errors and torques, each the largest of all joints.
 
     - `initial`, `final`: radii of the tolerance band [rad or m].
-    - `torque`: of the drives [N m or N]; infinite without limits.
+    - `torque`: limit of the drives [N m or N]; infinite without limits.
     """
 
     initial: float
@@ -114,46 +108,34 @@ class Scale:
 
     @classmethod
     def of(cls, family: Family) -> Scale:
-        """Those of a family.
+        """Return the scales of a family.
 
-        - `family`: whose scenarios have a tolerance band.
-
-        Raises DefinitionError if they have none.
+        Raises DefinitionError if its scenarios have no tolerance band.
         """
         tolerance = family.base.tolerance
         if tolerance is None:
-            raise DefinitionError("a task of the league needs a tolerance band")
+            raise DefinitionError("a task of the benchmark needs a tolerance band")
         performance: Any = tolerance.build().performance
         torque = family.base.moving().drive.limits().torque
-        return cls(*(float(np.max(np.asarray(one))) for one in (performance.initial, performance.final, torque)))
+        return cls(*(float(np.max(np.asarray(each))) for each in (performance.initial, performance.final, torque)))
 
 
 def inside_of(columns: Columns) -> NDArray[np.bool_]:
-    """Which cases reached their end and never left the tolerance band.
-
-    - `columns`: of outcomes and metrics.
-    """
+    """Return True for each case that reached its end and never left the tolerance band."""
     return (columns["tolerance_violations"] == 0) & ~np.isin(columns["outcome"], ENDED)
 
 
 def failed_of(columns: Columns, scale: Scale) -> NDArray[np.bool_]:
-    """Which cases were lost: not finite, or farther from the motion in the last quarter than the tolerance band begins.
-
-    - `columns`: of outcomes and metrics.
-    - `scale`: of the task.
-    """
+    """Return True for each lost case: not finite, or a steady error above the tolerance band's initial radius."""
     return np.isin(columns["outcome"], ENDED) | ~(columns["steady_error"] <= scale.initial)
 
 
 def costs(columns: Columns, scale: Scale) -> NDArray[Any]:
-    """What the tuner lowers, of each case.
+    """Return the tuner's cost of each case.
 
     Inside the tolerance band `½ √(e/ρ∞) + ½ √(Δτ/τ_max)`, below 1, with the worst joint's steady error and steady
-    torque step. Outside `1 + min(8, -m) + n/(n + 100)`, with the margin m and n samples
-    outside: below 10. For a run that ended at t `20 - t/(1 s + t)`.
-
-    - `columns`: of outcomes and metrics.
-    - `scale`: of the task.
+    torque step. Outside `1 + min(8, -m) + n/(n + 100)`, with the margin m and n samples outside: below 10. For a run
+    that ended at t `20 - t/(1 s + t)`.
     """
     error = np.sqrt(np.minimum(columns["steady_error"] / scale.final, 1.0))
     step = np.sqrt(np.minimum(columns["steady_torque_step"] / scale.torque, 1.0))
@@ -162,5 +144,5 @@ def costs(columns: Columns, scale: Scale) -> NDArray[Any]:
     outside = columns["tolerance_violations"]
     bad = 1.0 + depth + outside / (outside + 100.0)
     ended = np.isin(columns["outcome"], ENDED)
-    found: NDArray[Any] = np.where(inside_of(columns), good, bad)
-    return np.where(ended, 20.0 - np.nan_to_num(columns["t"] / (1.0 + columns["t"]), nan=0.0), found)
+    early = 20.0 - np.nan_to_num(columns["t"] / (1.0 + columns["t"]), nan=0.0)
+    return np.where(ended, early, np.where(inside_of(columns), good, bad))

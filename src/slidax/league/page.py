@@ -1,4 +1,4 @@
-"""What a season shows: a page, a table in Markdown, and all numbers as JSON."""
+"""Output of the benchmark: a page, a table in Markdown, and all numbers as JSON."""
 
 from __future__ import annotations
 
@@ -15,74 +15,70 @@ from slidax.reports.picture import Picture, picture
 from slidax.scenarios.written import as_yaml
 
 from .markdown import markdown, verdicts
-from .match import Match
-from .season import Results
-from .standing import Score, Standing, standing
+from .match import TaskResult
+from .season import RoundResults
+from .standing import Ranking, Score, ranking
 from .summary import Overall, overall
 from .task import VERSION
 
 
-def write_league(results: Results, out: Path, *, seconds: float, command: str = "") -> Path:
-    """Writes `out/report.html`, `out/league.md`, `out/results.json` and `out/figures/*.svg`; returns the page's path.
+def write_benchmark(results: RoundResults, out: Path, *, seconds: float, command: str = "") -> Path:
+    """Write `report.html`, `benchmark.md`, `results.json` and `figures/*.svg`; return the page's path.
 
-    - `results`: of the season.
     - `out`: a folder, made if missing.
-    - `seconds`: that it took.
-    - `command`: the command that did it.
+    - `seconds`: duration of the round.
+    - `command`: of the shell that made it.
     """
     out.mkdir(parents=True, exist_ok=True)
-    tables = [standing(name, results.on(name)) for name in results.season.tasks]
-    whole = overall(tables, results.season.entries)
-    made = {**versions(), "league": str(VERSION)}
+    tasks = results.round.tasks
+    tables = [ranking(name, results.on(name)) for name in tasks]
+    summaries = overall(tables, results.round.entries)
+    software = {**versions(), "benchmark": str(VERSION)}
     values: dict[str, Any] = {
         "results": results,
         "tables": tables,
-        "overall": whole,
-        "verdicts": dict(zip(results.season.tasks, verdicts(tables), strict=True)),
-        "pictures": {one.task: _drawn(one, out / "figures") for one in tables if one.scores},
-        "gains": {one.task: {score.entry: _gains(results, one.task, score) for score in one.scores} for one in tables},
-        "tasks": {name: as_yaml(task) for name, task in results.season.tasks.items()},
-        "refused": [(name, entry, one) for (name, entry), one in results.matches.items() if isinstance(one, str)],
-        "versions": made,
+        "overall": summaries,
+        "verdicts": dict(zip(tasks, verdicts(tables), strict=True)),
+        "pictures": {table.task: _drawn(table, out / "figures") for table in tables if table.scores},
+        "gains": {
+            table.task: {score.entry: _gains(results, table.task, score) for score in table.scores} for table in tables
+        },
+        "tasks": {name: as_yaml(task) for name, task in tasks.items()},
+        "refused": [(name, entry, why) for (name, entry), why in results.by_key.items() if isinstance(why, str)],
+        "versions": software,
         "machine": machine(),
         "seconds": seconds,
         "command": command,
     }
     page = out / "report.html"
-    write_text(page, render("league.html.j2", values, packages=("slidax.league",)))
-    text = markdown(results, tables, whole, versions=made, command=command)
-    write_text(out / "league.md", text)
-    said = json.dumps(as_json(results, tables, whole), indent=1, allow_nan=False, ensure_ascii=False)
-    write_text(out / "results.json", said + "\n")
+    write_text(page, render("benchmark.html.j2", values, packages=("slidax.league",)))
+    write_text(out / "benchmark.md", markdown(results, tables, summaries, versions=software, command=command))
+    text = json.dumps(as_json(results, tables, summaries), indent=1, allow_nan=False, ensure_ascii=False)
+    write_text(out / "results.json", text + "\n")
     return page
 
 
-def as_json(results: Results, tables: list[Standing], whole: list[Overall]) -> dict[str, Any]:
-    """All that was found, ready for JSON.
-
-    - `results`: of the season.
-    - `tables`: of its tasks.
-    - `whole`: over all of them.
-    """
+def as_json(results: RoundResults, tables: list[Ranking], summaries: list[Overall]) -> dict[str, Any]:
+    """Return all results, ready for JSON."""
     return {
         "version": VERSION,
-        "budget": results.season.budget,
-        "tasks": {one.task: _table_as_json(results, one) for one in tables},
-        "overall": [{"scheme": one.entry.scheme, "form": one.entry.form, **one.numbers()} for one in whole],
+        "budget": results.round.budget,
+        "tasks": {table.task: _table_as_json(results, table) for table in tables},
+        "overall": [{"scheme": each.entry.scheme, "form": each.entry.form, **each.numbers()} for each in summaries],
         "refused": [
-            {"task": task, "scheme": entry.scheme, "form": entry.form, "why": one}
-            for (task, entry), one in results.matches.items()
-            if isinstance(one, str)
+            {"task": task, "scheme": entry.scheme, "form": entry.form, "why": why}
+            for (task, entry), why in results.by_key.items()
+            if isinstance(why, str)
         ],
     }
 
 
-def _table_as_json(results: Results, one: Standing) -> dict[str, Any]:
-    best = one.best
+def _table_as_json(results: RoundResults, table: Ranking) -> dict[str, Any]:
+    best = table.best
     return {
         "best": None if best is None else {"scheme": best.entry.scheme, "form": best.entry.form},
-        "told_by": one.by,
-        "p_value": one.p_value,
+        "told_by": table.by,
+        "p_value": table.p_value,
         "schemes": [
             {
                 "scheme": score.entry.scheme,
@@ -93,19 +89,19 @@ def _table_as_json(results: Results, one: Standing) -> dict[str, Any]:
                 "leads": score.leads,
                 "behind_p_value": score.behind,
                 "medians": dict(score.medians),
-                "gains": _gains(results, one.task, score),
+                "gains": _gains(results, table.task, score),
             }
-            for score in one.scores
+            for score in table.scores
         ],
     }
 
 
-def _gains(results: Results, task: str, score: Score) -> dict[str, Any]:
-    match = results.matches[task, score.entry]
-    return match.gains if isinstance(match, Match) else {}
+def _gains(results: RoundResults, task: str, score: Score) -> dict[str, Any]:
+    result = results.by_key[task, score.entry]
+    return result.gains if isinstance(result, TaskResult) else {}
 
 
-def _drawn(one: Standing, folder: Path) -> Picture:
+def _drawn(table: Ranking, folder: Path) -> Picture:
     lines = [
         Line(
             f"{score.entry.name}{' (printed)' if score.entry.form == 'printed' else ''}",
@@ -115,13 +111,11 @@ def _drawn(one: Standing, folder: Path) -> Picture:
             score.medians["steady_error"],
             score.leads,
         )
-        for score in one.scores
+        for score in table.scores
     ]
-    figure = figures.league_table(lines, "cases inside the tolerance band  [%]", "steady error  [rad or m]")
+    figure = figures.benchmark_table(lines, "cases inside the tolerance band  [%]", "steady error  [rad or m]")
     caption = (
         "Share of the held-out cases inside the tolerance band, with its interval; filled where it is not shown to be "
-    )
-    caption += (
         "smaller than the largest. Right: median steady error of the worst joint, over the cases that were not lost."
     )
-    return picture(figure, folder, one.task, one.task, caption)
+    return picture(figure, folder, table.task, table.task, caption)

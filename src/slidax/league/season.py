@@ -1,4 +1,4 @@
-"""All schemes on all tasks, each match in a process of its own, and kept as soon as it is played."""
+"""A round of the benchmark: all schemes on all tasks, each in a process of its own and kept as soon as it has run."""
 
 from __future__ import annotations
 
@@ -17,34 +17,31 @@ import numpy as np
 from slidax._errors import DefinitionError
 from slidax._writing import write_text
 
-from .entry import Entry, Form
-from .match import KEPT, Match, played
-from .task import VERSION, LeagueTask
+from .entry import BenchmarkEntry, Form
+from .match import KEPT, TaskResult, run_task
+from .task import VERSION, BenchmarkTask
 from .tuner import tuned
 
 BUDGET = 48
-"""How many sets of gains the tuner may try for each scheme, form and task."""
+"""Largest number of gain sets that the tuner tries for each scheme, form and task."""
 
-Seen = Callable[[str, Entry, float], None]
+Key = tuple[str, BenchmarkEntry]
+"""A task's name and an entry."""
+OnResult = Callable[[str, BenchmarkEntry, float], None]
 
 
 @dataclass(frozen=True)
-class Season:
-    """Who plays what.
+class BenchmarkRound:
+    """Tasks by name, entries, and the tuner's budget."""
 
-    - `tasks`: by name.
-    - `entries`: schemes in their forms.
-    - `budget`: of the tuner.
-    """
-
-    tasks: Mapping[str, LeagueTask]
-    entries: Sequence[Entry]
+    tasks: Mapping[str, BenchmarkTask]
+    entries: Sequence[BenchmarkEntry]
     budget: int = BUDGET
 
-    def small(self) -> Season:
-        """The same with few cases, short runs and hardly any tuning: that all of it works, and nothing more."""
+    def small(self) -> BenchmarkRound:
+        """Return a trial round: few cases, short runs and hardly any tuning, so that its numbers mean nothing."""
 
-        def short(task: LeagueTask) -> LeagueTask:
+        def short(task: BenchmarkTask) -> BenchmarkTask:
             simulation = dict(task.scenario["simulation"], t1=0.2, substeps=1)
             return task.model_copy(
                 update={
@@ -54,46 +51,46 @@ class Season:
                 }
             )
 
-        return Season({name: short(task) for name, task in self.tasks.items()}, self.entries, 4)
+        return BenchmarkRound({name: short(task) for name, task in self.tasks.items()}, self.entries, 4)
 
-    def played(self, out: Path | None, processes: int | None = None, seen: Seen = lambda *_: None) -> Results:
-        """The matches of all, those that are in the folder as they are.
+    def run(
+        self, out: Path | None, processes: int | None = None, on_result: OnResult = lambda *_: None
+    ) -> RoundResults:
+        """Run every entry on every task; results that the folder already has are read.
 
-        - `out`: folder in which each is kept; None keeps nothing.
-        - `processes`: how many at once; as many as there are cores if None; 0: this one.
-        - `seen`: told of each match that has been played, with its seconds.
+        - `out`: folder that keeps each result; None keeps nothing.
+        - `processes`: number of parallel processes; None: one for each core; 0: this process.
+        - `on_result`: called after each new result, with its seconds.
         """
-        found: dict[tuple[str, Entry], Match | str] = {}
-        left: list[tuple[str, Entry]] = []
+        results: dict[Key, TaskResult | str] = {}
+        left: list[Key] = []
         for name, task in self.tasks.items():
             for entry in self.entries:
-                kept = None if out is None else _kept(self._path(out, name, entry), self._identity(task, entry))
+                kept = None if out is None else _read(self._path(out, name, entry), self._identity(task, entry))
                 if kept is None:
                     left.append((name, entry))
                 else:
-                    found[name, entry] = kept
+                    results[name, entry] = kept
 
-        def done(which: tuple[str, Entry], match: Match | str) -> None:
-            found[which] = match
+        def done(key: Key, result: TaskResult | str) -> None:
+            results[key] = result
             if out is not None:
-                _keep(self._path(out, *which), self._identity(self.tasks[which[0]], which[1]), match)
-            seen(*which, 0.0 if isinstance(match, str) else match.seconds)
+                _write(self._path(out, *key), self._identity(self.tasks[key[0]], key[1]), result)
+            on_result(*key, 0.0 if isinstance(result, str) else result.seconds)
 
         if processes == 0:
             for name, entry in left:
-                done((name, entry), _match(_text(self.tasks[name]), entry.scheme, entry.form, self.budget))
+                done((name, entry), _run_entry(_text(self.tasks[name]), entry.scheme, entry.form, self.budget))
         elif left:
             self._in_processes(left, processes or os.cpu_count() or 1, done)
-        return Results(self, found)
+        return RoundResults(self, results)
 
-    def _in_processes(
-        self, left: list[tuple[str, Entry]], count: int, done: Callable[[tuple[str, Entry], Match | str], None]
-    ) -> None:
-        # A task after the other: what was compiled for an arm serves the next match on it, and takes memory.
+    def _in_processes(self, left: list[Key], count: int, done: Callable[[Key, TaskResult | str], None]) -> None:
+        # One task after another: compiled code of an arm serves the next entry on it, and takes memory.
         for task in self.tasks:
             pool = ProcessPoolExecutor(count, mp_context=get_context("spawn"))
             jobs = {
-                pool.submit(_match, _text(self.tasks[name]), entry.scheme, entry.form, self.budget): (name, entry)
+                pool.submit(_run_entry, _text(self.tasks[name]), entry.scheme, entry.form, self.budget): (name, entry)
                 for name, entry in left
                 if name == task
             }
@@ -101,87 +98,84 @@ class Season:
                 for job in as_completed(jobs):
                     done(jobs[job], job.result())
             finally:
-                # Also where one of them went wrong, or the user has enough.
+                # Also after an error or an interrupt.
                 pool.shutdown(wait=False, cancel_futures=True)
 
-    def _identity(self, task: LeagueTask, entry: Entry) -> dict[str, Any]:
+    def _identity(self, task: BenchmarkTask, entry: BenchmarkEntry) -> dict[str, Any]:
         gains = entry.gains()
-        tuned = {path: one.model_dump() for path, one in gains.tuned.items()}
-        said = json.dumps([_text(task), tuned, gains.fixed], sort_keys=True)
+        ranges = {path: gain.model_dump() for path, gain in gains.tuned.items()}
+        text = json.dumps([_text(task), ranges, gains.fixed], sort_keys=True)
         return {
             "version": VERSION,
             "scheme": entry.scheme,
             "form": entry.form,
             "budget": self.budget,
-            "asked": hashlib.sha256(said.encode()).hexdigest()[:16],
+            "asked": hashlib.sha256(text.encode()).hexdigest()[:16],
         }
 
     @staticmethod
-    def _path(out: Path, name: str, entry: Entry) -> Path:
-        return out / "matches" / name / f"{entry.file}.json"
+    def _path(out: Path, name: str, entry: BenchmarkEntry) -> Path:
+        return out / "runs" / name / f"{entry.file}.json"
 
 
 @dataclass(frozen=True)
-class Results:
-    """What came of a season.
+class RoundResults:
+    """Results of a round.
 
-    - `season`: who played what.
-    - `matches`: by task and entry; a message where a scheme cannot be run.
+    - `by_key`: by task and entry; a message where a scheme cannot be run.
     """
 
-    season: Season
-    matches: Mapping[tuple[str, Entry], Match | str]
+    round: BenchmarkRound
+    by_key: Mapping[Key, TaskResult | str]
 
-    def on(self, task: str) -> dict[Entry, Match]:
-        """The matches on a task, of those that could be run.
-
-        - `task`: its name.
-        """
-        found = {entry: self.matches.get((task, entry)) for entry in self.season.entries}
-        return {entry: match for entry, match in found.items() if isinstance(match, Match)}
+    def on(self, task: str) -> dict[BenchmarkEntry, TaskResult]:
+        """Return the results on a task, without schemes that cannot be run."""
+        results = {entry: self.by_key.get((task, entry)) for entry in self.round.entries}
+        return {entry: result for entry, result in results.items() if isinstance(result, TaskResult)}
 
 
-def _text(task: LeagueTask) -> str:
-    said = task.model_dump(mode="json", exclude={"uncertainty"}, exclude_unset=True)
-    sets = {path: one.model_dump(mode="json", exclude_unset=True) for path, one in task.uncertainty.items()}
-    return json.dumps({**said, "uncertainty": sets})
+def _text(task: BenchmarkTask) -> str:
+    values = task.model_dump(mode="json", exclude={"uncertainty"}, exclude_unset=True)
+    sets = {path: each.model_dump(mode="json", exclude_unset=True) for path, each in task.uncertainty.items()}
+    return json.dumps({**values, "uncertainty": sets})
 
 
-def _match(task: str, scheme: str, form: Form, budget: int) -> Match | str:
+def _run_entry(task: str, scheme: str, form: Form, budget: int) -> TaskResult | str:
     import jax
 
     jax.config.update("jax_enable_x64", True)
     try:
-        return played(Entry(scheme, form), LeagueTask.model_validate_json(task), tuned, budget, threads=1)
+        entry = BenchmarkEntry(scheme, form)
+        return run_task(entry, BenchmarkTask.model_validate_json(task), tuned, budget, threads=1)
     except DefinitionError as error:
         return str(error)
 
 
-def _keep(path: Path, identity: dict[str, Any], match: Match | str) -> None:
-    said: dict[str, Any] = {**identity}
-    if isinstance(match, str):
-        said["refused"] = match
+def _write(path: Path, identity: dict[str, Any], result: TaskResult | str) -> None:
+    values: dict[str, Any] = {**identity}
+    if isinstance(result, str):
+        values["refused"] = result
     else:
-        said |= {"gains": match.gains, "cost": match.cost, "seconds": match.seconds}
-        said |= {"inside": match.inside.astype(int).tolist(), "failed": match.failed.astype(int).tolist()}
-        metrics = {name: np.asarray(values, object) for name, values in match.metrics.items()}
-        said["metrics"] = {
-            name: [float(v) if np.isfinite(float(v)) else None for v in values] for name, values in metrics.items()
+        values |= {"gains": result.gains, "cost": result.cost, "seconds": result.seconds}
+        values |= {"inside": result.inside.astype(int).tolist(), "failed": result.failed.astype(int).tolist()}
+        values["metrics"] = {
+            name: [float(v) if np.isfinite(float(v)) else None for v in np.asarray(column, object)]
+            for name, column in result.metrics.items()
         }
     path.parent.mkdir(parents=True, exist_ok=True)
-    write_text(path, json.dumps(said, allow_nan=False))
+    write_text(path, json.dumps(values, allow_nan=False))
 
 
-def _kept(path: Path, identity: dict[str, Any]) -> Match | str | None:
-    """What was kept of a match; None if there is nothing, or it was another one."""
+def _read(path: Path, identity: dict[str, Any]) -> TaskResult | str | None:
+    """Return a kept result; None without one, or if it is of another request."""
     try:
-        said = json.loads(path.read_text(encoding="utf-8"))
+        values = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return None
-    if any(said.get(key) != value for key, value in identity.items()):
+    if any(values.get(key) != value for key, value in identity.items()):
         return None
-    if "refused" in said:
-        return str(said["refused"])
-    metrics = {name: np.array(said["metrics"][name], float) for name in KEPT}
-    inside, failed = (np.array(said[name], bool) for name in ("inside", "failed"))
-    return Match(said["gains"], said["cost"], inside, failed, metrics, said["seconds"])
+    if "refused" in values:
+        return str(values["refused"])
+    metrics = {name: np.array(values["metrics"][name], float) for name in KEPT}
+    inside, failed = (np.array(values[name], bool) for name in ("inside", "failed"))
+    return TaskResult(values["gains"], values["cost"], inside, failed, metrics, values["seconds"])

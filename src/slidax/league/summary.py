@@ -1,4 +1,4 @@
-"""A scheme over all tasks."""
+"""Summary of each scheme over all tasks."""
 
 from __future__ import annotations
 
@@ -7,24 +7,22 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .entry import Entry
-from .standing import Standing
+from .entry import BenchmarkEntry
+from .standing import Ranking
 
 
 @dataclass(frozen=True)
 class Overall:
     """A scheme over all tasks.
 
-    - `entry`: the scheme.
-    - `tasks`: on how many it was run.
-    - `best`, `leads`: on how many it is the first, and on how many its share is not shown to be less than the largest.
-    - `inside`, `failed`: shares of the cases, on average over the tasks.
-    - `error`: its median steady error over the least one of the task, as a geometric mean over the tasks that have one;
-      None without any.
-    - `step`: likewise its steady torque step.
+    - `tasks`: number of tasks on which it was run.
+    - `best`, `leads`: numbers of tasks on which it is the first, and on which it leads.
+    - `inside`, `failed`: shares of the cases, mean over the tasks.
+    - `error`: geometric mean over the tasks of its median steady error divided by the task's least; None without any.
+    - `step`: the same of its steady torque step.
     """
 
-    entry: Entry
+    entry: BenchmarkEntry
     tasks: int
     best: int
     leads: int
@@ -34,21 +32,17 @@ class Overall:
     step: float | None
 
     def numbers(self) -> dict[str, float | int | None]:
-        """All but the scheme, by name."""
+        """Return all fields but the scheme, by name."""
         return {name: value for name, value in vars(self).items() if name != "entry"}
 
 
-def overall(tables: Sequence[Standing], entries: Sequence[Entry]) -> list[Overall]:
-    """The schemes over all tasks, those first that lead on most, and then by their share inside.
-
-    - `tables`: of the tasks.
-    - `entries`: the schemes.
-    """
-    found = [one for one in (_of(entry, tables) for entry in entries) if one is not None]
-    return sorted(found, key=lambda one: (-one.leads, -one.inside))
+def overall(tables: Sequence[Ranking], entries: Sequence[BenchmarkEntry]) -> list[Overall]:
+    """Summarise the schemes over all tasks, sorted by the number of tasks on which they lead, then by share inside."""
+    summaries = [each for each in (_of(entry, tables) for entry in entries) if each is not None]
+    return sorted(summaries, key=lambda each: (-each.leads, -each.inside))
 
 
-def _of(entry: Entry, tables: Sequence[Standing]) -> Overall | None:
+def _of(entry: BenchmarkEntry, tables: Sequence[Ranking]) -> Overall | None:
     scores = [(table, score) for table in tables for score in table.scores if score.entry == entry]
     if not scores:
         return None
@@ -64,7 +58,7 @@ def _of(entry: Entry, tables: Sequence[Standing]) -> Overall | None:
     )
 
 
-def _relative(entry: Entry, tables: Sequence[Standing], name: str) -> float | None:
+def _relative(entry: BenchmarkEntry, tables: Sequence[Ranking], name: str) -> float | None:
     ratios = []
     for table in tables:
         known = {score.entry: value for score in table.scores if (value := score.medians[name])}

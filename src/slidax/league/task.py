@@ -1,4 +1,4 @@
-"""A task of the league: an arm, its motion, what is not known of it, and the tolerance band that judges."""
+"""Tasks of the benchmark: an arm, its motion, its uncertainty, and the tolerance band that judges all schemes."""
 
 from __future__ import annotations
 
@@ -15,59 +15,57 @@ from slidax.scenarios.uncertainty.mapping import Uncertainty
 from slidax.scenarios.yaml_text import read_yaml
 
 VERSION = 1
-"""Of the tasks, of what is tuned, and of how it is judged: another number where any of them has changed."""
+"""Version of the tasks, the tuned gains and the rules; results of different versions are not compared."""
 
 FOLDER = resources.files("slidax.league") / "tasks"
 
 
 class CasesDescription(AbstractDescription):
-    """Cases that are drawn."""
+    """Random cases."""
 
-    cases: int = said("how many", "", "[1, 1e6]")
+    cases: int = said("number of cases", "", "[1, 1e6]")
     seed: Annotated[int, Field(ge=0, lt=2**63)]
-    """Another seed draws others."""
+    """Another seed draws other cases."""
 
 
-class LeagueTask(AbstractDescription):
-    """What all schemes are asked alike."""
+class BenchmarkTask(AbstractDescription):
+    """A task, the same for all schemes."""
 
     title: str
     """One line for a person."""
     about: list[str]
-    """What is hard about it."""
+    """The difficulties of the task."""
     source: str
-    """Where the numbers come from."""
+    """Source of the numbers."""
     scenario: dict[str, Any]
     """A scenario without a scheme."""
     sampled_data: dict[str, Any] = Field(default={})
     """The block `sampled_data` of every scheme in that form."""
     tolerance: dict[str, Any]
-    """What judges, as the block `tolerance` of a scenario; also the envelope of every scheme that draws one."""
+    """Judges the errors, as the block `tolerance` of a scenario; also the envelope of every scheme that has one."""
     uncertainty: Uncertainty
-    """What no law knows, as in a scenario."""
+    """Unknown to every law, as in a scenario."""
     training: CasesDescription
-    """What the tuner sees."""
+    """Cases for the tuner."""
     held_out: CasesDescription
-    """What the score is of."""
+    """Cases for the score."""
 
 
 def names() -> list[str]:
-    """The names of the tasks."""
+    """List the names of the tasks."""
     return sorted(Path(entry.name).stem for entry in FOLDER.iterdir() if entry.name.endswith(".yaml"))
 
 
-def task(name: str) -> LeagueTask:
-    """A task by its name.
+def task(name: str) -> BenchmarkTask:
+    """Return a task by its name.
 
-    - `name`: of a task of the league.
-
-    Raises DefinitionError if there is none, or something in it is invalid.
+    Raises DefinitionError if the task does not exist, or if its file is invalid.
     """
     if name not in names():
         raise DefinitionError(f"there is no task `{name}`; {nearest(name, names())}")
     data = read_yaml((FOLDER / f"{name}.yaml").read_text(encoding="utf-8"))
     with located(name):
         try:
-            return LeagueTask.model_validate(data)
+            return BenchmarkTask.model_validate(data)
         except ValidationError as error:
             raise translated(error, data) from None

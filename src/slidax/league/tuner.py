@@ -1,4 +1,4 @@
-"""The one tuner of the league."""
+"""The tuner of the benchmark, the same for all schemes."""
 
 from __future__ import annotations
 
@@ -14,11 +14,10 @@ SEED = 7
 
 
 def tuned(objective: Callable[[NDArray[Any]], NDArray[Any]], dimension: int, budget: int) -> NDArray[Any]:
-    """The best gains by spread points and CMA-ES, as `lowest` has them, as a point of the unit cube.
+    """Return the best gains of spread points and CMA-ES (`lowest`), as a point of the unit cube.
 
-    - `objective`: from points [points dimension] to costs [points].
-    - `dimension`: of the cube.
-    - `budget`: how many points it may ask for.
+    - `objective`: from points [points, dimension] to costs [points].
+    - `budget`: largest number of points.
     """
-    found = lowest(objective, dimension, evaluations=budget, seed=SEED, islands=2, keep=1)
-    return found.points[0] if len(found.points) else np.full(dimension, 0.5)
+    search = lowest(objective, dimension, evaluations=budget, seed=SEED, islands=2, keep=1)
+    return search.points[0] if len(search.points) else np.full(dimension, 0.5)
