@@ -49,8 +49,8 @@ def markdown(
             *rows,
             "",
             f"{len(tables)} tasks; each scheme tuned by {results.round.budget} sets of gains on {trained} training "
-            f"cases a task, scored on {held} others. Errors and torque steps are medians over the cases, as multiples of "
-            "the task's least, on average over the tasks.",
+            f"cases a task, scored on {held} others. Errors and torque steps are medians over the cases, as multiples "
+            "of the task's least, on average over the tasks.",
             "",
             *lines,
             "",
