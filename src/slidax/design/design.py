@@ -94,7 +94,7 @@ def design(problem: DesignProblem, *, runs: int = RUNS, say: Say = _unheard) -> 
     `loop_rate`, or the smallest that 48 cases held. Last, random cases that were not seen before and a search for
     the worst one; where one of them left, the second search begins anew with the worst among its cases.
 
-    - `requirements`: as `read_requirements` gives them.
+    - `problem`: as `read_problem` gives it.
     - `runs`: random cases of the check at the end.
     - `say`: is told what is done.
 

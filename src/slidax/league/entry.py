@@ -29,7 +29,7 @@ COMMON_NAMES = {("computed_torque", "sampled-data"): "computed_torque + disturba
 
 @dataclass(frozen=True)
 class BenchmarkEntry:
-    """A scheme in a form.
+    """A `scheme` in a `form`.
 
     - `scheme`: a name of `slidax list schemes`, or `package.module:Name` of a preset or a controller class.
     """
@@ -73,7 +73,7 @@ class BenchmarkEntry:
         return gains_of(self.scheme, self.preset, self.form)
 
     def described(self, task: BenchmarkTask) -> ScenarioDescription:
-        """Return the task's scenario with this scheme.
+        """Return the scenario of a `task` with this scheme.
 
         Raises DefinitionError if the scheme does not fit the task.
         """
@@ -108,6 +108,7 @@ def entries(
 
     - `schemes`: names; None: all complete presets of the package.
     - `more`: further schemes, as `package.module:Name`.
+    - `forms`: of each scheme.
 
     Raises DefinitionError if a scheme does not exist or has nothing to tune.
     """
@@ -119,7 +120,7 @@ def entries(
 
 
 def forms_of(word: str) -> tuple[Form, ...]:
-    """Return the forms for `sampled-data`, `printed` or `both`.
+    """Return the forms for a `word`: `sampled-data`, `printed` or `both`.
 
     Raises DefinitionError for any other word.
     """

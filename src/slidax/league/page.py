@@ -23,7 +23,7 @@ from .task import VERSION
 
 
 def write_benchmark(results: RoundResults, out: Path, *, seconds: float, command: str = "") -> Path:
-    """Write `report.html`, `benchmark.md`, `results.json` and `figures/*.svg`; return the page's path.
+    """Write `results` as `report.html`, `benchmark.md`, `results.json` and `figures/*.svg`; return the page's path.
 
     - `out`: a folder, made if missing.
     - `seconds`: duration of the round.

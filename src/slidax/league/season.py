@@ -32,7 +32,7 @@ OnResult = Callable[[str, BenchmarkEntry, float], None]
 
 @dataclass(frozen=True)
 class BenchmarkRound:
-    """Tasks by name, entries, and the tuner's budget."""
+    """`tasks` by name, `entries`, and the tuner's `budget`."""
 
     tasks: Mapping[str, BenchmarkTask]
     entries: Sequence[BenchmarkEntry]
@@ -120,7 +120,7 @@ class BenchmarkRound:
 
 @dataclass(frozen=True)
 class RoundResults:
-    """Results of a round.
+    """Results of a `round`.
 
     - `by_key`: by task and entry; a message where a scheme cannot be run.
     """
@@ -129,7 +129,7 @@ class RoundResults:
     by_key: Mapping[Key, TaskResult | str]
 
     def on(self, task: str) -> dict[BenchmarkEntry, TaskResult]:
-        """Return the results on a task, without schemes that cannot be run."""
+        """Return the results on a `task`, without schemes that cannot be run."""
         results = {entry: self.by_key.get((task, entry)) for entry in self.round.entries}
         return {entry: result for entry, result in results.items() if isinstance(result, TaskResult)}
 

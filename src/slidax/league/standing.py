@@ -18,7 +18,7 @@ CONFIDENCE = 0.95
 
 @dataclass(frozen=True)
 class Score:
-    """Score of a scheme on the held-out cases of a task.
+    """Score of an `entry` on the held-out cases of a task.
 
     - `inside`: share of cases that never left the tolerance band; `interval`: of Clopper and Pearson.
     - `failed`: share of lost cases.
@@ -41,7 +41,7 @@ class Score:
 
 @dataclass(frozen=True)
 class Ranking:
-    """Ranking of the schemes on a task.
+    """Ranking of the schemes on a `task`.
 
     - `scores`: the best first: leading schemes by their steady error, then the others by their share.
     - `p_value`: of Wilcoxon's test on the steady errors of the first two if both lead, else of McNemar's test.
@@ -60,7 +60,7 @@ class Ranking:
 
 
 def ranking(task: str, results: Mapping[BenchmarkEntry, TaskResult]) -> Ranking:
-    """Rank the schemes on a task."""
+    """Rank the schemes on a `task` by their `results`."""
     if not results:
         return Ranking(task, (), 1.0, "")
     shares = {entry: float(result.inside.mean()) for entry, result in results.items()}

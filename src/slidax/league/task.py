@@ -57,7 +57,7 @@ def names() -> list[str]:
 
 
 def task(name: str) -> BenchmarkTask:
-    """Return a task by its name.
+    """Return a task by its `name`.
 
     Raises DefinitionError if the task does not exist, or if its file is invalid.
     """
