@@ -31,5 +31,5 @@ def test_a_law_of_many_joints_for_which_a_bound_is_asked_does_not_learn(
     problem = read_problem(path)
     frame, choice = design._begin(problem)
     assert frame.learns is learns
-    scenario: Any = problem.scenario(frame.scheme(choice)).build("begun")
+    scenario: Any = frame.described(choice).build("begun")
     assert (scenario.controller.adaptation is not None) is learns

@@ -123,12 +123,12 @@ def certified(monkeypatch: pytest.MonkeyPatch) -> Any:
 
         laws = []
         monkeypatch.setattr(design, "of_the_rate", rate)
-        monkeypatch.setattr(
-            design,
-            "_described",
-            lambda _, __, choice: laws.append(choice) or SimpleNamespace(build=lambda _: None),
-        )
-        frame = SimpleNamespace(initial=np.array([8.0]))
+
+        def described(choice: Any) -> Any:
+            laws.append(choice)
+            return SimpleNamespace(build=lambda _: None)
+
+        frame = SimpleNamespace(initial=np.array([8.0]), described=described)
         law, found = design._certified(
             SimpleNamespace(requirements=SimpleNamespace(accuracy=accuracy)),
             SimpleNamespace(frame=frame),

@@ -82,7 +82,7 @@ def test_where_none_holds_the_one_with_the_fewest_outside_is_the_best() -> None:
 def test_horizons_go_with_the_period_and_leave_room_for_the_delay() -> None:
     def horizons(period: float, delay: float) -> tuple[float, ...]:
         one = np.ones(1)
-        return Frame(one, one, one, one, period, delay, False, np.inf).horizons
+        return Frame(None, one, one, one, one, period, delay, False, np.inf).horizons
 
     assert np.allclose(horizons(4e-3, 1.0), 4.0 * np.array(horizons(1e-3, 1.0)))
     assert min(horizons(1e-3, 9.0)) == pytest.approx(20e-3)
@@ -91,7 +91,7 @@ def test_horizons_go_with_the_period_and_leave_room_for_the_delay() -> None:
 
 def test_densities_can_be_made_alike_without_more_or_less_of_all() -> None:
     one, torque = np.ones(2), np.array([80.0, 20.0])
-    frame = Frame(one, one, torque, 40.0 * one, 1e-3, 1.0, False, np.inf)
+    frame = Frame(None, one, one, torque, 40.0 * one, 1e-3, 1.0, False, np.inf)
     shares = [frame.density(0.5, even) for even in (0.0, 0.5, 1.0)]
     assert shares[0][0] / shares[0][1] == pytest.approx(16.0)
     assert shares[1][0] / shares[1][1] == pytest.approx(4.0)

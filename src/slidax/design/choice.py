@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -10,7 +10,9 @@ from numpy.typing import NDArray
 
 from slidax._errors import as_array
 from slidax.commissioning.text import DRIFT, RADIUS, WIDTH
+from slidax.scenarios import ScenarioDescription
 from slidax.scenarios.description import Moving
+from slidax.scenarios.sampled_data import KalmanDescription, MeasuredDescription
 
 Floats = NDArray[np.floating[Any]]
 
@@ -27,6 +29,9 @@ SLOPES = (1.0, 2.0, 4.0)
 
 K1, K2 = 0.5, 1.0
 
+EXACT = {"inverse_inertia_min": 1.0, "inverse_inertia_max": 1.0, "b0": 0.0, "b1": 0.0, "b2": 0.0}
+"""Bound (19) that is its margin u alone."""
+
 LARGEST = 0.25
 """Of the envelope at the start, that the final one may be at most."""
 
@@ -35,6 +40,22 @@ ROOM = 1.6
 
 UNRATED = 2.0
 """A drive without a limit is taken for one of so many times the torque that holds and moves the arm."""
+
+
+def template(deadline: float) -> dict[str, Any]:
+    """Return a scheme as a scenario file has it, of which `Frame.described` sets the searched values.
+
+    - `deadline`: T [s].
+    """
+    performance = {"kind": "fixed_time", "initial": 1.0, "final": 0.1, "deadline": deadline, "exponent": EXPONENT}
+    return {
+        "name": "cftsmppc",
+        "performance": performance,
+        "overshoot": OVERSHOOT,
+        "surface": {"k1": K1, "k2": K2, "p": 0.5, "q": 1.2, "delta": 0.01},
+        "reaching": {"gain": 0.1, "exponent": 1.2, "layer": 0.0},
+        "sampled_data": {"monitor": {"share": 1.0, "led": 1.0}},
+    }
 
 
 @dataclass(frozen=True)
@@ -68,6 +89,7 @@ class Choice:
 class Frame:
     """What all choices for an arm have in common.
 
+    - `base`: the scenario with the template of `template`.
     - `initial`: ρ0 of each joint [n], rad or m.
     - `shape`: ρ∞ of each joint for a radius of 1 [n].
     - `torque`: rated, or what takes its place [n], N m or N.
@@ -79,6 +101,7 @@ class Frame:
     - `learns`: whether the law learns the inertia.
     """
 
+    base: ScenarioDescription
     initial: Floats
     shape: Floats
     torque: Floats
@@ -121,44 +144,47 @@ class Frame:
         """
         return float(f"{min(choice.gain * min(0.5, 2.0 * self.period / choice.horizon), 1.0):.4g}")
 
-    def scheme(self, choice: Choice) -> dict[str, Any]:
-        """The law, as a scenario file has it.
+    def described(self, choice: Choice, monitor: float = 1.0) -> ScenarioDescription:
+        """Return the scenario of a choice, a copy of `base`.
 
-        - `choice`: its numbers.
+        - `monitor`: share of the envelope at which the monitor warns.
         """
-        sampled: dict[str, Any] = {"horizon": float(f"{choice.horizon:.6g}")}
-        if choice.drift is not None:
-            density = rounded(self.density(choice.drift, choice.even))
-            sampled["estimator"] = {"kind": "kalman", "torque_density": density}
-        else:
-            sampled["estimator"] = {"kind": "measured", "gain": self.measured_gain(choice)}
+        scheme: Any = self.base.scheme
+        performance = scheme.transformation.performance.model_copy(
+            update={"initial": rounded(self.initial), "final": rounded(choice.final), "deadline": choice.deadline}
+        )
+        surface = {"k1": K1 * choice.slope, "k2": K2 * choice.slope * choice.bend}
+        sampled: dict[str, Any] = {
+            "horizon": float(f"{choice.horizon:.6g}"),
+            "estimator": self._estimator(choice),
+            "monitor": scheme.sampled_data.monitor.model_copy(update={"share": monitor, "led": monitor}),
+        }
         if not self.learns:
             sampled["adaptation"] = None
-        sampled["monitor"] = {"share": 1.0, "led": 1.0}
-        scheme: dict[str, Any] = {
-            "name": "cftsmppc",
-            "performance": {
-                "kind": "fixed_time",
-                "initial": rounded(self.initial),
-                "final": rounded(choice.final),
-                "deadline": choice.deadline,
-                "exponent": EXPONENT,
-            },
-            "overshoot": choice.overshoot,
-            "surface": {
-                "k1": K1 * choice.slope,
-                "k2": K2 * choice.slope * choice.bend,
-                "p": 0.5,
-                "q": 1.2,
-                "delta": 0.01,
-            },
-            "reaching": {"gain": 0.1, "exponent": 1.2, "layer": 0.0},
-            "sampled_data": sampled,
+        changes = {
+            "transformation": scheme.transformation.model_copy(
+                update={"performance": performance, "overshoot": choice.overshoot}
+            ),
+            "surface": scheme.surface.model_copy(update=surface),
+            "sampled_data": scheme.sampled_data.model_copy(update=sampled),
         }
         if choice.margin is not None:
-            flat = {"inverse_inertia_min": 1.0, "inverse_inertia_max": 1.0, "b0": 0.0, "b1": 0.0, "b2": 0.0}
-            scheme["bound"] = {**flat, "margin": float(f"{choice.margin:.4g}")}
-        return scheme
+            bound = {**EXACT, "margin": float(f"{choice.margin:.4g}")}
+            changes["bound"] = scheme.bound.model_copy(update=bound)
+        return self.base.model_copy(update={"scheme": scheme.model_copy(update=changes)})
+
+    def _estimator(self, choice: Choice) -> KalmanDescription | MeasuredDescription:
+        if choice.drift is None:
+            return MeasuredDescription(kind="measured", gain=self.measured_gain(choice))
+        density = rounded(self.density(choice.drift, choice.even))
+        return KalmanDescription(kind="kalman", torque_density=density)
+
+    def at_period(self, period: float, t1: float) -> Frame:
+        """Return the same frame at another `period` [s]; runs end at `t1`, rounded to whole periods [s]."""
+        simulation = self.base.simulation.model_copy(
+            update={"period": period, "t1": float(round(t1 / period) * period)}
+        )
+        return replace(self, base=self.base.model_copy(update={"simulation": simulation}), period=period)
 
     def values(self, choice: Choice) -> dict[str, Any]:
         """The numbers of a choice by their paths in a scenario, u where it is searched for.
@@ -185,11 +211,18 @@ class Frame:
 
 
 def frame_of(
-    moving: Moving, starts: tuple[Floats, Floats], shape: Floats, *, period: float, delay: float, has_velocity: bool
+    base: ScenarioDescription,
+    moving: Moving,
+    starts: tuple[Floats, Floats],
+    shape: Floats,
+    *,
+    period: float,
+    delay: float,
+    has_velocity: bool,
 ) -> Frame:
     """What the arm and its starts ask for.
 
-    - `moving`: the closed loop without its law.
+    - `base`: the scenario with the template; `moving`: its closed loop without the law.
     - `starts`: the least and the largest position of each joint at t = 0 [n].
     - `shape`: ρ∞ of each joint for a radius of 1 [n].
     - `period`: h [s]; `delay`: of measurement and command [periods].
@@ -210,7 +243,7 @@ def frame_of(
     alike = np.array([[one == other for other in arm.joint_units] for one in arm.joint_units], float)
     middle = np.exp(alike @ np.log(torque) / alike.sum(axis=1))
     changes = period * np.broadcast_to(np.asarray(limits.rate, float), (n,))
-    return Frame(initial, shape, torque, middle, period, delay, has_velocity, changes)
+    return Frame(base, initial, shape, torque, middle, period, delay, has_velocity, changes)
 
 
 def rounded(values: Any) -> list[float]:

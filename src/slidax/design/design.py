@@ -18,7 +18,7 @@ from slidax.scenarios import ScenarioDescription
 from slidax.studies.search.island import require_cmaes
 
 from .aim import CALM, DRIVEN, OWN, Aim
-from .choice import EXPONENT, LARGEST, OVERSHOOT, Choice, Frame, frame_of
+from .choice import LARGEST, Choice, Frame, frame_of, template
 from .proof import Asked, asked_of, boundable, of_the_rate, widened
 from .refusal import Refused, of_accuracy, of_deadline, of_torque, of_torque_step, unproved
 from .requirements import DesignProblem
@@ -106,7 +106,7 @@ def design(problem: DesignProblem, *, runs: int = RUNS, say: Say = _unheard) -> 
     require_64_bits()
     frame, first = _begin(problem)
     say("what the motion and the set ask of the drives")
-    asked = _asked(problem, frame, first)
+    asked = _asked(frame, first)
     if asked is not None:
         if (asked.torque >= asked.limit).any():
             return of_torque(problem, asked)
@@ -133,14 +133,7 @@ def design(problem: DesignProblem, *, runs: int = RUNS, say: Say = _unheard) -> 
 def _begin(problem: DesignProblem) -> tuple[Frame, Choice]:
     """What all choices have in common, and the first one."""
     requirements, h = problem.requirements, problem.simulation.period
-    drawn = {
-        "kind": "fixed_time",
-        "initial": 1.0,
-        "final": 0.1,
-        "deadline": requirements.deadline,
-        "exponent": EXPONENT,
-    }
-    base = problem.scenario({"name": "cftsmppc", "performance": drawn, "overshoot": OVERSHOOT, "sampled_data": {}})
+    base = problem.scenario(template(requirements.deadline))
     moving = base.moving()
     units = moving.arms.nominal.joint_units
     wide = np.array([WIDTH[unit] for unit in units])
@@ -151,6 +144,7 @@ def _begin(problem: DesignProblem) -> tuple[Frame, Choice]:
     )
     starts = starts_of(base.build("start"))
     frame = frame_of(
+        base,
         moving,
         (np.asarray(starts.lower), np.asarray(starts.upper)),
         np.asarray(shape, float),
@@ -171,9 +165,9 @@ def _provisional(frame: Frame) -> Any:
     return np.minimum(np.maximum(4.0 * wide, frame.shape if frame.shape.max() < 0.1 else 0.0), LARGEST * frame.initial)
 
 
-def _asked(problem: DesignProblem, frame: Frame, first: Choice) -> Asked | None:
+def _asked(frame: Frame, first: Choice) -> Asked | None:
     try:
-        return asked_of(problem.scenario(frame.scheme(first)).build("asked"))
+        return asked_of(frame.described(first).build("demand"))
     except DefinitionError:
         return None
 
@@ -236,7 +230,7 @@ def _checked(problem: DesignProblem, trials: Trials, worst: Worst, asked: Asked 
         if problem.requirements.proof == "bound" and not proved:
             return unproved(trials, choice, rate)
         say(f"{2 * runs} cases that were not seen before")
-        description = _described(problem, trials.frame, choice, worst)
+        description = _described(trials.frame, choice, worst)
         check, hard = tried(description.build("design"), runs, seed=1 + turn)
         wild = 1.0 if required is None else check.bound.get("steady_torque_step", 0.0) / required
         if check.holds is not False and wild <= 1.0:
@@ -263,7 +257,7 @@ def _certified(problem: DesignProblem, trials: Trials, choice: Choice) -> tuple[
     """A law and what `loop_rate` says of it, with the final radius that this asks for, where any may be had."""
 
     def rate_of(choice: Choice) -> Verdict | None:
-        return of_the_rate(_described(problem, trials.frame, choice).build("design"))
+        return of_the_rate(trials.frame.described(choice).build("design"))
 
     rate = rate_of(choice)
     if problem.requirements.accuracy != "best":
@@ -272,10 +266,7 @@ def _certified(problem: DesignProblem, trials: Trials, choice: Choice) -> tuple[
     return widened(choice, rate, rate_of, LARGEST * trials.frame.initial) or (choice, rate)
 
 
-def _described(problem: DesignProblem, frame: Frame, choice: Choice, worst: Worst | None = None) -> ScenarioDescription:
-    """The scenario with a law; its monitor is as strict as the common cases allow."""
-    scheme = frame.scheme(choice)
-    if worst is not None:
-        used = float(np.clip(1.25 * (1.0 - worst.promise), 0.3, 1.0))
-        scheme["sampled_data"]["monitor"] = {"share": float(f"{used:.2g}"), "led": float(f"{used:.2g}")}
-    return problem.scenario(scheme)
+def _described(frame: Frame, choice: Choice, worst: Worst) -> ScenarioDescription:
+    """The scenario of a choice; its monitor is as strict as the common cases allow."""
+    used = float(np.clip(1.25 * (1.0 - worst.promise), 0.3, 1.0))
+    return frame.described(choice, float(f"{used:.2g}"))

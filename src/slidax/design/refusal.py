@@ -190,8 +190,7 @@ def _told(trials: Trials, choice: Choice) -> Iterator[Remedy]:
 
 
 def _rate_of(trials: Trials, choice: Choice, changes: dict[str, Any]) -> Verdict | None:
-    scenario = trials.problem.scenario(trials.frame.scheme(choice))
-    return of_the_rate(altered_description(scenario, changes).build("design"))
+    return of_the_rate(altered_description(trials.frame.described(choice), changes).build("design"))
 
 
 def _rates(trials: Trials, best: Worst) -> Iterator[Remedy]:
@@ -199,9 +198,8 @@ def _rates(trials: Trials, best: Worst) -> Iterator[Remedy]:
     for factor in FASTER:
         period = float(f"{factor * trials.frame.period:.3g}")
         horizon = float(f"{max(factor * best.choice.horizon, 2.0 * period):.4g}")
-        frame = replace(trials.frame, period=period)
         first = replace(best.choice, horizon=horizon)
-        other = Trials(trials.problem, frame, first, period)
+        other = Trials(trials.problem, trials.frame.at_period(period, trials.problem.t1), first)
         try:
             (tried,) = other.judged([first], other.cases(MANY))
         except DefinitionError:

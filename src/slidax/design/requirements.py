@@ -100,15 +100,12 @@ class DesignProblem(AbstractDescription):
             data["start"] = {"q": np.asarray(reference.q).tolist(), "dq": np.asarray(reference.dq).tolist()}
         return data
 
-    def scenario(self, scheme: dict[str, Any], *, period: float | None = None) -> ScenarioDescription:
-        """The scenario of these requirements with a law.
-
-        - `scheme`: the law, as in a scenario file.
-        - `period`: in place of the stated one [s].
+    def scenario(self, scheme: dict[str, Any]) -> ScenarioDescription:
+        """Return the scenario of this problem with a law, as `scheme` of a scenario file.
 
         Raises DefinitionError, with the path of the field, if something is invalid.
         """
-        h = self.simulation.period if period is None else period
+        h = self.simulation.period
         time = {
             "mode": "held",
             "integrator": "semi_implicit_euler",

@@ -1,20 +1,20 @@
-"""A design as a file: the scenario with its law, each number with its reason."""
+"""Scenario file of a design, with comments that explain its values."""
 
 from __future__ import annotations
 
-import io
 import json
+from collections.abc import Iterator
 from os.path import relpath
 from pathlib import Path
 from textwrap import fill
 from typing import Any
 
-from ruamel.yaml import YAML
+from ruamel.yaml.comments import CommentedMap
 
 from slidax._writing import write_text
-from slidax.certificates import Certificates
+from slidax.certificates import Certificates, Verdict
 from slidax.certificates.loop.jointly import JOINTS
-from slidax.certificates.verdict import Verdict
+from slidax.scenarios.written import dumped
 
 from .design import U_AMPLE, U_OVER, Designed
 from .proof import boundable
@@ -24,69 +24,38 @@ CERTIFICATE = ".certificate.json"
 """Follows the scenario's own name."""
 
 
-def written(found: Designed, folder: Path) -> str:
-    """The scenario as YAML with comments, which runs as it is.
+def written(result: Designed, folder: Path) -> str:
+    """Return the scenario as YAML with comments, ready for `slidax run`.
 
-    - `found`: the design.
-    - `folder`: where it will be, so that files are named from there.
+    - `folder`: of the file, from which it names other files.
     """
-    data = found.description.model_dump(mode="json", exclude_unset=True)
-    scheme = data.pop("scheme")
-    time, sets = data.pop("simulation"), data.pop("uncertainty", {})
-    data = {
-        name: _relative(value, folder) if name in ("robot", "trajectory") else value for name, value in data.items()
-    }
-    title = data.pop("title")
-    blocks = "".join(f"{_yaml({name: value})}\n" for name, value in data.items())
-    uncertain = f"{_yaml({'uncertainty': sets})}\n" if sets else ""
-    return (
-        f"title: {json.dumps(title, ensure_ascii=False)}\n\n{_comment(_proof(found))}\n{blocks}{uncertain}"
-        f"scheme:\n  name: {scheme['name']}\n{_law(found, scheme)}\n{_yaml({'simulation': time})}"
-    )
+    values = result.description.model_dump(mode="json", exclude_unset=True)
+    for name in ("robot", "trajectory"):
+        values[name] = _relative(values[name], folder)
+    document = _mapping(values)
+    for name in list(document)[1:]:
+        document.yaml_set_comment_before_after_key(name, before="\n")
+    for place, name, text in _comments(result):
+        block, indent = document, 0
+        for key in place:
+            block, indent = block.get(key, CommentedMap()), indent + 2
+        if name in block:
+            block.yaml_set_comment_before_after_key(name, before=_filled(text, indent), indent=indent)
+    return dumped(document)
 
 
-def write_design(found: Designed, out: Path, certificates: Certificates) -> Path:
-    """Writes the scenario and its certificate beside it, and returns the certificate's path.
-
-    - `found`: the design.
-    - `out`: the scenario's path.
-    - `certificates`: of the scenario.
-    """
+def write_design(result: Designed, out: Path, certificates: Certificates) -> Path:
+    """Write the scenario to `out` and its certificates next to it; return the path of the certificates."""
     out.parent.mkdir(parents=True, exist_ok=True)
-    write_text(out, written(found, out.parent))
-    beside = out.with_name(out.stem + CERTIFICATE)
+    write_text(out, written(result, out.parent))
+    path = out.with_name(out.stem + CERTIFICATE)
     text = json.dumps(certificates.as_json(), indent=2, allow_nan=False, ensure_ascii=False)
-    write_text(beside, text + "\n")
-    return beside
-
-
-def _proof(found: Designed) -> str:
-    check = found.check.bound
-    said = f"Tested in simulation, not proved: {_unproved(found)}."
-    if found.proof == "bound":
-        said = f"{called(found.rate)[0].upper()}{called(found.rate)[1:]}; the file beside this one lists its lines."
-    if not check:
-        return f"{said} Nothing is uncertain, so that one run says all."
-    return (
-        f"{said} {check['runs']} random cases of the set and {check['searched']} of a search for the worst stay "
-        f"inside, the worst with {check['worst_margin']:.2g} of the envelope's width to spare."
-    )
-
-
-def _unproved(found: Designed) -> str:
-    if boundable(found.frame.initial.size, found.frame.learns):
-        return "`loop_rate` has no bound within such an envelope for this set"
-    return (
-        f"from {JOINTS} joints on `loop_rate` has no bound for a law that learns the inertia; with `proof: bound` "
-        "one is looked for that does not"
-    )
+    write_text(path, text + "\n")
+    return path
 
 
 def called(rate: Verdict | None) -> str:
-    """The word for a law for which `loop_rate` holds: certified if all lines are proved, else tested.
-
-    - `rate`: the certificate's answer.
-    """
+    """Name the proof of a design for a `loop_rate` verdict that holds: certified if all lines are proved."""
     if rate is None or rate.grade is None:
         return "tested"
     if rate.grade == "A":
@@ -94,72 +63,75 @@ def called(rate: Verdict | None) -> str:
     return f"tested, with a bound of `loop_rate`, grade {rate.grade}: its lines: {rate.stands_on}"
 
 
-def _law(found: Designed, scheme: dict[str, Any]) -> str:
-    """All that the scheme says, with a comment where there is something to say."""
-    envelope = {name: value for name, value in scheme.pop("transformation", {}).items() if name != "kind"}
-    sampled, scheme = scheme.pop("sampled_data"), {**envelope, **scheme}
-    said = _comments(found)
-    lines = [said.get(name, "") + _inside(name, value) for name, value in scheme.items() if name != "name"]
-    if "bound" not in scheme:
-        lines.append(_comment("`bound` is not given: it follows from the arm, its drives and the mismatch above.", 2))
-    lines.append("  sampled_data:\n")
-    return "".join(lines + [said.get(name, "") + _inside(name, value, 4) for name, value in sampled.items()])
+def _proof(result: Designed) -> str:
+    check = result.check.bound
+    text = f"Tested in simulation, not proved: {_unproved(result)}."
+    if result.proof == "bound":
+        name = called(result.rate)
+        text = f"{name[0].upper()}{name[1:]}; the certificate file next to this one lists its lines."
+    if not check:
+        return f"{text} Nothing is uncertain, so that one run shows all."
+    return (
+        f"{text} {check['runs']} random cases of the set and {check['searched']} of a search for the worst stay "
+        f"inside, the worst with {check['worst_margin']:.2g} of the envelope's width to spare."
+    )
 
 
-def _comments(found: Designed) -> dict[str, str]:
-    """What is said of a key, above it."""
-    frame, choice = found.frame, found.choice
-    lacks = "" if found.asked is None else f", {found.asked.needed:.3g} N m"
-    times = f"{U_AMPLE:g} times" if frame.least_margin is None else f"at least {U_OVER:g} times"
-    said = {
-        "performance": f"The error is within `final` from the deadline on. In the worst of {found.worst.cases} common "
-        f"cases the steady error is {found.worst.error:.2g}. `initial` has room for all starts.",
-        "surface": "Steeper or flatter ones were not better.",
-        "bound": f"u: {times} what the model lacks at most{lacks}, (44), (45).",
-    }
-    inside = {
-        "horizon": f"{choice.horizon / frame.period:.3g} periods: found on common cases, with surface, `overshoot` and "
-        "estimator.",
-        "adaptation": f"The inertia is not learnt: from {JOINTS} joints on no law that learns it has a bound.",
-        "monitor": f"Warns before the envelope is left: by what {MANY} common cases used of it, and a quarter more.",
-    }
+def _unproved(result: Designed) -> str:
+    if boundable(result.frame.initial.size, result.frame.learns):
+        return "`loop_rate` has no bound within such an envelope for this set"
+    return (
+        f"from {JOINTS} joints on `loop_rate` has no bound for a law that learns the inertia; `proof: bound` looks for "
+        "a law that does not"
+    )
+
+
+def _comments(result: Designed) -> Iterator[tuple[tuple[str, ...], str, str]]:
+    """Yield each comment with the place and name of the key that it precedes."""
+    frame, choice = result.frame, result.choice
+    yield (), "robot", _proof(result)
+    yield (
+        ("scheme", "transformation"),
+        "performance",
+        f"The error is within `final` from the deadline on. In the worst of {result.worst.cases} common cases the "
+        f"steady error is {result.worst.error:.2g}. `initial` has room for all starts.",
+    )
+    yield ("scheme",), "surface", "Steeper or flatter surfaces were not better."
+    if choice.margin is not None:
+        lacks = "" if result.asked is None else f", {result.asked.needed:.3g} N m"
+        times = f"{U_AMPLE:g} times" if frame.least_margin is None else f"at least {U_OVER:g} times"
+        yield ("scheme",), "bound", f"u: {times} the largest model error{lacks}, (44), (45)."
+    else:
+        yield ("scheme",), "bound", "The bound follows from the arm, its drives and the mismatch above."
+    inside = ("scheme", "sampled_data")
+    yield (
+        inside,
+        "horizon",
+        f"{choice.horizon / frame.period:.3g} periods: found on common cases, with surface, `overshoot` and estimator.",
+    )
     if choice.drift is not None:
         drift = f"The disturbance drifts by {choice.drift * 0.8:.2g} % of the rated torque in a second"
-        drift += f"; by joint this is made more even, {choice.even:.2g} of the way." if choice.even else "."
-        inside["estimator"] = drift
-    return {name: _comment(text, 2) for name, text in said.items()} | {
-        name: _comment(text, 4) for name, text in inside.items()
-    }
+        even = f"; the joints' drifts are evened by {choice.even:.2g} of the way." if choice.even else "."
+        yield inside, "estimator", drift + even
+    yield inside, "adaptation", f"Learning is off: from {JOINTS} joints on no law that learns the inertia has a bound."
+    yield inside, "monitor", f"Warns before the envelope is left: 1.25 times the share that {MANY} common cases used."
 
 
 def _relative(block: dict[str, Any], folder: Path) -> dict[str, Any]:
-    found = dict(block)
-    if isinstance(found.get("file"), str):
-        found["file"] = relpath(found["file"], folder)
-    if found.get("packages"):
-        found["packages"] = [relpath(one, folder) for one in found["packages"]]
-    return found
+    block = dict(block)
+    if isinstance(block.get("file"), str):
+        block["file"] = relpath(block["file"], folder)
+    if block.get("packages"):
+        block["packages"] = [relpath(package, folder) for package in block["packages"]]
+    return block
 
 
-def _inside(name: str, value: Any, indent: int = 2) -> str:
-    flow = io.StringIO()
-    yaml = YAML(typ="safe", pure=True)
-    yaml.default_flow_style = True
-    yaml.width = 10_000
-    yaml.sort_base_mapping_type_on_output = False  # type: ignore[assignment]
-    yaml.dump({name: value}, flow)
-    return f"{' ' * indent}{flow.getvalue().strip()[1:-1]}\n"
+def _mapping(value: Any) -> Any:
+    """Mappings that can carry comments."""
+    if isinstance(value, dict):
+        return CommentedMap({name: _mapping(part) for name, part in value.items()})
+    return [_mapping(part) for part in value] if isinstance(value, list) else value
 
 
-def _yaml(value: Any) -> str:
-    yaml = YAML()
-    yaml.default_flow_style = None
-    yaml.width = 118
-    text = io.StringIO()
-    yaml.dump(value, text)
-    return text.getvalue()
-
-
-def _comment(text: str, indent: int = 0) -> str:
-    start = " " * indent + "# "
-    return fill(text, 118, initial_indent=start, subsequent_indent=start, break_on_hyphens=False) + "\n"
+def _filled(text: str, indent: int) -> str:
+    return fill(text, 116 - indent, break_on_hyphens=False)

@@ -77,14 +77,12 @@ class Trials:
     - `requirements`: of the law.
     - `frame`: what all choices have in common.
     - `first`: the choice of which the loop is made.
-    - `period`: in place of the stated one [s].
     - `smaller`: paths whose sets are used up to this share of their width.
     """
 
     problem: DesignProblem
     frame: Frame
     first: Choice
-    period: float | None = None
     smaller: dict[str, float] = field(default_factory=dict)
     harder: Values = field(default_factory=dict)
 
@@ -101,7 +99,7 @@ class Trials:
     @cached_property
     def base(self) -> ScenarioDescription:
         """The scenario with the first choice."""
-        return self.problem.scenario(self.frame.scheme(self.first), period=self.period)
+        return self.frame.described(self.first)
 
     @cached_property
     def family(self) -> Family:

@@ -1,0 +1,42 @@
+"""The flagship path on the two-link arm, with all of its real parts: requirements, design, certificates, exported C."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from slidax.deploy import export_c
+from slidax.design import polish
+from slidax.scenarios import load
+from tests.cli.commands import in_process
+from tests.deploy.exported import COMPILERS, compiled, needs_a_compiler, run
+
+from .test_requirements import EXAMPLES
+
+
+@needs_a_compiler
+def test_requirements_become_a_certified_law_whose_c_answers_the_golden_samples(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # A short search and short runs; the design is only less exact.
+    monkeypatch.setattr(polish, "GENERATIONS", 2)
+    requirements = tmp_path / "requirements.yaml"
+    text = (EXAMPLES / "two-link.yaml").read_text(encoding="utf-8")
+    text = text.replace("accuracy: best}", "accuracy: best, proof: bound}")
+    text = text.replace("period: 1.0e-3}", "period: 1.0e-3, substeps: 4, t1: 3.0}")
+    requirements.write_text(text, encoding="utf-8")
+    done = in_process("design", str(requirements), "--out", str(tmp_path / "arm.yaml"), "--json", "--runs", "10")
+    assert done.exit_code == 0, done.output
+    answer = json.loads(done.stdout)
+    assert answer["designed"] is True
+    assert answer["proof"] == "bound"
+    certificates = {each["name"]: each for each in answer["certificates"]}
+    assert certificates["loop_rate"]["holds"] is True
+    assert not [name for name, each in certificates.items() if each["holds"] is False]
+    export_c(load(tmp_path / "arm.yaml"), tmp_path / "c", name="law")
+    compiled(
+        COMPILERS[0], tmp_path / "c", "slidax_law.c", "slidax_law_scenario.c", "test_law.c", "-o", "test_law", "-lm"
+    )
+    assert run(tmp_path / "c", "./test_law").endswith("0 faults\n")
