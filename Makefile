@@ -106,7 +106,7 @@ LOCK = .venv-lock/bin/uv pip compile --quiet --universal --python-version 3.11 -
 	--no-emit-index-url --no-emit-find-links --custom-compile-command "make lock"
 COMPILE = $(LOCK) pyproject.toml
 # All but cuda, which is for machines with a card.
-EXTRAS = --extra parquet --extra frame --extra native --extra robots --extra trajectories --extra view --extra film \
+EXTRAS = --extra parquet --extra frame --extra native --extra robots --extra trajectories --extra view \
 	--extra studies --extra cluster --extra fmu --extra log --extra linear --extra studio
 lock: .venv-lock/bin/uv ## Renew requirements/*.txt after a change in pyproject.toml
 	@mkdir -p requirements

@@ -79,7 +79,7 @@ def test_the_sdist_has_every_file_that_its_readme_links_to(unpacked: Path) -> No
 
 def test_all_means_every_extra_but_those_that_need_a_card_or_bring_another_licence() -> None:
     named = [extra for line in EXTRAS["all"] for extra in line.split("]")[0].removeprefix("slidax[").split(",")]
-    assert sorted(named) == sorted(set(EXTRAS) - {"all", "cuda", "film"})
+    assert sorted(named) == sorted(set(EXTRAS) - {"all", "cuda"})
 
 
 def test_every_remedy_names_an_extra_that_there_is() -> None:

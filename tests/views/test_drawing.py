@@ -16,8 +16,8 @@ from slidax import robots
 from slidax._errors import DefinitionError
 from slidax.disturbances import Constant
 from slidax.simulation import Plant, Run
-from slidax.views.drawing import Drawing, drawing
-from slidax.views.motion import motion
+from slidax.views.drawing import Drawing, draw
+from slidax.views.motion import sample_run
 from slidax.views.skeleton import skeleton_of
 from slidax.views.solid import DESIRED, JOINT, LINK, Solid, merged, turn_up
 from slidax.views.stage import FIELD_OF_VIEW, camera_for
@@ -34,7 +34,7 @@ def swing() -> tuple[Plant, Run]:
 @pytest.fixture(scope="module")
 def drawn(swing: tuple[Plant, Run]) -> Drawing:
     plant, run = swing
-    return drawing(run, plant, rate=60.0, most=1000)
+    return draw(run, plant, rate=60.0, most=1000)
 
 
 def test_a_film_has_its_frames_evenly_from_the_first_sample_to_the_last(drawn: Drawing) -> None:
@@ -70,7 +70,7 @@ def test_a_time_has_the_frame_that_is_nearest(drawn: Drawing) -> None:
 
 def test_a_long_run_has_fewer_frames_per_second(swing: tuple[Plant, Run]) -> None:
     plant, run = swing
-    film = motion(run, skeleton_of(plant.robot), 1e6, 40)
+    film = sample_run(run, skeleton_of(plant.robot), 1e6, 40)
     assert len(film.t) == 40
 
 
@@ -80,7 +80,7 @@ def test_the_end_of_a_run_that_failed_is_left_out(wild: float, swing: tuple[Plan
     for where in (lambda run: run.log.state.q, lambda run: run.log.tau):
         values = np.array(where(run))
         values[-2:, 1] = wild
-        film = motion(eqx.tree_at(where, run, values), skeleton_of(plant.robot), 60.0, 1000)
+        film = sample_run(eqx.tree_at(where, run, values), skeleton_of(plant.robot), 60.0, 1000)
         assert film.t[-1] == run.log.t[-3]
         assert np.isfinite(film.actual.places).all()
 
@@ -88,11 +88,11 @@ def test_the_end_of_a_run_that_failed_is_left_out(wild: float, swing: tuple[Plan
 def test_a_run_without_a_log_and_one_of_another_robot_are_refused(swing: tuple[Plant, Run]) -> None:
     plant, run = swing
     with pytest.raises(DefinitionError, match="log_every"):
-        drawing(dataclasses.replace(run, log=None), plant, rate=60.0, most=1000)
+        draw(dataclasses.replace(run, log=None), plant, rate=60.0, most=1000)
     with pytest.raises(DefinitionError, match="2 joints, but this robot has 7"):
-        drawing(run, robots.panda(), rate=60.0, most=1000)
-    with pytest.raises(DefinitionError, match="a plant or a robot is needed; got a `Constant`"):
-        drawing(run, Constant([0.0, 0.0]), rate=9.0, most=9)
+        draw(run, robots.panda(), rate=60.0, most=1000)
+    with pytest.raises(DefinitionError, match="must be a plant or a robot; got a `Constant`"):
+        draw(run, Constant([0.0, 0.0]), rate=9.0, most=9)
 
 
 def test_the_arm_stands_upright_above_the_ground(drawn: Drawing) -> None:
@@ -128,7 +128,7 @@ def assert_seen(camera: np.ndarray, target: np.ndarray, points: np.ndarray) -> N
 @pytest.mark.parametrize("load", [two_link, scara])
 def test_the_camera_sees_the_whole_path_and_both_arms_when_they_are_side_by_side(load: object) -> None:
     scenario = load()  # type: ignore[operator]
-    seen = drawing(scenario.simulate(progress=False), scenario.plant, rate=60.0, most=1000)
+    seen = draw(scenario.simulate(progress=False), scenario.plant, rate=60.0, most=1000)
     stage = seen.stage
     points = stage.points(np.concatenate([seen.motion.actual.places.reshape(-1, 3), seen.motion.actual_tip]))
     assert_seen(stage.camera, stage.target, points)
@@ -168,7 +168,7 @@ def _links(solids: list[Solid], body: int) -> np.ndarray:
 def test_a_slide_has_a_rod_that_always_reaches_its_sleeve() -> None:
     scenario = scara()
     run = scenario.simulate(progress=False)
-    drawn = drawing(run, scenario.plant, rate=60.0, most=1000)
+    drawn = draw(run, scenario.plant, rate=60.0, most=1000)
     assert run.log is not None
     # The slide's z axis points down; at the largest q the rod still begins above the sleeve.
     assert _links(drawn.solids, 3)[:, 2].min() < -float(np.abs(run.log.state.q[:, 2]).max())
@@ -192,10 +192,10 @@ def test_the_reference_is_a_little_thinner_so_that_it_hides_in_the_arm(drawn: Dr
 def test_the_torque_is_limited_by_the_data_sheet_and_by_the_drive() -> None:
     plant, run = crane_run(torque=30.0)
     for given, limits in ((plant.robot, [20.0, 40.0]), (plant, [20.0, 30.0])):
-        np.testing.assert_array_equal(drawing(run, given, rate=9.0, most=9, plain=True).torque_limits, limits)
+        np.testing.assert_array_equal(draw(run, given, rate=9.0, most=9, plain=True).torque_limits, limits)
 
 
 def test_plain_shapes_of_a_urdf_are_a_contradiction(swing: tuple[Plant, Run], tmp_path: Path) -> None:
     plant, run = swing
-    with pytest.raises(DefinitionError, match="`plain` asks for plain shapes"):
-        drawing(run, plant, rate=60.0, most=1000, plain=True, urdf=tmp_path / "arm.urdf")
+    with pytest.raises(DefinitionError, match="`plain` draws plain shapes"):
+        draw(run, plant, rate=60.0, most=1000, plain=True, urdf=tmp_path / "arm.urdf")

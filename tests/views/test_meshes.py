@@ -15,7 +15,7 @@ from slidax import robots
 from slidax._errors import DefinitionError, DefinitionWarning
 from slidax.robots import Articulated
 from slidax.robots.files import drawn
-from slidax.views.drawing import drawing
+from slidax.views.drawing import draw
 from slidax.views.meshes import _folders, find_urdf, mesh_solids
 from slidax.views.skeleton import skeleton_of
 from slidax.views.solid import Solid
@@ -78,14 +78,14 @@ def test_what_is_bolted_on_can_be_left_out(urdf: Path) -> None:
 def test_the_urdf_of_another_robot_is_refused(urdf: Path) -> None:
     with pytest.raises(DefinitionError, match=r"arm\.urdf has no joint `panda_joint1`"):
         mesh_solids(skeleton_of(robots.panda()), urdf, tools=True)
-    with pytest.raises(DefinitionError, match="joint `turn` moves unlike"):
+    with pytest.raises(DefinitionError, match="joint `turn` moves differently"):
         mesh_solids(skeleton_of(crane(height=0.31)), urdf, tools=True)
 
 
 def test_a_urdf_without_meshes_or_none_at_all_is_refused(urdf: Path, tmp_path: Path) -> None:
     bare = tmp_path / "bare.urdf"
     bare.write_text(re.sub("<visual>.*</visual>", "", urdf.read_text()))
-    with pytest.raises(DefinitionError, match="no meshes"):
+    with pytest.raises(DefinitionError, match="has no meshes"):
         mesh_solids(skeleton_of(crane()), bare, tools=True)
     with pytest.raises(DefinitionError, match="cannot read"):
         mesh_solids(skeleton_of(crane()), tmp_path / "absent.urdf", tools=True)
@@ -123,8 +123,8 @@ def test_where_no_mesh_is_there_the_arm_has_plain_shapes(urdf: Path) -> None:
     urdf.write_text(re.sub("<visual><geometry>.*</visual>", "", urdf.read_text()))
     plant, run = crane_run(torque=20.0)
     with pytest.warns(DefinitionWarning, match=r"not drawn: `lost\.stl`"):
-        drawn_so = drawing(run, plant, rate=60.0, most=10, urdf=urdf)
-    plain = drawing(run, plant, rate=60.0, most=10, plain=True)
+        drawn_so = draw(run, plant, rate=60.0, most=10, urdf=urdf)
+    plain = draw(run, plant, rate=60.0, most=10, plain=True)
     assert len(drawn_so.solids) == len(plain.solids)
 
 

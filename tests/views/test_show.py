@@ -18,7 +18,7 @@ from viser import LineSegmentsHandle
 from slidax import views
 from slidax._errors import DefinitionError
 from slidax.simulation import Plant, Run
-from slidax.views.player import Player
+from slidax.views.show import Player
 from slidax.views.solid import DESIRED
 
 from .runs import two_link
@@ -60,7 +60,7 @@ def test_nothing_is_printed(swing: tuple[Plant, Run], capsys: pytest.CaptureFixt
 
 
 def test_a_time_puts_both_arms_where_they_are(view: views.View) -> None:
-    drawn = view._drawn
+    drawn = view._drawing
     view._show(0.25)
     frame = drawn.motion.frame(0.25)
     for arm, poses in ((view._scene.actual, drawn.motion.actual), (view._scene.desired, drawn.motion.desired)):
@@ -73,20 +73,20 @@ def test_a_time_puts_both_arms_where_they_are(view: views.View) -> None:
 
 
 def test_the_reference_is_a_ghost_over_the_arm_or_beside_it(view: views.View) -> None:
-    scene, stage = view._scene, view._drawn.stage
+    scene, stage = view._scene, view._drawing.stage
     np.testing.assert_allclose(scene.desired.root.position, scene.actual.root.position)
     assert not scene.desired.stand.visible
-    scene.put_beside(True)
+    scene.place_reference(True)
     np.testing.assert_allclose(scene.desired.root.position - scene.actual.root.position, stage.shift, atol=1e-6)
     assert scene.desired.stand.visible
-    scene.put_beside(False)
+    scene.place_reference(False)
     meshes = view._server.scene._handle_from_node_name
     ghosts = [node for name, node in meshes.items() if name.startswith("/reference/") and name.count("/") == 3]
     assert ghosts and all((node.color, node.opacity < 0.5) == (DESIRED, True) for node in ghosts)
 
 
 def test_the_paths_of_both_tips_are_thin_lines_from_start_to_end(view: views.View) -> None:
-    stage, motion = view._drawn.stage, view._drawn.motion
+    stage, motion = view._drawing.stage, view._drawing.motion
     for name, tips in (("/arm tip", motion.actual_tip), ("/reference tip", motion.desired_tip)):
         line = view._server.scene.get_handle_by_name(name)
         assert isinstance(line, LineSegmentsHandle)
@@ -96,7 +96,7 @@ def test_the_paths_of_both_tips_are_thin_lines_from_start_to_end(view: views.Vie
 
 
 def test_the_charts_have_the_error_in_its_envelope_and_a_line_at_the_time(view: views.View) -> None:
-    log = view._drawn.run.log
+    log = view._drawing.run.log
     assert log is not None and log.envelope is not None
     view._chart(1)
     view._show(0.2)

@@ -13,14 +13,11 @@ import pytest
 pytest.importorskip("viser")
 
 from slidax import views
-from slidax._errors import DefinitionError
 from slidax.robots import Articulated, Load, Payload
 from slidax.simulation import MujocoPlant, Plant, Run, Table
-from slidax.views.drawing import Drawing, drawing
-from slidax.views.load import MovedLoad
-from slidax.views.solid import SEE_THROUGH
-from slidax.views.stage import stage
-from slidax.views.studio import Studio
+from slidax.views.drawing import Drawing, draw
+from slidax.views.load import PayloadMotion
+from slidax.views.stage import make_stage
 
 from .runs import crane_run
 from .test_drawing import assert_seen
@@ -49,12 +46,12 @@ def mujocos() -> Moved:
 def drawn(moved: Moved) -> Drawing:
     """A frame every .02 s, at samples of the log."""
     plant, run = moved
-    return drawing(run, plant, rate=50.0, most=1000, plain=True)
+    return draw(run, plant, rate=50.0, most=1000, plain=True)
 
 
-def load_of(drawing: Drawing) -> MovedLoad:
-    assert drawing.load is not None
-    return drawing.load
+def load_of(drawing: Drawing) -> PayloadMotion:
+    assert drawing.payload is not None
+    return drawing.payload
 
 
 def assert_with_the_tip(moved: Moved, seen: Drawing, frames: np.ndarray) -> None:
@@ -131,15 +128,15 @@ def test_a_bare_robot_and_one_that_carries_nothing_have_no_box(ours: Moved) -> N
     plant, run = ours
     empty = eqx.tree_at(lambda plant: plant.load.payload.mass, plant, jnp.array(0.0))
     for given in (plant.robot, empty, Plant(plant.robot, plant.disturbance)):
-        seen = drawing(run, given, rate=50.0, most=1000, plain=True)
-        assert seen.load is None and seen.table is None
+        seen = draw(run, given, rate=50.0, most=1000, plain=True)
+        assert seen.payload is None and seen.table is None
 
 
 def with_table(ours: Moved, height: float, gravity: tuple[float, float, float]) -> Drawing:
     plant, run = ours
     robot = eqx.tree_at(lambda robot: robot.gravity_vector, plant.robot, jnp.array(gravity))
     table = MujocoPlant(robot, plant.disturbance, load=plant.load, surroundings=Table(height))
-    return drawing(run, table, rate=50.0, most=1000, plain=True)
+    return draw(run, table, rate=50.0, most=1000, plain=True)
 
 
 @pytest.mark.parametrize(
@@ -169,7 +166,7 @@ def test_the_ground_is_below_the_table_and_in_none_of_its_faces(ours: Moved) -> 
     tips = seen.skeleton.tips(level)
     motion = dataclasses.replace(seen.motion, actual=level, desired=level, actual_tip=tips, desired_tip=tips)
     for height in (-0.5, -0.01, 0.0, 0.01, 0.012, 0.02, 0.31):
-        room = stage(seen.skeleton, motion, None, height)
+        room = make_stage(seen.skeleton, motion, None, height)
         assert room.table is not None
         assert room.ground <= 0
         assert room.table[0, 2] > room.ground + 1e-3
@@ -195,15 +192,15 @@ def test_what_falls_for_ever_is_left_to_fall_out_of_the_picture(mujocos: Moved) 
 def test_a_replay_puts_the_box_where_it_is_and_takes_it_out_of_sight(mujocos: Moved, ours: Moved) -> None:
     for plant, run in (mujocos, ours):
         with views.show(run, plant, open_browser=False, plain=True) as view:
-            load, node = load_of(view._drawn), view._scene.load
+            load, node = load_of(view._drawing), view._scene.payload
             assert node is not None
             for t in (0.25, 0.0, 0.15):
                 view._show(t)
-                frame = view._drawn.motion.frame(t)
+                frame = view._drawing.motion.frame(t)
                 np.testing.assert_allclose(node.node.position, load.places[frame], atol=1e-6)
                 assert node.node.visible == bool(load.visible[frame])
             table = view._server.scene.get_handle_by_name("/table")
-            assert (table is None) == (view._drawn.table is None)
+            assert (table is None) == (view._drawing.table is None)
 
 
 def test_a_page_shows_the_box_from_when_it_is_taken_up_until_it_is_let_go(ours: Moved, tmp_path: Path) -> None:
@@ -217,35 +214,3 @@ def test_a_page_shows_the_box_from_when_it_is_taken_up_until_it_is_let_go(ours: 
     turns = [at for at, before in zip(said[1:], said[:-1], strict=True) if at[1] != before[1]]
     assert not said[0][1]
     assert turns == [(pytest.approx(ATTACHED, abs=0.02), True), (pytest.approx(RELEASED, abs=0.02), False)]
-
-
-def test_a_film_shows_the_box_while_it_is_there(ours: Moved, mujocos: Moved) -> None:
-    with filmed(ours) as studio:
-        assert boxed(studio, 0.0) == boxed(studio, 0.25) == 0.0 < 0.005 < boxed(studio, 0.15)
-        assert not len(tables(studio))
-    with filmed(mujocos) as studio:
-        assert boxed(studio, 0.0) == 0.0 < 0.005 < boxed(studio, 0.25)
-        assert len(tables(studio)) == 1
-
-
-def filmed(moved: Moved) -> Studio:
-    try:
-        return Studio(drawn(moved), beside=False, width=320, height=240)
-    except DefinitionError as error:
-        pytest.skip(str(error))
-
-
-def boxed(studio: Studio, t: float) -> float:
-    """The share of a picture in which the box or its shadow is seen, at a time."""
-    assert studio._shown is not None
-    frame = round(t / 0.02)
-    picture = studio.picture(frame)
-    shown, studio._shown = studio._shown, np.zeros_like(studio._shown)
-    without = studio.picture(frame)
-    studio._shown = shown
-    return float((picture != without).any(axis=2).mean())
-
-
-def tables(studio: Studio) -> np.ndarray:
-    """The shapes that are as translucent as a table."""
-    return np.flatnonzero(np.isclose(studio._model.geom_rgba[:, 3], SEE_THROUGH))

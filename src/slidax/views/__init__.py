@@ -1,7 +1,7 @@
-"""A finished run in three dimensions: in the browser while you look, or as a file that needs no Python.
+"""Three-dimensional replays of finished runs: live in the browser, or as one HTML file.
 
-`show` and `record` draw what the log of a run says and compute nothing of their own. The packages that draw come with
-`pip install 'slidax[view]'`, for films with `'slidax[film]'`, and are imported when they are first needed.
+`show` and `record` draw the log of a run and compute nothing of their own. The packages that they need come with
+`pip install 'slidax[view]'` and are imported on first use.
 """
 
 from .record import record as record

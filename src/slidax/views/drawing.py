@@ -1,8 +1,9 @@
-"""All that is to be seen of a run, before anything draws it."""
+"""The visible content of a run, independent of the renderer."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from importlib.util import find_spec
 from pathlib import Path
 
 import equinox as eqx
@@ -12,39 +13,36 @@ from slidax._errors import DefinitionError
 from slidax.robots import AbstractRobot, Articulated, Coupled
 from slidax.simulation import Run, Table
 
-from .load import MovedLoad, load_of
-from .motion import Motion, motion
+from .load import PayloadMotion, payload_motion
+from .motion import SampledRun, sample_run
 from .needed import require_packages
 from .skeleton import Skeleton, skeleton_of
 from .solid import Solid, merged
-from .stage import Stage, stage
+from .stage import Stage, make_stage
 
 
 @dataclass(frozen=True)
 class Drawing:
-    """A run, ready to be drawn.
+    """A run with shapes and poses, ready for a renderer.
 
-    - `run`: it.
-    - `skeleton`, `motion`, `stage`: the joints, where they are at each time, and the room.
-    - `solids`: of the arm; the stand is body 0's.
-    - `load`: what the tip carries; None for nothing.
-    - `table`: in the room; None if there is none.
-    - `torque_limits`: largest torque of each joint [n], N m or N; infinite for none.
-    - `title`: what to call it.
+    - `skeleton`, `motion`, `stage`: joint frames, poses over time, and the surroundings.
+    - `solids`: shapes of the arm; the stand belongs to body 0.
+    - `payload`, `table`: None if there is none.
+    - `torque_limits`: largest torque of each joint [n], N m or N; infinite if unlimited.
     """
 
     run: Run
     skeleton: Skeleton
-    motion: Motion
+    motion: SampledRun
     stage: Stage
     solids: list[Solid]
-    load: MovedLoad | None
+    payload: PayloadMotion | None
     table: Solid | None
     torque_limits: np.ndarray
     title: str
 
 
-def drawing(
+def draw(
     run: Run,
     plant: eqx.Module,
     *,
@@ -54,10 +52,10 @@ def drawing(
     urdf: str | Path | None = None,
     plain: bool = False,
 ) -> Drawing:
-    """What `show` and `record` draw.
+    """Prepare a run for `show` and `record`.
 
-    - `run`, `plant`, `title`, `urdf`, `plain`: as there.
-    - `rate`, `most`: frames per second of the run, > 0, and of the whole run.
+    - `run`, `plant`, `title`, `urdf`, `plain`: as for `show`.
+    - `rate`, `most`: frames per second of the run, > 0, and frames at most.
 
     Raises DefinitionError if the run has no log, the robot is unknown, or a package is missing.
     """
@@ -66,46 +64,36 @@ def drawing(
 
     robot = getattr(plant, "robot", plant)
     if not isinstance(robot, AbstractRobot):
-        raise DefinitionError(f"a plant or a robot is needed; got a `{type(plant).__name__}`")
-    bones = skeleton_of(robot)
-    film = motion(run, bones, rate, most)
-    load = load_of(run, plant, bones, film)
+        raise DefinitionError(f"`plant` must be a plant or a robot; got a `{type(plant).__name__}`")
+    skeleton = skeleton_of(robot)
+    motion = sample_run(run, skeleton, rate, most)
+    payload = payload_motion(run, plant, skeleton, motion)
     table = getattr(plant, "surroundings", None)
-    room = stage(bones, film, load, float(table.height) if isinstance(table, Table) else None)
-    meshes = _meshes(robot, bones, urdf, plain)
-    arm = plain_shapes(bones, film.travel, room.size) if meshes is None else meshes
-    solids = [*arm, *tip_axes(bones), *stand(bones, room, foot=meshes is None)]
-    return Drawing(run, bones, film, room, merged(solids), load, slab(room), _torque_limits(plant, robot), title)
+    stage = make_stage(skeleton, motion, payload, float(table.height) if isinstance(table, Table) else None)
+    meshes = _meshes(robot, skeleton, urdf, plain)
+    arm = plain_shapes(skeleton, motion.travel, stage.size) if meshes is None else meshes
+    solids = merged([*arm, *tip_axes(skeleton), *stand(skeleton, stage, foot=meshes is None)])
+    return Drawing(run, skeleton, motion, stage, solids, payload, slab(stage), _torque_limits(plant, robot), title)
 
 
 def _meshes(robot: AbstractRobot, skeleton: Skeleton, urdf: str | Path | None, plain: bool) -> list[Solid] | None:
-    """The arm as its maker drew it; None where there is no such drawing, or nothing of it is there."""
+    """The manufacturer's meshes of the arm; None if there are none."""
     if plain:
         if urdf is not None:
-            raise DefinitionError("`plain` asks for plain shapes, and `urdf` for meshes; give one of them")
+            raise DefinitionError("`plain` draws plain shapes and `urdf` draws meshes: give only one of them")
         return None
     if urdf is not None:
         require_packages("an arm from its URDF", "collada")
-    elif not isinstance(robot, Articulated) or not _have("collada"):
+    elif not isinstance(robot, Articulated) or find_spec("collada") is None:
         return None
     from .meshes import find_urdf, mesh_solids
 
-    if urdf is not None:
-        return mesh_solids(skeleton, Path(urdf), tools=True) or None
-    found = find_urdf(skeleton)
-    return None if found is None else mesh_solids(skeleton, found, tools=False) or None
-
-
-def _have(*packages: str) -> bool:
-    try:
-        require_packages("", *packages)
-    except DefinitionError:
-        return False
-    return True
+    path = find_urdf(skeleton) if urdf is None else Path(urdf)
+    return None if path is None else mesh_solids(skeleton, path, tools=urdf is not None) or None
 
 
 def _torque_limits(plant: eqx.Module, robot: AbstractRobot) -> np.ndarray:
-    """Of the drive where there is one, and of the data sheet."""
+    """The smaller of the limits of the drive and of the data sheet."""
     limits = np.full(robot.joints, np.inf)
     if isinstance(robot, Articulated | Coupled):
         limits = np.minimum(limits, np.asarray(robot.limits.torque))

@@ -1,4 +1,4 @@
-"""What the tip carries, as a box: with the tip while it is carried, on its own way once it is let go."""
+"""The payload as a box: carried by the tip, and falling freely once it is released."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ from slidax.robots import Load
 from slidax.simulation import FreeBody, Run
 from slidax.simulation.mujoco.box import box_like, principal
 
-from .motion import LARGEST, Motion
+from .motion import LARGEST, SampledRun
 from .skeleton import Skeleton
 from .solid import LOAD, Solid
 
 
 @dataclass(frozen=True)
-class MovedLoad:
-    """A load in each frame of a film; its frame is the tip's, and stays with it when it is let go.
+class PayloadMotion:
+    """A payload in each frame of a replay; its frame is the tip's, also after its release.
 
-    - `solid`: the box of even density with its mass and moments.
+    - `solid`: the box of uniform density with the payload's mass and moments of inertia.
     - `rotations`, `places`: of its frame in the base frame [k 3 3], [k 3], m.
-    - `carried`: whether the tip carries it [k].
-    - `visible`: whether it is to be seen [k]: while it is carried, and then as far as the run knows where it went.
+    - `carried`: True while the tip carries it [k].
+    - `visible`: True while its pose is known [k].
     """
 
     solid: Solid
@@ -33,19 +33,16 @@ class MovedLoad:
     carried: np.ndarray
     visible: np.ndarray
 
-    def corners(self, shown: np.ndarray) -> np.ndarray:
-        """All that is solid of it in some frames, in the base frame [m 3], m.
-
-        - `shown`: in which [k].
-        """
-        turned = self.solid.vertices @ self.rotations[shown].transpose(0, 2, 1)
-        return (turned + self.places[shown, None]).reshape(-1, 3)
+    def corners(self, frames: np.ndarray) -> np.ndarray:
+        """Corners of the box in some `frames` (a mask [k]), in the base frame [m 3], m."""
+        turned = self.solid.vertices @ self.rotations[frames].transpose(0, 2, 1)
+        return (turned + self.places[frames, None]).reshape(-1, 3)
 
 
-def load_of(run: Run, plant: eqx.Module, skeleton: Skeleton, motion: Motion) -> MovedLoad | None:
-    """The load of a plant; None if it has none.
+def payload_motion(run: Run, plant: eqx.Module, skeleton: Skeleton, motion: SampledRun) -> PayloadMotion | None:
+    """The payload of a `run` of a `plant`, or None.
 
-    - `run`, `plant`, `skeleton`, `motion`: of the arm; the plant may be a bare robot.
+    - `skeleton`, `motion`: of its arm; the plant may be a robot without surroundings.
     """
     load = getattr(plant, "load", None)
     if not isinstance(load, Load) or not float(load.payload.mass) > 0:
@@ -56,11 +53,11 @@ def load_of(run: Run, plant: eqx.Module, skeleton: Skeleton, motion: Motion) -> 
     carried = (t >= float(load.attached)) & (t < float(load.released))
     visible = carried.copy()
     free = t >= float(load.released)
-    way = None if run.load is None else _sound(run.load)
-    if way is not None and free.any():
-        rotations[free], places[free] = _at(t[free], way)
+    flight = None if run.load is None else _valid(run.load)
+    if flight is not None and free.any():
+        rotations[free], places[free] = _at(t[free], flight)
         visible |= free
-    return MovedLoad(_box(load), rotations, places, carried, visible)
+    return PayloadMotion(_box(load), rotations, places, carried, visible)
 
 
 def _box(load: Load) -> Solid:
@@ -72,18 +69,18 @@ def _box(load: Load) -> Solid:
     return box(2 * sides, LOAD, axes, np.asarray(payload.center))
 
 
-def _sound(way: FreeBody) -> FreeBody | None:
-    """Without what can't be shown, as where a run has failed; None if nothing is left."""
-    rotation, place = np.asarray(way.rotation), np.asarray(way.place)
+def _valid(body: FreeBody) -> FreeBody | None:
+    """The finite samples of a free body; None if there are none."""
+    rotation, place = np.asarray(body.rotation), np.asarray(body.place)
     with np.errstate(invalid="ignore"):
-        sound = np.isfinite(rotation).all(axis=(1, 2)) & (np.abs(place) < LARGEST).all(axis=1)
-    return FreeBody(np.asarray(way.t)[sound], rotation[sound], place[sound]) if sound.any() else None
+        valid = np.isfinite(rotation).all(axis=(1, 2)) & (np.abs(place) < LARGEST).all(axis=1)
+    return FreeBody(np.asarray(body.t)[valid], rotation[valid], place[valid]) if valid.any() else None
 
 
-def _at(t: np.ndarray, way: FreeBody) -> tuple[np.ndarray, np.ndarray]:
-    """Axes and places at times; those before the first and after the last sample are the nearest one's."""
-    places = np.stack([np.interp(t, way.t, column) for column in way.place.T], axis=1)
-    if len(way.t) == 1:
-        return np.tile(way.rotation, (len(t), 1, 1)), places
-    turns = Slerp(way.t, Rotation.from_matrix(way.rotation))(np.clip(t, way.t[0], way.t[-1]))
-    return turns.as_matrix(), places
+def _at(t: np.ndarray, body: FreeBody) -> tuple[np.ndarray, np.ndarray]:
+    """Interpolated rotations and places; constant before the first and after the last sample."""
+    places = np.stack([np.interp(t, body.t, column) for column in body.place.T], axis=1)
+    if len(body.t) == 1:
+        return np.tile(body.rotation, (len(t), 1, 1)), places
+    slerp = Slerp(body.t, Rotation.from_matrix(body.rotation))
+    return slerp(np.clip(t, body.t[0], body.t[-1])).as_matrix(), places

@@ -1,4 +1,4 @@
-"""The arm as its maker drew it: the meshes that its URDF names."""
+"""The arm as its manufacturer draws it: the meshes of its URDF."""
 
 from __future__ import annotations
 
@@ -19,17 +19,14 @@ from .skeleton import Skeleton
 from .solid import Solid, merged
 
 LARGEST_MESH = 200 * MEGABYTE
-"""Of a file [bytes]."""
+"""Size of a mesh file at most [bytes]."""
 
 LARGEST_GAP = 1e-4
-"""Between where a link is by its URDF and where it is by the robot's own frames [m]."""
+"""Between a link's position by the URDF and by the robot's own frames [m]."""
 
 
 def find_urdf(skeleton: Skeleton) -> Path | None:
-    """The URDF with meshes of a robot with these joints, in the package `example-robot-data` if it is installed.
-
-    - `skeleton`: of the robot; the names of its joints are looked for.
-    """
+    """Find the URDF with the joint names of a `skeleton` in the package `example-robot-data`, if installed."""
     for folder in _folders():
         for path in sorted(folder.glob("*/urdf/*.urdf")):
             # Most are told apart without reading them as XML.
@@ -40,15 +37,15 @@ def find_urdf(skeleton: Skeleton) -> Path | None:
 
 
 def mesh_solids(skeleton: Skeleton, path: Path, *, tools: bool) -> list[Solid]:
-    """The meshes of a URDF, on the bodies of the robot that carry them; empty if none of them is there.
+    """Read the meshes of a URDF and attach them to the bodies of the robot; empty if no mesh file exists.
 
-    One warning, a `DefinitionWarning`, names the meshes that are not there, or cannot be read.
+    One `DefinitionWarning` names the meshes that are missing or unreadable.
 
     - `skeleton`: of the robot.
     - `path`: the URDF.
-    - `tools`: also those of links behind fixed joints, such as a hand, which may be no part of the robot.
+    - `tools`: include links behind fixed joints, such as a hand, which may not belong to the robot.
 
-    Raises DefinitionError if the file has no shapes to be seen, or is of another robot.
+    Raises DefinitionError if the file has no visual shapes, or belongs to another robot.
     """
     urdf = drawn(path)
     carried = _carried(skeleton, urdf, path)
@@ -57,7 +54,7 @@ def mesh_solids(skeleton: Skeleton, path: Path, *, tools: bool) -> list[Solid]:
     own = {urdf.tree.children[name] for name in skeleton.names}
     shapes = [shape for shape in urdf.shapes() if not carried[shape.link] or tools or shape.link in own]
     if not shapes:
-        raise DefinitionError(f"{path} names no meshes; leave `urdf` out for plain shapes")
+        raise DefinitionError(f"{path} has no meshes: leave out `urdf` to draw plain shapes")
     solids: list[Solid] = []
     missing: list[str] = []
     for shape in shapes:
@@ -81,18 +78,18 @@ def _meshes(shape: Shape) -> list[trimesh.Trimesh]:
     if shape.kind == "sphere":
         return [trimesh.creation.icosphere(radius=float(shape.numbers[0]))]
     if shape.path is None:
-        raise FileNotFoundError("it is not there")
+        raise FileNotFoundError("no such file")
     require_file(shape.path, "the mesh", most=LARGEST_MESH)
     scene: Any = trimesh.load(shape.path, force="scene", ignore_broken=True)
-    found = []
+    meshes = []
     for node in scene.graph.nodes_geometry:
         placed, name = scene.graph[node]
         mesh = scene.geometry[name].copy()
         mesh.apply_transform(np.diag([*shape.numbers, 1.0]) @ placed)
-        found.append(mesh)
-    if not found:
-        raise ValueError("it has no triangles")
-    return found
+        meshes.append(mesh)
+    if not meshes:
+        raise ValueError("no triangles")
+    return meshes
 
 
 def _solid(body: int, mesh: trimesh.Trimesh, at: np.ndarray, shape: Shape) -> Solid:
@@ -126,7 +123,7 @@ def _fits(skeleton: Skeleton, path: Path) -> bool:
 
 
 def _carried(skeleton: Skeleton, urdf: Drawn, path: Path) -> dict[str, int]:
-    """The body that carries each link, which must stay where it is on its body, however the arm stands."""
+    """The body that carries each link; the link must not move on its body."""
     tree = urdf.tree
     missing = [name for name in skeleton.names if name not in tree.joints]
     if missing:
@@ -136,15 +133,15 @@ def _carried(skeleton: Skeleton, urdf: Drawn, path: Path) -> dict[str, int]:
         body = skeleton.names.index(name) + 1 if name in skeleton.names else carried[tree.parents[name]]
         carried[tree.children[name]] = body
     postures = [np.zeros(skeleton.joints), np.linspace(0.3, 0.9, skeleton.joints)]
-    seen = []
+    relative = []
     for q in postures:
         links, bodies = _link_places(skeleton, urdf, q), _body_places(skeleton, q)
-        seen.append({link: np.linalg.inv(bodies[body]) @ links[link] for link, body in carried.items()})
+        relative.append({link: np.linalg.inv(bodies[body]) @ links[link] for link, body in carried.items()})
     for link in carried:
-        gap = float(np.abs(seen[0][link] - seen[1][link]).max())
+        gap = float(np.abs(relative[0][link] - relative[1][link]).max())
         if gap > LARGEST_GAP:
             name = skeleton.names[carried[link] - 1]
-            raise DefinitionError(f"in {path}, joint `{name}` moves unlike that of this robot, by {gap:.2g} m")
+            raise DefinitionError(f"in {path}, joint `{name}` moves differently from this robot's, by {gap:.2g} m")
     return carried
 
 

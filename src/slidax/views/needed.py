@@ -1,4 +1,4 @@
-"""The optional packages that draw."""
+"""Check for optional packages."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from slidax._errors import DefinitionError
 
 
 def require_packages(purpose: str, *packages: str, extra: str = "view") -> None:
-    """Raises a DefinitionError with the remedy if one of the packages is not installed.
+    """Raise DefinitionError with the remedy if one of the packages is not installed.
 
-    - `purpose`: what they are needed for, the start of the message.
-    - `packages`: by the name that is imported.
-    - `extra`: of slidax, which brings them.
+    - `purpose`: the subject of the message.
+    - `packages`: import names.
+    - `extra`: the extra of slidax that installs them.
     """
     missing = [package for package in packages if find_spec(package) is None]
     if missing:

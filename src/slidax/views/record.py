@@ -1,7 +1,10 @@
-"""A recording of a run: a file that shows it."""
+"""A recorded replay of a run: one HTML file that plays in any browser, without Python and without a network."""
 
 from __future__ import annotations
 
+import contextlib
+import html
+import io
 from pathlib import Path
 
 import equinox as eqx
@@ -10,33 +13,21 @@ from slidax._errors import DefinitionError
 from slidax._writing import write_text
 from slidax.simulation import Run
 
-from .drawing import drawing
+from .drawing import Drawing, draw
 from .needed import require_packages
 
-FRAMES_PER_SECOND = {".html": 60.0, ".mp4": 30.0, ".gif": 12.5}
-"""Of each kind of file, unless asked for otherwise."""
-
-MOST_FRAMES = {".html": 6_000, ".mp4": 60_000, ".gif": 600}
-"""Of each kind of file: more would take the memory of the machine that plays it."""
-
-CODECS = {".mp4": ("av",), ".gif": ("PIL",)}
-"""The packages that write a film."""
+MOST_FRAMES = 6_000
+"""Frames of a recording at most: more would exceed the memory of the browser."""
 
 
 def require_record(out: str | Path) -> None:
-    """Raises DefinitionError if a file can't become a recording: asked before a long run, it saves the run.
+    """Raise DefinitionError if `out` does not end in .html, or viser is not installed.
 
-    - `out`: the file; its ending is unknown, or needs a package that is not installed.
+    Called before a long run, so that its result is not lost.
     """
-    out = Path(out)
-    kind = out.suffix.lower()
-    if kind not in FRAMES_PER_SECOND:
-        raise DefinitionError(f"a recording ends in {', '.join(FRAMES_PER_SECOND)}; got `{out.name}`")
-    if kind == ".html":
-        require_packages("a page that plays a run", "viser")
-    else:
-        purpose = f"a film (a page needs less: `{out.with_suffix('.html').name}`)"
-        require_packages(purpose, "trimesh", "mujoco", *CODECS[kind], extra="film")
+    if Path(out).suffix.lower() != ".html":
+        raise DefinitionError(f"a recording must end in .html; got `{Path(out).name}`")
+    require_packages("a recorded replay", "viser")
 
 
 def record(
@@ -46,41 +37,53 @@ def record(
     *,
     title: str = "",
     speed: float = 1.0,
-    frames_per_second: float | None = None,
+    frames_per_second: float = 60.0,
     beside: bool = False,
-    size: tuple[int, int] = (1280, 720),
     urdf: str | Path | None = None,
     plain: bool = False,
 ) -> Path:
-    """Writes what `show` shows to a file, and returns its path; no display is needed, and for a page no graphics.
+    """Write the scene of `show` as one HTML file with viser's player in it, and return its path.
 
-    - `run`, `plant`, `title`, `urdf`, `plain`: as in `show`.
-    - `out`: its ending says what it becomes. `.html`: one page that plays in three dimensions in any browser, also
-      without a network; `.mp4` or `.gif`: a film, drawn by MuJoCo.
-    - `speed`: how fast the run passes, > 0: .25 is slow motion.
-    - `frames_per_second`: of the recording, > 0; 60 for a page, 30 for an .mp4, 12.5 for a .gif if not given. A page
-      has 6000 frames at most, a .gif 600: a longer one has fewer per second.
-    - `beside`: the reference beside the true arm, and not over it.
-    - `size`: width and height of a film [px].
+    Neither a display nor graphics are needed.
 
-    Raises DefinitionError if the ending is another, the run has no log, the robot is unknown, or a package or the
-    graphics for a film are missing.
+    - `run`, `plant`, `title`, `urdf`, `plain`: as for `show`.
+    - `out`: the file, NAME.html.
+    - `speed`: of the replay, > 0; 0.25 is slow motion.
+    - `frames_per_second`: > 0; a recording has 6000 frames at most, and a longer one fewer per second.
+    - `beside`: draw the reference beside the true arm, not over it.
+
+    Raises DefinitionError if the file has another ending, the run has no log, the robot is unknown, or a package is
+    missing.
     """
     out = Path(out)
     require_record(out)
     for name, value in (("speed", speed), ("frames_per_second", frames_per_second)):
-        if value is not None and not 0 < value < float("inf"):
+        if not 0 < value < float("inf"):
             raise DefinitionError(f"`{name}` must be > 0; got {value:g}")
-    kind = out.suffix.lower()
-    rate = (frames_per_second or FRAMES_PER_SECOND[kind]) / speed
-    drawn = drawing(run, plant, rate=rate, most=MOST_FRAMES[kind], title=title, urdf=urdf, plain=plain)
+    rate = frames_per_second / speed
+    drawing = draw(run, plant, rate=rate, most=MOST_FRAMES, title=title, urdf=urdf, plain=plain)
+    page = _recording(drawing, speed, beside)
+    name = html.escape(drawing.title or "Replay")
     out.parent.mkdir(parents=True, exist_ok=True)
-    if kind == ".html":
-        from .page import recorded_page
-
-        write_text(out, recorded_page(drawn, speed=speed, beside=beside))
-        return out
-    from .film import write_film
-
-    write_film(drawn, out, speed=speed, beside=beside, size=size)
+    write_text(out, page.replace("<title>Viser</title>", f"<title>{name}</title>", 1))
     return out
+
+
+def _recording(drawing: Drawing, speed: float, beside: bool) -> str:
+    import viser
+
+    from .scene import Scene
+
+    frames, t = len(drawing.motion.t), drawing.motion.t
+    # viser records what a server sends, so a server must run while the recording is made.
+    with contextlib.redirect_stdout(io.StringIO()):
+        server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
+        try:
+            scene = Scene(server, drawing, beside=beside)
+            recorder = server.get_scene_serializer()
+            for number in range(1, frames):
+                recorder.insert_sleep(float(t[-1] - t[0]) / speed / (frames - 1))
+                scene.show(number)
+            return recorder.as_html()
+        finally:
+            server.stop()

@@ -1,4 +1,4 @@
-"""An arm of plain shapes: bones between the joints, a housing around each, thinner towards the tip."""
+"""Plain shapes for an arm: rods between the joints and a cylinder at each joint, thinner towards the tip."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from .stage import Stage
 
 
 def plain_shapes(skeleton: Skeleton, travel: np.ndarray, size: float) -> list[Solid]:
-    """The solids of an arm.
+    """Shapes of the links and joints.
 
-    - `skeleton`: where its joints are.
-    - `travel`: how far each joint goes from 0 in a run [n], rad or m; a slide's rod is that long.
-    - `size`: of the room that the arm needs, m.
+    - `skeleton`: of the arm.
+    - `travel`: largest distance of each joint from 0 in a run [n], rad or m; the rod of a prismatic joint is that long.
+    - `size`: of the workspace, m.
     """
     radii = _radii(skeleton, size)
     solids: list[Solid] = []
@@ -38,10 +38,7 @@ def plain_shapes(skeleton: Skeleton, travel: np.ndarray, size: float) -> list[So
 
 
 def tip_axes(skeleton: Skeleton) -> list[Solid]:
-    """The axes of the tip's frame: x red, y green, z blue.
-
-    - `skeleton`: of the arm.
-    """
+    """Axes of the tip frame of a `skeleton`: x red, y green, z blue."""
     at = frame(skeleton.tip_rotation, skeleton.tip_translation)
     long = 0.055 * skeleton.reach
     arrows = [bone(np.zeros(3), axis * long, 0.055 * long, 0.055 * long) for axis in np.eye(3)]
@@ -49,10 +46,10 @@ def tip_axes(skeleton: Skeleton) -> list[Solid]:
 
 
 def stand(skeleton: Skeleton, stage: Stage, *, foot: bool) -> list[Solid]:
-    """What the base stands on: a column from the ground, behind the arm if that swings past its first joint.
+    """Column from the ground to the base, placed behind an arm that swings past its first joint.
 
-    - `skeleton`, `stage`: of the arm.
-    - `foot`: whether the base needs a foot even on the ground; a mesh has its own.
+    - `skeleton`, `stage`: the arm and its surroundings.
+    - `foot`: add a foot also where the base is on the ground; meshes have their own.
     """
     r = _radii(skeleton, stage.size)[0]
     upright = stage.rotation.T
@@ -74,10 +71,7 @@ def stand(skeleton: Skeleton, stage: Stage, *, foot: bool) -> list[Solid]:
 
 
 def slab(stage: Stage) -> Solid | None:
-    """The table in the room; None if there is none.
-
-    - `stage`: the room.
-    """
+    """The table of a `stage`, or None."""
     if stage.table is None:
         return None
     low, high = stage.table
@@ -85,7 +79,7 @@ def slab(stage: Stage) -> Solid | None:
 
 
 def _radii(skeleton: Skeleton, size: float) -> np.ndarray:
-    """Of each body [n+1]: half as thick at the tip as at the base."""
+    """Radius of each body [n+1]; half as thick at the tip as at the base."""
     reach = skeleton.reach
     far = np.zeros(skeleton.joints + 1)
     for joint, parent in enumerate(skeleton.parents):

@@ -1,4 +1,4 @@
-"""A replay in the browser."""
+"""A live replay in the browser."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import io
 import threading
 import time
 import webbrowser
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,27 +15,27 @@ import equinox as eqx
 
 from slidax.simulation import Run
 
-from .drawing import Drawing, drawing
+from .drawing import Drawing, draw
 from .needed import require_packages
-from .player import Player
 
 if TYPE_CHECKING:
     from .charts import Chart
 
 RATE = 240.0
-"""Frames per second of the run: at a quarter of its speed, each picture is still another one."""
+"""Frames per second of the run: each picture differs from the last one also at a quarter of the speed."""
 
 MOST_FRAMES = 20_000
-"""Of the whole run."""
 
 SPEEDS = {f"{speed:g}x": speed for speed in (0.1, 0.25, 0.5, 1.0, 2.0)}
-"""What time can pass at."""
 
 LAYOUTS = ("over the arm", "side by side", "hidden")
-"""Where the reference may be."""
+"""Positions of the reference."""
+
+TICK = 1 / 60
+"""Time between two frames while the replay plays [s]."""
 
 CHART_PERIOD = 1 / 12
-"""Time between two drawings of the charts and the slider while it plays [s]."""
+"""Time between two updates of charts and slider while the replay plays [s]."""
 
 
 def show(
@@ -48,60 +49,109 @@ def show(
     port: int = 0,
     open_browser: bool = True,
 ) -> View:
-    """Plays a run in the browser: the true arm, the reference as a ghost, both tips' paths, errors and torques.
+    """Play a run in the browser: true arm, reference as a ghost, paths of both tips, errors and torques.
+
+    Returns at once. The `View` has `wait()`, which keeps a script alive, and `stop()`.
 
     - `run`: a finished run with a log.
-    - `plant`: its plant of any kind, or only the robot; a plant says the limits of the torque, what the tip
-      carries, and where the table is.
-    - `title`: what to call it.
-    - `urdf`: a URDF of this robot; its meshes are drawn. Without it they are those of the package
-      `example-robot-data`, if it is installed and has this robot, and plain shapes otherwise.
-    - `plain`: plain shapes in any case.
-    - `host`, `port`: where the page is served; only this machine can see it, and 0 is any free port.
-    - `open_browser`: whether to open the page.
-
-    Returns at once, with a `View` whose `wait()` keeps a script alive and whose `stop()` ends it.
+    - `plant`: any plant, or only the robot; a plant also has the torque limits, the payload and the table.
+    - `title`: of the page.
+    - `urdf`: a URDF of this robot, whose meshes are drawn. Without it they come from the package
+      `example-robot-data` if that is installed and has this robot; otherwise plain shapes are drawn.
+    - `plain`: draw plain shapes in any case.
+    - `host`, `port`: address of the server; only this machine can reach it by default, and port 0 is any free one.
+    - `open_browser`: open the page.
 
     Raises DefinitionError if the run has no log, the robot is unknown or does not fit, or a package is missing.
     """
     require_show()
-    drawn = drawing(run, plant, rate=RATE, most=MOST_FRAMES, title=title, urdf=urdf, plain=plain)
-    view = View(drawn, host, port)
+    drawing = draw(run, plant, rate=RATE, most=MOST_FRAMES, title=title, urdf=urdf, plain=plain)
+    view = View(drawing, host, port)
     if open_browser:
         webbrowser.open(view.url)
     return view
 
 
 def require_show() -> None:
-    """Raises DefinitionError if a package that `show` needs is not installed: asked before a long run, it saves it."""
+    """Raise DefinitionError if viser is not installed. Called before a long run, so that its result is not lost."""
     require_packages("a replay in the browser", "viser")
 
 
-class View:
-    """A replay that is being served; leaving a `with` block stops it.
+class Player(threading.Thread):
+    """The clock of a replay, which restarts at the end.
 
-    - `drawn`: what is shown.
-    - `host`, `port`: where it is served.
+    - `start_time`, `end_time`: of the run [s].
+    - `show`: called from this thread with each new time [s].
     """
 
-    def __init__(self, drawn: Drawing, host: str, port: int) -> None:
+    def __init__(self, start_time: float, end_time: float, show: Callable[[float], None]) -> None:
+        super().__init__(name="slidax replay", daemon=True)
+        self.start_time, self.end_time = start_time, end_time
+        self.playing = False
+        self.speed = 1.0
+        self.time = start_time
+        self._show = show
+        self._changed = True
+        self._lock = threading.Lock()
+        self._end = threading.Event()
+
+    def seek(self, t: float) -> None:
+        """Go to time `t` [s], clipped to the run."""
+        with self._lock:
+            self.time = min(max(t, self.start_time), self.end_time)
+            self._changed = True
+
+    def stop(self) -> None:
+        """End the thread."""
+        self._end.set()
+        if self.is_alive() and threading.current_thread() is not self:
+            self.join()
+
+    def run(self) -> None:
+        last = time.perf_counter()
+        while not self._end.wait(TICK):
+            now = time.perf_counter()
+            self.advance(now - last)
+            last = now
+
+    def advance(self, elapsed: float) -> None:
+        """Advance by `elapsed` real time [s]."""
+        with self._lock:
+            if self.playing:
+                t = self.time + elapsed * self.speed
+                # The last frame is shown before the replay restarts.
+                self.time = self.start_time if self.time >= self.end_time else min(t, self.end_time)
+            changed, self._changed = self._changed or self.playing, False
+            t = self.time
+        if changed:
+            self._show(t)
+
+
+class View:
+    """A replay on a running server; leaving a `with` block stops it.
+
+    - `drawing`: its content.
+    - `host`, `port`: address of the server.
+    """
+
+    def __init__(self, drawing: Drawing, host: str, port: int) -> None:
         import viser
 
         from .scene import Scene
 
-        # Its greeting would stand among the tables of the command line.
+        # viser's greeting would appear among the tables of the command line.
         with contextlib.redirect_stdout(io.StringIO()):
             self._server = viser.ViserServer(host=host, port=port, verbose=False)
         self.url = f"http://{'localhost' if host == '0.0.0.0' else host}:{self._server.get_port()}"
-        self._drawn = drawn
+        self._drawing = drawing
         self._frame = 0
         self._charts: list[Chart] = []
-        self._charted = 0.0
-        self._charting = threading.Lock()
-        t = drawn.motion.t
+        self._last_chart = 0.0
+        self._chart_lock = threading.Lock()
+        t = drawing.motion.t
         self._player = Player(float(t[0]), float(t[-1]), self._show)
         try:
-            self._scene = Scene(self._server, drawn, beside=False)
+            self._scene = Scene(self._server, drawing, beside=False)
             self._add_controls()
         except BaseException:
             self.stop()
@@ -110,21 +160,15 @@ class View:
 
     @property
     def time(self) -> float:
-        """The time of the run that is shown [s]."""
+        """The displayed time of the run [s]."""
         return self._player.time
 
     def seek(self, t: float) -> None:
-        """Shows a time.
-
-        - `t`: s.
-        """
+        """Show time `t` [s]."""
         self._player.seek(t)
 
     def play(self, playing: bool = True) -> None:
-        """Lets time pass, or holds it.
-
-        - `playing`: which.
-        """
+        """Play if `playing`, else pause."""
         import viser
 
         self._player.playing = playing
@@ -132,7 +176,7 @@ class View:
         self._button.icon = viser.Icon.PLAYER_PAUSE if playing else viser.Icon.PLAYER_PLAY
 
     def wait(self) -> None:
-        """Returns when the view is stopped, or by Ctrl-C, which stops it."""
+        """Return when the view is stopped; Ctrl-C stops it."""
         try:
             while self._player.is_alive():
                 time.sleep(0.2)
@@ -140,7 +184,7 @@ class View:
             self.stop()
 
     def stop(self) -> None:
-        """Ends the replay and its server."""
+        """Stop the replay and its server."""
         self._player.stop()
         with contextlib.redirect_stdout(io.StringIO()):
             self._server.stop()
@@ -154,18 +198,18 @@ class View:
     def _add_controls(self) -> None:
         import viser
 
-        gui, player, drawn = self._server.gui, self._player, self._drawn
+        gui, player, drawing = self._server.gui, self._player, self._drawing
         gui.configure_theme(show_logo=False, show_share_button=False, brand_color=(0, 114, 178))
-        gui.set_panel_label(drawn.title or "Replay")
+        gui.set_panel_label(drawing.title or "Replay")
         gui.main_panel.dock_right()
         gui.main_panel.set_width(400)
-        gui.add_markdown(drawn.run.outcome.message)
+        gui.add_markdown(drawing.run.outcome.message)
         self._button = gui.add_button("Play", icon=viser.Icon.PLAYER_PLAY)
         start, end = player.start_time, player.end_time
         self._slider: Any = gui.add_slider("t [s]", start, end, (end - start) / 2000, start)
         speed = gui.add_dropdown("Speed", tuple(SPEEDS), initial_value="1x")
         layout = gui.add_dropdown("Reference", LAYOUTS)
-        joints = gui.add_dropdown("Joint", tuple(drawn.skeleton.names))
+        joints = gui.add_dropdown("Joint", tuple(drawing.skeleton.names))
 
         @self._button.on_click
         def _(_: Any) -> None:
@@ -173,7 +217,7 @@ class View:
 
         @self._slider.on_update
         def _(event: Any) -> None:
-            # Not by the player itself, which moves the slider as well.
+            # The player moves the slider as well; that has no client.
             if event.client is not None:
                 player.seek(float(self._slider.value))
 
@@ -185,34 +229,33 @@ class View:
         def _(_: Any) -> None:
             self._scene.desired.root.visible = layout.value != LAYOUTS[2]
             if layout.value != LAYOUTS[2]:
-                self._scene.put_beside(layout.value == LAYOUTS[1])
+                self._scene.place_reference(layout.value == LAYOUTS[1])
 
         @joints.on_update
         def _(_: Any) -> None:
-            self._chart(drawn.skeleton.names.index(joints.value))
+            self._chart(drawing.skeleton.names.index(joints.value))
 
         self._chart(0)
 
     def _chart(self, joint: int) -> None:
         from .charts import joint_charts
 
-        with self._charting:
+        with self._chart_lock:
             for chart in self._charts:
                 chart.remove()
-            self._charts = joint_charts(self._server, self._drawn, joint)
+            self._charts = joint_charts(self._server, self._drawing, joint)
         self._player.seek(self._player.time)
 
     def _show(self, t: float) -> None:
-        """Called by the player."""
-        number = self._drawn.motion.frame(t)
+        number = self._drawing.motion.frame(t)
         if number != self._frame:
             self._frame = number
             with self._server.atomic():
-                self._scene.frame(number)
+                self._scene.show(number)
         now = time.perf_counter()
-        if not self._player.playing or now - self._charted > CHART_PERIOD:
-            self._charted = now
+        if not self._player.playing or now - self._last_chart > CHART_PERIOD:
+            self._last_chart = now
             self._slider.value = t
-            with self._charting:
+            with self._chart_lock:
                 for chart in self._charts:
                     chart.show(t)

@@ -1,4 +1,4 @@
-"""What a picture needs to know of an arm: the frames of its joints."""
+"""Joint frames of an arm, the minimum that a picture needs."""
 
 from __future__ import annotations
 
@@ -14,34 +14,29 @@ from slidax.robots import AbstractRobot, Articulated, Scara, TwoLink
 
 @dataclass(frozen=True)
 class Poses:
-    """Where the bodies of an arm are at several times; body 0 is the base, body i + 1 is moved by joint i.
+    """Poses of the bodies at several times; body 0 is the base, joint i moves body i + 1.
 
-    - `rotations`: their axes as columns [k n+1 3 3].
-    - `places`: of their origins [k n+1 3], m.
+    - `rotations`: axes as columns [k n+1 3 3].
+    - `places`: origins [k n+1 3], m.
     """
 
     rotations: np.ndarray
     places: np.ndarray
 
     def points(self, body: int, offset: np.ndarray) -> np.ndarray:
-        """A point of one body at all times [k 3], m.
-
-        - `body`: its number.
-        - `offset`: the point in the body's frame [3], m.
-        """
+        """A point of one `body` at all times [k 3], m; `offset` is the point in the body's frame [3], m."""
         return self.places[:, body] + self.rotations[:, body] @ offset
 
 
 @dataclass(frozen=True)
 class Skeleton:
-    """The frames of an arm's joints, which turn about or slide along their z axis, as in `Articulated`.
+    """Joint frames of an arm. Joints turn about or slide along their z axis, as in `Articulated`.
 
-    - `parents`: number of the joint before each, -1 for the base.
-    - `revolute`: whether each turns.
+    - `parents`: index of the previous joint, -1 for the base.
     - `rotations`, `translations`: of each frame in its parent's at position 0 [n 3 3], [n 3], m.
-    - `tip_joint`, `tip_rotation`, `tip_translation`: the tip in the frame of the joint that carries it [3 3], [3], m.
-    - `up`: against gravity, in the base frame [3].
-    - `names`: of the joints.
+    - `tip_joint`, `tip_rotation`, `tip_translation`: the tip in the frame of its joint [3 3], [3], m.
+    - `revolute`, `names`: of the joints.
+    - `up`: direction against gravity in the base frame [3].
     """
 
     parents: tuple[int, ...]
@@ -56,7 +51,7 @@ class Skeleton:
 
     @property
     def joints(self) -> int:
-        """How many there are."""
+        """Number of joints."""
         return len(self.parents)
 
     @property
@@ -69,15 +64,12 @@ class Skeleton:
 
     @property
     def reach(self) -> float:
-        """From the base along the arm to the tip, m."""
+        """Length along the arm from base to tip, m."""
         steps = [*self.translations[list(self.chain)], self.tip_translation]
         return float(np.sum(np.linalg.norm(steps, axis=1)))
 
     def poses(self, q: np.ndarray) -> Poses:
-        """Where the bodies are. It is in NumPy, since to compile `Articulated.frames` would take longer than the rest.
-
-        - `q`: positions [k n], rad or m.
-        """
+        """Forward kinematics at positions `q` [k n], rad or m. In NumPy: compiling would take longer."""
         turns, slides = np.where(self.revolute, q, 0.0), np.where(self.revolute, 0.0, q)
         rotations = np.tile(np.eye(3), (len(q), self.joints + 1, 1, 1))
         places = np.zeros((len(q), self.joints + 1, 3))
@@ -90,10 +82,7 @@ class Skeleton:
         return Poses(rotations, places)
 
     def tips(self, poses: Poses) -> np.ndarray:
-        """The places of the tip [k 3], m.
-
-        - `poses`: what `poses` returned.
-        """
+        """Tip positions [k 3], m, for `poses`."""
         return poses.points(self.tip_joint + 1, self.tip_translation)
 
 
@@ -105,11 +94,7 @@ def _about_z(angles: np.ndarray) -> np.ndarray:
 
 
 def skeleton(robot: AbstractRobot, q: Any) -> np.ndarray:
-    """The arm as points, from the base over its joints to the tip [m 3], m; joints that meet are one point.
-
-    - `robot`: what `skeleton_of` knows.
-    - `q`: positions [n], rad or m.
-    """
+    """The arm at positions `q` [n] as points from base to tip [m 3], m; joints of `robot` that coincide are one."""
     bones = skeleton_of(robot)
     poses = bones.poses(np.asarray(q)[None])
     joints = np.array(bones.chain) + 1
@@ -120,15 +105,13 @@ def skeleton(robot: AbstractRobot, q: Any) -> np.ndarray:
 
 @singledispatch
 def skeleton_of(robot: Any) -> Skeleton:
-    """The skeleton of a robot; `skeleton_of.register` teaches it one of your own.
+    """The skeleton of a `robot`. Add a robot class of your own with `skeleton_of.register`.
 
-    - `robot`: an arm.
-
-    Raises DefinitionError for a robot that it does not know.
+    Raises DefinitionError for an unknown robot class.
     """
     raise DefinitionError(
-        f"no picture of a `{type(robot).__name__}` is known; say where its joints are with "
-        f"`@slidax.views.skeleton_of.register`, by a function from the robot to a `slidax.views.Skeleton`"
+        f"`{type(robot).__name__}` has no skeleton to draw: register a function from the robot to a "
+        f"`slidax.views.Skeleton` with `@slidax.views.skeleton_of.register`"
     )
 
 
@@ -175,7 +158,7 @@ def _(robot: Scara) -> Skeleton:
 
 
 def _serial(elbow: np.ndarray, *, tip: np.ndarray, up: np.ndarray) -> Skeleton:
-    """Two joints that turn about z, one behind the other."""
+    """Two joints in series that turn about z."""
     return Skeleton(
         parents=(-1, 0),
         revolute=(True, True),

@@ -1,4 +1,4 @@
-"""What is drawn: triangles of one colour that a body carries."""
+"""Coloured triangle meshes on the bodies of an arm."""
 
 from __future__ import annotations
 
@@ -17,27 +17,27 @@ DESIRED: Colour = (213, 94, 0)
 LOAD: Colour = (158, 138, 118)
 TABLE: Colour = (238, 224, 200)
 AXES: tuple[Colour, Colour, Colour] = ((200, 60, 50), (70, 150, 70), (50, 90, 190))
-"""Of the links, the joints, the stand, the true arm's path, the reference, what is carried, the table, and the axes of
-the tip. The true arm and the reference have the colours that they have in the figures."""
+"""Colours of links, joints, stand, true arm, reference, payload, table, and the axes of the tip. The true arm and the
+reference have their colours of the figures.
+"""
 
 GHOST = 0.35
 """Opacity of the reference arm."""
 
 SEE_THROUGH = 0.55
-"""Opacity of the table: a tip that sinks into it is still to be seen."""
+"""Opacity of the table, so that a tip below its surface stays visible."""
 
 THINNER = 1e-3
-"""How much thinner it is than the true arm, over the reach: where they are at one place, the true one is seen."""
+"""Inset of the reference relative to the reach, so that the true arm hides it where both coincide."""
 
 
 @dataclass(frozen=True)
 class Solid:
     """Triangles of one colour.
 
-    - `body`: the number of the body that carries them, 0 for the base.
+    - `body`: that carries them, 0 for the base.
     - `vertices`: [v 3], m, in the body's frame.
-    - `faces`: three vertices each [f 3].
-    - `colour`: theirs.
+    - `faces`: vertex indices [f 3].
     """
 
     body: int
@@ -46,10 +46,7 @@ class Solid:
     colour: Colour
 
     def shrunk(self, depth: float) -> np.ndarray:
-        """The vertices, moved into the solid [v 3], m.
-
-        - `depth`: by how much, m.
-        """
+        """The vertices, moved inwards by `depth` [m], [v 3]."""
         corners = self.vertices[self.faces]
         areas = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         normals = np.zeros_like(self.vertices)
@@ -59,10 +56,7 @@ class Solid:
 
 
 def merged(solids: list[Solid]) -> list[Solid]:
-    """The same triangles in one solid for each body and colour, so that a browser has few of them to move.
-
-    - `solids`: in any order.
-    """
+    """Join `solids` with the same body and colour, so that the browser moves few objects."""
     groups: dict[tuple[int, Colour], list[Solid]] = {}
     for solid in solids:
         groups.setdefault((solid.body, solid.colour), []).append(solid)
@@ -77,10 +71,7 @@ def _joined(group: list[Solid]) -> Solid:
 
 
 def turn_up(up: np.ndarray) -> np.ndarray:
-    """The shortest rotation that turns a direction up, to z, [3 3].
-
-    - `up`: a unit vector [3].
-    """
+    """The shortest rotation [3 3] from a unit vector `up` [3] to z."""
     axis = np.cross(up, [0.0, 0.0, 1.0])
     cosine = float(up[2])
     if cosine < -1 + 1e-12:
