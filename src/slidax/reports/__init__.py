@@ -1,4 +1,4 @@
-"""Pages that a person reads: one self-contained HTML file each, with its figures beside it as SVG."""
+"""HTML pages with their figures beside them as SVG, and files of a run."""
 
 from .certificate_report import write_certificate_report as write_certificate_report
 from .comparison import write_comparison as write_comparison
@@ -9,6 +9,7 @@ from .machine import versions as versions
 from .numbers import significant as significant
 from .numbers import typeset as typeset
 from .page import render as render
+from .page import write_page as write_page
 from .parameters import write_scenario as write_scenario
 from .picture import Picture as Picture
 from .picture import picture as picture

@@ -1,48 +1,44 @@
-"""The report of an identification."""
+"""The page of an identification."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
 from slidax import figures
-from slidax._writing import write_text
 from slidax.identification import Identification
 
-from .machine import machine, versions
-from .page import render
+from .page import write_page
 from .picture import picture
 
 
-def write_identification_report(found: Identification, out: Path, *, command: str = "") -> Path:
-    """Writes `out/report.html` and `out/figures/*.svg`, and returns the path of the page.
+def write_identification_report(identification: Identification, out: Path, *, command: str = "") -> Path:
+    """Write `report.html` and `figures/*.svg` for an `identification` to the folder `out`; return the page's path.
 
-    - `found`: the identification.
-    - `out`: a folder, made if missing.
-    - `command`: the command that did it, for the page.
+    - `command`: command line, for the page.
     """
-    out.mkdir(parents=True, exist_ok=True)
     torque = picture(
-        figures.identified_torques(found),
+        figures.identified_torques(identification),
         out / "figures",
         "identified-torques",
         "Torques",
-        "Measured and predicted, in the filter's band, and their difference. The shaded part was not fitted.",
+        "Measured and predicted torques in the filter's band, and their difference. The shaded part was held out.",
     )
-    rows = [(one, 0.5 * (one.interval()[1] - one.interval()[0])) for one in found.parameters]
-    torques = [
-        ("measured", found.measured_rms),
-        ("error, fitted part", found.fit_rms),
-        ("error, held-out part", found.held_out_rms),
-    ]
-    values = {
-        "found": found,
-        "rows": rows,
-        "torques": torques,
-        "pictures": [torque],
-        "versions": versions(),
-        "machine": machine(),
-        "command": command,
-    }
-    page = out / "report.html"
-    write_text(page, render("identification.html.j2", values))
-    return page
+    intervals = [parameter.interval() for parameter in identification.parameters]
+    return write_page(
+        out,
+        "identification.html.j2",
+        identification=identification,
+        rows=[
+            (parameter, 0.5 * (interval[1] - interval[0]))
+            for parameter, interval in zip(identification.parameters, intervals, strict=True)
+        ],
+        torques=[
+            ("measured", identification.measured_rms),
+            ("error, fitted part", identification.fit_rms),
+            ("error, held-out part", identification.held_out_rms),
+        ],
+        pictures=[torque],
+        parameters={},
+        seconds=identification.seconds,
+        command=command,
+    )

@@ -1,4 +1,4 @@
-"""The software and the machine that made a report."""
+"""Software versions and machine, for reports."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ PACKAGES = ("jax", "jaxlib", "equinox", "numpy", "matplotlib")
 
 
 def versions() -> dict[str, str]:
-    """The version of each package that computes or draws, by name."""
+    """Versions of Python, slidax and the packages that compute or draw, by name."""
     return {"slidax": __version__, "Python": platform.python_version()} | {name: version(name) for name in PACKAGES}
 
 
 def machine() -> dict[str, str]:
-    """The machine: processor, number of cores, system."""
+    """Processor, number of cores and operating system."""
     return {
         "processor": _processor(),
         "cores": str(os.cpu_count() or "unknown"),

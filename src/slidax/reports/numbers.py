@@ -1,4 +1,4 @@
-"""Numbers as a person reads them: 1.376, and 4.92 × 10⁻¹¹ rather than 4.92e-11."""
+"""Numbers for readers: 1.376, and 4.92 × 10⁻¹¹ instead of 4.92e-11."""
 
 from __future__ import annotations
 
@@ -13,11 +13,7 @@ MINUS = re.compile(r"(?<![\w.\-])-(?=\d)")
 
 
 def significant(number: float | None, digits: int = 4) -> str:
-    """The number in plain text, with so many significant digits; "–" for None and what is not finite.
-
-    - `number`: any number.
-    - `digits`: how many digits count.
-    """
+    """Format a `number` with `digits` significant digits as plain text; "–" for None and non-finite values."""
     if number is None or not math.isfinite(number):
         return "–"
     if number == 0:
@@ -30,9 +26,9 @@ def significant(number: float | None, digits: int = 4) -> str:
 
 
 def typeset(text: object) -> Markup:
-    """The text as HTML, with powers of ten raised, minus signs long, `T_max` with its index below; code in backticks.
+    """Return a plain `text` as HTML: raised powers of ten, long minus signs, `T_max` with its index below, code in backticks.
 
-    - `text`: plain text; what HTML would take for itself is escaped. Markup passes unchanged.
+    HTML in the text is escaped; Markup passes unchanged.
     """
     if isinstance(text, Markup):
         return text
@@ -40,7 +36,7 @@ def typeset(text: object) -> Markup:
     pieces = str(escape(text)).split("`")
     if len(pieces) % 2 == 0:
         return Markup(_set("`".join(pieces)))
-    return Markup("".join(f"<code>{one}</code>" if k % 2 else _set(one) for k, one in enumerate(pieces)))
+    return Markup("".join(f"<code>{piece}</code>" if k % 2 else _set(piece) for k, piece in enumerate(pieces)))
 
 
 def _set(safe: str) -> str:

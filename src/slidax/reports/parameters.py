@@ -1,4 +1,4 @@
-"""The parameters of a scenario, and of the law that it makes, as text."""
+"""The parameters of a scenario and of its law as text."""
 
 from __future__ import annotations
 
@@ -16,36 +16,29 @@ from slidax.scenarios.written import as_yaml, dumped
 
 
 def write_scenario(description: ScenarioDescription, path: Path) -> None:
-    """Writes the scenario as a file that can be run again from anywhere: what it names is found by its whole path.
-
-    - `description`: a validated scenario.
-    - `path`: where to; its folder is made if it is not there.
-    """
+    """Write a validated `description` to `path` as YAML that runs from anywhere: its file names are absolute."""
     path.parent.mkdir(parents=True, exist_ok=True)
     parts = {name: _with_whole_paths(getattr(description, name)) for name in ("robot", "trajectory")}
     write_text(path, as_yaml(description.model_copy(update=parts)))
 
 
 def _with_whole_paths(part: Any) -> Any:
-    found: dict[str, Any] = {}
+    paths: dict[str, Any] = {}
     if isinstance(getattr(part, "file", None), str):
-        found["file"] = str(Path(part.file).resolve())
+        paths["file"] = str(Path(part.file).resolve())
     if getattr(part, "packages", None):
-        found["packages"] = [str(Path(package).resolve()) for package in part.packages]
-    return part.model_copy(update=found) if found else part
+        paths["packages"] = [str(Path(package).resolve()) for package in part.packages]
+    return part.model_copy(update=paths) if paths else part
 
 
 def parameters(scenario: Scenario) -> dict[str, str]:
-    """The scenario as its file has it, and its law with the values that it has where the file gives none.
-
-    - `scenario`: whose parameters.
-    """
+    """The YAML of a `scenario`, and its law with the values of all parameters."""
     law = _values(scenario.controller)
     return {"The scenario": as_yaml(scenario.description), "The law with all its values": dumped(law)}
 
 
 def _values(part: Any) -> Any:
-    """The part's class and its fields by name, with the robot, which the scenario describes, by its kind alone."""
+    """Class name and fields; for a robot, which the scenario describes, only its class name."""
     if isinstance(part, AbstractRobot):
         return type(part).__name__
     if isinstance(part, eqx.Module):

@@ -11,9 +11,7 @@ from slidax.simulation import Run, columns_of, require_pyarrow
 
 
 def columns(run: Run) -> dict[str, np.ndarray]:
-    """The log as flat columns: `t`, `q_1`, `dq_1`, `q_d_1`, ..., `tau_1`, the bounds, and the signals by name.
-
-    - `run`: a finished run with a log.
+    """The log of a `run` as flat columns: `t`, `q_1`, `dq_1`, `q_d_1`, ..., `tau_1`, the bounds, and the signals by name.
 
     Raises DefinitionError if the run has no log.
     """
@@ -22,10 +20,7 @@ def columns(run: Run) -> dict[str, np.ndarray]:
 
 
 def write_log(run: Run, path: Path) -> None:
-    """Writes the log as a Parquet file, with the units of the joints in its metadata.
-
-    - `run`: a finished run with a log.
-    - `path`: where to; its folder is made if it is not there.
+    """Write the log of a `run` to `path` as Parquet, with the joints' units in its metadata.
 
     Raises DefinitionError if the run has no log or pyarrow is not installed.
     """

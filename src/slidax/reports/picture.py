@@ -1,4 +1,4 @@
-"""A figure as a page shows it."""
+"""A figure with its caption, for a page."""
 
 from __future__ import annotations
 
@@ -14,12 +14,11 @@ from slidax.figures import inline, to_svg
 
 @dataclass(frozen=True)
 class Picture:
-    """A figure with its caption, ready for the page.
+    """A figure with its caption, ready for a page.
 
     - `name`: of the SVG file, without ending.
-    - `title`: a few words before the caption, such as "Fig. 3".
-    - `caption`: what is seen.
-    - `svg`: the picture.
+    - `title`: a few words before the `caption`, such as "Fig. 3".
+    - `svg`: the figure.
     - `width`: its natural width [in].
     """
 
@@ -31,13 +30,7 @@ class Picture:
 
 
 def picture(figure: Figure, folder: Path, name: str, title: str, caption: str) -> Picture:
-    """Writes the figure into the folder as SVG, and returns it for the page.
-
-    - `figure`: the figure.
-    - `folder`: where to; made if missing.
-    - `name`: of the file, without ending.
-    - `title`, `caption`: plain text.
-    """
+    """Write a `figure` to `folder/name.svg` and return it with `title` and `caption` (plain text) for a page."""
     folder.mkdir(parents=True, exist_ok=True)
     svg = to_svg(figure, name)
     write_text(folder / f"{name}.svg", svg)

@@ -1,4 +1,4 @@
-"""One scheme among those that are compared."""
+"""The run of one scheme in a comparison."""
 
 from __future__ import annotations
 
@@ -17,12 +17,11 @@ from slidax.simulation import Run
 
 @dataclass(frozen=True)
 class Rival:
-    """One scheme among those that are compared.
+    """The run of one scheme in a comparison.
 
-    - `scenario`: what was simulated.
-    - `run`: its run.
-    - `outside`: how many of its samples were outside its envelope, or for a scheme without one outside the envelope of
-      the comparison; None if there is none.
+    - `scenario`, `run`: the simulated scenario and its run.
+    - `outside`: samples outside the scheme's envelope, or for a scheme without one outside the envelope of the comparison;
+      None if there is none.
     """
 
     scenario: Scenario
@@ -31,7 +30,7 @@ class Rival:
 
     @property
     def form(self) -> str:
-        """`sampled-data` for a law that is made for its period, `printed` for one as its source prints it."""
+        """`sampled-data` for a law that is designed for its sample time, `printed` for one as its source prints it."""
         return "sampled-data" if isinstance(self.scenario.controller, SampledData) else "printed"
 
     @property
@@ -41,11 +40,11 @@ class Rival:
 
     @classmethod
     def simulated(cls, scenario: Scenario, judge: Scenario, *, logged: bool) -> Rival:
-        """The run of a scheme, with its samples outside an envelope counted.
+        """Simulate a scheme and count its samples outside the envelope.
 
-        - `scenario`: what to simulate.
-        - `judge`: whose envelope counts for a scheme without one.
-        - `logged`: whether the run keeps the log that its scenario asks for.
+        - `scenario`: to simulate.
+        - `judge`: has the envelope for a scheme without one.
+        - `logged`: keep the log that the scenario requests.
         """
         # Of every sample, since metrics count all of them too.
         run = scenario.simulate(log_every=1)
@@ -55,7 +54,7 @@ class Rival:
 
 
 def _outside(judge: Scenario, run: Run) -> int | None:
-    """How many logged samples have a joint at or outside the envelope that another scheme draws."""
+    """Logged samples with a joint at or outside another scheme's envelope."""
     law, start = judge.controller, jnp.zeros(())
     memory = law.init(start, judge.state0, judge.trajectory.reference(start))
     if run.log is None or law.envelope(start, memory) is None:

@@ -1,4 +1,4 @@
-"""The report of a single run."""
+"""The page of one run."""
 
 from __future__ import annotations
 
@@ -9,13 +9,11 @@ from typing import Any
 import numpy as np
 
 from slidax import figures
-from slidax._writing import write_text
 from slidax.metrics import Metric, envelope_violations, metrics_of, tool_error, tool_turn
 from slidax.scenarios import Scenario
 from slidax.simulation import Run
 
-from .machine import machine, versions
-from .page import render
+from .page import write_page
 from .parameters import parameters
 from .picture import Picture, picture
 from .tip_paths import tip_paths
@@ -25,44 +23,49 @@ from .torque_limits import torque_limits
 def write_run_report(
     scenario: Scenario, run: Run, out: Path, *, also: Sequence[Metric[Any]] = (), command: str = ""
 ) -> Path:
-    """Writes `out/report.html` and `out/figures/*.svg`, and returns the path of the page.
+    """Write `report.html` and `figures/*.svg` to the folder `out`, and return the page's path.
 
-    - `scenario`: what was simulated.
-    - `run`: its run; without a log the page has no figures.
-    - `out`: a folder, made if missing.
-    - `also`: further metrics, such as those of a paper; shown for scenarios of their source.
-    - `command`: the command that did it, for the page.
+    - `scenario`, `run`: a scenario with its run; without a log the page has no figures.
+    - `also`: further metrics, such as those of a paper; listed for scenarios from their source.
+    - `command`: command line, for the page.
     """
-    out.mkdir(parents=True, exist_ok=True)
-    listed = [m for m in (*metrics_of(run), *also) if m.per_joint and m.source in scenario.description.source]
-    values = {
-        "scenario": scenario,
-        "run": run,
-        "outcome": run.outcome,
-        "rows": [(metric, metric.units(run), metric.shown(run)) for metric in listed],
-        "violations": envelope_violations(run),
-        "tool": tool_error(run),
-        "turn": tool_turn(run),
-        "pictures": _pictures(scenario, run, out / "figures"),
-        "parameters": parameters(scenario),
-        "versions": versions(),
-        "machine": machine(),
-        "command": command,
-    }
-    page = out / "report.html"
-    write_text(page, render("run.html.j2", values))
-    return page
+    metrics = [m for m in (*metrics_of(run), *also) if m.per_joint and m.source in scenario.description.source]
+    return write_page(
+        out,
+        "run.html.j2",
+        scenario=scenario,
+        run=run,
+        outcome=run.outcome,
+        rows=[(metric, metric.units(run), metric.shown(run)) for metric in metrics],
+        violations=envelope_violations(run),
+        tool=tool_error(run),
+        turn=tool_turn(run),
+        pictures=_run_pictures(scenario, run, out / "figures"),
+        parameters=parameters(scenario),
+        seconds=run.timing.compile_s + run.timing.run_s,
+        command=command,
+    )
 
 
-def _pictures(scenario: Scenario, run: Run, folder: Path) -> list[Picture]:
+def _run_pictures(scenario: Scenario, run: Run, folder: Path) -> list[Picture]:
     if run.log is None or len(np.atleast_1d(run.log.t)) < 2:
         return []
     inside = " in its envelope" if run.has_envelope else ""
     torque = figures.torque(run, limits=torque_limits(scenario))
-    drawn = [
-        ("tracking-error", "Tracking error", f"The error{inside}, and its size.", figures.tracking_error(run)),
-        ("velocity-error", "Velocity error", "Its beginning, and its size over the run.", figures.velocity_error(run)),
+    specs = [
+        (
+            "tracking-error",
+            "Tracking error",
+            f"The error{inside}, and its absolute value.",
+            figures.tracking_error(run),
+        ),
+        (
+            "velocity-error",
+            "Velocity error",
+            "Its beginning, and its size over the run.",
+            figures.velocity_error(run),
+        ),
         ("torque", "Torque", "Over the whole run, and at its beginning.", torque),
         ("tip-path", "Path of the tip", "In the workspace.", figures.tip_path(*tip_paths(scenario.plant.robot, run))),
     ]
-    return [picture(figure, folder, name, title, caption) for name, title, caption, figure in drawn]
+    return [picture(figure, folder, name, title, caption) for name, title, caption, figure in specs]

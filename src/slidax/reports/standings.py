@@ -1,4 +1,4 @@
-"""Several schemes on the same task: their metrics side by side, and which scheme has the least."""
+"""Metrics of several schemes on the same task, with the best scheme for each."""
 
 from __future__ import annotations
 
@@ -15,11 +15,9 @@ from .rival import Rival
 class Row:
     """One metric of one joint.
 
-    - `metric`: which.
-    - `joint`: the joint's name.
-    - `unit`: of the values.
-    - `values`: of each scheme by name; None where there is none.
+    - `values`: by scheme, in `unit`; None where there is none.
     - `best`: the schemes with the least value, among the runs that reached their end.
+    - `metric`, `joint`: which.
     """
 
     metric: Metric[Any]
@@ -32,8 +30,8 @@ class Row:
 def standings(rivals: Mapping[str, Rival], also: Sequence[Metric[Any]] = ()) -> list[Row]:
     """All metrics joint by joint.
 
-    - `rivals`: each scheme with its run, by name; all on the same arm.
-    - `also`: further metrics, such as those of a paper; shown for scenarios of their source.
+    - `rivals`: runs by scheme, all on the same arm.
+    - `also`: further metrics, such as those of a paper; listed for scenarios from their source.
     """
     first = next(iter(rivals.values()))
     reached = [name for name, rival in rivals.items() if rival.run.outcome.ok]
@@ -53,11 +51,7 @@ def standings(rivals: Mapping[str, Rival], also: Sequence[Metric[Any]] = ()) -> 
 
 
 def results(rivals: Mapping[str, Rival], also: Sequence[Metric[Any]] = ()) -> dict[str, Any]:
-    """The result of the comparison, ready for JSON: no value in it is infinite or not a number.
-
-    - `rivals`: each scheme with its run, by name; all on the same arm.
-    - `also`: further metrics.
-    """
+    """The comparison of `rivals` by all metrics and those in `also`, ready for JSON: every number in it is finite."""
     first = next(iter(rivals.values()))
     scenario = first.scenario
     best: dict[str, list[list[str]]] = {}
@@ -88,7 +82,7 @@ def _result(rival: Rival, also: Sequence[Metric[Any]]) -> dict[str, Any]:
 
 
 def _least(values: Mapping[str, float | None], among: list[str]) -> frozenset[str]:
-    """No scheme is marked where there is only one, or where all are equal."""
+    """Empty if there is only one scheme, or all values are equal."""
     known = {name: value for name in among if (value := values[name]) is not None}
     if len(values) < 2 or not known:
         return frozenset()

@@ -1,4 +1,4 @@
-"""The path of the tip, from the motion of the joints."""
+"""Paths of the tip."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from slidax.simulation import Run
 
 
 def tip_paths(robot: AbstractRobot, run: Run) -> tuple[np.ndarray, np.ndarray]:
-    """The tip's places and the desired ones at the logged times, each [k 3], m.
+    """Actual and desired tip positions at the logged times, each [k 3], m.
 
-    - `robot`: the arm, whose kinematics are used.
-    - `run`: a finished run with a log.
+    - `robot`: the arm, for its kinematics.
+    - `run`: with a log.
 
     Raises DefinitionError if the run has no log.
     """

@@ -1,4 +1,4 @@
-"""The torque limits of an arm."""
+"""Torque limits of a scenario."""
 
 from __future__ import annotations
 
@@ -8,10 +8,7 @@ from slidax.scenarios import Scenario
 
 
 def torque_limits(scenario: Scenario) -> np.ndarray | None:
-    """The largest torque that the scenario's actuator allows, [n], N m or N; None if it has no limit.
-
-    - `scenario`: whose actuator.
-    """
+    """Largest torque of the actuator of a `scenario` [n], N m or N; None if unlimited."""
     actuator = scenario.plant.actuator
     if actuator is None:
         return None
