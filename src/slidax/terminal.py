@@ -1,4 +1,4 @@
-"""What the commands print about their runs: tables for a person, JSON for a program."""
+"""Results of commands as tables for people and JSON for programs."""
 
 from __future__ import annotations
 
@@ -24,15 +24,13 @@ if TYPE_CHECKING:
 
 OUTSIDE = envelope_violations.title
 WIDTH = 9
-"""Of the numbers in a table [characters]: `1.234e-05`."""
+"""Width of a number in a table [characters], as of `1.234e-05`."""
 
 
 def run_as_json(parts: Scenario, finished: Run, import_s: float) -> dict[str, Any]:
-    """What `slidax run --json` prints.
+    """The output of `slidax run --json` for the run `finished` of the scenario `parts`.
 
-    - `parts`: what was simulated.
-    - `finished`: the run.
-    - `import_s`: seconds that went by before it.
+    - `import_s`: start-up time [s].
     """
     outcome = finished.outcome
     timing = finished.timing
@@ -56,13 +54,12 @@ def run_as_json(parts: Scenario, finished: Run, import_s: float) -> dict[str, An
 
 
 def print_run(parts: Scenario, finished: Run, answer: dict[str, Any]) -> None:
-    """The metrics of one run, joint by joint, and its outcome.
+    """Print the metrics of one run, joint by joint, and its outcome.
 
-    Where the terminal is too narrow for all joints, some of them follow in a table of their own.
+    A narrow terminal gets several tables with some of the joints each.
 
-    - `parts`: what was simulated.
-    - `finished`: the run.
-    - `answer`: what `slidax run --json` prints of it.
+    - `parts`, `finished`: the scenario and its run.
+    - `answer`: from `run_as_json`.
     """
     rows: list[tuple[str, list[float | None]]] = []
     for metric in (*metrics_of(finished), *INDICES):
@@ -81,15 +78,15 @@ def print_run(parts: Scenario, finished: Run, answer: dict[str, Any]) -> None:
             console.print()
         console.print(table)
     violations = answer["metrics"]["envelope_violations"]
-    kept = "no envelope promised" if violations is None else f"samples outside the envelope: {violations}"
+    envelope = "no envelope" if violations is None else f"samples outside the envelope: {violations}"
     timing = answer["timing"]
     error = answer["metrics"].get("tool_error")
     if error is not None:
         turn = answer["metrics"].get("tool_turn")
-        turned = "" if turn is None else f" and {turn:.3g} rad"
-        kept = f"{kept}, tool off by at most {error:.3g} m{turned}"
+        angle = "" if turn is None else f" and {turn:.3g} rad"
+        envelope = f"{envelope}, tool off by at most {error:.3g} m{angle}"
     console.print(
-        f"\n{parts.scheme} on {parts.robot}: outcome {finished.outcome.kind}, {kept}; "
+        f"\n{parts.scheme} on {parts.robot}: outcome {finished.outcome.kind}, {envelope}; "
         f"{counted(int(finished.tally.samples), 'sample')} in {timing['run_s']:.2f} s, compiled in "
         f"{timing['compile_s']:.1f} s",
         soft_wrap=True,
@@ -97,11 +94,11 @@ def print_run(parts: Scenario, finished: Run, answer: dict[str, Any]) -> None:
 
 
 def print_comparison(rivals: Mapping[str, Rival]) -> None:
-    """The metrics of several schemes, joint by joint, the least of each row in bold.
+    """Print the metrics of several schemes, joint by joint, the least value of each row in bold.
 
-    Where the terminal is too narrow for all schemes, some of them follow in a table of their own.
+    A narrow terminal gets several tables with some of the schemes each.
 
-    - `rivals`: each scheme with its run, by name.
+    - `rivals`: runs by scheme.
     """
     from slidax.reports import standings
 
@@ -131,8 +128,8 @@ def print_comparison(rivals: Mapping[str, Rival]) -> None:
         if not rival.run.outcome.ok:
             console.print(f"{name}: {rival.run.outcome.message}", soft_wrap=True)
     console.print(
-        "Bold: the least of its row, among the runs that reached their end. Form: `printed` is a law as its source "
-        "prints it, `sampled-data` one that is made for the period, with an estimator and limits.",
+        "Bold: the least value of a row, among the runs that reached their end. Form: `printed` is a law as its source "
+        "prints it, `sampled-data` one for the sample time, with an estimator and limits.",
         soft_wrap=True,
     )
 
@@ -145,9 +142,9 @@ def _table(widest: int, columns: list[str]) -> Table:
     return table
 
 
-def _fitting(names: list[str], room: int) -> list[list[str]]:
-    """The names in as few tables as fit, none much shorter than the others, and two characters between columns."""
-    most = max(1, room // (max(WIDTH, *map(len, names)) + 2))
+def _fitting(names: list[str], width: int) -> list[list[str]]:
+    """The names in as few tables as fit, of nearly equal width."""
+    most = max(1, width // (max(WIDTH, *map(len, names)) + 2))
     tables = -(-len(names) // most)
     each = -(-len(names) // tables)
     return [names[start : start + each] for start in range(0, len(names), each)]
@@ -158,18 +155,15 @@ def _cell(value: float | None, best: bool = False) -> Text:
 
 
 def _titled(title: str, units: list[str]) -> str:
-    said = ", ".join(dict.fromkeys(unit for unit in units if unit))
-    return f"{title} [{said}]" if said else title
+    unit = ", ".join(dict.fromkeys(unit for unit in units if unit))
+    return f"{title} [{unit}]" if unit else title
 
 
-def print_study(found: AbstractResult) -> None:
-    """The answer of a study, and its tables.
-
-    - `found`: what was found.
-    """
+def print_study(result: AbstractResult) -> None:
+    """Print the `result` of a study with its tables."""
     console = Console(highlight=False)
-    console.print(Text(found.lead), soft_wrap=True)
-    for section in found.sections():
+    console.print(Text(result.lead), soft_wrap=True)
+    for section in result.sections():
         if section.head:
             console.print()
             console.print(Text(section.title, style="bold"))
@@ -193,69 +187,63 @@ def _written(cell: str | float | int | None) -> str:
     return f"{cell:.4g}" if isinstance(cell, float) else str(cell)
 
 
-def print_certificates(found: Certificates) -> None:
-    """What is promised in a table, then each certificate's statement, assumptions and remedies.
-
-    - `found`: the certificates.
-    """
+def print_certificates(certificates: Certificates) -> None:
+    """Print a table of `certificates`, then the statement, assumptions and remedies of each."""
     console = Console(highlight=False)
     table = Table(box=None, pad_edge=False)
-    for name in ("Promised", "holds", "grade", "margin", "bound"):
+    for name in ("Guarantee", "holds", "grade", "margin", "bound"):
         table.add_column(name, justify="right" if name == "margin" else "left", overflow="fold")
-    for one in found:
-        bound = "; ".join(one.bound_in_words)
-        answer = Text(one.answer, style=_style(one))
-        table.add_row(Text(one.title), answer, one.grade or "", _cell(one.margin), Text(bound))
-    console.print(Text(found.scenario, style="bold"))
+    for verdict in certificates:
+        bound = "; ".join(verdict.bound_in_words)
+        answer = Text(verdict.answer, style=_style(verdict))
+        table.add_row(Text(verdict.title), answer, verdict.grade or "", _cell(verdict.margin), Text(bound))
+    console.print(Text(certificates.scenario, style="bold"))
     console.print(table)
-    for one in found:
+    for verdict in certificates:
         console.print()
-        console.print(Text(one.name, style="bold"), Text(one.answer, style=_style(one)))
-        console.print(Text(f"  {one.statement}"), soft_wrap=True)
-        for assumption in one.assumptions:
+        console.print(Text(verdict.name, style="bold"), Text(verdict.answer, style=_style(verdict)))
+        console.print(Text(f"  {verdict.statement}"), soft_wrap=True)
+        for assumption in verdict.assumptions:
             style = "red" if assumption.status == "fails" else ""
             console.print(Text(f"  {assumption.status:>8}  {assumption.text}", style=style), soft_wrap=True)
-        for remedy in one.remedies:
-            said = f": {remedy.sets}" if remedy.changes else ""
-            console.print(Text(f"    remedy  {remedy.words}{said}"), soft_wrap=True)
+        for remedy in verdict.remedies:
+            changes = f": {remedy.sets}" if remedy.changes else ""
+            console.print(Text(f"    remedy  {remedy.words}{changes}"), soft_wrap=True)
 
 
-def print_loop(parts: Scenario, done: Looped) -> None:
-    """The latencies of a loop in real time, what it missed, and whether the envelope was kept.
-
-    - `parts`: what was run.
-    - `done`: the loop.
-    """
+def print_loop(parts: Scenario, result: Looped) -> None:
+    """Print latencies, missed ticks and the margin to the envelope of a real-time `result` of the scenario `parts`."""
     console = Console(markup=False, highlight=False)
     console.print(parts.description.title, style="bold", soft_wrap=True)
     table = Table(box=None, pad_edge=False)
     table.add_column("time [µs]")
-    found = done.percentiles()
-    shares = list(next(iter(found.values()), {}))
+    latencies = result.percentiles()
+    shares = list(next(iter(latencies.values()), {}))
     for share in shares:
         table.add_column(share, justify="right", min_width=WIDTH)
-    for name, values in found.items():
+    for name, values in latencies.items():
         table.add_row(name, *(f"{1e6 * values[share]:.1f}" for share in shares))
     console.print(table)
-    said = done.as_json()
-    missed, bits = said["missed"], {name: count for name, count in done.statuses.items() if count}
+    missed, statuses = result.as_json()["missed"], {name: count for name, count in result.statuses.items() if count}
     lines = [
-        f"{done.ticks} ticks of {1e3 * done.period:g} ms, {done.answers} answers; {done.reason}",
-        f"ticks without a command in time: {missed['ticks']}, at most {missed['longest']} in a row; answers taken back "
-        f"as their command came late: {missed['rolled_back']}; measurements never answered: {missed['skipped']}",
-        "status: " + (", ".join(f"{name} {count}" for name, count in bits.items()) or "always OK"),
+        f"{result.ticks} ticks of {1e3 * result.period:g} ms, {result.answers} answers; {result.reason}",
+        f"ticks without a command: {missed['ticks']}, at most {missed['longest']} in a row; steps undone because of a "
+        f"delayed command: {missed['rolled_back']}; unanswered measurements: {missed['skipped']}",
+        "status: " + (", ".join(f"{name} {count}" for name, count in statuses.items()) or "always OK"),
     ]
-    if done.margin is not None:
-        lines.append(f"ticks outside the envelope: {done.outside}; least margin {min(done.margin):.3g} of its width")
-    if done.size is not None:
-        lines.append(f"log: {done.size / 1e6:.1f} MB; the recorder takes {1e6 * done.recorder:.1f} µs a tick")
+    if result.margin is not None:
+        lines.append(
+            f"ticks outside the envelope: {result.outside}; least margin {min(result.margin):.3g} of its width"
+        )
+    if result.size is not None:
+        lines.append(f"log: {result.size / 1e6:.1f} MB; the recorder takes {1e6 * result.recorder:.1f} µs a tick")
     console.print("\n" + "\n".join(lines), soft_wrap=True)
 
 
-def _style(one: Verdict) -> str:
-    """Green if it holds, yellow if only from a time on, red if it does not hold."""
-    if one.holds is None:
+def _style(verdict: Verdict) -> str:
+    """Green if it holds, yellow if it holds only from a time on, red if it does not hold."""
+    if verdict.holds is None:
         return ""
-    if not one.holds:
+    if not verdict.holds:
         return "bold red"
-    return "green" if one.since is None else "yellow"
+    return "green" if verdict.since is None else "yellow"

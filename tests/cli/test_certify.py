@@ -42,7 +42,7 @@ def test_json_page_and_table_say_the_same_and_4_that_something_does_not_hold(
     assert (found["admissibility"]["holds"], found["settling_time"]["holds"]) == (True, False)
     assert found["ultimate_bound"]["holds"] and len(found["ultimate_bound"]["bound"]["error"]) == 3
     page = (tmp_path / "report.html").read_text(encoding="utf-8")
-    assert found["ultimate_bound"]["name"] in page.replace("_\u200b", "_") and "Not all promises hold" in page
+    assert found["ultimate_bound"]["name"] in page.replace("_\u200b", "_") and "These certificates do not hold" in page
     assert (tmp_path / "figures" / "bounded-error.svg").exists()
 
 
@@ -51,7 +51,7 @@ def test_0_where_all_hold_and_a_table_for_a_person(monkeypatch: pytest.MonkeyPat
     words = ["certify", "example-4.1", "--runs", "0", "--set", "simulation.t1=0.1"]
     done = in_process(*words)
     assert done.exit_code == 0, done.output
-    assert "Promised" in done.stdout and "proved  the start is inside" in done.stdout
+    assert "Guarantee" in done.stdout and "proved  the start is inside" in done.stdout
     outside = in_process(*words, "--set", "start.q=[-1, 2.5]")
     assert outside.exit_code == 4 and "joint 1 begins" in outside.stdout
     assert "--set 'scheme.transformation.performance.initial=[1.5,0.6]'" in outside.stdout

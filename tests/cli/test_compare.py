@@ -116,7 +116,7 @@ def test_one_that_came_back_is_a_bad_end_of_the_comparison_too() -> None:
     ("arguments", "words"),
     [
         (("--schemes", "cftsmppc,ftsmcc"), ["unknown `ftsmcc`", "did you mean `ftsmc`?"]),
-        (("--schemes", ","), ["--schemes", "names none"]),
+        (("--schemes", ","), ["--schemes", "is empty"]),
         (("--set", "scheme.name=ftsmc"), ["`--schemes`"]),
         (
             ("--schemes", "cftsmppc,ftsmc", "--set", "scheme.overshoot=0.5"),

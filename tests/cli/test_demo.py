@@ -1,16 +1,18 @@
-"""`slidax demo`: what it draws is what was simulated."""
+"""`slidax demo` and `python -m slidax`."""
 
 from __future__ import annotations
 
+import io
 import os
 import subprocess
 import sys
 from pathlib import Path
 
-import numpy as np
 import pytest
+from rich.console import Console
 
-from slidax.cli.dots import Dots
+from slidax.cli.funnel import funnel
+from slidax.scenarios import load
 
 from .commands import in_process
 
@@ -43,12 +45,13 @@ def test_the_package_runs_as_a_module_and_on_a_terminal_of_few_letters() -> None
     assert b"cftsmppc" in told.stdout and not told.stderr
 
 
-@pytest.mark.parametrize(("plain", "full", "one"), [(False, "\u28ff", "\u2880"), (True, "*", ".")])
-def test_a_stroke_fills_its_dots_from_the_bottom(plain: bool, full: str, one: str) -> None:
-    field = Dots(3, 2, plain=plain)
-    for x in (0, 1):
-        field.stroke(x, 0.0, 1.0, "")
-    field.stroke(3, 0.0, 0.0, "")
-    field.stroke(5, 1.5, 2.0, "")
-    field.stroke(4, np.nextafter(1.0, 2.0), 3.0, "")
-    assert [line.plain for line in field.lines()] == [full + "  ", full + one + " "]
+@pytest.mark.parametrize(("encoding", "marks"), [("utf-8", "\u2800\u2824"), ("ascii", "*")])
+def test_terminal_plot_shows_error_and_bounds_in_the_encoding_of_the_terminal(encoding: str, marks: str) -> None:
+    run = load("example-4.1", {"simulation.t1": 0.1, "simulation.log_every": 1}).simulate(progress=False)
+    file = io.TextIOWrapper(io.BytesIO(), encoding=encoding)
+    console = Console(file=file, width=80)
+    console.print(funnel(console, run, run, 1.0))
+    file.seek(0)
+    text = file.read()
+    assert len(text.splitlines()) == 7 and "+0.8" in text and "-0.6" in text
+    assert all(mark in text for mark in marks)

@@ -84,12 +84,12 @@ def test_a_study_that_does_not_fit_says_what_is_kept_and_goes_on(
     words = ["study", str(file), "--out", str(out)]
     monkeypatch.setattr("sys.argv", ["slidax", *words])
     line = refused(5_000, *words)
-    assert "000000000000-64.parquet`" in line and f"0 rows are kept in `{out}`" in line
+    assert "000000000000-64.parquet`" in line and f"0 rows are saved in `{out}`" in line
     # All parts fit, the table does not.
     parts = 30_000
     line = refused(parts, *words, "--resume")
     assert (
-        f"128 rows are kept in `{out}`: free some space, and go on with: slidax study {file} --out {out} --resume"
+        f"128 rows are saved in `{out}`: free some space, and resume with: slidax study {file} --out {out} --resume"
         in line
     )
     assert_whole(tmp_path, parts)

@@ -16,7 +16,7 @@ def test_a_ready_robot_becomes_a_file_that_is_valid(tmp_path: Path) -> None:
     assert scenarios.load(out).period == 0.002
     again = in_process("new", "--robot", "panda", "--out", str(out))
     assert again.exit_code == 2
-    assert "is there already" in again.output
+    assert "exists already" in again.output
 
 
 def test_without_a_file_it_is_printed_and_a_wrong_name_is_one_line() -> None:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
-import sys
 import time
 from pathlib import Path
 from typing import Annotated
@@ -11,27 +9,27 @@ from typing import Annotated
 import typer
 
 from .options import AsJson, Changes, Named
-from .session import errors_as_lines, parsed, prepare, print_json, say_where
+from .session import command_line, errors_as_lines, parsed, prepare, print_json, say_where
 
 NOT_CERTIFIED = 4
-"""Exit code where a certificate does not hold."""
+"""Exit code if a certificate does not hold."""
 
 
 def certify(
     scenario: Named,
     changes: Changes = None,
     json: AsJson = False,
-    out: Annotated[Path | None, typer.Option(help="Write a page, its figures and certificate.json there.")] = None,
-    runs: Annotated[int, typer.Option(help="Runs of the statistical certificate; 0 leaves it out.", min=0)] = 300,
+    out: Annotated[Path | None, typer.Option(help="Folder for a report with figures and certificate.json.")] = None,
+    runs: Annotated[int, typer.Option(help="Runs of the statistical certificate; 0 omits it.", min=0)] = 300,
     seed: Annotated[int, typer.Option(help="Random seed of these runs.", min=0)] = 0,
 ) -> None:
-    """What is promised of a scenario before it runs: each promise with its bound, its margin and what it stands on.
+    """Certify a scenario before it runs: guarantees with their bounds, margins and assumptions.
 
-    A line is `proved` (for the whole set, up to rounding), `tested` (in the cases that it names), `assumed` (nothing
-    was done for it) or `fails`. Grade A: all lines are proved; B: some; C: none. The scenario's block `uncertainty`
-    says for which arms, loads and starts it is asked.
+    An assumption is `proved` (for the whole uncertainty set, up to rounding), `tested` (in the named cases), `assumed`
+    (unchecked) or `fails`. Grade A: all are proved; B: some; C: none. The scenario's block `uncertainty` defines the
+    set of arms, payloads and initial states.
 
-    Exit code 0: each certificate that applies holds; 4: one does not; 2: the scenario is invalid.
+    Exit code 0: every applicable certificate holds; 4: one does not hold; 2: the scenario is invalid.
     """
     with errors_as_lines():
         prepare()
@@ -41,18 +39,17 @@ def certify(
 
         started = time.perf_counter()
         parts = load(scenario, parsed(changes or []))
-        found = certified(parts, runs=runs, seed=seed)
+        certificates = certified(parts, runs=runs, seed=seed)
         if out is not None:
             from slidax.reports import write_certificate_report
 
             seconds = time.perf_counter() - started
-            command = shlex.join(["slidax", *sys.argv[1:]])
-            write_certificate_report(parts, found, out, seconds=seconds, command=command)
+            write_certificate_report(parts, certificates, out, seconds=seconds, command=command_line())
         if json:
-            print_json(found.as_json())
+            print_json(certificates.as_json())
         else:
-            print_certificates(found)
+            print_certificates(certificates)
             if out is not None:
                 say_where(out)
-        if not found.holds:
+        if not certificates.holds:
             raise typer.Exit(NOT_CERTIFIED)

@@ -22,46 +22,46 @@ LAWS: dict[str, dict[str, Any]] = {
     "CFTSMPPC as printed": {"scheme.sampled_data": None},
     "computed torque + PD": {"scheme.name": "computed_torque", "scheme.sampled_data": None},
 }
-"""What is shown, and how it differs from the scenario."""
+"""The laws, and their changes to the scenario."""
 
 PLAYED = 1.5
-"""How long a run plays [s]."""
+"""Playing time of a run [s]."""
 
 FRAMES = 30
 
-WORDS = (
-    "The law knows its arm with 20 % error; a disturbance shakes it, torques end at 60 N m, and measurements are one "
-    "period old. Before the run an envelope is drawn for the error of each joint: it narrows from 0.8 and 0.6 rad to "
-    "0.002 rad in 6 s. Blue is an error inside, red outside; the scale is logarithmic but about zero.\n"
+INTRODUCTION = (
+    "The law's model of the arm is 20 % off. A disturbance acts on the arm, torques are limited to 60 N m, and "
+    "measurements are delayed by one period. The prescribed envelope for each joint's error narrows from 0.8 and "
+    "0.6 rad to 0.002 rad in 6 s. Errors inside are blue, outside red; the scale is logarithmic except near zero.\n"
 )
 
-HONEST = (
-    "\nThe first law is made for its period, the others are as their sources print them. With the same estimator and "
-    "limits computed torque stays inside, too: what the envelope adds is the promise, made beforehand.\n"
+REMARK = (
+    "\nThe first law is designed for its sample time, the others are as printed in their sources. With the same "
+    "estimator and limits computed torque stays inside, too; the envelope adds a guarantee before the run.\n"
 )
 
 
 def demo(
-    out: Annotated[Path, typer.Option(help="Where the page with all pictures and numbers goes.")] = Path("slidax-demo"),
-    still: Annotated[bool, typer.Option("--still", help="Draw at once, without playing.")] = False,
+    out: Annotated[Path, typer.Option(help="Folder for the page with all figures and numbers.")] = Path("slidax-demo"),
+    still: Annotated[bool, typer.Option("--still", help="Draw the plots without animation.")] = False,
     look: Annotated[bool, typer.Option("--open", help="Open the page in the browser.")] = False,
 ) -> None:
-    """The law in ten seconds: three runs of an arm, played in the terminal, and a page about them.
+    """Play three runs of an arm in the terminal, in ten seconds, and write a page about them.
 
-    For the results of the paper there is `slidax reproduce`, for other schemes and arms `slidax compare`.
+    See also `slidax reproduce` for the paper's results and `slidax compare` for other schemes and arms.
     """
     with errors_as_lines():
         prepare()
         from rich.console import Console
 
-        # What cannot be written is said before the runs, not after them.
+        # Fails before the runs if the folder cannot be written.
         out.mkdir(parents=True, exist_ok=True)
         console = Console(highlight=False)
         console.print("A two-link arm, commanded at 1 kHz", style="bold")
-        console.print(WORDS)
-        rivals = _played(console, still or not console.is_terminal)
+        console.print(INTRODUCTION)
+        rivals = _play(console, still or not console.is_terminal)
         _print_verdicts(console, rivals)
-        console.print(HONEST)
+        console.print(REMARK)
         with console.status("writing the page"):
             from slidax.reports import write_comparison
 
@@ -71,11 +71,11 @@ def demo(
             import webbrowser
 
             webbrowser.open(page.resolve().as_uri())
-        typer.echo("Go on with `slidax run panda-payload`, or with an arm of yours: `slidax new --robot my-arm.urdf`")
+        typer.echo("Next: `slidax run panda-payload`, or your own arm with `slidax new --robot my-arm.urdf`")
 
 
-def _played(console: Console, still: bool) -> dict[str, Rival]:
-    """The runs, each drawn as soon as it is there."""
+def _play(console: Console, still: bool) -> dict[str, Rival]:
+    """Simulate and draw each law."""
     from rich.live import Live
 
     with console.status("starting JAX"):
@@ -89,14 +89,14 @@ def _played(console: Console, still: bool) -> dict[str, Rival]:
     for title, changes in LAWS.items():
         with console.status(f"simulating {title}"):
             rivals[title] = Rival.simulated(load(SCENARIO, changes), judge, logged=True)
-        drawn, run = next(iter(rivals.values())).run, rivals[title].run
+        envelope_run, run = next(iter(rivals.values())).run, rivals[title].run
         console.print(title, style="bold")
         if still:
-            console.print(funnel(console, run, drawn, 1.0))
+            console.print(funnel(console, run, envelope_run, 1.0))
         else:
             with Live(console=console, refresh_per_second=60, transient=False) as live:
                 for frame in range(1, FRAMES + 1):
-                    live.update(funnel(console, run, drawn, frame / FRAMES), refresh=True)
+                    live.update(funnel(console, run, envelope_run, frame / FRAMES), refresh=True)
                     time.sleep(PLAYED / FRAMES)
         if not run.outcome.ok:
             console.print(run.outcome.message, style="red")

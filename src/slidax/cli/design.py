@@ -23,7 +23,7 @@ def design(
 ) -> None:
     """Design a controller for an arm, its motion and its uncertainty, with certificates; or explain why none exists.
 
-    Simulated cases of the uncertainty set test everything that has no bound. The file says which of the two it is.
+    Simulated cases of the uncertainty set test everything without a certified bound; the file states which applies.
 
     Exit code 0: designed; 4: refused, with the reason and remedies; 2: the requirements are invalid.
     """

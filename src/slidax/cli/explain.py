@@ -12,32 +12,30 @@ from .session import errors_as_lines, prepare, print_json
 
 
 def explain(
-    run: Annotated[Path, typer.Argument(help="The folder or the .mcap file that a run has written by --out.")],
+    run: Annotated[Path, typer.Argument(help="Folder or .mcap file that `slidax run` wrote with --out.")],
     json: AsJson = False,
-    tries: Annotated[bool, typer.Option(help="Try the remedies in simulation.")] = True,
+    tries: Annotated[bool, typer.Option(help="Test the remedies in simulation.")] = True,
 ) -> None:
-    """Why a run left its envelope: the causes that its log shows, the likeliest first, each with a remedy.
+    """Explain why a run left its envelope: possible causes from its log, the likeliest first, each with a remedy.
 
-    The remedies of the likeliest causes are tried in simulation, until the run holds with one; that cause is the first.
-    Where the log has not each sample, the scenario is run again to have them.
+    The likeliest remedies are tested in simulation until one keeps the run inside; its cause then comes first. If the
+    log lacks samples, the scenario is simulated again.
 
-    Exit code 0: whatever was found; 2: there is no such run, or its scheme cannot be diagnosed.
+    Exit code 0: diagnosed; 2: there is no such run, or its scheme cannot be diagnosed.
     """
     with errors_as_lines():
         prepare()
         from slidax.diagnosis import Record, explained, read_saved, require_explainable
 
-        scenario, columns, each = read_saved(run)
+        scenario, columns, full = read_saved(run)
         require_explainable(scenario)
-        record = Record.of_columns(scenario, columns) if each else Record.of(scenario, scenario.simulate(log_every=1))
+        record = Record.of_columns(scenario, columns) if full else Record.of(scenario, scenario.simulate(log_every=1))
         answers = explained(scenario, record, tries=tries)
         if json:
             print_json({"causes": [answer.as_json() for answer in answers]})
             return
         if not answers:
-            kept = (
-                "the run kept its envelope" if record.kept else "the log shows none of the causes that are looked for"
-            )
-            typer.echo(f"Nothing to explain: {kept}.")
+            reason = "the run stayed inside its envelope" if record.kept else "the log shows none of the known causes"
+            typer.echo(f"Nothing to explain: {reason}.")
         for number, answer in enumerate(answers, 1):
             typer.echo(f"{number}. {answer.sentence()}")

@@ -1,23 +1,172 @@
-"""`slidax export c`."""
+"""`slidax export ...`."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from enum import StrEnum
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
 import typer
 
-from .exporting import Floats, Folder, LawName, exporting
 from .options import Changes, Named
+from .session import command_line, errors_as_lines, parsed, prepare
+
+if TYPE_CHECKING:
+    from slidax.scenarios import Scenario
+
+Folder = Annotated[Path, typer.Option(help="Folder of the project.")]
+
+LawName = Annotated[str | None, typer.Option(help="Name of the law in C; default: from the scenario's name.")]
+
+Floats = Annotated[bool, typer.Option("--float", help="Use float instead of double.")]
+
+Compensation = StrEnum("Compensation", ["law", "robot"])
+"""Who compensates gravity."""
 
 
 def export_c(
     scenario: Named, out: Folder, name: LawName = None, single: Floats = False, changes: Changes = None
 ) -> None:
-    """The control law as a C99 project: library, tests against Python, latency benchmark, example, C++ wrapper."""
-    with exporting(scenario, changes) as (parts, command):
+    """Export the law as a C99 project: library, tests against Python, latency benchmark, example, C++ wrapper."""
+
+    def summary(project: Any) -> str:
         from slidax import deploy
 
+        size = deploy.measured(project, out)
+        operations = "" if project.longest is None else f" and {project.longest.operations} operations"
+        return f"at most {project.stack} bytes of stack{operations} per step, {size}"
+
+    with errors_as_lines():
         out.mkdir(parents=True, exist_ok=True)
-        made = deploy.export_c(parts, out, name=name, single=single, command=command)
-        size = deploy.measured(made, out)
-        most = "" if made.longest is None else f" and {made.longest.operations} operations"
-        said = f"{made.law} in {made.real}s, at most {made.stack} bytes of stack{most} a step, {size}"
-        typer.echo(f"{said}: {out.resolve() / 'README.md'}")
+    _export("c", "slidax.deploy", scenario, changes, out, summary, name=name, single=single)
+
+
+def export_micro(
+    scenario: Named, out: Folder, name: LawName = None, single: Floats = False, changes: Changes = None
+) -> None:
+    """Export the law for Cortex-M and RISC-V: Makefile, start-up code, and a test that runs in emulators."""
+
+    def summary(project: Any) -> str:
+        return f"at most {project.stack} bytes of stack; test it with `make test` in this folder"
+
+    _export("micro", "slidax.deploy.micro", scenario, changes, out, summary, name=name, single=single)
+
+
+def export_franka(
+    scenario: Named, out: Folder, name: LawName = None, single: Floats = False, changes: Changes = None
+) -> None:
+    """Export the law as a program for a Franka arm: C++ for libfranka, Python for pylibfranka, and a rehearsal."""
+    _export("franka", "slidax.deploy.franka", scenario, changes, out, "for a Franka arm", name=name, single=single)
+
+
+def export_ur(
+    scenario: Named, out: Folder, name: LawName = None, single: Floats = False, changes: Changes = None
+) -> None:
+    """Export the law as a program for a Universal Robots arm: Python for ur_rtde's directTorque, and a rehearsal."""
+    arm = "for a Universal Robots arm"
+    _export("ur", "slidax.deploy.ur", scenario, changes, out, arm, name=name, single=single)
+
+
+def export_ros2(
+    scenario: Named,
+    out: Annotated[Path, typer.Option(help="Folder of the package.")],
+    name: LawName = None,
+    single: Floats = False,
+    gravity: Annotated[
+        Compensation, typer.Option(help="Who compensates gravity: `robot` if the robot does so itself.")
+    ] = Compensation.law,
+    changes: Changes = None,
+) -> None:
+    """Export the law as a ROS 2 package: a ros2_control controller with its parameters, and a node in Python."""
+    options = {"name": name, "single": single, "gravity": gravity.value}
+    _export("ros2", "slidax.deploy.ros2", scenario, changes, out, "for ros2_control", **options)
+
+
+def export_fmu(
+    scenario: Named,
+    out: Annotated[Path, typer.Option(help="The file, NAME.fmu.")],
+    name: LawName = None,
+    fmi: Annotated[int, typer.Option(help="3 for FMI 3.0, 2 for FMI 2.0.")] = 3,
+    platforms: Annotated[
+        str | None, typer.Option(help="Comma-separated, such as x86_64-linux,x86_64-windows; default: all.")
+    ] = None,
+    changes: Changes = None,
+) -> None:
+    """Export the law as a Functional Mock-up Unit for co-simulation, with binaries and sources."""
+    with _exporting(scenario, changes) as parts:
+        from slidax.deploy import fmu
+
+        chosen = None if platforms is None else [each.strip() for each in platforms.split(",")]
+        unit = fmu.export_fmu(parts, out, name=name, fmi=fmi, platforms=chosen, command=command_line())
+        typer.echo(
+            f"{unit.project.law}, FMI {fmi}.0, {len(unit.variables)} variables, a step every "
+            f"{unit.project.period_text}, for {', '.join(unit.platforms)}: {out.resolve()}"
+        )
+
+
+def export_web(
+    out: Annotated[Path, typer.Option(help="Folder of the page.")],
+    scenario: Annotated[
+        str | None, typer.Argument(help="A built-in scenario by name, or a YAML file; default: the whole playground.")
+    ] = None,
+    beside: Annotated[
+        str | None,
+        typer.Option("--with", help="Further schemes, comma-separated; `printed` is the scenario's own as printed."),
+    ] = None,
+    certify_rate: Annotated[
+        bool, typer.Option(help="Certify the loop rate also for more than three joints, which takes minutes.")
+    ] = False,
+    changes: Changes = None,
+) -> None:
+    """Export a page that simulates the closed loop in the browser, with a slider for every parameter.
+
+    The page is one file and needs no server. Without a scenario it has three arms with five laws each.
+    """
+    with errors_as_lines():
+        prepare()
+        from slidax._errors import DefinitionError, counted
+        from slidax.deploy import web
+        from slidax.scenarios import load
+
+        if scenario is None:
+            if beside or changes or certify_rate:
+                raise DefinitionError("`--with`, `--certify-rate` and `--set` need one scenario: name it")
+            manifest = web.built_in()
+        else:
+            names = [name.strip() for name in (beside or "").split(",") if name.strip()]
+            manifest = web.of_scenario(load(scenario, parsed(changes or [])), names, certify_rate)
+        page = web.write_page(manifest, out)
+        sliders = sum(len(setting["tunables"]) for setting in manifest["settings"])
+        typer.echo(
+            f"{counted(len(manifest['settings']), 'law')}, {counted(len(manifest['programs']), 'program')}, "
+            f"{counted(sliders, 'slider')}, {page.stat().st_size / 1e6:.2f} MB: {page.resolve()}"
+        )
+
+
+def _export(
+    target: str,
+    module: str,
+    scenario: str,
+    changes: list[str] | None,
+    out: Path,
+    summary: str | Callable[[Any], str],
+    **options: Any,
+) -> None:
+    """Export a project by the function `export_TARGET` of a module, and print a summary."""
+    with _exporting(scenario, changes) as parts:
+        export = getattr(import_module(module), f"export_{target}")
+        project = export(parts, out, command=command_line(), **options)
+        text = summary if isinstance(summary, str) else summary(project)
+        typer.echo(f"{project.law} in {project.real}s, {text}: {out.resolve() / 'README.md'}")
+
+
+@contextmanager
+def _exporting(scenario: str, changes: list[str] | None) -> Iterator[Scenario]:
+    with errors_as_lines():
+        prepare()
+        from slidax.scenarios import load
+
+        yield load(scenario, parsed(changes or []))

@@ -2,28 +2,22 @@
 
 from __future__ import annotations
 
-import shlex
-import sys
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from .options import AsJson, Gravity, Inertias, Locked, Tip, named_arm, numbers
-from .session import errors_as_lines, prepare, print_json, say_note, say_warning, say_where
+from .session import command_line, errors_as_lines, prepare, print_json, say_note, say_warning, say_where
 
 UNITS = "Units, signs and joint order of the log"
-"""A panel of the help."""
-
-Robot = Annotated[str, typer.Option(help="A ready arm by its name, or a URDF, MJCF or YAML file.")]
-Topic = Annotated[
-    str | None, typer.Option(help="The topic of the joint states, where a log has several.", metavar="NAME")
-]
+Robot = Annotated[str, typer.Option(help="A built-in arm by name, or a URDF, MJCF or YAML file.")]
+Topic = Annotated[str | None, typer.Option(help="Topic of the joint states, if a log has several.", metavar="NAME")]
 Columns = Annotated[
     list[str] | None,
     typer.Option(
         metavar="QUANTITY=COLUMN",
-        help="Which columns are which quantity: t, q, dq or tau, by the word in their titles (q=position,tau=effort) "
+        help="Columns of a quantity (t, q, dq or tau), by a word in their titles (q=position,tau=effort) "
         "or by a title for each joint (tau=a,b,c); repeatable.",
     ),
 ]
@@ -31,7 +25,7 @@ Drop = Annotated[
     list[str] | None,
     typer.Option(
         metavar="NAME",
-        help="Leave out a quantity (dq), a column, or a joint by its name or number in the log; repeatable.",
+        help="Omit a quantity (dq), a column, or a joint by its name or number in the log; repeatable.",
     ),
 ]
 
@@ -42,25 +36,23 @@ def identify(
         typer.Argument(help="Positions and torques: .csv, .parquet, .mcap, a ros2 bag, or JointState as .json(l)."),
     ],
     robot: Robot,
-    out: Annotated[Path | None, typer.Option(help="Write the arm with its uncertainties there, as YAML.")] = None,
-    report: Annotated[Path | None, typer.Option(metavar="DIR", help="Write a report with figures there.")] = None,
+    out: Annotated[Path | None, typer.Option(help="YAML file for the identified arm with its uncertainty.")] = None,
+    report: Annotated[Path | None, typer.Option(metavar="DIR", help="Folder for a report with figures.")] = None,
     tip: Tip = None,
     topic: Topic = None,
     columns: Columns = None,
     drop: Drop = None,
     links: Annotated[bool, typer.Option("--links", help="Identify the links' inertial parameters, too.")] = False,
-    rotors: Annotated[bool, typer.Option(help="Whether the torques are measured where rotors show.")] = True,
-    payload: Annotated[bool | None, typer.Option(help="Whether what the tip carries is unknown.")] = None,
+    rotors: Annotated[bool, typer.Option(help="Whether the measured torques include rotor inertia.")] = True,
+    payload: Annotated[bool | None, typer.Option(help="Whether the payload is unknown.")] = None,
     asymmetric: Annotated[bool, typer.Option("--asymmetric", help="Viscous friction differs by direction.")] = False,
-    cut_off: Annotated[
-        float | None, typer.Option(help="Filter cut-off [Hz]; chosen from the log if not given.")
-    ] = None,
-    held_out: Annotated[float, typer.Option(help="The last share of the log, predicted and not fitted.")] = 0.25,
+    cut_off: Annotated[float | None, typer.Option(help="Filter cut-off [Hz]; default: from the log.")] = None,
+    held_out: Annotated[float, typer.Option(help="Share of the log, at its end, held out for validation.")] = 0.25,
     gravity: Gravity = None,
     inertias: Inertias = None,
     locked: Locked = None,
     time_unit: Annotated[
-        str, typer.Option(help="s, ms, us, ns, or the seconds per unit, such as 0.004.", rich_help_panel=UNITS)
+        str, typer.Option(help="s, ms, us, ns, or seconds per unit, such as 0.004.", rich_help_panel=UNITS)
     ] = "s",
     position_unit: Annotated[
         str | None, typer.Option(help="rad, deg, mrad or rev, and m or mm.", rich_help_panel=UNITS)
@@ -69,7 +61,7 @@ def identify(
         str | None, typer.Option(metavar="LIST", help="1 or -1 for each joint.", rich_help_panel=UNITS)
     ] = None,
     position_offset: Annotated[
-        str | None, typer.Option(metavar="LIST", help="Added to the positions (rad or m).", rich_help_panel=UNITS)
+        str | None, typer.Option(metavar="LIST", help="Added to the positions [rad or m].", rich_help_panel=UNITS)
     ] = None,
     torque_unit: Annotated[
         str, typer.Option(help="Nm, mNm, Ncm, kNm, kgfm, kgfcm, lbfft, lbfin or ozfin.", rich_help_panel=UNITS)
@@ -79,37 +71,35 @@ def identify(
         typer.Option(metavar="LIST", help="Factors of the torques, such as N m per ampere.", rich_help_panel=UNITS),
     ] = None,
     torque_sign: Annotated[
-        str | None, typer.Option(metavar="LIST", help="1 or -1, one or for each joint.", rich_help_panel=UNITS)
+        str | None, typer.Option(metavar="LIST", help="1 or -1, for all joints or for each.", rich_help_panel=UNITS)
     ] = None,
     add_gravity: Annotated[
         bool,
-        typer.Option("--add-gravity", help="The log's torques lack those of gravity.", rich_help_panel=UNITS),
+        typer.Option("--add-gravity", help="Add gravity torques, which the log's torques lack.", rich_help_panel=UNITS),
     ] = False,
     torque_delay: Annotated[
-        float, typer.Option(help="Time by which torques come after positions (s).", rich_help_panel=UNITS)
+        float, typer.Option(help="Delay of the torques after the positions [s].", rich_help_panel=UNITS)
     ] = 0.0,
     joint_order: Annotated[
         str | None,
-        typer.Option(
-            metavar="NAMES", help="The arm's joint that each joint of the log belongs to.", rich_help_panel=UNITS
-        ),
+        typer.Option(metavar="NAMES", help="Arm joint for each joint of the log.", rich_help_panel=UNITS),
     ] = None,
     position_order: Annotated[
-        str | None, typer.Option(metavar="NAMES", help="The same for positions alone.", rich_help_panel=UNITS)
+        str | None, typer.Option(metavar="NAMES", help="Arm joint for each position of the log.", rich_help_panel=UNITS)
     ] = None,
     torque_order: Annotated[
-        str | None, typer.Option(metavar="NAMES", help="The same for torques alone.", rich_help_panel=UNITS)
+        str | None, typer.Option(metavar="NAMES", help="Arm joint for each torque of the log.", rich_help_panel=UNITS)
     ] = None,
     ignore_torque: Annotated[
         list[str] | None,
-        typer.Option(metavar="JOINT", help="A joint whose torque is not used; repeatable.", rich_help_panel=UNITS),
+        typer.Option(metavar="JOINT", help="Do not use the torque of a joint; repeatable.", rich_help_panel=UNITS),
     ] = None,
     json: AsJson = False,
 ) -> None:
-    """Rotor inertia, friction, payload and perhaps the links of an arm, from a log of its positions and torques.
+    """Identify rotor inertia, friction, payload and optionally the links of an arm from a log of positions and torques.
 
-    Each number has a standard error. The log is checked against the arm first: time unit, gaps, sign, scale and joint
-    order of the torques, gravity. An error names the option that repairs it. A scenario takes the written file as
+    Each parameter has a standard error. The log is first checked against the arm: time unit, gaps, gravity, and sign,
+    scale and joint order of the torques. An error names the option that corrects it. A scenario reads the result with
     `robot: {kind: identified, file: arm.yaml}`.
 
         slidax identify log.csv --robot panda --torque-unit mNm --out arm.yaml
@@ -143,7 +133,7 @@ def identify(
         )
         for note in record.notes:
             say_note(f"{record.source}: {note}")
-        found = identification.identify(
+        result = identification.identify(
             record,
             arm,
             conventions=conventions,
@@ -155,18 +145,18 @@ def identify(
             held_out=held_out,
         )
         if json:
-            for sentence in found.warnings:
-                say_warning(sentence)
+            for warning in result.warnings:
+                say_warning(warning)
         if out is not None:
-            identification.write_arm(found, description, out)
+            identification.write_arm(result, description, out)
         if report is not None:
             from slidax.reports import write_identification_report
 
-            write_identification_report(found, report, command=shlex.join(["slidax", *sys.argv[1:]]))
+            write_identification_report(result, report, command=command_line())
         if json:
-            print_json(found.as_json())
+            print_json(result.as_json())
             return
-        typer.echo(str(found))
+        typer.echo(str(result))
         if out is not None:
             typer.echo(f"The arm is in {out.resolve()}")
         if report is not None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
 import sys
 import time
 from pathlib import Path
@@ -11,7 +10,7 @@ from typing import Annotated
 import typer
 
 from .options import AsJson
-from .session import errors_as_lines, prepare, print_json, say_where
+from .session import command_line, errors_as_lines, prepare, print_json, say_where
 
 OUT = Path("benchmark")
 
@@ -65,7 +64,7 @@ def benchmark(
         except KeyboardInterrupt:
             typer.echo("Interrupted; the same command resumes", err=True)
             raise typer.Exit(130) from None
-        command = shlex.join(["slidax", *sys.argv[1:]])
+        command = command_line()
         write_benchmark(results, out, seconds=time.perf_counter() - started, command=command)
         tables = [ranking(name, results.on(name)) for name in round_.tasks]
         if json:

@@ -13,24 +13,24 @@ from .session import errors_as_lines, prepare, print_json
 def list_(
     name: Annotated[
         str | None,
-        typer.Argument(help="A kind, such as schemes, or a part, such as cftsmppc; all kinds if not given."),
+        typer.Argument(help="A kind, such as schemes, or a part, such as cftsmppc; default: all kinds."),
     ] = None,
     json: AsJson = False,
 ) -> None:
-    """What is available, one line each; for a part its parameters with unit, range, default and source.
+    """List what is available, one line each, or the parameters of a part with unit, range, default and source.
 
-    Where several kinds have the same name, write it with its kind: performance.fixed_time.
+    For a name that several kinds have, give the kind, too: performance.fixed_time.
     """
     with errors_as_lines():
         prepare()
         from slidax.scenarios import catalogue, explained
 
-        found = catalogue()
-        if name is not None and name not in found:
+        kinds = catalogue()
+        if name is not None and name not in kinds:
             part = explained(name)
             print_json({key: part[key] for key in ("name", "parameters")}) if json else _print_part(part)
             return
-        shown = {name: found[name]} if name else found
+        shown = {name: kinds[name]} if name else kinds
         if json:
             print_json(shown)
             return
@@ -43,7 +43,7 @@ def list_(
 
 
 def schema() -> None:
-    """The JSON schema of scenario files, for editors and other programs."""
+    """Print the JSON schema of scenario files, for editors and other programs."""
     with errors_as_lines():
         prepare()
         from slidax import scenarios
@@ -55,15 +55,13 @@ def _print_part(part: dict[str, Any]) -> None:
     typer.echo(typer.style(part["title"], bold=True))
     for row in part["parameters"]:
         default = row["default"]
-        given = (
-            "must be given" if row["required"] else "not given" if default in (None, {}, [], ()) else _shown(default)
-        )
+        value = "required" if row["required"] else "not set" if default in (None, {}, [], ()) else _shown(default)
         source = f" ({row['source']})" if row["source"] else ""
         unit = f" [{row['unit']}]" if row["unit"] else ""
-        typer.echo(f"{typer.style(row['path'], bold=True)}{unit}: {given}{source}")
-        said = "; ".join(text for text in (row["meaning"], row["range"]) if text)
-        if said:
-            typer.echo(f"    {said}")
+        typer.echo(f"{typer.style(row['path'], bold=True)}{unit}: {value}{source}")
+        meaning = "; ".join(text for text in (row["meaning"], row["range"]) if text)
+        if meaning:
+            typer.echo(f"    {meaning}")
 
 
 def _shown(default: Any) -> str:

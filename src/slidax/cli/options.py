@@ -1,4 +1,4 @@
-"""The options that several commands have."""
+"""Options that several commands share."""
 
 from __future__ import annotations
 
@@ -16,32 +16,29 @@ Changes = Annotated[
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
 
 Engine = StrEnum("Engine", ["auto", "native", "xla", "cuda"])
-"""What computes a run."""
+"""Engines that compute a run."""
 
-Tip = Annotated[str | None, typer.Option(help="The link, body or site of the tip, where a file has several ends.")]
+Tip = Annotated[str | None, typer.Option(help="Link, body or site of the tip, if a file has several ends.")]
 
 Gravity = Annotated[
-    str | None, typer.Option(metavar="X,Y,Z", help="Gravity in the base frame (m/s²), for a mounted arm.")
+    str | None, typer.Option(metavar="X,Y,Z", help="Gravity in the base frame [m/s²], for a mounted arm.")
 ]
 
 Inertias = Annotated[
     str | None,
-    typer.Option(help="Inertias in the file that no body can have: `nearest` replaces, `strict` refuses all."),
+    typer.Option(help="Physically impossible inertias in the file: `nearest` replaces, `strict` refuses them."),
 ]
 
 Locked = Annotated[
     list[str] | None,
-    typer.Option(metavar="JOINT=POSITION", help="A joint in the file that does not move (rad or m); repeatable."),
+    typer.Option(metavar="JOINT=POSITION", help="Lock a joint of the file [rad or m]; repeatable."),
 ]
 
 
 def named_arm(
     robot: str, tip: str | None, inertias: str | None, locked: list[str] | None, gravity: str | None
 ) -> tuple[Any, dict[str, Any]]:
-    """Return the arm that a command's options name, and its description.
-
-    - `robot`: a ready arm by its name, or a file.
-    - `tip`, `inertias`, `locked`, `gravity`: the options of these names.
+    """Return the arm from the options `robot`, `tip`, `inertias`, `locked` and `gravity`, and its description.
 
     Raises DefinitionError if there is no such arm, or an option does not fit it.
     """
@@ -57,30 +54,22 @@ def named_arm(
 
 
 def numbers(option: str, text: str) -> list[float]:
-    """The numbers of an option.
+    """Parse the comma-separated numbers in the `text` of an `option`.
 
-    - `option`: its name, for messages.
-    - `text`: numbers with commas between them.
-
-    Raises DefinitionError if one is no number.
+    Raises DefinitionError if one is not a number.
     """
     from slidax._errors import DefinitionError, shown
 
     try:
         return [float(word) for word in text.split(",")]
     except ValueError:
-        raise DefinitionError(
-            f"`{option}` needs numbers with commas between them, such as 1,-1,1; got {shown(text)}"
-        ) from None
+        raise DefinitionError(f"`{option}` needs comma-separated numbers, such as 1,-1,1; got {shown(text)}") from None
 
 
 def positions(option: str, texts: list[str]) -> dict[str, float]:
-    """The positions of joints of an option.
+    """Parse joint positions in the `texts` of an `option`, each of the form JOINT=POSITION.
 
-    - `option`: its name, for messages.
-    - `texts`: each as JOINT=POSITION.
-
-    Raises DefinitionError if one has another form, or a joint has two positions.
+    Raises DefinitionError for another form, or if a joint has two positions.
     """
     from slidax._errors import DefinitionError, plain, shown
 

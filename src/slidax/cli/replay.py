@@ -12,27 +12,27 @@ from .session import OUTCOME, errors_as_lines, prepare, print_json, say_warning
 
 
 def replay(
-    log: Annotated[Path, typer.Argument(help="An MCAP file of `slidax run` or `slidax loop`.")],
+    log: Annotated[Path, typer.Argument(help="MCAP file from `slidax run` or `slidax loop`.")],
     json: AsJson = False,
 ) -> None:
-    """A log through its law again: the same measurements must give the same torques, bit for bit.
+    """Replay a log through its law: the same measurements must give the same torques, bit for bit.
 
-    The log alone is needed: the scenario is in it.
+    The log contains the scenario.
 
-    Exit code 0: all answers have the same bits; 2: the file is no such log; 3: one is another, which is said.
+    Exit code 0: all torques are identical; 2: the file is not such a log; 3: the torques differ; the first is printed.
     """
     with errors_as_lines():
         prepare()
         from slidax.deploy.robot_loop import replay as replayed
         from slidax.logs import read_mcap
 
-        read = read_mcap(log)
-        if not read.whole:
-            say_warning(f"`{log}` has no end, as its writer was stopped; it is read as far as it goes")
-        found = replayed(read)
+        content = read_mcap(log)
+        if not content.whole:
+            say_warning(f"`{log}` is incomplete because its writer was stopped; the complete part is read")
+        comparison = replayed(content)
         if json:
-            print_json({**found.as_json(), "whole": read.whole})
+            print_json({**comparison.as_json(), "whole": content.whole})
         else:
-            typer.echo(found.sentence())
-        if found.first is not None:
+            typer.echo(comparison.sentence())
+        if comparison.first is not None:
             raise typer.Exit(OUTCOME)

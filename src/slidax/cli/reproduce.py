@@ -11,14 +11,14 @@ import typer
 from .session import errors_as_lines, prepare, say_where
 
 Disturbance = StrEnum("Disturbance", ["stated", "off", "both"])
-"""Which readings of the paper's disturbance are computed."""
+"""Readings of the paper's disturbance."""
 
 
 def reproduce(
-    out: Annotated[Path, typer.Option(help="Where report.html, figures/ and results.json go.")] = Path("reproduction"),
+    out: Annotated[Path, typer.Option(help="Folder for the report and results.json.")] = Path("reproduction"),
     disturbance: Annotated[Disturbance, typer.Option(help="As stated, off, or both.")] = Disturbance.both,
 ) -> None:
-    """The paper's figures and tables beside what is computed here, as one report."""
+    """Compute the paper's figures and tables, and compare them with the printed ones in a report."""
     with errors_as_lines():
         prepare()
         from rich.console import Console

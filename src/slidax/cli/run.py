@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
-import sys
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -11,14 +9,14 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from .options import AsJson, Changes, Engine, Named
-from .session import OUTCOME, errors_as_lines, parsed, prepare, print_json, say_warning, say_where
+from .session import OUTCOME, command_line, errors_as_lines, parsed, prepare, print_json, say_warning, say_where
 
 if TYPE_CHECKING:
     from slidax.scenarios import Scenario
     from slidax.simulation import Run
 
 SECONDS = 20.0
-"""For remedies to be tried after a run that left its envelope."""
+"""Time for testing remedies after a run that left its envelope [s]."""
 
 STARTED = time.perf_counter()
 
@@ -27,25 +25,24 @@ def run(
     scenario: Named,
     changes: Changes = None,
     json: AsJson = False,
-    out: Annotated[Path | None, typer.Option(help="A folder for a report, log and figures; or FILE.mcap.")] = None,
-    engine: Annotated[Engine | None, typer.Option(help="The engine; the scenario's own if not given.")] = None,
-    view: Annotated[bool, typer.Option("--view", help="Play the run in the browser, in three dimensions.")] = False,
+    out: Annotated[Path | None, typer.Option(help="Folder for a report, log and figures; or FILE.mcap.")] = None,
+    engine: Annotated[Engine | None, typer.Option(help="Engine; default: the scenario's.")] = None,
+    view: Annotated[bool, typer.Option("--view", help="Replay the run in the browser, in three dimensions.")] = False,
     recording: Annotated[
-        Path | None, typer.Option("--record", metavar="FILE", help="Write a replay: .html, .mp4 or .gif.")
+        Path | None, typer.Option("--record", metavar="FILE", help="Write a replay to FILE.html.")
     ] = None,
 ) -> None:
-    """One closed-loop run: its metrics as a table, as JSON, or as a report.
+    """Simulate a closed loop, and report its metrics as a table, as JSON, or as a page.
 
-    `--set scheme.name=NAME` puts another scheme in place of the scenario's own; `slidax list schemes`
-    shows them. Of the file's scheme `performance`, `overshoot`, `bound` and `sampled_data` are kept, as far as NAME has
-    them; all else takes NAME's own defaults, which are the paper's where it prints any. Other `--set scheme.…` apply
-    after that.
+    `--set scheme.name=NAME` replaces the scenario's scheme; `slidax list schemes` lists them. The new scheme takes over
+    `performance`, `overshoot`, `bound` and `sampled_data` of the file as far as it has them; its other parameters take
+    their defaults, from the paper if it prints any. Other `--set scheme.…` apply after that.
 
-    What is likely to go wrong is said before the run, and after one that left its envelope the likeliest reason with a
-    remedy; `slidax explain` has the others.
+    Likely problems are printed before the run. After a run that left its envelope, the likeliest cause is printed with
+    a remedy; `slidax explain` prints the others.
 
-    Exit code 0: the run reached its end inside its envelope; 2: the scenario is invalid; 3: it left its envelope, also
-    if it came back, or became infinite.
+    Exit code 0: the run ended inside its envelope; 2: the scenario is invalid; 3: the run left its envelope, even if
+    it came back, or became infinite.
     """
     with errors_as_lines():
         prepare()
@@ -63,7 +60,7 @@ def run(
             from slidax.simulation import require_pyarrow
 
             require_pyarrow("writing the log")
-            # What cannot be written is said before the run, not after it.
+            # Fails before the run if the folder cannot be written.
             folder.mkdir(parents=True, exist_ok=True)
         if view or recording is not None:
             _require_views(view, recording)
@@ -74,7 +71,7 @@ def run(
         if folder is not None:
             parquet.write_log(finished, folder / "log.parquet")
             write_scenario(parts.description, folder / "scenario.yaml")
-            command = shlex.join(["slidax", *sys.argv[1:]])
+            command = command_line()
             write_run_report(parts, finished, folder, also=INDICES, command=command)
         if log is not None:
             _write_log(parts, finished, log)
@@ -89,15 +86,15 @@ def run(
         _warn_of_rejections(finished)
         if not finished.outcome.ok:
             typer.echo(finished.outcome.message, err=True)
-            _say_why(parts)
+            _print_cause(parts)
         if recording is not None or view:
-            _look(parts, finished, view, recording)
+            _replay(parts, finished, view, recording)
         if not finished.outcome.ok:
             raise typer.Exit(OUTCOME)
 
 
 def _require_log(parts: Scenario, log: Path) -> None:
-    """What cannot be logged is said before the run, not after it."""
+    """Fail before the run if it cannot be logged."""
     from slidax.deploy.robot_loop import require_samples
     from slidax.logs import require_writer
 
@@ -107,22 +104,22 @@ def _require_log(parts: Scenario, log: Path) -> None:
 
 
 def _write_log(parts: Scenario, finished: Run, log: Path) -> None:
-    """The run once more, the law called sample by sample as a robot calls it, to the sample at which it ended."""
+    """Repeat the run with the law called sample by sample, as a robot calls it, until it ended."""
     from slidax.deploy.robot_loop import lockstep, write_stepped
 
     write_stepped(parts, lockstep(parts, int(finished.tally.samples)), log)
 
 
 def _warn_beforehand(parts: Scenario) -> None:
-    """What is likely to go wrong, one line each."""
+    """Print likely problems, one line each."""
     from slidax.diagnosis import beforehand
 
-    for said in beforehand(parts):
-        say_warning(said)
+    for problem in beforehand(parts):
+        say_warning(problem)
 
 
 def _warn_of_rejections(finished: Run) -> None:
-    """Print how many measurements the law's gate rejected, if there are any."""
+    """Print the number of measurements that the law's gate rejected, if any."""
     from slidax._errors import counted
 
     rejected = finished.tally.rejected
@@ -130,22 +127,22 @@ def _warn_of_rejections(finished: Run) -> None:
         return
     say_warning(
         f"the law's gate rejected {int(rejected)} of {counted(int(finished.tally.samples), 'measurement')} as "
-        "implausible for this arm, and the last torque stood; the signal `rejected` of a log (`--out FOLDER`) has "
-        "their times; if the measurements are right, raise a limit of `scheme.sampled_data.gate`"
+        "implausible for this arm and kept the last torque; the signal `rejected` of a log (`--out FOLDER`) has "
+        "their times; if the measurements are correct, raise a limit of `scheme.sampled_data.gate`"
     )
 
 
-def _say_why(parts: Scenario) -> None:
-    """The likeliest cause; all of them are what `slidax explain` is for."""
+def _print_cause(parts: Scenario) -> None:
+    """Print the likeliest cause."""
     from slidax.diagnosis import first_line
 
-    why = first_line(parts, seconds=SECONDS)
-    if why:
-        typer.echo(f"Most likely: {why}", err=True)
+    cause = first_line(parts, seconds=SECONDS)
+    if cause:
+        typer.echo(f"Most likely: {cause}", err=True)
 
 
 def _require_views(view: bool, recording: Path | None) -> None:
-    """Before a long run, not after it."""
+    """Fail before the run if a package is missing."""
     from slidax import views
 
     if view:
@@ -154,14 +151,14 @@ def _require_views(view: bool, recording: Path | None) -> None:
         views.require_record(recording)
 
 
-def _look(parts: Scenario, finished: Run, view: bool, recording: Path | None) -> None:
+def _replay(parts: Scenario, finished: Run, view: bool, recording: Path | None) -> None:
     from slidax import views
 
     title = parts.description.title
     if recording is not None:
-        made = views.record(finished, parts.plant, recording, title=title)
-        typer.echo(f"The replay is in {made.resolve()}", err=True)
+        path = views.record(finished, parts.plant, recording, title=title)
+        typer.echo(f"The replay is in {path.resolve()}", err=True)
     if view:
-        shown = views.show(finished, parts.plant, title=title)
-        typer.echo(f"The replay is at {shown.url} until Ctrl-C", err=True)
-        shown.wait()
+        replay = views.show(finished, parts.plant, title=title)
+        typer.echo(f"The replay is at {replay.url} until Ctrl-C", err=True)
+        replay.wait()

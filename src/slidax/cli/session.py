@@ -1,8 +1,9 @@
-"""What every command does around its own work: settings, errors as lines, exit codes, output."""
+"""Set-up, one-line errors, exit codes and output, common to all commands."""
 
 from __future__ import annotations
 
 import os
+import shlex
 import sys
 import warnings
 from collections.abc import Iterator
@@ -17,18 +18,18 @@ DEFINITION, OUTCOME = 2, 3
 
 
 def prepare() -> None:
-    """Switches 64-bit numbers and a compilation cache on, as the command line may: the process is its own."""
+    """Enable 64-bit numbers and the compilation cache of JAX for this process."""
     import jax
 
     jax.config.update("jax_enable_x64", True)
     if jax.config.jax_compilation_cache_dir is None:
-        # Compiling takes most of the time of a short run; the second then need not, not even many small programs.
+        # Compiling takes most of the time of a short run, so that all programs are cached, also small ones.
         jax.config.update("jax_compilation_cache_dir", str(_compiled()))
         jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
 
 
 def _compiled() -> Path:
-    """The folder of compiled programs, one for each version of JAX."""
+    """Folder of compiled programs for this version of JAX."""
     import jax
     from platformdirs import user_cache_path
 
@@ -37,7 +38,7 @@ def _compiled() -> Path:
 
 @contextmanager
 def errors_as_lines() -> Iterator[None]:
-    """A DefinitionError becomes one line and exit code 2; a traceback would hide it. Warnings are lines, too."""
+    """Turn a DefinitionError into one line and exit code 2, and print each warning as one line."""
     from slidax._errors import DefinitionError
 
     try:
@@ -48,22 +49,22 @@ def errors_as_lines() -> Iterator[None]:
         _say(str(error))
         raise typer.Exit(DEFINITION) from None
     except BrokenPipeError:
-        # The reader went away, as `slidax list | head` does: nothing is wrong.
+        # The reader closed the pipe, as in `slidax list | head`.
         sys.stderr.close()
         raise typer.Exit(0) from None
     except OSError as error:
-        # A folder or file to write: what is read says so itself.
+        # Raised by writing; readers raise DefinitionError.
         _say(_cannot_write(error))
         raise typer.Exit(DEFINITION) from None
     except (MemoryError, RecursionError) as error:
-        _say(f"this is too large to compute here ({type(error).__name__}): use fewer or smaller parts")
+        _say(f"too large to compute on this machine ({type(error).__name__}): use fewer or smaller parts")
         raise typer.Exit(DEFINITION) from None
     except BaseException as error:
-        # A panic of a foreign library in Rust, which derives from nothing else.
+        # A panic of a Rust library; its class derives from BaseException alone.
         if type(error).__name__ != "PanicException":
             raise
         reason = str(error).partition("\n")[0]
-        _say(f"a library failed in itself ({reason}): if the disk is not full, please report this command")
+        _say(f"a library crashed ({reason}): unless the disk is full, please report this command")
         raise typer.Exit(DEFINITION) from None
 
 
@@ -76,86 +77,74 @@ def _cannot_write(error: OSError) -> str:
 
 
 def _say(message: str) -> None:
-    """One line, whatever the names in it are."""
+    """Print one line; unprintable characters are escaped."""
     typer.echo(f"slidax: {''.join(c if c.isprintable() else ascii(c)[1:-1] for c in message)}", err=True)
 
 
 def say_warning(message: str) -> None:
-    """One line about what may go wrong; the command goes on.
-
-    - `message`: what is said.
-    """
+    """Print a `message` about a possible problem; the command continues."""
     _say(f"warning: {message}")
 
 
 def say_note(message: str) -> None:
-    """Print one line about what the command did by itself, such as a joint that it left out.
-
-    - `message`: the sentence.
-    """
+    """Print a `message` about an automatic choice, such as a joint that is left out."""
     _say(f"note: {message}")
 
 
 class _Warnings:
-    """Warnings as lines, without the place in the code that they came from, which tells a user nothing."""
+    """Prints warnings as lines, without their place in the code."""
 
     def __init__(self) -> None:
-        self._is_cache_told = False
+        self._cache_reported = False
 
     def show(self, message: Warning | str, *_: Any, **__: Any) -> None:
-        """Print a warning.
-
-        - `message`: the warning.
-        """
+        """Print a warning `message`."""
         import jax
 
         text, folder = str(message), _compiled()
         if "persistent compilation cache entry" not in text or jax.config.jax_compilation_cache_dir != str(folder):
             say_warning(text)
         elif text.startswith("Error reading"):
-            # JAX writes its files in place, so that a full disk or a kill leaves halves, which it would not replace.
+            # A full disk or a kill leaves incomplete files, which JAX would not replace.
             for path in folder.glob("*-cache"):
                 with suppress(OSError):
                     path.unlink()
-        elif not self._is_cache_told:
-            self._is_cache_told = True
+        elif not self._cache_reported:
+            self._cache_reported = True
             reason = text.partition("': ")[2].partition("\n")[0]
-            say_warning(f"compiled programs cannot be kept in `{folder}` ({reason}): the next command compiles again")
+            say_warning(f"cannot cache compiled programs in `{folder}` ({reason}): the next command compiles again")
 
 
 def parsed(changes: list[str]) -> dict[str, Any]:
-    """The values of `--set` by their paths.
+    """Return the values of `--set` by path, from `changes` of the form PATH=VALUE.
 
-    - `changes`: each as PATH=VALUE.
-
-    Raises DefinitionError if one has another form.
+    Raises DefinitionError for another form.
     """
     from slidax._errors import DefinitionError
     from slidax.scenarios.yaml_text import read_yaml
 
-    parsed: dict[str, Any] = {}
+    values: dict[str, Any] = {}
     for change in changes:
         path, sign, value = change.partition("=")
         if not sign or not path.strip():
             raise DefinitionError(f"`--set {change}` needs the form PATH=VALUE, such as disturbance.scale=0")
-        parsed[path.strip()] = read_yaml(value)
-    return parsed
+        values[path.strip()] = read_yaml(value)
+    return values
+
+
+def command_line() -> str:
+    """The command as it was typed, for reports."""
+    return shlex.join(["slidax", *sys.argv[1:]])
 
 
 def say_where(out: Path) -> None:
-    """Says where a report is.
-
-    - `out`: its folder.
-    """
+    """Print the path of the report in the folder `out`."""
     typer.echo(f"The report is in {out.resolve() / 'report.html'}")
 
 
 def print_json(value: dict[str, Any]) -> None:
-    """Prints one object.
-
-    - `value`: the object.
-    """
+    """Print an object `value`."""
     import json
 
-    # allow_nan=False: a NaN here would be our own fault; a traceback is better than invalid JSON.
+    # A NaN here is a fault of slidax; a traceback is better than invalid JSON.
     typer.echo(json.dumps(value, indent=2, allow_nan=False, ensure_ascii=False))

@@ -11,19 +11,19 @@ from .session import errors_as_lines
 
 
 def studio(
-    scenario: Annotated[str, typer.Argument(help="What is opened: a built-in scenario by name, or a YAML file.")] = "",
-    folder: Annotated[Path, typer.Option(help="The folder that is read and written.")] = Path(),
-    port: Annotated[int | None, typer.Option(help="Where; 0 for any free one.", min=0, max=65535)] = None,
+    scenario: Annotated[str, typer.Argument(help="Scenario to open: a built-in one by name, or a YAML file.")] = "",
+    folder: Annotated[Path, typer.Option(help="Folder to read and write.")] = Path(),
+    port: Annotated[int | None, typer.Option(help="Port; 0 is any free one.", min=0, max=65535)] = None,
     browser: Annotated[bool, typer.Option(help="Open a browser.")] = True,
 ) -> None:
-    """A page to try laws on any arm, on this machine: sliders, studies, design, certificates, export.
+    """Serve the studio on this machine: sliders, studies, design, certificates and export in the browser.
 
-    It reads and writes below its folder alone, answers this machine alone, and ends with Ctrl-C, and its jobs with it.
+    The studio reads and writes only below its folder, and answers only this machine. Ctrl-C ends it with its jobs.
     """
     with errors_as_lines():
-        from slidax.studio.needed import require_studio
+        from slidax.views.needed import require_packages
 
-        require_studio()
+        require_packages("the studio", "starlette", "uvicorn", extra="studio")
         from slidax._errors import DefinitionError
         from slidax.studio.folder import Folder
         from slidax.studio.server import serve
@@ -32,10 +32,6 @@ def studio(
         opened = scenario
         if Path(scenario).suffix in (".yaml", ".yml"):
             if not Path(scenario).is_file():
-                raise DefinitionError(f"there is no file `{scenario}`")
+                raise DefinitionError(f"file `{scenario}` does not exist")
             opened = root.beneath(Path(scenario), scenario).relative_to(root.root).as_posix()
-        serve(root.root, module="slidax.cli", opened=opened, port=port, browser=browser, say=_say)
-
-
-def _say(line: str) -> None:
-    typer.echo(line)
+        serve(root.root, module="slidax.cli", opened=opened, port=port, browser=browser, say=typer.echo)

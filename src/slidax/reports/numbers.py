@@ -26,7 +26,7 @@ def significant(number: float | None, digits: int = 4) -> str:
 
 
 def typeset(text: object) -> Markup:
-    """Return a plain `text` as HTML: raised powers of ten, long minus signs, `T_max` with its index below, code in backticks.
+    """Return a plain `text` as HTML: raised powers of ten, long minus signs, `T_max` with subscript, code in backticks.
 
     HTML in the text is escaped; Markup passes unchanged.
     """

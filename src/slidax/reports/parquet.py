@@ -11,7 +11,7 @@ from slidax.simulation import Run, columns_of, require_pyarrow
 
 
 def columns(run: Run) -> dict[str, np.ndarray]:
-    """The log of a `run` as flat columns: `t`, `q_1`, `dq_1`, `q_d_1`, ..., `tau_1`, the bounds, and the signals by name.
+    """The log of a `run` as flat columns: `t`, `q_1`, `dq_1`, `q_d_1`, ..., `tau_1`, the bounds, and the signals.
 
     Raises DefinitionError if the run has no log.
     """

@@ -20,7 +20,7 @@ class Rival:
     """The run of one scheme in a comparison.
 
     - `scenario`, `run`: the simulated scenario and its run.
-    - `outside`: samples outside the scheme's envelope, or for a scheme without one outside the envelope of the comparison;
+    - `outside`: samples outside the scheme's envelope, or for a scheme without one outside the comparison's envelope;
       None if there is none.
     """
 
