@@ -42,7 +42,7 @@ def write_run_report(
         turn=tool_turn(run),
         pictures=_run_pictures(scenario, run, out / "figures"),
         parameters=parameters(scenario),
-        seconds=run.timing.compile_s + run.timing.run_s,
+        seconds=run.timing.compile_s + run.timing.run_s if run.timing else 0.0,
         command=command,
     )
 
