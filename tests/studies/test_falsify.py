@@ -46,7 +46,7 @@ def test_the_worst_case_is_a_scenario_that_shows_it_again(violation, tmp_path):
 def test_the_cases_that_are_kept_are_apart():
     worst = found("falsify", runs=160, keep=3, apart=0.3)
     assert len(worst.rows) == 3
-    points = worst.found.points
+    points = worst.search.points
     assert min(np.abs(points[i] - points[j]).max() for i in range(3) for j in range(i)) >= 0.3
     assert worst.table["margin"][list(worst.rows)].tolist() == sorted(worst.table["margin"][list(worst.rows)])
     assert worst.table["margin"].min() == worst.table["margin"][worst.rows[0]]
@@ -56,7 +56,7 @@ def test_a_metric_can_be_searched():
     worst = found("falsify", runs=160, worst="peak_torque")
     assert worst.table["peak_torque"][worst.rows[0]] == worst.table["peak_torque"].max()
     assert worst.as_json()["worst"]["peak_torque"] == worst.table["peak_torque"].max()
-    assert ("peak_torque" in worst.lead and worst.found.stop == "evaluations") or worst.found.stop == "settled"
+    assert ("peak_torque" in worst.lead and worst.search.stop == "evaluations") or worst.search.stop == "settled"
 
 
 def test_a_search_that_was_stopped_goes_on_where_it_was(tmp_path):
@@ -78,7 +78,7 @@ def test_a_search_that_was_stopped_goes_on_where_it_was(tmp_path):
 
 def test_its_page_has_the_worst_cases_and_the_way_of_the_search(violation):
     sections = violation.sections()
-    assert [section.title for section in sections][:2] == ["The worst cases", "What the margin depends on"]
+    assert [section.title for section in sections][:2] == ["The worst cases", "Dependence of the margin"]
     assert sections[0].rows[0][0] == "worst.yaml" and sections[0].figures[0].name == "search"
     assert all(len(row) == len(section.head) for section in sections for row in section.rows)
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.stats import binomtest
 
-from slidax import figures, scenarios
+from slidax import scenarios
 from slidax._errors import DefinitionError
 from slidax.reports import write_scenario, write_study_report
 from slidax.studies import Predicate, read_rows, scenario_of_row
@@ -41,11 +41,10 @@ def test_every_row_can_be_replayed_alone_bit_for_bit(tmp_path: Path) -> None:
         scenario_of_row(tmp_path / "out", 64)
 
 
-def test_figure_and_table_name_the_same_joint_by_one_name(monkeypatch: pytest.MonkeyPatch) -> None:
-    shown: list[str] = []
-    drawn = figures.margin_over
-    monkeypatch.setattr(figures, "margin_over", lambda margin, values: shown.extend(values) or drawn(margin, values))
+def test_figure_and_table_name_the_same_joint_by_one_name() -> None:
     found = ran(runs=16, uncertainty={"start.q": {"around": 0.05, "each": "joint"}})
+    (chart,) = [chart for section in found.sections() for chart in section.figures if chart.kind == "margin_over"]
+    shown = list(chart.values[1])
     rows = {row[0]: row[1] for section in found.sections() if section.title == "The worst case" for row in section.rows}
     assert shown == ["start.q[joint 1]  [rad or m]", "start.q[joint 2]  [rad or m]"]
     assert rows == {f"start.q[joint {k + 1}]": found.table[f"start.q[{k}]"][found.worst] for k in range(2)}

@@ -40,7 +40,7 @@ def test_each_number_can_have_its_own_share():
 
 
 def test_its_page_has_a_table_and_a_picture_for_each_result(shares):
-    assert [section.title for section in shares.sections()] == ["What margin depends on", "What peak_torque depends on"]
+    assert [section.title for section in shares.sections()] == ["Dependence of margin", "Dependence of peak_torque"]
     assert [picture.name for section in shares.sections() for picture in section.figures] == [
         "shares-margin",
         "shares-peak_torque",

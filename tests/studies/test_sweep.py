@@ -63,10 +63,13 @@ def test_a_point_has_the_same_cases_as_any_other():
     [
         ({"over": {}}, "over"),
         ({"over": {"scheme.surface.k9": {"between": [0, 1]}}}, "k9"),
-        ({"over": {"robot.plant.masses": {"around": "5 %", "each": "joint"}}}, "sweep one for all joints"),
+        ({"over": {"robot.plant.masses": {"around": "5 %", "each": "joint"}}}, "sweep a single value for all joints"),
         ({"over": {"disturbance.scale": {"between": [0, 1]}}, "of": "marginn"}, "did you mean `margin`"),
         ({"over": {"disturbance.scale": {"between": [0, 1]}}, "points": 1}, "points"),
-        ({"over": {"disturbance.scale": {"between": [0, 1]}}, "uncertainty": {}, "cases": 5}, "cases: is for"),
+        (
+            {"over": {"disturbance.scale": {"between": [0, 1]}}, "uncertainty": {}, "cases": 5},
+            "cases: needs a scenario",
+        ),
     ],
 )
 def test_what_cannot_be_swept_is_said_in_a_line(said, message):

@@ -71,7 +71,7 @@ def tried(
     simulation = scenario.description.simulation
     samples = round(simulation.t1 / simulation.period)
     runner = Runner(Task.of(family, simulation.engine), Runner.rows_of_chunk(samples))
-    every = Asked(runner, family.space)
+    every = Asked(runner, family)
     drawn = every.points(points(seed, 0, runs, family.space.dimensions))
     if np.isnan(drawn["margin"]).all() and not np.asarray(drawn["outcome"]).any():
         text = "the scheme draws no envelope, so that there is nothing to leave: write a `tolerance`"

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from slidax import figures
 from slidax.scenarios.written import as_yaml
-from slidax.studies import AbstractResult, AbstractStudy
+from slidax.studies import AbstractResult, AbstractStudy, Drawn
 
 from .page import write_page
 from .parameters import write_scenario
-from .picture import picture
+from .picture import Picture, picture
 
 
 def write_study_report(
@@ -24,11 +25,7 @@ def write_study_report(
     for name, description in scenarios.items():
         write_scenario(description, out / f"{name}.yaml")
     sections = [
-        (
-            section,
-            [picture(fig.figure, out / "figures", fig.name, fig.title, fig.caption) for fig in section.figures],
-        )
-        for section in result.sections()
+        (section, [_picture(chart, out / "figures") for chart in section.figures]) for section in result.sections()
     ]
     return write_page(
         out,

@@ -113,8 +113,6 @@ class Compared(AbstractResult):
 
     def sections(self) -> list[Section]:
         """Shares, means, and differences with their intervals."""
-        from slidax.figures import intervals
-
         rates: list[list[Cell]] = []
         for name in self.tables:
             for holds in self.holds:
@@ -137,7 +135,7 @@ class Compared(AbstractResult):
                 ends.append([np.nan if x is None else x for x in (low, one.mean, high)])
             drawn[of.replace("_", " ")] = np.array(ends)
         pictures = [
-            Drawn("differences", "Differences", "Of the means, with intervals.", intervals(others, drawn)),
+            Drawn("differences", "Differences", "Of the means, with intervals.", "intervals", (others, drawn)),
         ]
         columns = ("Scheme", "metric", "pairs", "mean", "difference", "at least", "at most", "median", "p, Wilcoxon")
         first = ", ".join(f"{of} {_shown(self._mean(self.reference, of))}" for of in self.of)

@@ -1,4 +1,4 @@
-"""The worst that a scenario's uncertainty allows."""
+"""Searches for the worst case that a scenario's uncertainty allows."""
 
 from __future__ import annotations
 
@@ -11,11 +11,10 @@ from pydantic import Field
 from slidax._errors import DefinitionError, counted, nearest, plain
 from slidax.scenarios.base import said
 from slidax.scenarios.description import ScenarioDescription
-from slidax.scenarios.family import Family
 
 from .asked import Asked
 from .overview import overview
-from .result import NOTHING, AbstractResult, Cell, Drawn, Section, all_done
+from .result import NOTHING, AbstractTableResult, Cell, Drawn, Section, all_done
 from .search import Found, lowest
 from .study import AbstractStudy, How
 from .table import OUTCOMES, Columns
@@ -23,44 +22,41 @@ from .table import OUTCOMES, Columns
 MARGIN = "margin"
 
 WORSE = 1e9
-"""What a run that ended early counts for where a metric is searched, as it would have gone on getting worse."""
+"""Value of a run that ended early in a search over a metric."""
 
 
 class Falsify(AbstractStudy):
-    """Searches all that may be for the least margin, or for the worst of a metric."""
+    """Searches the uncertainty set for the least margin, or for the worst value of a metric."""
 
     study: Literal["falsify"]
-    runs: int = said("at most so many", "", "[1, 1e9]", default=3000)
+    runs: int = said("largest number of runs", "", "[1, 1e9]", default=3000)
     seconds: float | None = said(
-        "after so many no batch begins; the rows then depend on the machine", "s", "> 0", default=None
+        "time after which no batch begins; the rows then depend on the machine", "s", "> 0", default=None
     )
     worst: str = MARGIN
-    """Of what the worst is searched: `margin`, or a metric such as `steady_error`."""
+    """Searched quantity: `margin`, or a metric such as `steady_error`."""
     until: Literal["violation"] | None = None
     """`violation` stops at the first run outside its envelope; else all runs are used to find the worst."""
     keep: Annotated[int, Field(ge=1, le=100)] = 3
-    """How many of the worst cases are written as scenarios, each apart from the others."""
-    apart: float = said("by what share of its set at least one number of theirs differs", "", "(0, 1]", default=0.25)
+    """Number of worst cases that are written as scenarios, each different from the others."""
+    apart: float = said("share of its set by which at least one value of theirs differs", "", "(0, 1]", default=0.25)
 
     def run(self, how: How) -> FalsifyResult:
-        """The worst cases.
-
-        - `how`: where, and what is told on the way.
-        """
         family = self.family()
         self.require(
-            bool(family.space.sets), "uncertainty", "is empty: there is nothing to search; write what is not known"
+            bool(family.space.sets),
+            "uncertainty",
+            "is empty: there is nothing to search; give sets of uncertain values",
         )
         self.require(
             self.until is None or self.worst == MARGIN,
             "until",
             f"is for `worst: {MARGIN}`, where 0 is the envelope's bound",
         )
-        runner = self.runner(family, how)
-        asked = Asked(runner, family.space)
+        evaluated = Asked(self.runner(family, how), family)
         how.begin(self.runs)
-        found = lowest(
-            lambda cube: badness(asked.points(cube), self.worst),
+        search = lowest(
+            lambda cube: badness(evaluated.points(cube), self.worst),
             family.space.dimensions,
             evaluations=self.runs,
             seed=self.seed,
@@ -69,26 +65,20 @@ class Falsify(AbstractStudy):
             keep=self.keep,
             distance=self.apart,
         )
-        table = asked.table
-        values = badness(table, self.worst)
-        rows = [int(np.flatnonzero(values == value)[0]) for value in found.values]
+        values = badness(evaluated.table, self.worst)
+        rows = [int(np.flatnonzero(values == value)[0]) for value in search.values]
         return FalsifyResult(
             study=self,
-            family=family,
-            table=table,
-            found=found,
+            **evaluated.collected(),
+            search=search,
             rows=tuple(rows),
-            cases=tuple(asked.values_of(row) for row in rows),
-            path=asked.finish(),
-            computed=runner.computed,
-            seconds=runner.seconds,
+            cases=tuple(evaluated.values_of(row) for row in rows),
         )
 
 
 def badness(columns: Columns, of: str) -> np.ndarray:
-    """One number for each row, the lower the worse.
+    """Return a number for each row, the lower the worse.
 
-    - `columns`: outcome and metrics.
     - `of`: `margin`, or the key of a metric.
 
     Raises DefinitionError if there is no such metric, or no row has it.
@@ -109,77 +99,45 @@ def badness(columns: Columns, of: str) -> np.ndarray:
 
 
 @dataclass(frozen=True)
-class FalsifyResult(AbstractResult):
-    """What a search for the worst found.
+class FalsifyResult(AbstractTableResult):
+    """Result of a search for the worst case.
 
-    - `study`, `family`: what was asked.
-    - `table`: the rows, in the order in which they were asked for.
-    - `found`: the worst points of the unit cube.
-    - `rows`: the numbers of their rows.
-    - `cases`: their values, by path.
-    - `path`: of the table; None if it was not kept.
-    - `computed`, `seconds`: rows that were not stored before, and the time that they took.
+    - `search`: the worst points of the unit cube; `rows`: numbers of their rows; `cases`: their values, by path.
     """
 
     study: Falsify
-    family: Family
-    table: Columns
-    found: Found
+    search: Found
     rows: tuple[int, ...]
     cases: tuple[dict[str, Any], ...]
-    path: Any
-    computed: int
-    seconds: float
-
-    @property
-    def runs(self) -> int:
-        """How many there were."""
-        return len(self.table["row"])
-
-    @property
-    def failures(self) -> int:
-        """How many of the runs failed; it says nothing of a probability, as the search goes where they are."""
-        return int(np.sum(self.table["outcome"] > 0))
 
     @property
     def ended(self) -> str:
-        """Why the search ended."""
+        """The reason why the search ended."""
         return {
             "enough": f"a violation was found in run {self.runs}",
             "seconds": f"the time was over after {counted(self.runs, 'run')}",
-        }.get(self.found.stop, all_done(self.runs))
-
-    @property
-    def good(self) -> bool:
-        """Whether no run failed."""
-        return not self.failures
+        }.get(self.search.stop, all_done(self.runs))
 
     @property
     def lead(self) -> str:
-        """The answer in a sentence."""
         if not self.rows:
             return f"No run has a number for `{self.study.worst}` ({self.ended})."
         outcome = OUTCOMES[int(self.table["outcome"][self.rows[0]])].replace("_", " ")
         value = float(self.table[self.study.worst][self.rows[0]])
-        said = "without a number" if not np.isfinite(value) else f"{value:.4g}"
-        found = "no run failed" if self.good else f"{counted(self.failures, 'run')} failed"
-        return (
-            f"{counted(self.runs, 'run')}, {found}: the worst {self.study.worst} is {said}, {outcome} ({self.ended})."
-        )
+        number = "without a number" if not np.isfinite(value) else f"{value:.4g}"
+        failed = "no run failed" if self.good else f"{counted(self.failures, 'run')} failed"
+        worst = f"the worst {self.study.worst} is {number}, {outcome}"
+        return f"{counted(self.runs, 'run')}, {failed}: {worst} ({self.ended})."
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of the files of the worst cases, the worst first."""
+        """Names of the files of the worst cases, the worst first."""
         return tuple("worst" if place == 0 else f"worst-{place + 1}" for place in range(len(self.rows)))
 
     def scenarios(self) -> dict[str, ScenarioDescription]:
-        """The worst cases."""
         return {name: self.family.case(case) for name, case in zip(self.names, self.cases, strict=True)}
 
     def sections(self) -> list[Section]:
-        """The worst cases, the way of the search, what the margin depends on, and the worst case's values."""
-        from slidax.figures import search_history
-
         head = ["File", self.study.worst, *(["margin"] if self.study.worst != MARGIN else []), "outcome", "row"]
         rows: list[list[Cell]] = [
             [
@@ -192,29 +150,28 @@ class FalsifyResult(AbstractResult):
             for name, row in zip(self.names, self.rows, strict=True)
         ]
         sign = 1.0 if self.study.worst == MARGIN else -1.0
-        history = self.found.history * np.array([1.0, sign])
+        history = self.search.history * np.array([1.0, sign])
         # A run that ended early has no number of its own.
         history = history[np.abs(history[:, 1]) < 0.5 * WORSE]
         label = f"worst {self.study.worst.replace('_', ' ')}"
         bound = 0.0 if self.study.worst == MARGIN else None
-        way = Drawn("search", "The search", "The worst so far.", search_history(history, label, bound))
-        note = f"Each differs from the others by {self.study.apart:.0%} of its set in one number at least."
-        worst = Section("The worst cases", note, head, rows, [way])
+        chart = Drawn("search", "The search", "The worst so far.", "search_history", (history, label, bound))
+        note = f"Each differs from the others by {self.study.apart:.0%} of its set in at least one value."
+        worst = Section("The worst cases", note, head, rows, [chart])
         if not self.rows:
             return [worst]
         return [worst, *overview(self.family, self.table, self.cases[0], self.rows[0])[1:]]
 
-    def _said(self, place: int) -> dict[str, Any]:
+    def _case_as_json(self, place: int) -> dict[str, Any]:
         row = self.rows[place]
-        said: dict[str, Any] = {"row": row}
+        case: dict[str, Any] = {"row": row}
         for key in dict.fromkeys([MARGIN, self.study.worst]):
             value = float(self.table[key][row])
-            said[key] = value if np.isfinite(value) else None
-        return {**said, "outcome": OUTCOMES[int(self.table["outcome"][row])], "scenario": f"{self.names[place]}.yaml"}
+            case[key] = value if np.isfinite(value) else None
+        return {**case, "outcome": OUTCOMES[int(self.table["outcome"][row])], "scenario": f"{self.names[place]}.yaml"}
 
     def as_json(self) -> dict[str, Any]:
-        """The result for a program."""
-        cases = [self._said(place) for place in range(len(self.rows))]
+        cases = [self._case_as_json(place) for place in range(len(self.rows))]
         return {
             "kind": "falsify",
             "runs": self.runs,
@@ -223,5 +180,5 @@ class FalsifyResult(AbstractResult):
             "ended": self.ended,
             "worst": {**cases[0], "scenario": None} if cases else NOTHING,
             "found": cases,
-            "history": self.found.history.tolist(),
+            "history": self.search.history.tolist(),
         }

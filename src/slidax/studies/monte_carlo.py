@@ -17,7 +17,7 @@ from .cases import Values
 from .overview import overview, share, why_it_failed
 from .points import points
 from .predicate import ENVELOPE, Predicate
-from .result import AbstractResult, Section
+from .result import AbstractTableResult, Section
 from .sequential_stop import Counted, UntilDescription
 from .statistics import Interval, clopper_pearson, confidence_sequence
 from .study import AbstractStudy, How
@@ -57,21 +57,21 @@ class MonteCarlo(AbstractStudy):
         runner = self.runner(family, how)
         how.begin(self.runs)
         parts: dict[int, Columns] = {}
-        counted = Counted(self.until, self.confidence)
+        stop = Counted(self.until, self.confidence)
         for first, columns in runner.stream(self._chunks(family, runner.chunk)):
             parts[first] = columns
-            if counted.enough(parts, predicates[0]):
+            if stop.enough(parts, predicates[0]):
                 break
         table = concatenated(parts)
         if self.until is not None:
-            table = {name: values[: counted.runs] for name, values in table.items()}
-        path = None if runner.store is None else runner.store.finish(counted.stored(parts))
+            table = {name: values[: stop.runs] for name, values in table.items()}
+        path = None if runner.store is None else runner.store.finish(stop.stored(parts))
         rates = tuple(self._rate(one, table) for one in predicates)
-        found = MonteCarloResult(
-            self, family, table, rates, counted.ended(self.runs), path, runner.computed, runner.seconds
+        result = MonteCarloResult(
+            self, family, table, path, runner.computed, runner.seconds, rates, stop.ended(self.runs)
         )
         every = rates[0].failures == rates[0].runs
-        return replace(found, why=why_it_failed(family, found.case(found.worst))) if every else found
+        return replace(result, why=why_it_failed(family, result.case(result.worst))) if every else result
 
     def values(self, family: Family, first: int, rows: int) -> Values:
         """The values of some rows.
@@ -118,26 +118,17 @@ class Rate:
 
 
 @dataclass(frozen=True)
-class MonteCarloResult(AbstractResult):
+class MonteCarloResult(AbstractTableResult):
     """What a Monte Carlo study found.
 
-    - `study`, `family`: what was asked.
-    - `table`: the rows.
     - `rates`: of each predicate.
-    - `ended`: why it did.
-    - `path`: of the table; None if it was not kept.
-    - `computed`, `seconds`: rows that were not stored before, and the time that they took.
+    - `ended`: the reason why the study ended.
     - `why`: the likeliest reason in the worst run, if every run failed.
     """
 
     study: MonteCarlo
-    family: Family
-    table: Columns
     rates: tuple[Rate, ...]
     ended: str
-    path: Any
-    computed: int
-    seconds: float
     why: str = ""
 
     @property

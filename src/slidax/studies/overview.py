@@ -1,4 +1,4 @@
-"""The parts of a page that all studies of many cases have: metrics, margins, the worst case."""
+"""Sections that studies of many cases share: metrics, margins, and the worst case."""
 
 from __future__ import annotations
 
@@ -17,39 +17,29 @@ from .table import Columns
 from .task import flat
 
 SHOWN = ("steady_error", "peak_torque", "max_torque_step", "rms_error")
-"""Metrics whose distribution is drawn, beside the margin."""
+"""Metrics whose distribution is drawn in addition to the margin's."""
 
 MOST_PANELS = 9
 
 SECONDS = 20.0
-"""For remedies to be tried when every run failed."""
+"""Time for trying remedies if every run failed."""
 
 
 def overview(family: Family, table: Columns, worst: Mapping[str, Any], row: int) -> list[Section]:
-    """Metrics over all runs, the margin over what is uncertain, and the worst case.
+    """Return sections on metrics, on the margin over uncertain values, and on the worst case.
 
-    - `family`: of scenarios.
-    - `table`: the rows.
-    - `worst`: the values of the worst row, by path.
-    - `row`: its number.
+    - `worst`, `row`: values of the worst row, by path, and its number.
     """
     return [_metrics(table), *_margins(family, table), _worst(family, table, worst, row)]
 
 
 def why_it_failed(family: Family, worst: Mapping[str, Any]) -> str:
-    """The likeliest reason and its remedy in a line; empty if none is found.
-
-    - `family`: of scenarios.
-    - `worst`: the values of a case that failed, by path.
-    """
+    """Return the likeliest reason for a failed case, and its remedy, in a line; may be empty."""
     return first_line(family.scenario(worst, "worst"), seconds=SECONDS)
 
 
 def share(value: float) -> str:
-    """A probability with the digits that matter: 0.99947, and not 1.
-
-    - `value`: in [0, 1].
-    """
+    """Format a probability with its significant digits: 0.99947, and not 1."""
     near = min(value, 1.0 - value)
     if near <= 0:
         return f"{value:g}"
@@ -58,30 +48,27 @@ def share(value: float) -> str:
 
 
 def _metrics(table: Columns) -> Section:
-    from slidax import figures
-
     rows = []
-    for one in METRICS:
-        numbers = table.get(one.key)
+    for metric in METRICS:
+        numbers = table.get(metric.key)
         if numbers is None or np.isnan(numbers).all():
             continue
-        unit = one.unit.format(position="rad or m", torque="N m or N")
+        unit = metric.unit.format(position="rad or m", torque="N m or N")
         low, middle, high = np.nanquantile(numbers, [0.0, 0.5, 1.0])
-        tail = float(np.nanquantile(numbers, 0.99 if one.least_is_best else 0.01))
-        rows.append((one.title, float(low), float(middle), tail, float(high), unit))
+        tail = float(np.nanquantile(numbers, 0.99 if metric.least_is_best else 0.01))
+        rows.append((metric.title, float(low), float(middle), tail, float(high), unit))
     drawn = {"envelope margin": table["margin"]}
     drawn |= {
-        f"{one.title}  [{one.unit.format(position='rad or m', torque='N m or N')}]": table[one.key]
-        for one in METRICS
-        if one.key in SHOWN
+        f"{metric.title}  [{metric.unit.format(position='rad or m', torque='N m or N')}]": table[metric.key]
+        for metric in METRICS
+        if metric.key in SHOWN
     }
     picture = Drawn(
         "distributions",
         "Distributions",
-        "How many runs have which value, of the worst joint.",
-        figures.histograms(
-            {name: values for name, values in drawn.items() if np.isfinite(values).any()}, {"envelope margin": 0.0}
-        ),
+        "Numbers of runs over the value of the worst joint.",
+        "histograms",
+        ({name: values for name, values in drawn.items() if np.isfinite(values).any()}, {"envelope margin": 0.0}),
     )
     return Section(
         "Metrics",
@@ -93,8 +80,6 @@ def _metrics(table: Columns) -> Section:
 
 
 def _margins(family: Family, table: Columns) -> list[Section]:
-    from slidax import figures
-
     margin = table["margin"]
     if np.isnan(margin).all():
         return []
@@ -111,16 +96,12 @@ def _margins(family: Family, table: Columns) -> list[Section]:
         return []
     shown = {_label(family, name): table[name] for name in columns if name in strongest}
     note = f" The {len(strongest)} that it follows most, of {len(strength)}." if len(strength) > len(strongest) else ""
-    picture = Drawn("margin", "Margin", f"Over what is uncertain.{note}", figures.margin_over(margin, shown))
-    return [Section("What the margin depends on", "", figures=[picture])]
+    picture = Drawn("margin", "Margin", f"Over the uncertain values.{note}", "margin_over", (margin, shown))
+    return [Section("Dependence of the margin", "", figures=[picture])]
 
 
 def flat_names(family: Family, table: Columns) -> list[str]:
-    """The columns of a table that are values of cases.
-
-    - `family`: of scenarios.
-    - `table`: the rows.
-    """
+    """Return the columns of a table that are values of cases."""
     return [name for name in table if name.partition("[")[0] in family.space.sets]
 
 
@@ -137,10 +118,10 @@ def _worst(family: Family, table: Columns, worst: Mapping[str, Any], row: int) -
     for name, value in values.items():
         rows.append((family.label(name), float(value[0]), family.space.leaves[name.partition("[")[0]].unit))
     margin = float(table["margin"][row])
-    said = f"margin {margin:.4g} of the envelope's width" if np.isfinite(margin) else "without an envelope"
+    margin_text = f"margin {margin:.4g} of the envelope's width" if np.isfinite(margin) else "without an envelope"
     return Section(
         "The worst case",
-        f"Row {row}, {said}. `slidax run worst.yaml` replays it, bit for bit on the same machine.",
+        f"Row {row}, {margin_text}. `slidax run worst.yaml` replays it, bit for bit on the same machine.",
         ("Value", "", ""),
         rows,
     )

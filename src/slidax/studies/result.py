@@ -1,54 +1,61 @@
-"""What every study finds, in the form that a terminal, a page and a program ask for."""
+"""Results of studies as data: a sentence, sections with tables and charts, JSON, and scenarios."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 
 from slidax.scenarios.description import ScenarioDescription
+from slidax.scenarios.family import Family
 
 from .statistics import Interval
 from .table import Columns
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
 NOTHING: dict[str, Any] = {"row": None, "margin": None, "scenario": None}
-"""The worst case of a study that has none."""
+"""The worst case of a study without one."""
 
 Cell: TypeAlias = str | float | int | None
-"""Of a table: text, or a number; None is shown as a dash."""
+"""Text or a number of a table; None is shown as a dash."""
+
+ChartKind = Literal[
+    "aims_front",
+    "histograms",
+    "intervals",
+    "margin_over",
+    "parameter_map",
+    "search_history",
+    "variance_shares",
+]
+"""Names of functions in `slidax.figures`."""
 
 
 @dataclass(frozen=True)
 class Drawn:
-    """A figure with what is said of it.
+    """A figure as data, for `slidax.reports` to draw.
 
     - `name`: of its file, without ending.
-    - `title`: a few words.
-    - `caption`: what is seen.
-    - `figure`: the figure.
+    - `title`, `caption`: texts next to it.
+    - `kind`: the function of `slidax.figures` that draws it; `values`: its arguments.
     """
 
     name: str
     title: str
     caption: str
-    figure: Figure
+    kind: ChartKind
+    values: tuple[Any, ...]
 
 
 @dataclass(frozen=True)
 class Section:
-    """A part of a study's page, and of what the terminal prints.
+    """A part of a study's page, and of its output in a terminal, which leaves out the figures.
 
-    - `title`: a few words.
-    - `note`: a sentence or two; may be empty.
-    - `head`: of the table's columns; none for no table.
-    - `rows`: of the table.
-    - `figures`: drawn below; the terminal leaves them out.
+    - `title`, `note`: a few words, and a sentence or two.
+    - `head`, `rows`: of the table; no head for no table.
+    - `figures`: below the table.
     """
 
     title: str
@@ -59,7 +66,7 @@ class Section:
 
 
 class AbstractResult(ABC):
-    """What a study found."""
+    """Result of a study."""
 
     @property
     @abstractmethod
@@ -69,34 +76,60 @@ class AbstractResult(ABC):
     @property
     @abstractmethod
     def good(self) -> bool:
-        """Whether nothing failed."""
+        """True if nothing failed."""
 
     @abstractmethod
     def sections(self) -> list[Section]:
-        """The parts of its page."""
+        """Return the parts of its page."""
 
     @abstractmethod
     def as_json(self) -> dict[str, Any]:
-        """The result for a program."""
+        """Return the result for a program."""
 
     def scenarios(self) -> dict[str, ScenarioDescription]:
-        """Scenarios that `slidax run` replays, by the names of their files without ending."""
+        """Return scenarios that `slidax run` replays, by the names of their files without ending."""
         return {}
 
 
-def all_done(runs: int) -> str:
-    """The sentence that no run is missing.
+@dataclass(frozen=True)
+class AbstractTableResult(AbstractResult):
+    """Result of a study with one table of rows.
 
-    - `runs`: how many there were.
+    - `study`, `family`: the request.
+    - `table`: the rows; `path`: of their file, None if they were not kept.
+    - `computed`, `seconds`: number of rows that were not stored before, and the time that they took.
     """
+
+    study: Any
+    family: Family
+    table: Columns
+    path: Any
+    computed: int
+    seconds: float
+
+    @property
+    def runs(self) -> int:
+        """Number of runs."""
+        return len(self.table["row"])
+
+    @property
+    def failures(self) -> int:
+        """Number of runs that failed; no estimate of a probability where a search chose the runs."""
+        return int(np.sum(self.table["outcome"] > 0))
+
+    @property
+    def good(self) -> bool:
+        """True if no run failed."""
+        return not self.failures
+
+
+def all_done(runs: int) -> str:
+    """Return the sentence that no run is missing."""
     return "the run is done" if runs == 1 else f"all {runs} runs are done"
 
 
 def worst_of(table: Columns) -> dict[str, Any]:
-    """The row with the least margin, for a program.
-
-    - `table`: the rows.
-    """
+    """Return the row with the least margin, for a program."""
     margin = table["margin"]
     if not np.isfinite(margin).any():
         return NOTHING
@@ -104,9 +137,8 @@ def worst_of(table: Columns) -> dict[str, Any]:
     return {"row": row, "margin": float(margin[row]), "scenario": None}
 
 
-def interval_of(one: Interval | None) -> dict[str, float] | None:
-    """An interval, for a program.
-
-    - `one`: the interval.
-    """
-    return None if one is None else {"lower": one.lower, "upper": one.upper, "confidence": one.confidence}
+def interval_of(interval: Interval | None) -> dict[str, float] | None:
+    """Return an interval for a program."""
+    if interval is None:
+        return None
+    return {"lower": interval.lower, "upper": interval.upper, "confidence": interval.confidence}

@@ -66,8 +66,8 @@ class Tune(AbstractStudy):
         family = self.family(self.gains)
         seen, unseen = self._cases(family)
         runner = self.runner(family, how)
-        asked = Asked(runner, family.space)
-        on = OnCases(asked, family.varied, seen, self.aims, holds, self.margin)
+        evaluated = Asked(runner, family)
+        on = OnCases(evaluated, family.varied, seen, self.aims, holds, self.margin)
         how.begin((self.candidates + 1) * on.each + (self.keep + 1) * self._each(unseen))
         today = self._today(how, seen, unseen)
         before = judged(rows_of(today, 0, on.each), on.each, self.aims, holds, self.margin)
@@ -93,10 +93,7 @@ class Tune(AbstractStudy):
             before=before.aims[0],
             today=rows_of(today, on.each, None),
             held_out=table,
-            table=asked.table,
-            path=asked.finish(),
-            computed=runner.computed,
-            seconds=runner.seconds,
+            **{name: value for name, value in evaluated.collected().items() if name != "family"},
         )
 
     def _cases(self, family: Family) -> tuple[Values, Values]:

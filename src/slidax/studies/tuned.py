@@ -160,8 +160,6 @@ class Tuned(AbstractResult):
 
     def sections(self) -> list[Section]:
         """The front on held-out cases, its gains, and by how much the best differ from today's."""
-        from slidax.figures import aims_front
-
         places: list[int | None] = [None, *range(len(self.gains))]
         judged = {place: self.judged(place) for place in places}
         names = {place: "today" if place is None else self._names[place] for place in places}
@@ -180,8 +178,8 @@ class Tuned(AbstractResult):
         if self.gains:
             front = np.array([list(judged[place].aims.values()) for place in range(len(self.gains))])
             today = np.array(list(judged[None].aims.values()))
-            drawing = aims_front([_label(aim) for aim in self.aims], front, today, self.best)
-            figures = [Drawn("front", "The front", "Means over held-out cases.", drawing)]
+            drawing = ([_label(aim) for aim in self.aims], front, today, self.best)
+            figures = [Drawn("front", "The front", "Means over held-out cases.", "aims_front", drawing)]
         found = [Section("The front", note, head, rows, figures)]
         if self.best is None:
             return found
