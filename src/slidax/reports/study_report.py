@@ -40,3 +40,8 @@ def write_study_report(
         seconds=seconds,
         command=command,
     )
+
+
+def _picture(chart: Drawn, folder: Path) -> Picture:
+    figure = getattr(figures, chart.kind)(*chart.values)
+    return picture(figure, folder, chart.name, chart.title, chart.caption)
