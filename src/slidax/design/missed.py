@@ -6,15 +6,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from slidax.certificates.verdict import Verdict
 from slidax.studies.cases import Cases, Values
 
-from .choice import Choice
+from .choice import Choice, Floats
 from .trials import Trials
-
-Floats = NDArray[np.floating[Any]]
 
 FEW = 8
 """Cases that are looked at."""

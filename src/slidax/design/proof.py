@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from slidax._errors import DefinitionError
 from slidax.certificates.arm import demand as demand_of
@@ -20,9 +18,7 @@ from slidax.certificates.loop.jointly import JOINTS, Fineness
 from slidax.certificates.verdict import Verdict
 from slidax.scenarios import Scenario
 
-from .choice import Choice
-
-Floats = NDArray[np.floating[Any]]
+from .choice import Choice, Floats
 
 COARSE = Fineness(halvings=2, width=32)
 """Of many joints' bounds: a radius is found in less than half the time of `certify`, and is a tenth larger."""

@@ -8,7 +8,6 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import TypeAdapter
 
 from slidax.metrics import steady_torque_step
@@ -24,10 +23,8 @@ from slidax.studies.runner import AbstractPool, Runner
 from slidax.studies.table import Columns, columns_of
 from slidax.studies.task import Task
 
-from .choice import LARGEST, Choice, Frame
+from .choice import LARGEST, Choice, Floats, Frame
 from .requirements import DesignProblem
-
-Floats = NDArray[np.floating[Any]]
 
 SEED = 0
 """Of the common cases."""

@@ -121,6 +121,7 @@ class Rate:
 class MonteCarloResult(AbstractTableResult):
     """What a Monte Carlo study found.
 
+    - `study`, `family`, `table`, `path`, `computed`, `seconds`: as in `AbstractTableResult`.
     - `rates`: of each predicate.
     - `ended`: the reason why the study ended.
     - `why`: the likeliest reason in the worst run, if every run failed.
