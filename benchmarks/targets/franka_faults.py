@@ -74,7 +74,7 @@ def main() -> None:
     robot = pylibfranka.Robot("127.0.0.1", pylibfranka.RealtimeConfig.kIgnore)
     # The robot holds its posture now; what it last did is over.
     robot.automatic_error_recovery()
-    outcome = program.run(Robot(robot, fault), pylibfranka.Torques, pilot, log)
+    outcome = program.run_franka(Robot(robot, fault), pylibfranka.Torques, pilot, log)
     last = list(log.rows[-1][1:8]) if log.rows else [0.0] * 7
     if any(map(math.isnan, last)):
         last = [log.column(f"q_{k}")[WHEN - 2] for k in range(1, 8)]

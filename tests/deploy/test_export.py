@@ -280,7 +280,7 @@ def test_the_same_export_twice_is_the_same_text(exported, tmp_path):
 
 @pytest.mark.parametrize("name", ["3arm", "Arm", "a-b", "", "x" * 41])
 def test_a_name_that_is_none_in_c_is_refused(name, tmp_path):
-    with pytest.raises(DefinitionError, match="give another with `--name`"):
+    with pytest.raises(DefinitionError, match="is not a name in C"):
         export_c(load("example-4.1"), tmp_path, name=name)
 
 

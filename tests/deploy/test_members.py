@@ -13,7 +13,7 @@ from slidax.deploy.comment_text import comment, shortened
 from slidax.deploy.functions import unused
 from slidax.deploy.in_floats import fitting
 from slidax.deploy.members import bullets, members
-from slidax.deploy.text import declared, initialised
+from slidax.deploy.text import declarations, initialisers
 
 
 class Inner(eqx.Module):
@@ -66,15 +66,15 @@ def test_two_members_of_one_name_are_refused():
 
 
 def test_declarations_stand_under_their_part_with_aligned_comments():
-    lines = declared(members(TREE.inner, values=True), Dialect())
+    lines = declarations(members(TREE.inner, values=True), Dialect())
     assert lines[0] == "/* Inner: A part, eq. (7) */"
     assert lines[1] == "double gain[2]; /* 1.5, 2.0: K and its rate, N m, > 0; in two lines */"
     assert lines[2] == "double rate;    /* none: K and its rate, N m, > 0; in two lines */"
     assert lines[3] == "bool flag;      /* true: whether de counts */"
 
 
-def test_defaults_are_written_where_the_structure_is_declared():
-    lines = initialised(members(TREE.inner, values=True), Dialect("float"))
+def test_defaults_are_written_where_the_structure_is_declarations():
+    lines = initialisers(members(TREE.inner, values=True), Dialect("float"))
     assert lines == [".gain = {1.5f, 2.0f},", ".rate = INFINITY,", ".flag = true,"]
 
 

@@ -20,6 +20,7 @@ from slidax.diagnosis import read_saved
 from slidax.identification import read_log
 from slidax.logs import read_mcap
 from slidax.realtime import Arm, Law
+from slidax.realtime.law_process import run_law
 from slidax.scenarios import portable
 from slidax.simulation import columns_of
 from tests.cli.commands import in_process
@@ -246,7 +247,7 @@ def test_arm_brakes_when_the_law_requests_a_stop():
 
 @pytest.mark.full
 def test_when_the_arm_is_killed_the_law_ends(tmp_path):
-    killed = threading.Thread(target=_kill, args=("arm_process",))
+    killed = threading.Thread(target=_kill, args=("arm",))
     killed.start()
     done = run_loop(scenario(**{"simulation.t1": 20.0}), patience=200)
     killed.join()
@@ -257,7 +258,7 @@ def test_when_the_arm_is_killed_the_law_ends(tmp_path):
 @pytest.mark.full
 def test_when_the_law_is_killed_the_arm_brakes_and_the_log_has_it_all(tmp_path):
     pytest.importorskip("foxglove")
-    killed = threading.Thread(target=_kill, args=("law_process",))
+    killed = threading.Thread(target=_kill, args=("law",))
     killed.start()
     done = run_loop(scenario(**{"simulation.t1": 20.0}), log=tmp_path / "log.mcap", patience=200)
     killed.join()
@@ -277,7 +278,7 @@ def _kill(side):
         found = subprocess.run(
             ["ps", "--ppid", str(os.getpid()), "-o", "pid=,args="], capture_output=True, text=True, check=False
         ).stdout
-        processes = [line.split()[0] for line in found.splitlines() if f"realtime.{side}" in line]
+        processes = [line.split()[0] for line in found.splitlines() if f"{run_law.__module__} {side} " in line]
         if processes:
             time.sleep(2.0)
             os.kill(int(processes[0]), signal.SIGKILL)

@@ -117,20 +117,20 @@ def test_joints_are_found_by_their_names(tmp_path):
 
 def test_only_topic_with_joint_states_is_taken_by_itself(tmp_path):
     path = write_mcap(tmp_path / "a.mcap", {"/robot1/joint_states": arm_messages()})
-    assert_read(read_log(path, ARM), "`/robot1/joint_states` is read")
+    assert_read(read_log(path, ARM), "reading topic `/robot1/joint_states`")
 
 
 def test_topic_that_has_the_arms_joints_is_taken(tmp_path):
     gripper = [joint_state(t, ["finger1"], [0.0], (), [0.0]) for t in T]
     path = write_mcap(tmp_path / "a.mcap", {"/joint_states": gripper, "/arm/joint_states": arm_messages()})
-    assert_read(read_log(path, ARM), "`/arm/joint_states` is read")
+    assert_read(read_log(path, ARM), "reading topic `/arm/joint_states`")
 
 
 def test_topic_with_the_arms_joints_in_another_case_is_taken(tmp_path):
     gripper = [joint_state(t, ["finger1"], [0.0], (), [0.0]) for t in T]
     arm = [joint_state(t, [name.upper() for name in ARM], Q[k], (), TAU[k]) for k, t in enumerate(T)]
     path = write_mcap(tmp_path / "a.mcap", {"/joint_states": gripper, "/arm/joint_states": arm})
-    assert_read(read_log(path, ARM), "`/arm/joint_states` is read")
+    assert_read(read_log(path, ARM), "reading topic `/arm/joint_states`")
 
 
 def test_of_several_topics_the_user_says_which(tmp_path):
@@ -208,7 +208,7 @@ def test_bag_that_breaks_off_is_read_with_a_note(tmp_path):
     (tmp_path / "b.mcap").write_bytes(body[: int(0.9 * len(body))])
     log = read_log(tmp_path / "b.mcap", ARM)
     assert 200 <= len(log.t) < K
-    assert "has no end or is damaged" in log.notes[0]
+    assert "is incomplete or damaged" in log.notes[0]
 
 
 @pytest.mark.parametrize("storage", ["mcap", "sqlite3"])

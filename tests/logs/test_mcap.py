@@ -156,7 +156,7 @@ def test_a_log_of_others_is_not_taken_for_ours(tmp_path):
     assert next(read_joint_states(tmp_path / "other.mcap").messages)["position"] == [0.5]
     with pytest.raises(DefinitionError, match="no messages of ROS 2 on the topic `/x`"):
         read_joint_states(tmp_path / "other.mcap", "/x")
-    with pytest.raises(DefinitionError, match="is no log of slidax"):
+    with pytest.raises(DefinitionError, match="is not a slidax log"):
         read_mcap(tmp_path / "other.mcap")
 
 
@@ -181,7 +181,7 @@ def test_live_data_has_the_channels_of_the_log():
     port = 18765
     writer = LogWriter(None, CHANNELS, {}, {}, port=port)
     try:
-        with pytest.raises(DefinitionError, match=f"no server at 127.0.0.1:{port}"):
+        with pytest.raises(DefinitionError, match=f"cannot start a server at 127.0.0.1:{port}"):
             LogWriter(None, CHANNELS, {}, {}, port=port)
         with connect(f"ws://127.0.0.1:{port}", subprotocols=["foxglove.sdk.v1"], proxy=None) as socket:
             topics = {}

@@ -51,7 +51,7 @@ def work(monkeypatch, number, sent):
     stage = SimpleNamespace(
         at=lambda offset: memory[offset:], ready=lambda: None, started=started, stops=False, report=lambda *said: said
     )
-    return *arm_process.work(job, stage), COMMANDS[-1]
+    return *arm_process.run_arm(job, stage), COMMANDS[-1]
 
 
 @pytest.mark.parametrize(("number", "late", "taken"), [(0, -1_000_000, 0), (0, 1_000_000, None), (1, -1, 1)])

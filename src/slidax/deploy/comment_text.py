@@ -8,19 +8,12 @@ from slidax.codegen.naming import plain
 
 
 def comment(text: str) -> str:
-    """A text in ASCII, with nothing in it that begins or ends a comment.
-
-    - `text`: any.
-    """
+    """Return a text in ASCII that neither begins nor ends a C comment."""
     return plain(text.replace("`", "")).replace("*/", "* /").replace("/*", "/ *")
 
 
 def shortened(text: str, most: int) -> str:
-    """The first sentence of a text, cut between its parts if it is longer than that.
-
-    - `text`: one line.
-    - `most`: how many letters.
-    """
+    """Return the first sentence of a line, cut between its parts if it has more than `most` letters."""
     first = re.split(r"(?<!eq)(?<!eqs)\.(?: |$)", text, maxsplit=1)[0]
     if len(first) <= most:
         return first

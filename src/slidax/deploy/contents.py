@@ -1,4 +1,4 @@
-"""All that the templates of an exported project name."""
+"""The data that the templates of an exported project use."""
 
 from __future__ import annotations
 
@@ -37,22 +37,20 @@ class Joint:
 
 @dataclass(frozen=True)
 class Project:
-    """All that the templates name.
+    """The data for the templates.
 
     - `name`: of the law in C.
     - `title`, `law`: of the scenario, and of its scheme, in a line each.
-    - `command`: that made it.
-    - `joints`: with their units.
-    - `dialect`: doubles or floats.
+    - `command`: the command line that made it.
     - `guard`: the step in Python.
     - `step`, `source`: its programs, and its functions in C.
     - `motion`, `arm`: the scenario's reference and acceleration.
-    - `scenario_helpers`: the small functions that those call.
-    - `tables`: long arrays of known numbers that those read.
-    - `golden`: what the step answers in Python; None if that was not asked for.
+    - `scenario_helpers`: small functions called by those two.
+    - `tables`: long constant arrays read by those two.
+    - `golden`: the step's answers in Python; None without tests.
     - `period`, `t1`: of the scenario [s].
-    - `delay`: of its sensor and actuator together, in whole periods.
-    - `start`: positions and velocities at its start.
+    - `delay`: of sensor and actuator together, in whole periods.
+    - `start`: initial positions and velocities.
     """
 
     name: str
@@ -83,100 +81,97 @@ class Project:
 
     @property
     def prefix(self) -> str:
-        """Of all types and functions."""
+        """Prefix of all types and functions."""
         return f"slidax_{self.name}"
 
     @property
     def macro(self) -> str:
-        """Of all constants."""
+        """Prefix of all constants."""
         return self.prefix.upper()
 
     @property
     def real(self) -> str:
-        """The type of a number: double or float."""
+        """Number type in C: double or float."""
         return self.dialect.real
 
     @property
     def stack(self) -> int:
-        """Bytes that a step takes at most."""
+        """Upper bound of a step's stack [bytes]."""
         return self.source.bytes
 
     @property
     def calls(self) -> int:
-        """The part of them that is for calls."""
+        """The part of `stack` for calls [bytes]."""
         return CALLS[self.dialect.real]
 
     @property
     def read_names(self) -> list[str]:
-        """What the law reads of a sample, in C."""
+        """The inputs that the law reads, by their names in C."""
         names = {"state.": "measurement.", "now.": "reference.", "next.": "reference."}
-        found = ["measurement.t"]
+        inputs = ["measurement.t"]
         for name in sorted(self.guard.reads, reverse=True):
             before, _, part = name.partition(".")
-            found.append(f"{names[before + '.']}{part}{'_next' if before == 'next' else ''}")
-        return found
+            inputs.append(f"{names[before + '.']}{part}{'_next' if before == 'next' else ''}")
+        return inputs
 
     @property
     def read_flags(self) -> str:
-        """For each number of q and dq and for t, whether the law reads it."""
+        """For each number of q and dq and for t: true if the law reads it."""
         n = len(self.joints)
         flags = [name in self.guard.reads for name in ("state.q", "state.dq") for _ in range(n)] + [True]
         return ", ".join("true" if flag else "false" for flag in flags)
 
     @property
     def golden_is_close(self) -> bool:
-        """Whether golden samples are compared in all that they have."""
+        """True if golden samples are compared in all their members."""
         return self.real == "double" or fits(self.step.answered.program)
 
     @property
     def shown_parameter(self) -> str:
-        """One that a reader may want to change."""
+        """A parameter for the README's example."""
         names = [member.element(0) for member in self.parameters if not member.name.startswith("nominal")]
         return next((name for name in names if name.startswith(("surface_", "k"))), names[0])
 
     @property
     def longest(self) -> Longest | None:
-        """What a step does at most; None if nothing bounds one of its loops."""
+        """Upper bound of a step's operations; None if one of its loops has no bound."""
         step = self.step
-        each = [longest(one.program) for one in (step.checked, step.begun, step.held, step.valid, step.answered)]
-        return None if None in each else sum((one for one in each if one), NOTHING)
+        each = [longest(part.program) for part in (step.checked, step.begun, step.held, step.valid, step.answered)]
+        return None if None in each else sum((bound for bound in each if bound), NOTHING)
 
     @property
     def longest_text(self) -> str:
-        """Why a step always ends, and what it does until then."""
+        """The bound of a step's operations in words."""
         program = self.step.answered.program
-        every = [value for one in (*functions(program), program) for value in one.walk() if isinstance(value, Loop)]
-        most = sorted({found for loop in every if (found := turns(loop)) is not None}, reverse=True)
-        loops = f"its loops take {' or '.join(map(str, most))} turns at most" if most else "it has no loops"
+        every = [value for part in (*functions(program), program) for value in part.walk() if isinstance(value, Loop)]
+        most = sorted({count for loop in every if (count := turns(loop)) is not None}, reverse=True)
+        loops = f"its loops take at most {' or '.join(map(str, most))} turns" if most else "it has no loops"
         if self.longest is None:
             return loops
         return f"{loops},\nand its operations are never more than {self.longest}"
 
     @property
     def law_words(self) -> str:
-        """The scheme, and the first words of its docstring."""
+        """The scheme, and the first sentence of its docstring."""
         law = type(self.guard.controller)
         first = " ".join((inspect.getdoc(law) or "").split("\n\n")[0].split())
         return f"{self.law}. {law.__name__}: {comment(first)}"
 
     @property
     def period_ns(self) -> int:
-        """The period in ns."""
         return round(1e9 * self.period)
 
     @property
     def period_text(self) -> str:
-        """The period in ms."""
         return f"{1e3 * self.period:g} ms"
 
     @property
     def parameters(self) -> list[Member]:
-        """Members of the parameters."""
         return self.step.parameters
 
     @property
     def ranges(self) -> list[str]:
-        """Arguments of `within` for each parameter: its first number, how many, and their bounds."""
+        """Arguments of `within` for each parameter: its first number, the count, and the bounds."""
         pairs = zip(self.step.parameters, self.step.bounds, strict=True)
         return [
             ", ".join((self.address("parameters->", member), str(member.size), *map(self._bound, bounds)))
@@ -194,12 +189,11 @@ class Project:
 
     @property
     def memory(self) -> list[Member]:
-        """Members of what is kept."""
         return self.step.memory
 
     @property
     def workspace(self) -> list[Member]:
-        """Members of what follows from the parameters alone."""
+        """Values that depend on the parameters alone."""
         return self.source.workspace
 
     @property
@@ -210,44 +204,29 @@ class Project:
 
     @property
     def measurement(self) -> list[Member]:
-        """Members of a measurement."""
         return self._marked(measurement(len(self.joints)), {"q": "state.q", "dq": "state.dq"})
 
     @property
     def reference(self) -> list[Member]:
-        """Members of a reference."""
         names = {part: f"now.{part}" for part in ("q", "dq", "ddq")}
         names |= {f"{part}_next": f"next.{part}" for part in ("q", "dq", "ddq")}
         return self._marked(references(len(self.joints)), names)
 
     def bits(self, conditions: Iterable[Condition]) -> str:
-        """The C expression of a status, from flags that are called as the conditions are.
-
-        - `conditions`: what it can say.
-        """
+        """The C expression of a status, from flags named as the conditions."""
         flags = (f"({each.name.lower()} ? {self.macro}_{each.name} : 0u)" for each in conditions)
         return "\n        | ".join(flags)
 
     def literal(self, number: float) -> str:
-        """A number in C.
-
-        - `number`: the number.
-        """
+        """A number in C."""
         return self.dialect.number(number, "f64")
 
     def call(self, name: str) -> str:
-        """A function of `math.h`.
-
-        - `name`: of the one for doubles.
-        """
+        """A function of `math.h`, by the name of its double version."""
         return self.dialect.function(name, "f64")
 
     def address(self, pointer: str, member: Member) -> str:
-        """Where a member's first number is.
-
-        - `pointer`: what leads to it.
-        - `member`: the member.
-        """
+        """Address of a member's first number; `pointer` leads to the structure."""
         return f"{pointer}{member.name}" if member.shape else f"&{pointer}{member.name}"
 
     @property
@@ -261,10 +240,7 @@ class Project:
         return "0x1p-1074" if self.real == "double" else "0x1p-149f"
 
     def initialiser(self, row: int) -> str:
-        """A golden sample as C writes it.
-
-        - `row`: which.
-        """
+        """Row `row` of the golden samples as a C initialiser."""
         assert self.golden is not None
         parts = (self.measurement, self.reference, self.memory, self.outputs, self.memory)
         structs = (
@@ -272,7 +248,7 @@ class Project:
             for numbers, members in zip(self.golden.rows[row], parts, strict=True)
         )
         inside = ", ".join(f"{{{struct}}}" for struct in structs)
-        # Of how far numbers may be off, the order of magnitude is enough.
+        # Of a tolerance, the order of magnitude is enough.
         suffix = "" if self.real == "double" else "f"
         within = ", ".join(
             "{" + ", ".join(f"{number:.1e}{suffix}" for number in part) + "}" for part in self.golden.within[row]
@@ -288,9 +264,9 @@ class Project:
         return hexadecimal(numbers) + ("" if self.real == "double" else "f")
 
     def _marked(self, members: list[Member], names: dict[str, str]) -> list[Member]:
-        """The members with their units, and a word on those that the law does not read."""
+        """Add units to the meanings, and a note to members that the law does not read."""
         units = {"q": "", "dq": "/s", "ddq": "/s^2"}
-        found = []
+        marked = []
         for member in members:
             meaning = member.meaning
             if member.shape:
@@ -298,18 +274,15 @@ class Project:
                 meaning += f" [{_together([joint.q + unit for joint in self.joints])}]"
             if names.get(member.name, "") not in {*self.guard.reads, ""}:
                 meaning += "; not read by this law, may be anything"
-            found.append(replace(member, meaning=meaning))
-        return found
+            marked.append(replace(member, meaning=meaning))
+        return marked
 
 
 def _together(units: list[str]) -> str:
-    """The units of all joints, once if they are the same."""
+    """The units of all joints, once if they agree."""
     return units[0] if len(set(units)) == 1 else ", ".join(units)
 
 
 def hexadecimal(number: float) -> str:
-    """A finite number in C's hexadecimal notation, without its idle zeros.
-
-    - `number`: the number.
-    """
+    """A finite number in C's hexadecimal notation, without trailing zeros."""
     return re.sub(r"\.?0*p", "p", number.hex()).replace("p+", "p")

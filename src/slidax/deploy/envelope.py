@@ -1,4 +1,4 @@
-"""The errors in their envelope, as a function beside the step: what a display shows, and no law needs."""
+"""The errors and their envelope as a function for displays, separate from the step."""
 
 from __future__ import annotations
 
@@ -22,18 +22,12 @@ MEANINGS = {
 
 
 def envelope_members(joints: int) -> list[Member]:
-    """The members of the structure that the function fills.
-
-    - `joints`: how many.
-    """
+    """The members of the structure that the function fills."""
     return [Member(name, "f64", (joints,), meaning) for name, meaning in MEANINGS.items()]
 
 
 def envelope_function(guard: GuardedStep, step: Step) -> Function | None:
     """From parameters, memory before a step and sample to `envelope->`; None if the law has no envelope.
-
-    - `guard`: the step.
-    - `step`: its programs, for the names of their arrays.
 
     Raises DefinitionError if there is no native code for it.
     """
@@ -44,10 +38,10 @@ def envelope_function(guard: GuardedStep, step: Step) -> Function | None:
         return None
 
     def envelope(guard: GuardedStep, memory: StepMemory, t: Scalar, state: State, now: Reference) -> list[Vector]:
-        found = guard.envelope(t, memory)
-        assert found is not None
+        bounds = guard.envelope(t, memory)
+        assert bounds is not None
         e = state.q - guard.wanted_then(now)
-        lower, upper = (jnp.broadcast_to(bound, e.shape) for bound in (found.lower, found.upper))
+        lower, upper = (jnp.broadcast_to(bound, e.shape) for bound in (bounds.lower, bounds.upper))
         return [e, lower, upper, jnp.minimum(e - lower, upper - e) / (upper - lower)]
 
     inputs = (

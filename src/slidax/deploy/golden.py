@@ -1,4 +1,4 @@
-"""What the step answers in Python, on the samples of a run, on random ones and on bad ones."""
+"""Golden samples: the step's answers in Python to samples of a run, to random ones and to bad ones."""
 
 from __future__ import annotations
 
@@ -21,18 +21,19 @@ if TYPE_CHECKING:
     from slidax.scenarios import Scenario
 
 OF_A_RUN, RANDOM, BAD = 200, 200, 100
-"""How many samples of each kind."""
+"""Number of samples of each kind."""
 
 TOLERANCE = {"double": 1e-12, "float": 1e-6}
-"""Between Python and C, relative to the size of what is compared."""
+"""Between Python and C, relative to the size of the compared quantity."""
 
 PERTURBATIONS = 4
 SLACK = 30.0
-"""Where a result hangs on the last digits of the inputs: so many times what those do to it."""
+"""Tolerance of results that depend on the inputs' last digits: this multiple of their sensitivity."""
 
 LOOSE, NO_MATTER = 0.1, 1e30
-"""For a law that searches with looser tolerances in floats: its torque in a run, and all else. Outside its envelope
-such a law is another one, as what is next to the edge is farther from it."""
+"""For a law that searches with looser tolerances in floats: tolerance of its torque in a run, and of all else. Outside
+its envelope such a law differs, as its distance to the edge is larger.
+"""
 
 
 @dataclass(frozen=True)
@@ -41,8 +42,7 @@ class Golden:
 
     - `rows`: for each sample the numbers of the measurement, the reference, the memory before, the command and the
       memory after, each a list in the order of the members.
-    - `statuses`: of each.
-    - `within`: for each, how far a number of each member of the command, and of the memory, may be off.
+    - `within`: for each sample, the tolerance of each member of the command, and of the memory.
     """
 
     rows: list[list[list[Any]]]
@@ -51,12 +51,10 @@ class Golden:
 
 
 def golden(scenario: Scenario, guard: GuardedStep, real: str, *, same: bool) -> Golden:
-    """The answers of a step to the samples of its scenario's closed loop, to random ones and to bad ones.
+    """Answers of a step to samples of its scenario's closed loop, to random ones and to bad ones.
 
-    - `scenario`: the loop.
-    - `guard`: the step.
     - `real`: "double", or "float" for a program that computes in floats.
-    - `same`: whether that program has all constants of this one.
+    - `same`: True if that program has all constants of this one.
     """
     drawn = random_samples(guard, scenario.trajectory, scenario.period, scenario.t1, RANDOM + BAD, seed=1)
     good, bad = (jax.tree.map(lambda x, part=part: x[part], drawn) for part in (slice(RANDOM), slice(RANDOM, None)))
@@ -91,7 +89,7 @@ def golden(scenario: Scenario, guard: GuardedStep, real: str, *, same: bool) -> 
 
 
 def _of_the_run(scenario: Scenario, guard: GuardedStep) -> Sample:
-    """The first samples of the closed loop, and others from all of it."""
+    """The first samples of the closed loop, and others spread over all of it."""
     samples = recorded(scenario, guard).samples
     count = len(samples.t)
     first = min(OF_A_RUN // 4, count - 1)
@@ -100,7 +98,7 @@ def _of_the_run(scenario: Scenario, guard: GuardedStep) -> Sample:
 
 
 def _rounded(tree: Any) -> Any:
-    """The same numbers as floats have them, still as doubles."""
+    """Round to floats, stored as doubles."""
     return jax.tree.map(
         lambda x: x.astype(jnp.float32).astype(x.dtype) if jnp.issubdtype(x.dtype, jnp.inexact) else x, tree
     )
@@ -109,12 +107,9 @@ def _rounded(tree: Any) -> Any:
 def sensitivity(
     guard: GuardedStep, samples: Sample, command: Command, status: Status, last_digit: float
 ) -> tuple[np.ndarray, list[int]]:
-    """How far each leaf of the command moves with the last digit of the inputs, and where the status does not move.
+    """Change of each leaf of the command with the inputs' last digit, and the samples whose status does not change.
 
-    - `guard`: the step.
-    - `samples`: with the number of the sample as first axis.
-    - `command`, `status`: the answers to them.
-    - `last_digit`: relative to the number that it is of.
+    - `last_digit`: relative to the number.
     """
     rng = np.random.default_rng(3)
 
@@ -135,10 +130,7 @@ def sensitivity(
 
 
 def sizes(tree: Any) -> np.ndarray:
-    """For each sample, by rows, the largest finite number in each leaf; 0 if there is none.
-
-    - `tree`: with the number of the sample as first axis.
-    """
+    """Largest finite number in each leaf for each sample, by rows; 0 if there is none."""
     leaves = [np.abs(np.asarray(leaf, float)).reshape(len(leaf), -1) for leaf in jax.tree.leaves(tree)]
     return np.stack([np.where(np.isfinite(leaf), leaf, 0.0).max(1) for leaf in leaves], axis=1)
 

@@ -1,4 +1,4 @@
-"""One step of a law as a robot runs it: never without a finite torque, and with a status that says what happened."""
+"""One step of a law as a robot runs it: always with a finite torque, and with a status."""
 
 from __future__ import annotations
 
@@ -36,22 +36,22 @@ from .status import (
 from .step_memory import Flag, Status, StepMemory
 
 Flags = dict[Condition, Flag]
-"""What can be said of a sample or an answer, and whether it is so."""
+"""Conditions of a sample or an answer, with True where they hold."""
 
 
 class GuardedStep(AbstractController):
-    """A controller behind its guards. It is a controller, too: what is exported can be simulated as it is.
+    """A controller behind its guards, which is a controller itself: the exported function can be simulated.
 
-    In this order: a bad measurement or reference, a measurement that the gate rejects, or a law without a finite answer
-    leaves the last command and all that is remembered as they are; a torque beyond the limits is limited. The law's own
-    arithmetic is not touched. The first command respects the rate limit, counted from the last command given, or from
-    the torque that carries the nominal arm's weight if none was.
+    In this order: a bad measurement or reference, a measurement rejected by the gate, or a law without a finite answer
+    holds the last command and the memory; a torque beyond the limits is limited. The law's own arithmetic is unchanged.
+    The first command respects the rate limit, counted from the last command given, or from the gravity torque of the
+    nominal arm if there was none.
 
     - `controller`: the law.
     - `gate`: rejects measurements that the arm cannot have produced; None for a sampled-data law, which has its own.
     - `period`: time between two samples [s], > 0; None: the law's own, if it is a sampled-data law.
     - `limits`: of torque and torque rate; None: the law's own, likewise.
-    - `reads`: what the law reads of a sample, such as `now.dq`: all else may be anything.
+    - `reads`: inputs that the law reads, such as `now.dq`: all others may be anything.
 
     Signals: those of the law, `rho` if it has an envelope, and `status`; all 0 but `status` while the command is held.
     A signal that is not finite is 0.
@@ -67,9 +67,8 @@ class GuardedStep(AbstractController):
     def around(
         controller: AbstractController, limits: TorqueLimits, period: float, gate: MeasurementGate | None = None
     ) -> GuardedStep:
-        """The guards for a law; a sampled-data law shares its period, limits and gate with them.
+        """Put guards around a law; a sampled-data law shares its period, limits and gate with them.
 
-        - `controller`: the law.
         - `limits`: of torque and torque rate; each joint gets its own.
         - `period`: time between two samples [s].
         - `gate`: for a law that has none; None: the gate for its nominal arm.
@@ -88,16 +87,10 @@ class GuardedStep(AbstractController):
 
     @property
     def joints(self) -> int:
-        """The number of joints of the law."""
         return self.controller.joints
 
     def init(self, t: Scalar, state: State, reference: Reference) -> StepMemory:
-        """What is kept before the first sample; all zeros, not started, if this measurement or reference is bad.
-
-        - `t`: time at the start [s].
-        - `state`: measured positions and velocities.
-        - `reference`: what the joints should do then.
-        """
+        """Return the memory before the first sample; all zeros, not started, if this sample is bad."""
         bad = self.checked(t, state, reference, reference)
         nothing = self._nothing(t, state, reference)
 
@@ -109,13 +102,7 @@ class GuardedStep(AbstractController):
     def __call__(
         self, t: Scalar, state: State, reference_now: Reference, reference_next: Reference, memory: StepMemory
     ) -> Command:
-        """The torque at one sample, finite whatever comes in; the status is one of its signals.
-
-        - `t`: time [s].
-        - `state`: measured positions and velocities.
-        - `reference_now`, `reference_next`: what the joints should do now and one period later.
-        - `memory`: what `init` or the last sample returned.
-        """
+        """Return the torque at one sample, finite for any input; the status is one of its signals."""
         command, status = self.step(t, state, reference_now, reference_next, memory)
         signals = {**command.signals, "status": status.astype(float)}
         return Command(tau=command.tau, memory=command.memory, signals=signals)
@@ -123,12 +110,9 @@ class GuardedStep(AbstractController):
     def step(
         self, t: Scalar, state: State, reference_now: Reference, reference_next: Reference, memory: StepMemory
     ) -> tuple[Command, Status]:
-        """The torque at one sample, and the status; the first good sample starts the law.
+        """Return the torque at one sample, and the status; the first good sample starts the law.
 
-        - `t`: time [s].
-        - `state`: measured positions and velocities.
-        - `reference_now`, `reference_next`: what the joints should do now and one period later.
-        - `memory`: what `init` or the last sample returned; all zeros after a reset.
+        - `memory`: from `init` or the last sample; all zeros after a reset.
         """
         bad = _status(self.checked(t, state, reference_now, reference_next))
         begins = (bad == 0) & ~memory.started
@@ -140,19 +124,14 @@ class GuardedStep(AbstractController):
 
         def held() -> tuple[Command, Status]:
             kept, flags = self.held(memory)
-            # A law that a good sample cannot start has no answer.
+            # A law that cannot start from a good sample has no answer.
             status = jnp.where(bad == 0, jnp.uint32(TORQUE_NOT_FINITE.bit), bad) | _status(flags)
             return Command(tau=kept.tau, memory=kept, signals=_zeros(answered)[0].signals), status
 
         return jax.lax.cond((bad == 0) & memory.started, answered, held)
 
     def checked(self, t: Scalar, state: State, reference_now: Reference, reference_next: Reference) -> Flags:
-        """What is wrong with what comes in.
-
-        - `t`: time [s].
-        - `state`: measured positions and velocities.
-        - `reference_now`, `reference_next`: what the joints should do now and one period later.
-        """
+        """Return the faults of the inputs."""
         measured = [getattr(state, part) for part in ("q", "dq") if f"state.{part}" in self.reads]
         wanted = [
             getattr(reference, part)
@@ -168,17 +147,11 @@ class GuardedStep(AbstractController):
         }
 
     def begun(self, t: Scalar, state: State, reference: Reference, memory: StepMemory) -> StepMemory:
-        """What is kept before the first sample, which is a good one; `started` is false if the law cannot keep it.
-
-        - `t`: time at the start [s].
-        - `state`: measured positions and velocities.
-        - `reference`: what the joints should do then.
-        - `memory`: of a law that has not started.
-        """
+        """Return the memory before the first good sample; `started` is false if the law cannot start from it."""
         law = self.controller.init(t, state, reference)
         tau, gate = memory.tau, None
         if isinstance(self.controller, SampledData):
-            # What the drives were told before counts for the rate limit, and acts while it is under way.
+            # Earlier commands count for the rate limit, and still act during the dead time.
             torques = jnp.where(memory.commanded, memory.tau, law.torques)
             law = eqx.tree_at(lambda law: law.torques, law, torques)
         else:
@@ -199,11 +172,8 @@ class GuardedStep(AbstractController):
         )
 
     def held(self, memory: StepMemory) -> tuple[StepMemory, Flags]:
-        """The memory after a step that holds its command, within limits that may have been lowered since.
-
-        - `memory`: what `init` or the last sample returned.
-        """
-        # A torque that no command was given for is the arm's weight, from which the first command's rate counts.
+        """Return the memory after a step that holds its command, within limits that may have been lowered since."""
+        # Before the first command `tau` is the arm's weight, from which the rate counts.
         tau = jnp.where(memory.commanded, self._within(memory.tau), 0.0)
         held = memory.held + 1.0
         stop = memory.stop | (held >= self._gate().patience)
@@ -223,12 +193,9 @@ class GuardedStep(AbstractController):
     def answered(
         self, t: Scalar, state: State, reference_now: Reference, reference_next: Reference, memory: StepMemory
     ) -> tuple[Command, Flags]:
-        """The law's own command within the limits, or the last safe one if the law has no finite answer.
+        """Return the law's own command within the limits, or the last safe one if the law has no finite answer.
 
-        - `t`: time [s].
-        - `state`: measured positions and velocities.
-        - `reference_now`, `reference_next`: what the joints should do now and one period later.
-        - `memory`: of a law that has started.
+        The law must have started.
         """
         period = self._period()
         gate, before = memory.gate, memory.law
@@ -237,11 +204,11 @@ class GuardedStep(AbstractController):
             admission, gate = self.gate(t, state, memory.t, gate.q, period, self._velocity, gate)
             accepted = admission.accepted
             t_used = jnp.where(accepted, t, memory.t + period)
-            seen = select(accepted, state, State(q=gate.q, dq=gate.dq if self._velocity else state.dq))
+            state_used = select(accepted, state, State(q=gate.q, dq=gate.dq if self._velocity else state.dq))
             before = jax.lax.cond(
-                admission.restarts, lambda: self.controller.init(t_used, seen, reference_now), lambda: before
+                admission.restarts, lambda: self.controller.init(t_used, state_used, reference_now), lambda: before
             )
-            command = self.controller(t_used, seen, reference_now, reference_next, before)
+            command = self.controller(t_used, state_used, reference_now, reference_next, before)
         else:
             assert isinstance(self.controller, SampledData)
             command, accepted = self.controller.gated(t, state, reference_now, reference_next, memory.law)
@@ -252,13 +219,13 @@ class GuardedStep(AbstractController):
         tau = self._limits()(command.tau, held, period)
         limited = jnp.any(tau != command.tau)
         if isinstance(self.controller, SampledData):
-            # It keeps the limits itself, and says so.
+            # It keeps the limits itself, and reports when they act.
             limited = limited | ~command.memory.planned
-            # The torque that its first command is limited from is in its own memory.
+            # Its own memory has the torque from which its first command is limited.
             tau = jnp.where(memory.commanded, tau, self._within(command.tau))
         checked, before_law = law, memory.law
         if isinstance(self.controller, SampledData):
-            # The gate keeps what was measured, which is finite, also of a rejected sample.
+            # The gate keeps the measurement, which is finite, even of a rejected sample.
             checked = eqx.tree_at(lambda kept: kept.gate, law, None)
             before_law = eqx.tree_at(lambda kept: kept.gate, memory.law, law.gate)
         finite = _finite((command.tau, tau, checked)) | ~accepted
@@ -307,18 +274,10 @@ class GuardedStep(AbstractController):
         return Command(tau=kept.tau, memory=kept, signals=shown), flags
 
     def envelope(self, t: Scalar, memory: StepMemory) -> Envelope | None:
-        """The law's envelope.
-
-        - `t`: time [s].
-        - `memory`: what `init` or a sample returned.
-        """
         return self.controller.envelope(t, memory.law)
 
     def wanted_then(self, reference: Reference) -> Vector:
-        """Where the joints should have been when they were measured [n], as far as the law knows how long ago that was.
-
-        - `reference`: what they should do now.
-        """
+        """Reference positions at the time of the measurement [n], as far as the law knows the measurement's age."""
         law = self.controller
         if not isinstance(law, SampledData) or law.delay == law.dead_time:
             return reference.q
@@ -366,7 +325,7 @@ class GuardedStep(AbstractController):
         return self.controller.step if isinstance(self.controller, SampledData) else self.controller
 
     def _deadline(self) -> Scalar:
-        """When the envelope is settled [s]: the latest of its joints, or 1 s for one that is never."""
+        """Settling time of the envelope [s]: the latest joint's, or 1 s without one."""
         transformation = getattr(self._decides(), "transformation", None)
         deadline = getattr(getattr(transformation, "performance", None), "deadline", None)
         return jnp.ones(()) if deadline is None else jnp.max(deadline)
@@ -382,13 +341,13 @@ def _per_joint(gate: MeasurementGate, joints: int) -> MeasurementGate:
 
 
 def _finite(tree: Memory) -> Flag:
-    """Whether all numbers in it are."""
+    """True if all numbers are finite."""
     flags = [jnp.all(jnp.isfinite(x)) for x in jax.tree.leaves(tree) if jnp.issubdtype(x.dtype, jnp.inexact)]
     return jnp.all(jnp.stack(flags)) if flags else jnp.ones((), bool)
 
 
 def _status(flags: Flags) -> Status:
-    """The bits of what is set."""
+    """The bits of the conditions that hold."""
     status = jnp.uint32(0)
     for condition, is_set in flags.items():
         status = status | jnp.where(is_set, jnp.uint32(condition.bit), jnp.uint32(0))
@@ -396,5 +355,5 @@ def _status(flags: Flags) -> Status:
 
 
 def _zeros(function: Callable[[], Any]) -> Any:
-    """Zeros in place of what a function returns."""
+    """Zeros in the shape of a function's result."""
     return jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), eqx.filter_eval_shape(function))

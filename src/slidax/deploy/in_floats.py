@@ -1,4 +1,4 @@
-"""What a program that was written for doubles needs before it computes in floats."""
+"""Constants of a program for doubles, adapted to floats."""
 
 from __future__ import annotations
 
@@ -10,24 +10,24 @@ from slidax.codegen.rebuild import rebuild
 
 DOUBLE, FLOAT = float(np.finfo(np.float64).eps), float(np.finfo(np.float32).eps)
 TOLERANCES = (0.1 * DOUBLE, 1e-10)
-"""A constant of this size is a tolerance: no gain of a robot is, and what keeps a division from zero is far smaller."""
+"""A constant in this range is a tolerance: no robot gain is that small, and guards against division by zero are far
+smaller.
+"""
 
 ULPS = 16.0
-"""A tolerance of more units in the last place than these is one that a search is to meet with ease."""
+"""Largest tolerance in units in the last place, which a search meets easily."""
 
 FEWEST = 4.0
-"""A tolerance of fewer would be below what a sum of some terms rounds to, and could not be met."""
+"""Smallest tolerance in units in the last place; below it, rounding of a sum of some terms cannot meet it."""
 
 NEXT_TO_ONE = 4.0 * FLOAT
 
 
 def in_floats(program: Program) -> Program:
-    """The same program with constants that mean in floats what they mean in doubles.
+    """Return the program with constants that mean in floats what they mean in doubles.
 
     Tolerances become as many units in the last place, at least 4 and at most 16, so that a search that is to meet them
-    ends; and a number next to one, which keeps a logarithm finite, stays next to one.
-
-    - `program`: written for doubles.
+    ends. A number next to one, which keeps a logarithm finite, stays next to one.
     """
 
     def replaced(builder: Builder, value: Value, args: tuple[Value, ...]) -> Value | None:
@@ -43,20 +43,14 @@ def in_floats(program: Program) -> Program:
 
 
 def fits(program: Program) -> bool:
-    """Whether all constants of a program mean the same in floats.
-
-    - `program`: written for doubles.
-    """
+    """True if all constants of a program for doubles mean the same in floats."""
     return all(
         fitting(value.data) == value.data for value in program.walk() if value.op == "const" and value.type == "f64"
     )
 
 
 def fitting(number: float) -> float:
-    """A constant for floats.
-
-    - `number`: for doubles.
-    """
+    """Return a constant for floats from one for doubles."""
     size = abs(number)
     if TOLERANCES[0] < size < TOLERANCES[1]:
         return float(np.copysign(min(max(size / DOUBLE, FEWEST), ULPS) * FLOAT, number))

@@ -1,4 +1,4 @@
-"""What a compiler and a profiler on this machine say of an exported step."""
+"""Size of an exported step: code size by this machine's compiler, and instructions by its profiler."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from .contents import Project
 
 STEPS = 200, 700
-"""Steps of the closed loop in two runs: what the second has more is what a step takes."""
+"""Steps of the closed loop in two runs; the difference of their counts is the cost of the steps."""
 
 
 class Measured(NamedTuple):
@@ -21,7 +21,7 @@ class Measured(NamedTuple):
 
     - `lines`: of its source.
     - `code`: bytes of code and constants by this machine's compiler with `-O2`; None without one.
-    - `instructions`: of a step of the closed loop on average, on this machine; None without valgrind.
+    - `instructions`: average of a step of the closed loop on this machine; None without valgrind.
     """
 
     lines: int
@@ -37,13 +37,9 @@ class Measured(NamedTuple):
         return ", ".join(parts)
 
 
-def measured(made: Project, folder: Path) -> Measured:
-    """The size of an exported step, as far as this machine can tell.
-
-    - `made`: what was exported.
-    - `folder`: where it is.
-    """
-    source = folder / f"{made.prefix}.c"
+def measured(exported: Project, folder: Path) -> Measured:
+    """Measure an exported step in `folder`, as far as this machine has the tools."""
+    source = folder / f"{exported.prefix}.c"
     lines = len(source.read_text(encoding="utf-8").splitlines())
     compiler = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
     if compiler is None:
@@ -54,31 +50,31 @@ def measured(made: Project, folder: Path) -> Measured:
         code = _code(f"{place}/law.o")
         instructions = None
         if shutil.which("valgrind"):
-            files = [str(folder / name) for name in (source.name, f"{made.prefix}_scenario.c", "latency.c")]
+            files = [str(folder / name) for name in (source.name, f"{exported.prefix}_scenario.c", "latency.c")]
             built = _run([*base, "-fno-inline-functions-called-once", *files, "-o", f"{place}/latency", "-lm"])
-            instructions = None if built is None else _instructions(made.prefix, place)
+            instructions = None if built is None else _instructions(exported.prefix, place)
         return Measured(lines, code, instructions)
 
 
 def _code(file: str) -> int | None:
-    said = _run(["size", file]) if shutil.which("size") else None
-    return None if said is None else int(said.splitlines()[1].split()[0])
+    table = _run(["size", file]) if shutil.which("size") else None
+    return None if table is None else int(table.splitlines()[1].split()[0])
 
 
 def _instructions(prefix: str, place: str) -> int | None:
     profiler = ["valgrind", "--tool=callgrind", f"--toggle-collect={prefix}_step", f"--callgrind-out-file={place}/out"]
     counted = []
     for steps in STEPS:
-        said = _run([*profiler, f"{place}/latency", str(steps), f"{place}/latency.svg"])
-        found = re.search(r"Collected : (\d+)", said or "")
-        if found is None:
+        output = _run([*profiler, f"{place}/latency", str(steps), f"{place}/latency.svg"])
+        match = re.search(r"Collected : (\d+)", output or "")
+        if match is None:
             return None
-        counted.append(int(found.group(1)))
+        counted.append(int(match.group(1)))
     return round((counted[1] - counted[0]) / (STEPS[1] - STEPS[0]))
 
 
 def _run(command: list[str]) -> str | None:
-    """What a command says on both of its ways; None if it fails."""
+    """Output and error output of a command; None if it fails."""
     try:
         done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=60)
     except (OSError, subprocess.TimeoutExpired):

@@ -1,4 +1,4 @@
-"""Arrays in a tree as the members of a C structure: name, type, length, meaning and default."""
+"""Arrays of a tree as the members of a C structure: name, type, length, meaning and default."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ class Member:
     - `name`: in C.
     - `type`: of its numbers, as in the IR.
     - `shape`: () for one number; anything else becomes a flat array.
-    - `meaning`: a few words with the unit, from the docstring of the class that has it.
-    - `part`: the first words of that docstring, if it says something of its own.
+    - `meaning`: a few words with the unit, from the docstring of its class.
+    - `part`: the first words of that docstring.
     - `values`: its default; None if it has none.
     """
 
@@ -40,37 +40,33 @@ class Member:
 
     @property
     def size(self) -> int:
-        """How many numbers."""
         return int(np.prod(self.shape, dtype=int))
 
     @property
     def brackets(self) -> str:
-        """What stands behind the name in its declaration."""
+        """The array size after the name in its declaration."""
         return f"[{self.size}]" if self.shape else ""
 
     def element(self, k: int) -> str:
-        """The name of one number.
-
-        - `k`: which, in C order.
-        """
+        """The name of the number at index `k`, in C order."""
         return f"{self.name}[{k}]" if self.shape else self.name
 
 
 def members(tree: Any, *, strip: Sequence[str] = (), values: bool = False) -> list[Member]:
-    """The members for all arrays in a tree, in the order of its leaves.
+    """Return a member for each array in a tree, in the order of its leaves.
 
     - `tree`: a module with arrays, or their shapes.
-    - `strip`: first parts of paths that say nothing in C.
-    - `values`: whether the arrays are defaults.
+    - `strip`: leading path parts to omit from names.
+    - `values`: True if the arrays are defaults.
 
     Raises DefinitionError if two would have one name.
     """
-    found = []
+    structure = []
     for path, leaf in jax.tree_util.tree_leaves_with_path(tree):
         parts = [_part(key) for key in path]
         while len(parts) > 1 and parts[0] in strip:
             parts = parts[1:]
-        found.append(
+        structure.append(
             Member(
                 name=identifier("_".join(parts)),
                 type=ir_type(leaf.dtype, ".".join(parts)),
@@ -80,28 +76,33 @@ def members(tree: Any, *, strip: Sequence[str] = (), values: bool = False) -> li
                 values=np.asarray(leaf) if values else None,
             )
         )
-    names = [member.name for member in found]
+    names = [member.name for member in structure]
     for name in names:
         if names.count(name) > 1:
-            raise DefinitionError(f"two arrays would be called `{name}` in C; rename the field of one of them")
-    return found
+            raise DefinitionError(f"two arrays have the name `{name}` in C: rename the field of one of them")
+    return structure
 
 
 def _part(key: Any) -> str:
     for field in ("name", "key", "idx"):
         if hasattr(key, field):
             return str(getattr(key, field))
-    raise DefinitionError(f"no name in C for `{key}`; use modules, tuples, lists and dictionaries")
+    raise DefinitionError(f"`{key}` has no name in C; use modules, tuples, lists and dictionaries")
 
 
 def _meaning(tree: Any, path: Sequence[Any]) -> str:
-    """The bullet of the innermost field on the way to the leaf, without what the declaration says by itself."""
+    """The bullet of the innermost field on the way to the leaf, without words that the declaration repeats."""
     meaning = ""
     for place, key in way(tree, path):
         if hasattr(key, "name"):
             meaning = bullets(type(place)).get(key.name, meaning)
-    for unsaid in (r"; [^;]* if not given\.?$", r"; None.*", r"one number( or \[n\])?(, )?", r",? ?\[n\](?=[,;:.]|$)"):
-        meaning = re.sub(unsaid, "", meaning)
+    for repeated in (
+        r"; [^;]* if not given\.?$",
+        r"; None.*",
+        r"one number( or \[n\])?(, )?",
+        r",? ?\[n\](?=[,;:.]|$)",
+    ):
+        meaning = re.sub(repeated, "", meaning)
     meaning = meaning.strip(", ")
     return shortened(comment(meaning), 92)
 
@@ -117,11 +118,7 @@ def _part_of(tree: Any, path: Sequence[Any]) -> str:
 
 
 def way(tree: Any, path: Sequence[Any]) -> Iterator[tuple[Any, Any]]:
-    """The objects on the way to a leaf, each with the key that leads on.
-
-    - `tree`: what has the leaf.
-    - `path`: of the leaf, as JAX has it.
-    """
+    """The objects on the way to a leaf, each with the key that leads on."""
     place = tree
     for key in path:
         yield place, key
@@ -130,13 +127,10 @@ def way(tree: Any, path: Sequence[Any]) -> Iterator[tuple[Any, Any]]:
 
 
 def bullets(owner: type) -> dict[str, str]:
-    """What a class's docstring says of each of its fields, in one line each.
-
-    - `owner`: the class.
-    """
-    found: dict[str, str] = {}
+    """The bullets about fields in a class's docstring, in one line each."""
+    meanings: dict[str, str] = {}
     for bullet in re.findall(r"^- ((?:.+\n?(?!- |\n))+.*)", inspect.getdoc(owner) or "", re.MULTILINE):
         names, colon, text = bullet.partition(":")
         if colon:
-            found |= {name: " ".join(text.split()) for name in re.findall(r"`(\w+)`", names)}
-    return found
+            meanings |= {name: " ".join(text.split()) for name in re.findall(r"`(\w+)`", names)}
+    return meanings

@@ -1,4 +1,4 @@
-"""The functions that are exported, as programs, with what each of their arrays is called in C."""
+"""Programs of the exported functions, with the name of each of their arrays in C."""
 
 from __future__ import annotations
 
@@ -25,57 +25,42 @@ from .step_memory import Flag, StepMemory
 from .validity import Bounds, constant_bounds, related_valid
 
 LONG = 64
-"""Numbers from which on an array is a table."""
+"""Numbers from which on an array becomes a table."""
 
 CHANGED = ("tau", "held", "stop", "commanded")
 """Members of the memory that a held command changes."""
 
 SAMPLE = ("", "t", "", "reference", "next")
-"""What the arguments of a step are called in comments and names: parameters, time, state, reference now and next."""
+"""Names of a step's arguments in comments: parameters, time, state, reference now and next."""
 
 
 @dataclass(frozen=True)
 class Place:
-    """An array in C.
-
-    - `pointer`: what leads to it, such as `parameters->`.
-    - `member`: itself.
-    """
+    """An array in C; `pointer`, such as `parameters->`, leads to its member."""
 
     pointer: str
     member: Member
 
     def element(self, k: int | str) -> str:
-        """How one number is read or written.
-
-        - `k`: which, a number or an expression.
-        """
+        """C expression of the number at index `k`, a number or an expression."""
         return f"{self.pointer}{self.member.name}[{k}]" if self.member.shape else f"{self.pointer}{self.member.name}"
 
 
 @dataclass(frozen=True)
 class Function:
-    """A program with the places of its inputs and outputs.
-
-    - `program`: itself.
-    - `inputs`, `outputs`: one place for each.
-    """
+    """A program with one place for each input and output."""
 
     program: Program
     inputs: list[Place]
     outputs: list[Place]
 
     def read(self, which: int, element: int | str) -> str:
-        """How an element of an input is read.
-
-        - `which`: the input.
-        - `element`: a number or an expression.
-        """
+        """C expression of an input's element."""
         return self.inputs[which].element(element)
 
     @property
     def tables(self) -> list[Member]:
-        """The arrays of known numbers that it reads."""
+        """The constant arrays that it reads."""
         read = {value.data[0] for value in self.program.body.values if value.op == "input"}
         read |= {value.data for value in self.program.walk() if value.op == "load"}
         return [place.member for k, place in enumerate(self.inputs) if place.member.values is not None and k in read]
@@ -92,13 +77,13 @@ class Function:
 
 @dataclass(frozen=True)
 class Step:
-    """All of a guarded step.
+    """All functions of a guarded step.
 
-    - `checked`: from a sample to what is wrong with it.
+    - `checked`: from a sample to its faults.
     - `answered`: the law on a good sample.
     - `held`: the command on a bad one.
-    - `begun`: from the first good sample to what is kept.
-    - `valid`: from the parameters to whether those are in their ranges whose ranges name other parameters.
+    - `begun`: from the first good sample to the memory.
+    - `valid`: from the parameters to true if those with ranges that depend on other parameters are in range.
     - `parameters`, `memory`, `signals`: members of the structures.
     - `bounds`: of the numbers of each parameter; None for one that is no real number.
     """
@@ -115,10 +100,10 @@ class Step:
 
 
 def step_programs(guard: GuardedStep, real: str = "double") -> Step:
-    """The programs of a guarded step.
+    """Trace the programs of a guarded step.
 
     - `guard`: the step, with the parameters' defaults.
-    - `real`: type of its numbers in C, "double" or "float".
+    - `real`: number type in C, "double" or "float".
 
     Raises DefinitionError if there is no native code for the law.
     """
@@ -148,36 +133,39 @@ def step_programs(guard: GuardedStep, real: str = "double") -> Step:
 
     sample = (t, state, reference, reference)
     signals = members(jax.eval_shape(answered, guard, held, *sample)[1])
-    given, kept = _places("parameters->", parameters), _places("memory->", memory)
-    seen, wanted = _places("measurement->", measurement(guard.joints)), _places("reference->", references(guard.joints))
-    says = _places("command->", signals)
+    settings, kept = _places("parameters->", parameters), _places("memory->", memory)
+    sensors, wanted = (
+        _places("measurement->", measurement(guard.joints)),
+        _places("reference->", references(guard.joints)),
+    )
+    out = _places("command->", signals)
     library = Library()
     return Step(
-        checked=_function(checked, (guard, *sample), SAMPLE, given + seen + wanted, _flags(CHECKED)),
+        checked=_function(checked, (guard, *sample), SAMPLE, settings + sensors + wanted, _flags(CHECKED)),
         answered=_function(
             answered,
             (guard, held, *sample),
             (SAMPLE[0], "memory", *SAMPLE[1:]),
-            given + kept + seen + wanted,
-            kept + says + _flags(ANSWERED),
+            settings + kept + sensors + wanted,
+            kept + out + _flags(ANSWERED),
             library,
         ),
         held=_function(
             hold,
             (guard, held),
             ("", "memory"),
-            given + kept,
+            settings + kept,
             _places("memory->", [_named(memory, name) for name in CHANGED]) + _flags(WAITING),
         ),
         begun=_function(
             begin,
             (guard, held, *sample[:3]),
             (SAMPLE[0], "memory", *SAMPLE[1:4]),
-            given + kept + seen + wanted[:3],
+            settings + kept + sensors + wanted[:3],
             kept,
             library,
         ),
-        valid=_function(valid, (guard,), ("",), given, [Place("", Member("valid", "b1", ()))]),
+        valid=_function(valid, (guard,), ("",), settings, [Place("", Member("valid", "b1", ()))]),
         parameters=parameters,
         bounds=constant_bounds(guard, real),
         memory=memory,
@@ -186,11 +174,7 @@ def step_programs(guard: GuardedStep, real: str = "double") -> Step:
 
 
 def motion_program(trajectory: AbstractTrajectory, joints: int) -> Function:
-    """The reference of a scenario, from the time and the period.
-
-    - `trajectory`: the motion; its numbers become constants, and long arrays of them tables.
-    - `joints`: how many it moves.
-    """
+    """Trace the scenario's reference as a function of time and period; long constant arrays become tables."""
     long, short = _tables(trajectory)
 
     def motion(t: Scalar, period: Scalar, long: Any) -> tuple[Reference, Reference]:
@@ -204,10 +188,7 @@ def motion_program(trajectory: AbstractTrajectory, joints: int) -> Function:
 
 
 def arm_program(plant: Plant) -> Function:
-    """The acceleration of a scenario's arm under its disturbance, from time, state and torque.
-
-    - `plant`: the arm; its numbers become constants, and long arrays of them tables.
-    """
+    """Trace the acceleration of the scenario's disturbed arm as a function of time, state and torque."""
     long, short = _tables(plant)
 
     def acceleration(t: Scalar, state: State, tau: Vector, long: Any) -> Vector:
@@ -238,10 +219,7 @@ def _tabled(long: Any, owner: str) -> list[Member]:
 
 
 def measurement(joints: int) -> list[Member]:
-    """The members of a measurement.
-
-    - `joints`: how many are measured.
-    """
+    """The members of a measurement."""
     return [
         Member("t", "f64", (), "time since the start of the motion [s]"),
         Member("q", "f64", (joints,), "positions"),
@@ -250,10 +228,7 @@ def measurement(joints: int) -> list[Member]:
 
 
 def references(joints: int) -> list[Member]:
-    """The members of a reference: now, and one period later.
-
-    - `joints`: how many are moved.
-    """
+    """The members of a reference: now, and one period later."""
     words = {"q": "positions", "dq": "velocities", "ddq": "accelerations"}
     return [Member(name, "f64", (joints,), f"{word} now") for name, word in words.items()] + [
         Member(f"{name}_next", "f64", (joints,), f"{word} one period later") for name, word in words.items()

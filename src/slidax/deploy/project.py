@@ -43,42 +43,36 @@ FILES = {
 """Templates, and the files that they become."""
 
 STEP = ("header.h.j2", "step.c.j2", "wrapper.hpp.j2", "scenario.h.j2", "scenario.c.j2")
-"""Of those, what a program needs: all but tests and their golden samples."""
+"""The files that a program needs: all but tests and golden samples."""
 
 
 def export_c(
     scenario: Scenario, out: Path, *, name: str | None = None, single: bool = False, command: str = ""
 ) -> Project:
-    """Writes a scenario's law as a C project.
+    """Write a scenario's law as a C project to the folder `out`; existing files of the same names are overwritten.
 
-    - `scenario`: whose law, limits, motion and arm.
-    - `out`: the folder; made if it is not there, files of the same names are overwritten.
-    - `name`: of the law in C; after the scenario if None.
-    - `single`: floats in place of doubles.
-    - `command`: that asked for it, for the headers.
+    - `name`: the law's name in C; by default the scenario's.
+    - `single`: floats instead of doubles.
+    - `command`: the command line, quoted in the file headers.
 
-    Raises DefinitionError if there is no native code for the law, the name is not one in C, or the folder cannot be
-    made.
+    Raises DefinitionError if there is no native code for the law, the name is not valid in C, or the folder cannot be
+    written.
     """
-    made = project(scenario, name=name, single=single, command=command)
-    write_files(made, out, FILES)
-    return made
+    exported = project(scenario, name=name, single=single, command=command)
+    write_files(exported, out, FILES)
+    return exported
 
 
-def write_files(made: Project, out: Path, templates: Iterable[str]) -> None:
-    """Writes files of a project.
+def write_files(exported: Project, out: Path, templates: Iterable[str]) -> None:
+    """Write the files of some templates in `FILES`.
 
-    - `made`: the project.
-    - `out`: the folder; made if it is not there.
-    - `templates`: of the files, of those in `FILES`.
-
-    Raises DefinitionError if the folder cannot be made or written.
+    Raises DefinitionError if the folder cannot be written.
     """
     try:
         out.mkdir(parents=True, exist_ok=True)
         for template in templates:
-            path = out / FILES[template].format(prefix=made.prefix, name=made.name)
-            write_text(path, render(template, {"x": made}))
+            path = out / FILES[template].format(prefix=exported.prefix, name=exported.name)
+            write_text(path, render(template, {"x": exported}))
     except OSError as error:
         raise DefinitionError(f"cannot write the project to `{out}`: {reason(error)}") from None
 
@@ -91,17 +85,11 @@ def project(
     command: str = "",
     with_golden: bool = True,
 ) -> Project:
-    """What `export_c` writes.
+    """Return the data that `export_c` writes; golden samples take most of the time.
 
-    - `scenario`: whose law, limits, motion and arm.
-    - `name`: of the law in C; after the scenario if None.
-    - `single`: floats in place of doubles.
-    - `command`: that asked for it, for the headers.
-    - `with_golden`: whether golden samples are computed, which takes most of the time.
-
-    Raises DefinitionError if there is no native code for the law, or the name is not one in C.
+    Raises DefinitionError if there is no native code for the law, or the name is not valid in C.
     """
-    name = _checked_name(scenario.name if name is None else name, given=name is not None)
+    name = _checked_name(scenario.name if name is None else name, clean=name is None)
     plant = scenario.plant.own if isinstance(scenario.plant, MujocoPlant) else scenario.plant
     described, robot, actuator = scenario.description, plant.robot, plant.actuator
     limits = TorqueLimits() if actuator is None else actuator.limits
@@ -137,11 +125,11 @@ def project(
     )
 
 
-def _checked_name(name: str, *, given: bool) -> str:
-    cleaned = name if given else re.sub(r"\W+", "_", comment(name)).strip("_").lower()
+def _checked_name(name: str, *, clean: bool) -> str:
+    cleaned = re.sub(r"\W+", "_", comment(name)).strip("_").lower() if clean else name
     if not re.fullmatch(r"[a-z][a-z0-9_]*", cleaned) or len(cleaned) > LONGEST_NAME:
         raise DefinitionError(
-            f"the name in C must be small letters, digits and _, a letter first, at most {LONGEST_NAME} of them; "
-            f"got `{cleaned}`: give another with `--name`"
+            f"`{cleaned}` is not a name in C: use small letters, digits and _, a letter first, at most {LONGEST_NAME}: "
+            f"`--name NAME`"
         )
     return cleaned

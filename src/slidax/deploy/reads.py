@@ -1,4 +1,4 @@
-"""What a law reads of a sample, found in its program."""
+"""The inputs that a law reads, from its program."""
 
 from __future__ import annotations
 
@@ -13,9 +13,7 @@ from slidax.controllers import AbstractController
 
 
 def read_by(controller: AbstractController) -> frozenset[str]:
-    """The names of the arrays that it reads, at the start or later: of `state.q`, `state.dq`, `now.q`, ..., `next.ddq`.
-
-    - `controller`: the law.
+    """Names of the arrays that a law reads, at the start or later: of `state.q`, `state.dq`, `now.q`, ..., `next.ddq`.
 
     Raises DefinitionError if there is no native code for it.
     """

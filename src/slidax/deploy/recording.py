@@ -1,4 +1,4 @@
-"""What a guarded step gets and answers at every sample of its scenario's closed loop."""
+"""Inputs and answers of a guarded step at every sample of its scenario's closed loop."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Recording:
-    """The samples of a closed loop, each array with the number of the sample as first axis.
+    """Samples of a closed loop, each array with the sample as first axis.
 
-    - `samples`: what the step got.
-    - `tau`: the torque that it commanded [k n]; an actuator may have delivered another one.
-    - `status`: what it said of each.
+    - `samples`: the step's inputs.
+    - `tau`: the torque commanded [k n]; an actuator may have delivered another one.
+    - `status`: of each sample.
     """
 
     samples: Sample
@@ -36,7 +36,7 @@ class Recording:
 
 
 class _Recorded(AbstractController):
-    """A guarded step that logs what it got and what it answered."""
+    """A guarded step that logs its inputs and answers."""
 
     guard: GuardedStep
 
@@ -61,12 +61,7 @@ class _Recorded(AbstractController):
 
 
 def recorded(scenario: Scenario, guard: GuardedStep, t1: float | None = None) -> Recording:
-    """Runs a scenario's loop and keeps what its step got and answered.
-
-    - `scenario`: the loop.
-    - `guard`: the step.
-    - `t1`: end of the run [s]; that of the scenario if None.
-    """
+    """Run a scenario's closed loop until `t1` [s] and record the step's inputs and answers."""
     run = simulate(
         scenario.plant,
         _Recorded(guard),

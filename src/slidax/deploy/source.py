@@ -1,4 +1,4 @@
-"""The functions of an exported step as text."""
+"""C source of a step's functions."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ from .programs import Function, Step
 
 @dataclass(frozen=True)
 class Body:
-    """The inside of a C function.
+    """Body of a C function.
 
-    - `lines`: of C, indented; those that keep a compiler from warning of unused arguments included.
-    - `bytes`: what its variables take if each has a place of its own.
+    - `lines`: of C, indented, including those that silence warnings about unused arguments.
+    - `bytes`: stack of its variables, each in a place of its own.
     """
 
     lines: list[str]
@@ -34,10 +34,10 @@ class Source:
 
     - `checked`, `begun`, `held`, `valid`, `derived`, `answered`: the bodies.
     - `functions`: those that the law calls, each after those that it calls itself.
-    - `workspace`: members for what follows from the parameters alone.
-    - `helpers`: the lines of the small functions that they call.
-    - `bytes`: a bound of the stack that a step takes: each variable of a block in a place of its own, blocks and
-      functions that follow each other in the same.
+    - `workspace`: members for values that depend on the parameters alone.
+    - `helpers`: lines of the small functions that they call.
+    - `bytes`: upper bound of a step's stack: each variable of a block in a place of its own; consecutive blocks and
+      functions share places.
     """
 
     checked: Body
@@ -53,21 +53,17 @@ class Source:
 
 
 CALLS = {"double": 640, "float": 512}
-"""Bytes for what calls keep: return addresses, saved registers, arguments, numbers between two operations."""
+"""Stack for calls [bytes]: return addresses, saved registers, arguments, intermediate results."""
 
 SPILLED = 1.4
-"""What a compiler that unrolls loops takes beside the variables, as a share of them."""
+"""Stack of a compiler that unrolls loops, relative to that of the variables."""
 
 TAKEN = ("checked", "begun", "held", "within", "related", "derived", "kept_up", "answered")
 """Functions of the file that are not the law's."""
 
 
 def source(step: Step, dialect: Dialect) -> Source:
-    """The functions of a step.
-
-    - `step`: their programs.
-    - `dialect`: how types and numbers are written.
-    """
+    """Write the functions of a step in C."""
     helpers = Helpers(dialect)
     sample = ("parameters", "measurement", "reference")
     if dialect.real == "float":
@@ -76,17 +72,17 @@ def source(step: Step, dialect: Dialect) -> Source:
     library, members = Library((answered, step.begun), (*TAKEN, *TYPES)), Members()
     names = Names(answered.program, _outputs(answered))
     parameters = {k for k, place in enumerate(answered.inputs) if place.pointer == "parameters->"}
-    given = members.add(loop_invariant(answered.program, parameters), names)
+    kept = members.add(loop_invariant(answered.program, parameters), names)
     library.write(dialect, helpers, members)
     checked = body(step.checked, dialect, sample, helpers)
     begun = body(step.begun, dialect, (*sample, "workspace", "memory"), helpers, library)
     held = body(step.held, dialect, ("parameters", "memory"), helpers)
     valid = body(step.valid, dialect, ("parameters",), helpers)
-    into = [(text, value) for value, text in given.items()]
+    into = [(text, value) for value, text in kept.items()]
     derived = _body(answered, into, dialect, ("parameters", "workspace"), helpers, names, {}, library)
     arguments = (*sample, "workspace", "memory", "command")
-    inside = _body(answered, answered.assigned, dialect, arguments, helpers, names, given, library)
-    # One after the other, and never one within another but what `derived` calls.
+    inside = _body(answered, answered.assigned, dialect, arguments, helpers, names, kept, library)
+    # They run one after the other; only `derived` calls others.
     deriving = derived.bytes + max((each.derived_bytes for each in library.shared), default=0)
     total = (
         round(SPILLED * max(checked.bytes, held.bytes, valid.bytes, begun.bytes, deriving, inside.bytes))
@@ -110,13 +106,11 @@ def source(step: Step, dialect: Dialect) -> Source:
 def body(
     function: Function, dialect: Dialect, arguments: Sequence[str], helpers: Helpers, library: Library | None = None
 ) -> Body:
-    """The inside of a function.
+    """Write the body of a function.
 
-    - `function`: its program and places.
-    - `dialect`: how types and numbers are written.
     - `arguments`: names of the C function's arguments.
-    - `helpers`: takes what it calls.
-    - `library`: the functions that it calls.
+    - `helpers`: collects the small functions that it calls.
+    - `library`: the shared functions that it calls.
     """
     names = Names(function.program, _outputs(function))
     return _body(function, function.assigned, dialect, arguments, helpers, names, {}, library)
@@ -129,7 +123,7 @@ def _body(
     arguments: Sequence[str],
     helpers: Helpers,
     names: Names,
-    given: dict[Value, str],
+    kept: dict[Value, str],
     library: Library | None,
 ) -> Body:
     local = [place.member.name for place in function.outputs if not place.pointer]
@@ -139,7 +133,7 @@ def _body(
         assigned,
         function.read,
         dialect=dialect,
-        given=given,
+        given=kept,
         names=names,
         callees=None if library is None else library.callee,
         loops=True,
@@ -155,7 +149,7 @@ def _fitted(function: Function) -> Function:
 
 
 def _outputs(function: Function) -> dict[Value, str]:
-    """Names for the values of signals, so that they are found again in the code."""
+    """Names for the values of signals, so that they can be recognised in the code."""
     return {
         value: place.member.name + suffix(k, place.member.shape)
         for place, output in zip(function.outputs, function.program.outputs, strict=True)
@@ -166,6 +160,6 @@ def _outputs(function: Function) -> dict[Value, str]:
 
 
 def _written(name: str, lines: list[str]) -> str:
-    """The expression that a member of the workspace is computed by."""
+    """The expression that computes a member of the workspace."""
     start = f"    workspace->{name} = "
     return next((line.removeprefix(start).rstrip(";") for line in lines if line.startswith(start)), "")

@@ -1,4 +1,4 @@
-"""What a step says beside its torque: bits, each with what it means and what to do."""
+"""Status of a step: bits, each with its meaning and remedy."""
 
 from __future__ import annotations
 
@@ -11,9 +11,8 @@ class Condition:
 
     - `name`: as in C, without its prefix.
     - `bit`: its value, a power of two.
-    - `meaning`: when it is set.
-    - `held`: whether the command is then the last safe one, and the memory unchanged.
-    - `remedy`: what to do about it.
+    - `meaning`: the condition that sets it.
+    - `held`: True if the command is then the last safe one, and the memory unchanged.
     """
 
     name: str
@@ -115,7 +114,7 @@ PARAMETERS_INVALID = Condition(
 )
 
 CHECKED = (MEASUREMENT_NOT_FINITE, MEASUREMENT_OUT_OF_RANGE, REFERENCE_NOT_FINITE)
-"""Faults of a sample that are found before the law is asked."""
+"""Faults of a sample that are detected before the law computes."""
 
 ANSWERED = (
     TORQUE_NOT_FINITE,
@@ -130,7 +129,7 @@ ANSWERED = (
 """Conditions that the answer to a sample can report."""
 
 WAITING = (STOP_REQUESTED,)
-"""Conditions that a held command can report, beside the fault of the sample."""
+"""Conditions that a held command can report in addition to the sample's fault."""
 
 CONDITIONS = (*CHECKED, *ANSWERED, PARAMETERS_INVALID)
 """All of them, by their bits."""

@@ -9,20 +9,20 @@ from slidax._types import Memory, Scalar, Vector
 from slidax.controllers import GateMemory
 
 Status = UInt32[Array, "..."]
-"""Bits of `slidax.deploy.status`; 0 if all is well."""
+"""Bits of a `Condition`; 0 if all is well."""
 
 Flag = Bool[Array, ""]
 
 
 class StepMemory(eqx.Module):
-    """What the step keeps between two samples.
+    """Memory of the step between two samples.
 
-    - `started`: True once a good measurement has come after the reset.
+    - `started`: True once a good measurement has arrived after the reset.
     - `commanded`: True once a command has been given after the reset, also the 0 of a bad sample.
     - `t`: time stamp of the last good sample [s].
     - `tau`: the last safe command [n], N m or N; 0 before the first.
-    - `held`: steps in a row whose command was held.
-    - `stop`: True once the host has been asked to stop; it stays so until the reset.
+    - `held`: consecutive steps whose command was held.
+    - `stop`: True once the step has requested a stop; stays so until the reset.
     - `outside`: time for which a joint has been outside the envelope without a break [s].
     - `law`: memory of the law.
     - `gate`: memory of the gate; None for a sampled-data law, which has its own.

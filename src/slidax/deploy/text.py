@@ -1,4 +1,4 @@
-"""From templates to the files of an exported project."""
+"""Files of an exported project from templates."""
 
 from __future__ import annotations
 
@@ -16,15 +16,10 @@ from .comment_text import comment
 from .members import Member
 
 
-def render(template: str, values: dict[str, Any], package: str = "slidax.deploy") -> str:
-    """A file's text.
-
-    - `template`: its name.
-    - `values`: what it names.
-    - `package`: whose `templates` it is among.
-    """
+def render(template: str, values: dict[str, Any]) -> str:
+    """Render a template, such as `step.c.j2` or `franka/main.cpp.j2`."""
     environment = Environment(
-        loader=PackageLoader(package),
+        loader=PackageLoader(str(__package__)),
         autoescape=False,
         undefined=StrictUndefined,
         trim_blocks=True,
@@ -32,16 +27,16 @@ def render(template: str, values: dict[str, Any], package: str = "slidax.deploy"
         keep_trailing_newline=True,
     )
     environment.filters |= {"comment": comment, "capitalised": _capitalised, "wrapped": _wrapped}
-    environment.globals |= {"declared": declared, "initialised": initialised, "tables": tables}
+    environment.globals |= {
+        "declarations": declarations,
+        "initialisers": initialisers,
+        "table_definitions": table_definitions,
+    }
     return environment.get_template(template).render(values)
 
 
-def declared(members: Sequence[Member], dialect: Dialect) -> list[str]:
-    """The lines that declare members, each with its default and meaning in a comment, those of a part together.
-
-    - `members`: in order.
-    - `dialect`: how types and numbers are written.
-    """
+def declarations(members: Sequence[Member], dialect: Dialect) -> list[str]:
+    """Lines that declare members with default and meaning in a comment, grouped by part."""
     lines: list[str] = []
     for part, group in groupby(members, key=lambda member: member.part):
         these = list(group)
@@ -51,17 +46,13 @@ def declared(members: Sequence[Member], dialect: Dialect) -> list[str]:
         width = max(map(len, names))
         for name, member in zip(names, these, strict=True):
             words = [default(member, dialect), member.meaning]
-            said = ": ".join(word for word in words if word)
-            lines.append(f"{name:<{width}} /* {said} */" if said else name)
+            remark = ": ".join(word for word in words if word)
+            lines.append(f"{name:<{width}} /* {remark} */" if remark else name)
     return lines
 
 
-def initialised(members: Sequence[Member], dialect: Dialect) -> list[str]:
-    """The lines that give members their defaults where a structure is declared.
-
-    - `members`: with defaults.
-    - `dialect`: how numbers are written.
-    """
+def initialisers(members: Sequence[Member], dialect: Dialect) -> list[str]:
+    """Lines that initialise members with their defaults."""
     lines: list[str] = []
     for member in members:
         if member.values is None:
@@ -75,12 +66,8 @@ def initialised(members: Sequence[Member], dialect: Dialect) -> list[str]:
     return lines
 
 
-def tables(members: Sequence[Member], dialect: Dialect) -> list[str]:
-    """The lines that define arrays of known numbers.
-
-    - `members`: with their numbers.
-    - `dialect`: how types and numbers are written.
-    """
+def table_definitions(members: Sequence[Member], dialect: Dialect) -> list[str]:
+    """Lines that define constant arrays."""
     lines: list[str] = []
     for member in members:
         assert member.values is not None
@@ -92,11 +79,7 @@ def tables(members: Sequence[Member], dialect: Dialect) -> list[str]:
 
 
 def default(member: Member, dialect: Dialect) -> str:
-    """A member's default, as short as it can be said; empty if it has none.
-
-    - `member`: the member.
-    - `dialect`: how numbers are written.
-    """
+    """A member's default in short form; empty if it has none."""
     if member.values is None:
         return ""
     numbers = ["none" if np.isposinf(number) else _number(number, member, dialect) for number in member.values.ravel()]
@@ -112,5 +95,5 @@ def _capitalised(text: str) -> str:
 
 
 def _wrapped(text: str, before: str, width: int = 116) -> str:
-    """A paragraph, each line after the first with what stands before it."""
+    """Wrap a paragraph, with a prefix on each line after the first."""
     return f"\n{before}".join(textwrap.wrap(text, width - len(before)))

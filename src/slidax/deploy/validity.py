@@ -17,10 +17,7 @@ from .step_memory import Flag
 
 
 class Bounds(NamedTuple):
-    """Closed bounds of the numbers of one array.
-
-    - `low`, `high`: what a valid number is at least and at most; infinite for a parameter that may be.
-    """
+    """Closed bounds of the numbers of one array; infinite where the parameter may be."""
 
     low: float
     high: float
@@ -29,11 +26,8 @@ class Bounds(NamedTuple):
 def constant_bounds(tree: Any, real: str) -> list[Bounds | None]:
     """Bounds of each array in a tree, in the order of its leaves, as far as they do not depend on other parameters.
 
-    An open end is replaced by the next number of the type, at zero by the least normal one. Numbers without a
+    An open end is replaced by the next number of the type `real`, at zero by the smallest normal one. Numbers without a
     declaration must be finite. None for an array of other than real numbers.
-
-    - `tree`: a part, or a module with parts.
-    - `real`: "double" or "float".
     """
     kind = np.float64 if real == "double" else np.float32
     largest, least = float(np.finfo(kind).max), float(np.finfo(kind).tiny)
@@ -45,23 +39,20 @@ def constant_bounds(tree: Any, real: str) -> list[Bounds | None]:
             return number
         return -outward * least if number == 0.0 else float(np.nextafter(kind(number), kind(-outward * np.inf)))
 
-    found: list[Bounds | None] = []
+    bounds: list[Bounds | None] = []
     for _, parameter, leaf in _declarations(tree):
         if not jnp.issubdtype(leaf.dtype, jnp.inexact):
-            found.append(None)
+            bounds.append(None)
         elif parameter is None:
-            found.append(Bounds(-largest, largest))
+            bounds.append(Bounds(-largest, largest))
         else:
             lower, upper = parameter.range.ends
-            found.append(Bounds(closed(lower.number, lower.open, -1.0), closed(upper.number, upper.open, 1.0)))
-    return found
+            bounds.append(Bounds(closed(lower.number, lower.open, -1.0), closed(upper.number, upper.open, 1.0)))
+    return bounds
 
 
 def related_valid(tree: Any) -> Flag:
-    """True if every parameter whose range has another parameter as its end is in that range.
-
-    - `tree`: a part, or a module with parts.
-    """
+    """True if every parameter whose range depends on another parameter is in that range."""
     conditions = []
     for part, parameter, value in _declarations(tree):
         if parameter is None or not jnp.issubdtype(value.dtype, jnp.inexact):
@@ -75,11 +66,11 @@ def related_valid(tree: Any) -> Flag:
 
 
 def _declarations(tree: Any) -> Iterator[tuple[Any, Parameter | None, Any]]:
-    """For each array its part, its declaration, None if it has none, and itself."""
+    """For each array its part, its declaration (None if it has none), and itself."""
     for path, leaf in jax.tree_util.tree_leaves_with_path(tree):
         owner, parameter = None, None
         for place, key in way(tree, path):
-            # A pytree within a parameter, such as a tuple of arrays, is of the part that declares it.
+            # A pytree within a parameter, such as a tuple of arrays, belongs to the part that declares it.
             if isinstance(place, AbstractPart):
                 field = next(field for field in place.__dataclass_fields__.values() if field.name == key.name)
                 owner, parameter = place, declared(field) if is_declared(field) else None

@@ -19,19 +19,18 @@ METADATA = "metadata.yaml"
 ENDINGS = (".mcap", ".db3")
 MOST_BYTES = 8000 * MEGABYTE
 MOST_UNPACKED, RATIO = 4000 * MEGABYTE, 30
-"""Bytes that a packed file may unpack to: at most the first, and the second times its size."""
+"""Bytes that a compressed file may unpack to: at most the first number, and the second times its size."""
 
 LONGEST_MESSAGE = MEGABYTE
-"""Bytes of a message of joint states."""
+"""Bytes of a joint-state message."""
 
 
 def read_bag(path: Path, topic: str | None = None, joints: Sequence[str] = ()) -> JointStates:
-    """Return the joint states in a folder of `ros2 bag`, or in a database `.db3` of it.
+    """Return the joint states in a folder of `ros2 bag`, or in one of its `.db3` databases.
 
-    Both storages are read, MCAP and SQLite, also packed by zstd. Without a readable `metadata.yaml`, which ros2 bag
-    writes at its end, the files of the folder are read in the order of their numbers.
+    Reads MCAP and SQLite storage, also compressed by zstd. Without a readable `metadata.yaml`, which ros2 bag writes at
+    the end of a recording, the folder's files are read in the order of their numbers.
 
-    - `path`: of the folder, or of the database.
     - `topic`, `joints`: as in `read_joint_states`.
 
     Raises DefinitionError if it cannot be read, has no such messages, or a package is missing.
@@ -48,7 +47,7 @@ def read_bag(path: Path, topic: str | None = None, joints: Sequence[str] = ()) -
                 contents = read_contents(file, TYPES)
                 part, names = contents.bodies, contents.topics
                 if not contents.whole:
-                    notes.append(f"`{file.name}` has no end or is damaged: it is read as far as it is whole")
+                    notes.append(f"`{file.name}` is incomplete or damaged: it is read up to the damage")
             else:
                 part, names = _states_in_database(file)
             topics |= names
@@ -58,7 +57,7 @@ def read_bag(path: Path, topic: str | None = None, joints: Sequence[str] = ()) -
 
 
 def _files(path: Path, notes: list[str]) -> list[Path]:
-    """The files of a bag in their order."""
+    """Files of a bag in order."""
     if not path.is_dir():
         return [path]
     listed = _listed(path)
@@ -71,7 +70,7 @@ def _files(path: Path, notes: list[str]) -> list[Path]:
         raise DefinitionError(f"`{path.name}` misses the file `{plain(missing[0])}`, which its `{METADATA}` names")
     if not listed:
         raise DefinitionError(
-            f"`{path}` is no folder of ros2 bag: it has no `{METADATA}`, and no file that ends in "
+            f"`{path}` is no folder of ros2 bag: it has neither `{METADATA}` nor a file that ends in "
             f"{' or '.join(ENDINGS)}"
         )
     return listed
@@ -83,23 +82,23 @@ def _number(file: Path) -> int:
 
 
 def _listed(path: Path) -> list[Path] | None:
-    """The files that the metadata names; None if there is no such list."""
+    """Files named by the metadata; None without a readable list."""
     from ruamel.yaml import YAML
 
     try:
         text = read_text(path / METADATA, most=MEGABYTE // 4)
         data = YAML(typ="safe", pure=True).load(text)
         names = data["rosbag2_bagfile_information"]["relative_file_paths"]
-        # The name alone: a bag from elsewhere reads nowhere else.
+        # The name alone: a bag must not make us read outside its folder.
         files = [path / Path(name).name for name in names]
-    # Readers of YAML raise what they like, and a bag can be read without.
+    # YAML readers raise all kinds of errors, and a bag can be read without its metadata.
     except Exception:
         return None
     return files or None
 
 
 def _unpacked(file: Path, folder: str) -> Path:
-    """The file of a packed one, in another folder."""
+    """Decompress a file into another folder."""
     import zstandard
 
     target = Path(folder) / file.stem
@@ -119,11 +118,11 @@ def _unpacked(file: Path, folder: str) -> Path:
 
 
 def _states_in_database(file: Path) -> tuple[dict[str, list[bytes]], set[str]]:
-    """The joint states in a database as they were sent, by topic, and all of its topics."""
+    """Raw joint states of a database by topic, and all of its topics."""
     reader = require_rosbags()
     require_file(file, most=MOST_BYTES)
     if file.suffix != ".db3":
-        raise DefinitionError(f"`{plain(file.name)}` is of no storage that is read: {' or '.join(ENDINGS)}")
+        raise DefinitionError(f"`{plain(file.name)}` has an unknown storage format; known: {' and '.join(ENDINGS)}")
     bodies: dict[str, list[bytes]] = {}
     try:
         with reader(file) as bag:
@@ -133,7 +132,7 @@ def _states_in_database(file: Path) -> tuple[dict[str, list[bytes]], set[str]]:
                 bodies.setdefault(connection.topic, []).append(data)
     except DefinitionError:
         raise
-    # The packages that read the database raise whatever a damaged byte leads them to.
+    # The database packages raise any kind of error on damaged bytes.
     except Exception as error:
         reason = str(error).partition("\n")[0] or type(error).__name__
         raise DefinitionError(f"`{file.name}` is no database of ros2 bag, or damaged: {reason}") from None
@@ -147,7 +146,7 @@ def _messages(bag: Any, wanted: Sequence[Any]) -> Iterator[tuple[Any, bytes]]:
         return
     for connection, _, data in bag.messages(connections=wanted):
         if data[:4] == b"\x28\xb5\x2f\xfd":
-            # Each message is packed for itself.
+            # Each message is compressed on its own.
             with zstandard.ZstdDecompressor(max_window_size=1 << 23).stream_reader(data) as stream:
                 data = stream.read(LONGEST_MESSAGE)
         yield connection, data

@@ -1,4 +1,4 @@
-"""The channels of a log: what a law read, said and meant, and what a simulated arm truly did."""
+"""Channels of a log: the law's inputs, outputs and signals, and the true motion of a simulated arm."""
 
 from __future__ import annotations
 
@@ -20,24 +20,25 @@ _READABLE = {
     "ddq_d_next": "next_acceleration",
 }
 OF_ENVELOPE = ("s", "eps", "eps1", "rho", "u", "margin", "assumption_violated")
-"""Signals that belong beside the error and its bounds."""
+"""Signals shown together with the error and its bounds."""
 
 TIMES = ("wake", "took", "response", "logged")
-"""Of a real-time loop, s: how late the law woke, how long a step took, from measurement to command, to log a row."""
+"""Times of a real-time loop [s]: delay of the law's wake-up, duration of a step, measurement to command, logging of a
+row.
+"""
 
 MOST = 10_000
-"""Joints, signals or numbers of a signal that a log may have."""
+"""Largest number of joints, signals, or values of a signal in a log."""
 
 
 @dataclass(frozen=True)
 class Channels:
-    """What a log has.
+    """Content of a log.
 
-    - `joints`: their names.
-    - `units`: of their positions.
-    - `signals`: of the law, each with how many numbers it has, None for a single one.
-    - `bounded`: whether the law has an envelope.
-    - `bits`: names of the bits of the status, the lowest first.
+    - `joints`, `units`: joint names and units of their positions.
+    - `signals`: the law's signals with their sizes; None for a scalar.
+    - `bounded`: True if the law has an envelope.
+    - `bits`: names of the status bits, lowest first.
     """
 
     joints: tuple[str, ...]
@@ -47,12 +48,12 @@ class Channels:
     bits: tuple[str, ...]
 
     def law(self) -> list[Message]:
-        """Those of the law, a message of each for each answer."""
+        """Messages written for each answer of the law."""
         n = len(self.joints)
         reference = tuple(Field(_READABLE[name], "float64", n, column=name) for name in REFERENCE)
         torque = (Field("commanded", "float64", n, column="tau"), Field("delivered", "float64", n, column="effort"))
         bounds = ("lower", "upper", "margin") if self.bounded else ()
-        near = [name for name in OF_ENVELOPE if name in self.signals]
+        with_error = [name for name in OF_ENVELOPE if name in self.signals]
         return [
             joint_state("/joint_states", self.joints, ("q", "dq", "effort")),
             Message("/reference", "slidax_msgs/msg/Reference", reference, self.joints),
@@ -62,13 +63,13 @@ class Channels:
                 "slidax_msgs/msg/Envelope",
                 (
                     *(Field(name, "float64", n, column=_apart(name)) for name in ("e", *bounds)),
-                    *(self._signal(name) for name in near if name != "margin"),
+                    *(self._signal(name) for name in with_error if name != "margin"),
                 ),
             ),
             Message(
                 "/signals",
                 "slidax_msgs/msg/Signals",
-                tuple(self._signal(name) for name in self.signals if name not in near or name == "margin")
+                tuple(self._signal(name) for name in self.signals if name not in with_error or name == "margin")
                 or (Field("none", "bool"),),
             ),
             Message(
@@ -86,7 +87,7 @@ class Channels:
         ]
 
     def arm(self) -> list[Message]:
-        """Those of a simulated arm, a message of each for each tick."""
+        """Messages written for each tick of a simulated arm."""
         n = len(self.joints)
         return [
             joint_state("/truth", self.joints, ("true_q", "true_dq", "set_tau")),
@@ -106,7 +107,7 @@ class Channels:
         ]
 
     def as_text(self) -> str:
-        """As a log keeps it."""
+        """JSON, as stored in a log."""
         return json.dumps(
             {
                 "joints": self.joints,
@@ -119,21 +120,19 @@ class Channels:
 
     @classmethod
     def of_text(cls, text: str) -> Channels:
-        """Return what `as_text` has written.
+        """Parse the output of `as_text`.
 
-        - `text`: of a log.
-
-        Raises ValueError if it is something else.
+        Raises ValueError for anything else.
         """
         try:
             data = json.loads(text)
             lists = [data[name] for name in ("joints", "units", "bits")]
             signals, bounded = data["signals"], data["bounded"]
         except (ValueError, KeyError, TypeError, RecursionError):
-            raise ValueError("its list of channels is no such list") from None
+            raise ValueError("its list of channels is malformed") from None
         texts = all(isinstance(entry, list) and all(isinstance(name, str) for name in entry) for entry in lists)
         if not texts or not isinstance(signals, dict) or not isinstance(bounded, bool) or not lists[0]:
-            raise ValueError("its list of channels is no such list")
+            raise ValueError("its list of channels is malformed")
         sizes = [*map(len, lists), len(signals), *(size for size in signals.values() if size is not None)]
         if not all(isinstance(size, int) and 0 <= size <= MOST for size in sizes):
             raise ValueError(f"its list of channels has more than {MOST} entries")
@@ -145,14 +144,10 @@ class Channels:
 
 
 def _apart(name: str) -> str:
-    """The margin of the envelope; a law's monitor may have a signal of that name."""
+    """Column of the envelope's margin; a law's monitor may have a signal of that name."""
     return "envelope_margin" if name == "margin" else name
 
 
 def flags(bits: Sequence[str], status: int) -> list[str]:
-    """The names of the bits that are set.
-
-    - `bits`: all names, the lowest first.
-    - `status`: the bits.
-    """
+    """Names of the bits that are set in `status`; `bits` has all names, lowest first."""
     return [name for place, name in enumerate(bits) if status >> place & 1]

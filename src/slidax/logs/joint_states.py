@@ -1,4 +1,4 @@
-"""Messages `sensor_msgs/JointState` from logs of ROS 2: MCAP files, and the folders of `ros2 bag`."""
+"""`sensor_msgs/JointState` messages from ROS 2 logs: MCAP files, and folders of `ros2 bag`."""
 
 from __future__ import annotations
 
@@ -20,16 +20,15 @@ TOPIC = "/joint_states"
 """The usual topic."""
 
 OWN = "/truth"
-"""The topic of simulated arms in logs of ours, which is meant for drawings."""
+"""Topic of simulated arms in slidax's logs, meant for display."""
 
 
 @dataclass(frozen=True)
 class JointStates:
     """Messages of one topic.
 
-    - `topic`: their topic.
     - `messages`: as mappings, decoded one by one.
-    - `notes`: sentences about what is not read.
+    - `notes`: sentences about skipped content.
     """
 
     topic: str
@@ -38,10 +37,9 @@ class JointStates:
 
 
 def read_joint_states(path: Path, topic: str | None = None, joints: Sequence[str] = ()) -> JointStates:
-    """Return the joint states in an MCAP file, whoever wrote it.
+    """Return the joint states in an MCAP file from any writer.
 
-    - `path`: the file.
-    - `topic`: of the messages; if not given, the only one whose first message has the joints, or `/joint_states`.
+    - `topic`: by default the only one whose first messages have the joints, or `/joint_states`.
     - `joints`: names that the messages must have.
 
     Raises DefinitionError if it cannot be read, has no such messages or several topics with them, or a package is
@@ -50,7 +48,7 @@ def read_joint_states(path: Path, topic: str | None = None, joints: Sequence[str
     require_reader()
     decode = decoder()
     contents = read_contents(path, TYPES)
-    notes = () if contents.whole else ("the file has no end or is damaged: it is read as far as it is whole",)
+    notes = () if contents.whole else ("the file is incomplete or damaged: it is read up to the damage",)
     return choose_topic(f"`{path.name}`", contents.bodies, contents.topics, topic, joints, decode, notes)
 
 
@@ -63,14 +61,12 @@ def choose_topic(
     decode: Any,
     notes: Sequence[str],
 ) -> JointStates:
-    """Return the joint states of the topic that is asked for, or of the only one that has the joints.
+    """Return the joint states of the requested topic, or of the only one that has the joints.
 
-    - `source`: what is read, for messages.
-    - `bodies`: messages as they were sent, by topic.
+    - `source`: the log's name in messages.
+    - `bodies`: undecoded messages by topic.
     - `topics`: all topics of the log.
-    - `topic`, `joints`: as in `read_joint_states`.
-    - `decode`: a message as a mapping.
-    - `notes`: sentences about what is not read.
+    - `decode`: from an undecoded message to an object.
 
     Raises DefinitionError if there is none, or there are several.
     """
@@ -84,9 +80,9 @@ def choose_topic(
         return JointStates(topic, _decoded(source, bodies[topic], decode), tuple(notes))
     if not bodies:
         raise DefinitionError(f"{source} has no messages of ROS 2 with joint states; {_no_joint_states(topics)}")
-    able = [name for name, messages in bodies.items() if _has_joints(source, messages, joints, decode)]
-    chosen = TOPIC if TOPIC in able or (not able and TOPIC in bodies) else None
-    others = [name for name in able or list(bodies) if name != chosen and name != OWN]
+    with_joints = [name for name, messages in bodies.items() if _has_joints(source, messages, joints, decode)]
+    chosen = TOPIC if TOPIC in with_joints or (not with_joints and TOPIC in bodies) else None
+    others = [name for name in with_joints or list(bodies) if name != chosen and name != OWN]
     if chosen is None and len(others) == 1:
         chosen, others = others[0], []
     if chosen is None and not others:
@@ -94,14 +90,14 @@ def choose_topic(
     if chosen is None:
         names = ", ".join(f"`{plain(name)}`" for name in sorted(others)[:12])
         raise DefinitionError(
-            f"{source} has joint states on {len(others)} topics, {names}: say which (`--topic {sorted(others)[0]}`)"
+            f"{source} has joint states on {len(others)} topics, {names}: choose one (`--topic {sorted(others)[0]}`)"
         )
     notes = list(notes)
     if chosen != TOPIC:
-        notes.append(f"the topic `{plain(chosen)}` is read, the only one with joint states of the arm")
+        notes.append(f"reading topic `{plain(chosen)}`, the only one with joint states of the arm")
     elif others:
         names = ", ".join(f"`{plain(name)}`" for name in sorted(others)[:8])
-        notes.append(f"the topic `{TOPIC}` is read; there are joint states on {names}, too (`--topic`)")
+        notes.append(f"reading topic `{TOPIC}`; joint states also on {names} (`--topic`)")
     return JointStates(chosen, _decoded(source, bodies[chosen], decode), tuple(notes))
 
 
@@ -111,7 +107,7 @@ def _no_joint_states(topics: set[str]) -> str:
 
 
 def _has_joints(source: str, messages: Sequence[bytes], joints: Sequence[str], decode: Any) -> bool:
-    """True if one of the first messages, which may be of several publishers, has all the joints."""
+    """True if one of the first messages, possibly from several publishers, has all joints."""
     return any(
         len(matched(message["name"], joints)) == len(joints) for message in _decoded(source, messages[:20], decode)
     )
@@ -123,16 +119,16 @@ def _decoded(source: str, messages: Sequence[bytes], decode: Any) -> Iterator[di
             message = decode(body)
             stamp = {"sec": message.header.stamp.sec, "nanosec": message.header.stamp.nanosec}
             parts = {name: list(getattr(message, name)) for name in ("name", "position", "velocity", "effort")}
-        # The decoder raises whatever a damaged byte leads it to.
+        # The decoder raises any kind of error on damaged bytes.
         except Exception:
             raise DefinitionError(
-                f"{source}, message {number}: no `sensor_msgs/JointState`: it is damaged or of another type"
+                f"{source}, message {number}: not a `sensor_msgs/JointState`: damaged or of another type"
             ) from None
         yield {"header": {"stamp": stamp}, **parts}
 
 
 def decoder() -> Any:
-    """Return a decoder of joint states by our own definition, as that in a file may be anything.
+    """Return a decoder of joint states by slidax's own definition, as a file's definition may be anything.
 
     Raises DefinitionError if its package is missing.
     """

@@ -1,4 +1,4 @@
-"""Messages as ROS 2 has them (CDR), many at once: all numbers of a message are at fixed places."""
+"""ROS 2 messages in CDR, encoded many at once: every number of a message has a fixed place."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from functools import cached_property
 import numpy as np
 
 DTYPES = {"float64": "<f8", "int64": "<i8", "uint32": "<u4", "bool": "u1"}
-"""Kinds of numbers in a message."""
+"""NumPy types of the number types in a message."""
 
 _HEADER = "=" * 80
 _STAMP = f"{_HEADER}\nMSG: builtin_interfaces/Time\nint32 sec\nuint32 nanosec\n"
@@ -19,13 +19,12 @@ _FRAME = f"{_HEADER}\nMSG: std_msgs/Header\nbuiltin_interfaces/Time stamp\nstrin
 
 @dataclass(frozen=True)
 class Field:
-    """A number of a message, or an array of them.
+    """A number of a message, or an array of numbers.
 
-    - `name`: its own; of a column in a log, too.
     - `kind`: one of `DTYPES`.
-    - `count`: how many; None for a single one.
-    - `sequence`: whether the length stands before an array, as in messages of ROS whose length is not fixed.
-    - `column`: what it is called in a log; as in the message if "".
+    - `count`: array length; None for a scalar.
+    - `sequence`: True if the length precedes the array, as in ROS messages of variable length.
+    - `column`: its name in a log; "" if it is `name`.
     """
 
     name: str
@@ -42,12 +41,11 @@ class Field:
 
 @dataclass(frozen=True)
 class Message:
-    """A kind of message on a channel of its own.
+    """A message type on a channel of its own.
 
-    - `topic`: of the channel.
-    - `type`: of the message, as in `sensor_msgs/msg/JointState`.
+    - `type`: such as `sensor_msgs/msg/JointState`.
     - `fields`: after the header and the names.
-    - `names`: of joints, in a field `name`; none if empty.
+    - `names`: joint names in a field `name`; no such field if empty.
     """
 
     topic: str
@@ -57,7 +55,7 @@ class Message:
 
     @property
     def definition(self) -> str:
-        """The type in ROS 2's language, with all that it is made of."""
+        """The type in ROS 2's interface language, with all types that it contains."""
         lines = ["std_msgs/Header header"] + (["string[] name"] if self.names else [])
         for field in self.fields:
             size = "" if field.count is None else "[]" if field.sequence else f"[{field.count}]"
@@ -66,7 +64,7 @@ class Message:
 
     @cached_property
     def _layout(self) -> tuple[bytes, dict[str, tuple[int, int]]]:
-        """A message whose numbers are all 0, and where each field is in it: its offset and its length in bytes."""
+        """A message of zeros, and the offset and length [bytes] of each field in it."""
         body = bytearray()
 
         def aligned(size: int) -> None:
@@ -94,14 +92,14 @@ class Message:
             aligned(size)
             places[field.name] = (4 + len(body), size * count)
             body.extend(bytes(size * count))
-        # The first bytes say that what follows is little-endian CDR.
+        # Encapsulation header: little-endian CDR.
         return b"\0\1\0\0" + bytes(body), places
 
     def packed(self, stamps: np.ndarray, columns: Mapping[str, np.ndarray]) -> list[bytes]:
-        """Messages.
+        """Encode messages.
 
         - `stamps`: their times [ns], [m].
-        - `columns`: the numbers of each field by its column, with the message as first axis.
+        - `columns`: values of each field by column, with the message as first axis.
         """
         blank, places = self._layout
         rows = np.tile(np.frombuffer(blank, np.uint8), (len(stamps), 1))
@@ -114,25 +112,21 @@ class Message:
         return [whole[k : k + size] for k in range(0, len(whole), size)]
 
     def unpacked(self, messages: Sequence[bytes]) -> dict[str, np.ndarray]:
-        """The numbers of messages that `packed` has made, by column.
-
-        - `messages`: in their order.
+        """Decode messages from `packed`, by column.
 
         Raises ValueError if one has another size.
         """
         blank, places = self._layout
         for number, message in enumerate(messages, 1):
             if len(message) != len(blank):
-                raise ValueError(
-                    f"message {number} on `{self.topic}` has {len(message)} bytes, where {len(blank)} are needed"
-                )
+                raise ValueError(f"message {number} on `{self.topic}` has {len(message)} bytes instead of {len(blank)}")
         rows = np.frombuffer(b"".join(messages), np.uint8).reshape(len(messages), len(blank))
-        found = {}
+        values = {}
         for field in self.fields:
             offset, length = places[field.name]
             numbers = np.ascontiguousarray(rows[:, offset : offset + length]).view(DTYPES[field.kind])
-            found[field.key] = numbers[:, 0] if field.count is None else numbers
-        return found
+            values[field.key] = numbers[:, 0] if field.count is None else numbers
+        return values
 
 
 def _bytes(numbers: np.ndarray, dtype: str) -> np.ndarray:
@@ -141,12 +135,7 @@ def _bytes(numbers: np.ndarray, dtype: str) -> np.ndarray:
 
 
 def joint_state(topic: str, names: Sequence[str], columns: Sequence[str]) -> Message:
-    """`sensor_msgs/JointState`.
-
-    - `topic`: of the channel.
-    - `names`: of the joints.
-    - `columns`: what position, velocity and effort are called in a log.
-    """
+    """`sensor_msgs/JointState` whose position, velocity and effort have these columns in a log."""
     fields = tuple(
         Field(name, "float64", len(names), True, column)
         for name, column in zip(("position", "velocity", "effort"), columns, strict=True)

@@ -1,4 +1,4 @@
-"""The packages for logs, which are imported when they are needed."""
+"""Optional packages for logs, imported on first use."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ REMEDY = "pip install 'slidax[log]'"
 
 
 def require_writer() -> Any:
-    """The package that writes MCAP files and serves live data.
+    """Return the package that writes MCAP files and serves live data.
 
     Raises DefinitionError with the remedy if it is not installed.
     """
@@ -22,7 +22,7 @@ def require_writer() -> Any:
 
 
 def require_reader() -> None:
-    """Raises DefinitionError with the remedy if the package that reads MCAP files is not installed."""
+    """Raise DefinitionError with the remedy if the package that reads MCAP files is not installed."""
     try:
         import mcap.stream_reader  # noqa: F401  (only whether it is there)
     except ImportError:
@@ -32,7 +32,7 @@ def require_reader() -> None:
 
 
 def require_rosbags() -> Any:
-    """Return the reader of the databases of ros2 bag.
+    """Return the reader of ros2 bag's databases.
 
     Raises DefinitionError with the remedy if its package is not installed.
     """

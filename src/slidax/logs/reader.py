@@ -1,4 +1,4 @@
-"""A log read back, also one that has no end."""
+"""Read a log back, even an incomplete one."""
 
 from __future__ import annotations
 
@@ -17,15 +17,13 @@ from .writer import METADATA, SCENARIO
 
 @dataclass(frozen=True)
 class SavedLog:
-    """What an MCAP file of ours has.
+    """Content of an MCAP file written by slidax.
 
-    - `path`: of the file.
-    - `channels`: what it has.
     - `metadata`: of the run, as texts.
     - `attachments`: files by name.
-    - `law`: columns with an answer of the law a row, by name; signals as `signal:NAME`.
-    - `arm`: columns with a tick of a simulated arm a row; without rows for a real one.
-    - `whole`: whether the file has an end; one whose writer was killed has none.
+    - `law`: columns with one row per answer of the law; signals as `signal:NAME`.
+    - `arm`: columns with one row per tick of a simulated arm; no rows for a real one.
+    - `whole`: False if the writer was killed and the file has no end.
     """
 
     path: Path
@@ -40,10 +38,10 @@ class SavedLog:
     def scenario(self) -> str:
         """The scenario as YAML.
 
-        Raises DefinitionError if there is none in the file, or it is damaged.
+        Raises DefinitionError if it is missing or damaged.
         """
         if SCENARIO not in self.attachments:
-            raise DefinitionError(f"`{self.path}` has no `{SCENARIO}` in it, which says what was run")
+            raise DefinitionError(f"`{self.path}` does not contain `{SCENARIO}`")
         try:
             return self.attachments[SCENARIO].decode()
         except UnicodeDecodeError:
@@ -56,11 +54,9 @@ class SavedLog:
 
 
 def read_mcap(path: Path) -> SavedLog:
-    """Return a log of ours.
+    """Read a log of slidax.
 
-    - `path`: the file.
-
-    Raises DefinitionError if it cannot be read, is damaged or is none of ours, or mcap is not installed.
+    Raises DefinitionError if it cannot be read, is damaged, has another writer, or mcap is not installed.
     """
     contents = read_contents(path)
     metadata: dict[str, str] | None = None
@@ -72,7 +68,7 @@ def read_mcap(path: Path) -> SavedLog:
         elif kind == "Attachment":
             attachments[record.name] = record.data
     if metadata is None or "channels" not in metadata:
-        raise DefinitionError(f"`{path}` is no log of slidax: `slidax run SCENARIO --out log.mcap` writes one")
+        raise DefinitionError(f"`{path}` is not a slidax log: `slidax run SCENARIO --out log.mcap` writes one")
     try:
         channels = Channels.of_text(metadata["channels"])
         sides = [_columns(contents.bodies, side) for side in (channels.law(), channels.arm())]
@@ -82,7 +78,7 @@ def read_mcap(path: Path) -> SavedLog:
 
 
 def _columns(messages: dict[str, list[bytes]], kinds: list[Message]) -> dict[str, np.ndarray]:
-    # A chunk holds whole answers, but the last one may be cut where something else than a flush ended it.
+    # A chunk holds complete answers, but the last one may be cut if it was not ended by a flush.
     rows = min(len(messages.get(kind.topic, ())) for kind in kinds)
     columns: dict[str, np.ndarray] = {}
     for kind in kinds:

@@ -1,4 +1,4 @@
-"""The records of an MCAP file, damaged and hostile ones included."""
+"""Records of an MCAP file, including damaged and hostile files."""
 
 from __future__ import annotations
 
@@ -16,25 +16,26 @@ from slidax._files import MEGABYTE, open_file
 from .needed import require_reader
 
 MOST_BYTES = 8000 * MEGABYTE
-"""Of a file."""
+"""Largest file."""
 
 MOST_OF_A_CHUNK = 256 * MEGABYTE
-"""Bytes that a chunk unpacks to; writers end a chunk at some MB."""
+"""Bytes that a chunk may unpack to; writers end a chunk at some MB."""
 
 UNPACKED, RATIO = 64 * MEGABYTE, 30
-"""Bytes that all chunks may unpack to: the first, and the second times the size of the file. Numbers of a robot are
-packed to a tenth at best, zeros to a thousandth."""
+"""Bytes that all chunks may unpack to: the first number, plus the second times the size of the file. Numbers of a robot
+compress to a tenth at best, zeros to a thousandth.
+"""
 
 _SCHEMA, _CHANNEL, _MESSAGE, _PRIVATE = 3, 4, 5, 0x80
 
 
 @dataclass
 class Contents:
-    """The records of a file, up to its end or up to where it breaks off or is damaged.
+    """Records of a file, up to its end or to the first damage.
 
-    - `bodies`: messages as they were sent, by topic.
-    - `topics`: all of them.
-    - `others`: metadata and attachments, by the package `mcap`.
+    - `bodies`: undecoded messages by topic.
+    - `topics`: all topics.
+    - `others`: metadata and attachments, as objects of `mcap`.
     - `whole`: True if the file has an end.
     """
 
@@ -51,14 +52,13 @@ class _Message:
 
 
 class _DamagedError(Exception):
-    """A record is not what it must be."""
+    """A record is malformed."""
 
 
 def read_contents(path: Path, types: Sequence[str] = ()) -> Contents:
     """Return the records of an MCAP file.
 
-    - `path`: of the file.
-    - `types`: of the only messages that are kept, in CDR; all messages and other records are kept if not given.
+    - `types`: keep only messages of these types, in CDR; by default all messages and other records.
 
     Raises DefinitionError if the file cannot be read, is no MCAP file, or unpacks to too much, or mcap is missing.
     """
@@ -84,7 +84,7 @@ def read_contents(path: Path, types: Sequence[str] = ()) -> Contents:
 
 
 def _records(path: Path) -> Iterator[Any]:
-    """All records up to the end, or up to where the file breaks off: messages, and the others as `mcap` has them."""
+    """Yield all records up to the end or the first damage."""
     require_reader()
     from mcap.stream_reader import StreamReader
 
@@ -101,8 +101,8 @@ def _records(path: Path) -> Iterator[Any]:
                     if record.uncompressed_size > MOST_OF_A_CHUNK or left < 0:
                         raise DefinitionError(
                             f"`{path}`, {size / MEGABYTE:.3g} MB, unpacks to more than "
-                            f"{min(MOST_OF_A_CHUNK, UNPACKED + RATIO * size) / MEGABYTE:.3g} MB, as no log of a robot "
-                            "does; write it again without compression if it is one"
+                            f"{min(MOST_OF_A_CHUNK, UNPACKED + RATIO * size) / MEGABYTE:.3g} MB, more than any robot "
+                            "log: if it is one, write it again without compression"
                         )
                     yield from _of_chunk(record)
                 elif kind == "Message":
@@ -111,7 +111,7 @@ def _records(path: Path) -> Iterator[Any]:
                     yield record
         except DefinitionError:
             raise
-        # The packages that read records and unpack chunks raise whatever a damaged byte leads them to.
+        # The packages that read records and unpack chunks raise any kind of error on damaged bytes.
         except Exception as error:
             if file.tell() < 16:
                 reason = str(error).partition("\n")[0] or type(error).__name__
@@ -139,12 +139,12 @@ def _of_chunk(chunk: Any) -> Iterator[Any]:
             reader = Schema if kind == _SCHEMA else Channel
             yield reader.read(ReadDataStream(io.BytesIO(content[at : at + length])))
         elif kind < _PRIVATE:
-            raise _DamagedError("a chunk has a record that belongs outside")
+            raise _DamagedError("a chunk contains a record that must be outside")
         at += length
 
 
 def _unpacked(chunk: Any) -> bytes:
-    """The content of a chunk, not a byte more than it announces."""
+    """Decompress a chunk, to not a byte more than it announces."""
     most = chunk.uncompressed_size
     if chunk.compression == "":
         content: bytes = chunk.data
@@ -155,15 +155,15 @@ def _unpacked(chunk: Any) -> bytes:
     elif chunk.compression == "zstd":
         import zstandard
 
-        # Frames of more than this would need windows of that size.
+        # Larger frames would need larger windows.
         unpacker = zstandard.ZstdDecompressor(max_window_size=1 << 27)
         with unpacker.stream_reader(chunk.data, read_across_frames=True) as stream:
             content = stream.read(most + 1)
     else:
         raise DefinitionError(
-            f"a chunk is packed by `{chunk.compression}`: only lz4, zstd and unpacked ones are read; write the log "
-            "again with one of them"
+            f"a chunk is compressed by `{chunk.compression}`; only lz4, zstd and uncompressed chunks can be read: "
+            "write the log again with one of them"
         )
     if len(content) != most:
-        raise _DamagedError("a chunk has another size than it announces")
+        raise _DamagedError("a chunk's size differs from the announced size")
     return content

@@ -1,4 +1,4 @@
-"""A log as an MCAP file, and the same messages live."""
+"""Write a log as an MCAP file, and serve the same messages live."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from .needed import require_writer
 SECOND = 1_000_000_000
 
 SCENARIO = "scenario.yaml"
-"""The attachment that says what was run."""
+"""Attachment with the scenario that was run."""
 
 METADATA = "slidax"
-"""The name of the record with all else."""
+"""Name of the metadata record."""
 
 Columns = Mapping[str, np.ndarray]
 
@@ -26,7 +26,7 @@ Columns = Mapping[str, np.ndarray]
 class _Sink:
     """A file that remembers its first error instead of raising it.
 
-    foxglove-sdk, which writes to it, ends with a panic where the file fails, as on a full disk.
+    foxglove-sdk, which writes to it, panics where the file fails, as on a full disk.
     """
 
     def __init__(self, path: Path) -> None:
@@ -36,7 +36,7 @@ class _Sink:
         self._error: OSError | None = None
 
     def write(self, data: bytes) -> int:
-        """Write all of the data, or none of it after an error."""
+        """Write all of the data, or nothing after an error."""
         left = memoryview(data)
         while left and self._error is None:
             try:
@@ -46,34 +46,31 @@ class _Sink:
         return len(data)
 
     def seek(self, offset: int, whence: int = 0) -> int:
-        """Move to another place."""
         return self._file.seek(offset, whence)
 
     def flush(self) -> None:
-        """Do nothing, as nothing is held back."""
+        """Do nothing: the file is unbuffered."""
 
     def close(self) -> None:
-        """Close the file."""
         try:
             self._file.close()
         except OSError as error:
             self._error = self._error or error
 
     def require_written(self) -> None:
-        """Raise an OSError with the file's name if something could not be written."""
+        """Raise an OSError with the file's name if a write failed."""
         if self._error is not None:
             raise OSError(self._error.errno, self._error.strerror, str(self._path)) from None
 
 
 class LogWriter:
-    """Writes messages in chunks that are whole as soon as they are flushed, so that a file without an end can be read.
+    """Writes messages in chunks that are complete once flushed, so that a file without an end can be read.
 
     - `path`: of the file; None for live data alone.
-    - `channels`: what it has.
     - `metadata`: of the run, as texts.
     - `attachments`: files by name, `scenario.yaml` among them.
-    - `start`: time 0 by the wall clock [ns].
-    - `port`: of a server for live data on this machine alone; None for none.
+    - `start`: wall-clock time of t = 0 [ns].
+    - `port`: of a live-data server on this machine; None for none.
 
     Raises DefinitionError if foxglove-sdk is not installed or the port is taken, OSError if the file cannot be written.
     """
@@ -92,7 +89,7 @@ class LogWriter:
         from foxglove.mcap import MCAPCompression, MCAPWriteOptions
 
         self._start = start
-        # A context of its own: nothing else that the process may log ends up here. Held, as all goes with it.
+        # A context of its own, so that nothing else from this process is logged here. Kept alive by this reference.
         self._context = context = foxglove.Context()
         self._server: Any = None
         if port is not None:
@@ -101,11 +98,11 @@ class LogWriter:
             except Exception as error:
                 from slidax._errors import DefinitionError
 
-                raise DefinitionError(f"there can be no server at 127.0.0.1:{port}: {error}") from None
+                raise DefinitionError(f"cannot start a server at 127.0.0.1:{port}: {error}") from None
         self._file: Any = None
         self._sink: _Sink | None = None
         if path is not None:
-            # Chunks end where they are flushed; each is written at once, so that none is left half done.
+            # Chunks end at a flush and are written at once, so that none is left incomplete.
             options = MCAPWriteOptions(
                 compression=MCAPCompression.Lz4,
                 profile="ros2",
@@ -123,21 +120,15 @@ class LogWriter:
         self._arm = [(message, _opened(foxglove, message, context)) for message in channels.arm()]
 
     def law(self, columns: Columns) -> None:
-        """Answers of the law.
-
-        - `columns`: by name, with the answer as first axis.
-        """
+        """Write answers of the law: columns by name, with the answer as first axis."""
         self._write(self._law, columns, columns["t"])
 
     def arm(self, columns: Columns) -> None:
-        """Ticks of a simulated arm.
-
-        - `columns`: by name, with the tick as first axis.
-        """
+        """Write ticks of a simulated arm: columns by name, with the tick as first axis."""
         self._write(self._arm, columns, columns["true_t"])
 
     def flush(self) -> None:
-        """All that was written is in the file, and stays there whatever happens to this process.
+        """Complete the chunk, which survives the end of this process.
 
         Raises OSError if the file cannot be written.
         """
@@ -146,7 +137,7 @@ class LogWriter:
             self._require_written()
 
     def close(self) -> None:
-        """Ends the file and the server.
+        """End the file and the server.
 
         Raises OSError if the file cannot be written.
         """
@@ -167,9 +158,9 @@ class LogWriter:
             return
         stamps = self._start + np.round(t * SECOND).astype(np.int64)
         times = stamps.tolist()
-        # Without the wrapper around it, which takes as long as the writing.
+        # Bypasses the wrapper, which takes as long as the writing.
         packed = [(channel.base.log, message.packed(stamps, columns)) for message, channel in channels]
-        # In the order of time, as a reader expects it.
+        # In time order, as readers expect.
         for k, time in enumerate(times):
             for log, messages in packed:
                 log(messages[k], time)

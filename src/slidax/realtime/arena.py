@@ -1,4 +1,4 @@
-"""Machine code and the numbers it works on, in one block of memory: what a process needs that knows no JAX."""
+"""Machine code and the arrays it works on, in one block of memory; a process needs no JAX to run it."""
 
 from __future__ import annotations
 
@@ -11,16 +11,12 @@ from typing import Any
 import numpy as np
 
 ALIGNED = 64
-"""Bytes: a cache line, and what any vector of the processor may ask for."""
+"""Bytes: a cache line, and the strictest alignment of a vector load."""
 
 
 @dataclass(frozen=True)
 class Slot:
-    """An array's place in the block.
-
-    - `offset`: where it begins [bytes].
-    - `shape`, `dtype`: its own.
-    """
+    """Place of an array in the block; `offset` in bytes."""
 
     offset: int
     shape: tuple[int, ...]
@@ -28,7 +24,7 @@ class Slot:
 
     @property
     def end(self) -> int:
-        """Where it ends [bytes]."""
+        """End of the array in the block [bytes]."""
         return self.offset + int(np.prod(self.shape, dtype=int)) * np.dtype(self.dtype).itemsize
 
 
@@ -38,7 +34,7 @@ class Coded:
 
     - `object`: an object file for this machine.
     - `entry`: the name of its function.
-    - `offsets`: of all inputs and then of all outputs, in the block [bytes]; no output is an input.
+    - `offsets`: of all inputs and then of all outputs in the block [bytes]; no output is an input.
     """
 
     object: bytes
@@ -48,12 +44,11 @@ class Coded:
 
 @dataclass(frozen=True)
 class Plan:
-    """All that an arena is made from; it goes from one process to another.
+    """Description of an arena, which one process sends to another.
 
     - `initial`: the block before the first call.
-    - `routines`: machine code by name.
-    - `views`: arrays by name.
-    - `regions`: where parts of the block begin and end [bytes], by name.
+    - `routines`, `views`: machine code and arrays, by name.
+    - `regions`: start and end of parts of the block [bytes], by name.
     """
 
     initial: bytes
@@ -63,9 +58,7 @@ class Plan:
 
 
 class Arena:
-    """The block in this process, with its code ready to be called: a call takes less than 1 us beside its work.
-
-    - `plan`: what it is made from.
+    """The block in this process, with its code ready to be called; a call costs less than 1 µs in addition to its work.
 
     Raises ImportError if llvmlite is missing.
     """
@@ -84,36 +77,27 @@ class Arena:
         }
 
     def reset(self) -> None:
-        """The block as it was at first."""
+        """Restore the initial block."""
         self.block[:] = np.frombuffer(self.plan.initial, np.uint8)
 
     def view(self, name: str) -> np.ndarray:
-        """An array in the block.
-
-        - `name`: of the view.
-        """
+        """Return an array in the block."""
         slot = self.plan.views[name]
         return self.block[slot.offset : slot.end].view(slot.dtype).reshape(slot.shape)
 
     def region(self, name: str) -> np.ndarray:
-        """A part of the block, as bytes.
-
-        - `name`: of the region.
-        """
+        """Return a part of the block as bytes."""
         start, end = self.plan.regions[name]
         return self.block[start:end]
 
     def routine(self, name: str) -> Callable[[], None]:
-        """Machine code, to be called without arguments.
-
-        - `name`: of the routine.
-        """
+        """Return machine code that is called without arguments."""
         code = self.plan.routines[name]
         return partial(self._linked[code.entry], self._tables[name].ctypes.data, 1, 0)
 
 
 def _linked(plan: Plan) -> dict[str, Any]:
-    """Each function once, by the name of its entry."""
+    """Link each function once; by the name of its entry."""
     import llvmlite.binding as llvm
 
     llvm.initialize_native_target()
@@ -121,14 +105,14 @@ def _linked(plan: Plan) -> dict[str, Any]:
     target = llvm.Target.from_default_triple().create_target_machine(reloc="pic", codemodel="small")
     jit = llvm.create_lljit_compiler(target, use_jit_link=True)
     signature = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_int64, ctypes.c_int64)
-    found: dict[str, Any] = {}
+    functions: dict[str, Any] = {}
     for code in plan.routines.values():
-        if code.entry in found:
+        if code.entry in functions:
             continue
         builder = llvm.JITLibraryBuilder().add_object_img(code.object).add_current_process()
         library = builder.export_symbol(code.entry).link(jit, f"of_{code.entry}")
         function: Any = signature(library[code.entry])
-        # The code lives as long as what holds it.
+        # The code lives as long as its holder.
         function.held = (jit, library)
-        found[code.entry] = function
-    return found
+        functions[code.entry] = function
+    return functions

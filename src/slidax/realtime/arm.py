@@ -1,4 +1,4 @@
-"""The arm's side: what a robot's own computer and drives do in a tick, here with a simulated arm."""
+"""The arm's side of a loop: the work of a robot's own computer and drives in one tick, here with a simulated arm."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ import numpy as np
 from .arena import Arena, Plan
 
 World = tuple[Any, np.ndarray, np.ndarray]
-"""MuJoCo's model, and where the joints' positions and velocities are in it."""
+"""MuJoCo's model, and the indices of the joints' positions and velocities in it."""
 
 
 class Arm:
-    """An arm that is moved tick by tick.
+    """A simulated arm that is moved tick by tick.
 
-    - `plan`: its code: `set` takes a torque, `measure` measures, `move` or `push` move.
-    - `world`: MuJoCo's side of it; None if the arm is ours.
+    - `plan`: its code: `set` takes a torque, `measure` measures, `move` moves the arm or computes MuJoCo's force.
+    - `world`: MuJoCo's model; None for slidax's own arm.
     - `substeps`: MuJoCo's steps in a tick.
     """
 
@@ -44,25 +44,18 @@ class Arm:
             self._data = mujoco.MjData(world[0])
             self._data.qpos[world[1]], self._data.qvel[world[2]] = self.q, self.dq
 
-    def set(self, k: int, came: bool) -> None:
-        """Takes the torque in `tau`, or goes on with the last one.
-
-        - `k`: the tick.
-        - `came`: whether a command for this tick has come.
-        """
+    def set(self, k: int, arrived: bool) -> None:
+        """Apply the torque in `tau` at tick `k` if its command arrived in time; else the previous torque stands."""
         self._k[()] = self._tick[()] = k
         self._brakes[()] = self._braking[()] = self.braking
-        if came:
+        if arrived:
             self._applied[()] = k
         self._set()
         before, after = self._pairs["delivery"]
         before[:] = after
 
     def measure(self, k: int) -> bool:
-        """Measures into `measured`; returns whether the measurement goes out, and is not lost.
-
-        - `k`: the tick.
-        """
+        """Measure into `measured`; return False if this measurement is lost."""
         self._k[()] = k
         self._measure()
         before, after = self._pairs["sensor"]
@@ -70,7 +63,7 @@ class Arm:
         return bool(self.fresh)
 
     def move(self) -> bool:
-        """Moves on to the next tick; returns whether all is finite."""
+        """Move on to the next tick; return True if the state is finite."""
         if self._world is None:
             self._move()
             before, after = self._pairs["state"]
@@ -88,5 +81,5 @@ class Arm:
 
     @property
     def rests(self) -> bool:
-        """Whether it has come to rest."""
+        """True if the arm has come to rest."""
         return bool(np.abs(self.dq).max() < 1e-3)

@@ -1,4 +1,4 @@
-"""The process of the arm: `python -m slidax.realtime.arm_process DESCRIPTOR`."""
+"""The arm's process in a real-time loop."""
 
 from __future__ import annotations
 
@@ -6,29 +6,26 @@ from .arm import Arm
 from .board import Mailbox, Ring
 from .clock import SECOND, Sleeper, now
 from .job import KEPT_ROWS, STOP, Job, Report
-from .process import Stage, took_part
+from .process import Stage
 
 BRAKES_FOR = 2.0
-"""At most [s]; then the arm's own brakes would have it."""
+"""Longest braking [s]; a real arm's mechanical brakes would hold it by then."""
 
 
-def work(job: Job, stage: Stage) -> Report:
-    """The loop: at each tick take the command that is for it, measure, publish, and move on.
+def run_arm(job: Job, stage: Stage) -> Report:
+    """Run the loop: at each tick take its command, measure, publish, and move on.
 
-    A command that comes late is not taken at all: the torque of the tick before stands for a tick more. Time does not
-    wait: where this process itself is late, it makes up for the ticks that went by, as an arm would not have stood
-    still either; and a command for them that was sent after their time is late all the same. The arm brakes after
-    `patience` ticks without a command, or as soon as the law asks for it, however late that command is.
-
-    - `job`: what is to be done.
-    - `stage`: what is shared.
+    A command that arrives after its tick is not applied: the previous torque stands for one more tick. Time does not
+    wait: if this process is delayed, it simulates the ticks that passed, as a real arm would have moved on; commands
+    that were sent after those ticks count as delayed too. The arm brakes after `patience` ticks without a command, or
+    as soon as the law requests a stop, however delayed that command is.
     """
     arm = Arm(job.plan, job.world, job.substeps)
     measurement, command, _, row = job.lengths
     measurements = Mailbox(stage.at(job.places.measurements), measurement)
     commands = Mailbox(stage.at(job.places.commands), command)
     ring = Ring(stage.at(job.places.arm_rows), row, KEPT_ROWS)
-    says = measurements.message[:24].view("i8")
+    header = measurements.message[:24].view("i8")
     body, torque = measurements.message[24:], commands.message[8:].view("f8")
     sent = commands.message[:8].view("i8")
     wake, missing = arm.arena.view("wake"), arm.arena.view("missing")
@@ -37,10 +34,10 @@ def work(job: Job, stage: Stage) -> Report:
     measurements.clear()
     commands.clear()
     body[:] = arm.measured
-    says[:] = -1, now(), 0
+    header[:] = -1, now(), 0
     stage.ready()
     start = stage.started()
-    says[1:] = start - period, start - period
+    header[1:] = start - period, start - period
     measurements.put(-1)
     applied, without, braked = -1, 0, 0
     reason = cause = "done"
@@ -50,8 +47,8 @@ def work(job: Job, stage: Stage) -> Report:
         woke = now()
         number = commands.get()
         requested = sent[0] == STOP
-        came = number == k and not requested and sent[0] <= due
-        if came:
+        arrived = number == k and not requested and sent[0] <= due
+        if arrived:
             arm.tau[:] = torque
             applied, without = k, 0
         elif not requested:
@@ -62,13 +59,13 @@ def work(job: Job, stage: Stage) -> Report:
         if (requested or without > job.patience) and not arm.braking:
             arm.braking = True
             cause = "stop requested" if requested else "no command"
-        arm.set(k, came)
-        goes_out = arm.measure(k)
+        arm.set(k, arrived)
+        measured = arm.measure(k)
         if arm.braking:
-            pass  # a robot that brakes has ended the motion, and answers no more
-        elif goes_out:
+            pass  # a braking robot has ended the motion and sends no more measurements
+        elif measured:
             body[:] = arm.measured
-            says[:] = applied, now(), due
+            header[:] = applied, now(), due
             measurements.put(k)
         else:
             counts["lost"] += 1
@@ -88,7 +85,3 @@ def work(job: Job, stage: Stage) -> Report:
             reason = "stopped"
             break
     return stage.report(reason, counts)
-
-
-if __name__ == "__main__":
-    took_part(work)

@@ -1,4 +1,4 @@
-"""What processes share: a block of memory without a name, in it the newest messages, and rings of rows."""
+"""Shared memory between processes: anonymous blocks, the newest message of a sender, and rings of rows."""
 
 from __future__ import annotations
 
@@ -11,14 +11,11 @@ import zlib
 import numpy as np
 
 NEWEST = 8
-"""So many messages are kept, so that the newest can be read while the next is written."""
+"""Messages kept, so that the newest can be read while the next is written."""
 
 
 def anonymous(size: int) -> int:
-    """The descriptor of shared memory that is gone with the last process that has it.
-
-    - `size`: bytes.
-    """
+    """Return the descriptor of shared memory that vanishes with the last process that holds it; `size` in bytes."""
     if sys.platform == "linux":
         descriptor = os.memfd_create("slidax")
     else:
@@ -30,21 +27,20 @@ def anonymous(size: int) -> int:
 
 
 def mapped(descriptor: int) -> np.ndarray:
-    """The shared memory, as bytes.
-
-    - `descriptor`: of `anonymous`.
-    """
+    """Return the shared memory of a descriptor from `anonymous`, as bytes."""
     return np.frombuffer(mmap.mmap(descriptor, 0), np.uint8)
 
 
 FRESH = 16
-"""A processor may show the count of rows before the newest rows themselves; never so many periods before."""
+"""Rows: a processor may show the count of rows before the newest rows themselves, but never this many periods
+before.
+"""
 
 
 class Mailbox:
     """The newest message of one process for another: bytes of one size, with a number and a checksum.
 
-    The checksum says whether a message is whole, whatever the order in which a processor shows its writes to others.
+    The checksum detects an incomplete message, in whatever order a processor shows its writes to others.
 
     - `memory`: shared, `Mailbox.size(length)` bytes.
     - `length`: of a message [bytes], a multiple of 8.
@@ -60,21 +56,15 @@ class Mailbox:
 
     @staticmethod
     def size(length: int) -> int:
-        """Bytes of shared memory.
-
-        - `length`: of a message.
-        """
+        """Bytes of shared memory for messages of this length."""
         return 8 + NEWEST * (length + 16)
 
     def clear(self) -> None:
-        """No message."""
+        """Remove all messages."""
         self._newest[0] = -2
 
     def put(self, number: int) -> None:
-        """Makes `message` the newest.
-
-        - `number`: of the message, larger than that of the one before.
-        """
+        """Publish `message` as the newest; its `number` must be larger than that of the previous one."""
         at = number % NEWEST
         self._numbers[at][0] = number
         self._bodies[at][:] = self.message
@@ -82,9 +72,9 @@ class Mailbox:
         self._newest[0] = number
 
     def get(self) -> int:
-        """Takes the newest into `message`; returns its number, or -2 if there is none that is whole.
+        """Copy the newest complete message into `message`; return its number.
 
-        `message` may then hold anything.
+        Returns -2 if there is none; `message` may then hold anything.
         """
         number = int(self._newest[0])
         if number == -2:
@@ -96,11 +86,11 @@ class Mailbox:
 
 
 class Ring:
-    """Rows of one process for another that reads them later: the writer never waits, and what is not read is lost.
+    """Rows from one process for another that reads them later: the writer never waits, and unread rows are overwritten.
 
     - `memory`: shared, `Ring.size(length, rows)` bytes.
     - `length`: of a row [bytes], a multiple of 8.
-    - `rows`: how many there is room for.
+    - `rows`: capacity.
     """
 
     def __init__(self, memory: np.ndarray, length: int, rows: int) -> None:
@@ -113,29 +103,23 @@ class Ring:
 
     @staticmethod
     def size(length: int, rows: int) -> int:
-        """Bytes of shared memory.
-
-        - `length`, `rows`: as above.
-        """
+        """Bytes of shared memory."""
         return 8 + length * rows
 
     def put(self, row: np.ndarray) -> None:
-        """Writes a row.
-
-        - `row`: its bytes.
-        """
+        """Write a row."""
         self._rows[self._put % self._count] = row
         self._put += 1
         self._written[0] = self._put
 
     def take(self, *, last: bool = False) -> np.ndarray:
-        """The rows that came since, [m length]; the newest few wait for the next call, until they are whole for sure.
+        """Return the new rows, [m length].
 
-        - `last`: whether the writer has ended, so that all are.
+        The newest few wait for the next call, unless the writer has ended (`last`).
         """
         written = int(self._written[0])
         upto = written if last else written - FRESH
-        # A margin to the row that is being written now.
+        # Margin to the row that is being written.
         oldest = written - self._count + 4 * FRESH
         if self._taken < oldest:
             self.lost += oldest - self._taken

@@ -1,4 +1,4 @@
-"""The clock that a loop goes by, and what a process may ask of the system to keep to it."""
+"""The monotonic clock of a loop, and the real-time scheduling that a process requests from the system."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ class _Timespec(ctypes.Structure):
 
 
 def now() -> int:
-    """The monotonic clock [ns]; all processes of a machine read the same one."""
+    """Time of the monotonic clock [ns], which all processes of a machine share."""
     if sys.platform == "win32":
         return time.monotonic_ns()
     return time.clock_gettime_ns(time.CLOCK_MONOTONIC)
 
 
 class Sleeper:
-    """Sleeps until a time, not for a time, so that what is late once is not late for ever."""
+    """Sleeps until an absolute time, so that one delay does not shift all later wake-ups."""
 
     def __init__(self) -> None:
         self._time = _Timespec()
@@ -40,10 +40,7 @@ class Sleeper:
             self._sleep = ctypes.CDLL(None).clock_nanosleep
 
     def until(self, when: int) -> None:
-        """Returns at a time, or at once if it has passed.
-
-        - `when`: by `now` [ns].
-        """
+        """Return at time `when` [ns, by `now`], or at once if it has passed."""
         if self._sleep is None:
             left = when - now()
             if left > 0:
@@ -56,11 +53,11 @@ class Sleeper:
 
 @dataclass(frozen=True)
 class Granted:
-    """What the system allowed.
+    """The real-time properties that the system granted.
 
-    - `priority`: real-time priority (SCHED_FIFO); None: an ordinary process.
-    - `locked`: whether its memory stays where it is (mlockall).
-    - `absolute`: whether it sleeps by absolute times (clock_nanosleep).
+    - `priority`: real-time priority (SCHED_FIFO); None for an ordinary process.
+    - `locked`: True if its memory stays in RAM (mlockall).
+    - `absolute`: True if it sleeps by absolute times (clock_nanosleep).
     """
 
     priority: int | None
@@ -69,11 +66,9 @@ class Granted:
 
 
 def settle(priority: int) -> Granted:
-    """Asks for all that keeps a process in time, and says what was granted. From now on no garbage is collected.
+    """Request real-time priority (1 to 99) and locked memory, stop garbage collection, and return what was granted.
 
-    The process ends when the one that started it does.
-
-    - `priority`: 1 to 99; larger goes first.
+    The process ends when its parent does.
     """
     gc.collect()
     gc.freeze()
@@ -82,7 +77,7 @@ def settle(priority: int) -> Granted:
         return Granted(None, False, False)
     system = ctypes.CDLL(None, use_errno=True)
     system.prctl(_DEATH_SIGNAL, _KILL, 0, 0, 0)
-    # Without real-time priority a timer may otherwise be 50 us late, to save power.
+    # Without this, a timer without real-time priority may be 50 µs late, to save power.
     system.prctl(_TIMER_SLACK, 1, 0, 0, 0)
     locked = system.mlockall(_ALL_MEMORY) == 0
     try:

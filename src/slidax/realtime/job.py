@@ -1,4 +1,4 @@
-"""What the processes of a loop are told before it begins, and what they say when it has ended."""
+"""Messages between the processes of a loop at its start and its end."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ KEPT_ROWS = 8192
 """Rows of a ring: eight seconds at 1 kHz, for a recorder that is held up."""
 
 STOP = -1
-"""In a command, in place of the time at which it was sent: the law asks the arm to brake."""
+"""In a command, instead of the time at which it was sent: the law asks the arm to brake."""
 
 
 @dataclass(frozen=True)
 class Places:
-    """Where in the shared memory each part begins [bytes].
+    """Layout of the shared memory: the start of each part [bytes].
 
     - `measurements`, `commands`: the mailboxes.
     - `law_rows`, `arm_rows`: the rings.
-    - `start`: time of tick 0 by the monotonic clock [ns], 0 as long as it is not set; after it, whether all is to end.
+    - `start`: time of tick 0 by the monotonic clock [ns], 0 until it is set; then a flag that ends both processes.
     - `size`: of all.
     """
 
@@ -36,17 +36,15 @@ class Places:
 class Job:
     """One side of the loop.
 
-    - `plan`: its code and numbers.
-    - `places`: of the shared memory.
     - `lengths`: bytes of a measurement, a command, a row of the law and a row of the arm.
     - `period`: between two ticks [s].
-    - `ticks`: how many.
-    - `patience`: ticks without a command, or a measurement, until the loop is over.
-    - `phase`: when after a tick the law wakes up [ns].
-    - `priority`: real-time priority that is asked for.
-    - `world`: for the arm: MuJoCo's model with the places of the joints, or None.
+    - `ticks`: length of the loop.
+    - `patience`: ticks without a command, or without a measurement, that end the loop.
+    - `phase`: wake-up of the law after a tick [ns].
+    - `priority`: real-time priority to request.
+    - `world`: for the arm: MuJoCo's model with the joints' indices, or None.
     - `substeps`: MuJoCo's steps in a tick.
-    - `stop_bit`: bit of the law's status with which the arm must brake; 0 for none.
+    - `stop_bit`: status bit of the law with which the arm must brake; 0 for none.
     """
 
     plan: Plan
@@ -64,12 +62,11 @@ class Job:
 
 @dataclass(frozen=True)
 class Report:
-    """What a side says at its end.
+    """A side's report at its end.
 
-    - `reason`: why it ended: "done", "stopped", "no command", "stop requested", "no measurement" or
-      "not finite".
+    - `reason`: "done", "stopped", "no command", "stop requested", "no measurement" or "not finite".
     - `priority`, `locked`, `absolute`: as in `Granted`.
-    - `counts`: what it counted, by name.
+    - `counts`: event counters, by name.
     """
 
     reason: str

@@ -1,23 +1,20 @@
-"""The process of the controller: `python -m slidax.realtime.law_process DESCRIPTOR`."""
+"""The law's process in a real-time loop, and the entry point of both: `python -m MODULE law|arm DESCRIPTOR`."""
 
 from __future__ import annotations
 
+from .arm_process import run_arm
 from .board import Mailbox, Ring
 from .clock import SECOND, Sleeper, now
 from .job import KEPT_ROWS, STOP, Job, Report
 from .law import Law
-from .process import Stage, took_part
+from .process import Stage, run_process
 
 NAP = 20_000
-"""Between two looks for a measurement that should have come [ns]."""
+"""Pause between two looks for an overdue measurement [ns]."""
 
 
-def work(job: Job, stage: Stage) -> Report:
-    """The loop: wake up, take the newest measurement, answer it, log, sleep.
-
-    - `job`: what is to be done.
-    - `stage`: what is shared.
-    """
+def run_law(job: Job, stage: Stage) -> Report:
+    """Run the loop: wake up, take the newest measurement, answer it, log, sleep."""
     law = Law(job.plan, job.period)
     measurement, command, row, _ = job.lengths
     measurements = Mailbox(stage.at(job.places.measurements), measurement)
@@ -76,4 +73,4 @@ def work(job: Job, stage: Stage) -> Report:
 
 
 if __name__ == "__main__":
-    took_part(work)
+    run_process({"arm": run_arm, "law": run_law})

@@ -9,7 +9,7 @@ from html.parser import HTMLParser
 from importlib import resources
 from typing import Any
 
-from slidax.deploy.web.page_text import page_text
+from slidax.deploy.web.page_text import PAGE, page_text
 
 FOLDER = resources.files("slidax.studio") / "page"
 
@@ -39,7 +39,7 @@ def page(manifest: Mapping[str, Any]) -> tuple[str, str]:
 
 
 def _has_loop() -> bool:
-    return (resources.files("slidax.deploy.web") / "page" / "loop.js").is_file()
+    return (PAGE / "loop.js").is_file()
 
 
 def _source(name: str) -> str:

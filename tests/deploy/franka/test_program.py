@@ -166,7 +166,7 @@ def short(law: onboard.Law) -> onboard.Pilot:
 @needs_a_compiler
 def test_the_program_in_python_moves_it_likewise_and_its_log_gives_the_same_bits_again(law: onboard.Law) -> None:
     pilot, log = short(law), Log(law)
-    outcome = program.run(Robot(rehearsal.Arm(law)), Torques, pilot, log)
+    outcome = program.run_franka(Robot(rehearsal.Arm(law)), Torques, pilot, log)
     assert (outcome.ending, outcome.phase, outcome.success_rate) == ("finished", "rest", 1.0)
     rows = [dict(zip(log.columns, row, strict=True)) for row in log.rows]
     assert rehearsal.replay(short(law), rows) == 0.0
@@ -174,9 +174,9 @@ def test_the_program_in_python_moves_it_likewise_and_its_log_gives_the_same_bits
 
 @needs_a_compiler
 def test_a_reflex_is_told_and_an_end_that_is_asked_for_is_a_rest(law: onboard.Law) -> None:
-    broken = program.run(Robot(rehearsal.Arm(law), breaks=300), Torques, short(law))
+    broken = program.run_franka(Robot(rehearsal.Arm(law), breaks=300), Torques, short(law))
     assert (broken.ending, broken.why) == ("reflex", "communication_constraints_violation")
-    asked = program.run(Robot(rehearsal.Arm(law)), Torques, pilot := short(law), asked=[2])
+    asked = program.run_franka(Robot(rehearsal.Arm(law)), Torques, pilot := short(law), stop_requests=[2])
     assert (asked.ending, asked.why) == ("finished", "an end was asked for")
     assert pilot.report.t < 1.6
 
@@ -186,7 +186,7 @@ def test_weight_that_is_counted_twice_is_noticed_before_anything_moves(law: onbo
     pilot = short(law)
     pilot.parameters.nominal_gravity_vector[:] = [0.0, 0.0, -9.81]
     robot = Robot(rehearsal.Arm(law))
-    outcome = program.run(robot, Torques, pilot)
+    outcome = program.run_franka(robot, Torques, pilot)
     assert outcome.ending == "stopped" and "weight" in outcome.why and outcome.phase == "hold"
     assert robot.stopped and pilot.report.steps < 40
 

@@ -112,7 +112,7 @@ def test_it_moves_the_arm_to_the_end_also_where_a_state_comes_twice(law: onboard
     pilot, robot = begun(law)
     robot.repeats = {300, 700, 701}
     log = robot.log = Log(law)
-    outcome = program.run(robot, robot, pilot, log)
+    outcome = program.run_ur(robot, robot, pilot, log)
     assert (outcome.ending, outcome.phase) == ("finished", "rest"), outcome
     assert robot.ended and robot.kicks == robot.period == len(log.rows) + 3
     assert max(abs(value) for value in robot.torques[0]) < 2.0
@@ -127,7 +127,7 @@ def test_faults_end_it_and_always_end_the_robots_script(law: onboard.Law) -> Non
     ):
         pilot, robot = begun(law)
         vars(robot).update(fault)
-        outcome = program.run(robot, robot, pilot)
+        outcome = program.run_ur(robot, robot, pilot)
         assert outcome.ending == ending and said in outcome.why and robot.ended
         assert robot.period < 520
 

@@ -1,4 +1,4 @@
-"""The functions of FMI 3.0 that a co-simulation FMU without clocks and derivatives has for their names only."""
+"""Functions of FMI 3.0 that a co-simulation FMU without clocks and derivatives only declares."""
 
 from __future__ import annotations
 
@@ -62,4 +62,4 @@ ABSENT: dict[str, tuple[str, ...]] = {
     "fmi3GetOutputDerivatives": (*THESE, "const fmi3Int32 orders[]", "fmi3Float64 values[]", "size_t nValues"),
     "fmi3ActivateModelPartition": ("fmi3ValueReference clockReference", "fmi3Float64 activationTime"),
 }
-"""By name, the arguments after the instance."""
+"""Arguments after the instance, by function name."""

@@ -21,28 +21,29 @@ STATES = {
 }
 
 
-def model_description(made: Project, these: Sequence[Variable], *, fmi: int, token: str, files: Sequence[str]) -> str:
-    """The text of the file.
+def model_description(
+    exported: Project, these: Sequence[Variable], *, fmi: int, token: str, files: Sequence[str]
+) -> str:
+    """The text of modelDescription.xml.
 
-    - `made`: the step.
-    - `these`: its variables, by value reference.
+    - `these`: variables by value reference.
     - `fmi`: 3 or 2.
-    - `token`: by which the binary knows that the file is its own.
+    - `token`: by which the binary recognises its own description.
     - `files`: names of the C sources inside.
     """
     about = {
         "fmiVersion": "3.0" if fmi == 3 else "2.0",
-        "modelName": f"slidax.{made.name}",
+        "modelName": f"slidax.{exported.name}",
         "instantiationToken" if fmi == 3 else "guid": token,
-        "description": f"{made.law}: {made.title}",
-        "generationTool": f"slidax {made.version}",
+        "description": f"{exported.law}: {exported.title}",
+        "generationTool": f"slidax {exported.version}",
         "variableNamingConvention": "structured",
     }
     root = Element("fmiModelDescription", about)
-    able = {"modelIdentifier": made.prefix, "canHandleVariableCommunicationStepSize": "false"} | STATES[fmi]
+    able = {"modelIdentifier": exported.prefix, "canHandleVariableCommunicationStepSize": "false"} | STATES[fmi]
     step = SubElement(root, "CoSimulation", able)
     if fmi == 3:
-        step.set("fixedInternalStepSize", repr(made.period))
+        step.set("fixedInternalStepSize", repr(exported.period))
         step.set("providesDirectionalDerivatives", "false")
     else:
         step.set("canNotUseMemoryManagementFunctions", "true")
@@ -53,8 +54,8 @@ def model_description(made: Project, these: Sequence[Variable], *, fmi: int, tok
     categories = SubElement(root, "LogCategories")
     SubElement(categories, "Category", name="logStatusError", description="why a call was refused")
     # Some importers take larger steps than they are told where a run has more of them than this.
-    end = min(made.t1, SHORT * made.period)
-    SubElement(root, "DefaultExperiment", startTime="0", stopTime=repr(end), stepSize=repr(made.period))
+    end = min(exported.t1, SHORT * exported.period)
+    SubElement(root, "DefaultExperiment", startTime="0", stopTime=repr(end), stepSize=repr(exported.period))
     variables = SubElement(root, "ModelVariables")
     # FMI 2.0 needs no variable for the time, and importers stumble over one.
     listed = [(k, each) for k, each in enumerate(these) if fmi == 3 or each.causality != "independent"]
@@ -71,14 +72,10 @@ def model_description(made: Project, these: Sequence[Variable], *, fmi: int, tok
     return '<?xml version="1.0" encoding="UTF-8"?>\n' + ElementTree.tostring(root, encoding="unicode") + "\n"
 
 
-def build_description(made: Project, files: Sequence[str]) -> str:
-    """The text of sources/buildDescription.xml of FMI 3.0.
-
-    - `made`: the step.
-    - `files`: names of the C sources.
-    """
+def build_description(exported: Project, files: Sequence[str]) -> str:
+    """The text of sources/buildDescription.xml of FMI 3.0."""
     root = Element("fmiBuildDescription", fmiVersion="3.0")
-    how = SubElement(root, "BuildConfiguration", modelIdentifier=made.prefix)
+    how = SubElement(root, "BuildConfiguration", modelIdentifier=exported.prefix)
     sources = SubElement(how, "SourceFileSet", language="C99", compilerOptions="-O2 -ffp-contract=off")
     for file in files:
         SubElement(sources, "SourceFile", name=file)
@@ -93,33 +90,33 @@ def _units(root: Element, these: Sequence[Variable]) -> None:
         SubElement(SubElement(group, "Unit", name=unit.name), "BaseUnit", {name: str(k) for name, k in unit.base})
 
 
-def _variable(group: Element, said: Variable, reference: int, fmi: int) -> None:
-    kind = TYPES[fmi][said.kind]
-    variability = {"parameter": "tunable", "independent": "continuous"}.get(said.causality, "discrete")
+def _variable(group: Element, variable: Variable, reference: int, fmi: int) -> None:
+    kind = TYPES[fmi][variable.kind]
+    variability = {"parameter": "tunable", "independent": "continuous"}.get(variable.causality, "discrete")
     shared = {
-        "name": said.name,
+        "name": variable.name,
         "valueReference": str(reference),
-        "description": said.description,
-        "causality": said.causality,
+        "description": variable.description,
+        "causality": variable.causality,
         "variability": variability,
     }
     numbers: dict[str, str] = {}
-    if said.causality != "independent":
-        numbers["start"] = _written(said)
-        if said.causality in ("output", "parameter"):
+    if variable.causality != "independent":
+        numbers["start"] = _written(variable)
+        if variable.causality in ("output", "parameter"):
             shared["initial"] = "exact"
-    if said.unit is not None:
-        numbers["unit"] = said.unit.name
-    for name, end in (("min", said.lower), ("max", said.upper)):
+    if variable.unit is not None:
+        numbers["unit"] = variable.unit.name
+    for name, end in (("min", variable.lower), ("max", variable.upper)):
         if math.isfinite(end):
-            numbers[name] = repr(end) if said.kind == "real" else str(int(end))
+            numbers[name] = repr(end) if variable.kind == "real" else str(int(end))
     if fmi == 3:
         SubElement(group, kind, shared | numbers)
     else:
         SubElement(SubElement(group, "ScalarVariable", shared), kind, numbers)
 
 
-def _written(said: Variable) -> str:
-    if said.kind == "boolean":
-        return "true" if said.start else "false"
-    return repr(float(said.start)) if said.kind == "real" else str(int(said.start))
+def _written(variable: Variable) -> str:
+    if variable.kind == "boolean":
+        return "true" if variable.start else "false"
+    return repr(float(variable.start)) if variable.kind == "real" else str(int(variable.start))

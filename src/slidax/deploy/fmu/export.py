@@ -30,17 +30,15 @@ if TYPE_CHECKING:
     from slidax.scenarios import Scenario
 
 VERSIONS = (3, 2)
-ROOM = "slidax.deploy.fmu"
 ARGUMENTS = ("parameters", "memory", "measurement", "reference", "envelope")
 
 
 @dataclass(frozen=True)
 class Exported:
-    """What was written.
+    """An exported unit.
 
-    - `project`: the step inside.
-    - `variables`: of the unit, by value reference.
-    - `platforms`: that it has binaries for, as FMI 3.0 names them.
+    - `variables`: by value reference.
+    - `platforms`: of its binaries, as FMI 3.0 names them.
     """
 
     project: Project
@@ -57,75 +55,73 @@ def export_fmu(
     platforms: Sequence[str] | None = None,
     command: str = "",
 ) -> Exported:
-    """Writes a scenario's law as an FMU: binaries, sources, a description of all variables, a page.
+    """Write a scenario's law as an FMU to the file `out`: binaries, sources, a description of all variables, a page.
 
-    - `scenario`: whose law and limits.
-    - `out`: the file.
-    - `name`: of the law in C; after the scenario if None.
+    - `name`: the law's name in C; by default the scenario's.
     - `fmi`: 3 for FMI 3.0, 2 for FMI 2.0.
-    - `platforms`: to make binaries for, such as `x86_64-linux`; None: all that this machine has a compiler for.
-    - `command`: that asked for it, for the headers.
+    - `platforms`: of the binaries, such as `x86_64-linux`; by default all that this machine has a compiler for.
+    - `command`: the command line, quoted in the file headers.
 
     Raises DefinitionError if there is no native code for the law, no compiler, or the file cannot be written.
     """
     if fmi not in VERSIONS:
-        raise DefinitionError(f"there is FMI 3 and 2; got {fmi}")
+        raise DefinitionError(f"FMI version must be 3 or 2; got {fmi}")
     if out.suffix != ".fmu":
-        raise DefinitionError(f"an FMU is a file whose name ends in .fmu; got `{out}`")
+        raise DefinitionError(f"the name of an FMU must end in .fmu; got `{out}`")
     machines = chosen(platforms)
-    made = project(scenario, name=name, command=command, with_golden=False)
-    texts, these, token = _texts(made, fmi)
+    exported = project(scenario, name=name, command=command, with_golden=False)
+    texts, these, token = _texts(exported, fmi)
     sources = sorted(file for file in texts if file.endswith(".c"))
     inside: dict[str, bytes] = {
-        "modelDescription.xml": model_description(made, these, fmi=fmi, token=token, files=sources).encode(),
-        "documentation/index.html": render("index.html.j2", _page(made, these, fmi), ROOM).encode(),
+        "modelDescription.xml": model_description(exported, these, fmi=fmi, token=token, files=sources).encode(),
+        "documentation/index.html": render("fmu/index.html.j2", _page(exported, these, fmi)).encode(),
         **{f"sources/{file}": text.encode() for file, text in texts.items()},
     }
     if fmi == 3:
-        inside["sources/buildDescription.xml"] = build_description(made, sources).encode()
+        inside["sources/buildDescription.xml"] = build_description(exported, sources).encode()
     with tempfile.TemporaryDirectory() as folder:
         for file, text in texts.items():
             (Path(folder) / file).write_text(text, encoding="utf-8")
         for each in machines:
-            binary = f"binaries/{each.folder(fmi)}/{made.prefix}{each.ending}"
-            inside[binary] = library(each, Path(folder), sources, made.prefix)
+            binary = f"binaries/{each.folder(fmi)}/{exported.prefix}{each.ending}"
+            inside[binary] = library(each, Path(folder), sources, exported.prefix)
     _write(out, inside)
-    return Exported(made, these, [each.name for each in machines])
+    return Exported(exported, these, [each.name for each in machines])
 
 
-def _texts(made: Project, fmi: int) -> tuple[dict[str, str], list[Variable], str]:
-    """The sources by name, the variables, and the token that ties the description to them."""
-    helpers = Helpers(made.dialect)
-    function = envelope_function(made.guard, made.step)
-    envelope = None if function is None else body(function, made.dialect, ARGUMENTS, helpers)
-    these = variables(made, with_envelope=envelope is not None)
+def _texts(exported: Project, fmi: int) -> tuple[dict[str, str], list[Variable], str]:
+    """Sources by name, variables, and the token that ties the description to them."""
+    helpers = Helpers(exported.dialect)
+    function = envelope_function(exported.guard, exported.step)
+    envelope = None if function is None else body(function, exported.dialect, ARGUMENTS, helpers)
+    these = variables(exported, with_envelope=envelope is not None)
     law = {
-        f"{made.prefix}.h": render("header.h.j2", {"x": made}),
-        f"{made.prefix}.c": render("step.c.j2", {"x": made}),
+        f"{exported.prefix}.h": render("header.h.j2", {"x": exported}),
+        f"{exported.prefix}.c": render("step.c.j2", {"x": exported}),
     }
-    digest = hashlib.sha256(repr((sorted(law.items()), these, fmi, made.version)).encode()).hexdigest()
+    digest = hashlib.sha256(repr((sorted(law.items()), these, fmi, exported.version)).encode()).hexdigest()
     token = f"{{{uuid.uuid5(uuid.NAMESPACE_OID, digest)}}}"
     values: dict[str, Any] = {
-        "x": made,
+        "x": exported,
         "variables": these,
         "token": token,
         "envelope": envelope,
-        "envelope_members": envelope_members(len(made.joints)),
+        "envelope_members": envelope_members(len(exported.joints)),
         "helpers": helpers.lines,
         "absent": [(each, (SELF, *arguments)) for each, arguments in ABSENT.items()],
         "end": _end,
     }
     files = ("model.h", "model.c", f"fmi{fmi}.h", f"fmi{fmi}.c")
-    return law | {file: render(f"{file}.j2", values, ROOM) for file in files}, these, token
+    return law | {file: render(f"fmu/{file}.j2", values) for file in files}, these, token
 
 
-def _page(made: Project, these: Sequence[Variable], fmi: int) -> dict[str, Any]:
+def _page(exported: Project, these: Sequence[Variable], fmi: int) -> dict[str, Any]:
     groups = {
         "Inputs": [each for each in these if each.causality == "input"],
         "Outputs": [each for each in these if each.causality == "output"],
         "Parameters": [each for each in these if each.causality == "parameter"],
     }
-    return {"x": made, "groups": groups, "fmi": fmi, "range": _range}
+    return {"x": exported, "groups": groups, "fmi": fmi, "range": _range}
 
 
 def _end(number: float) -> str:
@@ -133,20 +129,20 @@ def _end(number: float) -> str:
     return repr(number) if math.isfinite(number) else f"{'-' if number < 0 else ''}(double)INFINITY"
 
 
-def _range(said: Variable) -> str:
-    """The range of a variable, as far as the unit checks it."""
-    if math.isinf(said.lower) and math.isinf(said.upper):
+def _range(variable: Variable) -> str:
+    """Range of a variable, if the unit checks it."""
+    if math.isinf(variable.lower) and math.isinf(variable.upper):
         return ""
-    if math.isinf(said.upper):
-        return f"{'>' if said.open[0] else '≥'} {said.lower:g}"
-    if math.isinf(said.lower):
-        return f"{'<' if said.open[1] else '≤'} {said.upper:g}"
-    before, after = "(" if said.open[0] else "[", ")" if said.open[1] else "]"
-    return f"{before}{said.lower:g}, {said.upper:g}{after}"
+    if math.isinf(variable.upper):
+        return f"{'>' if variable.open[0] else '≥'} {variable.lower:g}"
+    if math.isinf(variable.lower):
+        return f"{'<' if variable.open[1] else '≤'} {variable.upper:g}"
+    before, after = "(" if variable.open[0] else "[", ")" if variable.open[1] else "]"
+    return f"{before}{variable.lower:g}, {variable.upper:g}{after}"
 
 
 def _write(out: Path, inside: dict[str, bytes]) -> None:
-    """A zip file that is the same for the same contents."""
+    """Write a zip file that is the same for the same contents."""
     try:
         out.parent.mkdir(parents=True, exist_ok=True)
         with replacing(out) as file, zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:

@@ -1,4 +1,4 @@
-"""The machines that an FMU has binaries for, and the compilers that make them."""
+"""Platforms of an FMU's binaries, and their compilers."""
 
 from __future__ import annotations
 
@@ -20,10 +20,9 @@ OPTIONS = ("-std=c99", "-O2", "-g0", "-fPIC", "-ffp-contract=off", "-fvisibility
 
 @dataclass(frozen=True)
 class Platform:
-    """One kind of machine.
+    """A platform.
 
-    - `name`: as FMI 3.0 names its folder.
-    - `older`: as FMI 2.0 does, where it has a name for it.
+    - `name`, `older`: its folder in FMI 3.0, and in FMI 2.0.
     - `ending`: of a shared library.
     - `target`: as zig names it.
     """
@@ -34,10 +33,7 @@ class Platform:
     target: str
 
     def folder(self, fmi: int) -> str:
-        """The folder of its binary inside of the FMU.
-
-        - `fmi`: 3 or 2.
-        """
+        """Folder of its binary inside the FMU, for FMI 3 or 2."""
         return self.name if fmi == 3 else self.older
 
 
@@ -53,52 +49,45 @@ NAMES = [each.name for each in PLATFORMS]
 
 
 def zig() -> bool:
-    """Whether ziglang is installed, a compiler for all of them."""
+    """True if ziglang, a compiler for all platforms, is installed."""
     return importlib.util.find_spec("ziglang") is not None
 
 
 def here() -> str:
-    """The platform of this machine, by its name in FMI 3.0."""
+    """This machine's platform, by its name in FMI 3.0."""
     machine = {"AMD64": "x86_64", "arm64": "aarch64"}.get(platform.machine(), platform.machine())
     return f"{machine}-{platform.system().lower()}"
 
 
 def chosen(names: Sequence[str] | None) -> list[Platform]:
-    """The platforms to build for.
+    """The platforms to build for; None: all, or this machine's where ziglang is not installed.
 
-    - `names`: as in FMI 3.0; None: all, or where ziglang is not installed that of this machine.
-
-    Raises DefinitionError if one is unknown, or there is no compiler for it.
+    Raises DefinitionError if a name is unknown or has no compiler.
     """
     for name in names or ():
         if name not in NAMES:
-            raise DefinitionError(f"no binary can be made for `{name}`; there are {', '.join(NAMES)}")
+            raise DefinitionError(f"no binary can be built for `{name}`; supported: {', '.join(NAMES)}")
     able = NAMES if zig() else [name for name in NAMES if name == here() and shutil.which("cc")]
     missing = [name for name in (names if names is not None else able or [here()]) if name not in able]
     if missing:
-        raise DefinitionError(f"no compiler for {', '.join(missing)} is here: pip install 'slidax[fmu]'")
+        raise DefinitionError(f"no compiler for {', '.join(missing)} found: pip install 'slidax[fmu]'")
     return [each for each in PLATFORMS if each.name in (able if names is None else names)]
 
 
 def library(where: Platform, folder: Path, sources: Sequence[str], name: str) -> bytes:
-    """The binary for one platform.
-
-    - `where`: the platform.
-    - `folder`: with the sources; the compiler writes there.
-    - `sources`: names of the C files.
-    - `name`: of the library, without its ending.
+    """Compile the binary for one platform; the compiler writes to `folder`, which has the sources.
 
     Raises DefinitionError if the compiler fails.
     """
-    made = folder / f"{name}{where.ending}"
+    binary = folder / f"{name}{where.ending}"
     if zig():
         command = [sys.executable, "-m", "ziglang", "cc", "-target", where.target, "-fno-sanitize=all", "-s"]
     else:
         command = ["cc"]
-    # Names without a folder, and caches beside the sources: nothing of this machine gets into the binary.
+    # File names without folders, and local caches: no path of this machine gets into the binary.
     surroundings = os.environ | {"ZIG_LOCAL_CACHE_DIR": str(folder / "cache"), "SOURCE_DATE_EPOCH": "0"}
     done = subprocess.run(
-        [*command, *OPTIONS, *sources, "-o", made.name, *([] if where.ending == ".dll" else ["-lm"])],
+        [*command, *OPTIONS, *sources, "-o", binary.name, *([] if where.ending == ".dll" else ["-lm"])],
         cwd=folder,
         env=surroundings,
         capture_output=True,
@@ -106,6 +95,6 @@ def library(where: Platform, folder: Path, sources: Sequence[str], name: str) ->
         check=False,
     )
     if done.returncode != 0:
-        said = (done.stderr.strip().splitlines() or ["it says nothing"])[0]
-        raise DefinitionError(f"the compiler for {where.name} failed: {said}")
-    return made.read_bytes()
+        message = (done.stderr.strip().splitlines() or ["no message"])[0]
+        raise DefinitionError(f"the compiler for {where.name} failed: {message}")
+    return binary.read_bytes()

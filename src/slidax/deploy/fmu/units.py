@@ -1,4 +1,4 @@
-"""Units as they are declared, as importers of FMUs write and check them."""
+"""Declared units, as FMU importers write and check them."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Unit:
     """A unit.
 
     - `name`: with a dot for a product and plain exponents, such as `N.m` and `kg.m2`.
-    - `base`: exponents of SI base units, with `rad`, in the order in which they were found.
+    - `base`: exponents of SI base units, with `rad`, in order of appearance.
     """
 
     name: str
@@ -33,10 +33,9 @@ class Unit:
 
 
 def unit(declared: str, *, revolute: bool | None = True) -> Unit | None:
-    """The unit that a declaration means; None for a pure number, a count, and what has none of its own.
+    """Parse a declared unit, such as `kg m²` or `rad/s or m/s`; None for a pure number, a count, or no unit.
 
-    - `declared`: as in a declaration: `kg m²`, `rad/s or m/s`.
-    - `revolute`: whether the number is of a joint that turns; None where joints of both kinds share it.
+    - `revolute`: True if the number belongs to a revolute joint; None where joints of both kinds share it.
     """
     text = declared.strip()
     if not text or text == "1" or text in COUNTS or "," in text:
@@ -55,8 +54,8 @@ def unit(declared: str, *, revolute: bool | None = True) -> Unit | None:
 
 
 def _product(tokens: list[str]) -> dict[str, int]:
-    """The exponents of a product up to its closing parenthesis."""
-    found: dict[str, int] = {}
+    """Exponents of a product up to its closing parenthesis."""
+    exponents: dict[str, int] = {}
     divided = False
     while tokens:
         token = tokens.pop(0)
@@ -65,9 +64,9 @@ def _product(tokens: list[str]) -> dict[str, int]:
         if token == "/":
             divided = True
             continue
-        one = _product(tokens) if token == "(" else dict(BASE[token])
+        factor = _product(tokens) if token == "(" else dict(BASE[token])
         power = int(tokens.pop(0).lstrip("^")) if tokens and tokens[0].lstrip("^") in ("2", "3") else 1
-        for name, exponent in one.items():
-            found[name] = found.get(name, 0) + power * exponent * (-1 if divided else 1)
+        for name, exponent in factor.items():
+            exponents[name] = exponents.get(name, 0) + power * exponent * (-1 if divided else 1)
         divided = False
-    return found
+    return exponents

@@ -1,9 +1,9 @@
-"""The exported law on a Franka arm, by `pylibfranka` (pip install pylibfranka): one torque a millisecond.
+"""The exported law on a Franka arm, by `pylibfranka` (pip install pylibfranka): one torque per millisecond.
 
     python3 program.py ADDRESS --log log.csv
 
-This module runs by itself beside an exported law. The robot adds gravity and friction of its own model to the torque;
-nothing else is added, no Coriolis term either, which the law's own model has.
+This module runs by itself next to an exported law. The robot adds gravity and friction of its own model to the torque,
+but no Coriolis term, which the law's own model has.
 """
 
 from __future__ import annotations
@@ -21,17 +21,16 @@ from ..onboard.log import Log
 from ..onboard.options import in_time, loaded, options_of_the_path, prepare
 
 STATUS = {"finished": 0, "stopped": 3, "reflex": 4, "no robot": 5}
-"""Exit codes: the motion is over; the pilot stopped it; the robot did; there is no robot to talk to."""
+"""Exit codes: motion over; stopped by the pilot; stopped by the robot; no robot."""
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """How a motion ended.
+    """End of a motion.
 
     - `ending`: "finished", "stopped" by the pilot, "reflex" of the robot, or "no robot".
-    - `why`: in words.
-    - `phase`: where on its way the reference was.
-    - `success_rate`: least share of commands that arrived, as the robot counts it over its last 100.
+    - `phase`: of the reference on its path.
+    - `success_rate`: smallest share of commands that arrived, as the robot counts it over its last 100.
     """
 
     ending: str
@@ -40,14 +39,14 @@ class Outcome:
     success_rate: float
 
 
-def run(robot: Any, torques: Any, pilot: Pilot, log: Log | None = None, asked: list[int] | None = None) -> Outcome:
-    """Moves the arm, until the motion is over or something is not as it should be.
+def run_franka(
+    robot: Any, torques: Any, pilot: Pilot, log: Log | None = None, stop_requests: list[int] | None = None
+) -> Outcome:
+    """Move the arm until the motion is over or a check fails.
 
-    - `robot`: a `pylibfranka.Robot`.
-    - `torques`: the class `pylibfranka.Torques`.
-    - `pilot`: with its options.
-    - `log`: takes every period.
-    - `asked`: an end is asked for as soon as something is in it.
+    - `robot`, `torques`: a `pylibfranka.Robot`, and the class `pylibfranka.Torques`.
+    - `log`: records every period.
+    - `stop_requests`: the arm comes to rest once this list is not empty.
     """
     least = 1.0
     try:
@@ -60,9 +59,9 @@ def run(robot: Any, torques: Any, pilot: Pilot, log: Log | None = None, asked: l
     try:
         while not finished:
             state, elapsed = control.readOnce()
-            if asked:
+            if stop_requests:
                 pilot.rest()
-                asked.clear()
+                stop_requests.clear()
             action = pilot.step(elapsed.to_sec(), state.q, state.dq)
             rate = state.control_command_success_rate
             # It counts over 100 periods, and begins at 0.
@@ -85,10 +84,7 @@ def run(robot: Any, torques: Any, pilot: Pilot, log: Log | None = None, asked: l
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """The program; its exit codes are in `STATUS`.
-
-    - `arguments`: of the command line.
-    """
+    """Run the program; its exit codes are in `STATUS`."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("address", help="of the robot")
     parser.add_argument("--law", type=Path, default=Path(__file__).parent / "law", help="the folder of the law")
@@ -98,34 +94,34 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--force-threshold", type=float, default=60.0, help="of the robot's collision reflex, N")
     parser.add_argument("--no-realtime", action="store_true", help="go on without a real-time priority")
     options_of_the_path(parser)
-    given = parser.parse_args(arguments)
+    options = parser.parse_args(arguments)
     try:
         import pylibfranka
     except ImportError:
         print("pylibfranka is missing: pip install pylibfranka", file=sys.stderr)
         return STATUS["no robot"]
-    law = loaded(parser, given.law)
+    law = loaded(parser, options.law)
     pilot, log = law.pilot(), Log(law)
-    prepare(given, pilot)
-    asked: list[int] = []
-    signal.signal(signal.SIGINT, lambda number, _: asked.append(number))
+    prepare(options, pilot)
+    stop_requests: list[int] = []
+    signal.signal(signal.SIGINT, lambda number, _: stop_requests.append(number))
     realtime = pylibfranka.RealtimeConfig
     try:
-        in_time(not given.no_realtime)
-        robot = pylibfranka.Robot(given.address, realtime.kIgnore if given.no_realtime else realtime.kEnforce)
+        in_time(not options.no_realtime)
+        robot = pylibfranka.Robot(options.address, realtime.kIgnore if options.no_realtime else realtime.kEnforce)
         robot.set_collision_behavior(
-            *[[given.torque_threshold] * 7] * 2,
-            *[[given.force_threshold] * 6] * 2,
+            *[[options.torque_threshold] * 7] * 2,
+            *[[options.force_threshold] * 6] * 2,
         )
-        if given.load is not None:
-            mass, *place = given.load
+        if options.load is not None:
+            mass, *place = options.load
             robot.set_load(mass, place, [0.0] * 9)
     except Exception as error:
         print(f"no robot: {error}", file=sys.stderr)
         return STATUS["no robot"]
-    outcome = run(robot, pylibfranka.Torques, pilot, log, asked)
-    if given.log is not None:
-        log.write(given.log)
+    outcome = run_franka(robot, pylibfranka.Torques, pilot, log, stop_requests)
+    if options.log is not None:
+        log.write(options.log)
     report = pilot.report
     print(f"{outcome.ending} in phase {outcome.phase}: {outcome.why}")
     print(

@@ -18,10 +18,9 @@ from ..text import render
 if TYPE_CHECKING:
     from slidax.scenarios import Scenario
 
-ROOM = "slidax.deploy.micro"
 TARGETS = ("m4f", "m7", "rv64", "linux")
 STEPS = 200
-"""Of the closed loop, over which a step's instructions are counted."""
+"""Steps of the closed loop over which instructions are counted."""
 
 LAW = {
     "header.h.j2": "{prefix}.h",
@@ -37,55 +36,50 @@ TYPES = {"b1": "?", "u32": "<u4", "i32": "<i4", "i64": "<i8", "u64": "<u8"}
 def export_micro(
     scenario: Scenario, out: Path, *, name: str | None = None, single: bool = False, command: str = ""
 ) -> Project:
-    """Writes a scenario's law as a project for Cortex-M and RISC-V.
+    """Write a scenario's law as a project for Cortex-M and RISC-V; existing files of the same names are overwritten.
 
-    - `scenario`: whose law, limits, motion and arm.
-    - `out`: the folder; made if it is not there, files of the same names are overwritten.
-    - `name`: of the law in C; after the scenario if None.
-    - `single`: floats in place of doubles.
-    - `command`: that asked for it, for the headers.
+    - `name`: the law's name in C; by default the scenario's.
+    - `single`: floats instead of doubles.
+    - `command`: the command line, quoted in the file headers.
 
-    Raises DefinitionError if there is no native code for the law, the name is not one in C, or the folder cannot be
-    made.
+    Raises DefinitionError if there is no native code for the law, the name is not valid in C, or the folder cannot be
+    written.
     """
-    made = project(scenario, name=name, single=single, command=command)
-    values = {"x": made, "steps": STEPS, "targets": TARGETS}
+    exported = project(scenario, name=name, single=single, command=command)
+    values = {"x": exported, "steps": STEPS, "targets": TARGETS}
     try:
         out.mkdir(parents=True, exist_ok=True)
         for template, file in LAW.items():
-            write_text(out / file.format(prefix=made.prefix), render(template, values))
+            write_text(out / file.format(prefix=exported.prefix), render(template, values))
         for file in FILES:
-            write_text(out / file, render(f"{file}.j2", values, ROOM))
-        write_bytes(out / "golden.bin", golden_bytes(made))
+            write_text(out / file, render(f"micro/{file}.j2", values))
+        write_bytes(out / "golden.bin", golden_bytes(exported))
     except OSError as error:
         raise DefinitionError(f"cannot write the project to `{out}`: {reason(error)}") from None
-    return made
+    return exported
 
 
-def golden_bytes(made: Project) -> bytes:
-    """The golden samples as a small-endian machine has them in memory, after their number and the size of one.
-
-    - `made`: the step, with golden samples.
-    """
-    assert made.golden is not None
-    real = "<f4" if made.real == "float" else "<f8"
-    structures = [_structure(members, real) for members in _groups(made)]
-    within = [(f"within_{k}", real, (len(members),)) for k, members in enumerate((made.outputs, made.memory))]
+def golden_bytes(exported: Project) -> bytes:
+    """The golden samples as a small-endian machine stores them, after their number and size."""
+    assert exported.golden is not None
+    real = "<f4" if exported.real == "float" else "<f8"
+    structures = [_structure(members, real) for members in _groups(exported)]
+    within = [(f"within_{k}", real, (len(members),)) for k, members in enumerate((exported.outputs, exported.memory))]
     fields: list[Any] = [(f"part_{k}", structure) for k, structure in enumerate(structures)]
     row = np.dtype([*fields, ("status", "<u4"), *within], align=True)
-    rows = np.zeros(len(made.golden.rows), row)
-    for k, numbers in enumerate(made.golden.rows):
-        for part, members in enumerate(_groups(made)):
+    rows = np.zeros(len(exported.golden.rows), row)
+    for k, numbers in enumerate(exported.golden.rows):
+        for part, members in enumerate(_groups(exported)):
             for member, values in zip(members, numbers[part], strict=True):
                 rows[k][f"part_{part}"][member.name] = values
-        rows[k]["status"] = made.golden.statuses[k]
-        for part, allowed in enumerate(made.golden.within[k]):
+        rows[k]["status"] = exported.golden.statuses[k]
+        for part, allowed in enumerate(exported.golden.within[k]):
             rows[k][f"within_{part}"] = allowed
     return np.array([len(rows), row.itemsize], "<u4").tobytes() + rows.tobytes()
 
 
-def _groups(made: Project) -> tuple[list[Member], ...]:
-    return made.measurement, made.reference, made.memory, made.outputs, made.memory
+def _groups(exported: Project) -> tuple[list[Member], ...]:
+    return exported.measurement, exported.reference, exported.memory, exported.outputs, exported.memory
 
 
 def _structure(members: list[Member], real: str) -> np.dtype[Any]:

@@ -1,4 +1,4 @@
-"""What a robot allows, and how much error a first motion may have."""
+"""Limits of a robot, and largest errors of a first motion."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from .gravity import own_plant
 from .reasons import REASONS
 
 MARGIN = {"rad": 0.03, "m": 0.005}
-"""Distance to the end of a joint's range that is kept."""
+"""Distance kept from the end of a joint's range."""
 
 ERRORS = {"rad": (0.02, 0.05, 0.1), "m": (0.005, 0.01, 0.02)}
-"""Largest errors while it holds, while the motion is small, and later."""
+"""Largest errors while the arm holds, while the motion is small, and later."""
 
 HOLDING = 0.1
 """Share of a joint's largest torque that it may take to hold a posture whose weight the robot carries."""
@@ -30,16 +30,15 @@ SPEED = 0.95
 
 @dataclass(frozen=True)
 class Allowed:
-    """All that the templates name beside the project.
+    """Data for the templates in addition to the project.
 
-    - `unit`, `torque_unit`: of a joint, the first one's where they differ.
-    - `lower`, `upper`, `speed`, `torque`, `rate`: what the robot allows, one number a joint.
-    - `torque_hold`: largest torques while it holds, likewise; infinite where the law carries the weight.
-    - `error_hold`, `error_small`, `error_full`: largest errors, likewise.
-    - `held`, `lost`, `outside`, `limited`, `void`: how long what is said is borne, in periods.
-    - `dialect`: doubles or floats.
+    - `unit`, `torque_unit`: of the first joint.
+    - `lower`, `upper`, `speed`, `torque`, `rate`: the robot's limits, one number per joint.
+    - `torque_hold`: largest torques while it holds, per joint; infinite where the law carries the weight.
+    - `error_hold`, `error_small`, `error_full`: largest errors, per joint.
+    - `held`, `lost`, `outside`, `limited`, `void`: longest duration of each condition, in periods.
     - `age`: of a measurement when it arrives [s].
-    - `carried`: whether the robot carries its own weight.
+    - `carried`: True if the robot carries its own weight.
     """
 
     unit: str
@@ -66,12 +65,10 @@ class Allowed:
 
     @classmethod
     def of(cls, scenario: Scenario, project: Project, *, lost: int = 20, carried: bool = False) -> Allowed:
-        """What the scenario's arm and drives allow.
+        """Limits of the scenario's arm and drives.
 
-        - `scenario`: with them.
-        - `project`: its law.
-        - `carried`: whether the robot carries its own weight.
-        - `lost`: so many periods without a sample end a motion.
+        - `lost`: periods without a sample that end a motion.
+        - `carried`: True if the robot carries its own weight.
         """
         plant = own_plant(scenario)
         n = len(project.joints)
@@ -112,17 +109,11 @@ class Allowed:
         )
 
     def literal(self, number: float) -> str:
-        """A number in C.
-
-        - `number`: the number.
-        """
+        """A number in C."""
         return self.dialect.number(number, "f64")
 
     def shown(self, numbers: Sequence[float]) -> str:
-        """Numbers in a comment, once if they are the same.
-
-        - `numbers`: one a joint.
-        """
+        """Numbers in a comment, once if they are the same."""
         texts = ["none" if np.isinf(number) else f"{number:g}" for number in numbers]
         return texts[0] if len(set(texts)) == 1 else ", ".join(texts)
 

@@ -16,22 +16,21 @@ from slidax.scenarios import Scenario
 from slidax.simulation import MujocoPlant, Plant
 
 LEAST = 0.1
-"""Share of a joint's torque that is left to a law in any case."""
+"""Smallest share of a joint's torque that is left to the law."""
 
 LOOKS = 200
-"""Moments of the motion at which the weight is looked at."""
+"""Times along the motion at which the gravity torque is evaluated."""
 
 
 def weight_by_robot(scenario: Scenario, *, rate: float = 0.99) -> Scenario:
-    """The same loop on a robot that adds its own gravity torque: neither law nor arm has any weight left.
+    """The same loop on a robot that adds its own gravity torque: law and arm are weightless.
 
-    The law's nominal arm gets gravity 0, so that its command has no gravity in it; what the robot compensates wrongly
-    is a disturbance to the law. Of each joint's torque the law gets what the weight leaves it along the motion.
+    The law's nominal arm has gravity 0, so that its command contains none; errors of the robot's gravity compensation
+    act as a disturbance. Of each joint's torque the law gets what the weight leaves along the motion.
 
-    - `scenario`: with an `Articulated` arm.
-    - `rate`: share of the torque's rate that the law uses, so that rounding on the way is no violation.
+    - `rate`: share of the torque rate that the law uses, so that rounding causes no violation.
 
-    Raises DefinitionError if the arm is of another kind.
+    Raises DefinitionError if the arm is not `Articulated`.
     """
     plant = own_plant(scenario)
     arms = [each for each in jax.tree.leaves(scenario.controller, is_leaf=_is_arm) if _is_arm(each)]
@@ -52,10 +51,7 @@ def weight_by_robot(scenario: Scenario, *, rate: float = 0.99) -> Scenario:
 
 
 def own_plant(scenario: Scenario) -> Plant:
-    """The plant that we move ourselves.
-
-    - `scenario`: whose.
-    """
+    """The plant that slidax itself integrates."""
     return scenario.plant.own if isinstance(scenario.plant, MujocoPlant) else scenario.plant
 
 
@@ -73,7 +69,7 @@ def _weightless(tree: Any) -> Any:
 
 
 def _limits(plant: Plant) -> TorqueLimits:
-    """Of the drives as the scenario has them, within those of the arm's data sheet."""
+    """Limits of the scenario's drives, within those of the arm's data sheet."""
     own = TorqueLimits() if plant.actuator is None else plant.actuator.limits
     assert isinstance(plant.robot, Articulated)
     sheet = plant.robot.limits
@@ -81,7 +77,7 @@ def _limits(plant: Plant) -> TorqueLimits:
 
 
 def _weights(scenario: Scenario, arm: Articulated) -> np.ndarray:
-    """The weight's torques at moments of the motion and at its start, by rows."""
+    """Gravity torques along the motion and at its start, by rows."""
     moments = jnp.linspace(0.0, scenario.t1, LOOKS)
     postures = jax.vmap(lambda t: scenario.trajectory.reference(t).q)(moments)
     return np.asarray(jax.vmap(arm.gravity)(jnp.concatenate([postures, scenario.state0.q[None]])))

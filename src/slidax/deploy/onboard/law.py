@@ -1,6 +1,6 @@
-"""The exported step and its pilot from Python, by ctypes; nothing else than Python and a C compiler is needed.
+"""The exported step and its pilot from Python, by ctypes; needs only Python and a C compiler.
 
-This module runs by itself beside an exported law, as `law.py`.
+This module runs by itself next to an exported law.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 GO, FINISH, STOP = 0, 1, 2
-"""What is to be done with a torque: send it; send it and end; end at once."""
+"""Action with a torque: send it; send it and end; end at once."""
 
 C_TYPES: dict[str, Any] = {
     "double": ctypes.c_double,
@@ -32,14 +32,14 @@ FLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-fPIC", "-shared")
 """Of the compiler; the answers to NaN are part of the contract, so there is no -ffast-math."""
 
 POINTS = 256
-"""The most points of a trajectory, as in C."""
+"""Largest number of points of a trajectory, as in C."""
 
 
 class Law:
     """An exported law, compiled and loaded.
 
     - `folder`: with `law.json` and the C files.
-    - `library`: a shared library that was made of them before; compiled beside them if None and not there.
+    - `library`: a compiled shared library; by default compiled next to the sources if they are newer.
 
     Raises OSError if there is no law, subprocess.CalledProcessError if it does not compile.
     """
@@ -58,30 +58,20 @@ class Law:
         self._functions()
 
     def pilot(self) -> Pilot:
-        """A pilot with the options and parameters as they were exported."""
+        """A pilot with the exported options and parameters."""
         return Pilot(self)
 
     def conditions(self, status: int) -> list[str]:
-        """The names of the bits that are set.
-
-        - `status`: of a step.
-        """
+        """Names of the bits that are set in a status."""
         return [each["name"] for each in self.about["conditions"] if status & each["bit"]]
 
-    def text(self, what: str, number: int) -> str:
-        """Words for people.
-
-        - `what`: "phase", "reason" or "taken".
-        - `number`: which.
-        """
-        found: bytes = self.call(f"{what}_text")(number)
-        return found.decode()
+    def text(self, kind: str, number: int) -> str:
+        """Text for a "phase", a "reason" or a trajectory's verdict ("taken")."""
+        text: bytes = self.call(f"{kind}_text")(number)
+        return text.decode()
 
     def call(self, name: str) -> Any:
-        """A function of the library.
-
-        - `name`: without the prefix.
-        """
+        """A function of the library, by its name without the prefix."""
         return getattr(self.library, f"{self.prefix}_{name}")
 
     def _compiled(self) -> Path:
@@ -93,11 +83,11 @@ class Law:
         if not library.is_file() or library.stat().st_mtime < newest:
             compiler = os.environ.get("CC", "cc").split()
             more = os.environ.get("CFLAGS", "").split()
-            # Under another name first: what is loaded is whole, also if two make it at once.
-            handle, made = tempfile.mkstemp(suffix=".so", dir=self.folder)
+            # Built under a temporary name, so that a concurrent build never loads an incomplete file.
+            handle, temporary = tempfile.mkstemp(suffix=".so", dir=self.folder)
             os.close(handle)
-            subprocess.run([*compiler, *FLAGS, *more, *map(str, sources), "-lm", "-o", made], check=True)
-            os.replace(made, library)
+            subprocess.run([*compiler, *FLAGS, *more, *map(str, sources), "-lm", "-o", temporary], check=True)
+            os.replace(temporary, library)
         return library
 
     def _structures(self) -> None:
@@ -166,11 +156,10 @@ class Law:
 
 
 class Pilot:
-    """One arm's pilot: the structures of C, seen and set from here.
+    """One arm's pilot: the structures of C, read and set from Python.
 
-    - `law`: of which.
-
-    `options` and `parameters` may be changed before `begin`; `report`, `reference` and `command` tell of the last step.
+    `options` and `parameters` may be changed before `begin`; `report`, `reference` and `command` describe the last
+    step.
     """
 
     def __init__(self, law: Law) -> None:
@@ -186,15 +175,12 @@ class Pilot:
         self._step = law.call("pilot_step")
 
     def begin(self, q: Sequence[float]) -> bool:
-        """Begins at a posture; False if it or an option makes no sense, and the report has the reason.
-
-        - `q`: measured positions, rad or m.
-        """
+        """Begin at the posture `q`, rad or m; False if it or an option is invalid, with the reason in the report."""
         self._q[:] = list(q)
         return self.law.call("pilot_begin")(self._at, self._q)
 
     def step(self, elapsed: float, q: Sequence[float], dq: Sequence[float]) -> int:
-        """One period: GO, FINISH or STOP; the torque is `report.tau`.
+        """Run one period; return GO, FINISH or STOP. The torque is `report.tau`.
 
         - `elapsed`: since the last one [s]; 0 at the first.
         - `q`, `dq`: measured positions and velocities.
@@ -204,7 +190,7 @@ class Pilot:
         return self._step(self._at, elapsed, self._q, self._dq)
 
     def rest(self) -> None:
-        """Asks for an end: the arm comes to rest along its path."""
+        """Request the end: the arm comes to rest along its path."""
         self.law.call("pilot_rest")(self._at)
 
     def take(
@@ -214,10 +200,10 @@ class Pilot:
         dq: Sequence[Sequence[float]] | None = None,
         ddq: Sequence[Sequence[float]] | None = None,
     ) -> str:
-        """A trajectory to follow from now on, if `options.follows` is set; "" or why it is not taken.
+        """Follow a trajectory from now on, if `options.follows` is set; return "" or why it is refused.
 
-        - `times`: of its points from now on, each later than the one before [s].
-        - `q`, `dq`, `ddq`: positions, and perhaps velocities and accelerations there.
+        - `times`: of its points from now on, increasing [s].
+        - `q`, `dq`, `ddq`: positions, and optional velocities and accelerations there.
         """
         if len(times) >= POINTS:
             return self.law.text("taken", 1)
@@ -237,22 +223,22 @@ class Pilot:
 
     @property
     def phase(self) -> str:
-        """Where on its way the reference is."""
+        """The reference's phase on its path."""
         return self.law.phases[self.report.phase]
 
     @property
     def why(self) -> str:
-        """Why it came to rest or stopped, with the joint."""
+        """Why the arm came to rest or the control stopped, with the joint."""
         text = self.law.text("reason", self.report.reason)
         return f"{text} (joint {self.report.joint})" if self.report.joint else text
 
     def signals(self) -> dict[str, list[float]]:
-        """The law's signals at the last step, and the torque, by name; a number is a list of one."""
-        found = {}
+        """The law's signals at the last step, and the torque, by name; a scalar is a list of one."""
+        values = {}
         for each in self.law.about["structures"]["command"]:
             value = getattr(self.command, each["name"])
-            found[each["name"]] = list(value) if each["size"] else [float(value)]
-        return found
+            values[each["name"]] = list(value) if each["size"] else [float(value)]
+        return values
 
 
 def speeds(dq: Sequence[float]) -> float:

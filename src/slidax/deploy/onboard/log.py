@@ -1,6 +1,6 @@
-"""What happened on a robot, as a table; its torques are commands, without what the robot adds.
+"""Log of a motion as a table; its torques are commands, without the robot's own compensation.
 
-This module runs by itself beside an exported law, as `log.py`.
+This module runs by itself next to an exported law.
 """
 
 from __future__ import annotations
@@ -15,10 +15,7 @@ PER_JOINT = ("q", "dq", "tau", "q_wanted", "dq_wanted", "error")
 
 
 class Log:
-    """Rows in memory, written when the motion is over: no file is touched while the arm moves.
-
-    - `law`: whose motion it is.
-    """
+    """Rows in memory, written when the motion is over: no file is touched while the arm moves."""
 
     def __init__(self, law: Law) -> None:
         joints = range(1, law.joints + 1)
@@ -27,11 +24,9 @@ class Log:
         self.rows: list[tuple[float, ...]] = []
 
     def add(self, pilot: Pilot, q: Sequence[float], dq: Sequence[float], success_rate: float = 1.0) -> None:
-        """One period.
+        """Add one period after the pilot's step.
 
-        - `pilot`: after its step.
-        - `q`, `dq`: what was measured.
-        - `success_rate`: of the link to the robot, as the robot counts it.
+        - `success_rate`: of the link to the robot, as counted by the robot.
         """
         report, wanted = pilot.report, pilot.reference
         self.rows.append(
@@ -51,18 +46,12 @@ class Log:
         )
 
     def column(self, name: str) -> list[float]:
-        """One column.
-
-        - `name`: such as `q_1`.
-        """
+        """One column, such as `q_1`."""
         at = self.columns.index(name)
         return [row[at] for row in self.rows]
 
     def write(self, path: str | os.PathLike[str]) -> None:
-        """Writes the table as CSV.
-
-        - `path`: of the file.
-        """
+        """Write the table as CSV."""
         with open(path, "w", newline="", encoding="utf-8") as file:
             writer = csv.writer(file)
             writer.writerow(self.columns)

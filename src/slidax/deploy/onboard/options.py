@@ -1,6 +1,6 @@
-"""What the command lines of all programs have: how the first motion goes, and real-time priority.
+"""Command-line options of all robot programs, and real-time priority.
 
-This module runs by itself beside an exported law, as `options.py`.
+This module runs by itself next to an exported law.
 """
 
 from __future__ import annotations
@@ -16,11 +16,7 @@ from .law import Law, Pilot
 
 
 def loaded(parser: argparse.ArgumentParser, folder: Path) -> Law:
-    """The law of a folder, compiled if it has to be; ends the program with one line if there is none.
-
-    - `parser`: says what is wrong.
-    - `folder`: of the law.
-    """
+    """Load the law of a folder, compiled if necessary; end the program with one line if that fails."""
     try:
         return Law(folder)
     except FileNotFoundError as error:
@@ -35,11 +31,7 @@ def _compiler() -> list[str]:
 
 
 def prepare(arguments: argparse.Namespace, pilot: Pilot) -> None:
-    """Options of the command line into those of the pilot.
-
-    - `arguments`: as parsed.
-    - `pilot`: takes them.
-    """
+    """Copy options of the command line to the pilot."""
     path = pilot.options.path
     for name in ("hold", "speed", "amplitude", "small", "widen", "motion"):
         value = getattr(arguments, name)
@@ -52,10 +44,7 @@ def prepare(arguments: argparse.Namespace, pilot: Pilot) -> None:
 
 
 def options_of_the_path(parser: argparse.ArgumentParser) -> None:
-    """The options that every program has: how the first motion goes.
-
-    - `parser`: takes them.
-    """
+    """Add the options of the first motion."""
     for name, unit, meaning in (
         ("hold", "S", "how long the measured posture is held"),
         ("speed", "RAD/S", "of the fastest joint on the way to the motion's beginning"),
@@ -72,17 +61,15 @@ def options_of_the_path(parser: argparse.ArgumentParser) -> None:
 
 
 def in_time(enforce: bool) -> None:
-    """Real-time priority and locked memory, as far as the system allows.
+    """Request real-time priority.
 
-    - `enforce`: whether it is an error if it does not.
-
-    Raises OSError.
+    Raises OSError if the system refuses it and `enforce` is set.
     """
     gc.collect()
     gc.disable()
     try:
         if sys.platform != "linux":
-            raise OSError("real-time priority is asked for on Linux only")
+            raise OSError("real-time priority is available on Linux only")
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(80))
     except OSError:
         if enforce:

@@ -1,4 +1,4 @@
-"""Why an arm comes to rest or its control stops."""
+"""Reasons for which an arm comes to rest or its control stops."""
 
 from __future__ import annotations
 
@@ -7,12 +7,10 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Reason:
-    """One of them.
+    """A reason.
 
     - `name`: as in C, without its prefix.
-    - `meaning`: in a line, for people.
-    - `stops`: whether the control ends at once; otherwise the arm comes to rest along its path.
-    - `remedy`: what to do about it.
+    - `stops`: True if the control ends at once; otherwise the arm comes to rest along its path.
     """
 
     name: str

@@ -1,8 +1,8 @@
-"""The scenario's own arm in place of the robot: the same pilot, step by step, and logs that go through it again.
+"""Rehearsal with the scenario's own arm in place of the robot, and replay of its logs.
 
     python3 rehearsal.py --log rehearsed.csv
 
-This module runs by itself beside an exported law, as `rehearsal.py`.
+This module runs by itself next to an exported law.
 """
 
 from __future__ import annotations
@@ -20,10 +20,9 @@ from .options import loaded, options_of_the_path, prepare
 
 
 class Arm:
-    """The arm of the scenario, with its sensor's delay; its weight is carried by the robot if the law has none.
+    """The scenario's arm with its sensor's delay; weightless if the law's robot carries its weight.
 
-    - `law`: of the same scenario.
-    - `q`: where it stands; where the scenario begins if None.
+    - `q`: initial posture; by default the scenario's.
     """
 
     def __init__(self, law: Law, q: Sequence[float] | None = None) -> None:
@@ -48,21 +47,12 @@ class Arm:
         return list(late.q), list(late.dq)
 
     def move(self, tau: Sequence[float]) -> None:
-        """One period under a torque.
-
-        - `tau`: in N m or N.
-        """
+        """Move for one period under a torque [N m or N]."""
         self.move_by(ctypes.addressof(self.then), self.law.period, self.law.vector(*tau))
 
 
 def rehearse(pilot: Pilot, arm: Arm, log: Log | None = None, most: float = 600.0) -> int:
-    """The whole motion; what the last step said.
-
-    - `pilot`: with its options.
-    - `arm`: in place of the robot.
-    - `log`: takes every period.
-    - `most`: where it ends in any case [s].
-    """
+    """Run the whole motion, at most `most` seconds; return the last action."""
     q, dq = arm.measured()
     if not pilot.begin(q):
         return STOP
@@ -78,10 +68,9 @@ def rehearse(pilot: Pilot, arm: Arm, log: Log | None = None, most: float = 600.0
 
 
 def replay(pilot: Pilot, rows: Sequence[dict[str, float]]) -> float:
-    """A log through the law again: the largest difference of a torque, 0 if all bits are the same [N m or N].
+    """Pass a log through the law again; return the largest difference of a torque [N m or N], 0 if all bits agree.
 
-    - `pilot`: with the options of the log's motion.
-    - `rows`: of the log.
+    - `pilot`: with the options of the logged motion.
     """
     joints = range(1, pilot.law.joints + 1)
     largest = 0.0
@@ -100,30 +89,24 @@ def replay(pilot: Pilot, rows: Sequence[dict[str, float]]) -> float:
 
 
 def read(path: str | Path) -> list[dict[str, float]]:
-    """The rows of a log.
-
-    - `path`: as `Log` wrote it.
-    """
+    """Read the rows of a log."""
     with open(path, newline="", encoding="utf-8") as file:
         return [{name: float(value) for name, value in row.items()} for row in csv.DictReader(file)]
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """The program: 0 if the motion came to its end, 3 if the pilot stopped it.
-
-    - `arguments`: of the command line.
-    """
+    """Run the program: 0 if the motion came to its end, 3 if the pilot stopped it."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--law", type=Path, default=Path(__file__).parent / "law", help="the folder of the law")
     parser.add_argument("--start", type=float, nargs="+", metavar="RAD", help="where the arm stands")
     options_of_the_path(parser)
-    given = parser.parse_args(arguments)
-    law = loaded(parser, given.law)
+    options = parser.parse_args(arguments)
+    law = loaded(parser, options.law)
     pilot, log = law.pilot(), Log(law)
-    prepare(given, pilot)
-    action = rehearse(pilot, Arm(law, given.start), log)
-    if given.log is not None:
-        log.write(given.log)
+    prepare(options, pilot)
+    action = rehearse(pilot, Arm(law, options.start), log)
+    if options.log is not None:
+        log.write(options.log)
     ending = "finished" if action == FINISH else "stopped"
     print(f"{ending} in phase {pilot.phase} after {pilot.report.t:.3f} s: {pilot.why}")
     largest = max(map(abs, (value for k in range(law.joints) for value in log.column(f"error_{k + 1}"))), default=0.0)

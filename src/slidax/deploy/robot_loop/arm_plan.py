@@ -1,4 +1,4 @@
-"""A scenario's arm, sensor and drives as a plan: what happens on the robot's side of a loop in one tick."""
+"""A scenario's arm, sensor and drives as machine code: the robot's side of one tick."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class ArmPlan:
 
     - `plan`: its code and memory.
     - `row`: the dtype of a row.
-    - `world`: MuJoCo's model, and the places of the joints' positions and velocities in it; None for our own arm.
+    - `world`: MuJoCo's model and the joints' indices in it; None for slidax's own arm.
     - `substeps`: MuJoCo's steps in a tick.
     """
 
@@ -45,27 +45,22 @@ class ArmPlan:
     substeps: int
 
     def columns(self, rows: np.ndarray) -> dict[str, np.ndarray]:
-        """The numbers of rows by the names that a log has for them.
-
-        - `rows`: bytes, [m length].
-        """
+        """Columns of rows (bytes, [m length]), by their names in a log."""
         table = np.ascontiguousarray(rows).view(self.row)[:, 0] if len(rows) else np.zeros(0, self.row)
         return {name: table[name] for name in self.row.names or ()}
 
 
 def sooner(sensor: AbstractSensor | None) -> AbstractSensor:
-    """The sensor without one period of its delay, for a loop in which a measurement takes that time on its way.
-
-    - `sensor`: of a scenario.
+    """The sensor with one period less delay, for a loop that takes one period to transport a measurement.
 
     Raises DefinitionError if its measurements are less than one period old.
     """
     if isinstance(sensor, Lossy):
-        return eqx.tree_at(lambda one: one.sensor, sensor, sooner(sensor.sensor))
+        return eqx.tree_at(lambda lossy: lossy.sensor, sensor, sooner(sensor.sensor))
     if not isinstance(sensor, Delayed) or sensor.periods - 0.5 * sensor.jitter < 1:
         raise DefinitionError(
-            "in a loop of two processes a measurement is one period old when its torque sets in, and the law must "
-            "know it: `--set sensor.delay=1`",
+            "in a loop of two processes a measurement is one period old when its torque takes effect, and the law "
+            "must account for it: `--set sensor.delay=1`",
             where="sensor.delay",
         )
     if sensor.periods == 1 and not sensor.jitter:
@@ -74,17 +69,16 @@ def sooner(sensor: AbstractSensor | None) -> AbstractSensor:
 
 
 def arm_plan(scenario: Scenario, *, transport: int) -> ArmPlan:
-    """The plan of a scenario's arm.
+    """Compile a scenario's arm.
 
-    - `scenario`: in held mode.
-    - `transport`: periods that a measurement takes to the law and its torque back, 0 or 1. With 1 the sensor is taken
-      without one period of its delay, and the first measurement is of the tick before the first.
+    - `transport`: periods from a measurement to its torque, 0 or 1. With 1 the sensor has one period less delay, and
+      the first measurement is that of the tick before the first.
 
-    Raises DefinitionError if the scenario does not allow it, or llvmlite is not installed.
+    Raises DefinitionError if the scenario is not in held mode or does not allow it, or llvmlite is not installed.
     """
     require_samples(scenario)
-    given = scenario.plant
-    own = given.pushed if isinstance(given, MujocoPlant) else given
+    plant = scenario.plant
+    own = plant.pushed if isinstance(plant, MujocoPlant) else plant
     stepping = scenario.stepping
     loop, _ = define_loop(
         own, scenario.controller, scenario.trajectory, scenario.state0, scenario.t1, stepping, None, BANDS
@@ -92,16 +86,16 @@ def arm_plan(scenario: Scenario, *, transport: int) -> ArmPlan:
     sensor = sooner(own.sensor) if transport else own.sensor
     start, period = scenario.state0, loop.period
     before = State(q=start.q - transport * period * start.dq, dq=start.dq)
-    first, seen = _first(sensor, before, period, transport)
+    first, measurement0 = _first(sensor, before, period, transport)
     held = own.at(jnp.zeros(())).bias(start.q, start.dq)
-    # Of the law nothing is needed, and its numbers need not come along.
+    # The law itself is not needed here.
     arrays, static = eqx.partition((loop.plant, loop.trajectory, period), eqx.is_array)
 
-    def parts(given: Any) -> tuple[Plant, Any, Scalar]:
-        return eqx.combine(given, static)
+    def parts(arrays: Any) -> tuple[Plant, Any, Scalar]:
+        return eqx.combine(arrays, static)
 
-    def measure(given: Any, k: Any, state: State, memory: Any) -> Any:
-        _, trajectory, period = parts(given)
+    def measure(arrays: Any, k: Any, state: State, memory: Any) -> Any:
+        _, trajectory, period = parts(arrays)
         now, fresh, after = state, jnp.ones((), bool), memory
         if sensor is not None:
             measurement, after = sensor(k + transport, state, period, memory)
@@ -109,9 +103,9 @@ def arm_plan(scenario: Scenario, *, transport: int) -> ArmPlan:
         t = k.astype(float) * period
         return now, fresh, after, t, (state.q, state.dq, state.q - trajectory.reference(t).q)
 
-    def set_(given: Any, k: Any, state: State, delivery: Any, tau: Vector, brakes: Any) -> Any:
-        plant, _, period = parts(given)
-        # Brakes hold what the arm carries, whoever knows of it.
+    def set_(arrays: Any, k: Any, state: State, delivery: Any, tau: Vector, brakes: Any) -> Any:
+        plant, _, period = parts(arrays)
+        # Brakes also hold an unknown payload.
         robot = plant.at(k.astype(float) * period)
         stopping = robot.bias(state.q, state.dq) - robot.mass(state.q) @ state.dq / BRAKES_IN
         tau = jnp.where(brakes, stopping, tau)
@@ -119,16 +113,16 @@ def arm_plan(scenario: Scenario, *, transport: int) -> ArmPlan:
             return tau, delivery
         return plant.actuator.set(tau, period, delivery)
 
-    def loop_of(given: Any) -> Loop:
-        plant, trajectory, period = parts(given)
-        return eqx.tree_at(lambda one: (one.plant, one.trajectory, one.period), loop, (plant, trajectory, period))
+    def loop_of(arrays: Any) -> Loop:
+        plant, trajectory, period = parts(arrays)
+        return eqx.tree_at(lambda loop: (loop.plant, loop.trajectory, loop.period), loop, (plant, trajectory, period))
 
-    def move(given: Any, k: Any, state: State, tau: Vector, delivery: Any) -> State:
-        one = loop_of(given)
-        return moved(one, state, k.astype(float) * one.period, HeldTorque(tau, delivery))
+    def move(arrays: Any, k: Any, state: State, tau: Vector, delivery: Any) -> State:
+        current = loop_of(arrays)
+        return moved(current, state, k.astype(float) * current.period, HeldTorque(tau, delivery))
 
-    def push(given: Any, k: Any, i: Any, state: State, tau: Vector, delivery: Any) -> Vector:
-        return force(loop_of(given), HeldTorque(tau, delivery), k, i, state)
+    def push(arrays: Any, k: Any, i: Any, state: State, tau: Vector, delivery: Any) -> Vector:
+        return force(loop_of(arrays), HeldTorque(tau, delivery), k, i, state)
 
     delivery = None if own.actuator is None else own.actuator.init(held)
     planner = Planner()
@@ -145,7 +139,10 @@ def arm_plan(scenario: Scenario, *, transport: int) -> ArmPlan:
     state = memories["state"]
     planner.named("q", state.q)
     planner.named("dq", state.dq)
-    measured = [planner.view(f"measured_{name}", np.asarray(part)) for name, part in (("q", seen.q), ("dq", seen.dq))]
+    measured = [
+        planner.view(f"measured_{name}", np.asarray(part))
+        for name, part in (("q", measurement0.q), ("dq", measurement0.dq))
+    ]
     set_tau = planner.view("set_tau", np.asarray(held))
     planner.region("measured", measured[0], set_tau)
     fields = {"set_tau": set_tau}
@@ -173,10 +170,10 @@ def arm_plan(scenario: Scenario, *, transport: int) -> ArmPlan:
     )
     force_slot = planner.view("force", vector)
     world = None
-    if isinstance(given, MujocoPlant):
+    if isinstance(arrays, MujocoPlant):
         code, _ = kernel(push, of_loop, WHOLE, WHOLE, of_state, vector, of_delivery)
         planner.code("move", code, (numbers, k, i, state, set_tau, memories["delivery"]), force_slot)
-        world = _world(given, float(period) / stepping.substeps, start, scenario.t1)
+        world = _world(arrays, float(period) / stepping.substeps, start, scenario.t1)
     else:
         code, _ = kernel(move, of_loop, WHOLE, of_state, vector, of_delivery)
         planner.code("move", code, (numbers, k, state, set_tau, memories["delivery"]), memories["state_after"])
@@ -190,7 +187,7 @@ def arm_plan(scenario: Scenario, *, transport: int) -> ArmPlan:
 
 
 def _first(sensor: AbstractSensor | None, state: State, period: Scalar, transport: int) -> tuple[Any, State]:
-    """What the sensor keeps after the measurement that comes before the first tick, and that measurement."""
+    """The sensor's memory after the measurement before the first tick, and that measurement."""
     if sensor is None:
         return (), state
     memory = sensor.init(state)
@@ -201,12 +198,14 @@ def _first(sensor: AbstractSensor | None, state: State, period: Scalar, transpor
 
 
 def _world(plant: MujocoPlant, timestep: float, start: State, until: float) -> tuple[Any, np.ndarray, np.ndarray]:
-    """MuJoCo's side, as it stays during the whole run."""
+    """MuJoCo's model, constant during the run."""
     from slidax.simulation.mujoco.world import World
 
     load = plant.load
     if load is not None and float(load.payload.mass) > 0 and (load.attached > 0 or load.released < until):
-        raise DefinitionError("a load that is taken up or let go in mid-run needs our own arm: `--arm own`")
+        raise DefinitionError(
+            "a payload that is attached or released during the run needs the built-in arm: `--arm own`"
+        )
     world = World(plant, timestep, start)
     return world.model, world.places, world.dofs
 

@@ -1,4 +1,4 @@
-"""What a log says of its scenario, so that nothing else is needed to go through it again."""
+"""Metadata of a log: all that is needed to replay it."""
 
 from __future__ import annotations
 
@@ -21,20 +21,16 @@ CHUNK = 500
 
 
 def attachments_of(scenario: Scenario) -> dict[str, bytes]:
-    """The scenario, and the files that it names.
-
-    - `scenario`: as it was loaded; what `replace` changed in it is not in its description.
-    """
+    """The scenario, and the files that it names; changes by `replace` are not in its description."""
     text, files = portable(scenario.description)
     return {SCENARIO: text.encode(), **files}
 
 
 def metadata_of(scenario: Scenario, made_by: str, seconds: float) -> dict[str, str]:
-    """What a log says of itself.
+    """Metadata of a log.
 
-    - `scenario`: what was run.
     - `made_by`: "run" or "loop".
-    - `seconds`: how long it was to last.
+    - `seconds`: planned duration.
     """
     return {
         "slidax": slidax.__version__,
@@ -48,11 +44,7 @@ def metadata_of(scenario: Scenario, made_by: str, seconds: float) -> dict[str, s
 
 
 def write_stepped(scenario: Scenario, stepped: Stepped, path: Path) -> None:
-    """Writes a loop without a clock as an MCAP file, from time 0 on.
-
-    - `scenario`: what was run.
-    - `stepped`: what it has left.
-    - `path`: of the file.
+    """Write a loop without a clock as an MCAP file, with time 0 as start.
 
     Raises DefinitionError if foxglove-sdk is not installed, OSError if the file cannot be written.
     """

@@ -1,4 +1,4 @@
-"""A scenario's law with its guards as a plan: motion, step, and the row that a log has of each answer."""
+"""A scenario's guarded law as machine code: reference motion, step, and the row that a log has of each answer."""
 
 from __future__ import annotations
 
@@ -35,60 +35,49 @@ class LawPlan:
 
     - `plan`: its code and memory.
     - `row`: the dtype of a row.
+    - `sample`: the dtype of a row's inputs: time, measurement, reference.
     - `channels`: of its log.
-    - `given`: the dtype of what a row was computed from: time, measurement, reference.
     """
 
     plan: Plan
     row: np.dtype[Any]
-    given: np.dtype[Any]
+    sample: np.dtype[Any]
     channels: Channels
 
     def columns(self, rows: np.ndarray) -> dict[str, np.ndarray]:
-        """The numbers of rows by the names that a log has for them.
-
-        - `rows`: bytes, [m length].
-        """
+        """Columns of rows (bytes, [m length]), by their names in a log."""
         table = np.ascontiguousarray(rows).view(self.row)[:, 0] if len(rows) else np.zeros(0, self.row)
-        found = {name: table[name] for name in self.row.names or ()}
+        columns = {name: table[name] for name in self.row.names or ()}
         for place, name in enumerate(self.channels.bits):
-            found[name.lower()] = (found["status"] >> place) & 1
+            columns[name.lower()] = (columns["status"] >> place) & 1
         if self.channels.bounded:
-            below, above = found["e"] - found["lower"], found["upper"] - found["e"]
+            below, above = columns["e"] - columns["lower"], columns["upper"] - columns["e"]
             with np.errstate(invalid="ignore", divide="ignore"):
-                found["envelope_margin"] = np.minimum(below, above) / (found["upper"] - found["lower"])
-        return found
+                columns["envelope_margin"] = np.minimum(below, above) / (columns["upper"] - columns["lower"])
+        return columns
 
 
 def require_samples(scenario: Scenario) -> None:
-    """Raises DefinitionError if the law of a scenario is not sampled, but part of the integrator.
-
-    - `scenario`: any.
-    """
+    """Raise DefinitionError if a scenario's law runs inside the integrator instead of at samples."""
     if scenario.stepping.mode != "held":
         raise DefinitionError(
-            "a law that is called sample by sample needs samples: `--set simulation.mode=held`, or a scenario "
+            "a law that is called sample by sample needs held mode: `--set simulation.mode=held`, or a scenario "
             "such as example-4.1-1khz"
         )
 
 
 def guarded(scenario: Scenario) -> GuardedStep:
-    """The law of a scenario behind its guards, as `slidax export` has it.
-
-    - `scenario`: any.
-    """
+    """A scenario's law behind its guards, as in `slidax export`."""
     plant = scenario.plant.own if isinstance(scenario.plant, MujocoPlant) else scenario.plant
     limits = TorqueLimits() if plant.actuator is None else plant.actuator.limits
     return GuardedStep.around(scenario.controller, limits, scenario.period)
 
 
 def law_plan(scenario: Scenario) -> LawPlan:
-    """The plan of a scenario's law.
+    """Compile a scenario's law.
 
-    - `scenario`: in held mode.
-
-    Raises DefinitionError if it is not, or llvmlite is not installed; NoNativeCodeError if there is no machine code for
-    something in the law.
+    Raises DefinitionError if the scenario is not in held mode, or llvmlite is not installed; NoNativeCodeError if there
+    is no machine code for something in the law.
     """
     require_samples(scenario)
     guard = guarded(scenario)
@@ -132,7 +121,7 @@ def law_plan(scenario: Scenario) -> LawPlan:
     for name, start, end in (
         ("row", first, last),
         ("measured", fields["q"], fields["effort"]),
-        ("given", fields["t"], fields[REFERENCE_COLUMNS[-1]]),
+        ("sample", fields["t"], fields[REFERENCE_COLUMNS[-1]]),
         ("tau", tau, tau),
     ):
         planner.region(name, start, end)
@@ -147,7 +136,7 @@ def law_plan(scenario: Scenario) -> LawPlan:
     return LawPlan(
         plan=planner.plan(),
         row=dtype_of(fields, first, last),
-        given=dtype_of({name: fields[name] for name in names}, fields["t"], references[-1]),
+        sample=dtype_of({name: fields[name] for name in names}, fields["t"], references[-1]),
         channels=Channels(
             joints=tuple(robot.joint_names),
             units=tuple(robot.joint_units),
@@ -159,11 +148,7 @@ def law_plan(scenario: Scenario) -> LawPlan:
 
 
 def dtype_of(fields: dict[str, Slot], first: Slot, last: Slot) -> np.dtype[Any]:
-    """The dtype of a region as a row.
-
-    - `fields`: by name.
-    - `first`, `last`: of the region.
-    """
+    """The dtype of the region from `first` to `last` as a row."""
     return np.dtype(
         {
             "names": list(fields),

@@ -1,4 +1,4 @@
-"""The loop of a robot without a clock: each side waits for the other. It is the simulated run, to rounding."""
+"""The loop of a robot without a clock: each side waits for the other. Equals the simulated run up to rounding."""
 
 from __future__ import annotations
 
@@ -19,12 +19,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Stepped:
-    """What a loop has left, as columns.
-
-    - `channels`: of its log.
-    - `law`: an answer of the law a row.
-    - `arm`: a tick of the arm a row.
-    """
+    """Columns of a loop: one row per answer of the law, and one per tick of the arm."""
 
     channels: Channels
     law: dict[str, np.ndarray]
@@ -32,11 +27,9 @@ class Stepped:
 
 
 def lockstep(scenario: Scenario, samples: int, *, transport: int = 0) -> Stepped:
-    """The loop, sample by sample, in the very code that a robot would call.
+    """Run the loop sample by sample, in the machine code that a robot would call.
 
-    - `scenario`: in held mode.
-    - `samples`: how many.
-    - `transport`: as in `arm_plan`; with 1 all goes as between two processes of which none is ever late.
+    - `transport`: as in `arm_plan`; 1 reproduces two processes without any delay.
 
     Raises DefinitionError if the scenario does not allow it or llvmlite is not installed; NoNativeCodeError if there is
     no machine code for something in it.

@@ -1,4 +1,4 @@
-"""The loop in real time: the law in one process, the arm in another, and this one, which writes the log."""
+"""The loop in real time: the law in one process, the arm in another, and a recorder in this one."""
 
 from __future__ import annotations
 
@@ -18,6 +18,7 @@ import numpy as np
 from slidax._errors import DefinitionError
 from slidax.logs import LogWriter
 from slidax.realtime import KEPT_ROWS, Job, Mailbox, Places, Report, Ring, anonymous, mapped, now
+from slidax.realtime.law_process import run_law
 
 from ..status import STOP_REQUESTED
 from .arm_plan import ArmPlan, arm_plan
@@ -29,16 +30,16 @@ if TYPE_CHECKING:
     from slidax.scenarios import Scenario
 
 CHUNK, LOOK = 0.5, 0.05
-"""How often rows are taken from the rings and make a chunk of the file, and how often for one who looks on [s]."""
+"""Interval at which rows are read from the rings and written as a chunk, and the same with live data [s]."""
 
 PHASE = 0.1
-"""When the law wakes up after a tick, as a share of the period: by then its measurement is there as a rule."""
+"""Wake-up of the law after a tick, as a share of the period; its measurement has usually arrived by then."""
 
 LEAD = 100_000_000
-"""From the word to tick 0 [ns]."""
+"""From the start signal to tick 0 [ns]."""
 
 LAW_FIRST, ARM_FIRST = 80, 81
-"""Real-time priorities: a robot's own computer does not wait for ours."""
+"""Real-time priorities; the arm's is higher, as a robot's own computer does not wait for ours."""
 
 
 def run_loop(
@@ -49,22 +50,22 @@ def run_loop(
     patience: int = 20,
     hogs: int = 0,
 ) -> Looped:
-    """The scenario in real time, from its start to its `t1`, or until a side stops.
+    """Run a scenario in real time from its start to its `t1`, or until a side stops.
 
     - `scenario`: in held mode, with measurements that are at least one period old.
     - `log`: an MCAP file; None for none.
-    - `port`: of a server for Foxglove, on this machine alone; None for none.
+    - `port`: of a local Foxglove server; None for none.
     - `patience`: ticks without a command until the arm brakes, and without a measurement until the law ends.
-    - `hogs`: processes that only burn time beside it.
+    - `hogs`: additional processes that only burn time.
 
     Raises DefinitionError if the scenario does not allow it or a package is missing, OSError if the log cannot be
     written.
     """
     if os.name != "posix":
-        raise DefinitionError("a loop in real time needs a system like Linux; `slidax run` has none of these needs")
+        raise DefinitionError("a real-time loop needs a POSIX system such as Linux; use `slidax run` elsewhere")
     if log is not None and log.suffix != ".mcap":
-        raise DefinitionError(f"a log of a loop ends in .mcap; got `{log.name}`")
-    # The arm first: it is what may not go.
+        raise DefinitionError(f"the log of a loop must end in .mcap; got `{log.name}`")
+    # The arm first, as it is more likely to be refused.
     of_arm, of_law = arm_plan(scenario, transport=1), law_plan(scenario)
     ticks = round(scenario.t1 / scenario.period)
     lengths = _lengths(of_law, of_arm)
@@ -90,8 +91,7 @@ def run_loop(
     with ExitStack() as stack:
         stack.callback(os.close, descriptor)
         sides = [
-            stack.enter_context(_started(name, descriptor, one))
-            for name, one in (("arm_process", of_the_arm), ("law_process", job))
+            stack.enter_context(_started(name, descriptor, side)) for name, side in (("arm", of_the_arm), ("law", job))
         ]
         _wait_for(sides)
         writer = None
@@ -125,7 +125,7 @@ def _record(
     writer: LogWriter | None,
     pause: float,
 ) -> None:
-    """Takes rows and writes them until both sides have ended."""
+    """Read rows and write them until both sides have ended."""
     flushed = time.monotonic()
     while True:
         over = all(side.poll() is not None for side in sides)
@@ -159,22 +159,22 @@ def _places(lengths: tuple[int, int, int, int]) -> Places:
         Ring.size(arm_row, KEPT_ROWS),
         16,
     )
-    # Each on pages of its own: what one side writes does not slow the other's reading.
+    # Separate pages, so that one side's writes do not slow the other's reads.
     ends = np.cumsum([-(-size // 4096) * 4096 for size in sizes]).tolist()
     return Places(0, *ends)
 
 
 def _started(name: str, descriptor: int, job: Job) -> AbstractContextManager[subprocess.Popen[bytes]]:
     side = subprocess.Popen(
-        [sys.executable, "-m", f"slidax.realtime.{name}", str(descriptor)],
+        [sys.executable, "-m", run_law.__module__, name, str(descriptor)],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         pass_fds=[descriptor],
-        # Ctrl-C is for this process, which tells the others.
+        # Ctrl-C goes to this process alone, which stops the others.
         start_new_session=True,
     )
     assert side.stdin is not None
-    # One that has died says so by what it does not say.
+    # A dead process is detected by its missing report.
     with suppress(BrokenPipeError), side.stdin as pipe:
         pickle.dump(job, pipe)
     side.stdin = None
@@ -183,7 +183,7 @@ def _started(name: str, descriptor: int, job: Job) -> AbstractContextManager[sub
 
 @contextmanager
 def _ended(process: subprocess.Popen[bytes]) -> Iterator[subprocess.Popen[bytes]]:
-    """The process, which is ended with the block whatever happens."""
+    """Yield the process and kill it at the end of the block."""
     try:
         yield process
     finally:
@@ -197,15 +197,15 @@ def _wait_for(sides: list[subprocess.Popen[bytes]]) -> None:
     for side in sides:
         output = _output(side)
         if output.readline() != b"ready\n":
-            raise DefinitionError("a side of the loop did not start; what it said stands above")
+            raise DefinitionError("a side of the loop did not start; see its output above")
 
 
 def _report(side: subprocess.Popen[bytes]) -> Report | None:
-    """What a side says at its end; None if it was killed."""
-    said = _output(side).read()
-    if side.wait() or not said:
+    """A side's report; None if it was killed."""
+    report = _output(side).read()
+    if side.wait() or not report:
         return None
-    return pickle.loads(said)
+    return pickle.loads(report)
 
 
 def _output(side: subprocess.Popen[bytes]) -> IO[bytes]:

@@ -1,4 +1,4 @@
-"""What a loop in real time has shown: times, what was missed, and whether the envelope was kept."""
+"""Result of a loop in real time: timing, missed ticks, and the envelope."""
 
 from __future__ import annotations
 
@@ -19,27 +19,26 @@ TIMES = {
     "measurement to command": "response",
     "row into the ring": "logged",
 }
-"""What is measured, by what it is called: columns of the law and of the arm, s."""
+"""Measured times [s] by their titles: columns of the law and of the arm."""
 
 SHARES = {"p50": 50.0, "p99": 99.0, "p99.9": 99.9, "max": 100.0}
 
 
 @dataclass(frozen=True)
 class Looped:
-    """A loop that has ended.
+    """Result of a loop.
 
     - `period`: between two ticks [s].
-    - `ticks`: of the arm.
-    - `answers`: of the law.
-    - `times`: by what they are of, s.
-    - `law`, `arm`: what the sides said; None for one that was killed.
+    - `ticks`, `answers`: of the arm, and of the law.
+    - `times`: measured times [s], by title.
+    - `law`, `arm`: the sides' reports; None for a side that was killed.
     - `outside`: ticks at which a joint was at or outside its envelope before the arm braked; None without an envelope.
-    - `margin`: least distance to the envelope as a share of its width, for each joint.
-    - `statuses`: how many answers had each bit.
-    - `recorder`: processor time of the recorder a tick [s].
+    - `margin`: smallest distance to the envelope as a share of its width, for each joint.
+    - `statuses`: number of answers with each bit.
+    - `recorder`: processor time of the recorder per tick [s].
     - `size`: of the log [bytes]; None without one.
-    - `lost`: rows that the recorder was too slow for.
-    - `hogs`: processes beside it.
+    - `lost`: rows lost by the recorder.
+    - `hogs`: additional processes.
     """
 
     period: float
@@ -58,7 +57,7 @@ class Looped:
 
     @property
     def reason(self) -> str:
-        """Why it ended."""
+        """Why the loop ended."""
         if self.law is None:
             return "the law's process was killed, and the arm braked"
         if self.arm is None:
@@ -71,39 +70,39 @@ class Looped:
 
     @property
     def good(self) -> bool:
-        """Whether it reached its end inside its envelope."""
+        """True if it reached its end inside its envelope."""
         return self.reason in ("done", "stopped") and not self.outside
 
     @property
     def held(self) -> int:
-        """Ticks at which no command had come in time, and the last torque stood."""
+        """Ticks at which no command arrived in time and the last torque was held."""
         return 0 if self.arm is None else self.arm.counts["held"]
 
     def percentiles(self) -> dict[str, dict[str, float]]:
-        """Of each time [s]."""
-        found = {}
+        """Percentiles of each time [s]."""
+        table = {}
         for name, values in self.times.items():
             if len(values):
-                found[name] = {share: float(np.percentile(values, at)) for share, at in SHARES.items()}
-        return found
+                table[name] = {share: float(np.percentile(values, at)) for share, at in SHARES.items()}
+        return table
 
     def not_granted(self) -> list[str]:
-        """What the system did not allow, and what to do about it."""
+        """Real-time properties that the system refused, with remedies."""
         sides = [side for side in (self.law, self.arm) if side is not None]
-        said = []
+        refusals = []
         if any(side.priority is None for side in sides):
-            said.append(
-                "no real-time priority (SCHED_FIFO): other processes come in between; `ulimit -r 99` in a shell that "
-                "may, or a line `@realtime - rtprio 99` in /etc/security/limits.conf"
+            refusals.append(
+                "no real-time priority (SCHED_FIFO), so other processes interfere: run `ulimit -r 99` in a privileged "
+                "shell, or add a line `@realtime - rtprio 99` to /etc/security/limits.conf"
             )
         if any(not side.locked for side in sides):
-            said.append(
-                "memory is not locked (mlockall): a page may have to be fetched; `ulimit -l unlimited`, or a line "
+            refusals.append(
+                "memory is not locked (mlockall), so page faults can occur: run `ulimit -l unlimited`, or add a line "
                 "`@realtime - memlock unlimited` there"
             )
         if any(not side.absolute for side in sides):
-            said.append("no absolute wake-ups (clock_nanosleep) on this system: only Linux has what a loop needs")
-        return said
+            refusals.append("no absolute wake-ups (clock_nanosleep): only Linux has them")
+        return refusals
 
     def as_json(self) -> dict[str, Any]:
         """For programs; times in us."""
@@ -140,11 +139,10 @@ class Looped:
 
 @dataclass
 class Recorded:
-    """What is kept of the rows for the end.
+    """Recorder of a loop's rows.
 
-    - `law`, `arm`: their plans.
     - `period`: between two ticks [s].
-    - `spent`: processor time on them [s].
+    - `spent`: processor time used [s].
     """
 
     law: LawPlan
@@ -154,10 +152,7 @@ class Recorded:
     _kept: dict[str, list[np.ndarray]] = field(default_factory=dict)
 
     def add(self, law: np.ndarray, arm: np.ndarray) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
-        """Keeps what the end needs; returns the columns of both.
-
-        - `law`, `arm`: rows as bytes.
-        """
+        """Record rows (bytes); return the columns of both sides."""
         of_law, of_arm = self.law.columns(law), self.arm.columns(arm)
         bounds = ("lower", "upper") if self.law.channels.bounded else ()
         for columns, names in (
@@ -169,11 +164,7 @@ class Recorded:
         return of_law, of_arm
 
     def looped(self, law: Report | None, arm: Report | None, lost: int, size: int | None, hogs: int) -> Looped:
-        """The end.
-
-        - `law`, `arm`: what the sides said.
-        - `lost`, `size`, `hogs`: as in `Looped`.
-        """
+        """Return the result; the arguments are those of `Looped`."""
         whole = {name: np.concatenate(parts) for name, parts in self._kept.items()}
         outside, margin = self._judged(whole)
         bits = self.law.channels.bits
@@ -182,7 +173,7 @@ class Recorded:
             period=self.period,
             ticks=ticks,
             answers=len(whole["k"]),
-            # The first row has the time of none before it.
+            # The first row has no logging time before it.
             times={name: whole[column][1:] if column == "logged" else whole[column] for name, column in TIMES.items()},
             law=law,
             arm=arm,
@@ -196,13 +187,17 @@ class Recorded:
         )
 
     def _judged(self, whole: dict[str, np.ndarray]) -> tuple[int | None, list[float] | None]:
-        """By the true error at every tick; where the law gave no answer, the bounds lie between its next ones."""
+        """Ticks outside the envelope, and margins, by the true error.
+
+        The bounds are interpolated where the law gave no answer.
+        """
         if not self.law.channels.bounded or not len(whole["k"]):
             return None, None
         moving = whole["braking"] == 0
         at, e = whole["true_k"][moving], whole["true_e"][moving]
         lower, upper = (
-            np.stack([np.interp(at, whole["k"], one) for one in whole[name].T], axis=1) for name in ("lower", "upper")
+            np.stack([np.interp(at, whole["k"], bound) for bound in whole[name].T], axis=1)
+            for name in ("lower", "upper")
         )
         margin = np.minimum(e - lower, upper - e) / (upper - lower)
         return int((margin <= 0).any(axis=1).sum()), margin.min(axis=0).tolist()

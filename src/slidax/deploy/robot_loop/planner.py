@@ -1,4 +1,4 @@
-"""From functions of JAX to a plan: one block of memory, and machine code that works in it."""
+"""From JAX functions to a plan: one block of memory, and machine code that works in it."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ WORD = 8
 
 
 class Planner:
-    """Puts arrays side by side into a block, and code beside them that knows where they are.
+    """Places arrays in one block of memory, and compiles code that knows their places.
 
     Raises DefinitionError if llvmlite is not installed.
     """
@@ -35,10 +35,10 @@ class Planner:
         self._regions: dict[str, tuple[int, int]] = {}
 
     def place(self, tree: Any, name: str = "") -> Any:
-        """Gives each array of a tree a place; returns the tree with places.
+        """Place each array of a tree; return the tree of places.
 
-        - `tree`: arrays with what they hold at first, or their shapes, which begin as zeros.
-        - `name`: of the region that they make together; none if empty.
+        - `tree`: arrays with their initial values, or shapes, which begin as zeros.
+        - `name`: of the region that they form together; none if empty.
         """
         start = self._size
         placed = jax.tree.map(self._put, tree)
@@ -47,44 +47,27 @@ class Planner:
         return placed
 
     def view(self, name: str, array: Any) -> Slot:
-        """A place of its own for one array, which is found by its name.
-
-        - `name`: of the view.
-        - `array`: as in `place`.
-        """
+        """Place one array under a name."""
         self._views[name] = slot = self._put(array)
         return slot
 
     def named(self, name: str, slot: Slot) -> None:
-        """A name for an array that has its place.
-
-        - `name`: of the view.
-        - `slot`: its place.
-        """
+        """Name a placed array."""
         self._views[name] = slot
 
     def region(self, name: str, first: Slot, last: Slot) -> None:
-        """A name for all from one array to another.
-
-        - `name`: of the region.
-        - `first`, `last`: both are in it.
-        """
+        """Name the region from one array to another, both included."""
         self._regions[name] = (first.offset, -(-last.end // WORD) * WORD)
 
     def code(self, name: str, kernel: llvm.Kernel, inputs: Any, outputs: Any) -> None:
-        """Machine code at its places.
-
-        - `name`: of the routine.
-        - `kernel`: what it does.
-        - `inputs`, `outputs`: trees of places, in the kernel's order.
-        """
+        """Add machine code; `inputs` and `outputs` are trees of places in the kernel's order."""
         slots: list[Slot] = [*jax.tree.leaves(inputs, is_leaf=_is_slot), *jax.tree.leaves(outputs, is_leaf=_is_slot)]
         shapes = [*(entry.shape for entry in kernel.inputs), *(entry.shape for entry in kernel.outputs)]
         assert [slot.shape for slot in slots] == shapes
         self._routines[name] = Coded(kernel.object, kernel.entry, tuple(slot.offset for slot in slots))
 
     def plan(self) -> Plan:
-        """All of it."""
+        """Return the plan."""
         return Plan(b"".join(part.tobytes() for part in self._parts), self._routines, self._views, self._regions)
 
     def _put(self, array: Any) -> Slot:
@@ -95,7 +78,7 @@ class Planner:
             held = np.asarray(array)
         slot = Slot(self._size, shape, dtype.str)
         bytes_ = np.frombuffer(held.tobytes(), np.uint8)
-        # The numbers are their own: no array shares a word with another.
+        # No two arrays share a word.
         padded = np.zeros(-(-len(bytes_) // WORD) * WORD, np.uint8)
         padded[: len(bytes_)] = bytes_
         self._parts.append(padded)
@@ -104,23 +87,20 @@ class Planner:
 
 
 def kernel(function: Callable[..., Any], *args: Any) -> tuple[llvm.Kernel, Any]:
-    """Machine code of a function of arrays, and the shapes of its result.
-
-    - `function`: from trees of arrays to a tree of arrays.
-    - `args`: the trees, or their shapes.
+    """Compile a function from trees of arrays to a tree of arrays; return the code and the result's shapes.
 
     Raises NoNativeCodeError if there is no machine code for something in it.
     """
-    found: list[Any] = []
+    shapes: list[Any] = []
 
     def arrays_of(*args: Any) -> Any:
         result = function(*args)
-        # Seen while it is traced: to trace a law takes seconds.
-        found[:] = [jax.tree.map(lambda x: jax.ShapeDtypeStruct(x.shape, x.dtype), result)]
+        # Recorded while tracing, as tracing a law takes seconds.
+        shapes[:] = [jax.tree.map(lambda x: jax.ShapeDtypeStruct(x.shape, x.dtype), result)]
         return result
 
-    made = llvm.compile(trace(arrays_of, *args, named=False))
-    return made, found[0]
+    compiled = llvm.compile(trace(arrays_of, *args, named=False))
+    return compiled, shapes[0]
 
 
 def _is_slot(x: Any) -> bool:

@@ -1,4 +1,4 @@
-"""A log through its law again: the same measurements must give the same torques, bit for bit."""
+"""Replay of a log through its law: the same measurements must give the same torques, bit for bit."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ from slidax.scenarios import of_log
 from .law_plan import law_plan
 
 COMPARED = ("tau", "status")
-"""What must be the same bits."""
+"""Columns compared bit by bit."""
 
 
 @dataclass(frozen=True)
 class Difference:
-    """The first answer that is another one.
+    """The first answer that differs.
 
-    - `tick`, `t`: when [s].
-    - `joint`: which joint's torque is farthest off, from 0 on; None if only the status differs.
+    - `tick`, `t`: its time [s].
+    - `joint`: joint whose torque differs most, from 0 on; None if only the status differs.
     - `logged`, `again`: its torque [N m or N].
-    - `status`: the bits in the log, and again.
+    - `status`: the bits in the log, and in the replay.
     """
 
     tick: int
@@ -38,15 +38,13 @@ class Difference:
 
 @dataclass(frozen=True)
 class Replay:
-    """What became of a log.
+    """Result of a replay.
 
-    - `answers`: how many were compared.
-    - `same`: how many of them are the same bits.
-    - `first`: the first that is not; None if all are.
-    - `largest`: how far any torque is off [N m or N].
-    - `joints`: their names.
-    - `bits`: names of the status's bits.
-    - `unknown`: answers that went on from one that is not in the log, and were not compared.
+    - `answers`, `same`: answers compared, and those with the same bits.
+    - `first`: the first that differs; None if none does.
+    - `largest`: largest difference of a torque [N m or N].
+    - `joints`, `bits`: names of joints and status bits.
+    - `unknown`: answers not compared, as they continue from one that is missing in the log.
     """
 
     answers: int
@@ -59,37 +57,37 @@ class Replay:
 
     def sentence(self) -> str:
         """In words."""
-        said = f"{self.same} of {counted(self.answers, 'answer')} have the same bits"
+        text = f"{self.same} of {counted(self.answers, 'answer')} have the same bits"
         if self.unknown:
-            said += f" ({self.unknown} more go on from an answer that the log has lost)"
+            text += f" ({self.unknown} more continue from an answer missing in the log)"
         if self.first is None:
-            return f"{said}."
-        one = self.first
+            return f"{text}."
+        difference = self.first
         what = (
-            f"{self.joints[one.joint]} was commanded {one.logged!r}, and is now {one.again!r}, "
-            f"{abs(one.again - one.logged):.2g} off"
-            if one.joint is not None
+            f"{self.joints[difference.joint]} was commanded {difference.logged!r}, and is now {difference.again!r}, "
+            f"{abs(difference.again - difference.logged):.2g} off"
+            if difference.joint is not None
             else "the torques are the same, the status is not"
         )
-        was, is_ = ("+".join(flags(self.bits, status)) or "OK" for status in one.status)
+        was, is_ = ("+".join(flags(self.bits, status)) or "OK" for status in difference.status)
         status = "" if was == is_ else f"; status {was}, and now {is_}"
         return (
-            f"{said}; the first other one is at tick {one.tick}, t = {one.t:g} s: {what}{status}. "
+            f"{text}; the first difference is at tick {difference.tick}, t = {difference.t:g} s: {what}{status}. "
             f"At most, a torque is {self.largest:.2g} off."
         )
 
     def as_json(self) -> dict[str, Any]:
         """For programs."""
-        one = self.first
+        difference = self.first
         first = None
-        if one is not None:
+        if difference is not None:
             first = {
-                "tick": one.tick,
-                "t": one.t,
-                "joint": None if one.joint is None else self.joints[one.joint],
-                "logged": one.logged,
-                "again": one.again,
-                "status": list(one.status),
+                "tick": difference.tick,
+                "t": difference.t,
+                "joint": None if difference.joint is None else self.joints[difference.joint],
+                "logged": difference.logged,
+                "again": difference.again,
+                "status": list(difference.status),
             }
         return {
             "answers": self.answers,
@@ -101,24 +99,23 @@ class Replay:
 
 
 def replay(log: SavedLog) -> Replay:
-    """Each measurement of a log through the law of its scenario again, from the memory that the law had then.
+    """Pass each measurement of a log through the law of its scenario again, from the memory that the law had then.
 
-    - `log`: with an answer of the law in it.
-
-    Raises DefinitionError if it has none, its scenario is invalid or its law has other signals, or llvmlite is missing.
+    Raises DefinitionError if the log has no answers, its scenario is invalid or has other signals, or llvmlite is
+    missing.
     """
     scenario = of_log(log)
     plan = law_plan(scenario)
     rows = len(log.law["k"])
     if not rows:
-        raise DefinitionError(f"`{log.path}` has no answers of a law in it")
+        raise DefinitionError(f"`{log.path}` contains no answers of a law")
     if plan.channels != log.channels:
-        raise DefinitionError(f"`{log.path}` has other joints or signals than the law of its own scenario")
+        raise DefinitionError(f"`{log.path}` differs in joints or signals from the law of its own scenario")
     law = Law(plan.plan, scenario.period)
-    given = np.zeros(rows, plan.given)
-    for name in plan.given.names or ():
-        given[name] = log.law[name]
-    inputs = given.view(np.uint8).reshape(rows, -1)
+    samples = np.zeros(rows, plan.sample)
+    for name in plan.sample.names or ():
+        samples[name] = log.law[name]
+    inputs = samples.view(np.uint8).reshape(rows, -1)
     again = np.zeros((rows, law.row.size), np.uint8)
     known = np.ones(rows, bool)
     for row, (k, basis) in enumerate(zip(log.law["k"].tolist(), log.law["basis"].tolist(), strict=True)):
@@ -127,17 +124,17 @@ def replay(log: SavedLog) -> Replay:
     if not known.all():
         # After one that is lost nothing is as it was.
         known[int(np.argmin(known)) :] = False
-    found = plan.columns(again)
+    repeated = plan.columns(again)
     wrong = np.zeros(rows, bool)
     for name in COMPARED:
-        differs = found[name].view(f"u{found[name].itemsize}") != log.law[name].view(f"u{log.law[name].itemsize}")
+        differs = repeated[name].view(f"u{repeated[name].itemsize}") != log.law[name].view(f"u{log.law[name].itemsize}")
         wrong |= differs.reshape(rows, -1).any(axis=1)
     wrong &= known
-    off = np.abs(found["tau"] - log.law["tau"])[known]
+    off = np.abs(repeated["tau"] - log.law["tau"])[known]
     return Replay(
         answers=int(known.sum()),
         same=int((known & ~wrong).sum()),
-        first=_first(log.law, found, int(np.argmax(wrong))) if wrong.any() else None,
+        first=_first(log.law, repeated, int(np.argmax(wrong))) if wrong.any() else None,
         largest=float(np.nanmax(off, initial=0.0)),
         joints=log.channels.joints,
         bits=log.channels.bits,

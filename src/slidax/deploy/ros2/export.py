@@ -16,10 +16,9 @@ from ..contents import Project
 from ..onboard import Allowed, weight_by_robot, write_law, write_onboard
 from ..onboard.gravity import own_plant
 from ..text import render
-from . import node
+from .node import Node
 from .parameters import Declared, as_list, as_text, declared, yaml
 
-HERE = "slidax.deploy.ros2"
 FILES = {
     "controller.hpp.j2": "include/{package}/controller.hpp",
     "controller.cpp.j2": "src/controller.cpp",
@@ -43,15 +42,15 @@ def export_ros2(
     gravity: str = "law",
     golden: bool = True,
 ) -> Project:
-    """Writes a package with a controller for ros2_control and a node in Python, and the law that both run.
+    """Write a package with a controller for ros2_control and a node in Python, and the law that both run.
 
-    - `scenario`: whose law; its motion is not used, as trajectories come by a topic.
-    - `out`: the folder; made if it is not there.
-    - `name`: of the law in C; after the scenario if None.
-    - `single`: floats in place of doubles.
-    - `command`: that asked for it, for the headers.
-    - `gravity`: who carries the arm's weight: "law", or "robot" if that adds it to each effort.
-    - `golden`: whether the law comes with its tests and golden samples, which take most of the time.
+    Trajectories arrive by a topic; the scenario's motion is not used.
+
+    - `name`: the law's name in C; by default the scenario's.
+    - `single`: floats instead of doubles.
+    - `command`: the command line, quoted in the file headers.
+    - `gravity`: "law" if the law carries the arm's weight, "robot" if the robot adds it to each effort.
+    - `golden`: include the tests and golden samples, which take most of the time.
 
     Raises DefinitionError if the scenario cannot be exported.
     """
@@ -59,56 +58,54 @@ def export_ros2(
         raise DefinitionError(f'`gravity` must be "law" or "robot"; got "{gravity}"')
     carried = gravity == "robot"
     fitted = weight_by_robot(scenario) if carried else scenario
-    made = write_law(fitted, out / "law", name=name, single=single, command=command, golden=golden)
-    allowed = Allowed.of(fitted, made, carried=carried)
-    package = f"slidax_{made.name}_controller"
+    exported = write_law(fitted, out / "law", name=name, single=single, command=command, golden=golden)
+    allowed = Allowed.of(fitted, exported, carried=carried)
+    package = f"slidax_{exported.name}_controller"
     names = interface_names(own_plant(scenario).robot.joint_names)
-    rows = declared(made, allowed, names)
+    rows = declared(exported, allowed, names)
     values: dict[str, Any] = {
-        "x": made,
+        "x": exported,
         "o": allowed,
         "package": package,
         "rows": rows,
         "law_rows": [row for row in rows if row.member is not None],
         "joints": as_list(map(as_text, names)),
-        "rate": round(1.0 / made.period),
+        "rate": round(1.0 / exported.period),
         "carried": carried,
         "version": slidax.__version__,
-        "signals": _signals(made),
+        "signals": _signals(exported),
     }
     try:
-        write_onboard(made, allowed, out, [node], names)
+        write_onboard(exported, allowed, out, {"node.py": Node}, names)
         for template, file in FILES.items():
             path = out / file.format(package=package)
             path.parent.mkdir(parents=True, exist_ok=True)
-            write_text(path, render(template, values, HERE))
+            write_text(path, render(f"ros2/{template}", values))
         write_text(out / "src" / "parameters.yaml", yaml(package, rows))
     except OSError as error:
         raise DefinitionError(f"cannot write the project to `{out}`: {reason(error)}") from None
-    return made
+    return exported
 
 
 def interface_names(joints: Sequence[str]) -> list[str]:
-    """The joints as the hardware's interfaces name them: exactly as the robot's file does.
+    """Joint names of the hardware's interfaces: those of the robot's file; `joint 1` becomes `joint_1`.
 
-    - `joints`: the robot's names. A joint without one, `joint 1`, becomes `joint_1`.
-
-    Raises DefinitionError for a name that no parameter file of ROS 2 can hold.
+    Raises DefinitionError for a name that a ROS 2 parameter file cannot hold.
     """
     if are_numbered(joints):
         return [name.replace(" ", "_") for name in joints]
     for name in joints:
         if not name.isprintable() or '"' in name or "\\" in name:
             raise DefinitionError(
-                f"joint {shown(name)}: a name with a quotation mark, a backslash or a control character cannot stand "
-                "in a parameter file of ROS 2: rename the joint in the robot's file, and in that of the hardware"
+                f"joint {shown(name)}: a name with a quotation mark, a backslash or a control character cannot be "
+                "used in a ROS 2 parameter file: rename the joint in the robot's and the hardware's files"
             )
     return list(joints)
 
 
-def _signals(made: Project) -> list[tuple[str, int]]:
-    """What is published beside errors, margin and status: each signal of the law, with how many numbers it has."""
-    return [(each.name, each.size) for each in made.outputs if each.type == "f64"]
+def _signals(exported: Project) -> list[tuple[str, int]]:
+    """Signals of the law to publish, with their sizes."""
+    return [(each.name, each.size) for each in exported.outputs if each.type == "f64"]
 
 
 __all__ = ["Declared", "export_ros2"]

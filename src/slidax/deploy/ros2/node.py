@@ -1,9 +1,9 @@
-"""The exported law as a ROS 2 node in Python: joint states in, efforts out, trajectories by a topic.
+"""The exported law as a ROS 2 node in Python: joint states in, efforts out, trajectories from a topic.
 
     python3 node.py --ros-args -r joint_states:=/joint_states
 
-This module runs by itself beside an exported law, with `rclpy`, `sensor_msgs`, `std_msgs` and `trajectory_msgs`. It is
-for simulators and for arms slow enough for Python; the controller for ros2_control is the one that is in time.
+This module runs by itself next to an exported law, with `rclpy`, `sensor_msgs`, `std_msgs` and `trajectory_msgs`. It
+suits simulators and arms slow enough for Python; only the controller for ros2_control runs in real time.
 """
 
 from __future__ import annotations
@@ -22,7 +22,6 @@ class Node:
     """Runs the step at every joint state.
 
     - `ros`: an `rclpy` node.
-    - `law`: with as many joints as names.
     - `joints`: names of the joints, in the law's order.
     - `messages`: the classes JointState, JointTrajectory, Float64MultiArray and MultiArrayDimension.
     """
@@ -41,10 +40,7 @@ class Node:
         ros.create_subscription(trajectory, "~/joint_trajectory", self.wanted, 10)
 
     def measured(self, message: Any) -> None:
-        """One period: a state in, an effort out.
-
-        - `message`: JointState; its stamp is the time.
-        """
+        """Run one period: a JointState in, whose stamp is the time; an effort out."""
         if self.ended:
             return
         try:
@@ -52,7 +48,7 @@ class Node:
             q = [message.position[k] for k in order]
             dq = [message.velocity[k] for k in order]
         except (ValueError, IndexError):
-            self.ros.get_logger().error("a joint state without position or velocity of each joint is left out")
+            self.ros.get_logger().error("ignored a joint state without position or velocity of each joint")
             return
         now = message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec
         if self.before is None and not self.pilot.begin(q):
@@ -71,20 +67,17 @@ class Node:
             self._end()
 
     def wanted(self, message: Any) -> None:
-        """A trajectory from now on.
-
-        - `message`: JointTrajectory, of all joints in any order; others are left out with a warning.
-        """
+        """Follow a JointTrajectory of all joints in any order; other joints are ignored with a warning."""
         logger = self.ros.get_logger()
         names = list(message.joint_names)
         wrong = [name for name in self.joints if names.count(name) != 1]
         if wrong or not message.points:
             what = f"it must have the joint {wrong[0]} once" if wrong else "it has no points"
-            logger.error(f"the trajectory is not taken: {what}; it has {', '.join(names)}")
+            logger.error(f"trajectory rejected: {what}; it has {', '.join(names)}")
             return
         others = [name for name in names if name not in self.joints]
         if others:
-            logger.warning(f"the trajectory also moves {', '.join(others)}: left out, as the law has no such joint")
+            logger.warning(f"trajectory joints unknown to the law are ignored: {', '.join(others)}")
         order = [names.index(name) for name in self.joints]
         times = [point.time_from_start.sec + 1e-9 * point.time_from_start.nanosec for point in message.points]
         parts = []
@@ -93,11 +86,11 @@ class Node:
             whole = all(len(row) == len(names) for row in rows)
             parts.append([[row[k] for k in order] for row in rows] if whole else None)
         if parts[0] is None:
-            logger.error("the trajectory is not taken: a point has not the position of each joint")
+            logger.error("trajectory rejected: a point lacks the position of a joint")
             return
         refused = self.pilot.take(times, parts[0], parts[1], parts[2] if parts[1] else None)
         if refused:
-            logger.error(f"the trajectory is not taken: {refused}")
+            logger.error(f"trajectory rejected: {refused}")
 
     def _end(self) -> None:
         self.ended = True
@@ -122,16 +115,13 @@ class Node:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """The program: 0 when it is ended, 5 if ROS 2 is missing.
-
-    - `arguments`: of the command line.
-    """
+    """Run the program: 0 at its end, 5 if ROS 2 is missing."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--law", type=Path, default=Path(__file__).parent / "law", help="the folder of the law")
     parser.add_argument(
-        "--joints", nargs="+", help="names of the joints, in the law's order; those of the robot's file if not given"
+        "--joints", nargs="+", help="names of the joints, in the law's order; those of the robot's file if not options"
     )
-    given, rest = parser.parse_known_args(arguments)
+    options, rest = parser.parse_known_args(arguments)
     try:
         import rclpy
         from sensor_msgs.msg import JointState
@@ -140,10 +130,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except ImportError as error:
         print(f"ROS 2 is missing: {error}", file=sys.stderr)
         return 5
-    law = loaded(parser, given.law)
+    law = loaded(parser, options.law)
     rclpy.init(args=rest)
     ros = rclpy.create_node("slidax")
-    joints = given.joints or law.about["names"]
+    joints = options.joints or law.about["names"]
     if len(joints) != law.joints:
         parser.error(f"--joints must be {law.joints} names; got {len(joints)}")
     Node(ros, law, joints, (JointState, JointTrajectory, Float64MultiArray, MultiArrayDimension))

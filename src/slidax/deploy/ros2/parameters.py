@@ -1,4 +1,4 @@
-"""The law's parameters as those of a ROS 2 controller: name, default, range and what they mean."""
+"""The law's parameters as ROS 2 parameters: name, default, range and meaning."""
 
 from __future__ import annotations
 
@@ -14,19 +14,18 @@ from ..members import Member
 from ..onboard import Allowed
 
 KEPT = ("nominal_payload_mass", "nominal_payload_center", "nominal_gravity_vector", "nominal_armature")
-"""Of the nominal arm's numbers; the others are the arm itself, and stay as they are compiled."""
+"""Settable parameters of the nominal arm; the others describe the arm itself and keep their compiled values."""
 
 
 @dataclass(frozen=True)
 class Declared:
     """One parameter.
 
-    - `name`: with the part it belongs to, such as `law.surface_k1`.
-    - `type`: as the parameter library calls it.
-    - `default`: as YAML writes it.
-    - `meaning`: what it is, with unit and range.
-    - `checks`: of the parameter library, each with its arguments.
-    - `member`: of the law's parameters; None for another one.
+    - `name`: such as `law.surface_k1`.
+    - `type`, `checks`: of the parameter library, each check with its arguments.
+    - `default`: as written in YAML.
+    - `meaning`: with unit and range.
+    - `member`: of the law's parameters; None for other parameters.
     """
 
     name: str
@@ -38,19 +37,14 @@ class Declared:
 
 
 def declared(project: Project, allowed: Allowed, joint_names: Sequence[str]) -> list[Declared]:
-    """All of a controller's parameters.
-
-    - `project`: the law.
-    - `allowed`: what the robot allows.
-    - `joint_names`: as the robot has them.
-    """
+    """All parameters of the controller."""
     n = len(joint_names)
     rows = [
         Declared("joints", "string_array", as_list(map(as_text, joint_names)), "names, in the law's order"),
         Declared("state_topic", "string", '"~/state"', "where signals, errors and status are published"),
         Declared("trajectory_topic", "string", '"~/joint_trajectory"', "where trajectories come from"),
-        Declared("hold", "double", "1.0", "how long the measured posture is held at first, s", (("gt_eq<>", "[0.0]"),)),
-        Declared("ramp", "double", "1.0", "in which it comes to rest when that is asked for, s", (("gt<>", "[0.0]"),)),
+        Declared("hold", "double", "1.0", "initial hold of the measured posture, s", (("gt_eq<>", "[0.0]"),)),
+        Declared("ramp", "double", "1.0", "duration of a requested stop, s", (("gt<>", "[0.0]"),)),
     ]
     units = {"lower": allowed.unit, "upper": allowed.unit, "speed": f"{allowed.unit}/s", "torque": allowed.torque_unit}
     units |= {"rate": f"{allowed.torque_unit}/s", "torque_hold": allowed.torque_unit}
@@ -65,7 +59,7 @@ def declared(project: Project, allowed: Allowed, joint_names: Sequence[str]) -> 
         "error_full": "largest errors later",
     }
     for name, meaning in words.items():
-        # What has no limit has none in the parameters either: a large number that no robot reaches.
+        # Infinite limits become a large number that no robot reaches.
         numbers = [_number(np.clip(value, -1e9, 1e9)) for value in allowed[name]]
         checks = (("fixed_size<>", f"[{n}]"),)
         unit = units.get(name, allowed.unit)
@@ -108,7 +102,7 @@ def yaml(namespace: str, rows: Sequence[Declared]) -> str:
 def _settable(member: Member) -> bool:
     assert member.values is not None
     own = not member.name.startswith("nominal_") or member.name in KEPT
-    # The period is the update rate, which is not set here.
+    # The period is the update rate, set elsewhere.
     return own and member.type == "f64" and member.name != "period" and bool(np.isfinite(member.values).all())
 
 
@@ -124,7 +118,7 @@ def _of_the_law(member: Member) -> Declared:
 
 
 def _checks(meaning: str, *, vector: bool) -> tuple[tuple[str, str], ...]:
-    """The range at the end of a meaning, as far as its bounds are numbers."""
+    """The range at the end of a meaning, if its bounds are numbers."""
     low = re.search(r", (>=?) (-?[\d.e-]+)(?:, infinite for no limit)?$", meaning)
     if low is not None:
         sign, bound = low.groups()
@@ -140,21 +134,15 @@ def _checks(meaning: str, *, vector: bool) -> tuple[tuple[str, str], ...]:
 
 def _number(value: Any) -> str:
     text = repr(float(value))
-    # YAML takes 1e-05 for a string: it wants a point.
+    # YAML reads 1e-05 as a string: it needs a decimal point.
     return text if "." in text or "e" not in text else text.replace("e", ".0e")
 
 
 def as_list(texts: Iterable[str]) -> str:
-    """A list in YAML.
-
-    - `texts`: its entries as YAML has them.
-    """
+    """A list in YAML."""
     return f"[{', '.join(texts)}]"
 
 
 def as_text(text: str) -> str:
-    """A text in YAML; quotation marks become single ones.
-
-    - `text`: in one line.
-    """
+    """A one-line text in YAML; double quotation marks become single ones."""
     return '"' + text.replace("\\", "\\\\").replace('"', "'") + '"'

@@ -1,10 +1,10 @@
-"""The exported law on an arm of Universal Robots, by `ur_rtde` (pip install ur_rtde): one torque every 2 ms.
+"""The exported law on a Universal Robots arm, by `ur_rtde` (pip install ur_rtde): one torque every 2 ms.
 
     python3 program.py ADDRESS --log log.csv
 
-This module runs by itself beside an exported law. The robot always adds its weight to a torque, and the share of its
-own friction model that it is told to. Nothing else is added: Coriolis terms are the law's. Needed is PolyScope 5.26,
-or 10 of the same time, whose `direct_torque` takes the shares of friction.
+This module runs by itself next to an exported law. The robot always adds its weight to a torque, and a chosen share of
+its own friction model, but no Coriolis term, which the law's own model has. Requires PolyScope 5.26, or 10 of the same
+age, whose `direct_torque` takes the shares of friction.
 """
 
 from __future__ import annotations
@@ -23,47 +23,47 @@ from ..onboard.log import Log
 from ..onboard.options import in_time, loaded, options_of_the_path, prepare
 
 STATUS = {"finished": 0, "stopped": 3, "robot": 4, "no robot": 5}
-"""Exit codes: the motion is over; the pilot stopped it; the robot did; there is no robot to talk to."""
+"""Exit codes: motion over; stopped by the pilot; stopped by the robot; no robot."""
 
 FREQUENCY = 500.0
 WATCHDOG = 50.0
-"""Below this rate of commands the robot's own script ends [Hz]."""
+"""Rate of commands below which the robot's own script ends [Hz]."""
 
 VISCOUS = (0.9, 0.9, 0.8, 0.9, 0.9, 0.9)
 COULOMB = (0.8, 0.8, 0.7, 0.8, 0.8, 0.8)
-"""Shares of the robot's friction model that it compensates, as it does by itself; the law learns what is left."""
+"""Shares of the robot's friction model that it compensates, the robot's own defaults; the law learns the rest."""
 
 
 class Control(Protocol):
-    """What the loop uses of `rtde_control.RTDEControlInterface`."""
+    """The methods used of `rtde_control.RTDEControlInterface`."""
 
     def directTorque(self, torque: list[float], viscous_scale: list[float], coulomb_scale: list[float]) -> bool:
-        """One torque."""
+        """Send one torque."""
 
     def initPeriod(self) -> datetime.timedelta:
-        """When a period begins."""
+        """Start of a period."""
 
     def waitPeriod(self, arg0: datetime.timedelta) -> None:
-        """Until the next one does."""
+        """Wait for the next period."""
 
     def kickWatchdog(self) -> bool:
-        """Tells the robot that the loop is alive."""
+        """Report that the loop is alive."""
 
     def setWatchdog(self, min_frequency: float) -> bool:
-        """How often it has to be told."""
+        """Set the required rate of such reports."""
 
     def setPayload(self, arg0: float, arg1: list[float]) -> bool:
-        """Mass and place of what it carries."""
+        """Set mass and centre of the payload."""
 
     def stopScript(self) -> None:
-        """Ends control: the robot holds its posture by itself."""
+        """End control: the robot holds its posture by itself."""
 
     def isConnected(self) -> bool:
-        """Whether it answers."""
+        """True if the robot answers."""
 
 
 class Receive(Protocol):
-    """What the loop uses of `rtde_receive.RTDEReceiveInterface`."""
+    """The methods used of `rtde_receive.RTDEReceiveInterface`."""
 
     def getActualQ(self) -> list[float]:
         """Positions [rad]."""
@@ -75,19 +75,18 @@ class Receive(Protocol):
         """The robot's time [s]."""
 
     def isProtectiveStopped(self) -> bool:
-        """Whether its safety system stopped it."""
+        """True after a stop by its safety system."""
 
     def isEmergencyStopped(self) -> bool:
-        """Whether somebody did."""
+        """True after an emergency stop."""
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """How a motion ended.
+    """End of a motion.
 
-    - `ending`: "finished", "stopped" by the pilot, "robot" if that stopped it, or "no robot".
-    - `why`: in words.
-    - `phase`: where on its way the reference was.
+    - `ending`: "finished", "stopped" by the pilot, "robot" if the robot stopped it, or "no robot".
+    - `phase`: of the reference on its path.
     """
 
     ending: str
@@ -95,20 +94,18 @@ class Outcome:
     phase: str
 
 
-def run(
+def run_ur(
     control: Control,
     receive: Receive,
     pilot: Pilot,
     log: Log | None = None,
-    asked: list[int] | None = None,
+    stop_requests: list[int] | None = None,
     friction: tuple[Sequence[float], Sequence[float]] = (VISCOUS, COULOMB),
 ) -> Outcome:
-    """Moves the arm, until the motion is over or something is not as it should be.
+    """Move the arm until the motion is over or a check fails.
 
-    - `control`, `receive`: of the robot.
-    - `pilot`: with its options.
-    - `log`: takes every period.
-    - `asked`: an end is asked for as soon as something is in it.
+    - `log`: records every period.
+    - `stop_requests`: the arm comes to rest once this list is not empty.
     - `friction`: shares of the robot's viscous and Coulomb friction that it compensates.
     """
     viscous, coulomb = (list(share) for share in friction)
@@ -129,9 +126,9 @@ def run(
                     return Outcome("robot", "the robot tells no new state", pilot.phase)
             else:
                 before, waited, fresh = now, 0, True
-                if asked:
+                if stop_requests:
                     pilot.rest()
-                    asked.clear()
+                    stop_requests.clear()
                 q, dq = receive.getActualQ(), receive.getActualQd()
                 action = pilot.step(elapsed, q, dq)
             accepted = action == STOP or control.directTorque(list(pilot.report.tau), viscous, coulomb)
@@ -151,10 +148,7 @@ def run(
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """The program; its exit codes are in `STATUS`.
-
-    - `arguments`: of the command line.
-    """
+    """Run the program; its exit codes are in `STATUS`."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("address", help="of the robot")
     parser.add_argument("--law", type=Path, default=Path(__file__).parent / "law", help="the folder of the law")
@@ -164,32 +158,32 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--coulomb", type=float, nargs=6, default=COULOMB, help="shares that the robot compensates")
     parser.add_argument("--no-realtime", action="store_true", help="go on without a real-time priority")
     options_of_the_path(parser)
-    given = parser.parse_args(arguments)
+    options = parser.parse_args(arguments)
     try:
         import rtde_control
         import rtde_receive
     except ImportError:
         print("ur_rtde is missing: pip install ur_rtde", file=sys.stderr)
         return STATUS["no robot"]
-    law = loaded(parser, given.law)
+    law = loaded(parser, options.law)
     pilot, log = law.pilot(), Log(law)
-    prepare(given, pilot)
-    asked: list[int] = []
-    signal.signal(signal.SIGINT, lambda number, _: asked.append(number))
+    prepare(options, pilot)
+    stop_requests: list[int] = []
+    signal.signal(signal.SIGINT, lambda number, _: stop_requests.append(number))
     try:
-        in_time(not given.no_realtime)
-        receive = rtde_receive.RTDEReceiveInterface(given.address, FREQUENCY)
-        control = rtde_control.RTDEControlInterface(given.address, FREQUENCY)
-        if given.load is not None:
-            mass, *place = given.load
+        in_time(not options.no_realtime)
+        receive = rtde_receive.RTDEReceiveInterface(options.address, FREQUENCY)
+        control = rtde_control.RTDEControlInterface(options.address, FREQUENCY)
+        if options.load is not None:
+            mass, *place = options.load
             control.setPayload(mass, place)
         control.setWatchdog(WATCHDOG)
     except Exception as error:
         print(f"no robot: {error}", file=sys.stderr)
         return STATUS["no robot"]
-    outcome = run(control, receive, pilot, log, asked, (given.viscous, given.coulomb))
-    if given.log is not None:
-        log.write(given.log)
+    outcome = run_ur(control, receive, pilot, log, stop_requests, (options.viscous, options.coulomb))
+    if options.log is not None:
+        log.write(options.log)
     report = pilot.report
     print(f"{outcome.ending} in phase {outcome.phase}: {outcome.why}")
     print(f"{report.steps} periods, {report.missed} late, {report.bridged} bridged, {report.clipped} clipped")

@@ -1,4 +1,4 @@
-"""What a page shows of a scenario beside its own law: the law as printed, and rivals with the same estimator."""
+"""Laws that a page shows next to a scenario's own: the law as printed, and rivals with the same estimator."""
 
 from __future__ import annotations
 
@@ -23,61 +23,57 @@ TITLES = {
     "super_twisting": "Super-twisting",
     "pid": "PID",
 }
-"""Of schemes; another is called by its name."""
+"""Titles of schemes; others keep their names."""
 
 PRINTED = "printed"
-"""What is asked for to see the law as it is printed."""
+"""Requests the law as printed."""
 
 LAYER = 0.05
-"""Of the printed law: without one it chatters at once at a robot's rate."""
+"""Boundary layer of the printed law, which chatters at a robot's rate without one."""
 
 OURS = "in its form for an arm that is commanded once a period; the envelope is its own"
 
-WITH = "with the same estimator, learning, prediction and limits"
+WITH = "with the same estimator, adaptation, prediction and limits"
 
-JUDGED = "; it draws no envelope, and is judged by that of our law"
+JUDGED = "; it has no envelope, and is judged by that of our law"
 
 
 def title_of(scheme: str) -> str:
-    """What a page calls a scheme.
-
-    - `scheme`: its name.
-    """
+    """A scheme's title on a page."""
     return TITLES.get(scheme, scheme.replace("_", " ").capitalize())
 
 
 def settings_of(
     description: ScenarioDescription,
     arm: str,
-    beside: Sequence[str] = (),
+    compared: Sequence[str] = (),
     gains: Mapping[str, Mapping[str, float]] = {},
     choices: Sequence[Choice] = (),
 ) -> list[Setting]:
-    """A scenario's own law, and what is shown beside it.
+    """A scenario's own law, and the laws to compare.
 
-    - `description`: the scenario.
     - `arm`: label of its arm.
-    - `beside`: names of schemes, and `printed` for the law as it is printed.
-    - `gains`: of rivals, by their names; their own defaults if not given.
-    - `choices`: what has several programs.
+    - `compared`: names of schemes, and `printed` for the law as printed.
+    - `gains`: of rivals, by their names; by default those of the schemes.
+    - `choices`: values that need programs of their own.
 
-    Raises DefinitionError if there is no such scheme, or it has no numbers without being given some.
+    Raises DefinitionError if there is no such scheme, or it has parameters without defaults.
     """
     own = description.scheme.name
     sampled = description.scheme.sampled_data is not None
     kind = "ours" if sampled else "printed"
-    found = [Setting(description, arm, own, title_of(own), kind, choices, OURS if _draws(description) else "")]
-    for name in beside:
+    settings = [Setting(description, arm, own, title_of(own), kind, choices, OURS if _draws(description) else "")]
+    for name in compared:
         if name == PRINTED:
             if sampled:
-                found.append(_printed(description, arm, choices))
+                settings.append(_printed(description, arm, choices))
         elif name != own:
-            found.append(_rival(description, arm, name, gains.get(name, {}), choices))
-    return found
+            settings.append(_rival(description, arm, name, gains.get(name, {}), choices))
+    return settings
 
 
 def _draws(description: ScenarioDescription) -> bool:
-    """Whether the law is in sampled-data form, and has an envelope."""
+    """True if the law is in sampled-data form and has an envelope."""
     transformation = getattr(description.scheme, "transformation", None)
     return description.scheme.sampled_data is not None and hasattr(transformation, "performance")
 
@@ -98,11 +94,11 @@ def _rival(
     description: ScenarioDescription, arm: str, name: str, gains: Mapping[str, float], choices: Sequence[Choice]
 ) -> Setting:
     if name not in PRESETS:
-        raise DefinitionError(f"there is no scheme `{plain(name)}`; {nearest(name, [*PRESETS, PRINTED])}")
+        raise DefinitionError(f"scheme `{plain(name)}` does not exist; {nearest(name, [*PRESETS, PRINTED])}")
     changes: dict[str, Any] = {"scheme.name": name, **{f"scheme.{gain}": value for gain, value in gains.items()}}
     envelope: Any = getattr(description.scheme, "transformation", None)
     if description.tolerance is None and hasattr(envelope, "performance"):
-        # What judges a law that promises no envelope is the one that ours draws.
+        # A law without an envelope is judged by that of our law.
         changes["tolerance"] = {
             key: value for key, value in envelope.model_dump(exclude_unset=True).items() if key != "kind"
         }

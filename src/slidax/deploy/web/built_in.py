@@ -27,9 +27,9 @@ class Shown:
 
     - `scenario`: built in.
     - `arm`, `title`: its label and its title.
-    - `changes`: of the scenario, which change no digit of its run: what gives its friction and its rotors a number.
+    - `changes`: changes that do not alter the run, but make friction or rotor inertia tunable.
     - `gains`: of the rivals, the best of the grids of `scripts/robot_figures/tuned.py` on this very run.
-    - `choices`: what has several programs.
+    - `choices`: values that need programs of their own.
     """
 
     scenario: str
@@ -41,13 +41,13 @@ class Shown:
 
     @property
     def description(self) -> ScenarioDescription:
-        """The scenario, with a term of friction where the arm itself has none."""
-        found = described(self.scenario)
+        """The scenario, with a friction term where the arm itself has none."""
+        description = described(self.scenario)
         changes = dict(self.changes)
         if not changes:
-            terms = [one.model_dump(exclude_unset=True) for one in found.disturbance.terms]
+            terms = [term.model_dump(exclude_unset=True) for term in description.disturbance.terms]
             changes["disturbance.terms"] = [*terms, {"kind": "friction", "coulomb": 0.0, "viscous": 0.0}]
-        return validated(found.model_dump(exclude_unset=True), changes)
+        return validated(description.model_dump(exclude_unset=True), changes)
 
 
 ARMS = (
@@ -88,7 +88,7 @@ ARMS = (
         (SLOWER, DELAYS, COARSER),
     ),
 )
-"""In the order in which they are shown."""
+"""In the order of display."""
 
 
 def built_in() -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""The law in C beside a page: the files of `slidax export c`, with places for what the page has changed."""
+"""The law in C for download from a page: files of `slidax export c`, with marks for the values changed on the page."""
 
 from __future__ import annotations
 
@@ -22,39 +22,38 @@ from .knob import Tunable
 from .loop_program import packed
 
 TEMPLATES = (*STEP, "example.c.j2")
-"""What a program needs; not the tests, whose samples are large."""
+"""The files that a program needs; not the tests, whose samples are large."""
 
 
 def c_files(family: Family, templates: Templates, tunables: Sequence[Tunable]) -> dict[str, Any]:
-    """The entries `c_files` and `c_parameters` of a setting; both None where there is no C of the law.
-
-    - `family`, `templates`: the scenario.
-    - `tunables`: of the page.
-    """
+    """The entries `c_files` and `c_parameters` of a setting; both None if the law cannot be exported."""
     try:
-        made = project(templates.built, name="law", with_golden=False)
+        exported = project(templates.built, name="law", with_golden=False)
     except DefinitionError:
         return {"c_files": None, "c_parameters": None}
-    files = {FILES[name].format(prefix=made.prefix, name=made.name): render(name, {"x": made}) for name in TEMPLATES}
-    source, header = f"{made.prefix}.c", f"{made.prefix}.h"
+    files = {
+        FILES[name].format(prefix=exported.prefix, name=exported.name): render(name, {"x": exported})
+        for name in TEMPLATES
+    }
+    source, header = f"{exported.prefix}.c", f"{exported.prefix}.h"
     values = []
     for tunable in tunables:
         name = _member(tunable.path)
-        # Many numbers stand in several lines.
-        found = name and re.search(rf"^( +\.{name} = )({{[^{{}}]*}}|[^{{}},\n]+),$", files[source], re.MULTILINE)
-        if not name or not found or not _alone(family, templates, tunable):
+        # A long array spans several lines.
+        match = name and re.search(rf"^( +\.{name} = )({{[^{{}}]*}}|[^{{}},\n]+),$", files[source], re.MULTILINE)
+        if not name or not match or not _alone(family, templates, tunable):
             continue
-        marks = [f"@{{{name}[{k}]}}" for k in range(found.group(2).count(",") + 1)]
-        text = marks[0] if not found.group(2).startswith("{") else "{" + ", ".join(marks) + "}"
-        files[source] = files[source].replace(found.group(0), f"{found.group(1)}{text},")
-        files[header] = _without_default(files[header], name, f"as {made.prefix}_parameters_default says")
+        marks = [f"@{{{name}[{k}]}}" for k in range(match.group(2).count(",") + 1)]
+        text = marks[0] if not match.group(2).startswith("{") else "{" + ", ".join(marks) + "}"
+        files[source] = files[source].replace(match.group(0), f"{match.group(1)}{text},")
+        files[header] = _without_default(files[header], name, f"as {exported.prefix}_parameters_default says")
         values.append({"path": tunable.path, "marks": marks})
     whole = packed(json.dumps(files).encode())
     return {"c_files": whole, "c_parameters": {"file": source, "values": values}}
 
 
 def _member(path: str) -> str | None:
-    """What the number is called in C; None for what the law is not told."""
+    """Name of the value in C; None if it is not a parameter of the law."""
     block, _, rest = path.partition(".")
     if path == "actuator.rate" or path == "actuator.torque":
         return f"limits_{rest}"
@@ -62,20 +61,20 @@ def _member(path: str) -> str | None:
 
 
 def _without_default(header: str, name: str, words: str) -> str:
-    """The header with words in place of a default, which may be another now."""
+    """Replace a member's default in the header, which the page may change, by words."""
     return re.sub(
-        rf"(\b{name}(?:\[\w+\])?; +/\* )[^:*]*?(?=:| \*/)", lambda found: f"{found[1]}{words}", header, count=1
+        rf"(\b{name}(?:\[\w+\])?; +/\* )[^:*]*?(?=:| \*/)", lambda match: f"{match[1]}{words}", header, count=1
     )
 
 
 def _alone(family: Family, templates: Templates, tunable: Tunable) -> bool:
-    """Whether just one array of the law depends on a number, so that to set it there is to set it."""
-    asked = Family(family.base, Space({}, {}), Space({}, {tunable.path: None}))  # type: ignore[dict-item]
+    """True if exactly one array of the law depends on a tunable, so that setting this array sets the tunable."""
+    family_of_one = Family(family.base, Space({}, {}), Space({}, {tunable.path: None}))  # type: ignore[dict-item]
     moved: list[bool] = []
 
     def probe(value: Array) -> int:
         with jax.ensure_compile_time_eval():
-            controller = asked.parts(templates, {tunable.path: value})[1]
+            controller = family_of_one.parts(templates, {tunable.path: value})[1]
         moved[:] = [is_traced(leaf) for leaf in jax.tree.leaves(eqx.filter(controller, eqx.is_array))]
         return 0
 

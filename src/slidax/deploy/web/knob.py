@@ -1,4 +1,4 @@
-"""The numbers of a scenario that a page can change, each with its unit, range and meaning."""
+"""Scenario values that a page can change, each with its unit, range and meaning."""
 
 from __future__ import annotations
 
@@ -23,19 +23,19 @@ ROOTS = {
     "sensor": "Sensor",
     "actuator": "Drives",
 }
-"""Blocks whose numbers vary, and what the page calls them; the first that fits counts."""
+"""Blocks with tunable values and their titles on the page; the first match counts."""
 
 ORDER = ("Envelope", "Law", "The arm as it is", "Disturbance", "Sensor", "Drives", "Sampled data")
-"""Of the groups: what the law learns by, and how it recovers, comes last."""
+"""Order of the groups: learning and recovery come last."""
 
 NEVER = ("seed", "kind", "lengths", "phase", "attached", "gravity_acceleration", "torque_density")
-"""Numbers that nobody turns: names of noise, and what would be another arm."""
+"""Excluded values: noise seeds, and values that define another arm."""
 
 REACH = 10.0
-"""A range that is not declared goes from a default's tenth to its tenfold."""
+"""An undeclared range extends from a tenth to ten times the default."""
 
 ABOVE = 1.01
-"""How far a slider stays above or below another number of the scenario."""
+"""Ratio by which a slider stays above or below another value of the scenario."""
 
 _END = re.compile(r"^(>=?) (\w+)|^([\[(])\s*([^,]+), ([^\])]+)[\])]")
 
@@ -55,18 +55,17 @@ FROM_ZERO = {
     "layer": 0.1,
     "scale": 3.0,
 }
-"""Where the range begins that a default of 0 has: at 0, and its end."""
+"""Upper end of the range of values whose default is 0; the lower end is 0."""
 
 
 @dataclass(frozen=True)
 class Tunable:
-    """One number, or one for each joint.
+    """One value, or one for each joint.
 
-    - `leaf`: where it stands, with unit and own value.
-    - `title`, `group`, `meaning`: for a person.
-    - `low`, `high`: what the slider reaches, which the declared range may exceed.
-    - `logarithmic`: whether the slider's scale is.
-    - `declared`: the range as it is declared; empty for any number.
+    - `leaf`: its place, with unit and own value.
+    - `low`, `high`: range of the slider, which the declared range may exceed.
+    - `logarithmic`: True for a logarithmic slider.
+    - `declared`: the declared range; empty for any number.
     """
 
     leaf: Leaf
@@ -80,30 +79,27 @@ class Tunable:
 
     @property
     def path(self) -> str:
-        """As of `--set`."""
+        """As in `--set`."""
         return self.leaf.path
 
     @property
     def each(self) -> bool:
-        """Whether there may be one for each joint."""
+        """True if each joint may have its own value."""
         return self.leaf.per_joint
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """Of what the program takes."""
+        """Shape of the program's input."""
         return self.leaf.shape_of_each
 
     @property
     def defaults(self) -> np.ndarray:
-        """The scenario's own value, as the program takes it."""
+        """The scenario's own value, in the shape of the program's input."""
         assert self.leaf.own is not None
         return np.broadcast_to(self.leaf.own, self.shape).astype(float)
 
     def entry(self, start: int) -> dict[str, Any]:
-        """The tunable in a playground.
-
-        - `start`: place of its first number among the program's inputs.
-        """
+        """The entry in a playground; `start` is the index of its first number among the program's inputs."""
         assert self.leaf.own is not None
         return {
             "path": self.path,
@@ -122,13 +118,12 @@ class Tunable:
 
 
 def tunables_of(description: ScenarioDescription, joints: int) -> list[Tunable]:
-    """All that may be tunables, in the order of the file; whether a compiled loop can vary them is not asked.
+    """Candidates for tunables, in the order of the file; some may not be variable in a compiled loop.
 
     - `description`: the scenario, with its robot resolved.
-    - `joints`: of its arm.
     """
-    found = []
-    for path, said in _numbers(description, ""):
+    tunables = []
+    for path, field in _numbers(description, ""):
         group = next((name for root, name in ROOTS.items() if f"{path}.".startswith(f"{root}.")), None)
         if group is None or any(part in NEVER for part in path.split(".")):
             continue
@@ -138,12 +133,12 @@ def tunables_of(description: ScenarioDescription, joints: int) -> list[Tunable]:
             continue
         if leaf.own is None or leaf.integer or leaf.own.ndim > 1 or not np.isfinite(leaf.own).all():
             continue
-        found.append(_tunable(leaf, group, said, _beside(description, leaf.path)))
-    return sorted(found, key=lambda tunable: ORDER.index(tunable.group))
+        tunables.append(_tunable(leaf, group, field, _beside(description, leaf.path)))
+    return sorted(tunables, key=lambda tunable: ORDER.index(tunable.group))
 
 
 def _numbers(place: Any, path: str) -> Iterator[tuple[str, Any]]:
-    """Every field that is no mapping, with what its declaration says."""
+    """Every field that is no mapping, with its declaration."""
     if isinstance(place, BaseModel):
         for name, field in type(place).model_fields.items():
             value = getattr(place, name)
@@ -153,9 +148,9 @@ def _numbers(place: Any, path: str) -> Iterator[tuple[str, Any]]:
             else:
                 yield inner, field
     elif isinstance(place, tuple):
-        for k, one in enumerate(place):
-            if isinstance(one, BaseModel):
-                yield from _numbers(one, f"{path}.{k}")
+        for k, item in enumerate(place):
+            if isinstance(item, BaseModel):
+                yield from _numbers(item, f"{path}.{k}")
 
 
 def _tunable(leaf: Leaf, group: str, field: Any, beside: tuple[float, float]) -> Tunable:
@@ -179,43 +174,43 @@ def _tunable(leaf: Leaf, group: str, field: Any, beside: tuple[float, float]) ->
 
 
 def _beside(description: ScenarioDescription, path: str) -> tuple[float, float]:
-    """Where other numbers keep one from: those that are an end of its range, and those of whose range it is one."""
+    """Bounds from other values: from ends of this value's range, and from ranges that have this value as an end."""
     lower, upper = -np.inf, np.inf
     *parents, name = path.split(".")
     if path == "scheme.sampled_data.horizon":
-        # A horizon is no shorter than a period, which a page may double.
+        # A horizon must be at least a period, which a page may double.
         lower = 2.0 * description.simulation.period
     place: Any = description
     for parent in parents:
         place = place[int(parent)] if isinstance(place, tuple) else getattr(place, parent)
     if not isinstance(place, BaseModel):
         return lower, upper
-    ranges = _said(place)
-    beside = {other: getattr(place, other) for other in ranges}
-    for other, said in ranges.items():
-        least, most = _named(said)
+    ranges = _ranges(place)
+    others = {other: getattr(place, other) for other in ranges}
+    for other, declared in ranges.items():
+        least, most = _named(declared)
         if other == name:
-            lower = max([lower, *(ABOVE * one for one in _numbers_at(beside, least))])
-            upper = min([upper, *(one / ABOVE for one in _numbers_at(beside, most))])
+            lower = max([lower, *(ABOVE * value for value in _numbers_at(others, least))])
+            upper = min([upper, *(value / ABOVE for value in _numbers_at(others, most))])
         elif least == name:
-            upper = min([upper, *(one / ABOVE for one in _numbers_at(beside, other))])
+            upper = min([upper, *(value / ABOVE for value in _numbers_at(others, other))])
         elif most == name:
-            lower = max([lower, *(ABOVE * one for one in _numbers_at(beside, other))])
+            lower = max([lower, *(ABOVE * value for value in _numbers_at(others, other))])
     return lower, upper
 
 
-def _said(place: BaseModel) -> dict[str, str]:
-    """The range of each of its fields, as it is declared."""
+def _ranges(place: BaseModel) -> dict[str, str]:
+    """Declared range of each field."""
     extras = {name: field.json_schema_extra for name, field in type(place).model_fields.items()}
     return {name: str(extra.get("range", "")) for name, extra in extras.items() if isinstance(extra, dict)}
 
 
-def _named(said: str) -> tuple[str, str]:
-    """What stands at the ends of a range: numbers, or names of other numbers."""
-    found = _END.match(said)
-    if found is None:
+def _named(declared: str) -> tuple[str, str]:
+    """Ends of a declared range: numbers, or names of other values."""
+    ends = _END.match(declared)
+    if ends is None:
         return "", ""
-    return (found[2], "") if found[2] else (found[4].strip(), found[5].strip())
+    return (ends[2], "") if ends[2] else (ends[4].strip(), ends[5].strip())
 
 
 def _numbers_at(beside: Mapping[str, Any], name: str) -> list[float]:
@@ -224,15 +219,15 @@ def _numbers_at(beside: Mapping[str, Any], name: str) -> list[float]:
 
 
 def _span(leaf: Leaf) -> tuple[float, float, bool]:
-    """Lowest and highest, and whether the scale is logarithmic."""
+    """Lowest and highest value, and True for a logarithmic scale."""
     assert leaf.own is not None
     lower, upper = leaf.ends
     *_, block, name = leaf.path.split(".")
     size = np.abs(leaf.own)
     if np.isfinite(lower) and np.isfinite(upper) and upper - lower < 1e3:
-        # An end itself may be outside.
-        room = 0.01 * (upper - lower)
-        return lower + room if lower not in leaf.own else lower, upper - room if upper not in leaf.own else upper, False
+        # The ends themselves may be excluded.
+        gap = 0.01 * (upper - lower)
+        return lower + gap if lower not in leaf.own else lower, upper - gap if upper not in leaf.own else upper, False
     if not size.any():
         return 0.0, FROM_ZERO.get(f"{block}.{name}", FROM_ZERO.get(name, 1.0)), False
     if (leaf.own <= 0).any():
@@ -241,7 +236,7 @@ def _span(leaf: Leaf) -> tuple[float, float, bool]:
     least, most = float(size.min()), float(size.max())
     if name in FROM_ZERO and lower == 0.0:
         high = max(FROM_ZERO[name], 3.0 * most)
-        # A payload with an inertia has a mass.
+        # A payload with an inertia needs a mass.
         return (1e-3 * high if block == "load" else 0.0), high, False
     low = least / REACH if lower <= 0 else max(lower + 0.01 * (least - lower), least / REACH)
     return _rounded(low) if _rounded(low) > lower else low, _rounded(min(most * REACH, upper)), True

@@ -1,4 +1,4 @@
-"""The closed loop of a scenario as WebAssembly, with numbers of the scenario as its inputs."""
+"""The closed loop of a scenario as WebAssembly, with scenario values as inputs."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from slidax.simulation.rollout import begin, sample
 from .signals import TITLES, signals_of
 
 ROWS = 1000
-"""About as many rows as a run's log has: as many as a chart has pixels."""
+"""Approximate rows of a run's log: as many as a chart has pixels."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,7 +38,7 @@ class Variant:
 
     - `family`: the scenario, with the paths that are inputs.
     - `templates`: the scenario, built.
-    - `defaults`: of the numbers that are inputs, by path.
+    - `defaults`: of the inputs, by path.
     """
 
     family: Family
@@ -47,14 +47,11 @@ class Variant:
 
     @property
     def shapes(self) -> dict[str, tuple[int, ...]]:
-        """Of the inputs, by path."""
+        """Shapes of the inputs, by path."""
         return {path: value.shape for path, value in self.defaults.items()}
 
     def loop(self, values: Mapping[str, Any]) -> tuple[Loop, State]:
-        """The closed loop with these numbers.
-
-        - `values`: by path; the scenario's own are not needed.
-        """
+        """The closed loop with these values; others keep the scenario's own."""
         built = self.templates.built
         plant, controller, trajectory, state0, *tolerance = self.family.parts(self.templates, values)
         assert not isinstance(plant, MujocoPlant)
@@ -70,43 +67,43 @@ class Variant:
 
     @property
     def form(self) -> Any:
-        """What compiled code depends on, but for the arrays' numbers."""
+        """All that compiled code depends on, except the arrays' values."""
         leaves, tree, rest = self.parted
         others, other_tree = jax.tree.flatten(rest)
         return tree, tuple((leaf.shape, leaf.dtype.name) for leaf in leaves), other_tree, tuple(others)
 
     @property
     def samples(self) -> int:
-        """Of a run."""
+        """Samples of a run."""
         return round(self.templates.built.t1 / self.templates.built.period) + 1
 
     @property
     def every(self) -> int:
-        """One in how many samples is logged."""
+        """Logging stride, in samples."""
         return max(1, (self.samples - 1) // ROWS)
 
     @cached_property
     def varies(self) -> list[bool]:
-        """Which of the arrays depend on the inputs."""
-        found: list[bool] = []
+        """True for each array that depends on the inputs."""
+        varies: list[bool] = []
 
-        def probe(given: Array) -> int:
-            found[:] = [is_traced(leaf) for leaf in self.leaves(given)]
+        def probe(inputs: Array) -> int:
+            varies[:] = [is_traced(leaf) for leaf in self.leaves(inputs)]
             return 0
 
         jax.eval_shape(probe, jax.ShapeDtypeStruct((self.size,), float))
-        return found
+        return varies
 
     @property
     def size(self) -> int:
-        """How many numbers the inputs are."""
+        """Total length of the inputs."""
         return sum(int(np.prod(shape, dtype=int)) for shape in self.shapes.values())
 
     @cached_property
     def depends(self) -> list[set[str]]:
-        """On which paths each of the arrays depends."""
-        given = [jax.ShapeDtypeStruct(shape, float) for shape in self.shapes.values()]
-        jaxpr = jax.make_jaxpr(lambda *values: self._arrays(dict(zip(self.shapes, values, strict=True))))(*given).jaxpr
+        """Paths that each array depends on."""
+        inputs = [jax.ShapeDtypeStruct(shape, float) for shape in self.shapes.values()]
+        jaxpr = jax.make_jaxpr(lambda *values: self._arrays(dict(zip(self.shapes, values, strict=True))))(*inputs).jaxpr
         known: dict[Any, set[str]] = {atom: {path} for atom, path in zip(jaxpr.invars, self.shapes, strict=True)}
 
         def of(atoms: Sequence[Any]) -> set[str]:
@@ -116,27 +113,21 @@ class Variant:
             known.update(dict.fromkeys(equation.outvars, of(equation.invars)))
         return [of([atom]) for atom in jaxpr.outvars]
 
-    def values(self, given: Array) -> dict[str, Array]:
-        """The numbers by their paths.
-
-        - `given`: the inputs.
-        """
-        found, first = {}, 0
+    def values(self, inputs: Array) -> dict[str, Array]:
+        """Split the input vector by path."""
+        values, first = {}, 0
         for path, shape in self.shapes.items():
             size = int(np.prod(shape, dtype=int))
-            found[path] = given[first : first + size].reshape(shape)
+            values[path] = inputs[first : first + size].reshape(shape)
             first += size
-        return found
+        return values
 
-    def leaves(self, given: Array) -> list[Any]:
-        """The arrays of the loop.
-
-        - `given`: the inputs.
-        """
-        return self._arrays(self.values(given))
+    def leaves(self, inputs: Array) -> list[Any]:
+        """Arrays of the loop for an input vector."""
+        return self._arrays(self.values(inputs))
 
     def _arrays(self, values: Mapping[str, Array]) -> list[Any]:
-        # What does not depend on the inputs is known, and checked, while this is traced.
+        # Values that do not depend on the inputs stay concrete, and are checked, while this is traced.
         with jax.ensure_compile_time_eval():
             arrays, _ = eqx.partition(self.loop(values), eqx.is_array)
         return jax.tree.leaves(arrays)
@@ -144,11 +135,11 @@ class Variant:
 
 @dataclass(frozen=True)
 class LoopProgram:
-    """A closed loop for a browser, which several variants share.
+    """A closed loop for a browser, shared by several variants.
 
     - `module`: the WebAssembly.
-    - `entry`: how the page's runtime calls it, as JSON; see `docs/web.md`.
-    - `constants`: of each variant, what follows its tunables among the inputs.
+    - `entry`: its call interface, as JSON; see `docs/web.md`.
+    - `constants`: for each variant, the inputs after the tunables.
     """
 
     module: Module
@@ -166,30 +157,30 @@ def loop_program(variants: Sequence[Variant]) -> LoopProgram | None:
 
     Raises DefinitionError if there is no code for something in it.
     """
-    one = variants[0]
-    fixed, tree, rest = one.parted
+    variant0 = variants[0]
+    fixed, tree, rest = variant0.parted
     each = [[np.asarray(leaf) for leaf in variant.parted[0]] for variant in variants]
     differs = [any(not np.array_equal(leaf, other[k]) for other in each) for k, leaf in enumerate(each[0])]
-    if any(both for both in map(all, zip(differs, one.varies, strict=True))):
+    if any(map(all, zip(differs, variant0.varies, strict=True))):
         return None
     promised: list[bool] = []
 
     def beforehand(both: tuple[Array, list[Array]]) -> list[Array]:
-        # All arrays of the loop are as unknown as in a run of Python: so they are rounded alike.
-        given, known = both
-        found, first = one.leaves(given[: one.size]), one.size
-        values = one.values(given[: one.size])
+        # All arrays are traced, as in a run of Python, so that rounding agrees.
+        values_in, known = both
+        leaves, first = variant0.leaves(values_in[: variant0.size]), variant0.size
+        values = variant0.values(values_in[: variant0.size])
         for k, leaf in enumerate(fixed):
             if differs[k]:
-                found[k] = given[first : first + leaf.size].reshape(leaf.shape).astype(leaf.dtype)
+                leaves[k] = values_in[first : first + leaf.size].reshape(leaf.shape).astype(leaf.dtype)
                 first += leaf.size
-            elif not one.varies[k]:
-                found[k] = known[k]
+            elif not variant0.varies[k]:
+                leaves[k] = known[k]
             else:
-                # Where nothing was changed that it depends on, it has Python's own digits.
-                same = [jnp.all(values[path] == one.defaults[path]) for path in one.depends[k]]
-                found[k] = jnp.where(jnp.all(jnp.stack(same)), known[k], found[k])
-        return found
+                # With unchanged inputs it has exactly Python's value.
+                same = [jnp.all(values[path] == variant0.defaults[path]) for path in variant0.depends[k]]
+                leaves[k] = jnp.where(jnp.all(jnp.stack(same)), known[k], leaves[k])
+        return leaves
 
     def define(leaves: list[Array]) -> tuple[Loop, State]:
         return eqx.combine(jax.tree.unflatten(tree, leaves), rest)
@@ -206,7 +197,7 @@ def loop_program(variants: Sequence[Variant]) -> LoopProgram | None:
         return after, {"valid": log.valid, **signals_of(loop, carry, log)}
 
     besides = sum(leaf.size for k, leaf in enumerate(fixed) if differs[k])
-    inputs = jax.ShapeDtypeStruct((one.size + besides,), float)
+    inputs = jax.ShapeDtypeStruct((variant0.size + besides,), float)
     both = (inputs, [jax.ShapeDtypeStruct(leaf.shape, leaf.dtype) for leaf in fixed])
     native = lowered(begun, turned, both, logged=True, batch=False, beforehand=beforehand)
     first = len(native.consts)
@@ -222,21 +213,21 @@ def loop_program(variants: Sequence[Variant]) -> LoopProgram | None:
         )
         for variant, leaves in zip(variants, each, strict=True)
     ]
-    return LoopProgram(module, _entry(native, module, variants, one.size + besides, promised[0]), constants)
+    return LoopProgram(module, _entry(native, module, variants, variant0.size + besides, promised[0]), constants)
 
 
 def _start(loop: Loop, state: State, envelope: Envelope | None, reference: Reference, held: Any) -> dict[str, Array]:
-    """What says whether the run may begin: see `slidax.simulation.define.require_start`."""
+    """Values that decide if the run may begin: see `slidax.simulation.define.require_start`."""
     e = state.q - reference.q
-    found = {"e": e, "period": loop.period}
+    start = {"e": e, "period": loop.period}
     if held is not None and loop.plant.actuator is not None:
-        found |= {"held": held, "limit": jnp.broadcast_to(loop.plant.actuator.limits.torque, held.shape)}
+        start |= {"held": held, "limit": jnp.broadcast_to(loop.plant.actuator.limits.torque, held.shape)}
     if loop.tolerance is not None:
         judged = loop.tolerance.envelope(jnp.zeros(()), loop.tolerance.init(jnp.zeros(()), e))
-        found |= {"tolerance_lower": judged.lower, "tolerance_upper": judged.upper}
+        start |= {"tolerance_lower": judged.lower, "tolerance_upper": judged.upper}
     if envelope is not None and not loop.recover:
-        found |= {"lower": envelope.lower, "upper": envelope.upper}
-    return found
+        start |= {"lower": envelope.lower, "upper": envelope.upper}
+    return start
 
 
 def _entry(
@@ -286,8 +277,5 @@ def _entry(
 
 
 def packed(data: bytes) -> str:
-    """Bytes as a page holds them: gzip in base64, the same for the same bytes.
-
-    - `data`: the bytes.
-    """
+    """Bytes as a page holds them: reproducible gzip, in base64."""
     return base64.b64encode(gzip.compress(data, 9, mtime=0)).decode()

@@ -1,4 +1,4 @@
-"""The playground's page as one file: style, scripts and data in one HTML text that asks for nothing else."""
+"""The playground's page as one file: style, scripts and data in one HTML text without external requests."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from collections.abc import Mapping, Sequence
 from importlib import resources
 from typing import Any
 
-PAGE = resources.files("slidax.deploy.web") / "page"
+PAGE = resources.files(str(__package__)) / "page"
 
 POLICY = (
     "default-src 'none'; script-src 'unsafe-inline' 'wasm-unsafe-eval'; style-src 'unsafe-inline'; "
     "worker-src blob:; img-src data: blob:; connect-src 'none'; form-action 'none'; base-uri 'none'"
 )
-"""What the browser lets the page do: nothing that asks a network."""
+"""Content security policy: no network access."""
 
 _IMPORT = re.compile(r'^import \{([^}]*)\} from "\./([a-z_]+\.js)";\n', re.MULTILINE)
 _EXPORT = re.compile(r"^export (?=(?:async )?function|class|const|let)", re.MULTILINE)
@@ -28,14 +28,14 @@ def page_text(
     loop: str | None = None,
     policy: str | None = POLICY,
 ) -> str:
-    """One HTML file that shows a playground.
+    """Return one HTML file that shows a playground.
 
-    - `manifest`: the playground: arms, programs, settings; numbers, texts, and what is binary as base64 of gzip.
-    - `scripts`, `styles`: more of both, put before the page's own script and after its own style.
-    - `loop`: the module that runs a program, if it is another than the page's own.
+    - `manifest`: arms, programs, settings; binary data as base64 of gzip.
+    - `scripts`, `styles`: additions, before the page's own script and after its own style.
+    - `loop`: the module that runs a program; by default the page's own.
     - `policy`: the content security policy in the page; None leaves it to a server's header.
     """
-    given = {} if loop is None else {"loop.js": loop}
+    replaced = {} if loop is None else {"loop.js": loop}
     title = str(manifest.get("title", "slidax"))
     parts = {
         "title": _escaped(title),
@@ -44,34 +44,33 @@ def page_text(
         "playground": json.dumps(manifest, ensure_ascii=False, allow_nan=False, separators=(",", ":")).replace(
             "<", "\\u003c"
         ),
-        "worker": module_text("worker.js", given),
+        "worker": module_text("worker.js", replaced),
         "scripts": "\n".join(f"<script>\n{script}\n</script>" for script in scripts),
-        "main": module_text("main.js", given),
+        "main": module_text("main.js", replaced),
     }
-    return re.sub(r"\{\{ (\w+) \}\}", lambda found: parts[found[1]], _source("index.html"))
+    return re.sub(r"\{\{ (\w+) \}\}", lambda match: parts[match[1]], _source("index.html"))
 
 
-def module_text(entry: str, given: Mapping[str, str] | None = None) -> str:
-    """A module with all that it imports, as the text of one module.
+def module_text(entry: str, replaced: Mapping[str, str] | None = None) -> str:
+    """Bundle a module and all its imports as the text of one module.
 
-    - `entry`: its file name in the page's folder.
-    - `given`: texts that stand for files of these names.
+    - `replaced`: texts that replace files of these names.
 
     Raises ValueError if modules import each other in a circle.
     """
     done: dict[str, str] = {}
-    _gather(entry, given or {}, done, ())
+    _gather(entry, replaced or {}, done, ())
     return "\n".join(done.values())
 
 
-def _gather(name: str, given: Mapping[str, str], done: dict[str, str], above: tuple[str, ...]) -> None:
+def _gather(name: str, replaced: Mapping[str, str], done: dict[str, str], above: tuple[str, ...]) -> None:
     if name in done:
         return
     if name in above:
         raise ValueError("modules import each other: " + " -> ".join([*above, name]))
-    text = given[name] if name in given else _source(name)
-    for found in _IMPORT.finditer(text):
-        _gather(found[2], given, done, (*above, name))
+    text = replaced[name] if name in replaced else _source(name)
+    for match in _IMPORT.finditer(text):
+        _gather(match[2], replaced, done, (*above, name))
     done[name] = _EXPORT.sub("", _IMPORT.sub("", text)).strip() + "\n"
 
 

@@ -1,4 +1,4 @@
-"""One arm under one scheme, as a page has it: its programs, what can be changed, and what is promised of it."""
+"""One arm under one scheme on a page: its programs, tunables and certificates."""
 
 from __future__ import annotations
 
@@ -23,11 +23,10 @@ from .loop_program import LoopProgram, Variant, loop_program, packed
 
 @dataclass(frozen=True)
 class Choice:
-    """Something that needs a program of its own for each of its values.
+    """A quantity that needs a program of its own for each value.
 
-    - `path`: as of `--set`.
-    - `title`, `unit`: for a person.
-    - `values`: what it may be; the scenario's own is one of them.
+    - `path`: as in `--set`.
+    - `values`: including the scenario's own.
     """
 
     path: str
@@ -40,13 +39,11 @@ class Choice:
 class Setting:
     """A scenario for a page.
 
-    - `description`: it.
     - `arm`, `scheme`: labels of both in the playground.
     - `title`: of the scheme.
-    - `kind`: whether it is ours, the law as printed, or a rival.
-    - `choices`: what has several programs.
-    - `note`: a line beside its title.
-    - `rate`: whether `loop_rate` is computed for any number of joints, which may take minutes.
+    - `kind`: "ours", "printed" or "rival".
+    - `note`: a line next to its title.
+    - `rate`: compute `loop_rate` for any number of joints, which may take minutes.
     """
 
     description: ScenarioDescription
@@ -58,8 +55,8 @@ class Setting:
     note: str = ""
     rate: bool = False
 
-    def made(self) -> Made:
-        """Its programs and tunables.
+    def build(self) -> Made:
+        """Build its programs and tunables.
 
         Raises DefinitionError if one of its variants is invalid or cannot run in a page.
         """
@@ -76,14 +73,14 @@ class Setting:
             family = self._family(changes)
             family = Family(family.base, Space({}, {}), Space({}, dict.fromkeys(own)))  # type: ignore[arg-type]
             variants.append((at, Variant(family, family.templates({}), own)))
-        found = []
+        programs_of = []
         for group in _alike(variants):
-            together = loop_program([variant for _, variant in group])
+            shared = loop_program([variant for _, variant in group])
             programs = (
-                [(group, together)] if together is not None else [([one], loop_program([one[1]])) for one in group]
+                [(group, shared)] if shared is not None else [([pair], loop_program([pair[1]])) for pair in group]
             )
-            found += [(group, program) for group, program in programs if program is not None]
-        return Made(self, base, templates, tunables, found)
+            programs_of += [(group, program) for group, program in programs if program is not None]
+        return Made(self, base, templates, tunables, programs_of)
 
     def _family(self, changes: Mapping[str, Any]) -> Family:
         data = self.description.model_dump(exclude_unset=True)
@@ -95,10 +92,9 @@ class Setting:
 class Made:
     """A setting with its programs.
 
-    - `setting`: it.
     - `family`, `templates`: its scenario, and that built.
-    - `tunables`: what varies within a program.
-    - `programs`: each with the variants that it is of.
+    - `tunables`: variable within a program.
+    - `programs`: each with its variants.
     """
 
     setting: Setting
@@ -108,7 +104,7 @@ class Made:
     programs: Sequence[tuple[Sequence[tuple[tuple[int, ...], Variant]], LoopProgram]]
 
     def entry(self) -> dict[str, Any]:
-        """The setting in a playground."""
+        """The setting's entry in a playground."""
         setting, described = self.setting, self.family.base
         choices = [_choice(choice, described) for choice in setting.choices]
         tunables, start = [], 0
@@ -134,14 +130,14 @@ class Made:
             "printed": setting.kind == "printed",
             "note": setting.note,
             "choices": choices,
-            "variants": sorted(variants, key=lambda one: one["at"]),
+            "variants": sorted(variants, key=lambda variant: variant["at"]),
             "tunables": tunables,
-            "constants": next(one["constants"] for one in variants if one["at"] == own),
+            "constants": next(variant["constants"] for variant in variants if variant["at"] == own),
             "scenario": described.model_dump(mode="json", exclude_unset=True),
         }
 
     def beside(self) -> dict[str, Any]:
-        """What stands beside the setting: the law in C, and, if it promises something, its certificates."""
+        """The law in C, and the certificates unless it is a rival."""
         paths = [*(choice.path for choice in self.setting.choices), *(tunable.path for tunable in self.tunables)]
         certified = (
             [] if self.setting.kind == "rival" else certificates_of(self.templates.built, paths, self.setting.rate)
@@ -167,16 +163,16 @@ def _at(place: Any, path: str) -> Any:
 
 
 def _varying(family: Family, templates: Templates, tunables: Sequence[Tunable]) -> list[Tunable]:
-    """Those that vary within one compiled loop."""
+    """Tunables that can vary within one compiled loop."""
     if not tunables:
         return []
     some = {tunable.path: np.stack([tunable.defaults] * 2) for tunable in tunables}
-    asked = Family(family.base, Space({}, {}), Space({}, dict.fromkeys(some)))  # type: ignore[arg-type]
+    varied = Family(family.base, Space({}, {}), Space({}, dict.fromkeys(some)))  # type: ignore[arg-type]
     known: Any = jax.tree.structure((family.parts(templates, {}),))
 
     def probe(values: Any) -> int:
-        if jax.tree.structure((asked.parts(templates, values),)) != known:
-            raise TypeError("what is compiled depends on it")
+        if jax.tree.structure((varied.parts(templates, values),)) != known:
+            raise TypeError("the compiled code depends on it")
         return 0
 
     try:
@@ -192,13 +188,13 @@ def _varying(family: Family, templates: Templates, tunables: Sequence[Tunable]) 
 def _alike(
     variants: Sequence[tuple[tuple[int, ...], Variant]],
 ) -> list[list[tuple[tuple[int, ...], Variant]]]:
-    """Variants of one form together."""
+    """Group variants of one form."""
     groups: list[list[tuple[tuple[int, ...], Variant]]] = []
-    for one in variants:
+    for variant in variants:
         for group in groups:
-            if group[0][1].form == one[1].form:
-                group.append(one)
+            if group[0][1].form == variant[1].form:
+                group.append(variant)
                 break
         else:
-            groups.append([one])
+            groups.append([variant])
     return groups

@@ -1,4 +1,4 @@
-"""What a page draws of every sample."""
+"""Signals that a page plots."""
 
 from __future__ import annotations
 
@@ -18,37 +18,30 @@ TITLES = {
     "upper": ("upper bound of the error", "position"),
     "tau": ("torque", "torque"),
     "margin": ("distance to the nearer bound, of the width", ""),
-    "assumption_violated": ("whether the law's monitor says that its promise does not stand", ""),
+    "assumption_violated": ("1 where the law's monitor reports its guarantee void", ""),
 }
-"""By name what each is, and of what it has the unit."""
+"""Title of each signal, and the quantity whose unit it has."""
 
 
 def signals_of(loop: Loop, before: Carry, log: Log) -> dict[str, Any]:
-    """The signals of one sample, each one number or [n].
+    """Signals of one sample, each a scalar or [n].
 
     Bounds are those of the scheme's envelope, or of the tolerance band that judges a scheme without one.
-
-    - `loop`: the closed loop.
-    - `before`: the carry before the sample.
-    - `log`: the sample.
     """
     e = log.e
-    found = {"t": log.t, "q": log.state.q, "e": e, "tau": log.tau}
+    signals = {"t": log.t, "q": log.state.q, "e": e, "tau": log.tau}
     bounds = bounds_of(loop, before, log)
     if bounds is not None:
         nearer = jnp.minimum(e - bounds.lower, bounds.upper - e) / (bounds.upper - bounds.lower)
-        found |= {"lower": bounds.lower, "upper": bounds.upper, "margin": nearer}
-        found["rho"] = jnp.maximum(bounds.upper, -bounds.lower)
+        signals |= {"lower": bounds.lower, "upper": bounds.upper, "margin": nearer}
+        signals["rho"] = jnp.maximum(bounds.upper, -bounds.lower)
     if before.tally.promise is not None:
-        found["assumption_violated"] = (log.signals["margin"] < 0.0).astype(float)
-    return found
+        signals["assumption_violated"] = (log.signals["margin"] < 0.0).astype(float)
+    return signals
 
 
 def bounds_of(loop: Loop, before: Carry, log: Log) -> Envelope | None:
-    """Those of the scheme's envelope, or of the tolerance band.
-
-    - `loop`, `before`, `log`: as in `signals_of`.
-    """
+    """Bounds of the scheme's envelope, or of the tolerance band."""
     if log.envelope is not None or loop.tolerance is None:
         return log.envelope
     assert before.tally.tolerance is not None
