@@ -102,7 +102,7 @@ def test_wrong_input_is_one_line_with_exit_code_2(built: Path) -> None:
         ([], "the robot's address is missing"),
         (["robot", "--hold"], "--hold needs a value"),
         (["robot", "--hold", "x"], "--hold needs a number; got x"),
-        (["robot", "--bold", "1"], "there is no option --bold"),
+        (["robot", "--bold", "1"], "unknown option --bold"),
     ):
         found = ran(built, *arguments)
         assert found.returncode == 2 and found.stderr.strip().endswith(said), found.stderr

@@ -132,8 +132,8 @@ def test_a_trajectory_goes_through_its_points_and_is_left_without_a_bump(law: on
     [
         ([], [], None, "no points"),
         ([0.5], [[math.nan, 0.0]], None, "NaN"),
-        ([0.0], [[0.1, 0.2]], None, "times do not grow"),
-        ([0.5, 0.5], [[0.1, 0.2]] * 2, None, "times do not grow"),
+        ([0.0], [[0.1, 0.2]], None, "times must be positive and increasing"),
+        ([0.5, 0.5], [[0.1, 0.2]] * 2, None, "times must be positive and increasing"),
         ([1.0], [[0.2, 0.2]], [[0.5, 0.0]], "at rest"),
         ([5.0], [[2.5, 0.2]], None, "range of positions"),
         ([0.1], [[0.5, 0.2]], None, "faster"),

@@ -114,8 +114,8 @@ def test_it_lives_as_ros2_control_has_it(package: Path, parameters: dict[str, An
     for what, most in (("hold", 0.02), ("trajectory", 0.1), ("there", 0.02)):
         name, number = next(lines).split()
         assert name == what and 0.0 <= float(number) < most, said
-    assert next(lines).startswith("finger: the trajectory also moves `finger`: left out")
-    assert next(lines) == "wrong name: the trajectory is not taken: it must have the joint `joint_2` once"
+    assert next(lines).startswith("finger: trajectory joint `finger` is ignored")
+    assert next(lines) == "wrong name: trajectory rejected: it must have the joint `joint_2` once"
     assert next(lines).endswith("refused 2")
     assert next(lines) == "stopped after 6"
     assert next(lines) == "finite 1"
@@ -142,7 +142,7 @@ def test_interfaces_are_asked_for_by_the_robots_own_names(name: str) -> None:
 
 @pytest.mark.parametrize("name", ['a"b', "a\\b", "a\nb"])
 def test_a_name_that_no_parameter_file_can_hold_is_refused(name: str) -> None:
-    with pytest.raises(DefinitionError, match="rename the joint in the robot's file"):
+    with pytest.raises(DefinitionError, match="rename the joint in the robot's and the hardware's files"):
         interface_names([name])
 
 

@@ -48,7 +48,7 @@ def message(names: list[str], *rows: list[float]) -> Any:
 def test_joints_are_taken_by_name_and_a_finger_is_left_out_with_a_warning(node: Node) -> None:
     node.wanted(message(["finger", "left-arm/elbow", "left-arm/shoulder"], [0.04, 1.0, 2.0]))
     assert node.pilot.taken == [([0.0], [[2.0, 1.0]], [[20.0, 10.0]], None)]
-    assert node.ros.lines == ["the trajectory also moves finger: left out, as the law has no such joint"]
+    assert node.ros.lines == ["trajectory joints unknown to the law are ignored: finger"]
 
 
 @pytest.mark.parametrize(

@@ -102,7 +102,7 @@ def test_a_light_that_was_not_computed_says_so_in_words(monkeypatch: pytest.Monk
     monkeypatch.setattr(certified, "CERTIFICATES", tuple(one for one in CERTIFICATES if one.name == "loop_rate"))
     (light,) = certified.certificates_of(scenario, ["scheme.surface.k1"])
     assert asked == [["loop_rate"]]
-    assert light["holds"] is None and "not computed" in light["statement"] and "2 joints" in light["statement"]
+    assert light["holds"] is None and "Not computed" in light["statement"] and "2 joints" in light["statement"]
     assert "--certify-rate" in light["statement"] and light["reads"] == ["scheme.surface.k1"]
     certified.certificates_of(scenario, ["scheme.surface.k1"], rate=True)
     assert asked[1:] == [[]]

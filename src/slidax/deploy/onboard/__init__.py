@@ -1,4 +1,4 @@
-"""What every robot's program needs around the step: reference from the measured posture, checks, and when to end."""
+"""Robot programs around the exported step: reference from the measured posture, checks, and stops."""
 
 from .allowed import Allowed as Allowed
 from .gravity import weight_by_robot as weight_by_robot

@@ -11,7 +11,7 @@ from slidax._errors import DefinitionError
 from slidax._writing import reason, write_text
 from slidax.scenarios import Scenario, ScenarioDescription
 
-from .compared import settings_of
+from .beside import settings_of
 from .playground import playground
 from .setting import Choice
 
