@@ -262,7 +262,7 @@ def test_what_cannot_be_is_one_line(scenario, tmp_path, monkeypatch):
     ):
         with pytest.raises(DefinitionError, match=word):
             export_fmu(scenario, tmp_path / "law.fmu", **given)
-    with pytest.raises(DefinitionError, match=r"ends in \.fmu"):
+    with pytest.raises(DefinitionError, match=r"end in \.fmu"):
         export_fmu(scenario, tmp_path / "law")
     monkeypatch.setattr(platforms, "zig", lambda: False)
     with pytest.raises(DefinitionError, match=r"pip install 'slidax\[fmu\]'"):

@@ -135,8 +135,8 @@ def test_a_trajectory_goes_through_its_points_and_is_left_without_a_bump(law: on
         ([0.0], [[0.1, 0.2]], None, "times must be positive and increasing"),
         ([0.5, 0.5], [[0.1, 0.2]] * 2, None, "times must be positive and increasing"),
         ([1.0], [[0.2, 0.2]], [[0.5, 0.0]], "at rest"),
-        ([5.0], [[2.5, 0.2]], None, "range of positions"),
-        ([0.1], [[0.5, 0.2]], None, "faster"),
+        ([5.0], [[2.5, 0.2]], None, "position range"),
+        ([0.1], [[0.5, 0.2]], None, "speed limits"),
         ([1.0 + k for k in range(256)], [[0.1, 0.2]] * 256, None, "too many"),
     ],
 )

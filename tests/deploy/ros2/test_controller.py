@@ -107,7 +107,7 @@ def test_it_lives_as_ros2_control_has_it(package: Path, parameters: dict[str, An
     lines = iter(said)
     assert next(lines) == "init 1"
     assert next(lines) == "interfaces 2 4"
-    assert next(lines).startswith("wrong rate 1 the law is for 1000 Hz") and next(lines) == "configure 1"
+    assert next(lines).startswith("wrong rate 1 the law needs 1000 Hz") and next(lines) == "configure 1"
     assert next(lines) == "an interface is missing 1"
     assert next(lines).startswith("no posture 1 not begun: ")
     assert next(lines) == "activate 1"
