@@ -206,7 +206,7 @@ def test_a_run_is_logged_as_the_step_sees_it(tmp_path):
     [
         (("run", "example-4.1", "--out", "x.mcap"), "simulation.mode=held"),
         (("loop", NAME, "--set", "sensor.delay=0"), "--set sensor.delay=1"),
-        (("loop", NAME, "--arm", "mujoco"), "MuJoCo moves an articulated arm"),
+        (("loop", NAME, "--arm", "mujoco"), "MuJoCo needs an articulated arm"),
         (("replay", "no.mcap"), "cannot read the file"),
     ],
 )
