@@ -57,7 +57,7 @@ def everywhere(name: str) -> list[tuple[str, str, dict[str, Any]]]:
         ("POST", "/api/check", {"json": {"path": name, "text": "title: x"}}),
         ("POST", "/api/check", {"json": {"name": "example-4.1", "changes": {"robot.file": name}}}),
         ("POST", "/api/new", {"json": {"robot": name}}),
-        *(("POST", "/api/jobs", {"json": {"kind": kind, "said": said | {"replace": False}}}) for kind, said in job),
+        *(("POST", "/api/jobs", {"json": {"kind": kind, "options": said | {"replace": False}}}) for kind, said in job),
     ]
 
 
@@ -100,7 +100,7 @@ def test_what_a_file_names_is_not_read_outside(client: TestClient, shared_root: 
         answer = client.post(f"/api/{do}", json=asked)
         assert answer.status_code in (403, 422)
         assert SECRET not in answer.text
-    assert "outside of the studio's folder" in client.post("/api/run", json={"path": "names.yaml"}).text
+    assert "outside the studio's folder" in client.post("/api/run", json={"path": "names.yaml"}).text
 
 
 def test_a_run_is_that_of_python(client: TestClient):
@@ -209,5 +209,5 @@ def test_odd_requests_are_refused_in_a_line(client: TestClient):
         answer = client.post("/api/run", content=body, headers={"content-type": "application/json"})
         assert answer.status_code == 400 and answer.json()["error"]["message"]
     assert client.post("/api/warm", json={}).status_code == 404
-    assert client.post("/api/new", json={}).json()["error"] == {"where": "robot", "message": "this field must be given"}
+    assert client.post("/api/new", json={}).json()["error"] == {"where": "robot", "message": "this field is required"}
     assert client.get("/api/jobs/none").status_code == 404

@@ -39,15 +39,15 @@ def alive(pid: int) -> bool:
 @pytest.mark.full
 def test_a_job_that_reads_a_file_which_names_one_outside_is_refused(client: TestClient, shared_root: Path):
     (shared_root / "bad.yaml").write_text("study: monte_carlo\nscenario: ../outside/secret.yaml\nruns: 10\nseed: 1\n")
-    job = ended(client, client.post("/api/jobs", json={"kind": "study", "said": {"file": "bad.yaml"}}).json())
+    job = ended(client, client.post("/api/jobs", json={"kind": "study", "options": {"file": "bad.yaml"}}).json())
     assert (job["state"], job["code"]) == ("failed", 2)
-    assert "outside of the studio's folder" in job["log"]
+    assert "outside the studio's folder" in job["log"]
     assert SECRET not in json.dumps(job)
 
 
 def test_a_job_leaves_what_the_command_would_and_its_report_has_no_origin(client: TestClient, shared_root: Path):
     said = {"scenario": "example-4.1-1khz", "set": {"simulation.t1": 1.0}, "out": "results/one"}
-    job = ended(client, client.post("/api/jobs", json={"kind": "run", "said": said}).json())
+    job = ended(client, client.post("/api/jobs", json={"kind": "run", "options": said}).json())
     assert (job["state"], job["code"], job["answer"]["outcome"]) == ("done", 0, "ok"), job
     left = {path.name for path in (shared_root / "results/one").iterdir()}
     assert {"report.html", "log.parquet", "scenario.yaml"} <= left
@@ -57,13 +57,13 @@ def test_a_job_leaves_what_the_command_would_and_its_report_has_no_origin(client
     assert client.get(f"/results/{key}/own.yaml").status_code == 404
     assert client.get(f"/results/{key}/results/one/../../own.yaml").status_code in (403, 404)
     assert client.get(f"/results/x{key}/results/one/report.html").status_code == 404
-    again = client.post("/api/jobs", json={"kind": "run", "said": said})
+    again = client.post("/api/jobs", json={"kind": "run", "options": said})
     assert (again.status_code, again.json()["exists"]) == (409, True)
 
 
 def test_a_cancelled_job_and_its_children_end(client: TestClient):
     said = {"scenario": "panda-payload", "runs": 100000}
-    job = client.post("/api/jobs", json={"kind": "certify", "said": said}).json()
+    job = client.post("/api/jobs", json={"kind": "certify", "options": said}).json()
     while client.get(f"/api/jobs/{job['id']}").json()["state"] == "waiting":
         time.sleep(0.05)
     time.sleep(1.0)
@@ -84,21 +84,21 @@ def said_of(pid: str, word: str) -> bool:
 
 
 @pytest.mark.parametrize(
-    ("kind", "said", "what"),
+    ("kind", "options", "message"),
     [
-        ("rm", {}, "no job"),
-        ("run", {}, "must be given"),
-        ("run", {"scenario": "--help"}, "no name"),
+        ("rm", {}, "unknown job"),
+        ("run", {}, "is required"),
+        ("run", {"scenario": "--help"}, "not a valid name"),
         ("run", {"scenario": "example-4.1", "view": True}, "unknown"),
-        ("run", {"scenario": "example-4.1", "set": {"a=b --out": 1}}, "no path"),
+        ("run", {"scenario": "example-4.1", "set": {"a=b --out": 1}}, "not the path"),
         ("certify", {"scenario": "example-4.1", "runs": "1; ls"}, "number"),
         ("certify", {"scenario": "example-4.1", "runs": True}, "number"),
-        ("compare", {"scenario": "example-4.1", "schemes": "a,--out=x"}, "no name"),
-        ("export-c", {"scenario": "example-4.1"}, "where to write"),
+        ("compare", {"scenario": "example-4.1", "schemes": "a,--out=x"}, "not a valid name"),
+        ("export-c", {"scenario": "example-4.1"}, "the file or folder to write"),
         ("design", {"requirements": "own.yaml", "out": "x.py"}, "must end in"),
     ],
 )
-def test_a_job_is_said_nothing_but_what_it_takes(client: TestClient, kind: str, said: dict[str, Any], what: str):
-    answer = client.post("/api/jobs", json={"kind": kind, "said": said})
+def test_invalid_options_of_a_job_are_refused(client: TestClient, kind: str, options: dict[str, Any], message: str):
+    answer = client.post("/api/jobs", json={"kind": kind, "options": options})
     assert answer.status_code == 422
-    assert what in answer.json()["error"]["message"]
+    assert message in answer.json()["error"]["message"]

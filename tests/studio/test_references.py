@@ -112,5 +112,5 @@ def test_files_that_name_each_other_in_a_circle_end(root: Path):
 @pytest.mark.parametrize("data", [{"robot": {"kind": "urdf", "file": "arm.xacro"}}, {"robot": "arm.urdf.xacro"}])
 def test_a_xacro_file_is_not_expanded(tmp_path, data):
     (tmp_path / "arm.xacro").write_text("<robot/>")
-    with pytest.raises(DefinitionError, match="not expanded in the studio: run `xacro FILE"):
+    with pytest.raises(DefinitionError, match="does not expand: run `xacro FILE"):
         require_beneath(Folder(tmp_path), data, tmp_path)

@@ -41,7 +41,7 @@ RAW = [
     b'{"name": "\\ud800"}',
     b'{"changes": {"title": "\\udfff"}}',
     b'{"changes": {"\\ud800": 1}}',
-    b'{"said": {"set": {"title": ["\\ud800"]}}, "kind": "run"}',
+    b'{"options": {"set": {"title": ["\\ud800"]}}, "kind": "run"}',
     '{"x": "x"}'.encode("utf-16"),
 ]
 """Bodies that are no requests."""
@@ -54,7 +54,7 @@ VALID: dict[str, dict[str, Any]] = {
     "new": {"robot": "panda", "rate": 500.0, "tip": "x"},
     "catalogue": {},
     "part": {"name": "cftsmppc"},
-    "jobs": {"kind": "nothing", "said": {"scenario": "example-4.1"}},
+    "jobs": {"kind": "nothing", "options": {"scenario": "example-4.1"}},
 }
 
 
@@ -133,7 +133,7 @@ def test_every_field_is_checked_by_its_type(do: str) -> None:
         read_request(json.dumps(VALID[do] | {"nothing": 1}).encode(), kind)
     for field, about in kind.model_fields.items():
         if about.is_required():
-            with pytest.raises(RequestError, match=f"{field}: this field must be given"):
+            with pytest.raises(RequestError, match=f"{field}: this field is required"):
                 read_request(json.dumps({k: v for k, v in VALID[do].items() if k != field}).encode(), kind)
 
 
@@ -144,7 +144,7 @@ def test_requests_that_ended_the_workbench_are_refused(asker: Asker) -> None:
         ("new", {"robot": "panda", "rate": "x"}),
         ("new", {"robot": ["panda"]}),
         ("part", {"name": {"x": 1}}),
-        ("jobs", {"kind": "run", "said": [1]}),
+        ("jobs", {"kind": "run", "options": [1]}),
     )
     for do, body in bad:
         assert asker.post(do, body) == 400
@@ -160,7 +160,7 @@ def fuzz(asker: Asker, rounds: int, seed: int, ways: Sequence[str] = (*QUESTIONS
         if do == "jobs":
             kind = str(random.choice(list(COMMANDS)))
             readers = list(COMMANDS[kind][1])
-            body = {"kind": kind, "said": {str(random.choice(readers)): pick(random) for _ in range(3)}}
+            body = {"kind": kind, "options": {str(random.choice(readers)): pick(random) for _ in range(3)}}
         elif "changes" in body and random.random() < 0.8:
             path = str(random.choice(fields))
             body = {"name": "example-4.1", "changes": {path: pick(random)}}
@@ -218,7 +218,7 @@ def test_names_of_files_that_are_no_text_are_listed(client: TestClient, shared_r
     ],
 )
 def test_odd_addresses_are_refused(client: TestClient, address: str) -> None:
-    client.post("/api/jobs", content=b'{"kind": "certify", "said": {"scenario": "nothing"}}', headers=JSON)
+    client.post("/api/jobs", content=b'{"kind": "certify", "options": {"scenario": "nothing"}}', headers=JSON)
     assert client.get(address).status_code in (403, 404, 422)
 
 

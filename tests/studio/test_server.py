@@ -45,7 +45,7 @@ def test_it_listens_on_loopback_alone_and_ends_with_its_jobs(running: Running):
     assert running.ask("POST", "/api/check", {"name": "example-4.1"}, origin="http://evil.example")[0] == 403
     assert running.ask("GET", "/api/about")[0] == 200
 
-    status, body = running.ask("POST", "/api/jobs", {"kind": "certify", "said": {"scenario": "panda-payload"}})
+    status, body = running.ask("POST", "/api/jobs", {"kind": "certify", "options": {"scenario": "panda-payload"}})
     assert status == 201
     until = time.monotonic() + 20
     while json.loads(running.ask("GET", f"/api/jobs/{json.loads(body)['id']}")[1])["state"] == "waiting":
@@ -66,7 +66,7 @@ def test_it_listens_on_loopback_alone_and_ends_with_its_jobs(running: Running):
 
 @pytest.mark.full
 def test_when_it_is_killed_its_processes_end(running: Running):
-    running.ask("POST", "/api/jobs", {"kind": "certify", "said": {"scenario": "panda-payload"}})
+    running.ask("POST", "/api/jobs", {"kind": "certify", "options": {"scenario": "panda-payload"}})
     until = time.monotonic() + 20
     while len(running.children()) < 2:
         assert time.monotonic() < until

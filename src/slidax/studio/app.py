@@ -1,4 +1,4 @@
-"""What the studio answers: its page, its files, its workbench, its jobs, and what they wrote."""
+"""The routes of the studio: page, files, workbench, jobs and results."""
 
 from __future__ import annotations
 
@@ -29,15 +29,15 @@ from .process import scratch
 from .requests import QUESTIONS, JobRequest, RequestError, read_request
 
 DEFAULT = "example-4.1-1khz"
-"""The built-in scenario on the page before it has said the token."""
+"""Scenario of the page before it has sent the token."""
 
 YAML = (".yaml", ".yml")
 
 COMPILING = 600.0
-"""Seconds for a scenario to be compiled for the page."""
+"""Time limit for compiling a scenario for the page [s]."""
 
 SHOWN = 1_000_000
-"""Bytes of a file that is shown as text."""
+"""Size of a file that is shown as text at most [bytes]."""
 
 KINDS = {
     ".html": "text/html",
@@ -45,24 +45,20 @@ KINDS = {
     ".png": "image/png",
     ".json": "application/json",
 }
-"""Of results by their ending; everything else is plain text, or is saved."""
+"""Content types of results; other files are plain text or downloads."""
 
 PLAIN = (".yaml", ".yml", ".csv", ".md", ".c", ".h", ".txt", ".jsonl", ".urdf", ".xml", ".mjcf")
 
 SANDBOX = "sandbox allow-scripts allow-downloads; default-src 'none'; style-src 'unsafe-inline'; "
 SANDBOX += "script-src 'unsafe-inline' 'wasm-unsafe-eval' blob:; worker-src blob:; img-src 'self' data: blob:; "
 SANDBOX += "font-src data:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
-"""A report is a page of its own, of no origin: what it says can ask the studio nothing."""
+"""Reports run without an origin, so that they cannot send requests to the studio."""
 
 
 class Answer(JSONResponse):
-    """Any values as JSON: a number that is not finite becomes null, and half of a surrogate pair an escape."""
+    """Values as JSON; non-finite numbers become null, and incomplete surrogate pairs are escaped."""
 
     def render(self, content: Any) -> bytes:
-        """The text of values.
-
-        - `content`: the values.
-        """
         try:
             return json.dumps(content, allow_nan=False, separators=(",", ":")).encode("ascii")
         except ValueError:
@@ -81,11 +77,11 @@ Answered = Callable[[Request], Awaitable[Response]]
 
 
 class Studio:
-    """The answers.
+    """The application.
 
-    - `folder`: the one that is read and written.
-    - `module`: with the command line, whose `main` a job calls.
-    - `opened`: what the page begins with: a built-in scenario, or a file below the folder.
+    - `folder`: to read and write.
+    - `module`: has the command line; a job calls its `main`.
+    - `opened`: first scenario of the page: a built-in one, or a file below the folder.
     """
 
     def __init__(self, folder: Folder, *, module: str, opened: str) -> None:
@@ -99,11 +95,7 @@ class Studio:
         self.jobs: Jobs
 
     def app(self, *, port: int, token: str) -> Starlette:
-        """The application.
-
-        - `port`: at which it is served.
-        - `token`: that its page must say.
-        """
+        """The Starlette application for a server at `port`; its page sends the `token`."""
         routes = [
             Route("/", self._checked(self._page), methods=["GET"]),
             Route("/results/{key}/{name:path}", self._checked(self._results), methods=["GET"]),
@@ -131,11 +123,11 @@ class Studio:
             shutil.rmtree(self._private, ignore_errors=True)
 
     async def close(self) -> None:
-        """Ends all processes: whoever waits for one is answered that there is none."""
+        """End all processes; pending requests get an error."""
         await asyncio.gather(self.jobs.close(), self.bench.close(), self.compiler.close())
 
     def _checked(self, answer: Answered) -> Answered:
-        """What is wrong with a request, as a line and a status."""
+        """Turn exceptions into an error message and a status."""
 
         async def checked(request: Request) -> Response:
             try:
@@ -153,7 +145,7 @@ class Studio:
             except FileExistsError as error:
                 return Answer({"error": {"where": "", "message": str(error)}, "exists": True}, 409)
             except LookupError:
-                return Answer({"error": {"where": "", "message": "there is no such thing"}}, 404)
+                return Answer({"error": {"where": "", "message": "not found"}}, 404)
             except (TooLargeError, ClientDisconnect):
                 return Answer({"error": {"where": "", "message": "the request is too large"}}, 413)
 
@@ -164,7 +156,7 @@ class Studio:
         return Response(text, headers={"content-security-policy": policy}, media_type="text/html")
 
     async def _first(self) -> dict[str, Any]:
-        """The playground of a built-in scenario, for anybody; the page asks for the user's own with the token."""
+        """The playground of a built-in scenario, without a token; the page requests the user's own with it."""
         if self._manifest is None:
             answer, _ = await self.bench.ask({"name": DEFAULT, "do": "manifest"})
             if "manifest" not in answer:
@@ -189,8 +181,10 @@ class Studio:
         )
 
     async def _files(self, request: Request) -> Response:
-        found = [{"name": one.name, "size": one.size, "changed": one.changed} for one in self.folder.listing()]
-        return Answer({"files": found})
+        entries = [
+            {"name": entry.name, "size": entry.size, "changed": entry.changed} for entry in self.folder.listing()
+        ]
+        return Answer({"files": entries})
 
     async def _file(self, request: Request) -> Response:
         name = request.query_params.get("path", "")
@@ -213,7 +207,7 @@ class Studio:
         bench = self.compiler if do == "compiled" else self.bench
         answer, content = await bench.ask({**question, "do": do}, only_newest=who)
         if "error" in answer:
-            outside = "outside of the studio's folder" in answer["error"]["message"]
+            outside = "outside the studio's folder" in answer["error"]["message"]
             return Answer(answer, 403 if outside else 422)
         if not content:
             return Answer(answer)
@@ -226,7 +220,7 @@ class Studio:
 
     async def _new_job(self, request: Request) -> Response:
         new = read_request(await _body(request), JobRequest)
-        job = self.jobs.add(new.kind, new.said)
+        job = self.jobs.add(new.kind, new.options)
         return Answer(self.jobs.shown(job), 201)
 
     async def _job(self, request: Request) -> Response:
@@ -238,9 +232,9 @@ class Studio:
         return Answer(self.jobs.shown(job))
 
     async def _results(self, request: Request) -> Response:
-        """A file that a job wrote, for whoever has the job's key; as a page of no origin."""
+        """A file of a job, for whoever has the job's key; as a page without an origin."""
         job, name = self.jobs.of_key(request.path_params["key"]), request.path_params["name"]
-        out = job.asked.out
+        out = job.command.out
         if not out or not (name == out or name.startswith(f"{out}/")):
             raise LookupError(name)
         content = self.folder.read(name, LARGEST_FILE)

@@ -1,4 +1,4 @@
-"""The server's side of the workbench: one question at a time, a new process where one ended or takes too long."""
+"""The server's queue of questions to the workbench process, which is restarted if it ends or takes too long."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ from .folder import Folder
 from .process import ended, started
 
 LONGEST = 120.0
-"""Seconds for an answer."""
+"""Time limit of an answer [s]."""
 
 
 class OvertakenError(DefinitionError):
-    """A newer question of the same kind has taken its place."""
+    """A newer question of the same kind replaced this one."""
 
 
 class Workbench:
-    """Answers questions about scenarios by a process that is kept warm.
+    """Answers questions about scenarios by a process that stays warm.
 
     - `folder`: of the studio.
-    - `private`: of its process.
-    - `longest`: seconds for an answer.
+    - `private`: folder of the process.
+    - `longest`: time limit of an answer [s].
     """
 
     def __init__(self, folder: Folder, private: Path, *, longest: float = LONGEST) -> None:
@@ -39,47 +39,44 @@ class Workbench:
         self.restarts = 0
 
     async def warm(self) -> None:
-        """Starts the process, so that the first question need not wait."""
+        """Start the process before the first question."""
         async with self._turn:
             if not self._closed:
                 await self._ready()
 
     async def ask(self, question: dict[str, Any], *, only_newest: str = "") -> tuple[dict[str, Any], bytes]:
-        """The answer, and the bytes with it.
+        """Return the answer to a `question` of `Bench.answer`, with its bytes.
 
-        - `question`: of `Bench.answer`.
-        - `only_newest`: whose questions overtake each other: of those that wait, all but the last are not asked.
+        - `only_newest`: a sender; of its waiting questions only the last one is answered.
 
-        Raises OvertakenError if another one came meanwhile.
+        Raises OvertakenError for the others.
         """
         number = self._newest[only_newest] = self._newest.get(only_newest, 0) + 1
         async with self._turn:
             if only_newest and self._newest[only_newest] != number:
-                raise OvertakenError("a newer question took its place")
+                raise OvertakenError("replaced by a newer question")
             if self._closed:
-                return {"error": {"where": "", "message": "the studio ends"}}, b""
+                return {"error": {"where": "", "message": "the studio is shutting down"}}, b""
             process = await self._ready()
             try:
-                return await asyncio.wait_for(self._asked(process, question), self._longest)
+                return await asyncio.wait_for(self._exchange(process, question), self._longest)
             except (TimeoutError, asyncio.IncompleteReadError, asyncio.LimitOverrunError, OSError, ValueError) as error:
                 await ended(process, gently=False)
                 took = isinstance(error, TimeoutError)
-                what = f"it took more than {self._longest:g} s" if took else f"its process ended ({process.returncode})"
-                return {
-                    "error": {"where": "", "message": f"This was not computed: {what}. It can be tried again."}
-                }, b""
+                reason = f"more than {self._longest:g} s" if took else f"the process ended ({process.returncode})"
+                return {"error": {"where": "", "message": f"Not computed: {reason}. Try again."}}, b""
             except asyncio.CancelledError:
                 # Its answer would be taken for that of the next question.
                 await ended(process, gently=False)
                 raise
 
     async def close(self) -> None:
-        """Ends the process; what is asked then, or waits for its answer, is told so."""
+        """End the process; pending questions get an error."""
         self._closed = True
         if self._process is not None:
             await ended(self._process, gently=False)
 
-    async def _asked(self, process: Process, question: dict[str, Any]) -> tuple[dict[str, Any], bytes]:
+    async def _exchange(self, process: Process, question: dict[str, Any]) -> tuple[dict[str, Any], bytes]:
         assert process.stdin is not None
         assert process.stdout is not None
         process.stdin.write(json.dumps(question).encode() + b"\n")

@@ -1,4 +1,4 @@
-"""What may be run as a job: commands of slidax, and what a page may say to each of them."""
+"""Commands that can run as jobs, and their options on the page."""
 
 from __future__ import annotations
 
@@ -22,15 +22,15 @@ PATH = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.\-]{0,199}")
 
 
 @dataclass
-class Asked:
-    """A job's command, as it is put together.
+class JobCommand:
+    """The command of a job.
 
-    - `words`: after `slidax`.
+    - `words`: arguments after `slidax`.
     - `files`: that it reads, below the folder.
     - `changes`: values by path.
-    - `out`: what it writes, a file or a folder; empty for nothing.
-    - `replaces`: whether something is there already.
-    - `json`: whether what it prints is JSON.
+    - `out`: the file or folder that it writes, or empty.
+    - `replaces`: True if `out` exists.
+    - `json`: True if it prints JSON.
     """
 
     words: list[str]
@@ -41,107 +41,107 @@ class Asked:
     json: bool = False
 
 
-Reader = Callable[[Asked, Folder, Any, str], None]
-"""Puts a value of the page into a command: `(asked, folder, value, name)`."""
+Reader = Callable[[JobCommand, Folder, Any, str], None]
+"""Adds an option of the page to a command: `(command, folder, value, name)`."""
 
 
-def _scenario(asked: Asked, folder: Folder, value: Any, name: str) -> None:
+def _scenario(command: JobCommand, folder: Folder, value: Any, name: str) -> None:
     text = _text(value, name)
     if text.lower().endswith(YAML):
-        _file(YAML)(asked, folder, value, name)
+        _file(YAML)(command, folder, value, name)
     else:
-        asked.words.append(_word(text, name))
+        command.words.append(_word(text, name))
 
 
 def _file(endings: tuple[str, ...], option: bool = False) -> Reader:
-    def read(asked: Asked, folder: Folder, value: Any, name: str) -> None:
+    def read(command: JobCommand, folder: Folder, value: Any, name: str) -> None:
         text = _text(value, name)
         require_ending(text, endings)
         if not folder.place(text).is_file():
-            raise DefinitionError(f"there is no file `{plain(text)}`", where=name)
-        asked.files.append(text)
-        asked.words.append(f"--{name}={text}" if option else text)
+            raise DefinitionError(f"file `{plain(text)}` does not exist", where=name)
+        command.files.append(text)
+        command.words.append(f"--{name}={text}" if option else text)
 
     return read
 
 
-def _robot(asked: Asked, folder: Folder, value: Any, name: str) -> None:
+def _robot(command: JobCommand, folder: Folder, value: Any, name: str) -> None:
     text = _text(value, name)
     if text.lower().endswith(".xacro"):
-        raise DefinitionError("xacro is not expanded in the studio: run `xacro FILE > robot.urdf` first", where=name)
+        raise DefinitionError("the studio does not expand xacro: run `xacro FILE > robot.urdf` first", where=name)
     if text.lower().endswith(ROBOTS):
-        _file(ROBOTS, option=True)(asked, folder, value, name)
+        _file(ROBOTS, option=True)(command, folder, value, name)
     else:
-        asked.words.append(f"--{name}={_word(text, name)}")
+        command.words.append(f"--{name}={_word(text, name)}")
 
 
-def _finished(asked: Asked, folder: Folder, value: Any, name: str) -> None:
+def _finished(command: JobCommand, folder: Folder, value: Any, name: str) -> None:
     """The folder of a run, or its .mcap file."""
     text = _text(value, name)
     place = folder.place(text)
     if not (place.is_dir() or (place.is_file() and text.endswith(".mcap"))):
-        raise DefinitionError(f"there is no run `{plain(text)}`", where=name)
+        raise DefinitionError(f"run `{plain(text)}` does not exist", where=name)
     if place.is_dir():
-        asked.files += [one.name for one in folder.listing(text) if one.name.endswith(YAML)]
-    asked.words.append(text)
+        command.files += [entry.name for entry in folder.listing(text) if entry.name.endswith(YAML)]
+    command.words.append(text)
 
 
-def _folder_out(asked: Asked, folder: Folder, value: Any, name: str) -> None:
+def _folder_out(command: JobCommand, folder: Folder, value: Any, name: str) -> None:
     text = _text(value, name)
-    asked.replaces = not folder.is_free(text)
-    asked.out = text
-    asked.words.append(f"--out={text}")
+    command.replaces = not folder.is_free(text)
+    command.out = text
+    command.words.append(f"--out={text}")
 
 
 def _file_out(endings: tuple[str, ...], option: str = "out") -> Reader:
-    def write(asked: Asked, folder: Folder, value: Any, name: str) -> None:
+    def write(command: JobCommand, folder: Folder, value: Any, name: str) -> None:
         text = _text(value, name)
         require_ending(text, endings)
-        asked.replaces = folder.place(text).exists()
-        asked.out = text
-        asked.words.append(f"--{option}={text}")
+        command.replaces = folder.place(text).exists()
+        command.out = text
+        command.words.append(f"--{option}={text}")
 
     return write
 
 
-def _report(asked: Asked, folder: Folder, value: Any, name: str) -> None:
-    before = asked.out, asked.replaces
-    _folder_out(asked, folder, value, name)
-    asked.words[-1] = f"--report={asked.out}"
-    asked.replaces = asked.replaces or before[1]
+def _report(command: JobCommand, folder: Folder, value: Any, name: str) -> None:
+    before = command.out, command.replaces
+    _folder_out(command, folder, value, name)
+    command.words[-1] = f"--report={command.out}"
+    command.replaces = command.replaces or before[1]
 
 
 def _number(low: float, high: float, kind: type[int] | type[float] = int) -> Reader:
-    def read(asked: Asked, folder: Folder, value: Any, name: str) -> None:
+    def read(command: JobCommand, folder: Folder, value: Any, name: str) -> None:
         if isinstance(value, bool) or not isinstance(value, int | float) or not low <= value <= high:
             raise DefinitionError(f"must be a number from {low:g} to {high:g}; got {plain(value)}", where=name)
         if kind is int and value != int(value):
-            raise DefinitionError(f"must be a whole number; got {plain(value)}", where=name)
-        asked.words.append(f"--{name}={kind(value)}")
+            raise DefinitionError(f"must be an integer; got {plain(value)}", where=name)
+        command.words.append(f"--{name}={kind(value)}")
 
     return read
 
 
-def _flag(asked: Asked, folder: Folder, value: Any, name: str) -> None:
+def _flag(command: JobCommand, folder: Folder, value: Any, name: str) -> None:
     if not isinstance(value, bool):
         raise DefinitionError(f"must be true or false; got {plain(value)}", where=name)
     if value:
-        asked.words.append(f"--{name}")
+        command.words.append(f"--{name}")
 
 
-def _named(asked: Asked, folder: Folder, value: Any, name: str) -> None:
+def _named(command: JobCommand, folder: Folder, value: Any, name: str) -> None:
     words = [_word(word, name) for word in _text(value, name).split(",")]
-    asked.words.append(f"--{name}={','.join(words)}")
+    command.words.append(f"--{name}={','.join(words)}")
 
 
-def _changes(asked: Asked, folder: Folder, value: Any, name: str) -> None:
+def _changes(command: JobCommand, folder: Folder, value: Any, name: str) -> None:
     if not isinstance(value, dict):
-        raise DefinitionError("must be values by path", where=name)
-    for path, one in value.items():
+        raise DefinitionError("must be a mapping from paths to values", where=name)
+    for path, content in value.items():
         if not PATH.fullmatch(path):
-            raise DefinitionError(f"`{plain(path)}` is no path of a field", where=name)
-        asked.changes[path] = one
-        asked.words.append(f"--set={path}={json.dumps(one, allow_nan=False)}")
+            raise DefinitionError(f"`{plain(path)}` is not the path of a field", where=name)
+        command.changes[path] = content
+        command.words.append(f"--set={path}={json.dumps(content, allow_nan=False)}")
 
 
 def _text(value: Any, name: str) -> str:
@@ -152,7 +152,7 @@ def _text(value: Any, name: str) -> str:
 
 def _word(value: str, name: str) -> str:
     if not WORD.fullmatch(value):
-        raise DefinitionError(f"`{plain(value)}` is no name", where=name)
+        raise DefinitionError(f"`{plain(value)}` is not a valid name", where=name)
     return value
 
 
@@ -174,7 +174,7 @@ COMMANDS: dict[str, tuple[tuple[str, ...], dict[str, Reader], bool]] = {
     ),
     "excite": (
         ("excite",),
-        {"robot": lambda asked, folder, value, name: _positional(asked, folder, value, name)}
+        {"robot": lambda command, folder, value, name: _positional(command, folder, value, name)}
         | {"out": _file_out((".csv",)), "seed": _number(0, 2**31)},
         False,
     ),
@@ -193,43 +193,39 @@ COMMANDS: dict[str, tuple[tuple[str, ...], dict[str, Reader], bool]] = {
     "export-c": (("export", "c"), SCENARIO | {"out": _folder_out, "name": _named, "float": _flag}, False),
     "export-web": (("export", "web"), SCENARIO | {"with": _named, "out": _folder_out}, False),
 }
-"""By the name of a job: the command's words, what may be said to it in this order, whether it prints JSON."""
+"""For each job: the command's words, its options in this order, and True if it prints JSON."""
 
 REQUIRED = ("scenario", "requirements", "robot", "log", "file", "run")
-"""What a command cannot do without, where it takes it."""
+"""Options that are required where a command has them."""
 
 WRITING = ("design", "excite", "export-c", "export-web")
-"""Commands that need somewhere to write."""
+"""Commands that require `out`."""
 
 
-def _positional(asked: Asked, folder: Folder, value: Any, name: str) -> None:
-    _robot(asked, folder, value, name)
-    asked.words[-1] = asked.words[-1].removeprefix(f"--{name}=")
+def _positional(command: JobCommand, folder: Folder, value: Any, name: str) -> None:
+    _robot(command, folder, value, name)
+    command.words[-1] = command.words[-1].removeprefix(f"--{name}=")
 
 
-def command_of(folder: Folder, job: str, said: Mapping[str, Any]) -> Asked:
-    """The command of a job.
+def command_of(folder: Folder, job: str, options: Mapping[str, Any]) -> JobCommand:
+    """The command of a `job` with `options` from the page; the option `replace` allows overwriting results.
 
-    - `folder`: of the studio.
-    - `job`: one of `COMMANDS`.
-    - `said`: values by name, as the page gives them; `replace` allows results to be written over.
-
-    Raises DefinitionError for anything else than the command takes, and OutsideError for a file outside of the folder.
+    Raises DefinitionError for unknown or invalid options, and OutsideError for a file outside the `folder`.
     """
     if job not in COMMANDS:
-        raise DefinitionError(f"there is no job `{plain(job)}`; {nearest(str(job), COMMANDS)}")
+        raise DefinitionError(f"unknown job `{plain(job)}`; {nearest(str(job), COMMANDS)}")
     words, readers, answers = COMMANDS[job]
-    asked = Asked([*words, *(["--json"] if answers else [])], [], {}, json=answers)
-    for name in said:
+    command = JobCommand([*words, *(["--json"] if answers else [])], [], {}, json=answers)
+    for name in options:
         if name not in readers and name != "replace":
             raise DefinitionError(f"unknown `{plain(name)}`; {nearest(str(name), readers)}", where=job)
     for name, reader in readers.items():
-        if said.get(name) not in (None, ""):
-            reader(asked, folder, said[name], name)
+        if options.get(name) not in (None, ""):
+            reader(command, folder, options[name], name)
         elif name in REQUIRED:
-            raise DefinitionError("must be given", where=name)
-    if job in WRITING and not asked.out:
-        raise DefinitionError("must be given: where to write", where="out")
-    if asked.replaces and said.get("replace") is not True and said.get("resume") is not True:
-        raise FileExistsError(f"`{asked.out}` is there already")
-    return asked
+            raise DefinitionError("is required", where=name)
+    if job in WRITING and not command.out:
+        raise DefinitionError("is required: the file or folder to write", where="out")
+    if command.replaces and options.get("replace") is not True and options.get("resume") is not True:
+        raise FileExistsError(f"`{command.out}` exists already")
+    return command

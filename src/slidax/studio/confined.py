@@ -1,8 +1,8 @@
-"""A process of the studio: the command line, or its workbench, that cannot leave the folder.
+"""A process of the studio that cannot leave its folder: the command line, or the workbench.
 
-`python -P -m slidax.studio.confined FOLDER SCRATCH MODULE [ARGUMENTS]` calls `main` of the module. Three walls, each
-for what the others let through: what files name is looked at before they are read (`references`); Python's own opens,
-lists, moves and removals are refused elsewhere (here); and on Linux the kernel refuses the rest (`landlock`).
+`python -P -m slidax.studio.confined FOLDER SCRATCH MODULE [ARGUMENTS]` calls `main` of the module. Three layers: file
+names in files are checked before reading (`references`); an audit hook refuses Python's own file operations elsewhere
+(here); and on Linux the kernel refuses all others (`landlock`).
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ SYSTEM = (
     *("/proc/cpuinfo", "/proc/meminfo", "/proc/stat", "/proc/filesystems", "/proc/self"),
     *("/proc/sys/vm/overcommit_memory", "/sys/devices/system", "/sys/fs/cgroup"),
 )
-"""What compilers, fonts and libraries of a system read; none of it is a user's."""
+"""Read by compilers, fonts and system libraries; none of it belongs to a user."""
 
 DEVICES = ("/dev/null", "/dev/zero", "/dev/urandom", "/dev/random", "/dev/shm")
 
@@ -36,7 +36,7 @@ ENTRIES: dict[str, tuple[tuple[int, int], ...]] = {
     "os.link": ((0, 2), (1, 3)),
     "os.symlink": ((1, 2),),
 }
-"""Python's events that change a folder: places of each path, and of the open folder that it is relative to."""
+"""Audit events that change a folder: argument positions of each path and of the open folder it is relative to."""
 
 CONTENTS: dict[str, tuple[int, int | None]] = {
     "os.truncate": (0, None),
@@ -47,30 +47,26 @@ CONTENTS: dict[str, tuple[int, int | None]] = {
     "os.setxattr": (0, None),
     "os.removexattr": (0, None),
 }
-"""Python's events that change a file, by its path or its descriptor: places of these, and of an open folder."""
+"""Audit events that change a file: argument positions of its path or descriptor, and of an open folder."""
 
 WITHOUT_EVENT = ("mkfifo", "mknod")
-"""Functions that make files and tell no audit hook."""
+"""Functions that create files without an audit event."""
 
 NAMES = ("socket.getaddrinfo", "socket.gethostbyname", "socket.gethostbyaddr", "socket.getnameinfo")
-"""Events in which a name goes to the network."""
+"""Events that send a name to the network."""
 
 WRITES = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_APPEND
 
 
 def readable() -> list[Path]:
-    """Folders that Python and its packages are read from, and the system's."""
+    """Folders of Python, its packages and the system."""
     python = [sys.prefix, sys.base_prefix, sys.exec_prefix, *sysconfig.get_paths().values(), *site.getsitepackages()]
     paths = [*python, *(path for path in sys.path if path and os.path.isdir(path)), *SYSTEM]
     return _real(paths)
 
 
 def writable(root: Path, scratch: Path) -> list[Path]:
-    """Folders that are written: the studio's, one for this process, and the caches of slidax and of its pictures.
-
-    - `root`: the studio's folder.
-    - `scratch`: of this process.
-    """
+    """The studio's folder `root`, the folder `scratch` of this process, and the caches of slidax and matplotlib."""
     from platformdirs import user_cache_path
 
     caches = [user_cache_path("slidax"), user_cache_path("matplotlib")]
@@ -80,32 +76,23 @@ def writable(root: Path, scratch: Path) -> list[Path]:
 
 
 def _real(paths: Iterable[Any]) -> list[Path]:
-    found = {os.path.realpath(path) for path in paths}
+    real = {os.path.realpath(path) for path in paths}
     # A Python that was installed at the top would open everything.
-    return [Path(path) for path in sorted(found) if path != os.sep and os.path.exists(path)]
+    return [Path(path) for path in sorted(real) if path != os.sep and os.path.exists(path)]
 
 
 class Watch:
-    """Refuses what Python opens elsewhere.
-
-    - `read`, `write`: folders and files.
-    """
+    """Audit hook that refuses file access outside the folders and files `read` and `write`."""
 
     def __init__(self, read: Iterable[Path], write: Iterable[Path]) -> None:
         self._write = tuple(str(path) for path in write)
         self._read = (*self._write, *(str(path) for path in read))
 
     def __call__(self, event: str, arguments: tuple[Any, ...]) -> None:
-        """Is told of every event of the interpreter.
-
-        - `event`: its name.
-        - `arguments`: its own.
-
-        Raises PermissionError for what is outside.
-        """
+        """Check an `event` with its `arguments`; raise PermissionError if it is outside."""
         if event == "open":
             path, mode, flags = arguments
-            writes = (isinstance(mode, str) and any(one in mode for one in "wax+")) or bool((flags or 0) & WRITES)
+            writes = (isinstance(mode, str) and any(letter in mode for letter in "wax+")) or bool((flags or 0) & WRITES)
             self._require(path, self._write if writes else self._read)
         elif event in ("os.listdir", "os.scandir"):
             self._require(arguments[0], self._read)
@@ -120,7 +107,7 @@ class Watch:
         elif event in ("socket.connect", "socket.bind", "socket.sendto", "socket.sendmsg"):
             self._require_address(arguments[1])
         elif event in NAMES:
-            raise PermissionError(errno.EACCES, "the studio's processes look up no addresses")
+            raise PermissionError(errno.EACCES, "processes of the studio must not look up addresses")
 
     def _require(self, path: Any, allowed: tuple[str, ...]) -> None:
         if path is None or isinstance(path, int):
@@ -128,7 +115,7 @@ class Watch:
         _require_within(os.path.realpath(os.fsdecode(path)), path, allowed)
 
     def _require_entry(self, path: Any, folder: int) -> None:
-        """The place of a name in its folder, whatever it leads to."""
+        """The place of a name in its folder, without following the last link."""
         whole = _at(path, folder)
         head, name = os.path.split(whole.rstrip(os.sep) or os.sep)
         if name in ("", os.curdir, os.pardir):
@@ -138,7 +125,7 @@ class Watch:
         _require_within(real, path, self._write)
 
     def _require_content(self, path: Any, folder: int) -> None:
-        """A file that is changed: its name and the place that it leads to, or the place of an open one."""
+        """A changed file: its name and target, or the place of an open file."""
         if isinstance(path, int):
             real = _opened(path)
             # Pipes and sockets are no files.
@@ -149,7 +136,7 @@ class Watch:
         _require_within(os.path.realpath(_at(path, folder)), path, self._write)
 
     def _require_target(self, target: Any, path: Any, folder: int) -> None:
-        """A new link leads nowhere else."""
+        """A new link must not lead outside."""
         around = os.path.dirname(_at(path, folder))
         _require_within(os.path.realpath(os.path.join(around, os.fsdecode(target))), target, self._write)
 
@@ -161,22 +148,22 @@ class Watch:
                 _require_within(os.path.realpath(text), text, self._write)
                 return
         if address is not None:
-            raise PermissionError(errno.EACCES, "the studio's processes open no connections")
+            raise PermissionError(errno.EACCES, "processes of the studio must not open connections")
 
 
 def _at(path: Any, folder: int) -> str:
-    """A path from the open folder that it is relative to; a number below 0 is the current one."""
+    """Absolute path, relative to an open folder; a descriptor below 0 is the current folder."""
     text = os.fsdecode(path)
     if folder < 0 or os.path.isabs(text):
         return os.path.join(os.getcwd(), text)
     base = _opened(folder)
     if base is None:
-        raise PermissionError(errno.EACCES, "its folder is not known", text)
+        raise PermissionError(errno.EACCES, "its folder is unknown", text)
     return os.path.join(base, text)
 
 
 def _opened(handle: int) -> str | None:
-    """The place of an open file or folder; None for pipes, sockets, memory, and where the system does not say."""
+    """The path of an open file or folder; None for pipes, sockets and memory, or if unknown."""
     try:
         if sys.platform == "darwin":
             import fcntl
@@ -190,19 +177,15 @@ def _opened(handle: int) -> str | None:
 
 def _require_within(real: str, path: Any, allowed: tuple[str, ...]) -> None:
     if not any(real == place or real.startswith(place + os.sep) for place in allowed):
-        raise PermissionError(errno.EACCES, "it is outside of the studio's folder", os.fsdecode(path))
+        raise PermissionError(errno.EACCES, "it is outside the studio's folder", os.fsdecode(path))
 
 
 def _refuse(*arguments: Any, **named: Any) -> None:
-    raise PermissionError(errno.EACCES, "the studio's processes make no such files")
+    raise PermissionError(errno.EACCES, "processes of the studio must not create such files")
 
 
 def confine(root: Path, scratch: Path) -> bool:
-    """Gives up all but the folder. Whether the kernel holds it, too.
-
-    - `root`: the studio's folder.
-    - `scratch`: a folder of this process alone.
-    """
+    """Give up access to everything except the folder `root` and `scratch`; return True if the kernel enforces it."""
     os.environ |= {"TMPDIR": str(scratch), "TEMP": str(scratch), "TMP": str(scratch), "PYTHONDONTWRITEBYTECODE": "1"}
     sys.dont_write_bytecode = True
     read, write = readable(), writable(root, scratch)
@@ -216,17 +199,14 @@ def confine(root: Path, scratch: Path) -> bool:
 
 
 def restrict_by_kernel(read: list[Path], write: list[Path]) -> bool:
-    """The kernel's wall, where there is one.
-
-    - `read`, `write`: as of `Watch`.
-    """
+    """Restrict access to `read` and `write` by Landlock, where available."""
     from slidax.studio.landlock import restrict
 
     return restrict(read, write)
 
 
 def main() -> None:
-    """The process."""
+    """Entry point of the process."""
     # Who interrupts it wants it to end, and no traceback; what can end better says so itself.
     signal.signal(signal.SIGINT, signal.SIG_DFL)
     root, scratch, module, *arguments = sys.argv[1:]

@@ -1,7 +1,7 @@
-"""Connections that are closed when they hold the server up: no request takes for ever to arrive.
+"""Connections with time limits, so that no request blocks the server.
 
-A connection is trusted as soon as a request on it has said the token. Of the others only the newest stay when there
-are many, so that a program without the token cannot take the place of the page.
+A connection is trusted once a request on it had the token. Only the newest untrusted connections are kept, so that a
+program without the token cannot displace the page.
 """
 
 from __future__ import annotations
@@ -15,29 +15,25 @@ from uvicorn.protocols.http.h11_impl import H11Protocol
 from .guard import TOKEN
 
 HEAD, BODY = 10.0, 60.0
-"""Seconds in which the head of a request, and all of it, must have arrived."""
+"""Time limits for the head of a request and for all of it [s]."""
 
 UNTRUSTED = 30.0
-"""Seconds in which a connection must have said the token, unless its answer is still being computed."""
+"""Time limit for sending the token, unless an answer is being computed [s]."""
 
 MOST_UNTRUSTED = 40
-"""Connections that have not said the token; the oldest is closed for a new one."""
+"""Untrusted connections; the oldest is closed for a new one."""
 
 LOOK = 0.5
-"""Seconds between two looks at a connection."""
+"""Time between two checks of a connection [s]."""
 
 
 class Connection(H11Protocol):
-    """A connection with limits; a subclass has the token of its server in `token`."""
+    """A connection with time limits; a subclass has the server's token in `token`."""
 
     token: ClassVar[bytes] = b""
     untrusted: ClassVar[dict[Connection, None]] = {}
 
     def connection_made(self, transport: Any) -> None:
-        """Begin to watch a connection.
-
-        - `transport`: of it.
-        """
         super().connection_made(transport)
         self._made = self._begun = self.loop.time()
         self._arriving = True
@@ -48,26 +44,18 @@ class Connection(H11Protocol):
             next(iter(self.untrusted))._drop()
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """Forget a connection.
-
-        - `exc`: why it ended; None if it was closed.
-        """
         self._watch.cancel()
         self.untrusted.pop(self, None)
         super().connection_lost(exc)
 
     def data_received(self, data: bytes) -> None:
-        """Take bytes of a request.
-
-        - `data`: the bytes.
-        """
         if not self._arriving:
             self._arriving, self._begun = True, self.loop.time()
         super().data_received(data)
         self._note()
 
     def _note(self) -> None:
-        """Note how far a request has come, and whether it said the token."""
+        """Note the progress of a request, and whether it has the token."""
         self._arriving = self._arriving and self.conn.their_state in (h11.IDLE, h11.SEND_BODY)
         if not self._trusted and self.cycle is not None and _says(self.cycle.scope, self.token):
             self._trusted = True
@@ -93,10 +81,7 @@ class Connection(H11Protocol):
 
 
 def connections(token: str) -> type[Connection]:
-    """The connections of one server.
-
-    - `token`: that its page says.
-    """
+    """The connection class of a server with a `token`."""
     return type("OwnConnection", (Connection,), {"token": token.encode(), "untrusted": {}})
 
 

@@ -1,4 +1,4 @@
-"""The one folder that the studio reads and writes, with links resolved and nothing followed out of it."""
+"""The one folder that the studio reads and writes; links are resolved and never followed outside."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ MOST_FILES = 2000
 """In a listing."""
 
 DEEPEST = 6
-"""Folders in each other in a listing."""
+"""Nesting depth of a listing."""
 
 BY_DESCRIPTOR = os.open in os.supports_dir_fd
-"""Whether the system opens a file in an open folder, so that no folder above it can be swapped meanwhile."""
+"""True if the system opens files relative to an open folder, which cannot be swapped meanwhile."""
 
 _FOLDER = getattr(os, "O_DIRECTORY", 0) | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_CLOEXEC", 0) | os.O_RDONLY
 _FILE = getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_BINARY", 0)
@@ -32,12 +32,7 @@ _AT_ONCE = getattr(os, "O_NONBLOCK", 0)
 
 @dataclass(frozen=True)
 class Entry:
-    """A file in a listing.
-
-    - `name`: from the folder, with `/`.
-    - `size`: bytes.
-    - `changed`: when, s since 1970.
-    """
+    """A file in a listing: `name` with `/`, `size` in bytes, time of its last change `changed` in s since 1970."""
 
     name: str
     size: int
@@ -45,94 +40,80 @@ class Entry:
 
 
 class Folder:
-    """Files below one folder.
+    """Files below one folder `root`.
 
-    - `root`: the folder, which must be there.
-
-    Raises DefinitionError if it is no folder.
+    Raises DefinitionError if it is not a folder.
     """
 
     def __init__(self, root: Path) -> None:
         try:
             self.root = root.resolve(strict=True)
         except (OSError, RuntimeError):
-            raise DefinitionError(f"there is no folder `{plain(str(root))}`") from None
+            raise DefinitionError(f"folder `{plain(str(root))}` does not exist") from None
         if not self.root.is_dir():
-            raise DefinitionError(f"`{plain(str(root))}` is no folder")
+            raise DefinitionError(f"`{plain(str(root))}` is not a folder")
 
     def place(self, name: str) -> Path:
-        """Where a file is, or would be, with every link resolved.
+        """The path of a file by its `name` from a browser, with links resolved.
 
-        - `name`: as a browser sends it.
-
-        Raises OutsideError if that is not below the folder.
+        Raises OutsideError if it is not below the folder.
         """
         return self.beneath(self.root.joinpath(*parts_of(name)), name)
 
     def beneath(self, path: Path, name: str) -> Path:
-        """A path with every link resolved.
-
-        - `path`: from wherever.
-        - `name`: for the message.
+        """Resolve the links of a `path`; `name` is for the message.
 
         Raises OutsideError if it is not below the folder.
         """
         try:
-            found = path.resolve()
+            real = path.resolve()
         except (OSError, RuntimeError, ValueError):
-            raise OutsideError(f"`{plain(name)}` has links that go round, or is no path") from None
-        if found == self.root or not found.is_relative_to(self.root):
-            raise OutsideError(f"`{plain(name)}` is outside of the studio's folder")
-        return found
+            raise OutsideError(f"`{plain(name)}` has circular links, or is not a path") from None
+        if real == self.root or not real.is_relative_to(self.root):
+            raise OutsideError(f"`{plain(name)}` is outside the studio's folder")
+        return real
 
     def read(self, name: str, most: int) -> bytes:
-        """What is in a file.
+        """Read a file by its `name` from a browser, `most` bytes at most.
 
-        - `name`: as a browser sends it.
-        - `most`: bytes.
-
-        Raises OutsideError if it is not below the folder, DefinitionError if it is no file, too large, or not there.
+        Raises OutsideError if it is not below the folder, DefinitionError if it is not a file, too large, or missing.
         """
         require_ending(name, READ)
         return self.content(self.place(name), name, most)
 
     def content(self, place: Path, name: str, most: int) -> bytes:
-        """What is in a file that was found to be below the folder.
+        """Read a file at a `place` below the folder, `most` bytes at most; `name` is for messages.
 
-        - `place`: of `place` or `beneath`.
-        - `name`: for messages.
-        - `most`: bytes.
-
-        Raises DefinitionError if it is no file, is too large, is not there, or has meanwhile become a link.
+        Raises DefinitionError if it is not a file, too large, missing, or meanwhile a link.
         """
-        with _said(name), self._opened(place, os.O_RDONLY | _AT_ONCE) as handle:
+        with _refusals_as_sentences(name), self._opened(place, os.O_RDONLY | _AT_ONCE) as handle:
             about = os.fstat(handle)
             if not stat.S_ISREG(about.st_mode):
-                raise DefinitionError(f"`{plain(name)}` is no file")
+                raise DefinitionError(f"`{plain(name)}` is not a file")
             if about.st_size > most:
-                raise DefinitionError(f"`{plain(name)}` has {about.st_size} bytes, at most {most} are read")
+                raise DefinitionError(f"`{plain(name)}` has {about.st_size} bytes; at most {most} are allowed")
             with os.fdopen(os.dup(handle), "rb") as file:
                 content = file.read(most + 1)
         if len(content) > most:
-            raise DefinitionError(f"`{plain(name)}` grows: more than {most} bytes")
+            raise DefinitionError(f"`{plain(name)}` grew to more than {most} bytes")
         return content
 
     def write(self, name: str, content: bytes, before: str | None = None) -> str:
-        """Puts a file there, whole or not at all, and gives its mark.
+        """Write a file atomically, and return its mark.
 
-        - `name`: as a browser sends it.
+        - `name`: from a browser.
         - `content`: of the file.
-        - `before`: the mark that the file has now; None for a file that is not there yet.
+        - `before`: expected mark of the present file; None for a new file.
 
-        Raises OutsideError if it is not below the folder, FileExistsError if the file is another one than `before`
-        says, DefinitionError if it cannot be written.
+        Raises OutsideError if it is not below the folder, FileExistsError if the mark differs, DefinitionError if it
+        cannot be written.
         """
         require_ending(name, WRITTEN)
         place = self.place(name)
-        with _said(name), self._parent(place, make=True) as parent:
+        with _refusals_as_sentences(name), self._parent(place, make=True) as parent:
             now = self._mark(place, name)
             if now != before:
-                raise FileExistsError(errno.EEXIST, "it was changed meanwhile, or is there already", name)
+                raise FileExistsError(errno.EEXIST, "the file was changed in the meantime, or exists already", name)
             beside = f".{secrets.token_hex(8)}.part"
             handle = os.open(
                 _at(place, beside, parent), os.O_WRONLY | os.O_CREAT | os.O_EXCL | _FILE, 0o644, **_in(parent)
@@ -151,26 +132,21 @@ class Folder:
         return mark_of(content)
 
     def is_free(self, name: str) -> bool:
-        """Whether nothing is lost where a folder of results is written: it is not there, or empty.
-
-        - `name`: as a browser sends it.
+        """True if the results folder `name` does not exist or is empty.
 
         Raises OutsideError if it is not below the folder, DefinitionError if it is something else.
         """
         place = self.place(name)
-        with _said(name):
+        with _refusals_as_sentences(name):
             return not place.exists() or (place.is_dir() and not any(place.iterdir()))
 
     def listing(self, folder: str = "") -> list[Entry]:
-        """Files that can be shown, by name; hidden ones, links out of the folder and environments are left out.
-
-        - `folder`: where; all if not given.
-        """
+        """Files below a `folder` (default: all) by name, without hidden files, outward links and environments."""
         top = self.place(folder) if folder else self.root
-        found: list[Entry] = []
+        entries: list[Entry] = []
         for place, folders, files in os.walk(top):
             depth = len(Path(place).relative_to(self.root).parts)
-            folders[:] = sorted(one for one in folders if _shown(one) and depth < DEEPEST)
+            folders[:] = sorted(part for part in folders if _shown(part) and depth < DEEPEST)
             if "pyvenv.cfg" in files or "node_modules" in Path(place).parts:
                 folders.clear()
                 continue
@@ -183,16 +159,16 @@ class Folder:
                     if stat.S_ISREG(about.st_mode):
                         name = path.relative_to(self.root).as_posix()
                         parts_of(name)
-                        found.append(Entry(name, about.st_size, about.st_mtime))
-                if len(found) >= MOST_FILES:
-                    return found
-        return found
+                        entries.append(Entry(name, about.st_size, about.st_mtime))
+                if len(entries) >= MOST_FILES:
+                    return entries
+        return entries
 
     def _mark(self, place: Path, name: str) -> str | None:
         try:
             with self._opened(place, os.O_RDONLY | _AT_ONCE) as handle:
                 if not stat.S_ISREG(os.fstat(handle).st_mode):
-                    raise DefinitionError(f"`{plain(name)}` is no file")
+                    raise DefinitionError(f"`{plain(name)}` is not a file")
                 with os.fdopen(os.dup(handle), "rb") as file:
                     return mark_of(file.read())
         except FileNotFoundError:
@@ -211,7 +187,7 @@ class Folder:
 
     @contextmanager
     def _parent(self, place: Path, *, make: bool = False) -> Iterator[int | None]:
-        """The open folder of a file, reached from the root without following a link; None where that cannot be."""
+        """Open the folder of a file from the root without following links; None where that is impossible."""
         if not BY_DESCRIPTOR:
             if make:
                 place.parent.mkdir(parents=True, exist_ok=True)
@@ -232,10 +208,7 @@ class Folder:
 
 
 def mark_of(content: bytes) -> str:
-    """What says of a file whether it is the same as before.
-
-    - `content`: of the file.
-    """
+    """A digest of the `content` of a file."""
     return hashlib.sha256(content).hexdigest()[:32]
 
 
@@ -268,8 +241,8 @@ def _ignored() -> Iterator[None]:
 
 
 @contextmanager
-def _said(name: str) -> Iterator[None]:
-    """What the system refuses, as a sentence; that a file is there already is for the caller."""
+def _refusals_as_sentences(name: str) -> Iterator[None]:
+    """Turn OSError into a sentence; FileExistsError is left to the caller."""
     try:
         yield
     except FileExistsError:
@@ -277,5 +250,5 @@ def _said(name: str) -> Iterator[None]:
     except OSError as error:
         # A link that appeared after its name was resolved ends here: nothing is followed.
         if error.errno in (errno.ELOOP, errno.ENOTDIR, errno.EMLINK):
-            raise OutsideError(f"`{plain(name)}` goes through a link or a file as if it were a folder") from None
+            raise OutsideError(f"`{plain(name)}` has a link or a file in place of a folder") from None
         raise DefinitionError(f"cannot open `{plain(name)}`: {error.strerror}") from None

@@ -1,4 +1,4 @@
-"""Who may ask the studio, and how much: before any of its answers is made."""
+"""Access checks: sender, token and size of a request."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from starlette.responses import JSONResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 TOKEN = "x-slidax-token"
-"""The header in which the page says the token. No cookie does: it would be sent by pages of other ports, too."""
+"""Header with the token. A cookie would also be sent by pages on other ports."""
 
 LARGEST, LARGEST_FILE = 2_000_000, 64_000_000
-"""Bytes of a request, and of one that brings a file."""
+"""Sizes of a request, and of an upload [bytes]."""
 
 ALWAYS = {
     "x-content-type-options": "nosniff",
@@ -28,15 +28,14 @@ ALWAYS = {
 """Headers of every answer."""
 
 NOTHING = "default-src 'none'; frame-ancestors 'none'; base-uri 'none'; form-action 'none'"
-"""What an answer may load, unless it says otherwise."""
+"""Default content security policy."""
 
 
 class Guard:
-    """Refuses requests from elsewhere, without the token, or too large.
+    """Refuses requests from other pages or machines, without the token, or too large.
 
-    - `app`: what answers the others.
-    - `port`: of the server.
-    - `token`: that its own page says.
+    - `app`: answers the other requests.
+    - `port`, `token`: of the server.
     """
 
     def __init__(self, app: ASGIApp, *, port: int, token: str) -> None:
@@ -44,7 +43,6 @@ class Guard:
         self._hosts = {f"{host}:{port}" for host in ("127.0.0.1", "localhost", "[::1]")}
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Answers a request, or has it answered."""
         if scope["type"] == "lifespan":
             await self._app(scope, receive, send)
             return
@@ -62,10 +60,10 @@ class Guard:
         headers = Headers(scope=scope)
         client = scope.get("client")
         if client is not None and not _loopback(client[0]):
-            return 403, "the studio answers this machine alone"
+            return 403, "the studio answers only this machine"
         hosts = headers.getlist("host")
         if len(hosts) != 1 or hosts[0].lower() not in self._hosts:
-            return 403, "the studio is not at this address: open the one that it printed"
+            return 403, "wrong address: open the one that the studio printed"
         origins = headers.getlist("origin")
         if origins and (len(origins) > 1 or origins[0] != f"http://{hosts[0].lower()}"):
             return 403, "the request comes from another page"
@@ -73,16 +71,16 @@ class Guard:
             return 403, "the request comes from another page"
         path: str = scope["path"]
         if not path.startswith("/api/"):
-            return None if scope["method"] in ("GET", "HEAD") else (405, "this is only read")
+            return None if scope["method"] in ("GET", "HEAD") else (405, "this is read-only")
         if headers.get("sec-fetch-site") == "none":
-            return 403, "this is for the studio's page"
-        given = headers.getlist(TOKEN)
-        if len(given) != 1 or not secrets.compare_digest(given[0].encode("utf-8", "replace"), self._token):
-            return 401, "this page has no valid token: open the address that the studio printed"
+            return 403, "only the studio's page may request this"
+        tokens = headers.getlist(TOKEN)
+        if len(tokens) != 1 or not secrets.compare_digest(tokens[0].encode("utf-8", "replace"), self._token):
+            return 401, "no valid token: open the address that the studio printed"
         length = headers.get("content-length", "0")
         most = LARGEST_FILE if scope["method"] == "PUT" else LARGEST
         if not (length.isascii() and length.isdigit()) or len(length) > 18 or int(length) > most:
-            return 413, f"a request has at most {most} bytes"
+            return 413, f"a request may have at most {most} bytes"
         kind = headers.get("content-type", "").split(";")[0].strip().lower()
         if scope["method"] == "POST" and kind != "application/json":
             return 415, "a request must be JSON"
@@ -90,7 +88,7 @@ class Guard:
 
 
 class TooLargeError(Exception):
-    """More came than a request may have."""
+    """The body of a request is too large."""
 
 
 def _counted(receive: Receive, most: int) -> Receive:

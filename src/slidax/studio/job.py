@@ -1,4 +1,4 @@
-"""A command of slidax as a job of the studio, in a process of its own, confined before this module is imported."""
+"""The process of one job: a command of slidax, confined before this module is imported."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from pathlib import Path
 
 
 def main() -> None:
-    """Runs the command that the first argument says, unless a file that it reads names one outside of the folder.
+    """Run the command in the first argument, unless a file that it reads refers to one outside the folder.
 
-    The argument is JSON: `files` that are read, `changes` by path, the `module` with the command line, its `words`, and
-    whether it is `interruptible`: keeps what it has when it is interrupted.
+    The argument is JSON with `files` to read, `changes` by path, the `module` of the command line, its `words`, and
+    `interruptible`: True if the command saves its results on interruption.
     """
     end_with_the_server()
-    asked = json.loads(sys.argv[1])
+    request = json.loads(sys.argv[1])
     from slidax._errors import DefinitionError
 
     from .folder import Folder
@@ -26,20 +26,20 @@ def main() -> None:
 
     folder = Folder(Path.cwd())
     try:
-        for name in asked["files"]:
+        for name in request["files"]:
             require_file_beneath(folder, folder.place(name))
-        require_beneath(folder, asked["changes"], folder.root)
+        require_beneath(folder, request["changes"], folder.root)
     except DefinitionError as error:
         print(f"slidax: {error}", file=sys.stderr)
         raise SystemExit(2) from None
-    if asked["interruptible"]:
+    if request["interruptible"]:
         signal.signal(signal.SIGINT, signal.default_int_handler)
-    sys.argv = ["slidax", *asked["words"]]
-    import_module(asked["module"]).main()
+    sys.argv = ["slidax", *request["words"]]
+    import_module(request["module"]).main()
 
 
 def end_with_the_server() -> None:
-    """Ends this process and its children once standard input does, to which nobody writes: the server is gone."""
+    """End this process and its children when standard input ends, that is, when the server ended."""
 
     def wait() -> None:
         while os.read(0, 4096):

@@ -1,4 +1,4 @@
-"""Long things, each in a process of its own: what waits, what runs, what came of it."""
+"""Jobs: commands in processes of their own, with their state, log and results."""
 
 from __future__ import annotations
 
@@ -18,21 +18,21 @@ from typing import Any, Literal
 
 from slidax._errors import DefinitionError
 
-from .commands import Asked, command_of
+from .commands import JobCommand, command_of
 from .folder import Folder
 from .process import ended, started
 
 AT_ONCE, WAITING, KEPT = 2, 20, 100
-"""Jobs that run, that may wait, and that are remembered."""
+"""Jobs that run, that wait, and that are remembered at most."""
 
 LOG, ANSWER = 64_000, 8_000_000
-"""Bytes of a job's log, and of its answer, that the page gets."""
+"""Sizes of a job's log and answer for the page [bytes]."""
 
 MEANING = {0: "done", 2: "refused", 3: "left its envelope", 4: "does not hold", 130: "interrupted"}
-"""Of the exit codes of a command; a command that ends with another one has failed."""
+"""Meaning of exit codes; any other code means failure."""
 
 INTERRUPTIBLE = ("study",)
-"""Jobs that keep what they have when they are interrupted."""
+"""Jobs that save their results on interruption."""
 
 ROWS = re.compile(r"(\d+) of (\d+) rows")
 
@@ -40,24 +40,24 @@ State = Literal["waiting", "running", "done", "failed", "cancelled"]
 
 
 class TooManyError(DefinitionError):
-    """As many jobs wait as may."""
+    """Too many jobs wait."""
 
 
 @dataclass(eq=False)
 class Job:
-    """A command that waits, runs or has run.
+    """A command that waits, runs or has ended.
 
-    - `name`: by which the page asks for it.
-    - `kind`: of `COMMANDS`.
-    - `asked`: its command.
-    - `private`: its own folder, with what it prints.
-    - `state`, `code`: how it is, and the exit code of its process.
-    - `key`: under which its results are shown; nobody can guess it.
+    - `name`: identifier for the page.
+    - `kind`: key of `COMMANDS`.
+    - `private`: its own folder, with its output.
+    - `state`, `code`: state, and exit code of its process.
+    - `key`: secret part of the address of its results.
+    - `command`, `begun`, `seconds`, `process`, `task`: command, start, duration [s], process and task.
     """
 
     name: str
     kind: str
-    asked: Asked
+    command: JobCommand
     private: Path
     state: State = "waiting"
     code: int | None = None
@@ -69,7 +69,7 @@ class Job:
 
     @property
     def over(self) -> bool:
-        """Whether it has ended, or never will begin."""
+        """True if the job has ended or was cancelled."""
         return self.state not in ("waiting", "running")
 
 
@@ -78,7 +78,7 @@ class Jobs:
 
     - `folder`: of the studio.
     - `private`: the server's own folder.
-    - `module`: with the command line, whose `main` a job calls.
+    - `module`: has the command line; a job calls its `main`.
     """
 
     def __init__(self, folder: Folder, private: Path, module: str) -> None:
@@ -87,83 +87,63 @@ class Jobs:
         self._turn = asyncio.Semaphore(AT_ONCE)
         self._closed = False
 
-    def add(self, kind: str, said: Mapping[str, Any]) -> Job:
-        """A new job, which runs when it is its turn.
+    def add(self, kind: str, options: Mapping[str, Any]) -> Job:
+        """Queue a new job of a `kind` with `options` from the page.
 
-        - `kind`: of the command.
-        - `said`: to it, by the page.
-
-        Raises DefinitionError if it is none, FileExistsError if results would be written over, TooManyError if too many
-        wait.
+        Raises DefinitionError for invalid options, FileExistsError if results would be overwritten, TooManyError if too
+        many jobs wait.
         """
         if self._closed:
-            raise TooManyError("the studio ends")
+            raise TooManyError("the studio is shutting down")
         if sum(not job.over for job in self._jobs.values()) >= AT_ONCE + WAITING:
-            raise TooManyError("too many jobs wait: let some end, or cancel them")
-        asked = command_of(self._folder, kind, said)
-        if any(not job.over and asked.out and job.asked.out == asked.out for job in self._jobs.values()):
-            raise FileExistsError(f"another job writes `{asked.out}`")
+            raise TooManyError("too many waiting jobs: wait, or cancel some")
+        command = command_of(self._folder, kind, options)
+        if any(not job.over and command.out and job.command.out == command.out for job in self._jobs.values()):
+            raise FileExistsError(f"another job writes `{command.out}` already")
         name = secrets.token_hex(6)
-        job = Job(name, kind, asked, self._private / f"job-{name}")
+        job = Job(name, kind, command, self._private / f"job-{name}")
         self._jobs[name] = job
         self._forget()
         job.task = asyncio.get_running_loop().create_task(self._run(job))
         return job
 
     def find(self, name: str) -> Job:
-        """A job by its name.
-
-        - `name`: that was given to it.
-
-        Raises LookupError if there is none.
-        """
+        """The job called `name`; raise LookupError if there is none."""
         return self._jobs[name]
 
     def of_key(self, key: str) -> Job:
-        """The job whose results are shown under a key.
-
-        - `key`: of it.
-
-        Raises LookupError if there is none.
-        """
+        """The job whose results have the key `key`; raise LookupError if there is none."""
         for job in self._jobs.values():
             if secrets.compare_digest(job.key.encode(), key.encode("utf-8", "replace")):
                 return job
         raise LookupError(key)
 
     def all(self) -> list[dict[str, Any]]:
-        """All jobs, the last first, without their logs and answers."""
+        """All jobs, the newest first, without logs and answers."""
         return [self.shown(job, whole=False) for job in reversed(self._jobs.values())]
 
     def shown(self, job: Job, *, whole: bool = True) -> dict[str, Any]:
-        """What the page gets of a job.
-
-        - `job`: any.
-        - `whole`: whether with its log, and with its answer.
-        """
+        """A `job` as the page shows it; `whole` includes its log and answer."""
         log = _tail(job.private / "log", LOG)
         rows = ROWS.findall(log)
         seconds = time.monotonic() - job.begun if job.state == "running" else job.seconds
-        found: dict[str, Any] = {
+        summary: dict[str, Any] = {
             "id": job.name,
             "kind": job.kind,
-            "command": shlex.join(["slidax", *job.asked.words]),
+            "command": shlex.join(["slidax", *job.command.words]),
             "state": job.state,
             "code": job.code,
             "meaning": MEANING.get(job.code, "failed") if job.code is not None else "",
             "seconds": round(seconds, 2),
-            "rows": [int(one) for one in rows[-1]] if rows else None,
-            "out": job.asked.out,
+            "rows": [int(count) for count in rows[-1]] if rows else None,
+            "out": job.command.out,
         }
         if whole:
-            found |= {"log": log, "answer": self._answer(job), "links": self._links(job) if job.over else []}
-        return found
+            summary |= {"log": log, "answer": self._answer(job), "links": self._links(job) if job.over else []}
+        return summary
 
     async def cancel(self, job: Job) -> None:
-        """Ends a job and its process; one that is over is forgotten.
-
-        - `job`: any.
-        """
+        """End a `job` and its process, or forget a job that has ended."""
         if job.over:
             self._jobs.pop(job.name, None)
             shutil.rmtree(job.private, ignore_errors=True)
@@ -178,22 +158,22 @@ class Jobs:
                 await job.task
 
     async def close(self) -> None:
-        """Ends all jobs, and takes no more."""
+        """End all jobs and accept no more."""
         self._closed = True
-        open_ones = [job for job in self._jobs.values() if not job.over]
-        await asyncio.gather(*(self.cancel(job) for job in open_ones), return_exceptions=True)
+        unfinished = [job for job in self._jobs.values() if not job.over]
+        await asyncio.gather(*(self.cancel(job) for job in unfinished), return_exceptions=True)
 
     async def _run(self, job: Job) -> None:
         async with self._turn:
             if job.over:
                 return
             job.state, job.begun = "running", time.monotonic()
-            asked = job.asked
+            command = job.command
             words = {
-                "files": asked.files,
-                "changes": asked.changes,
+                "files": command.files,
+                "changes": command.changes,
                 "module": self._module,
-                "words": asked.words,
+                "words": command.words,
                 "interruptible": job.kind in INTERRUPTIBLE,
             }
             job.private.mkdir(mode=0o700)
@@ -214,14 +194,14 @@ class Jobs:
                 # What it has started may still run: it goes, too.
                 await ended(job.process, gently=False)
             except OSError as error:
-                (job.private / "log").write_text(f"slidax: the job did not start: {error}\n", encoding="utf-8")
+                (job.private / "log").write_text(f"slidax: cannot start the job: {error}\n", encoding="utf-8")
             job.seconds = time.monotonic() - job.begun
             if not job.over:
                 job.state = "done" if job.code in (0, 3, 4) else "failed"
 
     def _answer(self, job: Job) -> Any:
         text = _tail(job.private / "out", ANSWER)
-        if not job.asked.json or not job.over:
+        if not job.command.json or not job.over:
             return text[-LOG:]
         try:
             return json.loads(text)
@@ -229,13 +209,13 @@ class Jobs:
             return text[-LOG:]
 
     def _links(self, job: Job) -> list[dict[str, str]]:
-        """What a job has written: files by name, and where they are shown."""
-        out = job.asked.out
+        """Files that a job has written, with their addresses."""
+        out = job.command.out
         if not out:
             return []
         try:
             place = self._folder.place(out)
-            names = [one.name for one in self._folder.listing(out)] if place.is_dir() else [out] * place.is_file()
+            names = [entry.name for entry in self._folder.listing(out)] if place.is_dir() else [out] * place.is_file()
         except DefinitionError:
             return []
         first = sorted(names, key=lambda name: (not name.endswith("report.html"), name.count("/"), name))

@@ -1,6 +1,6 @@
-"""Linux's Landlock: a process gives up, for good and for its children, all files and ports but those named.
+"""Linux Landlock: a process gives up all files and ports except named ones, for good and for its children.
 
-It also holds what Python does not see: MuJoCo's reader of includes, Arrow's of Parquet, a compiler.
+It also covers operations outside Python: MuJoCo's includes, Arrow's Parquet reader, a compiler.
 """
 
 from __future__ import annotations
@@ -12,17 +12,17 @@ from collections.abc import Iterable
 from pathlib import Path
 
 CREATE, ADD, RESTRICT = 444, 445, 446
-"""System calls, of the same number on all processors."""
+"""System call numbers, the same on all processors."""
 
 VERSION, BENEATH, NO_NEW_PRIVILEGES = 1, 1, 38
 
 EXECUTE, WRITE, READ_FILE, READ_FOLDER = 1 << 0, 1 << 1, 1 << 2, 1 << 3
 LOOK = EXECUTE | READ_FILE | READ_FOLDER
 OF_FILES = EXECUTE | WRITE | READ_FILE | 1 << 14
-"""Rights that a single file can have: the last is to truncate it."""
+"""Rights of a single file; the last is truncation."""
 
 RIGHTS = {1: 13, 2: 14, 3: 15, 4: 15, 5: 16}
-"""How many rights each version knows."""
+"""Number of rights in each version."""
 
 
 class _Rules(ctypes.Structure):
@@ -36,11 +36,7 @@ class _Beneath(ctypes.Structure):
 
 
 def restrict(read: Iterable[Path], write: Iterable[Path]) -> bool:
-    """Gives up all other files, and all connections by TCP. False where the system has no Landlock.
-
-    - `read`: folders and files that are read, and run.
-    - `write`: those that are written, too.
-    """
+    """Give up all files except `read` and `write`, and all TCP connections; return False without Landlock."""
     if sys.platform != "linux":
         return False
     kernel = ctypes.CDLL(None, use_errno=True)

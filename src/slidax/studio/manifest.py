@@ -1,4 +1,4 @@
-"""A scenario as a playground whose runs are made by the studio, or, once it is compiled, by the page."""
+"""A scenario as a playground for the page, simulated by the studio or, once compiled, by the page."""
 
 from __future__ import annotations
 
@@ -21,22 +21,19 @@ RIVALS = {
     "slotine_li": "Slotine-Li",
     "super_twisting": "super-twisting",
 }
-"""Schemes that are offered beside the scenario's own, with the same estimator where it has one."""
+"""Schemes that are offered next to the scenario's own, with the same estimator."""
 
 PERIODS = (0.5, 1.0, 2.0, 4.0)
-"""Times the scenario's own."""
+"""Multiples of the scenario's sample time."""
 
 DELAYS = (0, 1, 2, 3)
-"""Periods by which a measurement is late."""
+"""Measurement delays [periods]."""
 
 PROGRAM = "server"
 
 
 def manifest_of(scenario: Scenario) -> dict[str, Any]:
-    """The playground of a scenario.
-
-    - `scenario`: any.
-    """
+    """The playground of a `scenario`."""
     description = scenario.description
     joints = int(scenario.state0.q.size)
     settings = [_setting(description, scenario.scheme, scenario.scheme, "ours", joints)]
@@ -57,33 +54,31 @@ def manifest_of(scenario: Scenario) -> dict[str, Any]:
             arm_entry(scenario.plant.robot, arm, arm.replace("_", " "), torque, rate, scenario.trajectory, scenario.t1)
         ],
         "programs": [{"id": PROGRAM, "engine": "server", "inputs": 0, "signals": [], "rows": 0, "log_every": 0.0}],
-        "settings": [one | {"arm": arm} for one in settings],
+        "settings": [setting | {"arm": arm} for setting in settings],
     }
 
 
 def compiled_manifest_of(scenario: Scenario) -> dict[str, Any]:
-    """The same, but the scenario itself runs in the page, as WebAssembly; other schemes, periods and delays do not.
-
-    - `scenario`: any whose arm our own plant moves.
+    """The playground of a `scenario` whose own law runs in the page as WebAssembly; other schemes and periods do not.
 
     Raises DefinitionError if it cannot be compiled for a page.
     """
-    made = manifest_of(scenario)
-    first, arm = made["settings"][0], made["arms"][0]
+    manifest = manifest_of(scenario)
+    first, arm = manifest["settings"][0], manifest["arms"][0]
     setting = Setting(scenario.description, first["arm"], first["scheme"], first["title"])
-    compiled = playground(made["title"], [setting], {arm["id"]: arm["title"]})
+    compiled = playground(manifest["title"], [setting], {arm["id"]: arm["title"]})
     own, at = compiled["settings"][0], [choice["default"] for choice in first["choices"]]
     (variant,) = own["variants"]
-    first["variants"] = [variant | {"at": at} if one["at"] == at else one for one in first["variants"]]
+    first["variants"] = [variant | {"at": at} if variant_["at"] == at else variant_ for variant_ in first["variants"]]
     first |= {name: own[name] for name in ("tunables", "constants", "certificates", "c_files", "c_parameters")}
-    made["programs"] += compiled["programs"]
-    return made
+    manifest["programs"] += compiled["programs"]
+    return manifest
 
 
 def _other(
     description: ScenarioDescription, changes: dict[str, Any], scheme: str, title: str, kind: str, joints: int
 ) -> list[dict[str, Any]]:
-    """The setting of another scheme; none where it does not fit the scenario."""
+    """The setting of another scheme; empty if it does not fit the scenario."""
     try:
         return [_setting(altered_description(description, changes), scheme, title, kind, joints)]
     except DefinitionError:
@@ -112,7 +107,7 @@ def _setting(description: ScenarioDescription, scheme: str, title: str, kind: st
 
 def _choices(description: ScenarioDescription) -> list[dict[str, Any]]:
     period, delay = description.simulation.period, description.sensor.delay
-    found = [
+    choices = [
         {
             "path": "simulation.period",
             "title": "period",
@@ -123,7 +118,7 @@ def _choices(description: ScenarioDescription) -> list[dict[str, Any]]:
     ]
     if description.simulation.mode == "held" and isinstance(delay, int | float):
         values = sorted({*DELAYS, delay})
-        found.append(
+        choices.append(
             {
                 "path": "sensor.delay",
                 "title": "delay",
@@ -132,7 +127,7 @@ def _choices(description: ScenarioDescription) -> list[dict[str, Any]]:
                 "default": values.index(delay),
             }
         )
-    return found
+    return choices
 
 
 def _variants(counts: list[int]) -> list[dict[str, Any]]:

@@ -1,4 +1,4 @@
-"""The studio's page: the playground's, with the studio's panels."""
+"""The studio's page: the playground's page with the studio's panels."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from slidax.deploy.web.page_text import PAGE, page_text
 FOLDER = resources.files("slidax.studio") / "page"
 
 SCRIPTS = ("api.js", "scenario.js", "job-card.js", "jobs.js", "files.js", "studio.js")
-"""In this order: each uses those before."""
+"""In this order: each uses the previous ones."""
 
 POLICY = (
     "default-src 'none'; script-src 'nonce-{nonce}' 'wasm-unsafe-eval'; style-src 'unsafe-inline'; connect-src 'self'; "
@@ -23,10 +23,7 @@ POLICY = (
 
 
 def page(manifest: Mapping[str, Any]) -> tuple[str, str]:
-    """The page, and what the browser lets it do: no script that is not ours, and no request but to the studio.
-
-    - `manifest`: the playground that it begins with.
-    """
+    """The page for a `manifest`, and its security policy: only our scripts, and requests only to the studio."""
     nonce = secrets.token_urlsafe(18)
     text = page_text(
         manifest,
@@ -47,26 +44,22 @@ def _source(name: str) -> str:
 
 
 class _Scripts(HTMLParser):
-    """Finds where scripts begin; what is only written in one is none."""
+    """Finds the positions of script elements; text within scripts does not count."""
 
     def __init__(self) -> None:
         super().__init__()
         self.places: list[tuple[int, int]] = []
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        """Notes the place of a script.
-
-        - `tag`, `attrs`: of the element.
-        """
         if tag == "script":
             self.places.append(self.getpos())
 
 
 def _with_nonce(text: str, nonce: str) -> str:
-    found = _Scripts()
-    found.feed(text)
+    scripts = _Scripts()
+    scripts.feed(text)
     lines = text.split("\n")
-    for line, column in reversed(found.places):
+    for line, column in reversed(scripts.places):
         whole = lines[line - 1]
         lines[line - 1] = whole[:column] + re.sub("^<script", f'<script nonce="{nonce}"', whole[column:])
     return "\n".join(lines)

@@ -1,4 +1,4 @@
-"""Confined processes of the studio, as the server starts and ends them."""
+"""Confined processes of the studio, started and ended by the server."""
 
 from __future__ import annotations
 
@@ -16,35 +16,34 @@ from pathlib import Path
 from typing import IO
 
 PATIENCE = 2.0
-"""Seconds that a process has to end when asked to."""
+"""Time for a process to end by itself [s]."""
 
 LINE = 16_000_000
-"""Bytes of a line that it may answer with."""
+"""Size of a line in an answer at most [bytes]."""
 
 KEPT = (
     *("PATH", "PYTHONPATH", "VIRTUAL_ENV", "LANG", "LC_ALL"),
     *("HOME", "XDG_CACHE_HOME", "USERPROFILE", "LOCALAPPDATA", "SYSTEMROOT"),
     *("JAX_PLATFORMS", "CUDA_VISIBLE_DEVICES", "OMP_NUM_THREADS"),
 )
-"""Of the environment; what else is in it, such as keys, is no business of a job's."""
+"""Environment variables of a job; others, such as keys, are withheld."""
 
 
 def scratch() -> Path:
-    """A new folder of the server's processes, for its owner alone."""
+    """A new private folder for the server's processes."""
     return Path(tempfile.mkdtemp(prefix="slidax-studio-")).resolve()
 
 
 async def started(
     root: Path, private: Path, module: str, words: Sequence[str], *, out: int | IO[bytes], errors: IO[bytes], calm: bool
 ) -> Process:
-    """A process that cannot leave the studio's folder; it ends when its standard input does.
+    """Start a process that cannot leave the studio's folder and ends when its standard input does.
 
     - `root`: the folder.
-    - `private`: a folder of this process, which is made.
-    - `module`: whose `main` it calls.
-    - `words`: arguments.
-    - `out`, `errors`: where it prints.
-    - `calm`: whether it gives way to others.
+    - `private`: a folder for this process, created if missing.
+    - `module`, `words`: `main` of the module is called with these arguments.
+    - `out`, `errors`: for its output.
+    - `calm`: run at lower priority.
     """
     private.mkdir(mode=0o700, parents=True, exist_ok=True)
     command = [sys.executable, "-P", "-m", "slidax.studio.confined", str(root), str(private), module, *words]
@@ -63,11 +62,7 @@ async def started(
 
 
 async def ended(process: Process, *, gently: bool = True) -> None:
-    """Ends a process and all that it has started.
-
-    - `process`: any; one that has ended stays so.
-    - `gently`: whether it is interrupted first, as by Ctrl-C.
-    """
+    """End a `process` and its children; `gently` interrupts it first, as Ctrl-C does."""
     if process.returncode is None and gently:
         _send(process, signal.SIGINT)
         with suppress(TimeoutError):

@@ -1,4 +1,4 @@
-"""The files that a file of ours names, and those that they name: each must be below the studio's folder."""
+"""Files that a file refers to, directly or indirectly: each must be below the studio's folder."""
 
 from __future__ import annotations
 
@@ -17,36 +17,32 @@ from .names import OutsideError
 YAML, ROBOTS = (".yaml", ".yml"), (".urdf", ".xml", ".mjcf")
 
 MOST = 32_000_000
-"""Bytes of a file that is looked through."""
+"""Size of a file to search at most [bytes]."""
 
 FILES = 100
-"""That name each other, at most."""
+"""Files that refer to each other at most."""
 
 NAMING = re.compile(r"(^|\.)(file|scenario|robot|packages|log)(\.\d+)?$")
-"""Keys, and paths of values, under which files are named."""
+"""Keys, and paths of values, that name files."""
 
 FOLDERS = ("meshdir", "texturedir", "assetdir")
-"""Attributes of MJCF with folders in which MuJoCo looks."""
+"""Attributes of MJCF with search folders of MuJoCo."""
 
 
 def require_beneath(folder: Folder, data: Any, where: Path) -> None:
-    """Raises OutsideError if a file is named that is outside of the folder, or names one that is.
+    """Raise OutsideError if `data` refers to a file outside the folder, directly or indirectly.
 
-    What does not exist, or cannot be read, is left to the reader, which says it better.
+    Missing and unreadable files are left to the reader.
 
     - `folder`: of the studio.
-    - `data`: mappings, lists and values, of a scenario, a study, requirements, or of changes by path.
-    - `where`: the folder from which files are named.
+    - `data`: mappings, lists and values of a scenario, a study, requirements, or changes by path.
+    - `where`: folder that relative names start from.
     """
     _Walk(folder).through(data, where)
 
 
 def require_file_beneath(folder: Folder, place: Path) -> None:
-    """The same for what a file says.
-
-    - `folder`: of the studio.
-    - `place`: of the file, below the folder.
-    """
+    """Raise OutsideError if the file at `place` refers to a file outside the `folder`."""
     _Walk(folder).file(place)
 
 
@@ -57,7 +53,7 @@ FILES_OF_MJCF = ("file", "fileup", "filedown", "fileleft", "fileright", "filefro
 class _Walk:
     def __init__(self, folder: Folder) -> None:
         self._folder = folder
-        self._seen: set[Path] = set()
+        self._visited: set[Path] = set()
 
     def through(self, data: Any, where: Path) -> None:
         if isinstance(data, list | tuple):
@@ -75,15 +71,15 @@ class _Walk:
             self._meshes(where / data["file"])
 
     def file(self, place: Path) -> None:
-        if place in self._seen:
+        if place in self._visited:
             return
         if place.suffix.lower() == ".xacro":
             raise DefinitionError(
-                f"`{plain(place.name)}` is not expanded in the studio: run `xacro FILE > robot.urdf` first"
+                f"`{plain(place.name)}` is xacro, which the studio does not expand: run `xacro FILE > robot.urdf` first"
             )
-        self._seen.add(place)
-        if len(self._seen) > FILES:
-            raise DefinitionError(f"more than {FILES} files name each other")
+        self._visited.add(place)
+        if len(self._visited) > FILES:
+            raise DefinitionError(f"more than {FILES} files refer to each other")
         try:
             content = self._folder.content(place, place.name, MOST)
         except OutsideError:
@@ -102,7 +98,9 @@ class _Walk:
     def _named(self, key: str, name: str, where: Path) -> None:
         suffix = Path(name).suffix.lower() if "\0" not in name else ".yaml"
         if suffix == ".xacro":
-            raise DefinitionError(f"`{plain(name)}` is not expanded in the studio: run `xacro FILE > robot.urdf` first")
+            raise DefinitionError(
+                f"`{plain(name)}` is xacro, which the studio does not expand: run `xacro FILE > robot.urdf` first"
+            )
         word = key.split(".")[-1] in ("scenario", "robot") and suffix not in (*YAML, *ROBOTS)
         if word and "/" not in name and "\\" not in name:
             return
@@ -112,14 +110,14 @@ class _Walk:
 
     def _beneath(self, where: Path, name: str) -> Path:
         if "\0" in name:
-            raise OutsideError("a file's name has a NUL")
+            raise OutsideError("a file name contains NUL")
         if "\\" in name or re.match(r"[A-Za-z]:", name) or name.startswith("~"):
-            raise OutsideError(f"`{plain(name)}` is no path below the studio's folder")
+            raise OutsideError(f"`{plain(name)}` is not a path below the studio's folder")
         place = where / name
         return place if place.resolve() == self._folder.root else self._folder.beneath(place, name)
 
     def _robot(self, content: bytes, place: Path) -> None:
-        """MuJoCo opens what an MJCF file names; of a URDF file nothing is opened."""
+        """MuJoCo opens the files that an MJCF file names; for a URDF file none is opened."""
         text = content.decode("utf-8", "replace").lstrip("\ufeff")
         if "<mujoco" not in text or "<robot" in text:
             return
@@ -130,11 +128,11 @@ class _Walk:
         bases = [place.parent, *self._asset_folders(root, place.parent)]
         for element, name in _attributes(root, FILES_OF_MJCF):
             if ":" in name:
-                raise OutsideError(f"`{plain(name)}` in `{plain(place.name)}` is no file below the studio's folder")
+                raise OutsideError(f"`{plain(name)}` in `{plain(place.name)}` is not a file below the studio's folder")
             for base in bases:
-                found = self._beneath(base, name)
+                path = self._beneath(base, name)
                 if element in ("include", "model"):
-                    self.file(found)
+                    self.file(path)
 
     def _asset_folders(self, root: Any, where: Path) -> Iterator[Path]:
         for _, name in _attributes(root, FOLDERS):
@@ -155,9 +153,9 @@ class _Walk:
 def _attributes(root: Any, names: tuple[str, ...]) -> Iterator[tuple[str, str]]:
     for _, element in elements(root):
         for name in names:
-            found = element.get(name)
-            if found:
-                yield element.tag, found
+            value = element.get(name)
+            if value:
+                yield element.tag, value
 
 
 def _texts(value: Any) -> Iterator[str]:

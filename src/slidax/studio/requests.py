@@ -1,7 +1,7 @@
-"""Requests of the page as typed values: all of their fields are checked here, before anything else sees them.
+"""Requests of the page as validated values, before anything else uses them.
 
-A request that has another form is answered with the status 400 and a sentence. What a scenario says is not checked
-here: that is the workbench's part, and has the status 422.
+An invalid request gets the status 400 and a sentence. The content of scenarios is checked by the workbench, with the
+status 422.
 """
 
 from __future__ import annotations
@@ -15,23 +15,23 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_valida
 from slidax._errors import DefinitionError, plain
 
 DEEPEST = 50
-"""Lists and mappings in each other in a request."""
+"""Nesting depth of a request."""
 
 DIGITS = 330
-"""Characters of a number in a request; the largest float needs 309."""
+"""Characters of a number; the largest float needs 309."""
 
 LONGEST_PATH = 1024
-"""Characters of a file's name; those of a field's path may be more by list indices only."""
+"""Characters of a file name or of a field's path."""
 
 LONGEST_TEXT = 1_000_000
-"""Characters of a scenario's text."""
+"""Characters of a scenario."""
 
 MOST_CHANGES = 10_000
 """Values that one request changes."""
 
 
 class RequestError(DefinitionError):
-    """A request has not the form that the studio takes."""
+    """A request with an invalid form."""
 
 
 Name = Annotated[str, Field(max_length=LONGEST_PATH)]
@@ -46,7 +46,7 @@ class Nothing(_Request):
 
 
 class ScenarioRequest(_Request):
-    """A scenario: a built-in one by name, a file by path, or a text that would stand there, with changed values."""
+    """A scenario with changed values: a built-in one by name, a file by path, or a text in its place."""
 
     name: Name | None = None
     path: Name | None = None
@@ -74,10 +74,10 @@ class PartRequest(_Request):
 
 
 class JobRequest(_Request):
-    """A new job; `commands` checks the values of its options in `said`."""
+    """A new job; `commands` checks the values of its `options`."""
 
     kind: Name
-    said: Annotated[dict[Name, Any], Field(max_length=100)]
+    options: Annotated[dict[Name, Any], Field(max_length=100)]
 
 
 QUESTIONS: dict[str, type[_Request]] = {
@@ -89,18 +89,15 @@ QUESTIONS: dict[str, type[_Request]] = {
     "catalogue": Nothing,
     "part": PartRequest,
 }
-"""Requests to the workbench, by name."""
+"""Requests to the workbench by name."""
 
 Kind = TypeVar("Kind", bound=_Request)
 
 
 def read_request(content: bytes, kind: type[Kind]) -> Kind:
-    """The request in a body.
+    """Parse and validate JSON `content` as a request of a `kind`.
 
-    - `content`: JSON.
-    - `kind`: the fields that it has.
-
-    Raises RequestError with the field and the rule if it has another form.
+    Raises RequestError with the field and the rule.
     """
     try:
         data = json.loads(content, parse_constant=_refuse_constant, parse_int=_integer, parse_float=_number)
@@ -122,9 +119,9 @@ def read_request(content: bytes, kind: type[Kind]) -> Kind:
 def _sentence(rule: str, message: str, kind: type[_Request]) -> str:
     if rule == "extra_forbidden":
         fields = ", ".join(f"`{name}`" for name in kind.model_fields)
-        return f"unknown field; there are: {fields}" if fields else "unknown field: this request has none"
+        return f"unknown field; allowed: {fields}" if fields else "unknown field: this request has no fields"
     if rule == "missing":
-        return "this field must be given"
+        return "this field is required"
     return message[:1].lower() + message[1:]
 
 
@@ -145,18 +142,18 @@ def _require_plain(data: Any) -> None:
         if not below:
             return
         level = below
-    raise RequestError(f"the request has more than {DEEPEST} lists or mappings in each other")
+    raise RequestError(f"the request is nested more than {DEEPEST} levels deep")
 
 
 def _require_text(text: str) -> None:
     try:
         text.encode("utf-8")
     except UnicodeEncodeError:
-        raise RequestError(f"`{plain(text)}` has half of a surrogate pair, which is no character") from None
+        raise RequestError(f"`{plain(text)}` has an incomplete surrogate pair") from None
 
 
 def _refuse_constant(word: str) -> float:
-    raise RequestError(f"`{word}` is no number of JSON")
+    raise RequestError(f"`{word}` is not a JSON number")
 
 
 def _integer(word: str) -> int:
@@ -176,4 +173,4 @@ def _number(word: str) -> float:
 
 def _require_short(word: str) -> None:
     if len(word) > DIGITS:
-        raise RequestError(f"the number `{plain(word)}` has {len(word)} digits, and at most {DIGITS} are read")
+        raise RequestError(f"the number `{plain(word)}` has {len(word)} characters; at most {DIGITS} are allowed")

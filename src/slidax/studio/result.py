@@ -1,4 +1,4 @@
-"""A run as the page's own engine gives it: outcome, signals, metrics."""
+"""A run in the format of the page: outcome, signals, metrics."""
 
 from __future__ import annotations
 
@@ -16,11 +16,10 @@ if TYPE_CHECKING:
 
 
 def result_of(run: Run, scenario: Scenario, milliseconds: float) -> tuple[dict[str, Any], bytes]:
-    """The head and the bytes of a result: for each signal as many rows as samples, of 64-bit numbers.
+    """The head and the bytes of a result: for each signal as many rows as samples, 64-bit numbers.
 
-    - `run`: with a log.
-    - `scenario`: of it.
-    - `milliseconds`: that it took.
+    - `run`, `scenario`: a run with a log, and its scenario.
+    - `milliseconds`: computing time.
     """
     log, outcome = run.log, run.outcome
     assert log is not None
@@ -38,16 +37,16 @@ def result_of(run: Run, scenario: Scenario, milliseconds: float) -> tuple[dict[s
         signals |= {"lower": lower, "upper": upper, "rho": np.maximum(upper, -lower), "margin": inside.min(axis=1)}
     if run.tally.promise is not None:
         signals["assumption_violated"] = np.asarray(log.signals["margin"]) < 0.0
-    arrays = {"t": np.asarray(log.t, float)} | {name: np.asarray(one, float) for name, one in signals.items()}
+    arrays = {"t": np.asarray(log.t, float)} | {name: np.asarray(values, float) for name, values in signals.items()}
     rows = len(arrays["t"])
     head = {
         "outcome": {"kind": outcome.kind, "message": outcome.message, "time": outcome.t, "joint": outcome.joint},
         "rows": rows,
-        "signals": [{"name": name, "width": one.size // max(rows, 1)} for name, one in arrays.items()],
+        "signals": [{"name": name, "width": values.size // max(rows, 1)} for name, values in arrays.items()],
         "metrics": _finite(_dotted(summary(run, INDICES))),
         "milliseconds": milliseconds,
     }
-    return head, b"".join(np.ascontiguousarray(one, "<f8").tobytes() for one in arrays.values())
+    return head, b"".join(np.ascontiguousarray(values, "<f8").tobytes() for values in arrays.values())
 
 
 def _bounds(run: Run, scenario: Scenario) -> tuple[np.ndarray, np.ndarray] | None:
@@ -63,22 +62,22 @@ def _bounds(run: Run, scenario: Scenario) -> tuple[np.ndarray, np.ndarray] | Non
 
     tolerance = scenario.tolerance
     sides = tolerance.init(jnp.zeros(()), jnp.asarray(log.e[0]))
-    found = jax.vmap(lambda t: tolerance.envelope(t, sides))(jnp.asarray(log.t))
-    return np.asarray(found.lower), np.asarray(found.upper)
+    bounds = jax.vmap(lambda t: tolerance.envelope(t, sides))(jnp.asarray(log.t))
+    return np.asarray(bounds.lower), np.asarray(bounds.upper)
 
 
 def _dotted(values: dict[str, Any], before: str = "") -> dict[str, Any]:
-    found: dict[str, Any] = {}
+    flat: dict[str, Any] = {}
     for name, value in values.items():
         if isinstance(value, dict):
-            found |= _dotted(value, f"{before}{name}.")
+            flat |= _dotted(value, f"{before}{name}.")
         elif value is not None:
-            found[f"{before}{name}"] = value if isinstance(value, list) else [value]
-    return found
+            flat[f"{before}{name}"] = value if isinstance(value, list) else [value]
+    return flat
 
 
 def _finite(values: dict[str, list[Any]]) -> dict[str, list[float | None]]:
     return {
-        name: [None if one is None or not math.isfinite(one) else float(one) for one in entries]
+        name: [None if number is None or not math.isfinite(number) else float(number) for number in entries]
         for name, entries in values.items()
     }

@@ -1,4 +1,4 @@
-"""The studio served to this machine's browsers, and to nobody else."""
+"""The studio's server, for browsers on this machine only."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from .connection import connections
 from .folder import Folder
 
 PORT = 8577
-"""Where it is unless asked otherwise; if that is taken, at any free one."""
+"""Default port; if it is taken, a free one is used."""
 
 
 def serve(
@@ -33,14 +33,14 @@ def serve(
     browser: bool = True,
     say: Callable[[str], None] = print,
 ) -> None:
-    """Serves until Ctrl-C, which ends its processes, too.
+    """Serve until Ctrl-C, which also ends the processes.
 
-    - `root`: the folder that is read and written.
-    - `module`: with the command line, whose `main` a job calls.
-    - `opened`: what the page begins with: a built-in scenario, or a file below the folder.
-    - `port`: where; 0 for any free one, None for the usual one or a free one.
-    - `browser`: whether a browser is opened.
-    - `say`: is told the address.
+    - `root`: folder to read and write.
+    - `module`: has the command line; a job calls its `main`.
+    - `opened`: first scenario of the page: a built-in one, or a file below the folder.
+    - `port`: 0 is any free one; None is the default or a free one.
+    - `browser`: open a browser.
+    - `say`: prints the address.
 
     Raises DefinitionError if there is no such folder, or the port is taken.
     """
@@ -67,7 +67,7 @@ def serve(
     server = _Server(config, studio)
 
     def begin() -> None:
-        say(f"The studio is at {address} until Ctrl-C; it reads and writes {folder.root} alone")
+        say(f"The studio is at {address} until Ctrl-C; it reads and writes only {folder.root}")
         if browser:
             webbrowser.open(address)
 
@@ -76,17 +76,13 @@ def serve(
 
 
 class _Server(uvicorn.Server):
-    """Ends the studio's processes before it waits for the answers that wait for them."""
+    """Ends the studio's processes before it waits for pending answers."""
 
     def __init__(self, config: uvicorn.Config, studio: Studio) -> None:
         super().__init__(config)
         self._studio = studio
 
     async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
-        """Ends it.
-
-        - `sockets`: at which it listens.
-        """
         await self._studio.close()
         await super().shutdown(sockets)
 
@@ -104,32 +100,34 @@ async def _served(server: uvicorn.Server, sockets: list[socket.socket], begin: C
 
 
 def _sockets(port: int | None) -> list[socket.socket]:
-    """Listening on loopback alone, by both versions of the protocol where the machine has them, at the same port."""
+    """Sockets on loopback at the same port, for IPv4 and, where available, IPv6."""
     try:
         first = _listening(socket.AF_INET, "127.0.0.1", PORT if port is None else port)
     except OSError as error:
         if port is not None:
-            raise DefinitionError(f"port {port} cannot be used: {error.strerror}; --port 0 takes a free one") from None
+            raise DefinitionError(
+                f"port {port} cannot be used: {error.strerror}; use --port 0 for a free one"
+            ) from None
         first = _listening(socket.AF_INET, "127.0.0.1", 0)
-    found = [first]
+    sockets = [first]
     # Whoever else had the port there would be taken for the studio; without one nobody is.
     with suppress(OSError):
-        found.append(_listening(socket.AF_INET6, "::1", int(first.getsockname()[1])))
-    return found
+        sockets.append(_listening(socket.AF_INET6, "::1", int(first.getsockname()[1])))
+    return sockets
 
 
 def _listening(family: int, host: str, port: int) -> socket.socket:
-    made = socket.socket(family, socket.SOCK_STREAM)
+    listener = socket.socket(family, socket.SOCK_STREAM)
     try:
         if family == socket.AF_INET6:
-            made.setsockopt(socket.IPPROTO_IPV6, socket.IPV6_V6ONLY, 1)
+            listener.setsockopt(socket.IPPROTO_IPV6, socket.IPV6_V6ONLY, 1)
         if hasattr(socket, "SO_EXCLUSIVEADDRUSE"):
-            made.setsockopt(socket.SOL_SOCKET, socket.SO_EXCLUSIVEADDRUSE, 1)
+            listener.setsockopt(socket.SOL_SOCKET, socket.SO_EXCLUSIVEADDRUSE, 1)
         else:
-            made.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        made.bind((host, port))
-        made.listen(128)
+            listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        listener.bind((host, port))
+        listener.listen(128)
     except OSError:
-        made.close()
+        listener.close()
         raise
-    return made
+    return listener

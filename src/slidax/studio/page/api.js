@@ -1,4 +1,4 @@
-/* What the studio's server is asked, with the token that only its own page has. */
+/* Requests to the studio's server, with the token that only its own page has. */
 "use strict";
 
 globalThis.studioParts = {};
@@ -7,7 +7,7 @@ globalThis.studioParts = {};
   const KEY = "slidax-studio-token";
   const SLOT = Math.random().toString(36).slice(2);
 
-  /* The token comes in the address once, and does not stay there. */
+  /* The address has the token only once. */
   const given = /(?:^#|&)token=([\w-]+)/.exec(location.hash);
   if (given) {
     localStorage.setItem(KEY, given[1]);
@@ -22,27 +22,27 @@ globalThis.studioParts = {};
     }
   }
 
-  async function asked(method, path, { json, body, headers = {} } = {}) {
+  async function request(method, path, { json, body, headers = {} } = {}) {
     const all = { "x-slidax-token": localStorage.getItem(KEY) ?? "", ...headers };
     if (json !== undefined) all["content-type"] = "application/json";
     let answer;
     try {
       answer = await fetch(path, { method, headers: all, body: json === undefined ? body : JSON.stringify(json) });
     } catch {
-      throw new Refused(0, { message: "the studio does not answer: was it ended?" });
+      throw new Refused(0, { message: "the studio does not answer: is it still running?" });
     }
     if (answer.ok) return answer;
-    const said = await answer.json().catch(() => ({}));
-    throw new Refused(answer.status, said.error, said.exists);
+    const body_ = await answer.json().catch(() => ({}));
+    throw new Refused(answer.status, body_.error, body_.exists);
   }
 
   async function values(method, path, options) {
-    return (await asked(method, path, options)).json();
+    return (await request(method, path, options)).json();
   }
 
-  /* A run: its head is JSON, its numbers are bytes, so that thousands of rows cost no reading. */
+  /* A run: a JSON head, then the signals as bytes, which need no parsing. */
   async function run(question, side = "") {
-    const answer = await asked("POST", "/api/run", { json: question, headers: { "x-slidax-slot": side ? SLOT + side : "" } });
+    const answer = await request("POST", "/api/run", { json: question, headers: { "x-slidax-slot": side ? SLOT + side : "" } });
     const bytes = await answer.arrayBuffer();
     const length = Number(new DataView(bytes).getBigUint64(0, true));
     const head = JSON.parse(new TextDecoder().decode(new Uint8Array(bytes, 8, length)));
@@ -58,38 +58,38 @@ globalThis.studioParts = {};
   }
 
   /* An element in one expression: its classes after dots, listeners under `on`. */
-  function element(tag, given = {}, ...children) {
+  function element(tag, attributes = {}, ...children) {
     const [name, ...classes] = tag.split(".");
-    const made = document.createElement(name);
-    if (classes.length) made.className = classes.join(" ");
-    for (const [key, value] of Object.entries(given)) {
+    const node = document.createElement(name);
+    if (classes.length) node.className = classes.join(" ");
+    for (const [key, value] of Object.entries(attributes)) {
       if (value === false || value === null || value === undefined) continue;
-      if (key === "on") for (const [event, listener] of Object.entries(value)) made.addEventListener(event, listener);
-      else if (key === "text") made.textContent = value;
-      else if (key === "value") made.value = value;
-      else made.setAttribute(key, value === true ? "" : value);
+      if (key === "on") for (const [event, listener] of Object.entries(value)) node.addEventListener(event, listener);
+      else if (key === "text") node.textContent = value;
+      else if (key === "value") node.value = value;
+      else node.setAttribute(key, value === true ? "" : value);
     }
-    made.append(...children.flat().filter(child => child !== null && child !== undefined && child !== false));
-    return made;
+    node.append(...children.flat().filter(child => child !== null && child !== undefined && child !== false));
+    return node;
   }
 
-  /* A button that cannot be pressed again while it works, and says what went wrong on a line. */
+  /* A button that is disabled while it works, and shows errors on a line. */
   function button(text, line, action, kind = "button") {
-    const made = element(`button.${kind.split(" ").join(".")}`, { type: "button", text });
-    made.addEventListener("click", async () => {
-      made.disabled = true;
+    const node = element(`button.${kind.split(" ").join(".")}`, { type: "button", text });
+    node.addEventListener("click", async () => {
+      node.disabled = true;
       try {
         await action();
       } catch (error) {
         line(error.message, "bad");
       } finally {
-        made.disabled = false;
+        node.disabled = false;
       }
     });
-    return made;
+    return node;
   }
 
-  /* A line that says what came of something, also to those who do not see it. */
+  /* A status line, which screen readers announce. */
   function lineOf() {
     const place = element("p.studio-line", { role: "status" });
     const say = (text, tone = "") => {
@@ -99,5 +99,5 @@ globalThis.studioParts = {};
     return [place, say];
   }
 
-  Object.assign(studioParts, { asked, values, run, element, button, lineOf, Refused });
+  Object.assign(studioParts, { request, values, run, element, button, lineOf, Refused });
 })();

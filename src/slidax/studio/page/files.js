@@ -1,4 +1,4 @@
-/* The panel with the folder's files. */
+/* The panel of the folder's files. */
 "use strict";
 
 (() => {
@@ -7,11 +7,11 @@
   studioParts.filesPanel = ({ files, open }) => {
     const [line, say] = lineOf();
     const body = element("tbody");
-    const shown = element("pre.studio-file", { tabindex: "0", hidden: true, "aria-label": "The file" });
+    const shown = element("pre.studio-file", { tabindex: "0", hidden: true, "aria-label": "File content" });
 
     async function look(name) {
-      const found = await values("GET", `/api/file?path=${encodeURIComponent(name)}`);
-      shown.textContent = found.text;
+      const file = await values("GET", `/api/file?path=${encodeURIComponent(name)}`);
+      shown.textContent = file.text;
       shown.hidden = false;
       say(name);
     }
@@ -26,15 +26,15 @@
       element("td", { text: size(bytes) }),
       element("td", { text: new Date(1000 * changed).toLocaleString() }),
       element("td", {},
-        readable.test(name) ? button("Look", say, () => look(name)) : null,
+        readable.test(name) ? button("View", say, () => look(name)) : null,
         /\.ya?ml$/i.test(name) ? button("Open as scenario", say, () => open(name)) : null));
 
     const panel = element("div.studio-panel", {},
-      element("div.studio-row", {}, button("Look again", say, files.renew)),
+      element("div.studio-row", {}, button("Refresh", say, files.renew)),
       line, shown,
       element("div.studio-wide", { tabindex: "0", role: "region", "aria-label": "Files" },
         element("table", {}, element("caption", { text: "Files in the folder" }),
-          element("thead", {}, element("tr", {}, ["name", "size", "changed", "what to do"].map(text => element("th", { scope: "col", text })))), body)));
+          element("thead", {}, element("tr", {}, ["name", "size", "changed", "actions"].map(text => element("th", { scope: "col", text })))), body)));
     return { panel, say, list({ entries }) { body.replaceChildren(...entries.map(row)); } };
   };
 })();

@@ -1,4 +1,4 @@
-/* One job: how far it is, what it said, what it wrote. */
+/* One job: progress, log and results. */
 "use strict";
 
 (() => {
@@ -6,10 +6,10 @@
 
   studioParts.jobCard = (id, { renew, say }) => {
     const head = element("p.studio-job-head");
-    const bar = element("progress", { hidden: true, "aria-label": "rows that are done" });
+    const bar = element("progress", { hidden: true, "aria-label": "finished rows" });
     const detail = element("div.studio-answer");
-    const log = element("pre", { tabindex: "0", "aria-label": "What it said" });
-    const more = element("details", {}, element("summary", { text: "What it said" }), log);
+    const log = element("pre", { tabindex: "0", "aria-label": "Log" });
+    const more = element("details", {}, element("summary", { text: "Log" }), log);
     const end = button("Cancel", say, async () => {
       await values("DELETE", `/api/jobs/${id}`);
       await renew();
@@ -17,7 +17,7 @@
     const place = element("li.studio-job", {}, head, bar, detail, more, end);
     let last = "";
 
-    /* True when it has just ended. */
+    /* Return true if the job has just ended. */
     async function show(job) {
       const over = job.state !== "waiting" && job.state !== "running";
       const state = over && job.meaning ? `${job.state}: ${job.meaning}` : job.state;
@@ -25,12 +25,12 @@
         element("code", { text: job.command }), ` ${job.seconds.toFixed(1)} s`);
       bar.hidden = over || !job.rows;
       if (job.rows) [bar.value, bar.max] = job.rows;
-      end.textContent = over ? "Forget" : "Cancel";
+      end.textContent = over ? "Remove" : "Cancel";
       if (last === job.state && (over || !more.open)) return false;
       const whole = await values("GET", `/api/jobs/${id}`);
-      log.textContent = whole.log || "nothing";
+      log.textContent = whole.log || "empty";
       const ended = over && last !== job.state && last !== "";
-      if (over) detail.replaceChildren(...answered(whole));
+      if (over) detail.replaceChildren(...results(whole));
       last = job.state;
       return ended;
     }
@@ -39,27 +39,27 @@
     return { place, show };
   };
 
-  function answered({ kind, answer, links, state, log }) {
-    const made = [];
-    if (state === "failed") made.push(element("p", { text: log.trim().split("\n").pop() || "It ended without a word." }));
-    if (answer && typeof answer === "object") made.push(kind === "certify" || answer.certificates ? lights(answer) : rows(answer));
-    else if (answer && state === "done") made.push(element("pre", { tabindex: "0", text: answer, "aria-label": "What it found" }));
+  function results({ kind, answer, links, state, log }) {
+    const nodes = [];
+    if (state === "failed") nodes.push(element("p", { text: log.trim().split("\n").pop() || "The job failed without a message." }));
+    if (answer && typeof answer === "object") nodes.push(kind === "certify" || answer.certificates ? lights(answer) : rows(answer));
+    else if (answer && state === "done") nodes.push(element("pre", { tabindex: "0", text: answer, "aria-label": "Result" }));
     if (links.length) {
-      made.push(element("ul.studio-links", {}, links.map(({ name, at }) => element("li", {},
+      nodes.push(element("ul.studio-links", {}, links.map(({ name, at }) => element("li", {},
         element("a", { href: at, target: "_blank", rel: "noopener noreferrer", text: name })))));
     }
-    return made;
+    return nodes;
   }
 
   function lights({ certificates = [], ...others }) {
     const word = { true: "holds", false: "does not hold", null: "does not apply" };
-    return element("div", {}, rows(others), element("ul.studio-lights", {}, certificates.map(one => element("li", {},
-      element("span.chip", { text: (word[String(one.holds)] ?? "") + (one.since ? ` from ${Number(one.since.toPrecision(3))} s on` : ""), "data-holds": String(one.holds) }),
-      element("strong", { text: one.grade ? `${one.name}, grade ${one.grade}` : one.name }), ` ${one.statement ?? ""}`,
-      one.holds === false && one.remedy ? element("em", { text: ` ${one.remedy}` }) : null))));
+    return element("div", {}, rows(others), element("ul.studio-lights", {}, certificates.map(certificate => element("li", {},
+      element("span.chip", { text: (word[String(certificate.holds)] ?? "") + (certificate.since ? ` from ${Number(certificate.since.toPrecision(3))} s on` : ""), "data-holds": String(certificate.holds) }),
+      element("strong", { text: certificate.grade ? `${certificate.name}, grade ${certificate.grade}` : certificate.name }), ` ${certificate.statement ?? ""}`,
+      certificate.holds === false && certificate.remedy ? element("em", { text: ` ${certificate.remedy}` }) : null))));
   }
 
-  /* What is one value, in a table; lists and mappings as JSON, shut. */
+  /* Single values in a table; lists and mappings as collapsed JSON. */
   function rows(answer) {
     const flat = [], deep = {};
     for (const [key, value] of Object.entries(answer)) {
@@ -70,7 +70,7 @@
     return element("div", {},
       flat.length ? element("table", {}, element("tbody", {}, flat.map(([key, value]) => element("tr", {},
         element("th", { scope: "row", text: key }), element("td", { text: value }))))) : null,
-      Object.keys(deep).length ? element("details", {}, element("summary", { text: "All numbers" }),
-        element("pre", { tabindex: "0", "aria-label": "All numbers", text: JSON.stringify(deep, null, 1) })) : null);
+      Object.keys(deep).length ? element("details", {}, element("summary", { text: "All values" }),
+        element("pre", { tabindex: "0", "aria-label": "All values", text: JSON.stringify(deep, null, 1) })) : null);
   }
 })();

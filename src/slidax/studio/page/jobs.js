@@ -1,4 +1,4 @@
-/* The panel with long things: what can be started, what runs, and what came of it. */
+/* The panel of jobs: start, progress and results. */
 "use strict";
 
 (() => {
@@ -6,20 +6,20 @@
 
   const SOME = /\.ya?ml$/i;
   const KINDS = {
-    certify: ["Certify", "What is promised before a run, and on what it stands.",
-      { scenario: "scenario", runs: ["runs of the statistical certificate", 100], out: ["folder of the report", "certificate"] }],
-    run: ["Run with report", "One run with report, log and figures.", { scenario: "scenario", out: ["folder of the report", "run"] }],
-    explain: ["Explain", "Why a run left its envelope, with remedies that are tried.", { run: "folder" }],
-    compare: ["Compare", "All schemes side by side.", { scenario: "scenario", schemes: ["schemes, with commas", "cftsmppc,computed_torque,slotine_li"], out: ["folder of the report", "comparison"] }],
-    study: ["Study", "Many cases: how likely, the worst, what matters.",
-      { file: /\.ya?ml$/i, runs: ["runs, else the file's", ""], seed: ["seed, else the file's", ""], out: ["folder of the rows and the report", "study"], resume: false }],
-    design: ["Design", "From requirements to the numbers of a law, or why there is none.",
-      { requirements: SOME, runs: ["random cases of the check", 64], out: ["file of the scenario", "designed.yaml"] }],
-    excite: ["Excite", "A motion that shows the arm's numbers best.", { robot: "robot", seed: ["seed", 1], out: ["file of the motion", "motion.csv"] }],
-    identify: ["Identify", "Rotors, friction and payload from a log.",
-      { log: /\.(csv|parquet|mcap|jsonl?)$/i, robot: "robot", out: ["file of the arm", "arm.yaml"], report: ["folder of the report", "identification"] }],
-    "export-c": ["Export C", "The law as a C99 project.", { scenario: "scenario", out: ["folder of the project", "law"], float: false }],
-    "export-web": ["Export a page", "A playground of this scenario as one file.", { scenario: "scenario", with: ["laws beside it, with commas", "printed,computed_torque"], out: ["folder of the page", "site"] }],
+    certify: ["Certify", "Guarantees before a run, with their bounds and assumptions.",
+      { scenario: "scenario", runs: ["runs of the statistical certificate", 100], out: ["folder for the report", "certificate"] }],
+    run: ["Run with report", "Simulate once, with report, log and figures.", { scenario: "scenario", out: ["folder for the report", "run"] }],
+    explain: ["Explain", "Explain why a run left its envelope, and test remedies.", { run: "folder" }],
+    compare: ["Compare", "Compare schemes on the same task.", { scenario: "scenario", schemes: ["schemes, comma-separated", "cftsmppc,computed_torque,slotine_li"], out: ["folder for the report", "comparison"] }],
+    study: ["Study", "Many runs: probabilities, worst cases, sensitivities.",
+      { file: /\.ya?ml$/i, runs: ["runs (default: the file's)", ""], seed: ["seed (default: the file's)", ""], out: ["folder for rows and report", "study"], resume: false }],
+    design: ["Design", "Design a law for requirements, or explain why none exists.",
+      { requirements: SOME, runs: ["random cases of the check", 64], out: ["file for the scenario", "designed.yaml"] }],
+    excite: ["Excite", "An excitation motion for identifying the arm.", { robot: "robot", seed: ["seed", 1], out: ["file for the motion", "motion.csv"] }],
+    identify: ["Identify", "Identify rotors, friction and payload from a log.",
+      { log: /\.(csv|parquet|mcap|jsonl?)$/i, robot: "robot", out: ["file for the arm", "arm.yaml"], report: ["folder for the report", "identification"] }],
+    "export-c": ["Export C", "Export the law as a C99 project.", { scenario: "scenario", out: ["folder for the project", "law"], float: false }],
+    "export-web": ["Export a page", "Export a playground of this scenario as one file.", { scenario: "scenario", with: ["further laws, comma-separated", "printed,computed_torque"], out: ["folder for the page", "site"] }],
   };
 
   studioParts.jobsPanel = ({ about, files }) => {
@@ -35,59 +35,59 @@
       if (about.jobs[name]) kind.append(element("option", { value: name, text: KINDS[name][0] }));
     }
 
-    function control(name, said) {
+    function control(name, spec) {
       const id = `studio-job-${name}`;
-      if (said === false) return element("input", { id, name, type: "checkbox" });
-      if (Array.isArray(said)) {
-        const number = typeof said[1] === "number" || name === "runs" || name === "seed";
-        return element("input", { id, name, type: number ? "number" : "text", value: said[1], autocomplete: "off" });
+      if (spec === false) return element("input", { id, name, type: "checkbox" });
+      if (Array.isArray(spec)) {
+        const number = typeof spec[1] === "number" || name === "runs" || name === "seed";
+        return element("input", { id, name, type: number ? "number" : "text", value: spec[1], autocomplete: "off" });
       }
-      const folders = [...new Set(lists.names.filter(one => one.endsWith("log.parquet")).map(one => one.slice(0, -12)))];
-      const options = said === "scenario" ? [...lists.builtIn, ...lists.names.filter(one => SOME.test(one))]
-        : said === "robot" ? [...lists.robots, ...lists.names.filter(one => /\.(urdf|xml|mjcf)$/i.test(one))]
-          : said === "folder" ? [...folders, ...lists.names.filter(one => one.endsWith(".mcap"))]
-            : lists.names.filter(one => said.test(one));
-      return element("select", { id, name }, options.map(text => element("option", { value: text, text })));
+      const folders = [...new Set(lists.names.filter(item => item.endsWith("log.parquet")).map(item => item.slice(0, -12)))];
+      const choices = spec === "scenario" ? [...lists.builtIn, ...lists.names.filter(item => SOME.test(item))]
+        : spec === "robot" ? [...lists.robots, ...lists.names.filter(item => /\.(urdf|xml|mjcf)$/i.test(item))]
+          : spec === "folder" ? [...folders, ...lists.names.filter(item => item.endsWith(".mcap"))]
+            : lists.names.filter(item => spec.test(item));
+      return element("select", { id, name }, choices.map(text => element("option", { value: text, text })));
     }
 
-    /* What was chosen of the same kind stays. */
+    /* Keep the values of fields that remain. */
     function fill() {
       const [, meaning, fields] = KINDS[kind.value];
-      const before = Object.fromEntries([...form.querySelectorAll("[name]")].map(one => [one.name, one.type === "checkbox" ? one.checked : one.value]));
+      const before = Object.fromEntries([...form.querySelectorAll("[name]")].map(item => [item.name, item.type === "checkbox" ? item.checked : item.value]));
       const same = form.dataset.kind === kind.value;
       form.dataset.kind = kind.value;
-      form.replaceChildren(element("p.studio-meaning", { text: meaning }), ...Object.entries(fields).map(([name, said]) => {
-        const made = control(name, said);
-        const known = made.tagName === "SELECT" && [...made.options].map(one => one.value);
-        if (known && known.includes(before[name] ?? lists.opened)) made.value = before[name] ?? lists.opened;
-        else if (!known && same && name in before) made[made.type === "checkbox" ? "checked" : "value"] = before[name];
-        return element("p.studio-field", {}, element("label", { for: made.id, text: Array.isArray(said) ? said[0] : name }), made);
+      form.replaceChildren(element("p.studio-meaning", { text: meaning }), ...Object.entries(fields).map(([name, spec]) => {
+        const input = control(name, spec);
+        const known = input.tagName === "SELECT" && [...input.options].map(item => item.value);
+        if (known && known.includes(before[name] ?? lists.opened)) input.value = before[name] ?? lists.opened;
+        else if (!known && same && name in before) input[input.type === "checkbox" ? "checked" : "value"] = before[name];
+        return element("p.studio-field", {}, element("label", { for: input.id, text: Array.isArray(spec) ? spec[0] : name }), input);
       }));
     }
 
-    function said() {
-      const found = {};
-      for (const one of form.querySelectorAll("[name]")) {
-        if (one.type === "checkbox") { if (one.checked) found[one.name] = true; }
-        else if (one.value !== "") found[one.name] = one.type === "number" ? Number(one.value) : one.value.trim();
+    function options() {
+      const chosen = {};
+      for (const item of form.querySelectorAll("[name]")) {
+        if (item.type === "checkbox") { if (item.checked) chosen[item.name] = true; }
+        else if (item.value !== "") chosen[item.name] = item.type === "number" ? Number(item.value) : item.value.trim();
       }
-      return found;
+      return chosen;
     }
 
     async function start() {
-      const asked = { kind: kind.value, said: said() };
+      const request = { kind: kind.value, options: options() };
       let job;
       try {
-        job = await values("POST", "/api/jobs", { json: asked });
+        job = await values("POST", "/api/jobs", { json: request });
       } catch (error) {
-        if (!error.exists || !confirm(`${error.message}. Write over it?`)) throw error;
-        job = await values("POST", "/api/jobs", { json: { ...asked, said: { ...asked.said, replace: true } } });
+        if (!error.exists || !confirm(`${error.message}. Overwrite?`)) throw error;
+        job = await values("POST", "/api/jobs", { json: { ...request, options: { ...request.options, replace: true } } });
       }
-      say(`${job.command} was started.`, "good");
+      say(`Started ${job.command}.`, "good");
       await renew();
     }
 
-    /* Asks again while something runs. */
+    /* Poll while a job runs. */
     async function renew() {
       clearTimeout(clock);
       const { jobs } = await values("GET", "/api/jobs");
@@ -107,17 +107,17 @@
 
     kind.addEventListener("change", fill);
     const panel = element("div.studio-panel", {},
-      element("div.studio-row", {}, element("p.studio-field", {}, element("label", { for: kind.id, text: "What" }), kind)),
+      element("div.studio-row", {}, element("p.studio-field", {}, element("label", { for: kind.id, text: "Command" }), kind)),
       form,
       element("div.studio-row", {}, button("Start", say, start, "button primary")),
       line, list);
-    /* The scenario that was opened last is what jobs are first offered for. */
+    /* Preselect the last opened scenario. */
     function opened(name) {
       lists = { ...lists, opened: name };
       const control = form.querySelector("[name=scenario]");
-      if (control && [...control.options].some(one => one.value === name)) control.value = name;
+      if (control && [...control.options].some(item => item.value === name)) control.value = name;
     }
 
-    return { panel, renew, say, opened, list(found) { lists = { ...found, opened: lists.opened }; fill(); } };
+    return { panel, renew, say, opened, list(entries) { lists = { ...entries, opened: lists.opened }; fill(); } };
   };
 })();

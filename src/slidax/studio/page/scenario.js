@@ -1,18 +1,18 @@
-/* The panel with the scenario as text: opened, checked, run by the page, saved, made for a new arm. */
+/* The panel of the scenario as text: open, check, simulate, save, and create for a new arm. */
 "use strict";
 
 (() => {
   const { values, element, button, lineOf } = studioParts;
 
   /* - `page`: of the playground.
-     - `files`: the names of the folder, again when they changed. */
+     - `files`: the folder's files; `renew` reads them again. */
   studioParts.scenarioPanel = ({ page, files, about, opened }) => {
     const [line, say] = lineOf();
     const state = { name: about.opened.endsWith(".yaml") || about.opened.endsWith(".yml") ? "" : about.opened,
       path: "", mark: null, clean: "" };
     const choice = element("select", { id: "studio-scenario" });
     const text = element("textarea", { id: "studio-text", rows: "18", spellcheck: "false", wrap: "off",
-      "aria-label": "The scenario as YAML" });
+      "aria-label": "Scenario as YAML" });
     const path = element("input", { id: "studio-path", type: "text", value: "scenario.yaml", autocomplete: "off" });
     const robot = element("select", { id: "studio-robot" });
     const rate = element("input", { id: "studio-rate", type: "number", min: "20", max: "20000", value: "1000" });
@@ -21,21 +21,21 @@
     const source = () => (text.value === state.clean && state.name ? { name: state.name }
       : { text: text.value, path: path.value });
 
-    function shown(made, name, at, mark) {
-      Object.assign(state, { name, path: at, mark, clean: made });
-      text.value = made;
+    function show(content, name, at, mark) {
+      Object.assign(state, { name, path: at, mark, clean: content });
+      text.value = content;
       path.value = at || (name ? `${name}.yaml` : "scenario.yaml");
     }
 
-    /* - `plays`: whether the playground shows it, too. */
+    /* - `plays`: also load it into the playground. */
     async function open(what, plays = true) {
       say("opening ...");
       if (/\.ya?ml$/i.test(what)) {
-        const found = await values("GET", `/api/file?path=${encodeURIComponent(what)}`);
-        shown(found.text, "", what, found.mark);
+        const reply = await values("GET", `/api/file?path=${encodeURIComponent(what)}`);
+        show(reply.text, "", what, reply.mark);
       } else {
-        const found = await values("POST", "/api/check", { json: { name: what } });
-        shown(found.text, what, "", null);
+        const reply = await values("POST", "/api/check", { json: { name: what } });
+        show(reply.text, what, "", null);
       }
       choice.value = what;
       opened(what);
@@ -44,31 +44,31 @@
     }
 
     async function check() {
-      const found = await values("POST", "/api/check", { json: source() });
-      const notes = [...found.warnings, ...found.beforehand];
-      const about = `${found.title || found.scenario}: ${found.scheme} on ${found.robot}, ${found.joints} joints, `
-        + `${found.t1} s at ${+(1 / found.period).toPrecision(4)} Hz`;
+      const reply = await values("POST", "/api/check", { json: source() });
+      const notes = [...reply.warnings, ...reply.beforehand];
+      const about = `${reply.title || reply.scenario}: ${reply.scheme} on ${reply.robot}, ${reply.joints} joints, `
+        + `${reply.t1} s at ${+(1 / reply.period).toPrecision(4)} Hz`;
       say([`${about}.`, ...notes].join(" "), notes.length ? "warn" : "good");
-      return found;
+      return reply;
     }
 
-    /* The playground shows this scenario, with its sliders. */
+    /* Load this scenario into the playground. */
     async function play() {
-      say("making the playground of it ...");
-      const found = await values("POST", "/api/manifest", { json: source() });
-      // What the address says is of the playground before.
+      say("loading the playground ...");
+      const reply = await values("POST", "/api/manifest", { json: source() });
+      // The address still describes the previous playground.
       history.replaceState(null, "", location.pathname);
-      page()?.load(found.manifest);
-      say(`The playground shows ${found.title || found.scenario}.`, "good");
+      page()?.load(reply.manifest);
+      say(`The playground shows ${reply.title || reply.scenario}.`, "good");
     }
 
-    /* The same in the page itself: no slider then waits for the server. What was moved stays. */
+    /* Compile the scenario for the page, so that sliders do not wait for the server; moved sliders stay. */
     async function compile() {
       const was = page()?.manifest;
-      say("compiling it for this page; it can be used meanwhile ...");
-      const found = await values("POST", "/api/compiled", { json: source(), headers: { "x-slidax-slot": "compile" } });
-      if (page()?.manifest !== was) return say("another scenario was opened meanwhile", "warn");
-      page()?.load(found.manifest);
+      say("compiling for this page; you can go on working ...");
+      const reply = await values("POST", "/api/compiled", { json: source(), headers: { "x-slidax-slot": "compile" } });
+      if (page()?.manifest !== was) return say("another scenario was opened in the meantime", "warn");
+      page()?.load(reply.manifest);
       say("The sliders of this law now run in the page itself.", "good");
     }
 
@@ -79,7 +79,7 @@
       try {
         saved = await put(named, text.value, mark);
       } catch (error) {
-        if (!error.exists || !confirm(`${named} is there already, or was changed elsewhere. Write over it?`)) throw error;
+        if (!error.exists || !confirm(`${named} exists already, or was changed elsewhere. Overwrite?`)) throw error;
         const now = await values("GET", `/api/file?path=${encodeURIComponent(named)}`);
         saved = await put(named, text.value, now.mark);
       }
@@ -93,22 +93,22 @@
         { body, headers: mark ? { "if-match": mark } : {} });
     }
 
-    /* What the sliders say, as text: so that it can be saved, or be the start of a job. */
+    /* Copy the sliders' values into the text, to save it or to start a job. */
     function taken() {
-      const made = page()?.scenarioText?.();
-      if (!made) return say("the playground has no scenario yet", "warn");
-      text.value = made;
+      const content = page()?.scenarioText?.();
+      if (!content) return say("the playground has no scenario yet", "warn");
+      text.value = content;
       state.name = "";
-      say("The text is what the sliders say.", "good");
+      say("The text has the sliders' values.", "good");
     }
 
     async function draft() {
-      say("making a scenario for it ...");
-      const found = await values("POST", "/api/new", { json: { robot: robot.value, rate: Number(rate.value) } });
+      say("creating a scenario ...");
+      const reply = await values("POST", "/api/new", { json: { robot: robot.value, rate: Number(rate.value) } });
       const stem = robot.value.split("/").pop().replace(/\.[^.]*$/, "");
-      shown(found.text, "", "", null);
+      show(reply.text, "", "", null);
       path.value = `${stem}.yaml`;
-      say(["A scenario that runs; save it, or play it.", ...found.notes].join(" "), found.notes.length ? "warn" : "good");
+      say(["This scenario runs: save it, or simulate it.", ...reply.notes].join(" "), reply.notes.length ? "warn" : "good");
     }
 
     async function upload() {
@@ -124,7 +124,7 @@
       const group = (label, entries) => element("optgroup", { label }, entries.map(option));
       const before = [choice.value, robot.value];
       choice.replaceChildren(group("built in", builtIn), group("in the folder", names.filter(name => /\.ya?ml$/i.test(name))));
-      robot.replaceChildren(group("ready", robots), group("in the folder", names.filter(name => /\.(urdf|xml|mjcf)$/i.test(name))));
+      robot.replaceChildren(group("built in", robots), group("in the folder", names.filter(name => /\.(urdf|xml|mjcf)$/i.test(name))));
       if (before[0]) choice.value = before[0];
       if (before[1]) robot.value = before[1];
     }
@@ -135,15 +135,15 @@
     const panel = element("div.studio-panel", {},
       element("div.studio-row", {},
         field("Scenario", choice),
-        button("Play it", say, play, "button primary"),
-        button("Make its sliders instant", say, compile),
+        button("Simulate", say, play, "button primary"),
+        button("Compile for this page", say, compile),
         button("Check", say, check),
-        button("Take the sliders' values", say, async () => taken())),
+        button("Copy slider values", say, async () => taken())),
       line,
       text,
       element("div.studio-row", {}, field("File", path), button("Save", say, save)),
-      element("div.studio-row", {}, field("New, for the arm", robot), field("at [Hz]", rate), button("Make a scenario", say, draft)),
-      element("div.studio-row", {}, field("Bring a file (URDF, MJCF, YAML, a log)", file), button("Bring it", say, upload)));
+      element("div.studio-row", {}, field("New scenario for", robot), field("at [Hz]", rate), button("Create", say, draft)),
+      element("div.studio-row", {}, field("Upload a file (URDF, MJCF, YAML, log)", file), button("Upload", say, upload)));
     return { panel, list, open, check, say, choice, source };
   };
 })();

@@ -1,4 +1,4 @@
-/* The studio's panels in the playground's page, and its runs where a scenario has no program of its own. */
+/* The studio's panels in the playground's page, and runs by the server for scenarios that are not compiled. */
 "use strict";
 
 (() => {
@@ -6,7 +6,7 @@
   const place = () => document.getElementById("studio");
   const page = () => globalThis.slidaxPage;
 
-  /* Tabs as the keyboard expects them: one stop, arrows between. */
+  /* Tabs with one tab stop, and arrow keys between them. */
   function tabs(entries) {
     const heads = entries.map(([id, title], k) => element("button.studio-tab", { type: "button", role: "tab",
       id: `studio-tab-${id}`, "aria-controls": `studio-panel-${id}`, text: title, tabindex: k ? "-1" : "0" }));
@@ -43,24 +43,24 @@
       const files = {
         async renew() {
           const names = (await values("GET", "/api/files")).files;
-          const found = { names: names.map(one => one.name), builtIn: Object.keys(catalogue.scenarios),
+          const lists = { names: names.map(one => one.name), builtIn: Object.keys(catalogue.scenarios),
             robots: Object.keys(catalogue.robots).filter(one => !["two_link", "scara", "urdf", "mjcf", "identified"].includes(one)),
             entries: names };
-          users.forEach(user => user.list(found));
+          users.forEach(user => user.list(lists));
         },
       };
       const jobs = studioParts.jobsPanel({ about, files });
       const scenario = studioParts.scenarioPanel({ page, files, about, opened: jobs.opened });
       const shelf = studioParts.filesPanel({ files, open: scenario.open });
       users.push(scenario, jobs, shelf);
-      home.replaceChildren(title, element("p.studio-soft", { text: `slidax ${about.version}, in the folder “${about.folder}”. Nothing outside of it is read or written.` }),
+      home.replaceChildren(title, element("p.studio-soft", { text: `slidax ${about.version}, in the folder “${about.folder}”. It reads and writes nothing outside.` }),
         ...tabs([["scenario", "Scenario", scenario.panel], ["jobs", "Jobs", jobs.panel], ["files", "Files", shelf.panel]]));
       home.hidden = false;
       document.querySelector("header .theme")?.before(element("button.button.studio-jump", { type: "button", text: "Studio", title: "Files, scenario as text, jobs",
         on: { click: () => { home.scrollIntoView(); home.querySelector("[role=tab]").focus({ preventScroll: true }); } } }));
       await files.renew();
       await jobs.renew();
-      // The page comes with a built-in scenario: what was opened needs the token.
+      // The page starts with a built-in scenario; the user's own needs the token.
       const first = about.opened || about.shown;
       scenario.choice.value = first;
       await scenario.open(first, first !== about.shown).catch(error => scenario.say(error.message, "bad"));
@@ -72,7 +72,7 @@
 
   globalThis.slidaxStudio = {
     ready: begin,
-    /* Files that a scenario names are found from the studio's folder. A run that a later one overtook is none. */
+    /* File names are relative to the studio's folder. An overtaken run returns null. */
     async run({ scenario, side }) {
       try {
         return await run({ text: JSON.stringify(scenario), path: "playground.yaml" }, side);
