@@ -1,7 +1,7 @@
-"""Pictures of finished runs, made to be printed: one function per picture, each returns a matplotlib Figure.
+"""Figures of finished runs, made to be printed: one function per figure, each returns a matplotlib Figure.
 
-Figures draw what they are given and compute nothing. No pyplot, no state that stays: `figure.savefig("error.pdf")`, or
-`save` for a small SVG.
+Figures draw what they are given and compute nothing. They use no pyplot and leave no state: save them with
+`figure.savefig("error.pdf")`, or with `save` as a small SVG.
 """
 
 from .aims_front import aims_front as aims_front

@@ -1,4 +1,4 @@
-"""What can be had of several aims at once."""
+"""The Pareto front of several objectives."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from .style import LINES, WIDTH, legend_above, styled
 
 @styled
 def aims_front(labels: Sequence[str], front: np.ndarray, today: np.ndarray, best: int | None = None) -> Figure:
-    """The first aim against each other one: the candidates of a front, the best of them, and today's.
+    """The first objective against each other one: candidates of a front, the best of them, and the current parameters.
 
-    - `labels`: of the aims, with their units.
-    - `front`: of each candidate [candidates aims].
-    - `today`: of today's [aims].
-    - `best`: which candidate is marked; None for none.
+    - `labels`: of the objectives, with units.
+    - `front`: [candidates objectives].
+    - `today`: objectives of the current parameters [objectives].
+    - `best`: index of the marked candidate; None for none.
     """
     others = range(1, len(labels)) if len(labels) > 1 else range(1)
     figure = Figure(figsize=(min(WIDTH, 3.4 * len(others) + 0.4), 2.9), layout="constrained")

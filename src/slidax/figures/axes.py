@@ -1,4 +1,4 @@
-"""Axes that several pictures have in common: time, and sizes on a logarithmic scale."""
+"""Axes for time, and for sizes on a logarithmic scale."""
 
 from __future__ import annotations
 
@@ -10,23 +10,16 @@ from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
 
 
 def use_time_axis(axes: Axes, start: float, end: float) -> None:
-    """Time from start to end, with a gap before the start, where steep beginnings would lie on the axis itself.
-
-    - `axes`: where; panels that share its axis follow.
-    - `start`, `end`: [s].
-    """
+    """Label time from `start` to `end` [s] on `axes`, with a gap before the start for steep beginnings."""
     axes.set_xlabel(r"$t$  [s]")
     axes.set_xlim(start - 0.012 * (end - start), end)
     axes.xaxis.set_major_locator(MaxNLocator(nbins=6, steps=[1, 2, 5, 10]))
 
 
 def use_size_axis(panels: Iterable[Axes], sizes: np.ndarray) -> None:
-    """The same logarithmic axis for all panels, in whole decades, that shows nearly all of the sizes.
+    """Use one logarithmic axis in whole decades for all `panels`, which shows nearly all `sizes` (>= 0).
 
-    Where an error crosses zero its size goes to nothing for a moment; the axis ends above the deepest of these.
-
-    - `panels`: where.
-    - `sizes`: what must be seen, >= 0.
+    The size of an error that crosses zero vanishes for a moment; the axis ends above the deepest such values.
     """
     positive = sizes[np.isfinite(sizes) & (sizes > 0)]
     if not len(positive):

@@ -1,4 +1,4 @@
-"""What goes around a loop, by its frequency response."""
+"""Frequency responses of open loops."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from .style import LINES, NARROW, WIDTH, legend_above, styled
 
 @styled
 def bode(frequencies: np.ndarray, loops: Mapping[str, np.ndarray], title: str = "") -> Figure:
-    """Size and phase of loops over the frequency, up to half of the sampling frequency.
+    """Magnitude and phase of loops over the frequency, up to half of the sampling frequency.
 
     - `frequencies`: [k], rad/s.
-    - `loops`: the frequency response of each [k], by what it is called.
+    - `loops`: frequency responses [k] by name.
     - `title`: where the loops are broken open.
     """
     figure = Figure(figsize=(WIDTH, 4.2), layout="constrained")
@@ -26,7 +26,7 @@ def bode(frequencies: np.ndarray, loops: Mapping[str, np.ndarray], title: str = 
         look = _look(number)
         size.plot(frequencies, np.abs(response), **look)
         turned = np.degrees(np.unwrap(np.angle(response)))
-        # By whole turns, so that where the loop has left 1 behind it is seen beside -180 degrees.
+        # Shift by whole turns, so that the phase is near -180 degrees where the loop last has magnitude 1.
         crossed = np.flatnonzero(np.abs(response) >= 1.0)
         turned = turned - 360.0 * np.round((turned[crossed[-1] if len(crossed) else 0] + 180.0) / 360.0)
         phase.plot(frequencies, turned, **look)
@@ -45,10 +45,10 @@ def bode(frequencies: np.ndarray, loops: Mapping[str, np.ndarray], title: str = 
 
 @styled
 def nyquist(loops: Mapping[str, np.ndarray], disks: Mapping[str, float], title: str = "") -> Figure:
-    """Loops in the complex plane, with -1 and the disk about it that the one nearest to it keeps clear of.
+    """Loops in the complex plane, with -1 and the disk around it that the nearest loop avoids.
 
-    - `loops`: the frequency response of each [k], by what it is called.
-    - `disks`: the disk margin of each.
+    - `loops`: frequency responses [k] by name.
+    - `disks`: disk margins by name.
     - `title`: where the loops are broken open.
     """
     figure = Figure(figsize=(4.6, 4.4), layout="constrained")
@@ -73,7 +73,7 @@ def nyquist(loops: Mapping[str, np.ndarray], disks: Mapping[str, float], title: 
 
 
 def _look(number: int) -> dict[str, Any]:
-    """The looks of a figure, and again in a narrower line for what comes after them."""
+    """Line styles, repeated with narrower lines."""
     return {**LINES[number % len(LINES)], "linewidth": 1.1 if number < len(LINES) else 0.6}
 
 

@@ -1,4 +1,4 @@
-"""Bounds of the error in the envelope that is prescribed."""
+"""Certified bounds of the error in the prescribed envelope."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ def bounded_error(
     names: Sequence[str],
     units: Sequence[str],
 ) -> Figure:
-    """Per joint: the two sides of the envelope by their distance from zero, and bounds of |e|, on a logarithmic axis.
+    """Per joint: both sides of the envelope by their distance from zero, and bounds of |e|, on a logarithmic axis.
 
     - `t`: times [N], s.
-    - `radii`: of the narrower and of the wider side [2 N n], rad or m.
-    - `bounds`: of |e| by the name that the legend gives them: times [k], s, and |e| at most [k n].
+    - `radii`: of the narrower and the wider side [2 N n], rad or m.
+    - `bounds`: of |e| by name: times [k], s, and bounds [k n].
     - `names`, `units`: of the joints.
     """
     joints = radii.shape[2]

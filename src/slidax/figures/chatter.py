@@ -1,4 +1,4 @@
-"""Where a torque chatters, and between which heights."""
+"""Detection of chattering torques, and their range."""
 
 from __future__ import annotations
 
@@ -8,27 +8,27 @@ import numpy as np
 from scipy.ndimage import maximum_filter1d, minimum_filter1d, percentile_filter, uniform_filter1d
 
 SWINGS = 15
-"""A swing is judged among so many before and after it."""
+"""Swings before and after a swing that it is compared with."""
 
 SAMPLES = 8.0
-"""Torques that take more samples from one turn to the next move, and do not chatter."""
+"""Torques with more samples between turning points do not chatter."""
 
 LONGEST = 40
-"""After so many samples without a turn a band is over."""
+"""A band ends after this many samples without a turning point."""
 
 SEEN = 0.006
-"""A swing that is smaller than this share of the axis to either side is hidden by the line itself."""
+"""A swing below this share of the axis to either side is hidden by the line itself."""
 
 OUTLIER = 3.0
-"""What swings so many times farther than usual is a step and no chattering."""
+"""A swing this many times larger than usual is a step, not chattering."""
 
 
 class Band(NamedTuple):
     """A stretch of time in which a torque chatters.
 
-    - `first`, `last`: numbers of its first and its last sample.
+    - `first`, `last`: indices of its samples.
     - `t`: times within it [m], s.
-    - `low`, `high`: between which heights it chatters there, [m].
+    - `low`, `high`: range of the torque there [m].
     """
 
     first: int
@@ -39,10 +39,10 @@ class Band(NamedTuple):
 
 
 def chatter(t: np.ndarray, y: np.ndarray, height: float) -> list[Band]:
-    """The stretches in which a torque goes to and fro from sample to sample, far enough to be seen.
+    """The stretches in which a torque alternates from sample to sample, far enough to be visible.
 
-    The swings are measured from their own middle, which follows the motion: so a steep transient with a ripple on it is
-    as narrow as its ripple.
+    Swings are measured from their own middle, which follows the motion; a steep transient with a ripple is as narrow as
+    its ripple.
 
     - `t`: increasing [k], s.
     - `y`: torque [k].
@@ -65,12 +65,12 @@ def chatter(t: np.ndarray, y: np.ndarray, height: float) -> list[Band]:
     steps = np.abs(swing) > OUTLIER * usual
     swing = np.where(steps, 0.0, swing)
     low, high = middle + minimum_filter1d(swing, window), middle + maximum_filter1d(swing, window)
-    found = []
+    stretches = []
     breaks = (np.diff(chatters.astype(int)) != 0) | (np.diff(turns) > LONGEST)
     for part in np.split(np.arange(len(turns)), np.flatnonzero(breaks) + 1):
         # A step near an end belongs to the motion before or after it.
         ends = [share[steps[share]] for share in (part[:SWINGS], part[-SWINGS:])]
         part = part[(part > ends[0].max(initial=-1)) & (part < ends[1].min(initial=len(turns)))]
         if len(part) > SWINGS and chatters[part[0]]:
-            found.append(Band(int(turns[part[0]]), int(turns[part[-1]]), t[turns[part]], low[part], high[part]))
-    return found
+            stretches.append(Band(int(turns[part[0]]), int(turns[part[-1]]), t[turns[part]], low[part], high[part]))
+    return stretches

@@ -1,4 +1,4 @@
-"""The errors of several schemes on the same task."""
+"""Tracking errors of several schemes on the same task."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ def compared_errors(
 ) -> Figure:
     """Per joint: the errors of all runs at the beginning, and to the right their sizes over the whole run.
 
-    A size is drawn at the largest sample of each column, so that a swing about zero is a line. If exactly one of the
-    runs has an envelope, it lies faintly behind.
+    A size is drawn at the largest sample of each column, so that an oscillation about zero is a line. The envelope is
+    drawn faintly if exactly one run has one.
 
-    - `runs`: finished runs of the same arm with logs, by the name that the legend gives them.
-    - `bands`: levels of |e| by name, each with one value per joint [rad or m].
-    - `beginning`: how long the beginning is [s].
+    - `runs`: of the same arm, with logs, by name.
+    - `bands`: levels of |e| by name, one value per joint [rad or m].
+    - `beginning`: [s].
 
     Raises DefinitionError if there are no runs, too many, one without a log, or arms with different joints.
     """
@@ -50,7 +50,7 @@ def compared_errors(
 
 
 def _draw_envelope(panels: np.ndarray, run: Run, beginning: float) -> None:
-    """Behind all else, and without widening the axes."""
+    """In the background, and without widening the axes."""
     log = log_of(run)
     if log.envelope is None:
         return

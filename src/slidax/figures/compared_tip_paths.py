@@ -1,4 +1,4 @@
-"""Where the tip of the arm goes under several schemes."""
+"""Tip paths of several schemes."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ DESIRED: dict[str, Any] = {"color": "0.7", "linewidth": 3.2, "linestyle": "-", "
 
 @styled
 def compared_tip_paths(paths: Mapping[str, np.ndarray], desired: np.ndarray) -> Figure:
-    """The tip's path under each scheme over the desired one, from above, and from the side if that one rises.
+    """The tip's path under each scheme over the desired one, from above, and from the side if the desired one rises.
 
-    Each path starts at a ring. What strays by more than the size of the desired path leaves the picture.
+    Each path starts at a ring. Paths that stray by more than the size of the desired path are cut off.
 
-    - `paths`: places of the tip over time, [k 3], m, by the name that the legend gives them.
-    - `desired`: places that were desired, [k 3], m.
+    - `paths`: tip positions [k 3], m, by name.
+    - `desired`: desired tip positions [k 3], m.
 
     Raises DefinitionError if there are no paths or too many.
     """
@@ -58,7 +58,7 @@ def compared_tip_paths(paths: Mapping[str, np.ndarray], desired: np.ndarray) -> 
 
 
 def _box(paths: list[np.ndarray], goal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The corners of what is shown: all places that lie no further out than the desired path is large."""
+    """The corners of the figure: all positions no farther out than the desired path is large."""
     reach = np.ptp(goal, axis=0).max() or 1.0
     low, high = goal.min(axis=0), goal.max(axis=0)
     for path in paths:
@@ -69,7 +69,7 @@ def _box(paths: list[np.ndarray], goal: np.ndarray) -> tuple[np.ndarray, np.ndar
 
 
 def _with_its_beginning(places: np.ndarray, most: int) -> np.ndarray:
-    """Fewer places, but all that is seen of the way onto the path: half of the points along it, half along time."""
+    """Fewer points, half of them evenly along the path and half along time."""
     way = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(places, axis=0), axis=1))])
     each = min(200, most)
     even = np.searchsorted(way, np.linspace(0.0, way[-1], each)).clip(0, len(places) - 1)

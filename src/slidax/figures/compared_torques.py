@@ -1,4 +1,4 @@
-"""The torques of several schemes on the same task, some of which chatter."""
+"""Torques of several schemes on the same task, some of which chatter."""
 
 from __future__ import annotations
 
@@ -35,12 +35,12 @@ def compared_torques(
 ) -> Figure:
     """Per joint: the torques of all runs over the whole run, and to the right over the beginning.
 
-    Where a torque chatters, its range is drawn as a tinted band between its lowest and highest values. Over the whole
-    run, peaks far above all else leave the axis; the beginning shows them in full.
+    A chattering torque is a tinted band between its lowest and highest values. Over the whole run, peaks far above all
+    else are cut off; the beginning shows them in full.
 
-    - `runs`: finished runs of the same arm with logs, by the name that the legend gives them.
-    - `limits`: largest torque of each joint's drive [N m or N], to draw beside them.
-    - `beginning`: how long the beginning is [s].
+    - `runs`: of the same arm, with logs, by name.
+    - `limits`: largest torque of each joint's drive [N m or N].
+    - `beginning`: [s].
 
     Raises DefinitionError if there are no runs, too many, one without a log, or arms with different joints.
     """
@@ -56,10 +56,10 @@ def compared_torques(
     spans = ((end, SPAN), (min(beginning, end), np.inf))
     for axes_column, (until, span) in zip(panels.T, spans, strict=True):
         for i, axes in enumerate(axes_column):
-            seen = [c.t <= max(until, float(c.t[1])) for c in curves]
-            shown = linear_range([c.y[s, i] for c, s in zip(curves, seen, strict=True)], span)
+            masks = [c.t <= max(until, float(c.t[1])) for c in curves]
+            shown = linear_range([c.y[s, i] for c, s in zip(curves, masks, strict=True)], span)
             zero_line(axes)
-            for c, s in zip(curves, seen, strict=True):
+            for c, s in zip(curves, masks, strict=True):
                 _draw(axes, Trace(c.t[s], clipped(c.y[s, i], shown), c.look), columns, shown)
             axes.set_ylim(shown)
         use_time_axis(axes_column[-1], 0.0, until)

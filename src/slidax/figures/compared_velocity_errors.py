@@ -1,4 +1,4 @@
-"""The velocity errors of several schemes on the same task."""
+"""Velocity errors of several schemes on the same task."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from .style import styled
 def compared_velocity_errors(runs: Mapping[str, Run], *, beginning: float = 2.0) -> Figure:
     """Per joint: the velocity errors of all runs at the beginning, and to the right their sizes over the whole run.
 
-    - `runs`: finished runs of the same arm with logs, by the name that the legend gives them.
-    - `beginning`: how long the beginning is [s].
+    - `runs`: of the same arm, with logs, by name.
+    - `beginning`: [s].
 
     Raises DefinitionError if there are no runs, too many, one without a log, or arms with different joints.
     """

@@ -1,4 +1,4 @@
-"""The errors of several runs, side by side."""
+"""Error sizes of several runs."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ LEVEL: dict[str, Any] = {"color": "0.1", "linewidth": 0.7, "linestyle": "-", "zo
 
 @styled
 def error_sizes(runs: Mapping[str, Run], *, levels: Mapping[str, Sequence[float]] | None = None) -> Figure:
-    """Per joint: the size of each run's error on a logarithmic axis, with levels to compare it to.
+    """Per joint: the size of each run's error on a logarithmic axis, with levels for comparison.
 
-    - `runs`: finished runs of the same arm with logs, by the name that the legend gives them.
-    - `levels`: horizontal lines by name, each with one value per joint [rad or m].
+    - `runs`: with logs, by name.
+    - `levels`: horizontal lines by name, one value per joint [rad or m].
 
     Raises DefinitionError if there are no runs, more than five, or one without a log.
     """

@@ -1,4 +1,4 @@
-"""How numbers of many runs are distributed."""
+"""Distributions over many runs."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ BINS = 60
 
 @styled
 def histograms(values: Mapping[str, np.ndarray], limits: Mapping[str, float] = {}) -> Figure:
-    """One panel per number: how many runs have which value; on a logarithmic axis where all are > 0 and far apart.
+    """One panel per quantity: number of runs over its value, logarithmic if all values are > 0 and span decades.
 
-    - `values`: of all runs, by the label of the axis with its unit; what is not finite is left out.
-    - `limits`: where a line is drawn, by the same labels.
+    - `values`: of all runs by axis label; non-finite values are omitted.
+    - `limits`: positions of lines, by the same labels.
     """
     shown = {label: np.asarray(numbers)[np.isfinite(numbers)] for label, numbers in values.items()}
-    # What is the same in all runs needs no picture.
+    # Omit values that are equal in all runs.
     shown = {
         label: numbers
         for label, numbers in shown.items()

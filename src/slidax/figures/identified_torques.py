@@ -1,4 +1,4 @@
-"""Predicted torques over measured ones."""
+"""Predicted and measured torques."""
 
 from __future__ import annotations
 
@@ -15,25 +15,22 @@ from .thinning import thinned
 
 
 @styled
-def identified_torques(found: Identification) -> Figure:
-    """Per joint: what was measured, what the identified arm predicts, and what is left; the held-out part is shaded.
-
-    - `found`: an identification.
-    """
-    t, n = found.t - found.t[0], found.robot.joints
+def identified_torques(identification: Identification) -> Figure:
+    """Per joint: measured, predicted and remaining torque of an `identification`; the held-out part is shaded."""
+    t, n = identification.t - identification.t[0], identification.robot.joints
     figure = Figure(figsize=(WIDTH, ROW * n + 0.25), layout="constrained")
     panels = figure.subplots(n, 2, sharex="col", squeeze=False, width_ratios=[1.6, 1])
-    left = found.measured - found.predicted
-    for i, unit in enumerate(found.robot.torque_units):
+    left = identification.measured - identification.predicted
+    for i, unit in enumerate(identification.robot.torque_units):
         whole, rest = panels[i]
-        whole.plot(*thinned(t, found.measured[:, i]), **LINES[0])
-        whole.plot(*thinned(t, found.predicted[:, i]), **LINES[1])
+        whole.plot(*thinned(t, identification.measured[:, i]), **LINES[0])
+        whole.plot(*thinned(t, identification.predicted[:, i]), **LINES[1])
         rest.plot(*thinned(t, left[:, i]), **LINES[2])
         largest = max(float(np.abs(left[:, i]).max()), 1e-12)
         rest.set_ylim(-1.1 * largest, 1.1 * largest)
         whole.set_ylabel(rf"$\tau_{{{i + 1}}}$  [{unit}]")
         for axes in (whole, rest):
-            axes.axvspan(float(t[found.split]), float(t[-1]), zorder=0.5, **BAND)
+            axes.axvspan(float(t[identification.split]), float(t[-1]), zorder=0.5, **BAND)
             axes.axhline(0.0, color="0.75", linewidth=0.6, zorder=1.5)
     for axes in panels[-1]:
         use_time_axis(axes, 0.0, float(t[-1]))

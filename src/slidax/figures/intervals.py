@@ -1,4 +1,4 @@
-"""Differences with what is known of them."""
+"""Values with confidence intervals."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from .style import BOUND, LINES, WIDTH, styled
 
 @styled
 def intervals(names: Sequence[str], values: Mapping[str, np.ndarray]) -> Figure:
-    """One panel for each quantity: a mark and an interval for each name, and a line at 0.
+    """One panel per quantity: a mark and an interval for each name, and a line at 0.
 
-    - `names`: from the top down.
-    - `values`: of each quantity, by its label: lower end, value, upper end; NaN where there is none [names 3].
+    - `names`: from top to bottom.
+    - `values`: by label: lower end, value, upper end [names 3]; NaN where there is none.
     """
     figure = Figure(figsize=(WIDTH, 0.26 * len(names) + 0.85), layout="constrained")
     panels = figure.subplots(1, max(len(values), 1), squeeze=False, sharey=True)[0]

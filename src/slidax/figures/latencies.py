@@ -1,4 +1,4 @@
-"""How late a loop in real time was, and how long each of its steps took."""
+"""Latencies of a real-time loop."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from .style import LIMIT, WIDTH, styled
 
 BINS = 120
 LEAST = 0.2
-"""What is shorter is counted there [us]."""
+"""Smaller times are counted here [µs]."""
 
 
 @styled
 def latencies(times: Mapping[str, np.ndarray], period: float) -> Figure:
-    """How many ticks had which latency, on logarithmic axes, so that the rare late ones are seen.
+    """Number of ticks by latency, on logarithmic axes that show rare delays.
 
-    - `times`: of all ticks, s, by what they are of.
-    - `period`: between two ticks [s], drawn as a line.
+    - `times`: of all ticks by name, s.
+    - `period`: sample time, drawn as a line [s].
     """
     figure = Figure(figsize=(WIDTH, 3.0), layout="constrained")
     axes = figure.subplots()

@@ -1,4 +1,4 @@
-"""The limits of the drives in a panel of torques."""
+"""Torque limits in a figure."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from matplotlib.lines import Line2D
 from .style import LIMIT
 
 NEAR = 0.4
-"""From this share of its limit on, a torque is shown with the limit in the picture."""
+"""The limit is inside the axes if a torque exceeds this share of it."""
 
 
 def draw_limit(panels: Iterable[Axes], limit: float, unit: str) -> None:
-    """A line at each end of what a drive can do, and its value above the first panel.
+    """Draw a line at each torque limit, and its value above the first panel.
 
-    Where the torque stays far below its limit the lines lie outside of the picture, so that the torque can be seen.
+    Far above the torque, the lines lie outside the axes, so that the torque stays visible.
 
-    - `panels`: of one joint, with their torques drawn.
+    - `panels`: of one joint, with the torques drawn.
     - `limit`: largest torque [N m or N]; nothing is drawn if it is infinite.
     - `unit`: of the torque.
     """
@@ -40,5 +40,5 @@ def draw_limit(panels: Iterable[Axes], limit: float, unit: str) -> None:
 
 
 def limit_handle() -> Line2D:
-    """The limit as a legend shows it."""
+    """The legend entry of the limits."""
     return Line2D([], [], **LIMIT, label="torque limit")

@@ -1,4 +1,4 @@
-"""What pictures ask of a run."""
+"""Logs and axis labels for figures."""
 
 from __future__ import annotations
 
@@ -9,15 +9,13 @@ from slidax.metrics import short_names
 from slidax.simulation import Log, Run
 
 LONGEST = 18
-"""No more characters of a joint's name fit beside its panel."""
+"""Characters of a joint's name at most, for lack of space."""
 
 
 def log_of(run: Run) -> Log:
-    """The log of a run.
+    """The log of a `run`.
 
-    - `run`: a finished run.
-
-    Raises DefinitionError if it has none, or an empty one.
+    Raises DefinitionError if there is none, or it is too short.
     """
     if run.log is None:
         raise DefinitionError("a figure needs the log of its run; simulate with `log_every=10`, not None")
@@ -29,11 +27,11 @@ def log_of(run: Run) -> Log:
 
 
 def joint_label(run: Run, joint: int, symbol: str, unit: str) -> str:
-    """The label of one joint's axis: the symbol with the joint's number, below the joint's name if it has one.
+    """The axis label of a joint: its name, if it has one, above the symbol with its number.
 
-    - `run`: whose joint.
-    - `joint`: its number, from 0.
-    - `symbol`: as mathematics, with `%d` for the number.
+    - `run`: with the joint.
+    - `joint`: index from 0.
+    - `symbol`: mathematical text with `%d` for the number.
     - `unit`: of the axis.
     """
     name = short_names(run.joint_names)[joint]

@@ -1,4 +1,4 @@
-"""What runs with little margin have in common."""
+"""The margin of many runs over uncertain parameters."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from matplotlib.lines import Line2D
 from .style import LIMIT, WIDTH, legend_above, styled
 
 MOST = 1500
-"""Points in a panel that a picture can show."""
+"""Points in a panel."""
 
 
 @styled
 def margin_over(margin: np.ndarray, values: Mapping[str, np.ndarray], names: str = "margin") -> Figure:
-    """One panel per uncertain number: the margin of each run over its value; runs that failed are marked.
+    """One panel per uncertain parameter: the margin of each run over its value; failed runs are marked.
 
-    Of many runs every k-th is drawn, and all with the least margin.
+    With many runs every k-th is drawn, and all with the least margin.
 
-    - `margin`: of each run; < 0 where it failed.
-    - `values`: of each run, by the label of the axis with its unit.
+    - `margin`: of each run; < 0 if it failed.
+    - `values`: of each run by axis label.
     - `names`: label of the margin.
     """
     known = np.isfinite(margin)

@@ -14,7 +14,7 @@ from .overlay import LOOKS, legend_rows, require_looks
 from .style import WIDTH, legend_above, styled
 
 HATCHES = ("", "////", "----", "xxxx", "\\\\\\\\", "||||", "++++", "//", "--", "\\\\", "xx", "||", "-|")
-"""Fillings of the first, second, ... scheme, told apart without colour; lines only, since dots make an SVG large."""
+"""Hatches of the first, second, ... scheme, distinct without colour; lines only, since dots make large SVGs."""
 
 
 @styled
@@ -23,11 +23,11 @@ def metric_bars(
 ) -> Figure:
     """One group of bars per joint, with one bar per scheme, on a logarithmic axis.
 
-    What is zero, not finite or missing has no bar but a dash in its place.
+    A value that is zero, not finite or missing is a dash.
 
-    - `values`: of each scheme by name, with one value per joint, >= 0.
+    - `values`: by scheme, one value per joint, >= 0.
     - `label`: of the axis, with the unit.
-    - `joints`: their names; numbered if not given.
+    - `joints`: names; by default numbers.
 
     Raises DefinitionError if there are no schemes, too many, or they have different numbers of joints.
     """
@@ -64,7 +64,7 @@ def metric_bars(
 
 
 def _decades(drawn: np.ndarray) -> tuple[float, float]:
-    """A decade below the least value, so that its bar has a height, and room above the largest."""
+    """From a decade below the least value, so that its bar has a height, to above the largest."""
     if not np.isfinite(drawn).any():
         return 0.1, 10.0
     low, high = np.log10(np.nanmin(drawn)), np.log10(np.nanmax(drawn))

@@ -1,4 +1,4 @@
-"""Figures that show themselves in a notebook, which those made without pyplot do not by themselves."""
+"""Figures that display themselves in a notebook, without pyplot."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Drawn = TypeVar("Drawn")
 
 
 class NotebookFigure(Figure):
-    """A Figure that a notebook shows as SVG, drawn by the settings that it was made with."""
+    """A Figure that a notebook shows as SVG, with the settings that it was made with."""
 
     settings: Any
 
@@ -27,10 +27,7 @@ class NotebookFigure(Figure):
 
 
 def drawn_by(settings: Any) -> Callable[[Callable[Given, Drawn]], Callable[Given, Drawn]]:
-    """Decorates a function that draws: the settings hold inside, and its figure shows itself in a notebook.
-
-    - `settings`: of matplotlib; what held before holds after.
-    """
+    """Decorate a function that draws: matplotlib's `settings` hold inside, and the figure shows itself in notebooks."""
 
     def decorated(draw: Callable[Given, Drawn]) -> Callable[Given, Drawn]:
         @functools.wraps(draw)

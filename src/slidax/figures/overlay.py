@@ -1,4 +1,4 @@
-"""What pictures of several runs have in common: line styles, diverging runs, and the number of points."""
+"""Line styles, axis ranges and number of points for figures of several runs."""
 
 from __future__ import annotations
 
@@ -30,14 +30,14 @@ LOOKS: tuple[dict[str, Any], ...] = (
     {"color": "#00594C", "linestyle": (0, (3, 2.4))},
     {"color": "#8C8C00", "linestyle": (0, (6, 1.2, 1.2, 1.2))},
 )
-"""Colour and dashes of the first, second, ... run: enough for all schemes, told apart without colour too."""
+"""Colour and dashes of each run: enough for all schemes, distinct without colour too."""
 
 POINTS = 4800
-"""About how many points all curves of a picture have together at most, so that it stays small as an SVG."""
+"""Points of all curves in a figure together at most, approximately."""
 
 
 SPAN = 6.0
-"""How many times larger than what the median run mostly has an axis may be; higher peaks leave it."""
+"""Range of an axis relative to the usual value of the median run; higher peaks are cut off."""
 
 
 @dataclass(frozen=True)
@@ -55,16 +55,16 @@ class Trace:
 
 
 def traces_of(runs: Mapping[str, Run], field: str) -> list[Trace]:
-    """What is to be drawn of each run, its finite samples only.
+    """The finite samples of each run.
 
-    - `runs`: finished runs of the same arm with logs, by name.
-    - `field`: name of the log's quantity: `e`, `de` or `tau`.
+    - `runs`: of the same arm, with logs, by name.
+    - `field`: quantity of the log: `e`, `de` or `tau`.
 
     Raises DefinitionError if there are no runs, too many, one without a log, or arms with different joints.
     """
     require_looks(runs)
     first = next(iter(runs.values()))
-    found = []
+    traces = []
     for (name, run), look in zip(runs.items(), LOOKS, strict=False):
         if run.joint_names != first.joint_names or run.joint_units != first.joint_units:
             raise DefinitionError(f"the run `{name}` is of an arm with other joints; runs of one arm can be compared")
@@ -73,33 +73,26 @@ def traces_of(runs: Mapping[str, Run], field: str) -> list[Trace]:
         finite = np.isfinite(y).all(axis=1)
         if finite.sum() < 2:
             raise DefinitionError(f"the run `{name}` has fewer than two finite samples; leave it out")
-        found.append(Trace(np.asarray(log.t)[finite], y[finite], look))
-    return found
+        traces.append(Trace(np.asarray(log.t)[finite], y[finite], look))
+    return traces
 
 
 def require_looks(named: Mapping[str, Any]) -> None:
-    """Raises a DefinitionError unless there is at least one, and a look for each.
-
-    - `named`: what is to be drawn, by name.
-    """
+    """Raise DefinitionError unless there is at least one entry in `named`, and a line style for each."""
     if not 1 <= len(named) <= len(LOOKS):
         raise DefinitionError(f"this figure shows 1 to {len(LOOKS)} runs; got {len(named)}")
 
 
 def columns_for(curves: int, points: int) -> int:
-    """Into how many columns to divide a panel, so that all curves together have not too many points.
-
-    - `curves`: how many there are in the whole picture.
-    - `points`: how many points each has per column.
-    """
+    """Columns of a panel for a number of `curves` in the figure, with `points` per column."""
     return int(np.clip(POINTS // (curves * points), 30, 160))
 
 
 def linear_range(values: Sequence[np.ndarray], span: float = SPAN) -> tuple[float, float]:
-    """From where to where a linear axis goes: over all values, unless a few peaks would flatten all the rest.
+    """The range of a linear axis: all values, unless a few peaks would flatten the rest.
 
-    - `values`: of each curve, [k].
-    - `span`: how many times larger than what the median run mostly has the axis may be; infinite shows all.
+    - `values`: of each curve [k].
+    - `span`: range relative to the usual value of the median run; infinite shows all.
     """
     inner = np.array([np.quantile(value, (0.01, 0.99)) for value in values if len(value)] or [(-1.0, 1.0)])
     whole = np.array([(value.min(), value.max()) for value in values if len(value)] or [(-1.0, 1.0)])
@@ -113,11 +106,7 @@ def linear_range(values: Sequence[np.ndarray], span: float = SPAN) -> tuple[floa
 
 
 def clipped(y: np.ndarray, limits: tuple[float, float]) -> np.ndarray:
-    """The values, with those far outside the axis brought near, where drawing them does not overflow.
-
-    - `y`: values.
-    - `limits`: of the axis.
-    """
+    """The values `y`, clipped one span outside the axis `limits`, where drawing does not overflow."""
     span = limits[1] - limits[0]
     return np.clip(y, limits[0] - span, limits[1] + span)
 
@@ -125,11 +114,11 @@ def clipped(y: np.ndarray, limits: tuple[float, float]) -> np.ndarray:
 def crest(t: np.ndarray, size: np.ndarray, columns: int) -> tuple[np.ndarray, np.ndarray]:
     """The largest sample of each column, from the first time to the last.
 
-    Sizes of errors that swing about zero then are one line at the height of the swing, and many can be told apart.
+    Errors that oscillate about zero become lines at their amplitude, which can be distinguished.
 
     - `t`: increasing [k].
-    - `size`: values >= 0, [k].
-    - `columns`: how many.
+    - `size`: values >= 0 [k].
+    - `columns`: number of columns.
     """
     if len(t) <= columns:
         return t, size
@@ -142,29 +131,17 @@ def crest(t: np.ndarray, size: np.ndarray, columns: int) -> tuple[np.ndarray, np
 
 
 def zero_line(axes: Axes) -> None:
-    """A faint line at zero.
-
-    - `axes`: where.
-    """
+    """Draw a faint line at zero on `axes`."""
     axes.axhline(0.0, color="0.75", linewidth=0.6, zorder=1.5)
 
 
 def name_runs(figure: Figure, names: Iterable[str], more: Sequence[Any] = ()) -> None:
-    """The legend of the runs, in as many rows as they need.
-
-    - `figure`: where.
-    - `names`: of the runs, in the order of their looks.
-    - `more`: what else to name.
-    """
+    """Add a legend to a `figure` with the `names` in the order of `LOOKS`, and `more` handles."""
     handles = [Line2D([], [], **look, label=name) for name, look in zip(names, LOOKS, strict=False)]
     handles += more
     legend_above(figure, handles, columns=-(-len(handles) // legend_rows(len(handles), figure.get_figwidth())))
 
 
 def legend_rows(entries: int, width: float) -> int:
-    """How many rows a legend takes.
-
-    - `entries`: how many names there are.
-    - `width`: of the figure [in].
-    """
+    """Number of rows of a legend with `entries` in a figure of a `width` [in]."""
     return -(-entries // max(1, int(width / 1.35)))

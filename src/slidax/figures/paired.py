@@ -1,4 +1,4 @@
-"""Errors of several runs, plain at the beginning and as sizes over the whole run."""
+"""Errors of several runs, at the beginning and as sizes over the whole run."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ from .thinning import thinned
 def draw_pairs(
     runs: Mapping[str, Run], field: str, symbol: str, rate: str, beginning: float
 ) -> tuple[Figure, np.ndarray]:
-    """The figure, and its panels [n 2]: to the left on a linear, to the right on a logarithmic axis.
+    """The figure and its panels [n 2]: to the left on a linear, to the right on a logarithmic axis.
 
-    - `runs`: finished runs of the same arm with logs, by name.
-    - `field`: name of the log's quantity: `e` or `de`.
-    - `symbol`: of the quantity as mathematics, with `%d` for the joint's number.
-    - `rate`: what follows the unit of the joint: nothing or `/s`.
-    - `beginning`: how long the beginning is [s].
+    - `runs`: of the same arm, with logs, by name.
+    - `field`: quantity of the log: `e` or `de`.
+    - `symbol`: mathematical text with `%d` for the joint's number.
+    - `rate`: suffix of the joint's unit: empty or `/s`.
+    - `beginning`: [s].
 
     Raises DefinitionError if there are no runs, too many, one without a log, or arms with different joints.
     """

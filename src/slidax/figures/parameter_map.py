@@ -15,12 +15,12 @@ from .style import LIMIT, LINES, styled
 
 @styled
 def parameter_map(axes: Mapping[str, np.ndarray], values: np.ndarray, label: str, bound: float | None = None) -> Figure:
-    """A line over one parameter, or a map over two, with the line on which the result is at its bound.
+    """A line over one parameter, or a map over two, with the contour at a bound.
 
-    - `axes`: values of one or two parameters, by their labels.
-    - `values`: the result at each of their combinations; what is not finite is left out.
+    - `axes`: values of one or two parameters, by label.
+    - `values`: the result at each combination; non-finite values are omitted.
     - `label`: of the result, with the unit.
-    - `bound`: where it changes from good to bad; None for nowhere.
+    - `bound`: between good and bad; None for none.
     """
     (first, x), *rest = axes.items()
     shown = np.ma.masked_invalid(np.asarray(values, float))
@@ -49,7 +49,7 @@ def parameter_map(axes: Mapping[str, np.ndarray], values: np.ndarray, label: str
 
 
 def _logarithmic(numbers: np.ndarray, set_scale: Callable[[str], Any], axis: Axis) -> None:
-    """Where the steps between the values are rather factors than distances."""
+    """Use a logarithmic axis if the steps are ratios rather than differences."""
     if len(numbers) > 2 and np.min(numbers) > 0 and np.max(numbers) > 5 * np.min(numbers):
         ratios, steps = np.diff(np.log(numbers)), np.diff(numbers)
         if np.ptp(ratios) / abs(ratios.mean()) < np.ptp(steps) / abs(steps.mean()):

@@ -1,4 +1,4 @@
-"""How fast envelopes narrow."""
+"""Performance functions."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ from .thinning import every_nth
 
 @styled
 def performance(functions: Mapping[str, AbstractPerformance], t: np.ndarray) -> Figure:
-    """Performance functions ρ(t) on a logarithmic axis, where small and large ones can be read alike.
+    """Performance functions ρ(t) on a logarithmic axis.
 
-    - `functions`: functions of one joint by the name that the legend gives them.
+    - `functions`: of one joint, by name.
     - `t`: times [k], s.
 
     Raises DefinitionError if there are none, more than five, or one with several joints.

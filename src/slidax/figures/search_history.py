@@ -1,4 +1,4 @@
-"""How a search went down."""
+"""Progress of a search."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from .style import LIMIT, LINES, styled
 
 @styled
 def search_history(history: np.ndarray, label: str, bound: float | None = None) -> Figure:
-    """The lowest value that was seen, over the number of runs.
+    """The lowest value so far, over the number of runs.
 
-    - `history`: after so many runs, so low a value [looks 2].
+    - `history`: number of runs and lowest value [looks 2].
     - `label`: of the values, with the unit.
-    - `bound`: a value that means something; None for none.
+    - `bound`: a level to mark; None for none.
     """
     figure = Figure(figsize=(4.6, 2.1), layout="constrained")
     axes = figure.subplots()

@@ -1,4 +1,4 @@
-"""How all pictures look: one column or two of a journal, small serif type, thin lines."""
+"""The common look of all figures: one or two journal columns, small serif type, thin lines."""
 
 from __future__ import annotations
 
@@ -56,11 +56,12 @@ STYLE: Any = {
     "figure.dpi": 100.0,
     "savefig.dpi": 200.0,
 }
-"""Settings of matplotlib that hold while a picture is drawn, and only then. Text becomes paths in an SVG, so that the
-picture is the same on machines without the typeface."""
+"""Settings of matplotlib that hold while a figure is drawn. Text becomes paths in an SVG, so that it looks the same
+without the typeface.
+"""
 
 WIDTH = 6.9
-"""Width of a picture over both columns of a journal [in]."""
+"""Width of a figure over two columns of a journal [in]."""
 
 ROW = 1.45
 """Height of one joint's row [in]."""
@@ -72,7 +73,7 @@ LINES: tuple[dict[str, Any], ...] = (
     {"color": "#7B3294", "linestyle": (0, (5, 1.4, 1.2, 1.4))},
     {"color": "#000000", "linestyle": (0, (3, 1.2, 1.2, 1.2, 1.2, 1.2))},
 )
-"""Colour and dashes of the first, second, ... line: told apart without colour too. After Okabe and Ito."""
+"""Colour and dashes of the first, second, ... line, distinct without colour too. After Okabe and Ito."""
 
 BAND: dict[str, Any] = {"facecolor": "#E9EEF4", "edgecolor": "none"}
 """The inside of an envelope."""
@@ -81,28 +82,20 @@ BOUND: dict[str, Any] = {"color": "#6B7785", "linewidth": 0.8}
 """The edge of an envelope."""
 
 NARROW: dict[str, Any] = {**BOUND, "linewidth": 0.6, "linestyle": (0, (4, 2))}
-"""The narrower side of an envelope, where both are drawn as sizes."""
+"""The narrower side of an envelope."""
 
 LIMIT: dict[str, Any] = {"color": "#A33B20", "linewidth": 0.7, "linestyle": (0, (6, 2, 1, 2))}
 """A limit of the drives."""
 
 styled = drawn_by(STYLE)
-"""Decorates a function that draws: the settings of STYLE hold inside, and its figure shows itself in a notebook."""
+"""Decorates a function that draws with STYLE; its figure shows itself in a notebook."""
 
 
 def envelope_patch(label: str = "envelope") -> Patch:
-    """An envelope as a legend shows it.
-
-    - `label`: what it is called.
-    """
+    """The legend entry of an envelope, with a `label`."""
     return Patch(facecolor=BAND["facecolor"], edgecolor=BOUND["color"], linewidth=BOUND["linewidth"], label=label)
 
 
 def legend_above(figure: Figure, handles: Sequence[Artist], columns: int | None = None) -> None:
-    """One legend above all panels, where it covers no data.
-
-    - `figure`: with a constrained layout, which makes room.
-    - `handles`: what to name, each with its label.
-    - `columns`: how many stand side by side; all if not given.
-    """
+    """Add one legend above all panels of a `figure`, in `columns` (default: one row), with `handles`."""
     figure.legend(handles=handles, loc="outside upper center", ncols=columns or len(handles))

@@ -1,4 +1,4 @@
-"""From a Figure to a small SVG that looks the same everywhere."""
+"""Small SVG files that look the same everywhere."""
 
 from __future__ import annotations
 
@@ -6,52 +6,61 @@ import io
 import re
 from pathlib import Path
 
+import numpy as np
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 
 from slidax._writing import replacing, write_text
 
 from .style import STYLE
+from .thinning import off_lines
 
 PATH_DATA = re.compile(r'(?<=\sd=")[^"]*')
 PLACE = re.compile(r'(?<=\s[xy]=")[^"]*')
 LONG_NUMBER = re.compile(r"-?\d+\.\d{3,}")
+NUMBER = re.compile(r"-?[\d.]+")
 IDENTIFIER = re.compile(r'(\bid="|href="#|url\(#)')
-NEXT_POINT = re.compile(r"\s+L\s+")
+COMMENT = re.compile(r"\s*<!--.*?-->", re.DOTALL)
+GROUP_ID = re.compile(r'(?<=<g) id="(?![^"]*-figure_1")[^"]*"')
+BARE_GROUP = re.compile(r"<g>\s*((?:<(?:use|path)\b[^>]*/>\s*)*)</g>")
+GLYPH = re.compile(r"STIX\w*-(\w)\w*-")
+SHIFTED = re.compile(r'transform="translate\((\S+) 0\)"/>')
+TRANSLATION = re.compile(r"(?<=translate\()[^)]*")
+TOLERANCE = 0.1
+"""A curve may be off by this much: less than a tenth of its line width [pt]."""
 PROLOG = re.compile(r"^.*?(?=<svg\b)", re.DOTALL)
 METADATA = re.compile(r"\s*<metadata>.*?</metadata>", re.DOTALL)
 NAMESPACE = re.compile(r'\sxmlns(:\w+)?="[^"]*"')
 
 
 def to_svg(figure: Figure, name: str) -> str:
-    """The picture as an SVG document: text as paths, coordinates to a hundredth of a point, the same bytes every time.
+    """A `figure` as an SVG document: text as paths, coordinates to a hundredth of a point, reproducible bytes.
 
-    - `figure`: the picture.
-    - `name`: put before each of its ids, so that several pictures fit into one page.
+    - `name`: prefix of its ids, so that several figures fit into one page.
     """
     buffer = io.StringIO()
     with rc_context(STYLE | {"svg.hashsalt": name}):
         figure.savefig(buffer, format="svg")
     text = METADATA.sub("", buffer.getvalue())
     text = IDENTIFIER.sub(lambda match: f"{match[1]}{name}-", text)
-    text = PLACE.sub(lambda number: LONG_NUMBER.sub(_rounded, number[0]), text)
-    return PATH_DATA.sub(lambda data: _shortened(data[0]), text)
+    for numbers in (PLACE, TRANSLATION):
+        text = numbers.sub(lambda match: LONG_NUMBER.sub(_rounded, match[0]), text)
+    text = GROUP_ID.sub("", COMMENT.sub("", text))
+    count = 1
+    while count:
+        text, count = BARE_GROUP.subn(r"\1", text)
+    text = SHIFTED.sub(r'x="\1"/>', GLYPH.sub(r"\1", text))
+    text = PATH_DATA.sub(lambda match: _shortened(match[0]), text)
+    return re.sub(r"\s*\n\s*", "\n", text).replace("; ", ";").replace(": ", ":")
 
 
 def inline(svg: str) -> str:
-    """The SVG document without what only a file of its own needs, for use inside a page.
-
-    - `svg`: what `to_svg` returned.
-    """
+    """An SVG document from `to_svg` without its prolog and namespaces, for use inside a page."""
     return NAMESPACE.sub("", PROLOG.sub("", svg)).strip()
 
 
 def save(figure: Figure, path: Path | str) -> Path:
-    """Writes the picture; the ending of the path says in which format: svg, pdf, png.
-
-    - `figure`: the picture.
-    - `path`: where to; its folder is made if missing.
-    """
+    """Write a `figure` to `path`, whose ending is the format: svg, pdf, png."""
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
     if path.suffix == ".svg":
@@ -64,9 +73,22 @@ def save(figure: Figure, path: Path | str) -> Path:
 
 
 def _shortened(data: str) -> str:
-    """Points after the first of a polygon need no letter; where there are curves they do."""
+    """Polygons with relative coordinates and without the points on straight lines; curves are only rounded."""
     data = LONG_NUMBER.sub(_rounded, data)
-    return data if set("QC") & set(data) else NEXT_POINT.sub(" ", data)
+    if set("QC") & set(data):
+        return data
+    parts = []
+    for part in re.findall(r"M[^M]*", data):
+        points = np.array(NUMBER.findall(part), dtype=float).reshape(-1, 2)
+        points = points[off_lines(points, TOLERANCE)].round(2)
+        x, y = points[0]
+        steps = " ".join(f"{_number(dx)} {_number(dy)}" for dx, dy in np.diff(points, axis=0).round(2))
+        parts.append(f"M{_number(x)} {_number(y)}{'l' * bool(steps)}{steps}{'z' * ('z' in part)}".replace(" -", "-"))
+    return "".join(parts)
+
+
+def _number(value: float) -> str:
+    return f"{value:.2f}".rstrip("0").rstrip(".").replace("-0.", "-.").removeprefix("0") or "0"
 
 
 def _rounded(match: re.Match[str]) -> str:

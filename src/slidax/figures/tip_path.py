@@ -1,4 +1,4 @@
-"""Where the tip of the arm goes."""
+"""The path of the tip."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ MARKS = {"start": "o", "end": "s"}
 
 @styled
 def tip_path(actual: np.ndarray, desired: np.ndarray) -> Figure:
-    """The tip's path and the desired one, seen from above, and from the side if the tip also moves up and down.
+    """The tip's path and the desired one, seen from above, and from the side if the tip also moves vertically.
 
-    - `actual`, `desired`: places of the tip over time, [k 3], m.
+    - `actual`, `desired`: tip positions over time [k 3], m.
     """
     actual, desired = np.asarray(actual), np.asarray(desired)
     rises = np.ptp(np.concatenate([actual, desired])[:, 2]) > 1e-9

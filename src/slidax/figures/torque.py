@@ -1,4 +1,4 @@
-"""How much torque the joints need."""
+"""Joint torques."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ from .thinning import thinned
 def torque(run: Run, *, limits: Sequence[float] | np.ndarray | None = None, beginning: float = 2.0) -> Figure:
     """Per joint: the torque over the whole run, and to the right over its beginning.
 
-    - `run`: a finished run with a log.
-    - `limits`: largest torque of each joint's drive [N m or N], to draw beside it.
-    - `beginning`: how long the beginning is [s].
+    - `run`: with a log.
+    - `limits`: largest torque of each joint's drive [N m or N].
+    - `beginning`: [s].
 
     Raises DefinitionError if the run has no log.
     """

@@ -21,18 +21,18 @@ from .thinning import every_nth, thinned
 def tracking_error(run: Run, *, window: tuple[float, float] | None = None) -> Figure:
     """Per joint: the error in its envelope, eq. (12), and to the right the error's size on a logarithmic axis.
 
-    - `run`: a finished run with a log.
-    - `window`: from when to when [s]; the whole run if not given.
+    - `run`: with a log.
+    - `window`: start and end [s]; by default the whole run.
 
     Raises DefinitionError if the run has no log.
     """
     log = log_of(run)
     t = np.asarray(log.t)
-    seen = slice(None) if window is None else (t >= window[0]) & (t <= window[1])
-    t, e = t[seen], np.asarray(log.e)[seen]
+    chosen = slice(None) if window is None else (t >= window[0]) & (t <= window[1])
+    t, e = t[chosen], np.asarray(log.e)[chosen]
     figure = Figure(figsize=(WIDTH, ROW * run.joints + 0.55), layout="constrained")
     panels = figure.subplots(run.joints, 2, sharex=True, squeeze=False, width_ratios=[1.15, 1])
-    bounds = None if log.envelope is None else _bounds(log.envelope, seen)
+    bounds = None if log.envelope is None else _bounds(log.envelope, chosen)
     use_size_axis(panels[:, 1], np.abs(e) if bounds is None else np.append(np.abs(e), np.abs(bounds).max()))
     sides = False
     for i, unit in enumerate(run.joint_units):
@@ -59,8 +59,8 @@ def tracking_error(run: Run, *, window: tuple[float, float] | None = None) -> Fi
     return figure
 
 
-def _bounds(envelope: Envelope, seen: slice | np.ndarray) -> np.ndarray:
-    return np.stack([np.asarray(envelope.lower)[seen], np.asarray(envelope.upper)[seen]])
+def _bounds(envelope: Envelope, chosen: slice | np.ndarray) -> np.ndarray:
+    return np.stack([np.asarray(envelope.lower)[chosen], np.asarray(envelope.upper)[chosen]])
 
 
 def _draw_envelope(axes: Axes, t: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> None:
@@ -71,7 +71,7 @@ def _draw_envelope(axes: Axes, t: np.ndarray, lower: np.ndarray, upper: np.ndarr
 
 
 def _draw_radii(axes: Axes, t: np.ndarray, narrow: np.ndarray, wide: np.ndarray) -> None:
-    """Below the narrower side an error of either sign is inside, above the wider one none is."""
+    """Below the narrower side an error of either sign is inside; above the wider side it is outside."""
     time, low, high = every_nth(t), every_nth(narrow), every_nth(wide)
     axes.fill_between(time, axes.get_ylim()[0], high, **BAND, label="envelope")
     axes.plot(time, high, **BOUND)

@@ -1,4 +1,4 @@
-"""What share of the variance of a result is whose."""
+"""Sobol indices."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from .style import LINES, legend_above, styled
 def variance_shares(
     names: Sequence[str], first: np.ndarray, total: np.ndarray, halves: tuple[np.ndarray, np.ndarray]
 ) -> Figure:
-    """Two bars for each number: what it does by itself, and together with others.
+    """Two bars for each parameter: its first-order and its total Sobol index.
 
-    - `names`: of the numbers, from the top down.
-    - `first`, `total`: their Sobol indices [numbers].
-    - `halves`: half the widths of the intervals of both [numbers].
+    - `names`: from top to bottom.
+    - `first`, `total`: Sobol indices [parameters].
+    - `halves`: half the widths of their confidence intervals [parameters].
     """
     figure = Figure(figsize=(5.4, 0.42 * len(names) + 0.9), layout="constrained")
     axes = figure.subplots()

@@ -1,4 +1,4 @@
-"""The error of the joint velocities."""
+"""Velocity errors."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from .thinning import thinned
 def velocity_error(run: Run, *, beginning: float = 2.0) -> Figure:
     """Per joint: the velocity error over the beginning, and to the right its size over the whole run.
 
-    - `run`: a finished run with a log.
-    - `beginning`: how long the beginning is [s].
+    - `run`: with a log.
+    - `beginning`: [s].
 
     Raises DefinitionError if the run has no log.
     """

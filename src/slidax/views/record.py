@@ -16,7 +16,7 @@ from slidax.simulation import Run
 from .drawing import Drawing, draw
 from .needed import require_packages
 
-MOST_FRAMES = 6_000
+RECORDED_FRAMES = 6_000
 """Frames of a recording at most: more would exceed the memory of the browser."""
 
 
@@ -61,7 +61,7 @@ def record(
         if not 0 < value < float("inf"):
             raise DefinitionError(f"`{name}` must be > 0; got {value:g}")
     rate = frames_per_second / speed
-    drawing = draw(run, plant, rate=rate, most=MOST_FRAMES, title=title, urdf=urdf, plain=plain)
+    drawing = draw(run, plant, rate=rate, most=RECORDED_FRAMES, title=title, urdf=urdf, plain=plain)
     page = _recording(drawing, speed, beside)
     name = html.escape(drawing.title or "Replay")
     out.parent.mkdir(parents=True, exist_ok=True)

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 RATE = 240.0
 """Frames per second of the run: each picture differs from the last one also at a quarter of the speed."""
 
-MOST_FRAMES = 20_000
+LIVE_FRAMES = 20_000
 
 SPEEDS = {f"{speed:g}x": speed for speed in (0.1, 0.25, 0.5, 1.0, 2.0)}
 
@@ -65,7 +65,7 @@ def show(
     Raises DefinitionError if the run has no log, the robot is unknown or does not fit, or a package is missing.
     """
     require_show()
-    drawing = draw(run, plant, rate=RATE, most=MOST_FRAMES, title=title, urdf=urdf, plain=plain)
+    drawing = draw(run, plant, rate=RATE, most=LIVE_FRAMES, title=title, urdf=urdf, plain=plain)
     view = View(drawing, host, port)
     if open_browser:
         webbrowser.open(view.url)
