@@ -18,4 +18,4 @@ print(scenario.controller)
 print(run)
 print("settled to 1e-5 rad after [s]:", sx.metrics.settling_time(run, 1e-5))
 
-sx.figures.tracking_error(run).savefig(sys.argv[1] if len(sys.argv) > 1 else "tracking_error.svg")
+sx.figures.save(sx.figures.tracking_error(run), sys.argv[1] if len(sys.argv) > 1 else "tracking_error.svg")
