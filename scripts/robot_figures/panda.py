@@ -31,7 +31,7 @@ RIVALS = (COMPUTED_TORQUE, SLOTINE_LI, SUPER_TWISTING)
 SAME = "same estimator, learning, prediction, limits"
 """The form of a rival that has all that the sampled-data law has but its envelope and its reaching law."""
 
-COLUMNS = 240
+COLUMNS = 100
 
 FIRST: dict[str, Any] = {"color": "#C00000", "marker": "o", "linestyle": "none", "markersize": 4}
 """Where an error leaves the envelope."""

@@ -121,7 +121,7 @@ def test_a_bad_field_is_one_line_and_exit_code_2(change: str) -> None:
 
 
 @pytest.mark.parametrize("change", AT_1_KHZ)
-def test_a_bad_field_of_sensor_actuator_or_sampled_data_is_too(change: str) -> None:
+def test_bad_field_of_sensor_actuator_or_sampled_data_is_one_line_and_exit_code_2(change: str) -> None:
     assert_one_line(AT_1_KHZ[change], "example-4.1-1khz", "--set", change)
 
 

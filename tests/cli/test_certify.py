@@ -22,7 +22,7 @@ def only(monkeypatch: pytest.MonkeyPatch, *certificates: Any) -> None:
     monkeypatch.setattr(importlib.import_module("slidax.certificates.certify"), "CERTIFICATES", certificates)
 
 
-def test_json_page_and_table_say_the_same_and_4_that_something_does_not_hold(
+def test_json_and_page_agree_and_exit_code_is_4_if_a_certificate_fails(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     only(monkeypatch, admissibility, settling_time, ultimate_bound)
@@ -46,7 +46,7 @@ def test_json_page_and_table_say_the_same_and_4_that_something_does_not_hold(
     assert (tmp_path / "figures" / "bounded-error.svg").exists()
 
 
-def test_0_where_all_hold_and_a_table_for_a_person(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_exit_code_is_0_if_all_certificates_hold(monkeypatch: pytest.MonkeyPatch) -> None:
     only(monkeypatch, admissibility)
     words = ["certify", "example-4.1", "--runs", "0", "--set", "simulation.t1=0.1"]
     done = in_process(*words)
@@ -57,7 +57,7 @@ def test_0_where_all_hold_and_a_table_for_a_person(monkeypatch: pytest.MonkeyPat
     assert "--set 'scheme.transformation.performance.initial=[1.5,0.6]'" in outside.stdout
 
 
-def test_2_for_a_scenario_that_is_none_and_help_with_an_example() -> None:
+def test_invalid_scenario_has_exit_code_2_and_help_has_an_example() -> None:
     bad = in_process("certify", "example-4.2", "--set", "scheme.surface.p=1")
     assert bad.exit_code == 2 and "eq. 29" in bad.stderr and not bad.stdout
     assert in_process("certify", "nothing").exit_code == 2

@@ -19,7 +19,7 @@ SHORT = ("--set", "simulation.t1=0.5")
 HASTY = ("--set", "scheme.performance.deadline=0.05")
 
 
-def test_the_json_has_each_scheme_and_who_is_best() -> None:
+def test_json_has_each_scheme_and_the_best() -> None:
     result = in_process("compare", "example-4.1", "--schemes", "cftsmppc, ftsmc", *SHORT, "--json")
     assert result.exit_code == 0, result.output
     answer = json.loads(result.stdout)
@@ -58,7 +58,7 @@ def test_without_schemes_all_are_compared(each: bool, monkeypatch: pytest.Monkey
     assert list(json.loads(result.stdout)["schemes"]) == [name for name in listed if name != "sliding_mode"]
 
 
-def test_a_bad_end_is_a_row_and_no_failure_unless_all_end_so() -> None:
+def test_exit_code_is_3_if_no_run_reaches_its_end() -> None:
     bad = ("compare", "example-4.1", *SHORT, *HASTY, "--schemes")
     result = in_process(*bad, "cftsmppc,ftsmppc")
     assert result.exit_code == 3
@@ -125,7 +125,7 @@ def test_one_that_came_back_is_a_bad_end_of_the_comparison_too() -> None:
         (("--set", "simulaton.t1=1"), ["did you mean `simulation`?"]),
     ],
 )
-def test_what_cannot_be_is_one_line_and_exit_code_2(arguments: tuple[str, ...], words: list[str]) -> None:
+def test_invalid_request_is_one_line_and_exit_code_2(arguments: tuple[str, ...], words: list[str]) -> None:
     result = in_process("compare", "example-4.1", *arguments, "--json")
     assert result.exit_code == 2
     assert result.stdout == ""

@@ -28,7 +28,7 @@ def manifest_in(folder: Path) -> dict:
         (("example-4.1-1khz", "--set", "scheme.surface.k1=-1"), "must be > 0"),
     ],
 )
-def test_what_makes_no_page_is_refused_in_a_line(arguments: tuple[str, ...], said: str, tmp_path: Path) -> None:
+def test_invalid_request_is_refused_in_one_line(arguments: tuple[str, ...], said: str, tmp_path: Path) -> None:
     done = in_process("export", "web", *arguments, "--out", str(tmp_path / "site"))
     assert done.exit_code == 2
     assert said in done.stderr and done.stderr.count("\n") == 1

@@ -24,14 +24,14 @@ STILL = [
         (("no-such",), "unknown scenario `no-such`"),
     ],
 )
-def test_what_has_no_answer_is_refused_in_a_line(arguments: tuple[str, ...], said: str) -> None:
+def test_invalid_request_is_refused_in_one_line(arguments: tuple[str, ...], said: str) -> None:
     done = in_process("linear", *arguments)
     assert done.exit_code == 2
     assert said in done.stderr and done.stderr.count("\n") == 1
 
 
 @pytest.mark.full
-def test_the_table_the_json_and_the_page_say_the_same(tmp_path: Path) -> None:
+def test_table_json_and_page_agree(tmp_path: Path) -> None:
     done = in_process("linear", "example-4.1-1khz", *STILL, "--at", "0.4", "--json", "--out", str(tmp_path))
     assert done.exit_code == 0, done.output
     answer = json.loads(done.stdout)

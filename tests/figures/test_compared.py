@@ -127,7 +127,7 @@ def test_a_picture_of_noise_is_still_small(runs: dict[str, Run], draw) -> None:
 
 
 @pytest.mark.parametrize("draw", DRAWN)
-def test_a_run_that_ran_away_hides_no_other(runs: dict[str, Run], draw) -> None:
+def test_diverging_run_does_not_hide_the_others(runs: dict[str, Run], draw) -> None:
     log = runs["ftsmc"].log
     assert log is not None
     growth = np.geomspace(1.0, 1e200, len(log.t))[:, None] * np.ones((1, 2))
@@ -143,7 +143,7 @@ def test_a_run_that_ran_away_hides_no_other(runs: dict[str, Run], draw) -> None:
 
 
 @pytest.mark.parametrize("draw", DRAWN)
-def test_what_cannot_be_drawn_is_refused_with_the_reason(runs: dict[str, Run], draw) -> None:
+def test_invalid_runs_are_refused_with_the_reason(runs: dict[str, Run], draw) -> None:
     run = runs["cftsmppc"]
     with pytest.raises(DefinitionError, match=f"1 to {len(LOOKS)} runs; got 0"):
         draw({})

@@ -135,7 +135,7 @@ def test_in_a_race_with_links_that_come_and_go_the_secret_is_never_read(root: Pa
     assert read and refused
 
 
-def test_what_is_no_file_is_not_opened(root: Path):
+def test_only_regular_files_are_opened(root: Path):
     if not hasattr(os, "mkfifo"):
         pytest.skip("this system has no pipes by name")
     os.mkfifo(root / "pipe.yaml")

@@ -70,7 +70,7 @@ def test_meshes_go_with_the_bodies_that_carry_them(urdf: Path) -> None:
     np.testing.assert_allclose((ball.min(axis=0) + ball.max(axis=0)) / 2, [0.7, 0, 0.2], atol=1e-6)
 
 
-def test_what_is_bolted_on_can_be_left_out(urdf: Path) -> None:
+def test_links_behind_fixed_joints_can_be_omitted(urdf: Path) -> None:
     solids = mesh_solids(skeleton_of(crane()), urdf, tools=False)
     assert sorted(solid.body for solid in solids) == [0, 1]
 

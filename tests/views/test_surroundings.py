@@ -64,7 +64,7 @@ def assert_with_the_tip(moved: Moved, seen: Drawing, frames: np.ndarray) -> None
         np.testing.assert_allclose(load_of(seen).places[frame], place, atol=1e-9)
 
 
-def test_what_is_carried_is_the_box_of_its_mass_and_moments(ours: Moved) -> None:
+def test_payload_is_the_box_with_its_mass_and_moments(ours: Moved) -> None:
     vertices = load_of(drawn(ours)).solid.vertices
     np.testing.assert_allclose(vertices.max(axis=0), CENTER + SIDES / 2, atol=1e-12)
     np.testing.assert_allclose(vertices.min(axis=0), CENTER - SIDES / 2, atol=1e-12)
@@ -77,7 +77,7 @@ def test_our_own_load_is_with_the_tip_while_it_is_carried_and_is_not_seen_otherw
     assert_with_the_tip(ours, seen, np.flatnonzero(load_of(seen).visible))
 
 
-def test_what_mujoco_lets_go_goes_its_own_way(mujocos: Moved) -> None:
+def test_released_payload_follows_its_free_motion(mujocos: Moved) -> None:
     way = mujocos[1].load
     seen = drawn(mujocos)
     load, t = load_of(seen), seen.motion.t
@@ -180,7 +180,7 @@ def test_the_camera_sees_the_table_and_what_fell_on_it(mujocos: Moved) -> None:
     assert_seen(seen.stage.camera, seen.stage.target, np.concatenate([box, seen.table.vertices]))
 
 
-def test_what_falls_for_ever_is_left_to_fall_out_of_the_picture(mujocos: Moved) -> None:
+def test_payload_that_falls_forever_leaves_the_picture(mujocos: Moved) -> None:
     plant, run = mujocos
     assert run.load is not None and isinstance(plant, MujocoPlant)
     place = run.load.place - np.linspace(0, 1000, len(run.load.t))[:, None] * [0, 0, 1]

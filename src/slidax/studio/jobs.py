@@ -191,7 +191,7 @@ class Jobs:
                     if job.over:
                         await ended(job.process, gently=False)
                     job.code = await job.process.wait()
-                # What it has started may still run: it goes, too.
+                # End child processes that still run, too.
                 await ended(job.process, gently=False)
             except OSError as error:
                 (job.private / "log").write_text(f"slidax: cannot start the job: {error}\n", encoding="utf-8")

@@ -66,7 +66,7 @@ class _Walk:
                 for name in _texts(value):
                     self._named(key, name, where)
             self.through(value, where)
-        # Whether a mesh is there is nothing that a page should learn of other folders.
+        # The page must not learn which meshes exist in other folders.
         if data.get("meshes") is True and isinstance(data.get("file"), str):
             self._meshes(where / data["file"])
 

@@ -50,7 +50,7 @@ def result_of(run: Run, scenario: Scenario, milliseconds: float) -> tuple[dict[s
 
 
 def _bounds(run: Run, scenario: Scenario) -> tuple[np.ndarray, np.ndarray] | None:
-    """What the error is drawn in: the scheme's own envelope, or what every scheme is judged by here."""
+    """The envelope of the error: the scheme's own, or what every scheme is judged by here."""
     log = run.log
     assert log is not None
     if log.envelope is not None:
