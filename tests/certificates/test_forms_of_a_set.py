@@ -151,3 +151,9 @@ def test_a_larger_set_has_no_smaller_bounds(learns: bool) -> None:
             # The bound of a law that learns is that of simulated arms, of which some are others in a larger set.
             spare = 0.98 if name == "error" and learns else 1.0 - 1e-9
             assert (np.asarray(large[name]) >= spare * np.asarray(small[name])).all(), name
+
+
+def test_more_numbers_than_a_product_can_be_bounded_for_are_sampled() -> None:
+    (robust_torque,) = (certificate for certificate in CERTIFICATES if certificate.name == "robust_torque")
+    lines = [line for line in robust_torque(written(SET, 12)).assumptions if "disturbance.terms.0" in line.text]
+    assert [line.status for line in lines] == ["tested"]

@@ -12,6 +12,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import reduce
 from itertools import combinations
+from math import prod
 
 import numpy as np
 
@@ -29,7 +30,10 @@ SAMPLED = 5
 MOST_CORNERS = 96
 """Of several groups of numbers that are multiplied by each other; further groups are boxed in."""
 
-MOST_POINTS = 243
+NODES = {1: 2, 2: 3, 3: SAMPLED}
+"""Points on an axis of each degree."""
+
+MOST_POINTS = 1024
 """Of one group."""
 
 BERNSTEIN = np.array([[1.0, 0.0, 0.0], [-0.5, 2.0, -0.5], [0.0, 0.0, 1.0]])
@@ -111,7 +115,13 @@ def hull_of(evaluate: Callable[[Floats], Floats], dimensions: int) -> Hull:
             single.append((group[0], len(points)))
             points.append(_with(middle, group, np.ones(1)))
             continue
-        shares, matrix = _control(degrees, group)
+        if prod(NODES[degrees[k]] for k in group) > MOST_POINTS:
+            # Corners of the group alone, of which some are drawn: they bound nothing.
+            sampled += [k for k in group if k not in sampled]
+            shares = _corners(len(group))
+            matrix = np.eye(len(shares))
+        else:
+            shares, matrix = _control(degrees, group)
         controls.append((len(points), matrix))
         points += [_with(middle, group, one) for one in shares]
     total = len(points)
@@ -197,9 +207,14 @@ def _control(degrees: Sequence[int], group: Sequence[int]) -> tuple[Floats, Floa
     nodes = {1: np.array([0.0, 1.0]), 2: np.array([0.0, 0.5, 1.0]), 3: np.linspace(0.0, 1.0, SAMPLED)}
     matrices = {1: np.eye(2), 2: BERNSTEIN, 3: np.eye(SAMPLED)}
     shares = np.stack(np.meshgrid(*(nodes[degrees[k]] for k in group), indexing="ij"), axis=-1).reshape(-1, len(group))
-    if len(shares) > MOST_POINTS:
-        raise ValueError(f"{len(group)} uncertain numbers that are multiplied by each other are too many")
     return shares, reduce(np.kron, (matrices[degrees[k]] for k in group))
+
+
+def _corners(count: int) -> Floats:
+    """Return corners of a box, half of them opposite to the others, at first with all high, all low [P D]."""
+    half = np.random.default_rng(3).integers(0, 2, (MOST_POINTS // 2, count)).astype(float)
+    half[0] = 1.0
+    return np.concatenate([half, 1.0 - half])
 
 
 def _with(point: Floats, axes: Sequence[int], shares: Floats) -> Floats:

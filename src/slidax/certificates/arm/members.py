@@ -40,6 +40,9 @@ NAMED = 6
 BRIEF = 0.125
 """Share of the samples; a force that acts at fewer of them may lie between instants drawn at random."""
 
+NO_EFFECT = 1e-12
+"""Share of all effects together, below which one is rounding."""
+
 INSTANTS = 64
 """Of the motion, at which the effects of uncertain numbers are compared, besides those at which forces jump."""
 
@@ -179,7 +182,7 @@ class Members:
                 shares[k] = 1.0 - shares[k - 1]
                 continue
             along = np.einsum("dtj,tj->d", effects, _direction(k // 2, *effects.shape[1:]))
-            small = 1e-9 * np.abs(effects).max(axis=(1, 2), initial=0.0)
+            small = np.maximum(1e-9 * np.abs(effects).max(axis=(1, 2), initial=0.0), NO_EFFECT)
             shares[k] = np.where(along > small, 1.0, np.where(along < -small, 0.0, 0.5))
         return shares
 
@@ -191,16 +194,20 @@ class Members:
         terms the set is written.
         """
         count, motion = len(self.axes), Motion.of(self.scenario)
-        points = np.full((2 * count, count), 0.5)
-        points[np.arange(count) * 2, np.arange(count)] = 0.0
-        points[np.arange(count) * 2 + 1, np.arange(count)] = 1.0
         if not count:
             return np.zeros((0, 1, motion.joints))
+        points = np.repeat([0.5, 1.0], 2 * count)[:, None] * np.ones(count)
+        rows = np.arange(2 * count)
+        points[2 * rows, rows % count] = 0.0
+        points[2 * rows + 1, rows % count] = 1.0
         plants = self.plants(points)
         few = motion.at(np.union1d(breakpoints(plants, motion.t[-1]), self.brief), instants=INSTANTS)
         kinds, which = kinds_of(plants)
         torque = needed(kinds, few)[1][which] - outer(plants, few)
-        moved = torque[1::2] - torque[::2]
+        moved, at_ends = np.split(torque[1::2] - torque[::2], 2)
+        # A factor of a force whose middle is 0 has an effect only where the force is not 0.
+        idle = np.abs(moved).max(axis=(1, 2)) <= NO_EFFECT * np.abs(moved).sum(axis=0).max()
+        moved[idle] = at_ends[idle]
         largest = np.abs(moved).sum(axis=0).max(axis=0)
         return moved / np.maximum(largest, 1e-300)
 
