@@ -208,7 +208,10 @@ def _of_the_pushes(members: Members, hull: Hull, seen: bool) -> list[Assumption]
             text = f"{members.named(hull.without)}: no torque depends on it, at {2 * PROBES} states and as forces jump"
             found.append(Assumption(text, "tested"))
         if hull.sampled:
-            text = f"{members.named(hull.sampled)}: no polynomial of few numbers; the set was sampled, at 5 values of each or at corners"
+            text = (
+                f"{members.named(hull.sampled)}: no polynomial of few numbers; the set was sampled, at 5 values of each "
+                "or at corners"
+            )
             found.append(Assumption(text, "tested"))
     text = (
         "between two samples each force leaves the line between its values by no more than its class declares, the "
