@@ -209,8 +209,8 @@ def _of_the_pushes(members: Members, hull: Hull, seen: bool) -> list[Assumption]
             found.append(Assumption(text, "tested"))
         if hull.sampled:
             text = (
-                f"{members.named(hull.sampled)}: no polynomial of few numbers; the set was sampled, at 5 values of each "
-                "or at corners"
+                f"{members.named(hull.sampled)}: no polynomial of few numbers; the set was sampled, at 5 values of "
+                "each or at corners"
             )
             found.append(Assumption(text, "tested"))
     text = (

@@ -118,10 +118,10 @@ def hull_of(evaluate: Callable[[Floats], Floats], dimensions: int) -> Hull:
         if prod(NODES[degrees[k]] for k in group) > MOST_POINTS:
             # Corners of the group alone, of which some are drawn: they bound nothing.
             sampled += [k for k in group if k not in sampled]
-            shares = _corners(len(group))
-            matrix = np.eye(len(shares))
+            corners_of_group: tuple[Floats, Floats] = _corners(len(group)), np.eye(MOST_POINTS)
         else:
-            shares, matrix = _control(degrees, group)
+            corners_of_group = _control(degrees, group)
+        shares, matrix = corners_of_group
         controls.append((len(points), matrix))
         points += [_with(middle, group, one) for one in shares]
     total = len(points)
