@@ -34,10 +34,10 @@ COLUMNS = {
 def columns_of(run: Run) -> Columns:
     """Outcome and metrics of each run.
 
-    - column `outcome`: its place in `OUTCOMES`; `t`: when that was [s]; `joint`: which, counted from 1, or that with the least
-      margin in a run that is ok.
-    - column `margin`: least distance to the nearer bound over the envelope's width, in any joint; negative for every run that
-      was outside, the lower the earlier it ended.
+    - column `outcome`: its place in `OUTCOMES`; `t`: when that was [s]; `joint`: which, counted from 1, or that with
+      the least margin in a run that is ok.
+    - column `margin`: least distance to the nearer bound over the envelope's width, in any joint; negative for every
+      run that was outside, the lower the earlier it ended.
     - all metrics of `slidax.metrics` by their keys, of the worst joint.
 
     What a run does not have is NaN.
