@@ -37,12 +37,12 @@ def checked(monkeypatch: pytest.MonkeyPatch) -> Any:
     def of(
         *margins: float, accuracy: Any = "best", steps: Any = (), required: float | None = None
     ) -> tuple[Any, list[int], list[Any]]:
-        found, seeds, harder = iter(margins), [], []
+        result, seeds, harder = iter(margins), [], []
         wild = iter(steps or [0.0] * len(margins))
 
         def tried(_: Any, __: int, seed: int) -> tuple[Verdict, Any]:
             seeds.append(seed)
-            return check(next(found), next(wild)), f"the worst with {seed}"
+            return check(next(result), next(wild)), f"the worst with {seed}"
 
         trials = SimpleNamespace(frame=SimpleNamespace(initial=np.full(1, 1e3), learns=True, period=1e-3), runs=0)
         trials.with_harder = lambda cases: harder.append(cases) or trials
@@ -56,21 +56,21 @@ def checked(monkeypatch: pytest.MonkeyPatch) -> Any:
         monkeypatch.setattr(design, "of_accuracy", lambda *_: Refused("no", [], None))
         requirements = SimpleNamespace(accuracy=accuracy, proof="tested", torque_step=required)
         first = SimpleNamespace(choice=Law(np.full(1, 1.0), 0))
-        made = design._checked(SimpleNamespace(requirements=requirements), trials, first, None, 10, lambda _: None)
-        return made, seeds, harder
+        built = design._checked(SimpleNamespace(requirements=requirements), trials, first, None, 10, lambda _: None)
+        return built, seeds, harder
 
     of.aims = aims = []
     return of
 
 
 def test_a_design_whose_worst_case_has_room_is_taken_at_once(checked: Any) -> None:
-    made, seeds, harder = checked(0.2)
-    assert (made.choice.law, seeds, harder) == (0, [1], [])
+    built, seeds, harder = checked(0.2)
+    assert (built.choice.law, seeds, harder) == (0, [1], [])
 
 
 def test_a_design_that_was_left_is_made_anew_with_the_worst_cases_and_other_ones_for_its_check(checked: Any) -> None:
-    made, seeds, harder = checked(-0.1, 0.15)
-    assert (made.choice.law, seeds, harder) == (1, [1, 2], ["the worst with 1"])
+    built, seeds, harder = checked(-0.1, 0.15)
+    assert (built.choice.law, seeds, harder) == (1, [1, 2], ["the worst with 1"])
 
 
 def test_of_designs_that_hold_without_much_room_the_roomiest_is_taken(checked: Any) -> None:
@@ -103,10 +103,10 @@ def test_a_design_that_is_wilder_in_its_check_than_is_required_gives_way_to_a_ca
 
 
 def test_a_torque_step_that_no_law_has_in_its_check_is_refused_with_what_it_has(checked: Any) -> None:
-    made = checked(0.2, 0.2, 0.2, 0.2, steps=(0.7, 0.7, 0.7, 0.65), required=0.6)[0]
-    assert isinstance(made, Refused)
-    assert "0.65 N m in the worst of 10 cases" in made.reason
-    assert made.would_do[0].changes == {"requirements.torque_step": 0.75}
+    built = checked(0.2, 0.2, 0.2, 0.2, steps=(0.7, 0.7, 0.7, 0.65), required=0.6)[0]
+    assert isinstance(built, Refused)
+    assert "0.65 N m in the worst of 10 cases" in built.reason
+    assert built.would_do[0].changes == {"requirements.torque_step": 0.75}
 
 
 @pytest.fixture
@@ -114,12 +114,12 @@ def certified(monkeypatch: pytest.MonkeyPatch) -> Any:
     """The radius of a law whose certificate asks for these, one after the other, and how often it was asked."""
 
     def of(*radii: float, accuracy: Any = "best") -> tuple[float, bool, int]:
-        asked = []
+        request = []
 
         def rate(*_: Any) -> Verdict:
-            asked.append(radii[len(asked)])
-            bound = {"required_radius": np.array([asked[-1]])}
-            return Verdict("loop_rate", "", bool(laws[-1].final[0] > asked[-1]), 0.0, bound, (), "")
+            request.append(radii[len(request)])
+            bound = {"required_radius": np.array([request[-1]])}
+            return Verdict("loop_rate", "", bool(laws[-1].final[0] > request[-1]), 0.0, bound, (), "")
 
         laws = []
         monkeypatch.setattr(design, "of_the_rate", rate)
@@ -129,12 +129,12 @@ def certified(monkeypatch: pytest.MonkeyPatch) -> Any:
             return SimpleNamespace(build=lambda _: None)
 
         frame = SimpleNamespace(initial=np.array([8.0]), described=described)
-        law, found = design._certified(
+        law, result = design._certified(
             SimpleNamespace(requirements=SimpleNamespace(accuracy=accuracy)),
             SimpleNamespace(frame=frame),
             Choice(0.01, 1.0, 1.0, np.array([0.5]), 1.0),
         )
-        return float(law.final[0]), bool(found.holds), len(asked)
+        return float(law.final[0]), bool(result.holds), len(request)
 
     return of
 

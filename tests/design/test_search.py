@@ -81,8 +81,8 @@ def test_where_none_holds_the_one_with_the_fewest_outside_is_the_best() -> None:
 
 def test_horizons_go_with_the_period_and_leave_room_for_the_delay() -> None:
     def horizons(period: float, delay: float) -> tuple[float, ...]:
-        one = np.ones(1)
-        return Frame(None, one, one, one, one, period, delay, False, np.inf).horizons
+        item = np.ones(1)
+        return Frame(None, item, item, item, item, period, delay, False, np.inf).horizons
 
     assert np.allclose(horizons(4e-3, 1.0), 4.0 * np.array(horizons(1e-3, 1.0)))
     assert min(horizons(1e-3, 9.0)) == pytest.approx(20e-3)
@@ -90,13 +90,13 @@ def test_horizons_go_with_the_period_and_leave_room_for_the_delay() -> None:
 
 
 def test_densities_can_be_made_alike_without_more_or_less_of_all() -> None:
-    one, torque = np.ones(2), np.array([80.0, 20.0])
-    frame = Frame(None, one, one, torque, 40.0 * one, 1e-3, 1.0, False, np.inf)
+    item, torque = np.ones(2), np.array([80.0, 20.0])
+    frame = Frame(None, item, item, torque, 40.0 * item, 1e-3, 1.0, False, np.inf)
     shares = [frame.density(0.5, even) for even in (0.0, 0.5, 1.0)]
     assert shares[0][0] / shares[0][1] == pytest.approx(16.0)
     assert shares[1][0] / shares[1][1] == pytest.approx(4.0)
     assert shares[2][0] == pytest.approx(shares[2][1])
-    assert np.allclose([np.prod(one) for one in shares], np.prod(shares[0]))
+    assert np.allclose([np.prod(item) for item in shares], np.prod(shares[0]))
 
 
 def test_a_law_that_is_left_where_less_is_unknown_gives_way_to_one_that_is_not(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -114,11 +114,11 @@ def test_a_law_that_is_left_where_less_is_unknown_gives_way_to_one_that_is_not(m
         def judged(self, choices: list[Choice], cases: str) -> list[Worst]:
             # The smallest slope is the most exact, and is left by an arm of the set itself.
             return [
-                replace(worst(1.0 + one.slope, 1.0, outside=int(cases == "real" and one.slope < 1.0)), choice=one)
-                for one in choices
+                replace(worst(1.0 + item.slope, 1.0, outside=int(cases == "real" and item.slope < 1.0)), choice=item)
+                for item in choices
             ]
 
     monkeypatch.setattr("slidax.design.search.polished", lambda trials, *_, **__: trials.judged(laws, ""))
-    found = fine(Some(), replace(worst(9.0, 1.0), choice=replace(CHOICE, slope=8.0)), ANY)
-    assert found.holds
-    assert found.choice.slope == 1.0
+    result = fine(Some(), replace(worst(9.0, 1.0), choice=replace(CHOICE, slope=8.0)), ANY)
+    assert result.holds
+    assert result.choice.slope == 1.0

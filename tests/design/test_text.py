@@ -32,15 +32,15 @@ def made(folder: Path, learns: bool = True, **other: Any) -> Designed:
 
 
 def test_it_runs_as_it_is_with_the_numbers_of_the_choice(tmp_path: Path) -> None:
-    found = made(tmp_path)
-    text = written(found, tmp_path)
+    result = made(tmp_path)
+    text = written(result, tmp_path)
     (tmp_path / "law.yaml").write_text(text, encoding="utf-8")
     scenario = load(tmp_path / "law.yaml")
     law = scenario.controller
     assert float(law.horizon) == 0.009 and law.monitor is not None
     assert np.allclose(law.step.transformation.performance.final, [2e-3, 3e-3])
     assert np.isclose(law.step.surface.k1, 1.0)
-    assert scenario.description.uncertainty.keys() == found.description.uncertainty.keys()
+    assert scenario.description.uncertainty.keys() == result.description.uncertainty.keys()
     assert float(law.step.bound.margin) == 12.5
 
 
@@ -55,31 +55,31 @@ def test_it_runs_as_it_is_with_the_numbers_of_the_choice(tmp_path: Path) -> None
     ids=["learning", "not learning", "with a velocity sensor's estimator", "with numbers of many digits"],
 )
 def test_the_law_in_the_file_is_the_law_that_was_checked(tmp_path: Path, law: dict[str, Any]) -> None:
-    found = made(tmp_path, **law)
-    read = parse(written(found, tmp_path), folder=tmp_path)
-    said, checked = (one.model_dump(mode="json", exclude_unset=True) for one in (read, found.description))
-    assert said["scheme"] == checked["scheme"]
-    assert said == checked
+    result = made(tmp_path, **law)
+    read = parse(written(result, tmp_path), folder=tmp_path)
+    text, checked = (item.model_dump(mode="json", exclude_unset=True) for item in (read, result.description))
+    assert text["scheme"] == checked["scheme"]
+    assert text == checked
 
 
 def test_a_law_is_certified_only_where_all_lines_are_proved_and_else_tested(tmp_path: Path) -> None:
-    found = made(tmp_path)
-    assert "# Tested in simulation, not proved" in written(found, tmp_path)
-    assert "Certified" not in written(found, tmp_path)
-    stands_on = [Assumption("", one) for one in ("proved", "tested", "assumed", "assumed")]
+    result = made(tmp_path)
+    assert "# Tested in simulation, not proved" in written(result, tmp_path)
+    assert "Certified" not in written(result, tmp_path)
+    stands_on = [Assumption("", item) for item in ("proved", "tested", "assumed", "assumed")]
     rate = Verdict("loop_rate", "", True, 0.2, {}, stands_on, "")
-    text = " ".join(written(replace(found, proof="bound", rate=rate), tmp_path).replace("#", "").split())
+    text = " ".join(written(replace(result, proof="bound", rate=rate), tmp_path).replace("#", "").split())
     assert "Tested, with a bound of `loop_rate`, grade B: its lines: 1 proved, 1 tested, 2 assumed" in text
     assert "ertified" not in text
     rate = Verdict("loop_rate", "", True, 0.2, {}, stands_on[:1], "")
-    assert "# Certified by `loop_rate`, grade A" in written(replace(found, proof="bound", rate=rate), tmp_path)
+    assert "# Certified by `loop_rate`, grade A" in written(replace(result, proof="bound", rate=rate), tmp_path)
 
 
 def test_of_many_joints_it_names_the_requirement_that_looks_for_a_law_with_a_proof(tmp_path: Path) -> None:
-    found = made(tmp_path)
-    assert "`loop_rate` has no bound within such an envelope" in written(found, tmp_path)
-    four = replace(found.frame, initial=np.ones(4))
-    text = " ".join(written(replace(found, frame=four), tmp_path).replace("#", "").split())
+    result = made(tmp_path)
+    assert "`loop_rate` has no bound within such an envelope" in written(result, tmp_path)
+    four = replace(result.frame, initial=np.ones(4))
+    text = " ".join(written(replace(result, frame=four), tmp_path).replace("#", "").split())
     assert "from 4 joints on `loop_rate` has no bound for a law that learns the inertia" in text
-    text = written(replace(found, frame=replace(four, learns=False)), tmp_path)
+    text = written(replace(result, frame=replace(four, learns=False)), tmp_path)
     assert "`loop_rate` has no bound within such an envelope" in text

@@ -19,7 +19,7 @@ ARMATURE, LOAD = "robot.plant.armature", "robot.plant.load.mass"
 
 @pytest.fixture(scope="module")
 def trials(tmp_path_factory: pytest.TempPathFactory) -> Trials:
-    asked: dict[str, Any] = {
+    request: dict[str, Any] = {
         "robot": {"kind": "ur5e", "plant": {"load": {"mass": 1.0}}},
         "workspace": {"speed": 0.5, "acceleration": 1.0},
         "actuator": {"torque": "robot"},
@@ -32,7 +32,7 @@ def trials(tmp_path_factory: pytest.TempPathFactory) -> Trials:
         "requirements": {"deadline": 0.5, "accuracy": "best"},
     }
     path = tmp_path_factory.mktemp("asked") / "asked.yaml"
-    path.write_text(yaml.safe_dump(asked), encoding="utf-8")
+    path.write_text(yaml.safe_dump(request), encoding="utf-8")
     problem = read_problem(path)
     return Trials(problem, *_begin(problem))
 

@@ -136,8 +136,8 @@ def test_one_reading_of_the_disturbance_makes_a_page_too(made, tmp_path, monkeyp
         monkeypatch.setattr(REPRODUCE, "draw", lambda runs, folder: DRAWN)
     results = cftsmppc.reproduce(tmp_path, disturbance, changes={"simulation.t1": 1.0})
     assert list(results["readings"]) == [disturbance]
-    for one, both in zip(results["numbers"], made[1]["numbers"], strict=True):
-        assert one["computed"] == {disturbance: both["computed"][disturbance]}
+    for item, both in zip(results["numbers"], made[1]["numbers"], strict=True):
+        assert item["computed"] == {disturbance: both["computed"][disturbance]}
     page = (tmp_path / "report.html").read_text(encoding="utf-8")
     assert results["readings"][disturbance].capitalize() in page
 
@@ -157,12 +157,12 @@ def test_another_disturbance_is_refused(tmp_path: Path) -> None:
 
 def test_bounds_are_those_of_the_formulas_and_the_arm() -> None:
     two_link = scenarios.load("example-4.1")
-    found = inverse_inertia(two_link)
-    assert found["eigenvalues"] == pytest.approx([0.0889, 0.1970], abs=1e-4)
-    assert found["spectral"][1] == pytest.approx(0.197, abs=1e-3)
-    assert found["frobenius"][1] == pytest.approx(0.247, abs=1e-3)
-    assert found["mismatch"] == pytest.approx(0.2)
-    assert found["gamma"] == pytest.approx(0.11 / 0.29)
+    result = inverse_inertia(two_link)
+    assert result["eigenvalues"] == pytest.approx([0.0889, 0.1970], abs=1e-4)
+    assert result["spectral"][1] == pytest.approx(0.197, abs=1e-3)
+    assert result["frobenius"][1] == pytest.approx(0.247, abs=1e-3)
+    assert result["mismatch"] == pytest.approx(0.2)
+    assert result["gamma"] == pytest.approx(0.11 / 0.29)
     assert settling_bound(two_link)["bound"] == pytest.approx(430, abs=1)
     assert settling_bound(scenarios.load("example-4.2"))["bound"] == pytest.approx(65, abs=0.5)
 

@@ -82,14 +82,14 @@ def test_chattering_is_a_way_that_depends_on_the_step() -> None:
 
 
 def test_bounds_have_their_terms_and_sum_up() -> None:
-    found = settling_bound(scenarios.load("example-4.1", {"scheme.name": "ftsmc"}))
-    assert found is not None
+    result = settling_bound(scenarios.load("example-4.1", {"scheme.name": "ftsmc"}))
+    assert result is not None
     # K0 = I, k = 1, r = 1.2, n = 2, m1 + m2 = .29; k1 = 1.5, p = .5, k2 = 1, q = 1.2, and 2 for ρ0.
     reaching = [2 / np.sqrt(0.29), 2 / (2**-0.1 * 0.29**1.1 * 0.2)]
     sliding = [2**0.25 / (1.5 * 0.5), 2**-0.1 / 0.2]
-    assert found["terms"]["reaching"] == pytest.approx(reaching)
-    assert found["terms"]["sliding"] == pytest.approx(sliding)
-    assert found["bound"] == pytest.approx(sum(reaching) + sum(sliding))
-    assert found["deadlines"] is None
+    assert result["terms"]["reaching"] == pytest.approx(reaching)
+    assert result["terms"]["sliding"] == pytest.approx(sliding)
+    assert result["bound"] == pytest.approx(sum(reaching) + sum(sliding))
+    assert result["deadlines"] is None
     assert settling_bound(scenarios.load("example-4.2", {"scheme.name": "sfsmc"})) is not None
     assert settling_bound(scenarios.load("example-4.2", {"scheme.name": "nftsmc"})) is None

@@ -28,12 +28,12 @@ FAILING: dict[str, Any] = {**STUDY, "uncertainty": {"disturbance.scale": {"betwe
 
 def study(**changes: Any) -> Any:
     """The study with other values."""
-    found: AbstractStudy = study_of({**STUDY, **changes})
-    return found
+    result: AbstractStudy = study_of({**STUDY, **changes})
+    return result
 
 
 def ran(out: Path | None = None, *, resume: bool = False, **changes: Any) -> Any:
     """What it finds."""
-    asked = study(**changes)
-    assert isinstance(asked, MonteCarlo)
-    return asked.run(How(out, resume))
+    request = study(**changes)
+    assert isinstance(request, MonteCarlo)
+    return request.run(How(out, resume))

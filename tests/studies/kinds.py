@@ -22,15 +22,15 @@ WEAK = {
 """Of an arm whose drives may be too weak: where its second link is short, its masses are large, its start is low."""
 
 
-def found(kind, **said):
-    return asked(kind, **said).run(How())
+def found(kind, **text):
+    return asked(kind, **text).run(How())
 
 
-def asked(kind, **said):
+def asked(kind, **text):
     common = {"scenario": "example-4.1-1khz", "changes": SHORT, "uncertainty": UNCERTAIN}
-    return study_of({**common, "study": kind, **said})
+    return study_of({**common, "study": kind, **text})
 
 
-def weak(kind, torque, **said):
+def weak(kind, torque, **text):
     changes = {"simulation.t1": 3.0, "simulation.substeps": 2, "actuator.torque": torque}
-    return found(kind, changes=changes, uncertainty=WEAK, **said)
+    return found(kind, changes=changes, uncertainty=WEAK, **text)

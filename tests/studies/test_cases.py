@@ -29,8 +29,8 @@ def drawn(of: Cases, rows: int, seed: int = 0) -> dict[str, Any]:
 
 
 def alone(of: Cases, values: dict[str, Any], row: int) -> dict[str, Any]:
-    one = of.family.scenario({path: array[row] for path, array in values.items()}, "alone")
-    return columns_of(one.simulate(log_every=None))
+    item = of.family.scenario({path: array[row] for path, array in values.items()}, "alone")
+    return columns_of(item.simulate(log_every=None))
 
 
 def same(many: dict[str, Any], row: int, one: dict[str, Any], rtol: float = 0.0) -> bool:

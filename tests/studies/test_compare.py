@@ -56,10 +56,10 @@ def test_a_scheme_without_an_envelope_is_compared_in_the_rest(compared):
 
 
 def test_its_page_and_its_answer_hold_all_of_it(compared):
-    said = compared.as_json()
-    assert said["reference"] == "ours" and list(said["schemes"]) == list(SCHEMES)
-    assert said["schemes"]["slower"]["differences"]["steady_error"]["interval"]["lower"] > 0.0
-    json.dumps(said, allow_nan=False)
+    text = compared.as_json()
+    assert text["reference"] == "ours" and list(text["schemes"]) == list(SCHEMES)
+    assert text["schemes"]["slower"]["differences"]["steady_error"]["interval"]["lower"] > 0.0
+    json.dumps(text, allow_nan=False)
     rates, differences = compared.sections()
     assert len(rates.rows) == 4 and len(differences.rows) == 3 * 3
     assert all(len(row) == len(section.head) for section in (rates, differences) for row in section.rows)

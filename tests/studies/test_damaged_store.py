@@ -136,7 +136,7 @@ def test_parts_of_another_study_or_place_are_named_and_computed_again(whole: Pat
     shutil.copy(out / "parts" / "000000000000-64.parquet", out / "parts" / "000000000128-64.parquet")
     with pytest.warns(DefinitionWarning) as told:
         assert fill(opened(out)) == 128
-    assert [str(one.message).rpartition("/")[2] for one in told] == [
+    assert [str(item.message).rpartition("/")[2] for item in told] == [
         "000000000064-64.parquet` belongs to another study, or to an older version of slidax: its 64 rows are "
         "computed again",
         "000000000128-64.parquet` has other rows than its name says: its 64 rows are computed again",

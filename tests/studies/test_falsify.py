@@ -29,10 +29,10 @@ def violation():
 def test_a_violation_is_found_and_ends_the_search(violation):
     assert violation.ended.startswith("a violation was found") and violation.runs < 600
     assert not violation.good
-    said = violation.as_json()
-    assert (said["kind"], said["failures"]) == ("falsify", violation.failures)
-    assert said["worst"]["margin"] < 0.0 and said["found"][0]["outcome"] == "recovered"
-    json.dumps(said, allow_nan=False)
+    text = violation.as_json()
+    assert (text["kind"], text["failures"]) == ("falsify", violation.failures)
+    assert text["worst"]["margin"] < 0.0 and text["found"][0]["outcome"] == "recovered"
+    json.dumps(text, allow_nan=False)
 
 
 def test_the_worst_case_is_a_scenario_that_shows_it_again(violation, tmp_path):
@@ -113,8 +113,8 @@ def test_what_cannot_be_searched_is_said_in_a_line(said, message):
 )
 def test_it_finds_what_ten_thousand_random_runs_miss_and_nothing_in_the_mended_arm(name, mended):
     study = read_study(EXAMPLES / f"falsify-{name}.yaml")
-    said = study.model_dump(include={"scenario", "changes", "uncertainty"}, exclude_unset=True)
-    random = study_of({**said, "study": "monte_carlo", "runs": 10_000}).run(How())
+    text = study.model_dump(include={"scenario", "changes", "uncertainty"}, exclude_unset=True)
+    random = study_of({**text, "study": "monte_carlo", "runs": 10_000}).run(How())
     assert random.rates[0].failures == 0
     worst = study.run(How())
     assert worst.failures > 0 and worst.table["margin"].min() < -0.02

@@ -19,35 +19,37 @@ from .files import FAILING, ran, study
 
 
 def test_the_rate_is_that_of_the_rows_with_the_exact_interval(tmp_path: Path) -> None:
-    found = ran(tmp_path / "out", holds=["steady_error < 0.2", "envelope"])
+    result = ran(tmp_path / "out", holds=["steady_error < 0.2", "envelope"])
     rows = read_rows(tmp_path / "out")
     held = rows["steady_error"] < 0.2
     assert 0 < held.sum() < 200
-    first = found.rates[0]
+    first = result.rates[0]
     assert first.failures == (~held).sum()
     exact = binomtest(int(held.sum()), 200).proportion_ci(0.99, "exact")
     assert (first.holding.lower, first.holding.upper) == pytest.approx((exact.low, exact.high), rel=1e-9)
-    assert found.as_json()["probability"]["confidence"] == 0.99
-    assert found.rates[1].failures == 0
+    assert result.as_json()["probability"]["confidence"] == 0.99
+    assert result.rates[1].failures == 0
 
 
 def test_every_row_can_be_replayed_alone_bit_for_bit(tmp_path: Path) -> None:
-    found = ran(tmp_path / "out", runs=64)
+    result = ran(tmp_path / "out", runs=64)
     write_scenario(scenario_of_row(tmp_path / "out", 41), tmp_path / "case.yaml")
     again = columns_of(scenarios.load(tmp_path / "case.yaml").simulate(log_every=None))
     for name, value in again.items():
-        assert np.array_equal(value[0], found.table[name][41], equal_nan=True), name
+        assert np.array_equal(value[0], result.table[name][41], equal_nan=True), name
     with pytest.raises(DefinitionError, match="rows 0 to 63"):
         scenario_of_row(tmp_path / "out", 64)
 
 
 def test_figure_and_table_name_the_same_joint_by_one_name() -> None:
-    found = ran(runs=16, uncertainty={"start.q": {"around": 0.05, "each": "joint"}})
-    (chart,) = [chart for section in found.sections() for chart in section.figures if chart.kind == "margin_over"]
+    result = ran(runs=16, uncertainty={"start.q": {"around": 0.05, "each": "joint"}})
+    (chart,) = [chart for section in result.sections() for chart in section.figures if chart.kind == "margin_over"]
     shown = list(chart.values[1])
-    rows = {row[0]: row[1] for section in found.sections() if section.title == "The worst case" for row in section.rows}
+    rows = {
+        row[0]: row[1] for section in result.sections() if section.title == "The worst case" for row in section.rows
+    }
     assert shown == ["start.q[joint 1]  [rad or m]", "start.q[joint 2]  [rad or m]"]
-    assert rows == {f"start.q[joint {k + 1}]": found.table[f"start.q[{k}]"][found.worst] for k in range(2)}
+    assert rows == {f"start.q[joint {k + 1}]": result.table[f"start.q[{k}]"][result.worst] for k in range(2)}
 
 
 def test_the_sequential_stop_shows_what_was_asked_or_ends_at_a_failure() -> None:
@@ -61,25 +63,25 @@ def test_the_sequential_stop_shows_what_was_asked_or_ends_at_a_failure() -> None
 
 
 def test_the_worst_case_is_a_scenario_that_replays_it_bit_for_bit(tmp_path: Path) -> None:
-    found = ran()
-    page = write_study_report(study(), found, tmp_path, seconds=1.0, command="slidax study s.yaml")
+    result = ran()
+    page = write_study_report(study(), result, tmp_path, seconds=1.0, command="slidax study s.yaml")
     again = columns_of(scenarios.load(tmp_path / "worst.yaml").simulate(log_every=None))
     for name, value in again.items():
-        assert np.array_equal(value[0], found.table[name][found.worst], equal_nan=True), name
-    assert found.table["margin"][found.worst] == found.table["margin"].min()
+        assert np.array_equal(value[0], result.table[name][result.worst], equal_nan=True), name
+    assert result.table["margin"][result.worst] == result.table["margin"].min()
     text = page.read_text(encoding="utf-8")
     assert "200 runs, none failed" in text and "robot.plant.masses" in text and "<svg" in text
     assert json.loads((tmp_path / "results.json").read_text(encoding="utf-8"))["runs"] == 200
 
 
 def test_a_study_in_which_every_run_fails_says_why_once_with_counts() -> None:
-    found = ran(**FAILING)
-    assert found.rates[0].failures == 64
-    assert found.why
-    answer = found.as_json()
-    assert answer["why"] == found.why
-    assert sum(one["runs"] for one in answer["causes"]) == 64
-    assert sum(found.why in section.note for section in found.sections()) == 1
+    result = ran(**FAILING)
+    assert result.rates[0].failures == 64
+    assert result.why
+    answer = result.as_json()
+    assert answer["why"] == result.why
+    assert sum(item["runs"] for item in answer["causes"]) == 64
+    assert sum(result.why in section.note for section in result.sections()) == 1
 
 
 def test_a_predicate_is_about_runs_that_reached_their_end() -> None:

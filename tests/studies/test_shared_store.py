@@ -101,12 +101,12 @@ COMPARE = {"study": "compare", "schemes": {"ours": {}, "wider": {"scheme.perform
 @pytest.mark.full
 @pytest.mark.usefixtures("small_chunks")
 def test_a_comparison_is_computed_in_parts(tmp_path: Path) -> None:
-    asked = study(**COMPARE)
-    asked.run(How(tmp_path / "alone"))
+    request = study(**COMPARE)
+    request.run(How(tmp_path / "alone"))
     with pytest.raises(PartDone) as done:
-        asked.run(How(tmp_path / "out", part=Part(1, 2)))
+        request.run(How(tmp_path / "out", part=Part(1, 2)))
     assert (done.value.missing, done.value.total) == (128, 256)
-    asked.run(How(tmp_path / "out", part=Part(2, 2)))
+    request.run(How(tmp_path / "out", part=Part(2, 2)))
     for name in ("ours", "wider"):
         assert_same_rows(tmp_path / "out" / name, tmp_path / "alone" / name, 128)
 

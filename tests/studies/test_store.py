@@ -79,11 +79,11 @@ def test_a_study_that_was_killed_goes_on_and_ends_with_the_same_file(tmp_path: P
     class Stopped(Exception):
         pass
 
-    seen = []
+    points = []
 
     def stop(rows: int) -> None:
-        seen.append(rows)
-        if len(seen) == 2:
+        points.append(rows)
+        if len(points) == 2:
             raise Stopped
 
     with pytest.raises(Stopped):
@@ -95,8 +95,8 @@ def test_a_study_that_was_killed_goes_on_and_ends_with_the_same_file(tmp_path: P
     with pytest.warns(
         DefinitionWarning, match="000000000064-64.parquet` is damaged .*: its 64 rows are computed again"
     ):
-        found = ran(out, resume=True)
-    assert found.computed == 136
+        result = ran(out, resume=True)
+    assert result.computed == 136
     assert_same_rows(out, tmp_path / "whole", 200)
 
 
@@ -133,8 +133,8 @@ def test_a_folder_with_something_else_is_left_alone(tmp_path: Path) -> None:
 def test_more_runs_of_the_same_study_keep_those_that_are_done(tmp_path: Path) -> None:
     ran(tmp_path / "out", runs=64)
     for runs in (80, 200, 100):
-        found = ran(tmp_path / "out", resume=True, runs=runs)
-        assert found.runs == runs
+        result = ran(tmp_path / "out", resume=True, runs=runs)
+        assert result.runs == runs
         assert np.array_equal(read_rows(tmp_path / "out")["row"], np.arange(runs))
 
 

@@ -29,8 +29,8 @@ def test_each_point_of_the_map_is_the_run_with_its_values(swept):
     assert scales.tolist() == [0.0, 1.0]
     for i, j in ((0, 1), (2, 0)):
         values = {"scheme.performance.final": float(finals[i]), "disturbance.scale": float(scales[j])}
-        one = scenarios.load("example-4.1-1khz", SHORT | values).simulate(log_every=None, progress=False)
-        assert columns_of(one)["peak_torque"][0] == swept.worst[i, j]
+        item = scenarios.load("example-4.1-1khz", SHORT | values).simulate(log_every=None, progress=False)
+        assert columns_of(item)["peak_torque"][0] == swept.worst[i, j]
 
 
 def test_its_page_has_the_map_and_its_points(swept):

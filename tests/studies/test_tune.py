@@ -51,8 +51,8 @@ def test_the_search_begins_at_today_s_gains(tuned):
 
 def test_a_scenario_of_the_front_has_the_numbers_that_are_said_of_it(tuned, tmp_path):
     write_scenario(tuned.scenarios()["front-1"], tmp_path / "front-1.yaml")
-    made = scenarios.load(tmp_path / "front-1.yaml").description.scheme
-    surface = made.surface
+    built = scenarios.load(tmp_path / "front-1.yaml").description.scheme
+    surface = built.surface
     assert {"scheme.surface.k1": surface.k1, "scheme.surface.k2": surface.k2} == tuned.gains[0]
 
 
@@ -73,16 +73,16 @@ def test_a_candidate_is_out_if_one_of_its_cases_fails_or_has_too_little_margin()
         "margin": np.array([0.3, 0.2, 0.4, -0.5, 0.3, 0.04]),
         "steady_error": np.array([1.0, 3.0, 5.0, 5.0, 2.0, 4.0]),
     }
-    found = judged(rows, 2, ["steady_error"], [Predicate("envelope")], 0.05)
-    assert found.aims[:, 0].tolist() == [2.0, 5.0, 3.0]
-    np.testing.assert_allclose(found.broken, [-0.15, 1.55, 0.01])
+    result = judged(rows, 2, ["steady_error"], [Predicate("envelope")], 0.05)
+    assert result.aims[:, 0].tolist() == [2.0, 5.0, 3.0]
+    np.testing.assert_allclose(result.broken, [-0.15, 1.55, 0.01])
 
 
 def test_its_page_and_its_answer_hold_the_front(tuned):
-    said = tuned.as_json()
-    assert len(said["front"]) == len(tuned.gains) and said["today"]["gains"] is None
-    assert said["difference"]["steady_error"]["mean"] == tuned.difference(tuned.best, "steady_error").mean
-    json.dumps(said, allow_nan=False)
+    text = tuned.as_json()
+    assert len(text["front"]) == len(tuned.gains) and text["today"]["gains"] is None
+    assert text["difference"]["steady_error"]["mean"] == tuned.difference(tuned.best, "steady_error").mean
+    json.dumps(text, allow_nan=False)
     front, gains, beside = tuned.sections()
     assert len(front.rows) == len(tuned.gains) + 1 and len(gains.rows) == len(tuned.gains) and len(beside.rows) == 2
     assert set(tuned.scenarios()) == {"best", *(f"front-{k + 1}" for k in range(len(tuned.gains)))}

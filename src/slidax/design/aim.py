@@ -1,4 +1,4 @@
-"""What is better, of two laws."""
+"""Return the objective of the search."""
 
 from __future__ import annotations
 
@@ -48,31 +48,31 @@ class Aim:
     room: float = 0.0
     own: float = np.inf
 
-    def cost(self, one: Worst) -> float:
+    def cost(self, item: Worst) -> float:
         """The smaller, the better; finite, so that a search finds its way.
 
         - `one`: a law, as judged.
         """
-        if not one.holds:
-            return OUTSIDE + one.outside - float(np.clip(one.margin, -1.0, 1.0))
-        if one.margin < self.room:
-            return NEAR - one.margin
-        error, step = np.log(max(one.error, 1e-300)), np.log(max(one.step, 1e-12))
-        if one.step > CALM * self.step:
+        if not item.holds:
+            return OUTSIDE + item.outside - float(np.clip(item.margin, -1.0, 1.0))
+        if item.margin < self.room:
+            return NEAR - item.margin
+        error, step = np.log(max(item.error, 1e-300)), np.log(max(item.step, 1e-12))
+        if item.step > CALM * self.step:
             return WILD + float(step)
-        if one.driven > self.own:
-            return WILD + float(np.log(one.driven))
+        if item.driven > self.own:
+            return WILD + float(np.log(item.driven))
         if self.error is not None:
-            return float(step) if one.error <= self.error else COARSE + float(error)
-        narrow = np.log(float(np.min(one.choice.final)))
+            return float(step) if item.error <= self.error else COARSE + float(error)
+        narrow = np.log(float(np.min(item.choice.final)))
         return float(error + HARDLY * narrow if self.required else error + CALMNESS * step + NARROW * narrow)
 
-    def best(self, found: Sequence[Worst]) -> Worst:
+    def best(self, result: Sequence[Worst]) -> Worst:
         """The one that costs least.
 
         - `found`: some.
         """
-        return min(found, key=self.cost)
+        return min(result, key=self.cost)
 
     def stricter(self, share: float) -> Aim:
         """The same with a smaller step: few cases show less of it than many.

@@ -60,7 +60,7 @@ def template(deadline: float) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class Choice:
-    """What a law is made of.
+    """Searched values of a law.
 
     - `horizon`: H [s].
     - `drift`: of the estimator's disturbance, as in `DRIFTS`; None with the `measured` estimator.
@@ -87,7 +87,7 @@ class Choice:
 
 @dataclass(frozen=True)
 class Frame:
-    """What all choices for an arm have in common.
+    """Values that all choices for an arm share.
 
     - `base`: the scenario with the template of `template`.
     - `initial`: ρ0 of each joint [n], rad or m.
@@ -192,7 +192,7 @@ class Frame:
         - `choice`: its numbers.
         """
         performance = "scheme.transformation.performance"
-        found: dict[str, Any] = {
+        result: dict[str, Any] = {
             "scheme.sampled_data.horizon": choice.horizon,
             "scheme.surface.k1": K1 * choice.slope,
             "scheme.surface.k2": K2 * choice.slope * choice.bend,
@@ -201,13 +201,13 @@ class Frame:
             f"{performance}.deadline": choice.deadline,
         }
         if self.least_margin is not None and choice.margin is not None:
-            found["scheme.bound.margin"] = float(f"{choice.margin:.4g}")
+            result["scheme.bound.margin"] = float(f"{choice.margin:.4g}")
         if choice.drift is not None:
             density = np.asarray(rounded(self.density(choice.drift, choice.even)))
-            found["scheme.sampled_data.estimator.torque_density"] = density
+            result["scheme.sampled_data.estimator.torque_density"] = density
         else:
-            found["scheme.sampled_data.estimator.gain"] = self.measured_gain(choice)
-        return found
+            result["scheme.sampled_data.estimator.gain"] = self.measured_gain(choice)
+        return result
 
 
 def frame_of(
@@ -220,7 +220,7 @@ def frame_of(
     delay: float,
     has_velocity: bool,
 ) -> Frame:
-    """What the arm and its starts ask for.
+    """Return the frame for an arm and its starts.
 
     - `base`: the scenario with the template; `moving`: its closed loop without the law.
     - `starts`: the least and the largest position of each joint at t = 0 [n].
@@ -231,7 +231,7 @@ def frame_of(
     arm = moving.arms.nominal
     n = arm.joints
     reference = moving.trajectory.reference(as_array(0.0))
-    q, dq, ddq = (np.asarray(one, float) for one in (reference.q, reference.dq, reference.ddq))
+    q, dq, ddq = (np.asarray(item, float) for item in (reference.q, reference.dq, reference.ddq))
     away = np.maximum(np.abs(starts[0] - q), np.abs(starts[1] - q))
     wide = np.array([WIDTH[unit] for unit in arm.joint_units])
     limits = moving.drive.limits()
@@ -240,7 +240,7 @@ def frame_of(
     holds = np.abs(bias) + np.abs(mass) @ (np.abs(ddq) + np.abs(dq) + 1.0)
     torque = np.where(np.isfinite(torque), torque, UNRATED * holds)
     initial = np.maximum(wide, np.ceil(20.0 * ROOM * away) / 20.0)
-    alike = np.array([[one == other for other in arm.joint_units] for one in arm.joint_units], float)
+    alike = np.array([[item == other for other in arm.joint_units] for item in arm.joint_units], float)
     middle = np.exp(alike @ np.log(torque) / alike.sum(axis=1))
     changes = period * np.broadcast_to(np.asarray(limits.rate, float), (n,))
     return Frame(base, initial, shape, torque, middle, period, delay, has_velocity, changes)

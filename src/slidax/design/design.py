@@ -29,7 +29,7 @@ RUNS = 1000
 """Random cases of the check at the end, and as many of a search for the worst."""
 
 TIMES, SLACK = 4, 1.5
-"""How often a law is checked, each with cases of its own, before it is refused; and what the final radius is each time
+"""Number of checks of a law, each with cases of its own, before it is refused; and what the final radius is each time
 multiplied by besides, where it is not required."""
 
 ENOUGH = 0.1
@@ -73,7 +73,7 @@ class Designed:
 
     @property
     def spared(self) -> float:
-        """What the worst case of the check left of its envelope's width."""
+        """Margin of the check's worst case."""
         return float(self.check.bound.get("worst_margin", np.inf))
 
 
@@ -106,15 +106,15 @@ def design(problem: DesignProblem, *, runs: int = RUNS, say: Say = _unheard) -> 
     require_64_bits()
     frame, first = _begin(problem)
     say("what the motion and the set ask of the drives")
-    asked = _asked(frame, first)
-    if asked is not None:
-        if (asked.torque >= asked.limit).any():
-            return of_torque(problem, asked)
-        least, ample = (float(f"{asked.needed * times:.4g}") for times in (U_OVER, U_AMPLE))
+    request = _demand(frame, first)
+    if request is not None:
+        if (request.torque >= request.limit).any():
+            return of_torque(problem, request)
+        least, ample = (float(f"{request.needed * times:.4g}") for times in (U_OVER, U_AMPLE))
         if problem.requirements.torque_step is not None:
-            # How much more is searched for: on the two-link arm three times as much is calmer, and more exact.
-            frame, first = replace(frame, least_margin=least), replace(first, margin=max(asked.u, least))
-        elif ample > asked.u:
+            # The search decides how much more: on the two-link arm three times as much is calmer, and more exact.
+            frame, first = replace(frame, least_margin=least), replace(first, margin=max(request.u, least))
+        elif ample > request.u:
             first = replace(first, margin=ample)
     say("horizon, estimator and surface on common cases")
     trials, best = _best(problem, frame, first)
@@ -127,11 +127,11 @@ def design(problem: DesignProblem, *, runs: int = RUNS, say: Say = _unheard) -> 
     sized = _sized(problem, trials, best, _aim(problem, frame))
     if isinstance(sized, Refused):
         return sized
-    return _checked(problem, trials, sized, asked, runs, say)
+    return _checked(problem, trials, sized, request, runs, say)
 
 
 def _begin(problem: DesignProblem) -> tuple[Frame, Choice]:
-    """What all choices have in common, and the first one."""
+    """Return the frame of all choices, and the first choice."""
     requirements, h = problem.requirements, problem.simulation.period
     base = problem.scenario(template(requirements.deadline))
     moving = base.moving()
@@ -165,7 +165,7 @@ def _provisional(frame: Frame) -> Any:
     return np.minimum(np.maximum(4.0 * wide, frame.shape if frame.shape.max() < 0.1 else 0.0), LARGEST * frame.initial)
 
 
-def _asked(frame: Frame, first: Choice) -> Asked | None:
+def _demand(frame: Frame, first: Choice) -> Asked | None:
     try:
         return asked_of(frame.described(first).build("demand"))
     except DefinitionError:
@@ -173,7 +173,7 @@ def _asked(frame: Frame, first: Choice) -> Asked | None:
 
 
 def _aim(problem: DesignProblem, frame: Frame) -> Aim:
-    """What is better, of two laws."""
+    """Return the objective of the search."""
     requirements = problem.requirements
     small = None if requirements.accuracy == "best" else float(np.min(frame.shape)) / (2.0 * SPARE)
     step = requirements.torque_step
@@ -184,11 +184,11 @@ def _aim(problem: DesignProblem, frame: Frame) -> Aim:
 
 def _best(problem: DesignProblem, frame: Frame, first: Choice) -> tuple[Trials, Worst]:
     """The best law with the better estimator, where velocities are measured."""
-    aim, found = _aim(problem, frame), []
+    aim, result = _aim(problem, frame), []
     for kalman in (True, False) if frame.has_velocity else (True,):
         trials = Trials(problem, frame, first if kalman else replace(first, drift=None))
-        found.append((trials, coarse(trials, aim, kalman=kalman)))
-    trials, best = min(found, key=lambda one: aim.cost(one[1]))
+        result.append((trials, coarse(trials, aim, kalman=kalman)))
+    trials, best = min(result, key=lambda item: aim.cost(item[1]))
     return trials, fine(trials, best, aim)
 
 
@@ -197,18 +197,20 @@ def _sized(problem: DesignProblem, trials: Trials, best: Worst, aim: Aim) -> Wor
     frame, requirements = trials.frame, problem.requirements
     if requirements.accuracy == "best":
         held = narrowest(trials, best, CALM * aim.step if aim.required else np.inf)
-        found = [best] if best.holds and best.margin >= ROOM_LEFT else []
+        result = [best] if best.holds and best.margin >= ROOM_LEFT else []
         if held is not None:
             wider = np.minimum(SPARE * held.choice.final, trials.most * frame.shape)
-            found += trials.judged([replace(held.choice, final=wider)], trials.cases(MOST))
-        return aim.best(found) if found else of_accuracy(trials, best, None)
+            result += trials.judged([replace(held.choice, final=wider)], trials.cases(MOST))
+        return aim.best(result) if result else of_accuracy(trials, best, None)
     (required,) = trials.judged([replace(best.choice, final=frame.shape)], trials.cases(MANY))
     if required.holds and required.margin >= LEAST_MARGIN:
         return required
     return of_accuracy(trials, required, narrowest(trials, best))
 
 
-def _checked(problem: DesignProblem, trials: Trials, worst: Worst, asked: Asked | None, runs: int, say: Say) -> Design:
+def _checked(
+    problem: DesignProblem, trials: Trials, worst: Worst, request: Asked | None, runs: int, say: Say
+) -> Design:
     """The same after its certificate and its check; where a case left or came near, another law that bears it, too.
 
     So it is where one had a larger torque step than is required.
@@ -223,7 +225,7 @@ def _checked(problem: DesignProblem, trials: Trials, worst: Worst, asked: Asked 
             wider = np.minimum(SLACK**turn * choice.final, LARGEST * trials.frame.initial)
             choice = replace(choice, final=np.maximum(choice.final, wider))
         # Where it holds for no radius it does not hold for a law nearby, and an answer for many joints takes a minute.
-        if asked is not None and proved:
+        if request is not None and proved:
             say("the certificate of the loops")
             choice, rate = _certified(problem, trials, choice)
         proved = rate is not None and bool(rate.holds)
@@ -234,11 +236,11 @@ def _checked(problem: DesignProblem, trials: Trials, worst: Worst, asked: Asked 
         check, hard = tried(description.build("design"), runs, seed=1 + turn)
         wild = 1.0 if required is None else check.bound.get("steady_torque_step", 0.0) / required
         if check.holds is not False and wild <= 1.0:
-            found: Proof = "bound" if proved else "tested"
-            made = Designed(description, found, trials.frame, choice, worst, asked, rate, check, trials.runs)
-            kept = made if kept is None or made.spared > kept.spared else kept
-            if not best or check.holds is None or made.spared >= ENOUGH:
-                return made
+            result: Proof = "bound" if proved else "tested"
+            built = Designed(description, result, trials.frame, choice, worst, request, rate, check, trials.runs)
+            kept = built if kept is None or built.spared > kept.spared else kept
+            if not best or check.holds is None or built.spared >= ENOUGH:
+                return built
         if turn == TIMES - 1:
             break
         say("a law for the hardest of them, too")

@@ -1,4 +1,4 @@
-"""What the estimates of a law miss in simulated cases, against the loop-rate rule."""
+"""Estimation errors of a law in simulated cases, against the loop-rate rule."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ NARROW = 1.05
 
 @dataclass(frozen=True)
 class Missed:
-    """What each joint's plan misses, and what the rule allows, `(H + D h)² w̄ < ϑ ρ∞` (docs/loop-rate.md).
+    """Estimation error of each joint's plan, and its bound by the rule, `(H + D h)² w̄ < ϑ ρ∞` (docs/loop-rate.md).
 
     - `names`, `units`: of the joints, and of their positions.
     - `missed`: w̄ [n], `allowed`: by the rule [n], rad/s² or m/s².
@@ -44,11 +44,11 @@ class Missed:
 
     def in_words(self) -> str:
         """`joint 6` misses 41 rad/s² (rule: 28), for some of the joints that are beyond it; empty if none is."""
-        said = [
+        text = [
             f"`{self.names[k]}` misses {self.missed[k]:.3g} {self.units[k]}/s² (rule: {self.allowed[k]:.3g})"
             for k in self.beyond[:MOST]
         ]
-        return ", ".join(said)
+        return ", ".join(text)
 
     def as_json(self) -> dict[str, Any]:
         """By the names of the joints."""
@@ -57,7 +57,7 @@ class Missed:
 
 
 def missed_in_cases(trials: Trials, choice: Choice) -> Missed:
-    """What is missed in the first of the common cases, corners of the set among them, while the envelope is narrow.
+    """Return the estimation errors in the first common cases while the envelope is narrow.
 
     - `trials`: on what.
     - `choice`: the law.
@@ -66,7 +66,7 @@ def missed_in_cases(trials: Trials, choice: Choice) -> Missed:
     rows = len(next(iter(cases.values()))) if cases else 1
     values: Values = {
         **cases,
-        **{path: np.repeat(np.asarray([one], float), rows, axis=0) for path, one in told.items()},
+        **{path: np.repeat(np.asarray([item], float), rows, axis=0) for path, item in told.items()},
     }
     delay, h = trials.frame.delay, trials.frame.period
     worst = []
@@ -85,7 +85,7 @@ def missed_in_cases(trials: Trials, choice: Choice) -> Missed:
 
 
 def missed_by(rate: Verdict, trials: Trials, choice: Choice) -> Missed | None:
-    """What `loop_rate` says that is missed at most; None where it says nothing.
+    """Return the bound of `loop_rate` on the estimation errors; None without one.
 
     - `rate`: the certificate's answer.
     - `trials`: of which arm.

@@ -19,7 +19,7 @@ GENERATIONS = 10
 """Of CMA-ES."""
 
 TIMES = {"horizon": 2.5, "slope": 8.0, "bend": 6.0, "overshoot": 4.0, "drift": 6.0, "gain": 4.0, "margin": 4.0}
-"""What is multiplied, by at most so much, or by one over it."""
+"""Largest factor of each value, and its reciprocal."""
 
 FINAL = 10.0
 """The same of the final radius."""
@@ -57,13 +57,13 @@ def polished(
     names = [name for name in TIMES if name not in left_out]
     dimension = len(names) + free + (start.drift is not None)
     island = Island(np.full(dimension, 0.5), size, population(dimension), seed)
-    found: list[Worst] = []
+    result: list[Worst] = []
     for _ in range(GENERATIONS):
-        asked = np.clip(island.ask(), 0.0, 1.0)
-        tried = trials.judged([_moved(trials.frame, start, names, free, point) for point in asked], cases)
-        island.tell(np.array([cost(one) for one in tried]))
-        found += tried
-    return found
+        request = np.clip(island.ask(), 0.0, 1.0)
+        tried = trials.judged([_moved(trials.frame, start, names, free, point) for point in request], cases)
+        island.tell(np.array([cost(item) for item in tried]))
+        result += tried
+    return result
 
 
 def _moved(frame: Frame, start: Choice, names: list[str], free: bool, point: NDArray[np.floating[Any]]) -> Choice:

@@ -1,4 +1,4 @@
-"""What the certificates say of a law, and what they ask of it."""
+"""Certificates of a law, and their demands on it."""
 
 from __future__ import annotations
 
@@ -26,13 +26,14 @@ COARSE = Fineness(halvings=2, width=32)
 WIDER = (1.02, 1.05, 1.1, 1.2)
 """The final radius over the one that `loop_rate` asks for, each time that it is widened to it.
 
-What one joint misses moves the others: with the same factor each time, the radii of a UR3 were still just too small.
+The estimation error of a joint moves the others: with a constant factor, the radii of a UR3 stayed just
+too small.
 """
 
 
 @dataclass(frozen=True)
 class Asked:
-    """What the motion and the set ask of the drives and of u.
+    """Demand of the motion and the uncertainty set on the drives and on u.
 
     - `demand`: of the loops.
     - `torque`: the largest along the motion [n]; `limit`: of the drives [n], N m or N.
@@ -47,7 +48,7 @@ class Asked:
 
 
 def asked_of(scenario: Scenario) -> Asked:
-    """What a scenario asks of its drives and of u, for all of its set.
+    """Return the demand of a scenario on its drives and on u, for all of its set.
 
     - `scenario`: with some law.
 
@@ -62,7 +63,7 @@ def asked_of(scenario: Scenario) -> Asked:
 
 
 def boundable(joints: int, learns: bool) -> bool:
-    """Whether `loop_rate` may have a bound: with four joints and more it never had one for a law that learns.
+    """True if `loop_rate` may have a bound: with four joints and more it never had one for a law that learns.
 
     - `joints`: of the arm.
     - `learns`: whether the law learns the inertia.
@@ -90,8 +91,8 @@ def radius_of(verdict: Verdict | None) -> Floats | None:
     """
     if verdict is None or "required_radius" not in verdict.bound:
         return None
-    found = np.asarray(verdict.bound["required_radius"], float)
-    return found if np.isfinite(found).all() and (found > 0).all() else None
+    result = np.asarray(verdict.bound["required_radius"], float)
+    return result if np.isfinite(result).all() and (result > 0).all() else None
 
 
 def widened(

@@ -1,4 +1,4 @@
-"""Why there is no such law, and what would do: each change is tried before it is named."""
+"""Refusals: the reason, and changes of the requirements that were tried and work."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ LATER = (1.25, 1.5, 2.0, 3.0)
 
 @dataclass(frozen=True)
 class Refused:
-    """Why there is no such law.
+    """Reason why no law exists.
 
     - `reason`: one sentence with the joint, and the number against its limit.
     - `would_do`: changes of the requirements with which there is one, each by itself.
@@ -45,7 +45,7 @@ class Refused:
 
     def as_json(self) -> dict[str, Any]:
         """As `slidax design --json` prints it."""
-        changes = [{"words": one.words, "set": dict(one.changes)} for one in self.would_do]
+        changes = [{"words": item.words, "set": dict(item.changes)} for item in self.would_do]
         missed = {} if self.missed is None else {"missed": self.missed.as_json()}
         return {"designed": False, "reason": self.reason, "would_do": changes, **missed}
 
@@ -57,24 +57,24 @@ def refused(reason: str, would_do: list[Remedy], missed: Missed | None = None) -
     - `would_do`: what was found to do.
     - `missed`: what each joint misses, if that is why.
     """
-    words = ", or ".join(one.words for one in would_do)
+    words = ", or ".join(item.words for item in would_do)
     return Refused(f"{reason}.{f' {words[:1].upper()}{words[1:]} would do.' if words else ''}", would_do, missed)
 
 
-def of_torque(problem: DesignProblem, asked: Asked) -> Refused:
+def of_torque(problem: DesignProblem, request: Asked) -> Refused:
     """The motion needs more than the drives have.
 
     - `requirements`: which ask for it.
     - `asked`: of the drives.
     """
     arm = problem.robot.build().nominal
-    k = int(np.argmax(asked.torque / asked.limit))
+    k = int(np.argmax(request.torque / request.limit))
     name, unit = arm.joint_names[k], arm.torque_units[k]
     reason = (
-        f"the motion cannot be had for all of the set: `{name}` needs up to {asked.torque[k]:.3g} {unit} along it "
-        f"(limit: {asked.limit[k]:.3g})"
+        f"the motion cannot be had for all of the set: `{name}` needs up to {request.torque[k]:.3g} {unit} along it "
+        f"(limit: {request.limit[k]:.3g})"
     )
-    enough = [float(f"{one:.3g}") for one in np.maximum(1.15 * asked.torque, asked.limit)]
+    enough = [float(f"{item:.3g}") for item in np.maximum(1.15 * request.torque, request.limit)]
     words = f"drives of {enough[k]:.3g} {unit} at that joint"
     return refused(reason, [Remedy(words, {"actuator.torque": enough})])
 
@@ -87,11 +87,11 @@ def of_deadline(trials: Trials, best: Worst) -> Refused:
     """
     deadline, cases = best.choice.deadline, trials.cases(MANY)
     later = [replace(best.choice, deadline=factor * deadline) for factor in LATER]
-    later = [one for one in later if one.deadline < 0.8 * trials.base.simulation.t1]
-    found = [one for one in (trials.judged(later, cases) if later else []) if one.holds]
+    later = [item for item in later if item.deadline < 0.8 * trials.base.simulation.t1]
+    result = [item for item in (trials.judged(later, cases) if later else []) if item.holds]
     would = []
-    if found:
-        soonest = found[0].choice.deadline
+    if result:
+        soonest = result[0].choice.deadline
         would.append(Remedy(f"a deadline of {soonest:.3g} s", {"requirements.deadline": soonest}))
     reason = (
         f"no law that was tried keeps its envelope at {1.0 / trials.frame.period:g} Hz with a deadline of "
@@ -130,20 +130,20 @@ def of_accuracy(trials: Trials, best: Worst, held: Worst | None, check: Verdict 
     where = f"accuracy {final:.2g} {unit} at {1.0 / trials.frame.period:g} Hz"
     missed = missed_in_cases(trials, best.choice)
     if check is not None:
-        said = f"of {check.bound['runs']} random cases {check.bound['failures']} leave it"
+        text = f"of {check.bound['runs']} random cases {check.bound['failures']} leave it"
         if not check.bound["failures"]:
-            said = f"of {check.bound['runs']} random cases none leaves it, but one of a search does"
+            text = f"of {check.bound['runs']} random cases none leaves it, but one of a search does"
     else:
-        said = f"{best.outside} of {best.cases} cases leave it, first {_joint(trials, best)}"
+        text = f"{best.outside} of {best.cases} cases leave it, first {_joint(trials, best)}"
         if not best.outside:
-            said = f"{_joint(trials, best)} comes too near to it"
-    said = ", and ".join(one for one in (missed.in_words(), said) if one)
+            text = f"{_joint(trials, best)} comes too near to it"
+    text = ", and ".join(item for item in (missed.in_words(), text) if item)
     would = []
     if held is not None:
         wider = float(f"{SPARE * float(np.min(held.choice.final)):.2g}")
         would.append(Remedy(f"{wider:g} {unit}", {"requirements.accuracy": _scaled(trials, wider / final)}))
     would += [*_rates(trials, best), *_payload(trials, best, trials.cases(MANY))]
-    return refused(f"{where} cannot be had: {said}", would, missed)
+    return refused(f"{where} cannot be had: {text}", would, missed)
 
 
 def unproved(trials: Trials, choice: Choice, rate: Verdict | None) -> Refused:
@@ -157,7 +157,7 @@ def unproved(trials: Trials, choice: Choice, rate: Verdict | None) -> Refused:
     if rate is None:
         return refused("a bound is required, and `loop_rate` has no answer for this arm", [unproved])
     missed = missed_by(rate, trials, choice)
-    why = [one for one in ("" if missed is None else missed.in_words(), rate.statement) if one]
+    why = [item for item in ("" if missed is None else missed.in_words(), rate.statement) if item]
     reason = f"a bound is required, and `loop_rate` gives none: {'; '.join(why)}"
     return refused(reason, [*_wider(trials, choice, rate), *_told(trials, choice), unproved], missed)
 
@@ -166,9 +166,9 @@ def _wider(trials: Trials, choice: Choice, rate: Verdict) -> Iterator[Remedy]:
     """Final radii within which there is a bound; where the best are required, such were looked for before."""
     if trials.problem.requirements.accuracy == "best":
         return
-    found = widened(choice, rate, lambda one: _rate_of(trials, one, {}), LARGEST * trials.frame.initial)
-    if found is not None:
-        radius = rounded(found[0].final)
+    result = widened(choice, rate, lambda item: _rate_of(trials, item, {}), LARGEST * trials.frame.initial)
+    if result is not None:
+        radius = rounded(result[0].final)
         yield Remedy(f"an accuracy of {max(radius):.3g}", {"requirements.accuracy": radius})
 
 
@@ -181,8 +181,8 @@ def _told(trials: Trials, choice: Choice) -> Iterator[Remedy]:
     told = {"robot.nominal.load": {**robot["plant"]["load"], "mass": mass}}
     rate = _rate_of(trials, choice, told)
     if trials.problem.requirements.accuracy == "best":
-        found = widened(choice, rate, lambda one: _rate_of(trials, one, told), LARGEST * trials.frame.initial)
-        holds = found is not None
+        result = widened(choice, rate, lambda item: _rate_of(trials, item, told), LARGEST * trials.frame.initial)
+        holds = result is not None
     else:
         holds = rate is not None and bool(rate.holds)
     if holds:
@@ -216,10 +216,10 @@ def _payload(trials: Trials, best: Worst, cases: Any) -> Iterator[Remedy]:
         return
     for share in LESS:
         less = trials.with_less({path: share})
-        given = less.cases(MANY)
-        (tried,) = less.judged([best.choice], given)
+        values = less.cases(MANY)
+        (tried,) = less.judged([best.choice], values)
         if tried.holds and tried.margin >= LEAST_MARGIN:
-            low, high = float(np.min(given[path])), float(np.max(given[path]))
+            low, high = float(np.min(values[path])), float(np.max(values[path]))
             yield Remedy(f"a payload of at most {high:.3g} kg", {f"uncertainty.{path}": {"between": [low, high]}})
             return
 
@@ -229,7 +229,7 @@ def _scaled(trials: Trials, factor: float) -> Any:
     if required == "best":
         return "best"
     numbers = np.asarray(required, float) * factor
-    return [float(f"{one:.2g}") for one in numbers] if numbers.ndim else float(f"{float(numbers):.2g}")
+    return [float(f"{item:.2g}") for item in numbers] if numbers.ndim else float(f"{float(numbers):.2g}")
 
 
 def _joint(trials: Trials, worst: Worst) -> str:

@@ -1,4 +1,4 @@
-"""What a law must do, as a file."""
+"""Requirements files."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ AFTER = 6.0
 
 
 class Requirements(AbstractDescription):
-    """What is asked of the law."""
+    """Requirements for the law."""
 
     deadline: float = said("from when on the error is within its final radius", "s", "> 0", default=2.0)
     accuracy: Literal["best"] | Annotated[Numbers, Field()] = "best"
@@ -41,7 +41,7 @@ class Requirements(AbstractDescription):
 
 
 class TimeDescription(AbstractDescription):
-    """How the arm is commanded."""
+    """Timing of the commands."""
 
     period: float = said("time between two samples", "s", "> 0")
     substeps: int = said("integrator steps a period", "", "[1, 10000]", default=10)
@@ -56,23 +56,23 @@ class DesignProblem(AbstractDescription):
     robot: RobotDescription
     """The arm that moves, and the arm as the law knows it."""
     trajectory: TrajectoryDescription | None = None
-    """What the joints should do."""
+    """Reference motion of the joints."""
     workspace: WorkspaceDescription | None = None
     """Where and how fast the joints move, in place of a trajectory."""
     disturbance: DisturbanceDescription = DisturbanceDescription()
-    """What pushes the joints from outside."""
+    """External disturbances."""
     sensor: SensorDescription = SensorDescription()
-    """What is measured of the state."""
+    """Sensors."""
     actuator: ActuatorDescription = ActuatorDescription()
-    """What the drives can do."""
+    """Drives."""
     start: StartDescription | None = None
     """The state at t = 0; on the motion if not given."""
     simulation: TimeDescription
-    """How the arm is commanded."""
+    """Timing of the commands."""
     uncertainty: Uncertainty = Field(default={})
-    """What is not known: a set of values by path."""
+    """Uncertainty: a set of values by path."""
     requirements: Requirements = Requirements()
-    """What is asked of the law."""
+    """Requirements for the law."""
 
     @property
     def t1(self) -> float:
@@ -82,7 +82,7 @@ class DesignProblem(AbstractDescription):
         return float(round(end / period) * period)
 
     def blocks(self) -> dict[str, Any]:
-        """What a scenario says of all but its law and its time.
+        """Return the blocks of a scenario other than its law and its time.
 
         Raises DefinitionError, with the path of the field, if the motion cannot be.
         """
@@ -131,25 +131,25 @@ def read_problem(path: str | Path) -> DesignProblem:
         raise DefinitionError("requirements are a mapping with the keys " + ", ".join(DesignProblem.model_fields))
     require_readable(data)
     try:
-        found = DesignProblem.model_validate(data, context={"folder": path.parent})
+        result = DesignProblem.model_validate(data, context={"folder": path.parent})
     except ValidationError as error:
         raise translated(error, data) from None
-    if (found.trajectory is None) == (found.workspace is None):
+    if (result.trajectory is None) == (result.workspace is None):
         raise DefinitionError("needs either `trajectory` or `workspace`")
-    _require_accuracy(found)
-    if found.t1 <= found.requirements.deadline:
-        raise DefinitionError(f"must be after the deadline; got {found.t1:g}", where="simulation.t1")
-    return found
+    _require_accuracy(result)
+    if result.t1 <= result.requirements.deadline:
+        raise DefinitionError(f"must be after the deadline; got {result.t1:g}", where="simulation.t1")
+    return result
 
 
-def _require_accuracy(found: DesignProblem) -> None:
-    required = found.requirements.accuracy
+def _require_accuracy(result: DesignProblem) -> None:
+    required = result.requirements.accuracy
     if required == "best":
         return
     numbers = np.asarray(required, float)
     with located("requirements.accuracy"):
         if not (np.isfinite(numbers).all() and (numbers > 0).all()):
             raise DefinitionError(f"must be > 0, or `best`; got {plain(required)}")
-        joints = found.robot.build().true.joints
+        joints = result.robot.build().true.joints
         if numbers.ndim and len(numbers) != joints:
             raise DefinitionError(f"must be one number or one for {each_of(joints, 'joint')}; got {len(numbers)}")

@@ -29,7 +29,7 @@ HARD = 3
 """Of the many cases, that are among the few of the next turn where laws came too near in them."""
 
 AGAIN = 3
-"""How often the ladder begins anew: a narrower envelope has a steeper surface, and a smaller error."""
+"""Number of restarts of the ladder: a narrower envelope has a steeper surface, and a smaller error."""
 
 LADDER = ((1.5, 2.2, 3.3), (5.0, 8.0, 14.0), (25.0, 50.0, 100.0))
 """Final radii that are tried, times the largest steady error: wider ones where the first do not hold."""
@@ -53,12 +53,12 @@ def coarse(trials: Trials, aim: Aim, *, kalman: bool) -> Worst:
     """
     cases, first = trials.beyond(FEW), trials.first
     drifts = DRIFTS if kalman else (None,)
-    found = trials.judged(
-        [replace(first, horizon=H, drift=one) for H in trials.frame.horizons for one in drifts], cases
+    result = trials.judged(
+        [replace(first, horizon=H, drift=item) for H in trials.frame.horizons for item in drifts], cases
     )
-    best = aim.best(found)
-    steeper = [replace(best.choice, slope=one) for one in SLOPES if one != best.choice.slope]
-    return aim.best([*found, *trials.judged(steeper, cases)])
+    best = aim.best(result)
+    steeper = [replace(best.choice, slope=item) for item in SLOPES if item != best.choice.slope]
+    return aim.best([*result, *trials.judged(steeper, cases)])
 
 
 def fine(trials: Trials, best: Worst, aim: Aim) -> Worst:
@@ -74,15 +74,15 @@ def fine(trials: Trials, best: Worst, aim: Aim) -> Worst:
     cases, many = trials.beyond(POLISH), trials.beyond(MOST)
     free = trials.problem.requirements.accuracy == "best"
     start = _near(trials, best, aim) if free else replace(best, choice=replace(best.choice, final=trials.frame.shape))
-    found, share = trials.judged([start.choice, best.choice], many), 1.0
+    result, share = trials.judged([start.choice, best.choice], many), 1.0
     for turn, size in enumerate(REQUIRED if aim.required else SIZES):
         tried = polished(trials, start.choice, cases, aim.stricter(share).cost, free=free, size=size, seed=turn)
         top = sorted(tried, key=aim.stricter(share).cost)[:TOP]
-        judged = trials.judged([one.choice for one in top], many)
-        found += judged
-        start = aim.best(found)
+        judged = trials.judged([item.choice for item in top], many)
+        result += judged
+        start = aim.best(result)
         share = float(np.median([few.step / more.step for few, more in zip(top, judged, strict=True)]))
-        hard = [one.case for one in sorted(judged, key=lambda one: one.margin) if one.margin < aim.room]
+        hard = [item.case for item in sorted(judged, key=lambda item: item.margin) if item.margin < aim.room]
         if hard and many:
             rows = list(dict.fromkeys(hard))[:HARD]
             trials = trials.with_harder({path: array[rows] for path, array in trials.cases(MOST).items()})
@@ -90,9 +90,9 @@ def fine(trials: Trials, best: Worst, aim: Aim) -> Worst:
     (last,) = trials.judged([start.choice], trials.cases(MOST))
     if last.holds:
         return last
-    # What an arm of the set does that is less unknown is not always less.
-    others = sorted(found, key=aim.cost)[: 2 * TOP]
-    return aim.best([last, *trials.judged([one.choice for one in others], trials.cases(MOST))])
+    # A smaller uncertainty does not always give a smaller error.
+    others = sorted(result, key=aim.cost)[: 2 * TOP]
+    return aim.best([last, *trials.judged([item.choice for item in others], trials.cases(MOST))])
 
 
 def _near(trials: Trials, best: Worst, aim: Aim) -> Worst:
@@ -104,7 +104,7 @@ def _near(trials: Trials, best: Worst, aim: Aim) -> Worst:
     tried = trials.judged(
         [replace(best.choice, final=min(base * factor, most) * shape) for factor in NEAR], trials.beyond(FEW)
     )
-    return next((one for one in tried if one.holds and one.margin >= LEAST_MARGIN), best)
+    return next((item for item in tried if item.holds and item.margin >= LEAST_MARGIN), best)
 
 
 def narrowest(trials: Trials, best: Worst, step: float = np.inf) -> Worst | None:
@@ -116,10 +116,10 @@ def narrowest(trials: Trials, best: Worst, step: float = np.inf) -> Worst | None
     """
     held, cases = None, trials.beyond(MANY)
     for _ in range(AGAIN):
-        found = _climbed(trials, best, step, cases)
-        if found is None or (held is not None and found.choice.final[0] > 0.8 * held.choice.final[0]):
-            return held or found
-        held = best = found
+        result = _climbed(trials, best, step, cases)
+        if result is None or (held is not None and result.choice.final[0] > 0.8 * held.choice.final[0]):
+            return held or result
+        held = best = result
     return held
 
 
@@ -130,10 +130,10 @@ def _climbed(trials: Trials, best: Worst, most_step: float, cases: Values) -> Wo
     for step in LADDER:
         radii = sorted({min(base * factor, most) for factor in step})
         tried = trials.judged([replace(best.choice, final=radius * shape) for radius in radii], cases)
-        held = [one.holds and one.margin >= LEAST_MARGIN and one.step <= most_step for one in tried]
+        held = [item.holds and item.margin >= LEAST_MARGIN and item.step <= most_step for item in tried]
         if held[-1]:
             # The narrowest from which on all wider ones hold.
-            return tried[len(held) - next((k for k, one in enumerate(reversed(held)) if not one), len(held))]
+            return tried[len(held) - next((k for k, item in enumerate(reversed(held)) if not item), len(held))]
         if radii[-1] >= most:
             return None
     return None

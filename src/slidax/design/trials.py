@@ -1,4 +1,4 @@
-"""Candidates on common cases of the uncertain set: what the worst case makes of each."""
+"""Candidates on common cases of the uncertainty set: the worst case of each."""
 
 from __future__ import annotations
 
@@ -34,12 +34,12 @@ PLANT, BEYOND = "robot.plant.", 1.15
 holds in many cases, and a longer search finds one in which it does not."""
 
 LOAD = "load.mass"
-"""How the path of a payload ends."""
+"""End of the path of a payload."""
 
 
 @dataclass(frozen=True)
 class Worst:
-    """What the worst of the common cases makes of a choice.
+    """Worst of the common cases for a choice.
 
     - `choice`: its numbers.
     - `margin`: least distance to the envelope's nearer side over its width; negative outside.
@@ -63,7 +63,7 @@ class Worst:
 
     @property
     def holds(self) -> bool:
-        """Whether no case left its envelope."""
+        """True if no case left its envelope."""
         return not self.outside and bool(np.isfinite(self.error))
 
 
@@ -85,7 +85,7 @@ class Trials:
 
     @property
     def runs(self) -> int:
-        """How many were simulated, with what shares this loop."""
+        """Number of simulated runs, with all trials that share this loop."""
         return self._runner.computed
 
     @property
@@ -134,26 +134,26 @@ class Trials:
         drawn = points(seed, 0, count, space.dimensions)
         corners = _corners(space, len(self.frame.torque))[: max(count // 2, 1)]
         drawn[: len(corners)] = corners
-        found = space.values(drawn)
+        result = space.values(drawn)
         for path, array in self.harder.items():
-            room = found[path][len(corners) : len(corners) + len(array)]
+            room = result[path][len(corners) : len(corners) + len(array)]
             room[...] = array[: len(room)]
-        return self._shrunk(found)
+        return self._shrunk(result)
 
     def beyond(self, count: int) -> Values:
         """The same cases of an arm that is unknown by more, so that a law is not at the edge of what it bears.
 
         - `count`: how many.
         """
-        found = dict(self.cases(count))
-        ends = self.family.uncertain.values(_corners(self.family.uncertain, 0)[:2]) if found else {}
-        for path, array in found.items():
+        result = dict(self.cases(count))
+        ends = self.family.uncertain.values(_corners(self.family.uncertain, 0)[:2]) if result else {}
+        for path, array in result.items():
             if path.startswith(PLANT) and np.issubdtype(array.dtype, np.floating):
                 high, low = ends[path]
                 wider = low + (high - low) * 0.5 + BEYOND * (array - low - (high - low) * 0.5)
-                # What is never negative in the set stays so.
-                found[path] = np.where(low >= 0.0, np.maximum(wider, 0.5 * low), wider)
-        return found
+                # Values that are never negative in the set stay so.
+                result[path] = np.where(low >= 0.0, np.maximum(wider, 0.5 * low), wider)
+        return result
 
     def _shrunk(self, values: Values) -> Values:
         low = self.family.uncertain.values(np.zeros((1, self.family.uncertain.dimensions)))
@@ -161,7 +161,7 @@ class Trials:
         return {path: low[path] + share[path] * (array - low[path]) for path, array in values.items()}
 
     def judged(self, choices: Sequence[Choice], cases: Values) -> list[Worst]:
-        """What the worst case makes of each.
+        """Return the worst case of each choice.
 
         - `choices`: all with the estimator of the first.
         - `cases`: as `cases` gives them.
@@ -172,7 +172,7 @@ class Trials:
         told = [self.frame.values(choice) for choice in choices]
         values = {path: np.concatenate([array] * len(choices)) for path, array in cases.items()}
         for path in told[0]:
-            values[path] = np.repeat(np.asarray([one[path] for one in told], float), each, axis=0)
+            values[path] = np.repeat(np.asarray([item[path] for item in told], float), each, axis=0)
         table = self._runner.rows(0, values)
         return [_worst(choice, table, slice(k * each, (k + 1) * each)) for k, choice in enumerate(choices)]
 
@@ -189,15 +189,15 @@ class Trials:
         - `cases`: by path, the worst first.
         """
         old = self.harder
-        every = {path: np.concatenate([one, old[path]]) if old else one for path, one in cases.items()}
+        every = {path: np.concatenate([item, old[path]]) if old else item for path, item in cases.items()}
         return self._sharing(replace(self, harder=every))
 
-    def _sharing(self, made: Trials) -> Trials:
+    def _sharing(self, built: Trials) -> Trials:
         """Another one with what is compiled."""
         for name in ("base", "family", "_runner"):
             if name in self.__dict__:
-                made.__dict__[name] = self.__dict__[name]
-        return made
+                built.__dict__[name] = self.__dict__[name]
+        return built
 
     @property
     def payload(self) -> str | None:
@@ -233,7 +233,7 @@ def _set(value: Any) -> dict[str, Any]:
     """A set around a value, which gives it its form; rows are given as they are."""
     if np.ndim(value):
         numbers = np.asarray(value, float).tolist()
-        return {"between": [[one / 1.5 for one in numbers], numbers], "each": "joint"}
+        return {"between": [[item / 1.5 for item in numbers], numbers], "each": "joint"}
     return {"between": [float(value) / 1.5, float(value)]}
 
 

@@ -1,4 +1,4 @@
-"""What could happen: many runs of a scenario whose numbers are not known, or are still to be chosen."""
+"""Studies: many runs of a scenario whose values are uncertain, or are still to be chosen."""
 
 from .cases import Cases as Cases
 from .file import AnyStudy as AnyStudy

@@ -33,7 +33,7 @@ Values = Mapping[str, NDArray[Any]]
 class Cases:
     """Runs cases of a family through compiled loops, which it keeps.
 
-    What leads to arrays of the loop varies within one; all else, such as a period, a delay, or a table of waypoints,
+    Values that become arrays vary within a loop; all others, such as a period, a delay, or a table of waypoints,
     makes a loop of its own for each of its values. The bits of a case depend on no other case.
 
     - `family`: of which they are.
@@ -61,7 +61,7 @@ class Cases:
         Raises DefinitionError if a case is invalid, or they need too many loops.
         """
         rows = len(next(iter(values.values()))) if values else 1
-        found: list[tuple[NDArray[Any], Columns]] = []
+        result: list[tuple[NDArray[Any], Columns]] = []
         for rows_of_one, key in self._groups(values, rows):
             picked = {path: array[rows_of_one] for path, array in values.items()}
             loop = self._loop(key, picked)
@@ -69,8 +69,8 @@ class Cases:
                 columns = self._each(picked, len(rows_of_one))
             else:
                 columns = self.columns(loop.simulated(picked, self.threads, None))
-            found.append((rows_of_one, columns))
-        return joined(found, rows)
+            result.append((rows_of_one, columns))
+        return joined(result, rows)
 
     def single(self, values: Values, log_every: int | None = 0) -> tuple[Scenario, Run]:
         """One case as the batch runs it, with its log, and its scenario.
@@ -80,11 +80,11 @@ class Cases:
         """
         ((_, key),) = self._groups(values, 1)
         loop = self._loop(key, values)
-        one = self._scenario({path: array[0] for path, array in values.items()})
-        every = one.log_every if log_every == 0 else log_every
+        item = self._scenario({path: array[0] for path, array in values.items()})
+        every = item.log_every if log_every == 0 else log_every
         if loop is None:
-            return one, one.simulate(log_every=every, progress=False)
-        return one, loop.simulated(values, self.threads, every)[0]
+            return item, item.simulate(log_every=every, progress=False)
+        return item, loop.simulated(values, self.threads, every)[0]
 
     def logged(self, values: Values) -> list[Run]:
         """The runs of cases with every sample in their logs.
@@ -92,15 +92,15 @@ class Cases:
         - `values`: by path, of every path of the family; one case if there is none.
         """
         rows = len(next(iter(values.values()))) if values else 1
-        found: list[Run] = [None] * rows  # type: ignore[list-item]
+        result: list[Run] = [None] * rows  # type: ignore[list-item]
         for rows_of_one, key in self._groups(values, rows):
             picked = {path: array[rows_of_one] for path, array in values.items()}
             loop = self._loop(key, picked)
             runs = None if loop is None else loop.simulated(picked, self.threads, 1)
             for i, row in enumerate(rows_of_one):
-                one = {path: array[i] for path, array in picked.items()}
-                found[row] = self._scenario(one).simulate(log_every=1, progress=False) if runs is None else runs[i]
-        return found
+                item = {path: array[i] for path, array in picked.items()}
+                result[row] = self._scenario(item).simulate(log_every=1, progress=False) if runs is None else runs[i]
+        return result
 
     def _groups(self, values: Values, rows: int) -> list[tuple[NDArray[Any], tuple[Any, ...]]]:
         """The rows of each loop."""
@@ -136,21 +136,21 @@ class Cases:
         return self._loops[key]
 
     def _each(self, values: Values, rows: int) -> Columns:
-        found = []
+        result = []
         for row in range(rows):
-            one = self._scenario({path: array[row] for path, array in values.items()})
-            found.append((np.array([row]), self.columns(one.simulate(log_every=None, progress=False))))
-        return joined(found, rows)
+            item = self._scenario({path: array[row] for path, array in values.items()})
+            result.append((np.array([row]), self.columns(item.simulate(log_every=None, progress=False))))
+        return joined(result, rows)
 
     def _templates(self, first: Mapping[str, Any]) -> Templates:
-        made = self.family.templates(first)
-        return made if self.engine is None else made.with_engine(self.engine)
+        built = self.family.templates(first)
+        return built if self.engine is None else built.with_engine(self.engine)
 
     def _scenario(self, first: Mapping[str, Any]) -> Scenario:
-        made = self.family.scenario(first, self.name)
+        built = self.family.scenario(first, self.name)
         if self.around is not None:
-            made = made.replace(controller=self.around(made.controller))
-        return made if self.engine is None else made.replace(engine=self.engine)
+            built = built.replace(controller=self.around(built.controller))
+        return built if self.engine is None else built.replace(engine=self.engine)
 
 
 @dataclass(frozen=True, eq=False)
@@ -185,14 +185,14 @@ class _Loop:
         """
         varies: list[bool] = []
 
-        def leaves_of(given: Any) -> list[Any]:
-            # What does not depend on the given values is known, and checked, while this is traced.
+        def leaves_of(inputs: Any) -> list[Any]:
+            # Arrays that do not depend on the values are known, and checked, during the trace.
             with jax.ensure_compile_time_eval():
-                arrays, _ = eqx.partition(family.parts(templates, given), eqx.is_array)
+                arrays, _ = eqx.partition(family.parts(templates, inputs), eqx.is_array)
             return jax.tree.leaves(arrays)
 
-        def probe(given: Any) -> int:
-            varies[:] = [is_traced(leaf) for leaf in leaves_of(given)]
+        def probe(inputs: Any) -> int:
+            varies[:] = [is_traced(leaf) for leaf in leaves_of(inputs)]
             return 0
 
         if values:
@@ -201,14 +201,14 @@ class _Loop:
         fixed, tree = jax.tree.flatten(arrays)
         varies = varies or [False] * len(fixed)
 
-        def define(given: list[Any]) -> Parts:
-            found = iter(given)
-            leaves = [next(found) if one else leaf for leaf, one in zip(fixed, varies, strict=True)]
+        def define(inputs: list[Any]) -> Parts:
+            result = iter(inputs)
+            leaves = [next(result) if item else leaf for leaf, item in zip(fixed, varies, strict=True)]
             parts: Parts = eqx.combine(jax.tree.unflatten(tree, leaves), rest)
             return parts if around is None else (parts[0], around(parts[1]), *parts[2:])
 
-        def varying(given: Any) -> list[Any]:
-            return [leaf for leaf, one in zip(leaves_of(given), varies, strict=True) if one]
+        def varying(inputs: Any) -> list[Any]:
+            return [leaf for leaf, item in zip(leaves_of(inputs), varies, strict=True) if item]
 
         built = templates.built if around is None else templates.built.replace(controller=around(templates.controller))
         return cls(built, jax.jit(jax.vmap(varying)), define, tuple(values))
@@ -223,13 +223,13 @@ class _Loop:
         rows = len(next(iter(values.values()))) if values else 1
         # A few sizes, so that little is compiled anew.
         size = max(LEAST_SIZE, 1 << max(rows - 1, 0).bit_length())
-        given = {path: np.resize(values[path], (size, *values[path].shape[1:])) for path in self.paths}
-        varied = [np.asarray(leaf)[:rows] for leaf in self.arrays(given)] if self.paths else []
+        inputs = {path: np.resize(values[path], (size, *values[path].shape[1:])) for path in self.paths}
+        varied = [np.asarray(leaf)[:rows] for leaf in self.arrays(inputs)] if self.paths else []
         if not varied:
             return _repeated(self.scenario.simulate(log_every=log_every, progress=False), rows)
-        one = self.scenario
+        item = self.scenario
         return simulate_batch(
-            self.define, varied, t1=one.t1, stepping=one.stepping, log_every=log_every, threads=threads
+            self.define, varied, t1=item.t1, stepping=item.stepping, log_every=log_every, threads=threads
         )
 
 

@@ -95,12 +95,12 @@ class Cluster(AbstractPool):
         dead: set[Any] = set()
         while not self._over.wait(LOOKS):
             workers = self._cluster.workers
-            seen = {name: nanny for name, nanny in list(workers.items()) if not nanny.is_alive()}
+            points = {name: nanny for name, nanny in list(workers.items()) if not nanny.is_alive()}
             # Dead at two looks: nobody is about to start it.
-            for name in dead & seen.keys():
+            for name in dead & points.keys():
                 workers.pop(name, None)
-                self._cluster.sync(seen[name].close)
-            dead = set(seen)
+                self._cluster.sync(points[name].close)
+            dead = set(points)
             self._cluster.scale(self._local)
 
     def each(self, task: Task, chunks: Iterator[tuple[int, Values]]) -> Iterator[tuple[int, Values, Columns]]:

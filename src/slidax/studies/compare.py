@@ -73,10 +73,10 @@ class Compare(AbstractStudy):
                 runner.store.finish(self.runs)
         if missing:
             raise PartDone(missing, self.runs * len(families))
-        for one in self.of:
-            if one not in tables[next(iter(tables))]:
+        for item in self.of:
+            if item not in tables[next(iter(tables))]:
                 raise DefinitionError(
-                    f"there is no metric `{plain(one)}`; {nearest(one, tables[next(iter(tables))])}", where="of"
+                    f"there is no metric `{plain(item)}`; {nearest(item, tables[next(iter(tables))])}", where="of"
                 )
         for predicate in holds:
             for table in tables.values():
@@ -98,21 +98,21 @@ class Compare(AbstractStudy):
         """One for each scheme, with the same sets: a start inside the envelope is one inside that of the first."""
         base = self.described()
         sets = self.sets(base)
-        found: dict[str, Family] = {}
+        result: dict[str, Family] = {}
         for name, changes in self.schemes.items():
             with located(f"schemes.{name}"):
                 own = altered_description(base, changes) if changes else base
-                found[name] = Family.of(own, sets)
-            if len(found) == 1:
-                sets = dict(_box(path, one, found[name]) for path, one in sets.items())
-        return found
+                result[name] = Family.of(own, sets)
+            if len(result) == 1:
+                sets = dict(_box(path, item, result[name]) for path, item in sets.items())
+        return result
 
 
-def _box(path: str, one: AbstractSet, family: Family) -> tuple[str, AbstractSet]:
+def _box(path: str, item: AbstractSet, family: Family) -> tuple[str, AbstractSet]:
     """The set, in numbers where it depends on the scheme."""
-    if not isinstance(one, Inside):
-        return path, one
+    if not isinstance(item, Inside):
+        return path, item
     path = path if path in family.space.leaves else "start.q"
     leaf = family.space.leaves[path]
-    ends = [one.values(np.full((1, one.coordinates(leaf)), u), leaf)[0].tolist() for u in (0.0, 1.0)]
-    return path, Between(between=ends, each=one.each)
+    ends = [item.values(np.full((1, item.coordinates(leaf)), u), leaf)[0].tolist() for u in (0.0, 1.0)]
+    return path, Between(between=ends, each=item.each)

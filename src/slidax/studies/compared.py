@@ -1,4 +1,4 @@
-"""What a comparison of schemes found."""
+"""Results of a comparison of schemes."""
 
 from __future__ import annotations
 
@@ -40,12 +40,12 @@ class Compared(AbstractResult):
 
     @property
     def runs(self) -> int:
-        """How many there were, of all schemes."""
+        """Number of runs of all schemes."""
         return sum(len(table["row"]) for table in self.tables.values())
 
     @property
     def ended(self) -> str:
-        """What there is."""
+        """State of the rows."""
         return all_done(self.runs)
 
     @property
@@ -59,9 +59,9 @@ class Compared(AbstractResult):
         - `name`: of the scheme.
         - `of`: key of the metric.
         """
-        one, other = self.tables[name], self.tables[self.reference]
-        whole = _to_the_end(one) & _to_the_end(other)
-        return paired_difference(np.where(whole, one[of], np.nan), other[of], self.confidence, seed=self.seed)
+        item, other = self.tables[name], self.tables[self.reference]
+        whole = _to_the_end(item) & _to_the_end(other)
+        return paired_difference(np.where(whole, item[of], np.nan), other[of], self.confidence, seed=self.seed)
 
     def shares(self, name: str, holds: str) -> PairedShares | None:
         """In what share of the cases something holds, less the share in which it does for the reference.
@@ -74,8 +74,8 @@ class Compared(AbstractResult):
         if not all(can_be_asked(holds, self.tables[each]) for each in (name, self.reference)):
             return None
         predicate = Predicate(holds)
-        one, other = (predicate.holds(self.tables[each]) for each in (name, self.reference))
-        return paired_shares(one, other, self.confidence)
+        item, other = (predicate.holds(self.tables[each]) for each in (name, self.reference))
+        return paired_shares(item, other, self.confidence)
 
     def rate(self, name: str, holds: str) -> tuple[int | None, Interval | None]:
         """In how many cases something fails, and an interval of the probability that it holds.
@@ -93,19 +93,21 @@ class Compared(AbstractResult):
 
     @property
     def good(self) -> bool:
-        """Whether no run of any scheme failed."""
+        """True if no run of any scheme failed."""
         return not any(np.any(table["outcome"] > 0) for table in self.tables.values())
 
     @property
     def lead(self) -> str:
         """The answer in a sentence."""
-        said = []
+        text = []
         for name in list(self.tables)[1:]:
             better = [of for of in self.of if _is_below(self.difference(name, of))]
             worse = [of for of in self.of if _is_below(self.difference(name, of), -1.0)]
             words = [f"{word} in {', '.join(ofs)}" for word, ofs in (("better", better), ("worse", worse)) if ofs]
-            said.append(f"{name} is {' and '.join(words) or 'not told apart'}")
-        return f"{counted(len(self._cases), 'case')} for each scheme; beside {self.reference}, {'; '.join(said)}."
+            text.append(f"{name} is {' and '.join(words) or 'not told apart'}")
+        return (
+            f"{counted(len(self._cases), 'case')} for each scheme; compared with {self.reference}, {'; '.join(text)}."
+        )
 
     @property
     def _cases(self) -> np.ndarray:
@@ -121,18 +123,20 @@ class Compared(AbstractResult):
                 both = None if name == self.reference else self.shares(name, holds)
                 rates.append([name, holds, failures, *bounds, None if both is None else both.p_value])
         note = f"Of {counted(len(self._cases), 'case')}; intervals at {self.confidence:.0%}; p by McNemar's exact test."
-        head = ("Scheme", "asked", "failed", "holds at least", "holds at most", "p, beside the first")
-        found = [Section("How often it holds", note, head, rates)]
+        head = ("Scheme", "asked", "failed", "holds at least", "holds at most", "p, against the first")
+        result = [Section("Rates", note, head, rates)]
         others = list(self.tables)[1:]
         rows: list[list[Cell]] = []
         drawn = {}
         for of in self.of:
             ends = []
             for name in others:
-                one = self.difference(name, of)
-                low, high = (one.of_mean.lower, one.of_mean.upper) if one.of_mean else (None, None)
-                rows.append([name, of, one.pairs, self._mean(name, of), one.mean, low, high, one.median, one.p_value])
-                ends.append([np.nan if x is None else x for x in (low, one.mean, high)])
+                item = self.difference(name, of)
+                low, high = (item.of_mean.lower, item.of_mean.upper) if item.of_mean else (None, None)
+                rows.append(
+                    [name, of, item.pairs, self._mean(name, of), item.mean, low, high, item.median, item.p_value]
+                )
+                ends.append([np.nan if x is None else x for x in (low, item.mean, high)])
             drawn[of.replace("_", " ")] = np.array(ends)
         pictures = [
             Drawn("differences", "Differences", "Of the means, with intervals.", "intervals", (others, drawn)),
@@ -140,7 +144,7 @@ class Compared(AbstractResult):
         columns = ("Scheme", "metric", "pairs", "mean", "difference", "at least", "at most", "median", "p, Wilcoxon")
         first = ", ".join(f"{of} {_shown(self._mean(self.reference, of))}" for of in self.of)
         note = f"Case by case, less that of {self.reference}, whose means are {first}; < 0 is better."
-        return [*found, Section("Differences", note, columns, rows, pictures)]
+        return [*result, Section("Differences", note, columns, rows, pictures)]
 
     def _mean(self, name: str, of: str) -> float | None:
         numbers = self.tables[name][of][_to_the_end(self.tables[name])]
@@ -158,46 +162,46 @@ class Compared(AbstractResult):
             "ended": self.ended,
             "worst": worst_of(self.tables[self.reference]),
             "reference": self.reference,
-            "schemes": {name: self._said(name) for name in self.tables},
+            "schemes": {name: self._scheme_as_json(name) for name in self.tables},
         }
 
-    def _said(self, name: str) -> dict[str, Any]:
+    def _scheme_as_json(self, name: str) -> dict[str, Any]:
         table = self.tables[name]
         whole = _to_the_end(table)
-        found: dict[str, Any] = {
+        result: dict[str, Any] = {
             "ended_early": int(np.sum(~whole)),
             "means": {of: self._mean(name, of) for of in self.of},
             "holds": {},
         }
         for holds in self.holds:
             failures, holding = self.rate(name, holds)
-            found["holds"][holds] = {"failures": failures, "probability": interval_of(holding)}
+            result["holds"][holds] = {"failures": failures, "probability": interval_of(holding)}
         if name != self.reference:
-            found["differences"] = {of: self._compared(name, of) for of in self.of}
+            result["differences"] = {of: self._compared(name, of) for of in self.of}
             for holds in self.holds:
                 shares = self.shares(name, holds)
                 if shares is not None:
-                    found["holds"][holds] |= {
+                    result["holds"][holds] |= {
                         "difference": shares.difference,
                         "interval": interval_of(shares.interval),
                         "p_value": shares.p_value,
                     }
-        return found
+        return result
 
     def _compared(self, name: str, of: str) -> dict[str, Any]:
-        one = self.difference(name, of)
+        item = self.difference(name, of)
         return {
-            "pairs": one.pairs,
-            "mean": one.mean,
-            "interval": interval_of(one.of_mean),
-            "median": one.median,
-            "median_interval": interval_of(one.of_median),
-            "p_value": one.p_value,
+            "pairs": item.pairs,
+            "mean": item.mean,
+            "interval": interval_of(item.of_mean),
+            "median": item.median,
+            "median_interval": interval_of(item.of_median),
+            "p_value": item.p_value,
         }
 
 
 def can_be_asked(holds: str, table: Columns) -> bool:
-    """Whether runs can have the property: an envelope can only hold where one is drawn.
+    """True if runs can have the property: an envelope can only hold where one is drawn.
 
     - `holds`: the property.
     - `table`: the rows.
@@ -210,11 +214,11 @@ def _to_the_end(table: Columns) -> np.ndarray:
     return np.asarray((table["outcome"] == 0) | (table["outcome"] == 3))
 
 
-def _is_below(one: PairedDifference, sign: float = 1.0) -> bool:
-    """Whether the interval of the mean is below 0, or with sign -1 above."""
-    if one.of_mean is None:
+def _is_below(item: PairedDifference, sign: float = 1.0) -> bool:
+    """True if the interval of the mean is below 0, or with sign -1 above."""
+    if item.of_mean is None:
         return False
-    return max(sign * one.of_mean.lower, sign * one.of_mean.upper) < 0.0
+    return max(sign * item.of_mean.lower, sign * item.of_mean.upper) < 0.0
 
 
 def _shown(value: float | None) -> str:

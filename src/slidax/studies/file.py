@@ -57,7 +57,7 @@ def study_of(data: Any, changes: dict[str, Any] | None = None, *, folder: Path =
     if isinstance(scenario, str) and Path(scenario).suffix in (".yaml", ".yml"):
         data["scenario"] = str(folder / scenario)
     try:
-        found: AbstractStudy = TypeAdapter(AnyStudy).validate_python(data, context={"folder": folder})
+        result: AbstractStudy = TypeAdapter(AnyStudy).validate_python(data, context={"folder": folder})
     except ValidationError as error:
         raise translated(error, data) from None
-    return found
+    return result

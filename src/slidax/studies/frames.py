@@ -25,6 +25,6 @@ def frame(rows: str | Path | Columns, kind: Kind = "pandas") -> Any:
 
 
 def _unit(meaning: str) -> str:
-    """What stands in brackets at its end."""
-    found = re.search(r"\[([^\]]*)\]$", meaning)
-    return found[1] if found else ""
+    """The unit in brackets at the end of a meaning."""
+    result = re.search(r"\[([^\]]*)\]$", meaning)
+    return result[1] if result else ""

@@ -28,9 +28,15 @@ class OnCases:
     """
 
     def __init__(
-        self, asked: Asked, gains: Space, cases: Values, aims: Sequence[str], holds: Sequence[Predicate], margin: float
+        self,
+        request: Asked,
+        gains: Space,
+        cases: Values,
+        aims: Sequence[str],
+        holds: Sequence[Predicate],
+        margin: float,
     ) -> None:
-        self.asked = asked
+        self.asked = request
         self.gains = gains
         self.cases = cases
         self.aims = tuple(aims)
@@ -39,7 +45,7 @@ class OnCases:
 
     @property
     def each(self) -> int:
-        """How many cases."""
+        """Number of cases."""
         return len(next(iter(self.cases.values()))) if self.cases else 1
 
     def judge(self, cube: np.ndarray) -> Judged:
@@ -63,7 +69,7 @@ class OnCases:
 
 
 def judged(columns: Columns, each: int, aims: Sequence[str], holds: Sequence[Predicate], margin: float) -> Judged:
-    """What candidates are worth by their rows.
+    """Return the aims of candidates, and the violation of their conditions, from their rows.
 
     - `columns`: of all candidates, one after the other.
     - `each`: how many rows each has.
@@ -76,8 +82,8 @@ def judged(columns: Columns, each: int, aims: Sequence[str], holds: Sequence[Pre
             raise DefinitionError(f"there is no metric `{plain(aim)}`; {nearest(aim, columns)}", where="aims")
     means = np.stack([columns[aim].reshape(-1, each).mean(axis=1) for aim in aims], axis=1)
     failing = np.zeros(len(columns["outcome"]))
-    for one in holds:
-        failing += ~one.holds(columns)
+    for item in holds:
+        failing += ~item.holds(columns)
     # So many that fail, and by how much: both lead the search to where none does.
     short = np.where(np.isfinite(columns["margin"]), margin - columns["margin"], -np.inf)
     count = failing.reshape(-1, each).sum(axis=1)
@@ -99,17 +105,17 @@ def point_of_own(space: Space) -> np.ndarray:
 
 
 def _below_own(space: Space, point: np.ndarray) -> np.ndarray:
-    values, found = space.values(np.clip(point, 0.0, BELOW_ONE)[None]), []
+    values, result = space.values(np.clip(point, 0.0, BELOW_ONE)[None]), []
     for path, width in space.widths.items():
         own = space.leaves[path].own
         if own is None:
-            found.append(np.zeros(width, bool))
+            result.append(np.zeros(width, bool))
             continue
         value = values[path][0]
         wide = np.broadcast_shapes(np.shape(value), np.shape(own))
         below = np.broadcast_to(value, wide) - np.broadcast_to(own, wide)
-        found.append(below.reshape(-1) < 0 if below.size == width else np.full(width, below.mean() < 0))
-    return np.concatenate(found)
+        result.append(below.reshape(-1) < 0 if below.size == width else np.full(width, below.mean() < 0))
+    return np.concatenate(result)
 
 
 def _most(numbers: np.ndarray, each: int) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""How likely it is that a scenario keeps what it promises."""
+"""Monte Carlo studies: the probability that a scenario keeps its envelope."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class MonteCarlo(AbstractStudy):
     study: Literal["monte_carlo"]
     runs: int = said("how many; at most, with `until`", "", "[1, 1e9]")
     holds: tuple[str, ...] = (ENVELOPE,)
-    """What is counted: `envelope`, or a metric, a sign and a number, such as `steady_error < 1e-3`. The first one is
+    """Counted properties: `envelope`, or a metric, a sign and a number, such as `steady_error < 1e-3`. The first one is
     what `until` is about."""
     confidence: float = said("of the intervals", "", "(0, 1)", default=0.99)
     until: UntilDescription | None = None
@@ -66,7 +66,7 @@ class MonteCarlo(AbstractStudy):
         if self.until is not None:
             table = {name: values[: stop.runs] for name, values in table.items()}
         path = None if runner.store is None else runner.store.finish(stop.stored(parts))
-        rates = tuple(self._rate(one, table) for one in predicates)
+        rates = tuple(self._rate(item, table) for item in predicates)
         result = MonteCarloResult(
             self, family, table, path, runner.computed, runner.seconds, rates, stop.ended(self.runs)
         )
@@ -96,7 +96,7 @@ class MonteCarlo(AbstractStudy):
 
 @dataclass(frozen=True)
 class Rate:
-    """How often something failed.
+    """Failure rate of a property.
 
     - `holds`: what was asked for.
     - `runs`, `failures`: how many.
@@ -113,13 +113,13 @@ class Rate:
     @property
     def holding(self) -> Interval:
         """Interval of the probability that it holds."""
-        one = self.failing
-        return Interval(1.0 - one.upper, 1.0 - one.lower, one.confidence)
+        item = self.failing
+        return Interval(1.0 - item.upper, 1.0 - item.lower, item.confidence)
 
 
 @dataclass(frozen=True)
 class MonteCarloResult(AbstractTableResult):
-    """What a Monte Carlo study found.
+    """Result of a Monte Carlo study.
 
     - `study`, `family`, `table`, `path`, `computed`, `seconds`: as in `AbstractTableResult`.
     - `rates`: of each predicate.
@@ -134,7 +134,7 @@ class MonteCarloResult(AbstractTableResult):
 
     @property
     def runs(self) -> int:
-        """How many there were."""
+        """Number of runs."""
         return self.rates[0].runs
 
     @property
@@ -147,7 +147,7 @@ class MonteCarloResult(AbstractTableResult):
 
     @property
     def good(self) -> bool:
-        """Whether what was asked first held in every run."""
+        """True if what was asked first held in every run."""
         return not self.rates[0].failures
 
     @property
@@ -175,13 +175,13 @@ class MonteCarloResult(AbstractTableResult):
     def sections(self) -> list[Section]:
         """Rates, how runs failed, metrics, the worst case."""
         rates = [
-            (one.holds, one.runs, one.failures, share(one.holding.lower), share(one.holding.upper))
-            for one in self.rates
+            (item.holds, item.runs, item.failures, share(item.holding.lower), share(item.holding.upper))
+            for item in self.rates
         ]
         interval = "A confidence sequence, which holds whenever one stops" if self.rates[0].anytime else "Exact"
-        found = [
+        result = [
             Section(
-                "How often it holds",
+                "Rates",
                 f"{interval}, at {100 * self.study.confidence:g} % confidence.",
                 ("Asked", "runs", "failed", "holds at least", "holds at most"),
                 rates,
@@ -190,12 +190,12 @@ class MonteCarloResult(AbstractTableResult):
         if self.causes:
             rows = [(kind.replace("_", " "), joint, count) for kind, joint, count in self.causes]
             note = f"Every run failed, most likely since {self.why}" if self.why else "By outcome and joint."
-            found.append(Section("How runs failed", note, ("Outcome", "joint", "runs"), rows))
-        return [*found, *overview(self.family, self.table, self.case(self.worst), self.worst)]
+            result.append(Section("Failures", note, ("Outcome", "joint", "runs"), rows))
+        return [*result, *overview(self.family, self.table, self.case(self.worst), self.worst)]
 
     @property
     def causes(self) -> list[tuple[str, int, int]]:
-        """How runs failed: outcome, joint, and how many, the most common first."""
+        """Failures by outcome and joint with their numbers, the most common first."""
         return causes_of(self.table)
 
     def as_json(self) -> dict[str, Any]:
@@ -215,12 +215,12 @@ class MonteCarloResult(AbstractTableResult):
             "ended": self.ended,
             "holds": [
                 {
-                    "holds": one.holds,
-                    "failures": one.failures,
-                    "lower": one.holding.lower,
-                    "upper": one.holding.upper,
+                    "holds": item.holds,
+                    "failures": item.failures,
+                    "lower": item.holding.lower,
+                    "upper": item.holding.upper,
                 }
-                for one in self.rates
+                for item in self.rates
             ],
             "causes": [{"outcome": kind, "joint": joint, "runs": count} for kind, joint, count in self.causes],
             **({"why": self.why} if self.why else {}),
@@ -229,7 +229,7 @@ class MonteCarloResult(AbstractTableResult):
 
 
 def causes_of(table: Columns) -> list[tuple[str, int, int]]:
-    """How runs failed: outcome, joint, and how many, the most common first.
+    """Failures by outcome and joint with their numbers, the most common first.
 
     - `table`: the rows.
     """
@@ -237,5 +237,5 @@ def causes_of(table: Columns) -> list[tuple[str, int, int]]:
     kinds, counts = np.unique(
         np.stack([table["outcome"][bad], table["joint"][bad]], axis=1).astype(int), axis=0, return_counts=True
     )
-    found = [(OUTCOMES[kind], int(joint), int(n)) for (kind, joint), n in zip(kinds.tolist(), counts, strict=True)]
-    return sorted(found, key=lambda one: -one[2])
+    result = [(OUTCOMES[kind], int(joint), int(n)) for (kind, joint), n in zip(kinds.tolist(), counts, strict=True)]
+    return sorted(result, key=lambda item: -item[2])

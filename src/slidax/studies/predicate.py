@@ -1,4 +1,4 @@
-"""What is asked of a run: that it stays inside its envelope, or that a metric is small enough."""
+"""Properties of runs: the envelope is kept, or a metric is small enough."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class Predicate:
         self._parsed()
 
     def holds(self, columns: Columns) -> NDArray[np.bool_]:
-        """Whether it holds, for each row; a run that ended early, or lacks the metric, has no property.
+        """Return True for each row with the property; a run that ended early, or lacks the metric, has no property.
 
         - `columns`: outcome and metrics.
 

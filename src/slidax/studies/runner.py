@@ -130,7 +130,7 @@ class Runner:
 
     @staticmethod
     def rows_of_chunk(samples: int) -> int:
-        """How many rows a chunk has: a power of two.
+        """Number of rows of a chunk: a power of two.
 
         - `samples`: of one run.
         """
@@ -149,10 +149,10 @@ class Runner:
             (first + k, {path: array[k : k + self.chunk] for path, array in values.items()})
             for k in range(0, total, self.chunk)
         ]
-        found: dict[int, Columns] = {}
+        result: dict[int, Columns] = {}
         for start, columns in self.stream(iter(chunks)):
-            found[start] = columns
-        ordered = [found[start] for start, _ in chunks]
+            result[start] = columns
+        ordered = [result[start] for start, _ in chunks]
         return {name: np.concatenate([columns[name] for columns in ordered]) for name in ordered[0]}
 
     def stream(self, chunks: Iterator[tuple[int, Values]]) -> Iterator[tuple[int, Columns]]:

@@ -38,7 +38,7 @@ class Counted:
         self._shown = False
 
     def enough(self, parts: dict[int, Columns], predicate: Predicate) -> bool:
-        """Whether to stop; it looks at the rows that have none missing before them, one after the other.
+        """Return True to stop; looks at the rows that have none missing before them, one after the other.
 
         - `parts`: the rows that are done, by the number of the first.
         - `predicate`: what is counted.
@@ -47,12 +47,12 @@ class Counted:
             return False
         while (part := next((p for f, p in parts.items() if f <= self.runs < f + len(p["row"])), None)) is not None:
             held = predicate.holds(part)[self.runs - int(part["row"][0]) :]
-            for one in held.tolist():
+            for item in held.tolist():
                 self.runs += 1
-                self._failures += not one
+                self._failures += not item
                 if self._failures >= self.until.failures:
                     return True
-                if one and self._is_shown():
+                if item and self._is_shown():
                     self._shown = True
                     return True
         return False
@@ -66,7 +66,7 @@ class Counted:
         return 1.0 - confidence_sequence(self._failures, self.runs, self.confidence).upper >= self.until.probability
 
     def stored(self, parts: dict[int, Columns]) -> int:
-        """How many rows there are without one missing before them.
+        """Number of rows before the first missing row.
 
         - `parts`: the rows that are done.
         """

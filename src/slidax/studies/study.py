@@ -1,4 +1,4 @@
-"""What every study has: a scenario, what is uncertain of it, and a seed."""
+"""Base of all studies: a scenario, its uncertainty, and a seed."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def _unheard(rows: int) -> None:
 
 @dataclass
 class How:
-    """How a study is run.
+    """Options for running a study.
 
     - `out`: folder of its rows; None keeps them in memory.
     - `resume`: whether to go on with rows that are there.
@@ -57,7 +57,7 @@ class How:
 
 
 class AbstractStudy(AbstractDescription):
-    """What every study is."""
+    """Base of all studies."""
 
     of_rows: ClassVar[tuple[str, ...]] = ("seed",)
     """Fields that the values of rows depend on, beside the scenario and its sets."""
@@ -75,7 +75,7 @@ class AbstractStudy(AbstractDescription):
     seed: Annotated[int, Field(ge=0, lt=2**63)] = 0
     """Another seed draws other cases."""
     engine: Literal["auto", "native", "xla", "cuda"] | None = None
-    """What computes; the scenario's own if not given."""
+    """Engine; by default the scenario's own."""
 
     @abstractmethod
     def run(self, how: How) -> AbstractResult:
@@ -111,7 +111,7 @@ class AbstractStudy(AbstractDescription):
         return Family.of(base, self.sets(base), varied or {})
 
     def runner(self, family: Family, how: How) -> Runner:
-        """What runs the rows.
+        """Return the runner of the rows.
 
         - `family`: of scenarios.
         - `how`: as in `run`.
@@ -122,8 +122,8 @@ class AbstractStudy(AbstractDescription):
         chunk = Runner.rows_of_chunk(round(simulation.t1 / simulation.period))
         store = None
         if how.out is not None:
-            said = self.model_dump(mode="json", include={"study", *self.of_rows})
-            identity = {**said, **task.said, "chunk": chunk, "made_by": how.made_by}
+            text = self.model_dump(mode="json", include={"study", *self.of_rows})
+            identity = {**text, **task.said, "chunk": chunk, "made_by": how.made_by}
             # Who computes a part joins the others.
             store = Store(how.out, identity, resume=how.resume or how.part is not None, notes=COLUMNS)
         return Runner(task, chunk, store, how.pool, how.seen, how.part)

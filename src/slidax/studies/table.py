@@ -15,7 +15,7 @@ Columns: TypeAlias = dict[str, NDArray[Any]]
 """Columns by name, each with one entry per case."""
 
 OUTCOMES = ("ok", "left_envelope", "not_finite", "recovered")
-"""What the number in the column `outcome` stands for."""
+"""Meanings of the numbers in the column `outcome`."""
 
 COLUMNS = {
     "row": "number of the case",
@@ -24,11 +24,11 @@ COLUMNS = {
     "joint": "which joint did, from 1; that with the least margin in a run that is ok",
     "margin": "least distance to the nearer bound over the envelope's width; negative if it was outside",
     **{
-        one.key: f"{one.title}, of the worst joint [{one.unit.format(position='rad or m', torque='N m or N')}]"
-        for one in (*METRICS, *OF_TOOLS, *OF_TOLERANCES, *OF_MONITORS)
+        metric.key: f"{metric.title}, of the worst joint [{metric.unit.format(position='rad or m', torque='N m or N')}]"
+        for metric in (*METRICS, *OF_TOOLS, *OF_TOLERANCES, *OF_MONITORS)
     },
 }
-"""What the columns of a table mean."""
+"""Meanings of the columns of a table."""
 
 
 def columns_of(run: Run) -> Columns:
@@ -40,7 +40,7 @@ def columns_of(run: Run) -> Columns:
       run that was outside, the lower the earlier it ended.
     - all metrics of `slidax.metrics` by their keys, of the worst joint.
 
-    What a run does not have is NaN.
+    Missing values are NaN.
 
     - `run`: many runs, or one.
     """
@@ -70,15 +70,15 @@ def columns_of(run: Run) -> Columns:
         "joint": joint.astype(np.int16),
         "margin": np.where(np.isfinite(margin), margin, np.nan),
     }
-    for one in metrics_of(run):
-        value: Any = one(run)
+    for item in metrics_of(run):
+        value: Any = item(run)
         if value is None:
-            columns[one.key] = np.full(rows, np.nan)
+            columns[item.key] = np.full(rows, np.nan)
             continue
         filled = np.ma.filled(np.ma.asarray(value, float), np.nan)
-        numbers = filled.reshape(rows, -1) if not single or one.per_joint else filled.reshape(1, -1)
-        worst = _worst(numbers, one.least_is_best)
-        columns[one.key] = np.where(np.isfinite(worst), worst, np.nan)
+        numbers = filled.reshape(rows, -1) if not single or item.per_joint else filled.reshape(1, -1)
+        worst = _worst(numbers, item.least_is_best)
+        columns[item.key] = np.where(np.isfinite(worst), worst, np.nan)
     return columns
 
 

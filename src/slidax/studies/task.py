@@ -1,4 +1,4 @@
-"""What the rows of a study depend on, as text that another process can compute them from."""
+"""Task of a study as text, from which another process computes the rows."""
 
 from __future__ import annotations
 
@@ -39,15 +39,15 @@ class Task:
         """
         base = family.base.model_dump(mode="json", exclude_unset=True, exclude={"uncertainty"})
         sets = [
-            {path: one.model_dump(mode="json", exclude_unset=True) for path, one in space.sets.items()}
+            {path: item.model_dump(mode="json", exclude_unset=True) for path, item in space.sets.items()}
             for space in (family.uncertain, family.varied)
         ]
-        said = {"scenario": base, "uncertain": sets[0], "varied": sets[1], "engine": engine}
-        return cls(json.dumps(said, sort_keys=False, ensure_ascii=False))
+        text = {"scenario": base, "uncertain": sets[0], "varied": sets[1], "engine": engine}
+        return cls(json.dumps(text, sort_keys=False, ensure_ascii=False))
 
     @property
     def said(self) -> dict[str, Any]:
-        """What the text says."""
+        """The values in the text."""
         return json.loads(self.text)
 
     @property
@@ -56,7 +56,7 @@ class Task:
         return hashlib.sha256(self.text.encode()).hexdigest()[:16]
 
     def cases(self, threads: int | None = None) -> Cases:
-        """What runs them; the same object for the same text, so that a process compiles once.
+        """Return the cases; the same object for the same text, so that a process compiles once.
 
         - `threads`: of the native engine.
         """
@@ -74,12 +74,12 @@ class Task:
 
 @functools.lru_cache(maxsize=8)
 def _cases(text: str, threads: int | None) -> Cases:
-    said = json.loads(text)
+    parts = json.loads(text)
     sets = TypeAdapter(Uncertainty)
     family = Family.of(
-        validated(said["scenario"]), sets.validate_python(said["uncertain"]), sets.validate_python(said["varied"])
+        validated(parts["scenario"]), sets.validate_python(parts["uncertain"]), sets.validate_python(parts["varied"])
     )
-    return Cases(family, said["engine"], threads)
+    return Cases(family, parts["engine"], threads)
 
 
 def flat(values: Mapping[str, Any]) -> Columns:
@@ -89,10 +89,10 @@ def flat(values: Mapping[str, Any]) -> Columns:
     """
     columns: Columns = {}
     for path, array in values.items():
-        given = np.asarray(array)
-        if given.ndim == 1:
-            columns[path] = given
+        inputs = np.asarray(array)
+        if inputs.ndim == 1:
+            columns[path] = inputs
             continue
-        for place in np.ndindex(given.shape[1:]):
-            columns[f"{path}[{','.join(map(str, place))}]"] = given[(slice(None), *place)]
+        for place in np.ndindex(inputs.shape[1:]):
+            columns[f"{path}[{','.join(map(str, place))}]"] = inputs[(slice(None), *place)]
     return columns

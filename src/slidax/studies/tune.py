@@ -40,21 +40,21 @@ class Tune(AbstractStudy):
     aims: Annotated[tuple[str, ...], Field(min_length=1)] = AIMS
     """Metrics that are to be small, in the mean over the cases."""
     holds: tuple[str, ...] = (ENVELOPE,)
-    """What must hold in every case: `envelope`, or a metric, a sign and a number."""
+    """Properties that must hold in every case: `envelope`, or a metric, a sign and a number."""
     margin: float = said(
         "the least margin that every case must have, so that others hold, too", "", "[0, 1)", default=0.0
     )
     cases: Annotated[int, Field(ge=1, le=100_000)] = 16
     """On how many each candidate is judged; one if nothing is uncertain."""
     candidates: Annotated[int, Field(ge=1, le=10_000_000)] = 600
-    """How many at most."""
+    """Largest number of candidates."""
     seconds: float | None = said(
         "after so many no batch begins; the rows then depend on the machine", "s", "> 0", default=None
     )
     held_out: Annotated[int, Field(ge=1, le=10_000_000)] = 200
     """Cases that the front is judged on afterwards."""
     keep: Annotated[int, Field(ge=1, le=1000)] = 12
-    """How many candidates of the front are kept, spread along it."""
+    """Number of candidates of the front that are kept, spread along it."""
     confidence: float = said("of the intervals", "", "(0, 1)", default=0.95)
 
     def run(self, how: How) -> Tuned:
@@ -64,12 +64,12 @@ class Tune(AbstractStudy):
         """
         holds = [Predicate(text) for text in self.holds]
         family = self.family(self.gains)
-        seen, unseen = self._cases(family)
+        known, unseen = self._cases(family)
         runner = self.runner(family, how)
         evaluated = Asked(runner, family)
-        on = OnCases(evaluated, family.varied, seen, self.aims, holds, self.margin)
+        on = OnCases(evaluated, family.varied, known, self.aims, holds, self.margin)
         how.begin((self.candidates + 1) * on.each + (self.keep + 1) * self._each(unseen))
-        today = self._today(how, seen, unseen)
+        today = self._today(how, known, unseen)
         before = judged(rows_of(today, 0, on.each), on.each, self.aims, holds, self.margin)
         front = several_aims(
             on.judge,
@@ -111,11 +111,11 @@ class Tune(AbstractStudy):
     def _each(cases: Values) -> int:
         return len(next(iter(cases.values()))) if cases else 1
 
-    def _today(self, how: How, seen: Values, unseen: Values) -> Columns:
+    def _today(self, how: How, known: Values, unseen: Values) -> Columns:
         """The scenario as it is, on all cases."""
         family = self.family()
         runner = self.runner(family, replace(how, out=None if how.out is None else how.out / "today"))
-        both = {path: np.concatenate([seen[path], unseen[path]]) for path in seen}
+        both = {path: np.concatenate([known[path], unseen[path]]) for path in known}
         # Without anything uncertain one run is both.
         columns = runner.rows(0, both) if both else runner.rows(0, {})
         if runner.store is not None:

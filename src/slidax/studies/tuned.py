@@ -1,4 +1,4 @@
-"""What a search for gains found."""
+"""Result of a search for gains."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def rows_of(columns: Columns, first: int, last: int | None) -> Columns:
 
 @dataclass(frozen=True)
 class Candidate:
-    """What some gains are worth on cases that the search has not seen.
+    """Score of gains on held-out cases.
 
     - `aims`: the mean of each metric, by its key.
     - `failures`, `runs`: in how many of the cases something did not hold.
@@ -48,7 +48,7 @@ class Candidate:
 
 @dataclass(frozen=True)
 class Tuned(AbstractResult):
-    """What a search for gains found.
+    """Result of a search for gains.
 
     - `aims`, `holds`, `confidence`, `seed`, `base`, `family`: what was asked.
     - `front`: the candidates that no other beats, with their aims on the cases of the search.
@@ -79,7 +79,7 @@ class Tuned(AbstractResult):
 
     @property
     def runs(self) -> int:
-        """How many there were."""
+        """Number of runs."""
         return len(self.table["row"]) + len(self.today["row"])
 
     @property
@@ -92,7 +92,7 @@ class Tuned(AbstractResult):
 
     @property
     def ended(self) -> str:
-        """What there is."""
+        """State of the rows."""
         if not len(self.gains):
             return f"none of {self.front.evaluations} candidates holds in all cases"
         return f"{self.front.holding} of {self.front.evaluations} candidates hold in all cases"
@@ -108,7 +108,7 @@ class Tuned(AbstractResult):
         return rows_of(self.held_out, place * each, (place + 1) * each)
 
     def judged(self, place: int | None) -> Candidate:
-        """What gains are worth on the held-out cases.
+        """Return the score of gains on the held-out cases.
 
         - `place`: of a candidate on the front; None for today's gains.
         """
@@ -135,7 +135,7 @@ class Tuned(AbstractResult):
 
     @property
     def good(self) -> bool:
-        """Whether the best gains held in all held-out cases."""
+        """True if the best gains held in all held-out cases."""
         return self.best is not None and not self.judged(self.best).failures
 
     @property
@@ -144,9 +144,9 @@ class Tuned(AbstractResult):
         if self.best is None:
             return f"No gains were found: {self.ended}."
         now, then = self.judged(self.best), self.judged(None)
-        said = [f"{aim} {now.aims[aim] / then.aims[aim]:.3g} times" for aim in self.aims if then.aims[aim] > 0]
+        text = [f"{aim} {now.aims[aim] / then.aims[aim]:.3g} times" for aim in self.aims if then.aims[aim] > 0]
         failed = f"{now.failures} of {now.runs} held-out cases fail, with today's gains {then.failures}"
-        return f"The best gains have {', '.join(said)} today's on held-out cases; {failed} ({self.ended})."
+        return f"The best gains have {', '.join(text)} today's on held-out cases; {failed} ({self.ended})."
 
     @property
     def _names(self) -> list[str]:
@@ -154,9 +154,9 @@ class Tuned(AbstractResult):
 
     def scenarios(self) -> dict[str, ScenarioDescription]:
         """The scenario with the best gains, and with those of the front."""
-        made = [altered_description(self.base, gains) for gains in self.gains]
-        best = {} if self.best is None else {"best": made[self.best]}
-        return {**best, **dict(zip(self._names, made, strict=True))}
+        built = [altered_description(self.base, gains) for gains in self.gains]
+        best = {} if self.best is None else {"best": built[self.best]}
+        return {**best, **dict(zip(self._names, built, strict=True))}
 
     def sections(self) -> list[Section]:
         """The front on held-out cases, its gains, and by how much the best differ from today's."""
@@ -166,11 +166,11 @@ class Tuned(AbstractResult):
         rows: list[list[Cell]] = [
             [
                 names[place] + (", best" if place is not None and place == self.best else ""),
-                *one.aims.values(),
-                one.failures,
-                share(one.holding.lower),
+                *item.aims.values(),
+                item.failures,
+                share(item.holding.lower),
             ]
-            for place, one in judged.items()
+            for place, item in judged.items()
         ]
         note = f"Means over {counted(judged[None].runs, 'case')} that the search has not seen; {self.ended}."
         head = ("Gains", *self.aims, "failed", "holds at least")
@@ -180,26 +180,26 @@ class Tuned(AbstractResult):
             today = np.array(list(judged[None].aims.values()))
             drawing = ([_label(aim) for aim in self.aims], front, today, self.best)
             figures = [Drawn("front", "The front", "Means over held-out cases.", "aims_front", drawing)]
-        found = [Section("The front", note, head, rows, figures)]
+        result = [Section("The front", note, head, rows, figures)]
         if self.best is None:
-            return found
+            return result
         paths = list(self.gains[0])
         values = [
             [names[place], *(_short(self.gains[place][path]) for path in paths)] for place in range(len(self.gains))
         ]
-        found.append(Section("Its gains", "", ("Gains", *paths), values))
+        result.append(Section("Its gains", "", ("Gains", *paths), values))
         differences = []
         for aim in self.aims:
-            one = self.difference(self.best, aim)
-            low, high = (one.of_mean.lower, one.of_mean.upper) if one.of_mean else (None, None)
-            differences.append([aim, one.mean, low, high, one.p_value])
+            item = self.difference(self.best, aim)
+            low, high = (item.of_mean.lower, item.of_mean.upper) if item.of_mean else (None, None)
+            differences.append([aim, item.mean, low, high, item.p_value])
         note = f"Case by case on held-out cases, with {self.confidence:.0%} intervals; < 0 is better than today."
         head = ("Aim", "difference", "at least", "at most", "p, Wilcoxon")
-        return [*found, Section("The best beside today", note, head, differences)]
+        return [*result, Section("The best compared with today", note, head, differences)]
 
     def as_json(self) -> dict[str, Any]:
         """The result for a program."""
-        front = [self._said(place) for place in range(len(self.gains))]
+        front = [self._place_as_json(place) for place in range(len(self.gains))]
         best = self.best
         shown = self.judged(best) if best is not None else None
         differences = {aim: self.difference(best, aim) for aim in self.aims} if best is not None else {}
@@ -210,21 +210,21 @@ class Tuned(AbstractResult):
             "probability": None if shown is None else interval_of(shown.holding),
             "ended": self.ended,
             "worst": NOTHING,
-            "today": self._said(None),
+            "today": self._place_as_json(None),
             "front": front,
             "best": best,
             "difference": {
-                aim: {"mean": one.mean, "interval": None if one.of_mean is None else interval_of(one.of_mean)}
-                for aim, one in differences.items()
+                aim: {"mean": item.mean, "interval": None if item.of_mean is None else interval_of(item.of_mean)}
+                for aim, item in differences.items()
             },
         }
 
-    def _said(self, place: int | None) -> dict[str, Any]:
+    def _place_as_json(self, place: int | None) -> dict[str, Any]:
         judged = self.judged(place)
-        seen = self.before if place is None else self.front.aims[place]
+        points = self.before if place is None else self.front.aims[place]
         return {
             "gains": None if place is None else self.gains[place],
-            "search": {aim: float(value) for aim, value in zip(self.aims, seen, strict=True)},
+            "search": {aim: float(value) for aim, value in zip(self.aims, points, strict=True)},
             "held_out": {**judged.aims, "failures": judged.failures, "runs": judged.runs},
             "holding": interval_of(judged.holding),
             "scenario": None if place is None else f"{self._names[place]}.yaml",
@@ -232,9 +232,9 @@ class Tuned(AbstractResult):
 
 
 def _label(aim: str) -> str:
-    for one in METRICS:
-        if one.key == aim:
-            return f"{one.title}  [{one.unit.format(position='rad or m', torque='N m or N')}]"
+    for item in METRICS:
+        if item.key == aim:
+            return f"{item.title}  [{item.unit.format(position='rad or m', torque='N m or N')}]"
     return aim
 
 

@@ -29,53 +29,53 @@ def two_holes(x):
 
 
 def test_the_bottom_of_a_smooth_function_is_found_to_many_digits():
-    found = lowest(bowl, 4, evaluations=2500)
-    np.testing.assert_allclose(found.points[0], 0.3, atol=1e-4)
-    assert found.values[0] < 1e-8
-    assert found.evaluations <= 2500
+    result = lowest(bowl, 4, evaluations=2500)
+    np.testing.assert_allclose(result.points[0], 0.3, atol=1e-4)
+    assert result.values[0] < 1e-8
+    assert result.evaluations <= 2500
 
 
 def test_a_bent_valley_is_followed_to_its_end():
-    found = lowest(lambda x: rosen(4.0 * x.T - 2.0), 4, evaluations=12_000)
-    np.testing.assert_allclose(found.points[0], 0.75, atol=2e-3)
+    result = lowest(lambda x: rosen(4.0 * x.T - 2.0), 4, evaluations=12_000)
+    np.testing.assert_allclose(result.points[0], 0.75, atol=2e-3)
 
 
 def test_a_hole_that_ten_thousand_random_points_miss_is_found():
     rng = np.random.default_rng(0)
     assert narrow(rng.random((10_000, 6))).min() > 0.0
-    found = lowest(narrow, 6, evaluations=3000, enough=0.0)
-    assert found.stop == "enough" and found.values[0] < 0.0 and found.evaluations < 3000
+    result = lowest(narrow, 6, evaluations=3000, enough=0.0)
+    assert result.stop == "enough" and result.values[0] < 0.0 and result.evaluations < 3000
 
 
 def test_what_is_lowest_on_a_face_or_a_corner_is_found_there():
-    found = lowest(lambda x: -x[:, 0] + (x[:, 1] - 0.4) ** 2, 2, evaluations=1500)
-    np.testing.assert_allclose(found.points[0], [1.0, 0.4], atol=1e-3)
+    result = lowest(lambda x: -x[:, 0] + (x[:, 1] - 0.4) ** 2, 2, evaluations=1500)
+    np.testing.assert_allclose(result.points[0], [1.0, 0.4], atol=1e-3)
 
 
 def test_several_low_places_are_kept_apart():
-    found = lowest(two_holes, 3, evaluations=4000, keep=2, distance=0.3)
-    np.testing.assert_allclose(found.points, [[0.15] * 3, [0.85] * 3], atol=0.01)
-    np.testing.assert_allclose(found.values, [0.0, 0.01], atol=1e-3)
+    result = lowest(two_holes, 3, evaluations=4000, keep=2, distance=0.3)
+    np.testing.assert_allclose(result.points, [[0.15] * 3, [0.85] * 3], atol=0.01)
+    np.testing.assert_allclose(result.values, [0.0, 0.01], atol=1e-3)
 
 
 def test_the_same_seed_asks_for_the_same_points():
-    one, same, other = (lowest(bowl, 3, evaluations=700, seed=seed) for seed in (1, 1, 2))
-    np.testing.assert_array_equal(one.points, same.points)
-    np.testing.assert_array_equal(one.history, same.history)
-    assert one.points[0].tolist() != other.points[0].tolist()
+    item, same, other = (lowest(bowl, 3, evaluations=700, seed=seed) for seed in (1, 1, 2))
+    np.testing.assert_array_equal(item.points, same.points)
+    np.testing.assert_array_equal(item.history, same.history)
+    assert item.points[0].tolist() != other.points[0].tolist()
 
 
 def test_no_point_outside_and_none_beyond_the_budget_is_asked_for():
-    asked = []
+    request = []
 
     def watched(x):
-        asked.append(len(x))
+        request.append(len(x))
         assert x.min() >= 0.0 and x.max() <= 1.0
         return x[:, 0]
 
     for budget in (1, 50, 777):
-        asked.clear()
-        assert lowest(watched, 2, evaluations=budget).evaluations == sum(asked) <= budget
+        request.clear()
+        assert lowest(watched, 2, evaluations=budget).evaluations == sum(request) <= budget
 
 
 def test_time_ends_it():
@@ -83,15 +83,15 @@ def test_time_ends_it():
 
 
 def test_points_without_a_number_are_as_high_as_can_be():
-    found = lowest(lambda x: np.where(x[:, 0] < 0.5, np.nan, x[:, 0]), 2, evaluations=800)
-    assert found.values[0] == pytest.approx(0.5, abs=1e-2)
-    assert np.isfinite(found.values).all()
+    result = lowest(lambda x: np.where(x[:, 0] < 0.5, np.nan, x[:, 0]), 2, evaluations=800)
+    assert result.values[0] == pytest.approx(0.5, abs=1e-2)
+    assert np.isfinite(result.values).all()
     assert lowest(lambda x: np.full(len(x), np.nan), 2, evaluations=300).values.size == 0
 
 
 def test_the_quasi_newton_steps_help_where_the_function_is_smooth(monkeypatch):
     with_steps = lowest(bowl, 8, evaluations=1200, seed=3).values[0]
-    monkeypatch.setattr(sys.modules[lowest.__module__], "refine", lambda seen, start: None)
+    monkeypatch.setattr(sys.modules[lowest.__module__], "refine", lambda points, start: None)
     assert with_steps < 1e-2 * lowest(bowl, 8, evaluations=1200, seed=3).values[0]
 
 

@@ -69,9 +69,9 @@ def test_the_start_is_judged_first_and_never_beaten_by_what_is_worse():
 
 
 def test_the_same_seed_gives_the_same_front():
-    one, same, other = (several_aims(free, 3, evaluations=300, seed=seed).points for seed in (1, 1, 2))
-    np.testing.assert_array_equal(one, same)
-    assert one.shape != other.shape or np.any(one != other)
+    item, same, other = (several_aims(free, 3, evaluations=300, seed=seed).points for seed in (1, 1, 2))
+    np.testing.assert_array_equal(item, same)
+    assert item.shape != other.shape or np.any(item != other)
 
 
 def test_points_without_a_number_are_refused_by_the_search_not_by_an_error():
@@ -86,8 +86,8 @@ def test_three_aims_and_one_aim_go_as_well():
         lambda x: Judged(np.concatenate([two_bowls(x), x[:, 1:2] + 0.1], 1), -x[:, 0]), 3, evaluations=600
     )
     assert three.aims.shape[1] == 3 and len(three.aims) > 3
-    one = several_aims(lambda x: Judged(two_bowls(x)[:, :1], -np.ones(len(x))), 3, evaluations=600)
-    assert len(one.points) == 1 and one.points[0, 0] == pytest.approx(0.2, abs=0.05)
+    item = several_aims(lambda x: Judged(two_bowls(x)[:, :1], -np.ones(len(x))), 3, evaluations=600)
+    assert len(item.points) == 1 and item.points[0, 0] == pytest.approx(0.2, abs=0.05)
 
 
 def test_a_start_outside_is_refused():

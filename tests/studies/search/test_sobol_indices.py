@@ -57,9 +57,9 @@ def test_what_does_nothing_has_no_share_and_a_constant_none_at_all():
 
 def test_the_same_seed_gives_the_same_intervals_whatever_numpy_s_state_is():
     np.random.seed(0)  # noqa: NPY002
-    one = found(ishigami, 3, seed=0)
+    item = found(ishigami, 3, seed=0)
     np.random.seed(5)  # noqa: NPY002
-    np.testing.assert_array_equal(one.total_half, found(ishigami, 3, seed=0).total_half)
+    np.testing.assert_array_equal(item.total_half, found(ishigami, 3, seed=0).total_half)
 
 
 def test_more_confidence_is_a_wider_interval():

@@ -15,32 +15,32 @@ def pairs(n, seed, shift=0.3):
 
 
 def test_what_the_cases_have_in_common_does_not_blur_the_difference():
-    one, other = pairs(200, 0)
-    found = paired_difference(one, other)
-    assert found.significant and 0.3 in found.of_mean and 0.3 in found.of_median
-    assert found.of_mean.upper - found.of_mean.lower < 0.2
-    np.testing.assert_allclose([found.mean, found.median], [np.mean(one - other), np.median(one - other)])
-    np.testing.assert_allclose(found.p_value, stats.wilcoxon(one, other).pvalue)
+    item, other = pairs(200, 0)
+    result = paired_difference(item, other)
+    assert result.significant and 0.3 in result.of_mean and 0.3 in result.of_median
+    assert result.of_mean.upper - result.of_mean.lower < 0.2
+    np.testing.assert_allclose([result.mean, result.median], [np.mean(item - other), np.median(item - other)])
+    np.testing.assert_allclose(result.p_value, stats.wilcoxon(item, other).pvalue)
 
 
 def test_the_interval_of_the_mean_is_near_student_s_where_all_is_normal():
-    one, other = pairs(400, 1)
-    found, t = paired_difference(one, other).of_mean, stats.ttest_rel(one, other).confidence_interval()
-    np.testing.assert_allclose([found.lower, found.upper], [t.low, t.high], atol=0.01)
+    item, other = pairs(400, 1)
+    result, t = paired_difference(item, other).of_mean, stats.ttest_rel(item, other).confidence_interval()
+    np.testing.assert_allclose([result.lower, result.upper], [t.low, t.high], atol=0.01)
 
 
 def test_the_same_seed_gives_the_same_interval():
-    one, other = pairs(50, 2)
-    assert paired_difference(one, other, seed=3) == paired_difference(one, other, seed=3)
-    assert paired_difference(one, other, seed=3).of_mean != paired_difference(one, other, seed=4).of_mean
+    item, other = pairs(50, 2)
+    assert paired_difference(item, other, seed=3) == paired_difference(item, other, seed=3)
+    assert paired_difference(item, other, seed=3).of_mean != paired_difference(item, other, seed=4).of_mean
 
 
 def test_cases_without_a_number_are_left_out():
-    one, other = pairs(30, 3)
-    gaps = np.where(np.arange(30) % 7 == 0, np.nan, one)
-    found = paired_difference(gaps, other)
-    assert found.pairs == 25
-    assert found.mean == pytest.approx(np.nanmean(gaps - other))
+    item, other = pairs(30, 3)
+    gaps = np.where(np.arange(30) % 7 == 0, np.nan, item)
+    result = paired_difference(gaps, other)
+    assert result.pairs == 25
+    assert result.mean == pytest.approx(np.nanmean(gaps - other))
     assert paired_difference([np.inf], [1.0]).mean is None
 
 
@@ -59,19 +59,19 @@ def test_different_cases_are_refused(paired):
 
 
 def test_shares_are_compared_where_they_differ():
-    one = np.array([True] * 30 + [False] * 70)
+    item = np.array([True] * 30 + [False] * 70)
     other = np.array([True] * 20 + [False] * 75 + [True] * 5)
-    found = paired_shares(one, other)
-    assert (found.only_one, found.only_other) == (10, 5)
-    assert found.difference == pytest.approx(0.05)
-    assert found.difference in found.interval and 0.0 in found.interval
+    result = paired_shares(item, other)
+    assert (result.only_one, result.only_other) == (10, 5)
+    assert result.difference == pytest.approx(0.05)
+    assert result.difference in result.interval and 0.0 in result.interval
     # 2 Pr(X <= 5), X of 15 fair coins.
-    assert found.p_value == pytest.approx(2 * sum(stats.binom.pmf(range(6), 15, 0.5)))
+    assert result.p_value == pytest.approx(2 * sum(stats.binom.pmf(range(6), 15, 0.5)))
 
 
 def test_shares_that_never_differ():
-    found = paired_shares(np.ones(40, bool), np.ones(40, bool))
-    assert found.p_value == 1.0 and found.interval.lower < 0.0 < found.interval.upper < 0.1
+    result = paired_shares(np.ones(40, bool), np.ones(40, bool))
+    assert result.p_value == 1.0 and result.interval.lower < 0.0 < result.interval.upper < 0.1
     assert paired_shares([], []).interval is None
 
 

@@ -17,10 +17,10 @@ def test_clopper_pearson_is_scipy_s(failures, runs, confidence):
 
 
 def test_one_side_takes_all_of_the_doubt():
-    one = clopper_pearson(2, 50, 0.95, side="upper")
+    item = clopper_pearson(2, 50, 0.95, side="upper")
     theirs = stats.binomtest(2, 50, alternative="less").proportion_ci(0.95, method="exact")
-    assert one.lower == 0.0
-    np.testing.assert_allclose(one.upper, theirs.high, rtol=1e-9)
+    assert item.lower == 0.0
+    np.testing.assert_allclose(item.upper, theirs.high, rtol=1e-9)
 
 
 @pytest.mark.parametrize("p", [1e-3, 0.03, 0.5])
@@ -56,10 +56,10 @@ def test_so_many_runs_without_failure_show_the_rate_and_one_less_does_not():
 
 @pytest.mark.parametrize(("k", "n"), [(0, 1), (0, 5000), (1, 5000), (40, 100), (99, 100), (5, 10**6)])
 def test_the_ends_are_where_the_evidence_is_enough(k, n):
-    found = confidence_sequence(k, n, 0.99)
-    for end in {found.lower, found.upper} - {0.0, 1.0}:
+    result = confidence_sequence(k, n, 0.99)
+    for end in {result.lower, result.upper} - {0.0, 1.0}:
         np.testing.assert_allclose(log_evidence(k, n, end), np.log(100.0), rtol=1e-6)
-    assert k / n in found
+    assert k / n in result
 
 
 def test_without_failure_it_is_as_sharp_as_the_fixed_number_of_runs():
@@ -101,6 +101,6 @@ def test_looking_again_and_again_breaks_the_fixed_interval():
     ends = {n: [clopper_pearson(k, n, 0.9) for k in range(n + 1)] for n in range(20, 400, 20)}
     k = np.cumsum(rng.random((300, 400)) < p, axis=1)
     missed = np.zeros(300, bool)
-    for n, found in ends.items():
-        missed |= [p not in found[failures] for failures in k[:, n - 1]]
+    for n, result in ends.items():
+        missed |= [p not in result[failures] for failures in k[:, n - 1]]
     assert missed.mean() > 0.15

@@ -1,4 +1,4 @@
-"""What the paper's inequalities say about its own examples."""
+"""The paper's inequalities for its own examples."""
 
 from __future__ import annotations
 

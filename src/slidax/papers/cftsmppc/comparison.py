@@ -1,4 +1,4 @@
-"""What the paper says beside what the runs gave, with a verdict on each."""
+"""The paper's statements, each with evidence from the runs and a verdict."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class Claim:
 
 
 def claims(runs: Runs) -> list[Claim]:
-    """What is said of the curves.
+    """Return the claims about the curves.
 
     - `runs`: all runs.
     """
@@ -40,16 +40,16 @@ def claims(runs: Runs) -> list[Claim]:
 
 
 def promises(runs: Runs) -> list[Claim]:
-    """What is said of the parameters, whatever the disturbance.
+    """Return the claims about the parameters, for any disturbance.
 
     - `runs`: for their scenarios.
     """
-    found = []
+    result = []
     for example, table in zip(EXAMPLES, ("Table 1", "Table 2"), strict=True):
         inertia = inverse_inertia(runs.scenarios[Case(example, runs.readings[0])])
         m1, m2 = inertia["m1"], inertia["m2"]
         norms = {"spectral norm": inertia["spectral"], "Frobenius norm": inertia["frobenius"]}
-        found.append(
+        result.append(
             Claim(
                 f"(47), {table}",
                 f"m1 ≤ ‖M⁻¹(q)‖ ≤ m2 with m1 = {m1:g}, m2 = {m2:g}",
@@ -62,7 +62,7 @@ def promises(runs: Runs) -> list[Claim]:
         if bound is None or bound["deadlines"] is None:
             continue
         deadlines = [f"{deadline:g}" for deadline in bound["deadlines"]]
-        found.append(
+        result.append(
             Claim(
                 f"(48)–(50), Section\u00a05, Example\u00a0{example}",
                 "T_i ≥ T_max, the condition for calling T_i a predefined time",
@@ -70,7 +70,7 @@ def promises(runs: Runs) -> list[Claim]:
                 {"": claim(min(bound["deadlines"]) >= bound["bound"])},
             )
         )
-    return found
+    return result
 
 
 def _inside(runs: Runs, example: str) -> Claim:

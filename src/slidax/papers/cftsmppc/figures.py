@@ -36,7 +36,7 @@ def draw(runs: Runs, folder: Path) -> dict[str, Picture]:
         ("fig-1", "Fig. 1", _narrowing(), "The performance function (20) from two initial radii, with two deadlines."),
         (
             "families",
-            "Beside Fig. 1",
+            "Next to Fig. 1",
             _families(),
             "Fixed-time functions settle at T = 5 s from wherever they start; finite-time ones the later, the farther "
             "away they start; exponential ones in the limit only.",

@@ -80,7 +80,7 @@ def _truncation(runs: Runs) -> dict[str, list[float]] | None:
 
 
 def _sampled(runs: Runs, case: Case) -> dict[str, Any]:
-    """How one run at a longer period, or with a held torque, compares with the example itself."""
+    """Comparison of a run at a longer period, or with a held torque, with the example itself."""
     run = runs[case]
     reference = runs[Case(case.example, case.reading)]
     return {

@@ -59,7 +59,7 @@ def worst_after_deadline(scenario: Scenario, run: Run) -> list[float] | None:
 
 
 def step_ratio(run: Run, halved: Run) -> tuple[list[float], list[float]]:
-    """What halving the step does: the largest torque step over the one before, and AICE likewise, [n] each.
+    """Effect of halving the step: the largest torque step over the one before, and AICE likewise, [n] each.
 
     For a continuous torque the first is about 1/2 and the second about 1; for one that chatters, both are not.
 
@@ -72,7 +72,7 @@ def step_ratio(run: Run, halved: Run) -> tuple[list[float], list[float]]:
 
 
 def chatter(run: Run, halved: Run) -> list[float | None]:
-    """How many times AICE grows when the step is halved, [n], for joints whose torque chatters, and None for others.
+    """Factor by which AICE grows when the step is halved, [n], for joints whose torque chatters, and None for others.
 
     The way of a continuous torque does not depend on the step; that of one which jumps at every sample does. It counts
     as chattering if it changes by more than the fraction within which numbers are called close.

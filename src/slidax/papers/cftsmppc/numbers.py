@@ -1,4 +1,4 @@
-"""The numbers that the paper prints beside computed ones, with a verdict on each."""
+"""The paper's printed values next to computed ones, with a verdict on each."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def energy_share(runs: Runs, reading: Reading, layered: bool) -> float:
 def _joints(runs: Runs, scheme: str, item: Printed) -> list[Row]:
     robot = runs.scenarios[Case("4.2", runs.readings[0])].plant.robot
     band = SCHEMES[scheme].band
-    found = {reading: _judged(runs, Case("4.2", reading, scheme=scheme), item, band) for reading in runs.readings}
+    result = {reading: _judged(runs, Case("4.2", reading, scheme=scheme), item, band) for reading in runs.readings}
     units = {"settling_time": ("s",) * 3, "steady_error": robot.joint_units, "peak_torque": robot.torque_units}
     return [
         Row(
@@ -79,8 +79,8 @@ def _joints(runs: Runs, scheme: str, item: Printed) -> list[Row]:
             units[item.quantity][i],
             text,
             item.compared_with,
-            {reading: joints[i][0] for reading, joints in found.items()},
-            {reading: joints[i][1] for reading, joints in found.items()},
+            {reading: joints[i][0] for reading, joints in result.items()},
+            {reading: joints[i][1] for reading, joints in result.items()},
         )
         for i, text in enumerate(item.texts)
     ]

@@ -1,4 +1,4 @@
-"""What the paper prints, figure by figure as printed."""
+"""The printed values of the paper."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ NAMES = {
     "steady_error": ("e_ρ, steady-state error", "largest |e| over the second half of the run"),
     "peak_torque": ("τ_max, maximum control torque", "largest |τ| over the run"),
 }
-"""What the columns of Table 3 are called, and what was computed for each."""
+"""Names of the columns of Table 3, and the computed quantity for each."""
 
 
 def _row(scheme: str, *columns: tuple[str, str, str]) -> tuple[Printed, ...]:
@@ -85,4 +85,4 @@ NOT_COVERED = (
     "The laws of the schemes that it compares with: it prints their parameters only. They were sourced or "
     "reconstructed, and what differs may be the reconstruction.",
 )
-"""What it prints and cannot be compared."""
+"""Printed content that cannot be compared."""

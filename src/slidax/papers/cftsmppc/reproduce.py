@@ -56,7 +56,7 @@ def reproduce(
 
     runs = simulate_all(CHOICES[disturbance], changes or {}, lambda stage, done: tell(stage, SIMULATING * done))
     tell("Comparing with the paper", SIMULATING)
-    rows, said, promised, found = numbers(runs), claims(runs), promises(runs), findings(runs)
+    rows, text, promised, result = numbers(runs), claims(runs), promises(runs), findings(runs)
     tell("Drawing the figures", SIMULATING + 0.03)
     pictures = draw(runs, out / "figures")
     tell("Writing the report", 0.97)
@@ -71,11 +71,11 @@ def reproduce(
         },
         "readings": {reading: READINGS[reading] for reading in runs.readings},
         "rule": {"reproduced_within": REPRODUCED, "close_within": CLOSE, "settling_band": SCHEMES[PROPOSED].band},
-        "counts": counts(rows, said),
+        "counts": counts(rows, text),
         "numbers": rows,
-        "claims": said,
+        "claims": text,
         "promises": promised,
-        "findings": found,
+        "findings": result,
         "runs": run_results(runs),
         "figures": [f"figures/{name}.svg" for name in pictures],
         "not_covered": list(NOT_COVERED),
@@ -86,7 +86,7 @@ def reproduce(
     page = {
         **data,
         "pictures": pictures,
-        "shown": shown(runs, rows, said),
+        "shown": shown(runs, rows, text),
         "scenarios": scenarios,
         "parameters": {example: as_yaml(scenario.description) for example, scenario in scenarios.items()},
     }

@@ -18,15 +18,15 @@ from .verdicts import KINDS, Verdict
 
 
 def counts(rows: list[Row], claims: list[Claim]) -> dict[str, dict[str, int]]:
-    """How many verdicts of each kind there are, by reading of the disturbance.
+    """Numbers of verdicts of each kind, by reading of the disturbance.
 
     - `rows`, `claims`: with a verdict for each reading.
     """
-    found: dict[str, list[Verdict]] = {}
+    result: dict[str, list[Verdict]] = {}
     for verdicts in [item.verdicts for item in rows] + [item.verdicts for item in claims]:
         for reading, verdict in verdicts.items():
-            found.setdefault(reading, []).append(verdict)
-    tallies = {reading: Counter(verdict.kind for verdict in verdicts) for reading, verdicts in found.items()}
+            result.setdefault(reading, []).append(verdict)
+    tallies = {reading: Counter(verdict.kind for verdict in verdicts) for reading, verdicts in result.items()}
     return {reading: {kind: tally[kind] for kind in KINDS} for reading, tally in tallies.items()}
 
 
@@ -59,7 +59,7 @@ def run_results(runs: Runs) -> list[dict[str, Any]]:
 
     - `runs`: all runs.
     """
-    return [_one(case, runs) for case in runs.runs]
+    return [_run_result(case, runs) for case in runs.runs]
 
 
 def plain(value: Any) -> Any:
@@ -78,7 +78,7 @@ def plain(value: Any) -> Any:
     return value
 
 
-def _one(case: Case, runs: Runs) -> dict[str, Any]:
+def _run_result(case: Case, runs: Runs) -> dict[str, Any]:
     run = runs[case]
     timing = run.timing
     return {

@@ -55,15 +55,15 @@ def bands(runs: Runs) -> list[dict[str, Any]]:
 
     - `runs`: all runs.
     """
-    found = []
+    result = []
     for scheme, items in TABLE_3.items():
         printed = items[0].values
         lines: list[dict[str, Any]] = []
         for reading in runs.readings:
             case = Case("4.2", reading, scheme=scheme)
-            for one in (case, case.relayered):
-                for band in np.asarray(runs[one].windows.bands):
-                    times = table_3(runs[one], "settling_time", float(band))
+            for item in (case, case.relayered):
+                for band in np.asarray(runs[item].windows.bands):
+                    times = table_3(runs[item], "settling_time", float(band))
                     away = [
                         None if time is None else time / wish - 1 for time, wish in zip(times, printed, strict=True)
                     ]
@@ -71,8 +71,8 @@ def bands(runs: Runs) -> list[dict[str, Any]]:
                     lines.append(
                         {
                             "reading": reading,
-                            "scheme": one.name,
-                            "layer": one.layer,
+                            "scheme": item.name,
+                            "layer": item.layer,
                             "band": float(band),
                             "times": times,
                             "worst": worst,
@@ -82,7 +82,7 @@ def bands(runs: Runs) -> list[dict[str, Any]]:
         error = max(items[1].values)
         settled = [line for line in lines if line["worst"] is not None]
         possible = [line for line in settled if line["band"] > error]
-        found.append(
+        result.append(
             {
                 "scheme": SCHEMES[scheme].name,
                 "printed": list(printed),
@@ -93,11 +93,11 @@ def bands(runs: Runs) -> list[dict[str, Any]]:
                 "nearest_any": min(settled, key=_worst) if settled else None,
             }
         )
-    return found
+    return result
 
 
 def sensitivity(runs: Runs) -> list[dict[str, Any]]:
-    """What each scheme's numbers do at half the step, with a held torque, and with another boundary layer.
+    """Changes of each scheme's numbers at half the step, with a held torque, and with another boundary layer.
 
     - `runs`: all runs.
     """
@@ -116,7 +116,7 @@ def sensitivity(runs: Runs) -> list[dict[str, Any]]:
                         "other_layer": SCHEMES[scheme].other,
                         "quantity": quantity,
                         "band": band,
-                        "values": {way: table_3(runs[one], quantity, band) for way, one in ways.items()},
+                        "values": {way: table_3(runs[item], quantity, band) for way, item in ways.items()},
                     }
                 )
     return lines
@@ -153,12 +153,12 @@ def jumps(runs: Runs) -> list[dict[str, Any]] | None:
         return None
     t, tau = np.asarray(run.log.t), np.asarray(run.log.tau)
     steps = np.abs(np.diff(tau, axis=0))
-    found = []
+    result = []
     for i, time in enumerate(times):
         near = np.abs(t[1:] - (time or 0.0)) < 3 * (t[1] - t[0])
         usual = float(np.median(steps[np.abs(t[1:] - (time or 0.0)) < 0.05, i]))
-        found.append({"joint": i + 1, "t": time, "step": float(steps[near, i].max()), "usual": usual})
-    return found
+        result.append({"joint": i + 1, "t": time, "step": float(steps[near, i].max()), "usual": usual})
+    return result
 
 
 def layers(runs: Runs, scheme: str) -> dict[str, Any]:
@@ -169,14 +169,14 @@ def layers(runs: Runs, scheme: str) -> dict[str, Any]:
     """
     case = Case("4.1", runs.readings[0], scheme=scheme)
     ways = {
-        name: {"aice": indices.aice(runs[one]).tolist(), "steady_error": _listed(metrics.steady_error(runs[one]))}
-        for name, one in (("listed", case), ("other", case.relayered))
+        name: {"aice": indices.aice(runs[item]).tolist(), "steady_error": _listed(metrics.steady_error(runs[item]))}
+        for name, item in (("listed", case), ("other", case.relayered))
     }
     return {"layer": SCHEMES[scheme].other, **ways}
 
 
 def printed_alpha(runs: Runs) -> dict[str, Any]:
-    """What ANFTSMC does with the printed α, which the class refuses and which is set without its check.
+    """Run of ANFTSMC with the printed α, which the class refuses and which is set without its check.
 
     - `runs`: all runs.
     """

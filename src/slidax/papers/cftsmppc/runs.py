@@ -141,7 +141,7 @@ def simulate_all(readings: Sequence[Reading], changes: dict[str, Any], progress:
 
 
 def scenario_of(case: Case, changes: dict[str, Any]) -> Scenario:
-    """What is simulated in a case.
+    """Return the scenario of a case.
 
     - `case`: which.
     - `changes`: values by dotted path, set last.
@@ -157,7 +157,7 @@ def scenario_of(case: Case, changes: dict[str, Any]) -> Scenario:
 
 
 def _simulate(group: dict[Case, Scenario]) -> dict[Case, Run]:
-    # What holds its torque moves between any two samples, so that the log of the proposed scheme leaves none out.
+    # A held torque moves the arm between any two samples, so that the log of the proposed scheme leaves none out.
     return {
         case: scenario.simulate(progress=False, log_every=1 if case.mode == "held" and case.scheme == PROPOSED else 0)
         for case, scenario in group.items()

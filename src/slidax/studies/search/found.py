@@ -1,4 +1,4 @@
-"""What a search brings back."""
+"""Result of a search, and the choice of distinct minima."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 
 Stop = Literal["evaluations", "seconds", "enough", "settled"]
-"""What ended a search: its budget, its time, a value that is low enough, or that no island moves any more."""
+"""Reason for the end of a search: its budget, its time, a value that is low enough, or islands that have all settled."""
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""What is not beaten in every aim by another."""
+"""Pareto fronts."""
 
 from __future__ import annotations
 

@@ -10,11 +10,11 @@ import numpy as np
 from slidax._errors import DefinitionError
 
 FAR = 10.0
-"""How much a point outside the cube is punished, per squared distance, in spreads of the values."""
+"""Penalty of a point outside the cube, per squared distance, in spreads of the values."""
 
 
 def population(dimension: int, lanes: int = 8) -> int:
-    """How many points each generation has: CMA-ES's own number, filled up to whole vectors.
+    """Population of each generation: CMA-ES's own number, filled up to whole vectors.
 
     - `dimension`: of the cube.
     - `lanes`: runs that are computed side by side.
@@ -47,7 +47,7 @@ class Island:
         return np.array(self._points)
 
     def tell(self, values: np.ndarray) -> None:
-        """What they are worth.
+        """Set the values of the last generation.
 
         - `values`: at the nearest points inside [points]; of those that are +∞ each is as bad as the other.
         """
@@ -61,7 +61,7 @@ class Island:
 
     @property
     def settled(self) -> bool:
-        """Whether it will not find anything more."""
+        """True if it will not find anything more."""
         return bool(self._search.should_stop())
 
 

@@ -38,7 +38,8 @@ def lowest(
     A third of the budget, at most 2048 points, is spread over the cube. From the best of these that are apart from each
     other, several CMA-ES search at once, so that each batch holds the points of all of them. One that has settled
     begins again with twice as many points, at the lowest point that is apart from all places where one has settled.
-    What is left goes to quasi-Newton steps from the lowest points, by finite differences, which are kept if they help.
+    The rest of the budget goes to quasi-Newton steps from the lowest points, by finite differences; they are
+    kept if they help.
 
     The same seed gives the same points, unless the time ends the search.
 
@@ -56,55 +57,55 @@ def lowest(
     """
     require_budget(dimension, evaluations)
     require_cmaes()
-    seen = Seen(objective, evaluations, seconds, enough)
+    known = Seen(objective, evaluations, seconds, enough)
     count = min(2048, max(population(dimension), int(FIRST * evaluations)))
     batch = islands * population(dimension)
     first = spread(dimension, count, seed=seed)
     for begin in range(0, count, max(batch, 256)):
-        if seen.over:
+        if known.over:
             break
-        seen.ask(first[begin : begin + max(batch, 256)])
-    stop = seen.over or _by_islands(seen, dimension, seed, islands, distance, settled, int(LAST * evaluations))
+        known.ask(first[begin : begin + max(batch, 256)])
+    stop = known.over or _by_islands(known, dimension, seed, islands, distance, settled, int(LAST * evaluations))
     if stop == "settled":
-        points, values = seen.all
+        points, values = known.all
         for place in apart(points, values, islands, distance):
-            stop = seen.over or stop
+            stop = known.over or stop
             if stop != "settled":
                 break
-            refine(seen, points[place])
-        stop = seen.over or stop
-    return seen.found(keep, distance, stop)
+            refine(known, points[place])
+        stop = known.over or stop
+    return known.found(keep, distance, stop)
 
 
 def _by_islands(
-    seen: Seen, dimension: int, seed: int, islands: int, distance: float, settled: float, reserve: int
+    known: Seen, dimension: int, seed: int, islands: int, distance: float, settled: float, reserve: int
 ) -> Stop:
     """Ends as settled when only the reserve is left."""
     seeds = iter(np.random.SeedSequence(seed).generate_state(10_000))
     size = population(dimension)
-    points, values = seen.all
+    points, values = known.all
     starts = [points[place] for place in apart(points, values, islands, distance)]
     at_work = [(Island(start, SIZE, size, int(next(seeds))), start, size) for start in starts]
     ended: list[np.ndarray] = []
-    while seen.left > reserve:
-        if seen.over:
-            return seen.over
-        asked = [island.ask() for island, *_ in at_work]
-        told = np.split(seen.ask(np.concatenate(asked)), np.cumsum([len(a) for a in asked])[:-1])
+    while known.left > reserve:
+        if known.over:
+            return known.over
+        request = [island.ask() for island, *_ in at_work]
+        told = np.split(known.ask(np.concatenate(request)), np.cumsum([len(a) for a in request])[:-1])
         for k, (island, start, points_each) in enumerate(at_work):
             island.tell(told[k])
-            low = asked[k][int(np.argmin(told[k]))]
+            low = request[k][int(np.argmin(told[k]))]
             finite = told[k][np.isfinite(told[k])]
             if island.settled or (finite.size > 1 and np.ptp(finite) <= settled):
                 ended += [start, np.clip(low, 0.0, 1.0)]
-                again = _elsewhere(seen, ended, distance)
+                again = _elsewhere(known, ended, distance)
                 at_work[k] = Island(again, SIZE, 2 * points_each, int(next(seeds))), again, 2 * points_each
-    return seen.over or "settled"
+    return known.over or "settled"
 
 
-def _elsewhere(seen: Seen, ended: list[np.ndarray], distance: float) -> np.ndarray:
+def _elsewhere(known: Seen, ended: list[np.ndarray], distance: float) -> np.ndarray:
     """The lowest point that is apart from where others ended; the lowest of all if there is none."""
-    points, values = seen.all
+    points, values = known.all
     far = np.ones(len(values), bool)
     for place in ended:
         far &= np.max(np.abs(points - place), axis=1) >= distance

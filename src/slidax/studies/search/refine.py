@@ -14,10 +14,10 @@ TURNS = 10
 """Iterations at most; where the function is not smooth it ends before."""
 
 
-def refine(seen: Seen, start: np.ndarray) -> None:
+def refine(points: Seen, start: np.ndarray) -> None:
     """Goes down from a point by L-BFGS-B (R. H. Byrd and others, SIAM J. Sci. Comput. 16, 1995) with differences.
 
-    The points of one gradient are asked for at once. What it sees is in `seen`, also if it did not help.
+    The points of one gradient are asked for at once. `seen` keeps all points.
 
     - `seen`: asks and remembers.
     - `start`: a point of the cube [dimension].
@@ -26,9 +26,9 @@ def refine(seen: Seen, start: np.ndarray) -> None:
     def value_and_slope(x: np.ndarray) -> tuple[float, np.ndarray]:
         # Inwards, so that all points are in the cube.
         steps = np.where(x < 0.5, STEP, -STEP)
-        if seen.over or seen.left < x.size + 1:
+        if points.over or points.left < x.size + 1:
             raise StopIteration
-        values = seen.ask(np.concatenate([x[None], x + np.diag(steps)]))
+        values = points.ask(np.concatenate([x[None], x + np.diag(steps)]))
         if not np.isfinite(values).all():
             raise StopIteration
         return float(values[0]), (values[1:] - values[0]) / steps

@@ -37,7 +37,7 @@ class Seen:
 
     @property
     def over(self) -> Stop | None:
-        """What ends the search now, if anything does."""
+        """The reason to end the search now; None to go on."""
         if self._enough is not None and self.lowest < self._enough:
             return "enough"
         if self.evaluations >= self._most:
@@ -48,7 +48,7 @@ class Seen:
 
     @property
     def left(self) -> int:
-        """How many evaluations."""
+        """Number of evaluations that are left."""
         return self._most - self.evaluations
 
     def ask(self, points: np.ndarray) -> np.ndarray:

@@ -19,12 +19,12 @@ SIZE = 0.2
 """The first standard deviation of an island."""
 
 SLACK = 0.05
-"""What the best that was seen is undercut by, in logarithms, so that every aim weighs something."""
+"""Offset below the best known aims, in logarithms, so that every aim weighs something."""
 
 
 @dataclass(frozen=True)
 class Judged:
-    """What points are worth.
+    """Aims and conditions of points.
 
     - `aims`: positive, the lower the better [points aims].
     - `broken`: by how much the condition is not held; <= 0 where it holds [points].
@@ -85,8 +85,8 @@ def several_aims(
     size = population(dimension)
     islands = [Island(begin, SIZE, size, int(next(seeds))) for _ in weights]
     while not archive.over:
-        asked = [island.ask() for island in islands]
-        places = archive.ask(np.concatenate(asked)).reshape(len(islands), size)
+        request = [island.ask() for island in islands]
+        places = archive.ask(np.concatenate(request)).reshape(len(islands), size)
         for k, weight in enumerate(weights):
             islands[k].tell(archive.scalar(weight)[places[k]])
             if islands[k].settled:
@@ -158,8 +158,8 @@ def _weights(aims: int, least: int) -> np.ndarray:
     if aims == 1:
         return np.ones((1, 1))
     for parts in itertools.count(1):
-        found = [w for w in itertools.product(range(parts + 1), repeat=aims) if sum(w) == parts]
-        if len(found) >= least:
+        result = [w for w in itertools.product(range(parts + 1), repeat=aims) if sum(w) == parts]
+        if len(result) >= least:
             break
-    weights = np.maximum(np.array(found, float) / parts, 0.05)
+    weights = np.maximum(np.array(result, float) / parts, 0.05)
     return np.asarray(weights / weights.sum(axis=1, keepdims=True))

@@ -67,24 +67,24 @@ def sobol_indices(
         nothing = np.zeros(len(groups))
         return SobolIndices(nothing, nothing, nothing, nothing, confidence, 0.0)
     # SALib takes NumPy's global random numbers where its seed is 0.
-    found = _salib()[1].analyze(
+    result = _salib()[1].analyze(
         _problem(groups), results, calc_second_order=False, conf_level=confidence, seed=seed + 1
     )
-    first, total, first_half, total_half = (np.asarray(found[key]) for key in ("S1", "ST", "S1_conf", "ST_conf"))
+    first, total, first_half, total_half = (np.asarray(result[key]) for key in ("S1", "ST", "S1_conf", "ST_conf"))
     return SobolIndices(first, total, first_half, total_half, confidence, float(results.var()))
 
 
 def _problem(groups: Sequence[int]) -> dict[str, Any]:
-    """What SALib calls so; the coordinates of a group are drawn anew together."""
+    """The problem definition of SALib; the coordinates of a group are drawn anew together."""
     dimension = sum(groups)
-    found: dict[str, Any] = {
+    result: dict[str, Any] = {
         "num_vars": dimension,
         "names": [f"x{k}" for k in range(dimension)],
         "bounds": [[0.0, 1.0]] * dimension,
     }
     if dimension > len(groups):
-        found["groups"] = [f"group {k}" for k, width in enumerate(groups) for _ in range(width)]
-    return found
+        result["groups"] = [f"group {k}" for k, width in enumerate(groups) for _ in range(width)]
+    return result
 
 
 def _salib() -> tuple[Any, Any]:

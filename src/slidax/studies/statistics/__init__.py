@@ -1,4 +1,4 @@
-"""What many runs show, and how surely."""
+"""Confidence intervals and paired tests."""
 
 from .interval import Interval as Interval
 from .paired_differences import PairedDifference as PairedDifference

@@ -1,4 +1,4 @@
-"""How much better one scheme is than another on the same cases, in a number such as the steady error."""
+"""Paired differences of two schemes in a number such as the steady error."""
 
 from __future__ import annotations
 
@@ -37,11 +37,11 @@ class PairedDifference:
 
     @property
     def significant(self) -> bool:
-        """Whether no difference of the means is out of the question."""
+        """True if the interval of the mean does not contain 0."""
         return self.of_mean is not None and 0.0 not in self.of_mean
 
 
-def paired_difference(one: Any, other: Any, confidence: float = 0.95, *, seed: int = 0) -> PairedDifference:
+def paired_difference(item: Any, other: Any, confidence: float = 0.95, *, seed: int = 0) -> PairedDifference:
     """`one - other`, case by case; cases in which one of them has no finite number are left out.
 
     - `one`, `other`: a number for each case [cases].
@@ -51,13 +51,13 @@ def paired_difference(one: Any, other: Any, confidence: float = 0.95, *, seed: i
     Raises DefinitionError if they have not the same cases, or the confidence is no share.
     """
     require_confidence(confidence)
-    one, other = np.asarray(one, float), np.asarray(other, float)
-    if one.shape != other.shape or one.ndim != 1:
+    item, other = np.asarray(item, float), np.asarray(other, float)
+    if item.shape != other.shape or item.ndim != 1:
         raise DefinitionError(
-            f"both need one number for each case; got shapes {shown(one.shape)}, {shown(other.shape)}"
+            f"both need one number for each case; got shapes {shown(item.shape)}, {shown(other.shape)}"
         )
-    known = np.isfinite(one) & np.isfinite(other)
-    d = one[known] - other[known]
+    known = np.isfinite(item) & np.isfinite(other)
+    d = item[known] - other[known]
     if d.size == 0:
         return PairedDifference(0, None, None, None, None, None)
     mean, median = float(d.mean()), float(np.median(d))
@@ -72,7 +72,7 @@ def _of_mean(d: np.ndarray, confidence: float, seed: int) -> Interval:
     if np.all(d == d[0]):
         return Interval(float(d[0]), float(d[0]), confidence)
     with warnings.catch_warnings(action="ignore"):
-        found = stats.bootstrap(
+        result = stats.bootstrap(
             (d,),
             np.mean,
             n_resamples=RESAMPLES,
@@ -80,9 +80,9 @@ def _of_mean(d: np.ndarray, confidence: float, seed: int) -> Interval:
             confidence_level=confidence,
             rng=np.random.default_rng(seed),
         ).confidence_interval
-    return Interval(float(found.low), float(found.high), confidence)
+    return Interval(float(result.low), float(result.high), confidence)
 
 
 def _of_median(d: np.ndarray, confidence: float) -> Interval | None:
-    found = stats.quantile_test(d, p=0.5).confidence_interval(confidence)
-    return Interval(float(found.low), float(found.high), confidence) if np.isfinite([*found]).all() else None
+    result = stats.quantile_test(d, p=0.5).confidence_interval(confidence)
+    return Interval(float(result.low), float(result.high), confidence) if np.isfinite([*result]).all() else None

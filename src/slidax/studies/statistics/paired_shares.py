@@ -1,4 +1,4 @@
-"""Whether one scheme fails more often than another on the same cases."""
+"""Paired shares: compares failure rates of two schemes on the same cases."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class PairedShares:
     p_value: float
 
 
-def paired_shares(one: Any, other: Any, confidence: float = 0.95) -> PairedShares:
+def paired_shares(item: Any, other: Any, confidence: float = 0.95) -> PairedShares:
     """In what share of the cases something is true of one, less the share in which it is of the other.
 
     The interval is that of D. G. Bonett and R. M. Price (J. Educ. Behav. Stat. 37, 2012), with b, c the cases in which
@@ -47,12 +47,12 @@ def paired_shares(one: Any, other: Any, confidence: float = 0.95) -> PairedShare
     Raises DefinitionError if they have not the same cases, or the confidence is no share.
     """
     require_confidence(confidence)
-    one, other = np.asarray(one, bool), np.asarray(other, bool)
-    if one.shape != other.shape or one.ndim != 1:
+    item, other = np.asarray(item, bool), np.asarray(other, bool)
+    if item.shape != other.shape or item.ndim != 1:
         raise DefinitionError(
-            f"both need one answer for each case; got shapes {shown(one.shape)}, {shown(other.shape)}"
+            f"both need one answer for each case; got shapes {shown(item.shape)}, {shown(other.shape)}"
         )
-    n, b, c = one.size, int(np.sum(one & ~other)), int(np.sum(other & ~one))
+    n, b, c = item.size, int(np.sum(item & ~other)), int(np.sum(other & ~item))
     if n == 0:
         return PairedShares(0, 0, 0, 0.0, None, 1.0)
     p_value = float(stats.binomtest(b, b + c, 0.5).pvalue) if b + c else 1.0

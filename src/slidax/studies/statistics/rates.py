@@ -1,4 +1,4 @@
-"""How often something fails, from a number of runs that was fixed beforehand."""
+"""Failure rate from a number of runs that was fixed beforehand."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def clopper_pearson(
 
 
 def runs_without_failure(rate: float, confidence: float = 0.95) -> int:
-    """How many runs in a row must not fail to show that the rate is lower: the least n with `(1 - rate)ⁿ <= α`.
+    """Number of successive runs without failure that show that the rate is lower: the least n with `(1 - rate)ⁿ <= α`.
 
     To stop at the first failure is part of this test, so that no more is needed than for a fixed number.
 

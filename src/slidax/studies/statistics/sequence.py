@@ -1,4 +1,4 @@
-"""How often something fails, by an interval that holds at every number of runs at once."""
+"""Failure rate by an interval that holds at every number of runs at once."""
 
 from __future__ import annotations
 
@@ -48,9 +48,9 @@ def confidence_sequence(failures: int, runs: int, confidence: float = 0.95) -> I
     def beyond(p: float) -> float:
         return float(log_evidence(failures, runs, p)) - threshold
 
-    seen = failures / runs
-    lower = 0.0 if failures == 0 else float(brentq(beyond, SMALLEST, seen, xtol=SMALLEST))
-    upper = 1.0 if failures == runs else float(brentq(beyond, max(seen, SMALLEST), LARGEST, xtol=1e-15))
+    points = failures / runs
+    lower = 0.0 if failures == 0 else float(brentq(beyond, SMALLEST, points, xtol=SMALLEST))
+    upper = 1.0 if failures == runs else float(brentq(beyond, max(points, SMALLEST), LARGEST, xtol=1e-15))
     return Interval(lower, upper, confidence)
 
 
