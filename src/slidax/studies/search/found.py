@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 
 Stop = Literal["evaluations", "seconds", "enough", "settled"]
-"""Reason for the end of a search: its budget, its time, a value that is low enough, or islands that have all settled."""
+"""Reason for the end of a search: its budget, its time, a value low enough, or islands that have all settled."""
 
 
 @dataclass(frozen=True)
