@@ -48,31 +48,31 @@ class Aim:
     room: float = 0.0
     own: float = np.inf
 
-    def cost(self, item: Worst) -> float:
+    def cost(self, worst: Worst) -> float:
         """The smaller, the better; finite, so that a search finds its way.
 
-        - `one`: a law, as judged.
+        - `worst`: of a candidate law.
         """
-        if not item.holds:
-            return OUTSIDE + item.outside - float(np.clip(item.margin, -1.0, 1.0))
-        if item.margin < self.room:
-            return NEAR - item.margin
-        error, step = np.log(max(item.error, 1e-300)), np.log(max(item.step, 1e-12))
-        if item.step > CALM * self.step:
+        if not worst.holds:
+            return OUTSIDE + worst.outside - float(np.clip(worst.margin, -1.0, 1.0))
+        if worst.margin < self.room:
+            return NEAR - worst.margin
+        error, step = np.log(max(worst.error, 1e-300)), np.log(max(worst.step, 1e-12))
+        if worst.step > CALM * self.step:
             return WILD + float(step)
-        if item.driven > self.own:
-            return WILD + float(np.log(item.driven))
+        if worst.driven > self.own:
+            return WILD + float(np.log(worst.driven))
         if self.error is not None:
-            return float(step) if item.error <= self.error else COARSE + float(error)
-        narrow = np.log(float(np.min(item.choice.final)))
+            return float(step) if worst.error <= self.error else COARSE + float(error)
+        narrow = np.log(float(np.min(worst.choice.final)))
         return float(error + HARDLY * narrow if self.required else error + CALMNESS * step + NARROW * narrow)
 
-    def best(self, result: Sequence[Worst]) -> Worst:
+    def best(self, candidates: Sequence[Worst]) -> Worst:
         """The one that costs least.
 
-        - `found`: some.
+        - `candidates`: judged laws.
         """
-        return min(result, key=self.cost)
+        return min(candidates, key=self.cost)
 
     def stricter(self, share: float) -> Aim:
         """The same with a smaller step: few cases show less of it than many.

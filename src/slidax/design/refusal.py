@@ -61,20 +61,20 @@ def refused(reason: str, would_do: list[Remedy], missed: Missed | None = None) -
     return Refused(f"{reason}.{f' {words[:1].upper()}{words[1:]} would do.' if words else ''}", would_do, missed)
 
 
-def of_torque(problem: DesignProblem, request: Asked) -> Refused:
+def of_torque(problem: DesignProblem, demand: Asked) -> Refused:
     """The motion needs more than the drives have.
 
     - `requirements`: which ask for it.
-    - `asked`: of the drives.
+    - `demand`: on the drives.
     """
     arm = problem.robot.build().nominal
-    k = int(np.argmax(request.torque / request.limit))
+    k = int(np.argmax(demand.torque / demand.limit))
     name, unit = arm.joint_names[k], arm.torque_units[k]
     reason = (
-        f"the motion cannot be had for all of the set: `{name}` needs up to {request.torque[k]:.3g} {unit} along it "
-        f"(limit: {request.limit[k]:.3g})"
+        f"the motion cannot be had for all of the set: `{name}` needs up to {demand.torque[k]:.3g} {unit} along it "
+        f"(limit: {demand.limit[k]:.3g})"
     )
-    enough = [float(f"{item:.3g}") for item in np.maximum(1.15 * request.torque, request.limit)]
+    enough = [float(f"{item:.3g}") for item in np.maximum(1.15 * demand.torque, demand.limit)]
     words = f"drives of {enough[k]:.3g} {unit} at that joint"
     return refused(reason, [Remedy(words, {"actuator.torque": enough})])
 

@@ -15,7 +15,7 @@ from .table import COLUMNS, Columns
 def frame(rows: str | Path | Columns, kind: Kind = "pandas") -> Any:
     """A data frame with a row per case: its values by path, outcome and metrics; pandas has units in `attrs`.
 
-    - `rows`: a folder or a file of a study, or its columns by name, such as `found.table`.
+    - `rows`: a folder or a file of a study, or its columns by name, such as `result.table`.
     - `kind`: "pandas" or "polars".
 
     Raises DefinitionError if there is no such file, or the library is another or is not installed.

@@ -14,21 +14,21 @@ TURNS = 10
 """Iterations at most; where the function is not smooth it ends before."""
 
 
-def refine(points: Seen, start: np.ndarray) -> None:
+def refine(evaluated: Seen, start: np.ndarray) -> None:
     """Goes down from a point by L-BFGS-B (R. H. Byrd and others, SIAM J. Sci. Comput. 16, 1995) with differences.
 
-    The points of one gradient are asked for at once. `seen` keeps all points.
+    The points of one gradient are asked for at once. `evaluated` keeps all points.
 
-    - `seen`: asks and remembers.
+    - `evaluated`: asks and remembers.
     - `start`: a point of the cube [dimension].
     """
 
     def value_and_slope(x: np.ndarray) -> tuple[float, np.ndarray]:
         # Inwards, so that all points are in the cube.
         steps = np.where(x < 0.5, STEP, -STEP)
-        if points.over or points.left < x.size + 1:
+        if evaluated.over or evaluated.left < x.size + 1:
             raise StopIteration
-        values = points.ask(np.concatenate([x[None], x + np.diag(steps)]))
+        values = evaluated.ask(np.concatenate([x[None], x + np.diag(steps)]))
         if not np.isfinite(values).all():
             raise StopIteration
         return float(values[0]), (values[1:] - values[0]) / steps

@@ -41,23 +41,23 @@ class PairedDifference:
         return self.of_mean is not None and 0.0 not in self.of_mean
 
 
-def paired_difference(item: Any, other: Any, confidence: float = 0.95, *, seed: int = 0) -> PairedDifference:
-    """`one - other`, case by case; cases in which one of them has no finite number are left out.
+def paired_difference(first: Any, second: Any, confidence: float = 0.95, *, seed: int = 0) -> PairedDifference:
+    """`first - second`, case by case; cases in which one of them has no finite number are left out.
 
-    - `one`, `other`: a number for each case [cases].
+    - `first`, `second`: a number for each case [cases].
     - `confidence`: of the intervals.
     - `seed`: of the bootstrap.
 
     Raises DefinitionError if they have not the same cases, or the confidence is no share.
     """
     require_confidence(confidence)
-    item, other = np.asarray(item, float), np.asarray(other, float)
-    if item.shape != other.shape or item.ndim != 1:
+    first, second = np.asarray(first, float), np.asarray(second, float)
+    if first.shape != second.shape or first.ndim != 1:
         raise DefinitionError(
-            f"both need one number for each case; got shapes {shown(item.shape)}, {shown(other.shape)}"
+            f"both need one number for each case; got shapes {shown(first.shape)}, {shown(second.shape)}"
         )
-    known = np.isfinite(item) & np.isfinite(other)
-    d = item[known] - other[known]
+    known = np.isfinite(first) & np.isfinite(second)
+    d = first[known] - second[known]
     if d.size == 0:
         return PairedDifference(0, None, None, None, None, None)
     mean, median = float(d.mean()), float(np.median(d))

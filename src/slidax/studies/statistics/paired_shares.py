@@ -33,26 +33,26 @@ class PairedShares:
     p_value: float
 
 
-def paired_shares(item: Any, other: Any, confidence: float = 0.95) -> PairedShares:
-    """In what share of the cases something is true of one, less the share in which it is of the other.
+def paired_shares(first: Any, second: Any, confidence: float = 0.95) -> PairedShares:
+    """In what share of the cases something is true of the first, less the share of the second.
 
     The interval is that of D. G. Bonett and R. M. Price (J. Educ. Behav. Stat. 37, 2012), with b, c the cases in which
     only one has it:
 
         p₁ = (b + 1)/(n + 2),  p₂ = (c + 1)/(n + 2),  p₁ - p₂ ± z √((p₁ + p₂ - (p₁ - p₂)²)/(n + 2))
 
-    - `one`, `other`: a bool for each case [cases].
+    - `first`, `second`: a bool for each case [cases].
     - `confidence`: of the interval.
 
     Raises DefinitionError if they have not the same cases, or the confidence is no share.
     """
     require_confidence(confidence)
-    item, other = np.asarray(item, bool), np.asarray(other, bool)
-    if item.shape != other.shape or item.ndim != 1:
+    first, second = np.asarray(first, bool), np.asarray(second, bool)
+    if first.shape != second.shape or first.ndim != 1:
         raise DefinitionError(
-            f"both need one answer for each case; got shapes {shown(item.shape)}, {shown(other.shape)}"
+            f"both need one answer for each case; got shapes {shown(first.shape)}, {shown(second.shape)}"
         )
-    n, b, c = item.size, int(np.sum(item & ~other)), int(np.sum(other & ~item))
+    n, b, c = first.size, int(np.sum(first & ~second)), int(np.sum(second & ~first))
     if n == 0:
         return PairedShares(0, 0, 0, 0.0, None, 1.0)
     p_value = float(stats.binomtest(b, b + c, 0.5).pvalue) if b + c else 1.0

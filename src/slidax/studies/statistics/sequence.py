@@ -48,9 +48,9 @@ def confidence_sequence(failures: int, runs: int, confidence: float = 0.95) -> I
     def beyond(p: float) -> float:
         return float(log_evidence(failures, runs, p)) - threshold
 
-    points = failures / runs
-    lower = 0.0 if failures == 0 else float(brentq(beyond, SMALLEST, points, xtol=SMALLEST))
-    upper = 1.0 if failures == runs else float(brentq(beyond, max(points, SMALLEST), LARGEST, xtol=1e-15))
+    observed = failures / runs
+    lower = 0.0 if failures == 0 else float(brentq(beyond, SMALLEST, observed, xtol=SMALLEST))
+    upper = 1.0 if failures == runs else float(brentq(beyond, max(observed, SMALLEST), LARGEST, xtol=1e-15))
     return Interval(lower, upper, confidence)
 
 
