@@ -52,9 +52,9 @@ def test_it_is_silent_where_the_promise_stands_and_changes_no_torque():
     silent, heard = run_of({"simulation.t1": 1.5}), run_of(MONITOR)
     np.testing.assert_array_equal(silent.log.tau, heard.log.tau)
     assert metrics.warned_at(heard) is None
-    assert metrics.promise_margin(heard) == pytest.approx(heard.log.signals["margin"].min(), abs=0.05)
-    assert metrics.promise_margin(heard) > 0.05
-    assert metrics.promise_margin(silent) is None
+    assert metrics.guarantee_margin(heard) == pytest.approx(heard.log.signals["margin"].min(), abs=0.05)
+    assert metrics.guarantee_margin(heard) > 0.05
+    assert metrics.guarantee_margin(silent) is None
 
 
 @pytest.mark.parametrize(

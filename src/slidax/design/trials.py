@@ -244,7 +244,7 @@ def _worst(choice: Choice, table: Columns, rows: slice) -> Worst:
     error = np.where(np.isnan(part["steady_error"]), np.inf, part["steady_error"])
     step = np.where(np.isnan(part["steady_torque_step"]), np.inf, part["steady_torque_step"])
     driven = np.where(np.isnan(part["driven"]), np.inf, part["driven"])
-    promise = part.get("promise_margin")
+    promise = part.get("guarantee_margin")
     k = int(np.argmin(margin))
     return Worst(
         choice,

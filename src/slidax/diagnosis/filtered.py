@@ -40,6 +40,17 @@ def within(band: tuple[float, float], period: float) -> tuple[float, float]:
     return min(band[0], 0.2 * high), high
 
 
+def held(tau: np.ndarray, times: np.ndarray) -> np.ndarray:
+    """Torque at some times, held constant over each period, interpolated between two periods at a fractional time.
+
+    - `tau`: torques [N n].
+    - `times`: in periods [m].
+    """
+    whole = np.floor(times).astype(int)
+    part = (times - whole)[:, None]
+    return (1.0 - part) * tau[np.maximum(whole, 0)] + part * tau[np.clip(whole + 1, 0, len(tau) - 1)]
+
+
 def _filtered(signal: Signal, edges: float | tuple[float, float], kind: str, period: float) -> Signal:
     # Here, since `slidax run` imports this room and only a run that failed is filtered.
     from scipy.signal import butter, sosfiltfilt

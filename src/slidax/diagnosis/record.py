@@ -18,11 +18,10 @@ from slidax.scenarios import Scenario
 from slidax.simulation import Run, columns_of
 
 from .along import along
-from .filtered import low_passed
+from .filtered import held, low_passed
 from .linear_loop import LinearLoop
 from .loops import loops_of
 from .measured import as_measured
-from .seen import Seen, as_seen, late
 
 BEFORE = 0.3
 """How long before a run left its envelope its reason is looked for [s]."""
@@ -218,21 +217,6 @@ class Record:
         return np.einsum("kij,kj->ki", self.mass_and_bias[0], self.signals["push"])
 
     @cached_property
-    def seen(self) -> Seen:
-        """Each joint's inertia and delay as the log shows them."""
-        return as_seen(self)
-
-    @cached_property
-    def believed(self) -> np.ndarray:
-        """Each joint's inertia as the law believed it just before it left, with what it had learnt [n], kg m² or kg."""
-        own = self.seen.nominal
-        if self.law.adaptation is None:
-            return own
-        learnt = self.signals["rotor"][self.before].mean(axis=0) - np.asarray(self.law.adaptation.counted)
-        # A law never believes in a negative inertia: it scales the links instead.
-        return np.maximum(own + learnt, 0.01 * own)
-
-    @cached_property
     def loops(self) -> tuple[LinearLoop | None, ...]:
         """Each joint's loop near its goal, with what the law believes; None where its estimator is not linear."""
         return loops_of(self.scenario)
@@ -262,7 +246,7 @@ class Record:
         a[1:-1] = np.diff(self.q, 2, axis=0) / self.period**2
         mass, bias = self.mass_and_bias
         delay = np.arange(len(self.t)) - float(self.law.delay)
-        torque = 0.5 * (late(self.tau, delay) + late(self.tau, delay - 1.0))
+        torque = 0.5 * (held(self.tau, delay) + held(self.tau, delay - 1.0))
         return low_passed(torque - np.einsum("kij,kj->ki", mass, a) - bias, SLOW, self.period)
 
     def named(self, joint: int) -> str:

@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .filtered import band_passed, within
-
-if TYPE_CHECKING:
-    from .record import Record
+from .filtered import band_passed, held, within
+from .record import Record
 
 BAND = (20.0, 200.0)
 """Of a loop's crossover [rad/s]: below it an unknown weight looks like a negative inertia, above it there is noise."""
@@ -73,7 +70,7 @@ def as_seen(record: Record) -> Seen:
     extra, unexplained = [], []
     times = np.arange(1, count - 1)
     for delay in DELAYS:
-        mean = 0.5 * (late(tau, times - delay) + late(tau, times - 1.0 - delay))
+        mean = 0.5 * (held(tau, times - delay) + held(tau, times - 1.0 - delay))
         rest = band_passed(mean, BAND, h) - coupled
         # What the encoders' noise adds to both sums is taken off both.
         more = (np.sum(rest * filtered, axis=0) + nominal * len(a) * noise**2) / safe
@@ -93,17 +90,6 @@ def as_seen(record: Record) -> Seen:
     spread = np.sqrt(share / effective) * np.abs(nominal + chosen)
     inertia = np.where(told, nominal + chosen, np.nan)
     return Seen(inertia, nominal, spread, 1.0 - share, float(DELAYS[best]) if left.size else float("nan"), gain)
-
-
-def late(tau: np.ndarray, times: np.ndarray) -> np.ndarray:
-    """The torque at times in periods, constant over each; between two of them where a time is.
-
-    - `tau`: torques [N n].
-    - `times`: [m].
-    """
-    whole = np.floor(times).astype(int)
-    part = (times - whole)[:, None]
-    return (1.0 - part) * tau[np.maximum(whole, 0)] + part * tau[np.clip(whole + 1, 0, len(tau) - 1)]
 
 
 def _noise(record: Record, count: int) -> np.ndarray:
@@ -127,3 +113,13 @@ def resolution(q: np.ndarray) -> np.ndarray:
         ratio = steps / least if least else steps
         found.append(least if least and np.mean(np.abs(ratio - np.round(ratio)) < 1e-3) > 0.99 else 0.0)
     return np.array(found)
+
+
+def believed_inertia(record: Record, estimate: Seen) -> np.ndarray:
+    """Each joint's inertia as the law believed it just before the run left its envelope [n], kg m² or kg."""
+    own = estimate.nominal
+    if record.law.adaptation is None:
+        return own
+    learnt = record.signals["rotor"][record.before].mean(axis=0) - np.asarray(record.law.adaptation.counted)
+    # A law never believes in a negative inertia: it scales the links instead.
+    return np.maximum(own + learnt, 0.01 * own)

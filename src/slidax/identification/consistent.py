@@ -53,7 +53,7 @@ def consistent(
             slope, curve = _derivatives(now, bodies, positive)
             slope = weight * slope * unit + scaled @ ((now - theta) / unit)
             curve = weight * curve * np.outer(unit, unit) + scaled
-            step = -_solve(curve, slope)
+            step = -_solve_positive(curve, slope)
             decrement = float(-slope @ step)
             if decrement < 1e-9 * max(weight, 1e-3):
                 break
@@ -62,7 +62,7 @@ def consistent(
     return now
 
 
-def _solve(curve: np.ndarray, slope: np.ndarray) -> np.ndarray:
+def _solve_positive(curve: np.ndarray, slope: np.ndarray) -> np.ndarray:
     """`curve⁻¹ slope` for a positive definite curve; where rounding hides a curvature, with the least that shows."""
     values, vectors = np.linalg.eigh(curve)
     return vectors @ ((vectors.T @ slope) / np.maximum(values, 1e-15 * values[-1]))

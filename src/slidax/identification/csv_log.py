@@ -50,7 +50,7 @@ def read_csv(path: Path, joints: Sequence[str], reading: Reading) -> Log:
         columns = match_columns(titles, joints, name, reading)
         places = [titles.index(title) for title in columns.titles]
         with closing(lines_of(file, name)) as lines:
-            values, notes = _numbers(rows_of(lines, form, places, name), columns, name)
+            values, notes = _csv_numbers(rows_of(lines, form, places, name), columns, name)
     return columns.log(name, joints, dict(zip(columns.titles, values.T, strict=True)), notes)
 
 
@@ -98,7 +98,7 @@ def _renamed(text: str, joints: Mapping[tuple[str, int], str]) -> str:
     return f"{parts['stem']}.{joint}" + (f" [{title.unit}]" if title.unit else "")
 
 
-def _numbers(rows: Iterator[tuple[int, list[str]]], columns: Columns, name: str) -> tuple[np.ndarray, list[str]]:
+def _csv_numbers(rows: Iterator[tuple[int, list[str]]], columns: Columns, name: str) -> tuple[np.ndarray, list[str]]:
     """The numbers in the rows, the first of each its time, and notes about them."""
     # numpy reads some rows ahead of the one that it complains about.
     last: deque[tuple[int, list[str]]] = deque(maxlen=4)

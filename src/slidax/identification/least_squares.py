@@ -63,7 +63,7 @@ def fit(unknowns: Unknowns, signals: Signals, rows: slice) -> Fit:
         y, used = target[::every], counts[::every]
         weight = used / sigma
         a, b = x * weight[:, :, None], y * weight
-        solved = start + _solve(a.reshape(-1, len(start)), (b - a @ start).ravel())
+        solved = start + _solve_regularised(a.reshape(-1, len(start)), (b - a @ start).ravel())
         off = (y - x @ solved) * used
         size = np.maximum(used.sum(axis=0), 1)
         sigma = np.maximum(np.sqrt((off**2).sum(axis=0) / size), 1e-6 * np.std(target, axis=0) + 1e-12)
@@ -94,7 +94,7 @@ LAG_SCALE = 0.01
 """How far torques may be believed to lag, s."""
 
 
-def _solve(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+def _solve_regularised(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """The least `|a x - b|² + |x|²`: by orthogonal factors, which no log makes singular."""
     factor = np.linalg.qr(np.column_stack([a, b]), mode="r")
     u, s, vt = np.linalg.svd(factor[:, :-1], full_matrices=False)

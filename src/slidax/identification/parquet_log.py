@@ -58,7 +58,7 @@ def read_parquet(path: Path, joints: Sequence[str], reading: Reading) -> Log:
         column = table.column(whole)
         if place is not None:
             column = parquet.element(column, place)
-        values[title], note = _numbers(column, title, name, is_time=title == chosen.time)
+        values[title], note = _parquet_numbers(column, title, name, is_time=title == chosen.time)
         notes += [note] if note else []
         if note and title == chosen.time:
             # The type says the unit, and the title says it again or nothing.
@@ -77,7 +77,7 @@ def _joint_names(path: Path, source: str) -> tuple[str, ...]:
     return next(iter(orders), ())
 
 
-def _numbers(column: Any, title: str, name: str, *, is_time: bool) -> tuple[np.ndarray, str]:
+def _parquet_numbers(column: Any, title: str, name: str, *, is_time: bool) -> tuple[np.ndarray, str]:
     """A column as numbers, times as seconds from the first; and what was converted."""
     import pyarrow as pa
     import pyarrow.compute as pc

@@ -8,12 +8,8 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from .sampled_system import SampledSystem
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
+from .sampled_system import Array, SampledSystem
 
 POINTS = 1500
 """Frequencies at which a loop is looked at first."""

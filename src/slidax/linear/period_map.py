@@ -11,15 +11,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.flatten_util import ravel_pytree
-from numpy.typing import NDArray
 
 from slidax.codegen import NoNativeCodeError, compile, trace
 from slidax.simulation.loop import Carry, Loop
 from slidax.simulation.rollout import sample
 
 from .injected import OF_THE_LAW, Signals, injected, standing
-
-Array = NDArray[np.float64]
 
 INPUTS = tuple(Signals.__annotations__)
 OUTPUTS = ("error", "torque", "position", "velocity")
@@ -36,17 +33,17 @@ class PeriodMap:
     - `evaluate`: from x and u, and a direction of both, to x⁺ and y, and their slope in it [m + outputs].
     """
 
-    x: Array
+    x: np.ndarray
     inputs: int
     outputs: int
-    evaluate: Callable[[Array, Array], tuple[Array, Array]]
+    evaluate: Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
 
-    def derivative(self) -> Array:
+    def derivative(self) -> np.ndarray:
         """All slopes at x and no input, [m + outputs, m + inputs]."""
         here = np.concatenate([self.x, np.zeros(self.inputs)])
         return np.stack([self.evaluate(here, direction)[1] for direction in np.eye(here.size)], axis=1)
 
-    def differences(self, steps: Array) -> Array:
+    def differences(self, steps: np.ndarray) -> np.ndarray:
         """The same by central differences of the simulated sample itself.
 
         - `steps`: how far to go along each number [m + inputs].
@@ -111,7 +108,9 @@ def period_map(loop: Loop, carry: Carry) -> PeriodMap:
     )
 
 
-def _compiled(function: Any, arrays: Any, size: int) -> Callable[[Array, Array], tuple[Array, Array]]:
+def _compiled(
+    function: Any, arrays: Any, size: int
+) -> Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]:
     """By machine code of our own, which is made in seconds; where that cannot be, by XLA."""
     known = [np.asarray(leaf) for leaf in jax.tree.leaves(arrays)]
     shapes = jax.tree.map(lambda leaf: jax.ShapeDtypeStruct(leaf.shape, leaf.dtype), arrays)
@@ -121,13 +120,13 @@ def _compiled(function: Any, arrays: Any, size: int) -> Callable[[Array, Array],
     except (NoNativeCodeError, ImportError):
         jitted = jax.jit(function)
 
-        def by_xla(xu: Array, direction: Array) -> tuple[Array, Array]:
+        def by_xla(xu: np.ndarray, direction: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
             value, slope = jitted(arrays, jnp.asarray(xu), jnp.asarray(direction))
             return np.asarray(value), np.asarray(slope)
 
         return by_xla
 
-    def natively(xu: Array, direction: Array) -> tuple[Array, Array]:
+    def natively(xu: np.ndarray, direction: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         value, slope = kernel([*known, xu, direction])
         return value, slope
 

@@ -23,7 +23,7 @@ from .metric import array_of as array_of
 from .metric import arrays as arrays
 from .metric import metric as metric
 from .names import short_names as short_names
-from .promise import promise_margin as promise_margin
+from .promise import guarantee_margin as guarantee_margin
 from .promise import warned_at as warned_at
 from .summary import METRICS as METRICS
 from .summary import OF_MONITORS as OF_MONITORS

@@ -9,8 +9,8 @@ from slidax.simulation import Run
 from .metric import array_of, arrays, metric, of_the_run
 
 
-@metric("margin of the promise", "", per_joint=False, least_is_best=False)
-def promise_margin(run: Run) -> np.ndarray | float | None:
+@metric("margin of the guarantee", "", per_joint=False, least_is_best=False)
+def guarantee_margin(run: Run) -> np.ndarray | float | None:
     """The least margin that the monitor said; negative where the promise did not stand; None without a monitor.
 
     - `run`: a finished run, or a batch.

@@ -8,26 +8,54 @@ from typing import Any
 
 from slidax.simulation import Run
 
-from . import effort, envelope, error
-from . import promise as promises
-from . import tool as tools
-from . import tube as tolerance_metrics
+from .effort import (
+    initial_torque,
+    max_torque_step,
+    peak_torque,
+    steady_torque_step,
+    steady_torque_step_rms,
+    torque_energy,
+    torque_travel,
+)
+from .envelope import envelope_margin, envelope_violations
+from .error import iae, rms_error, settling_times, steady_error
 from .metric import Metric
+from .promise import guarantee_margin, warned_at
+from .tool import rms_tool_error, rms_tool_turn, steady_tool_error, steady_tool_turn, tool_error, tool_turn
+from .tube import tolerance_margin, tolerance_violations
 
-METRICS: tuple[Metric[Any], ...] = tuple(
-    thing for module in (error, effort, envelope) for thing in vars(module).values() if isinstance(thing, Metric)
+METRICS: tuple[Metric[Any], ...] = (
+    steady_error,
+    rms_error,
+    iae,
+    peak_torque,
+    initial_torque,
+    max_torque_step,
+    steady_torque_step,
+    steady_torque_step_rms,
+    torque_energy,
+    torque_travel,
+    envelope_violations,
+    envelope_margin,
 )
 """Every metric in the order of tables, except settling times, which depend on a run's bands, and tolerance metrics."""
 
-OF_TOLERANCES: tuple[Metric[Any], ...] = (tolerance_metrics.tolerance_violations, tolerance_metrics.tolerance_margin)
+OF_TOLERANCES: tuple[Metric[Any], ...] = (tolerance_violations, tolerance_margin)
 """Metrics of a run with a tolerance band."""
 
 
-OF_TOOLS: tuple[Metric[Any], ...] = tuple(thing for thing in vars(tools).values() if isinstance(thing, Metric))
+OF_TOOLS: tuple[Metric[Any], ...] = (
+    tool_error,
+    steady_tool_error,
+    rms_tool_error,
+    tool_turn,
+    steady_tool_turn,
+    rms_tool_turn,
+)
 """What a run has besides whose joints lead a tool; the turns, if the robot says how its tip is turned."""
 
 
-OF_MONITORS: tuple[Metric[Any], ...] = (promises.promise_margin, promises.warned_at)
+OF_MONITORS: tuple[Metric[Any], ...] = (guarantee_margin, warned_at)
 """What a run whose law has a monitor has besides."""
 
 
@@ -41,7 +69,7 @@ def metrics_of(run: Run) -> tuple[Metric[Any], ...]:
         *(OF_TOLERANCES if run.tally.tolerance is not None else ()),
         *(OF_MONITORS if run.tally.promise is not None else ()),
     )
-    return (*error.settling_times(run), *METRICS, *besides)
+    return (*settling_times(run), *METRICS, *besides)
 
 
 def summary(run: Run, also: Sequence[Metric[Any]] = ()) -> dict[str, Any]:

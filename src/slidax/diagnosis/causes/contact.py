@@ -81,7 +81,7 @@ class Contact(AbstractCause):
             weight=0.5 if force @ np.asarray(robot.gravity_vector) > HANGS * newtons * GRAVITY else 0.9,
             evidence=evidence,
             numbers={"t": float(record.t[middle]), "force": newtons, "explained": explained},
-            remedies=_remedies(record),
+            remedies=_contact_remedies(record),
         )
 
 
@@ -100,7 +100,7 @@ def _accelerations(record: Record, robot: Articulated, samples: list[int]) -> np
     return np.stack([np.asarray(acceleration(*map(jnp.asarray, (q[k], dq[k], ddq[k])))) for k in samples])
 
 
-def _remedies(record: Record) -> list[Remedy]:
+def _contact_remedies(record: Record) -> list[Remedy]:
     words = "keep the motion clear of it, or take it out of the way"
     known = record.scenario.description.surroundings.table is not None
     return [Remedy(words, {"surroundings.table": None} if known else {})]

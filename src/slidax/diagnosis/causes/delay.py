@@ -8,6 +8,7 @@ import numpy as np
 
 from ..cause import AbstractCause, Finding, Remedy
 from ..record import Record
+from ..seen import as_seen
 
 GAIN = 0.08
 """The share of the unexplained torque that another delay must explain, to be believed."""
@@ -26,14 +27,14 @@ class Delay(AbstractCause):
 
         - `record`: the run.
         """
-        seen, believed = record.seen, float(record.law.delay)
-        if not seen.delay_gain > GAIN or seen.delay - believed < APART:
+        estimate, believed = as_seen(record), float(record.law.delay)
+        if not estimate.delay_gain > GAIN or estimate.delay - believed < APART:
             return None
         loops = [loop for loop in record.loops if loop is not None]
-        radius = max((loop.radius(1.0, seen.delay) for loop in loops), default=1.0)
+        radius = max((loop.radius(1.0, estimate.delay) for loop in loops), default=1.0)
         as_told = max((loop.radius() for loop in loops), default=0.0)
         evidence = (
-            f"a torque shows in what is measured {seen.delay:g} periods after it is decided, and the law is told "
+            f"a torque shows in what is measured {estimate.delay:g} periods after it is decided, and the law is told "
             f"{believed:g}; its loop then has the modulus {radius:.3f}, in place of {as_told:.3f}"
         )
         return Finding(
@@ -41,9 +42,9 @@ class Delay(AbstractCause):
             joint=None,
             weight=0.96 if radius >= 0.995 else 0.5,
             evidence=evidence,
-            numbers={"seen": seen.delay, "believed": believed, "radius": radius},
+            numbers={"seen": estimate.delay, "believed": believed, "radius": radius},
             remedies=[
                 Remedy("tell the law the delay", {"scheme.sampled_data.delay": delay})
-                for delay in dict.fromkeys((float(np.ceil(seen.delay)), float(np.floor(seen.delay))))
+                for delay in dict.fromkeys((float(np.ceil(estimate.delay)), float(np.floor(estimate.delay))))
             ],
         )

@@ -38,7 +38,7 @@ class Encoder(AbstractCause):
         )
         numbers = {"resolution": float(steps[joint]), "ratio": float(ratio[joint]), "noise": float(noise[joint])}
         weight = 0.98 if ratio[joint] >= COARSE else min(0.4 + 0.1 * float(noise[joint]), 0.75)
-        return Finding(self.name, joint, weight, evidence, numbers, _remedies(record, float(np.max(steps))))
+        return Finding(self.name, joint, weight, evidence, numbers, _encoder_remedies(record, float(np.max(steps))))
 
 
 def noise_of(record: Record) -> np.ndarray:
@@ -52,7 +52,7 @@ def noise_of(record: Record) -> np.ndarray:
     return found
 
 
-def _remedies(record: Record, step: float) -> list[Remedy]:
+def _encoder_remedies(record: Record, step: float) -> list[Remedy]:
     scheme: Any = record.scenario.description.scheme
     final = np.asarray(scheme.transformation.performance.final)
     side = record.room / np.broadcast_to(final, record.joints)

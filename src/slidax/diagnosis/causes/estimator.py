@@ -45,7 +45,7 @@ class Estimator(AbstractCause):
                 f"is unstable (modulus {radius[joint]:.3f} a period)"
             )
             numbers = {"radius": radius[joint]}
-            return Finding(self.name, joint, 0.97, evidence, numbers, _remedies(record))
+            return Finding(self.name, joint, 0.97, evidence, numbers, _estimator_remedies(record))
         pace = [loop.bandwidth * record.horizon for loop in loops]
         slowest, fastest = int(np.argmin(pace)), int(np.argmax(pace))
         if pace[slowest] < SLOW and isinstance(record.law.estimator, Kalman):
@@ -54,7 +54,7 @@ class Estimator(AbstractCause):
                 f"{record.named(slowest)}: the estimator follows at {bandwidth:.3g} rad/s, {pace[slowest]:.2g} of 1/H"
             )
             numbers = {"bandwidth": bandwidth, "pace": pace[slowest]}
-            return Finding(self.name, slowest, 0.75, evidence, numbers, _remedies(record))
+            return Finding(self.name, slowest, 0.75, evidence, numbers, _estimator_remedies(record))
         if pace[fastest] > FAST:
             noise = noise_of(record)
             if noise[fastest] < NOISY:
@@ -67,17 +67,17 @@ class Estimator(AbstractCause):
                 "the rate limit"
             )
             numbers = {"bandwidth": bandwidth, "pace": pace[fastest], "noise": float(noise[fastest])}
-            return Finding(self.name, fastest, 0.92, evidence, numbers, _remedies(record))
+            return Finding(self.name, fastest, 0.92, evidence, numbers, _estimator_remedies(record))
         return None
 
     def _not_known(self, record: Record, kind: str) -> Finding | None:
         if record.law.horizon is None:
             return None
         evidence = f"the estimator `{kind}` is not linear, so that its loop cannot be told to be stable"
-        return Finding(self.name, None, 0.45, evidence, {}, _remedies(record))
+        return Finding(self.name, None, 0.45, evidence, {}, _estimator_remedies(record))
 
 
-def _remedies(record: Record) -> list[Remedy]:
+def _estimator_remedies(record: Record) -> list[Remedy]:
     """Another density, so that ω H is near 1, as ω goes with its sixth root; and the filter as it is by default."""
     block: Any = record.scenario.description.scheme.sampled_data
     found = []

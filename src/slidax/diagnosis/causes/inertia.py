@@ -8,6 +8,7 @@ import numpy as np
 
 from ..cause import AbstractCause, Finding, Remedy
 from ..record import Record
+from ..seen import Seen, as_seen, believed_inertia
 
 SURE = 0.85
 """The share of a joint's torque in the band that its inertia must explain."""
@@ -29,10 +30,10 @@ class Inertia(AbstractCause):
 
         - `record`: the run.
         """
-        seen = record.seen
-        believed = record.believed
-        kappa = np.divide(believed, seen.inertia, where=seen.inertia > 0, out=np.full_like(believed, np.nan))
-        told = np.isfinite(kappa) & (seen.coherence > SURE)
+        estimate = as_seen(record)
+        believed = believed_inertia(record, estimate)
+        kappa = np.divide(believed, estimate.inertia, where=estimate.inertia > 0, out=np.full_like(believed, np.nan))
+        told = np.isfinite(kappa) & (estimate.coherence > SURE)
         radius = np.array(
             [
                 loop.radius(kappa[joint]) if told[joint] and loop is not None else 0.0
@@ -47,12 +48,12 @@ class Inertia(AbstractCause):
         assert loop is not None
         factor = float(1.0 / kappa[joint])
         unit = "kg m²" if record.units[joint] == "rad" else "kg"
-        own = believed[joint] - seen.nominal[joint]
+        own = believed[joint] - estimate.nominal[joint]
         learnt = "" if record.law.adaptation is None else f", {own:.2g} of it learnt"
         compared = f"is {factor:.2g} times as heavy as" if factor > 1 else f"has {factor:.2g} of the inertia that"
         least, most = loop.stable_range()
         evidence = (
-            f"{record.named(joint)}: the arm {compared} the law believes (seen {seen.inertia[joint]:.3g}, believed "
+            f"{record.named(joint)}: the arm {compared} the law believes (seen {estimate.inertia[joint]:.3g}, believed "
             f"{believed[joint]:.3g} {unit}{learnt}); its loop bears {1.0 / most:.2g} to {1.0 / least:.2g} times"
         )
         return Finding(
@@ -61,14 +62,14 @@ class Inertia(AbstractCause):
             weight=0.95 if radius[joint] >= 1.0 else 0.7,
             evidence=evidence,
             numbers={
-                "seen": float(seen.inertia[joint]),
+                "seen": float(estimate.inertia[joint]),
                 "believed": float(believed[joint]),
-                "nominal": float(seen.nominal[joint]),
+                "nominal": float(estimate.nominal[joint]),
                 "kappa": float(kappa[joint]),
                 "stable_from": least,
                 "stable_to": most,
             },
-            remedies=[*_learnt(record), *_told(record, told)],
+            remedies=[*_learnt(record), *_told(record, estimate, told)],
         )
 
 
@@ -83,19 +84,19 @@ def _learnt(record: Record) -> list[Remedy]:
     return [Remedy("let it be learnt: remove `adaptation: null`", {f"scheme.sampled_data.{ADAPTATION}": value})]
 
 
-def _told(record: Record, told: np.ndarray) -> list[Remedy]:
+def _told(record: Record, estimate: Seen, told: np.ndarray) -> list[Remedy]:
     """The inertia that was seen, as numbers of the nominal arm."""
-    seen, robot = record.seen, record.scenario.description.robot
+    robot = record.scenario.description.robot
     nominal: Any = getattr(robot, "nominal", None)
     fields = {} if nominal is None else type(nominal).model_fields
     if "armature" in fields:
         known = np.broadcast_to(np.asarray(record.nominal.armature), record.joints)  # type: ignore[attr-defined]
-        change = np.where(told, seen.inertia - seen.nominal, 0.0)
+        change = np.where(told, estimate.inertia - estimate.nominal, 0.0)
         armature = [float(f"{value:.3g}") for value in np.maximum(known + np.nan_to_num(change), 0.0)]
         words = "tell the law what was seen, or find it by `slidax identify`"
         return [Remedy(words, {"robot.nominal.armature": armature})]
     if {"masses", "inertias"} <= fields.keys():
-        factor = float(np.exp(np.mean(np.log(1.0 / seen.kappa[told]))))
+        factor = float(np.exp(np.mean(np.log(1.0 / estimate.kappa[told]))))
         changes = {}
         for name in ("masses", "inertias"):
             values = np.asarray(getattr(record.nominal, name)) * factor

@@ -80,7 +80,7 @@ class Payload(AbstractCause):
             weight=self._weight(record, found),
             evidence=evidence,
             numbers={"mass": found.mass, "spread": found.spread, "most": found.most, "share": float(share[joint])},
-            remedies=_remedies(record, found),
+            remedies=_payload_remedies(record, found),
         )
 
     def _weight(self, record: Record, found: Weighed) -> float:
@@ -150,7 +150,7 @@ def _torque(robot: Articulated, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) 
     return np.einsum("kij,kj->ki", mass, ddq) + bias
 
 
-def _remedies(record: Record, found: Weighed) -> list[Remedy]:
+def _payload_remedies(record: Record, found: Weighed) -> list[Remedy]:
     plant: Any = getattr(record.scenario.description.robot, "plant", None)
     path = "robot.plant.load.mass"
     loaded = getattr(plant, "load", None) is not None

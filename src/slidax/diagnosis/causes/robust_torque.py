@@ -9,7 +9,7 @@ import numpy as np
 from ..cause import AbstractCause, Finding, Remedy
 from ..record import Record
 
-SPARE = 1.5
+COVER_SPARE = 1.5
 """Beyond the largest torque that the model was seen to lack."""
 
 
@@ -42,17 +42,17 @@ class RobustTorque(AbstractCause):
             weight=0.4 + 0.4 * share * min(1.0, lacks / max(covers, 1e-9)),
             evidence=evidence,
             numbers={"share": share, "u": covers, "needed": lacks},
-            remedies=_remedies(record, covers, lacks),
+            remedies=_cover_remedies(record, covers, lacks),
         )
 
 
-def _remedies(record: Record, covers: float, lacks: float) -> list[Remedy]:
+def _cover_remedies(record: Record, covers: float, lacks: float) -> list[Remedy]:
     bound: Any = getattr(record.scenario.description.scheme, "bound", None)
     # What the file leaves out was found for the arm, and is in the law.
     made: Any = getattr(record.law.step, "bound", None)
     found = []
     for factor in (1.0, 2.0, 4.0):
-        more = factor * max(SPARE * lacks - covers, 0.5 * covers)
+        more = factor * max(COVER_SPARE * lacks - covers, 0.5 * covers)
         for name in ("margin", "size"):
             if hasattr(bound, name):
                 now = getattr(bound, name)

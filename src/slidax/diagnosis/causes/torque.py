@@ -15,7 +15,7 @@ from .sheet import data_sheet
 REACHED = 0.999
 """Of a limit: a torque that is so large is at it."""
 
-SPARE = 1.15
+TORQUE_SPARE = 1.15
 """Beyond what the motion needs, for what the law adds to it."""
 
 
@@ -46,7 +46,7 @@ class Torque(AbstractCause):
             weight=(0.5 if weak[joint] else 0.3) + 0.35 * float(share[joint]),
             evidence=evidence,
             numbers={"share": float(share[joint]), "limit": float(limit[joint]), "needed": float(needed[joint])},
-            remedies=_remedies(record, needed),
+            remedies=_torque_remedies(record, needed),
         )
 
 
@@ -58,14 +58,14 @@ def needed_torque(record: Record) -> np.ndarray:
     return np.max(np.abs(wanted + lacks), axis=0)
 
 
-def _remedies(record: Record, needed: np.ndarray) -> list[Remedy]:
+def _torque_remedies(record: Record, needed: np.ndarray) -> list[Remedy]:
     given, sheet = record.torque_limits, data_sheet(record, "torque")
     found = []
     if np.any(sheet > given):
         words = "allow the torque that the arm's data sheet has"
         found.append(Remedy(words, {"actuator.torque": sheet.tolist()}))
     found += slower(record)
-    for factor in (SPARE, 1.5, 2.0):
+    for factor in (TORQUE_SPARE, 1.5, 2.0):
         enough = [float(f"{value:.3g}") for value in np.maximum(given, factor * needed)]
         found.append(Remedy("take drives that give what the motion needs", {"actuator.torque": enough}))
     return found

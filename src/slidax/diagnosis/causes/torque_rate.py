@@ -40,11 +40,11 @@ class TorqueRate(AbstractCause):
             weight=0.4 + 0.45 * float(share[joint]),
             evidence=evidence,
             numbers={"share": float(share[joint]), "limit": float(limits[joint])},
-            remedies=_remedies(record),
+            remedies=_rate_remedies(record),
         )
 
 
-def _remedies(record: Record) -> list[Remedy]:
+def _rate_remedies(record: Record) -> list[Remedy]:
     given, sheet = record.rate_limits, data_sheet(record, "torque_rate")
     found = []
     if np.any(sheet > given):

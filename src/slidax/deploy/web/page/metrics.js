@@ -57,7 +57,7 @@ export function loopMetrics(program, ended) {
   }
   const promise = ended("tally.promise.margin");
   if (promise !== null) {
-    found.promise_margin = promise;
+    found.guarantee_margin = promise;
     const [warned] = ended("tally.promise.warned");
     found.warned_at = Float64Array.of(warned >= 0 ? warned * period : NaN);
   }
