@@ -5,13 +5,11 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from .curve import AbstractCurve
 from .newton import converged, solved
+from .series import Array
 from .task import Task, curvature, linearised
-
-Array = NDArray[np.float64]
 
 FAR = 0.05
 """The next posture may be off what the slope foretells by this much, rad or m; else it may belong to another branch."""

@@ -6,14 +6,11 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from slidax._errors import DefinitionError
 from slidax.robots import AbstractRobot, Articulated, Coupled, Scara, TwoLink
 
-from .series import Series, constant, cosine_and_sine, product, scaled, total, wide
-
-Array = NDArray[np.float64]
+from .series import Array, Series, constant, cosine_and_sine, product, scaled, total, wide
 
 
 class Axis(NamedTuple):

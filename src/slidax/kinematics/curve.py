@@ -8,11 +8,8 @@ from math import comb
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from .series import Series, constant, cosine_and_sine, cross, inverse_root, product, scaled, total, wide
-
-Array = NDArray[np.float64]
+from .series import Array, Series, constant, cosine_and_sine, cross, inverse_root, product, scaled, total, wide
 
 
 class Aim(NamedTuple):
@@ -110,6 +107,13 @@ class Spline(AbstractCurve):
         unit = product(inverse_root(size), value, lambda a, b: a[..., None] * b[..., 3:])
         x, y, z = _axes(unit)
         return Aim(x, y, z, place)
+
+
+def standing(rotation: Array, place: Array) -> Helix:
+    """Return the curve that stays at a pose, [3 3] and [3], m."""
+    still = np.zeros(3)
+    up = np.array([0.0, 0.0, 1.0])
+    return Helix(rotation=rotation, place=place, center=place, shift=still, axis=up, spin_axis=up)
 
 
 def _turned(axis: Array, angle: Series, vector: Array) -> Series:

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from slidax._errors import DefinitionError, as_array, counted, located
 from slidax.robots import AbstractRobot
@@ -20,9 +19,8 @@ from .joint_path import JointPath, joint_path
 from .moves import AbstractMove, Bound
 from .pose import Pose, numbers
 from .refusal import beyond_limits, stuck, too_fast
+from .series import Array
 from .task import HOLDS, Hold, Task, least_motion
-
-Array = NDArray[np.float64]
 
 MOST_MOVES = 1000
 """Of one path."""

@@ -5,19 +5,18 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from slidax._errors import DefinitionError
 from slidax.robots import AbstractRobot
 
 from .chain import Chain, chain_of
-from .moves import standing
+from .curve import standing
 from .newton import converged
 from .pose import Pose, numbers
-from .series import cross
+from .series import Array, cross
 from .task import HOLDS, Hold, Task, apart, least_motion, ways
 
-TRIES, SEED = 16, 0
+TRIES, START_SEED = 16, 0
 """Starts of a search that has not found the pose from where it was told to."""
 
 AT_LIMIT = 1e-5
@@ -35,7 +34,7 @@ class Solution:
     - `starts`: from how many postures it was searched for.
     """
 
-    q: NDArray[np.float64]
+    q: Array
     place_error: float
     turn_error: float
     least_motion: float
@@ -65,7 +64,7 @@ def inverse(
     return at_pose(chain, pose, begin, begin if posture is None else numbers("posture", posture, chain.size), hold)
 
 
-def at_pose(chain: Chain, pose: Pose, begin: NDArray[np.float64], liked: NDArray[np.float64], hold: Hold) -> Solution:
+def at_pose(chain: Chain, pose: Pose, begin: Array, liked: Array, hold: Hold) -> Solution:
     """The same, by the joints.
 
     - `chain`: the joints.
@@ -83,9 +82,9 @@ def at_pose(chain: Chain, pose: Pose, begin: NDArray[np.float64], liked: NDArray
             f"`start` must be within the limits of the joints: {chain.names[joint]} is at {begin[joint]:.4g}, and "
             f"has {lower[joint]:.4g} to {upper[joint]:.4g}"
         )
-    generator = np.random.default_rng(SEED)
-    best: tuple[float, NDArray[np.float64]] | None = None
-    nearest: tuple[float, NDArray[np.float64]] = (np.inf, begin)
+    generator = np.random.default_rng(START_SEED)
+    best: tuple[float, Array] | None = None
+    nearest: tuple[float, Array] = (np.inf, begin)
     tried = 0
     span = np.where(np.isfinite(upper - lower), upper - lower, 2 * np.pi)
     low = np.where(np.isfinite(lower), lower, begin - np.pi)
@@ -117,7 +116,7 @@ def require_hold(hold: str) -> None:
         raise DefinitionError(f'must be "place", "axis" or "pose"; got "{hold}"', where="hold")
 
 
-def task_of(chain: Chain, posture: NDArray[np.float64], hold: Hold, damping: float = 0.0) -> Task:
+def task_of(chain: Chain, posture: Array, hold: Hold, damping: float = 0.0) -> Task:
     """What is asked of an arm, with the limits of its joints where it is redundant.
 
     - `chain`: its joints.
@@ -144,19 +143,19 @@ def task_of(chain: Chain, posture: NDArray[np.float64], hold: Hold, damping: flo
     return replace(free, lower=lower, upper=upper)
 
 
-def _searched(chain: Chain, pose: Pose, guess: NDArray[np.float64], hold: Hold) -> NDArray[np.float64]:
+def _searched(chain: Chain, pose: Pose, guess: Array, hold: Hold) -> Array:
     """Damped least squares within the limits: differences of places and of axes, which are level nowhere else."""
     from scipy.optimize import least_squares
 
     room = 1e-9 * np.where(np.isfinite(chain.upper - chain.lower), chain.upper - chain.lower, 1.0)
     kept = {"place": [], "axis": [2], "pose": [0, 1, 2]}[hold]
 
-    def error(q: NDArray[np.float64]) -> NDArray[np.float64]:
+    def error(q: Array) -> Array:
         rotation, place = chain.frame(q)
         turned = ((rotation - pose.rotation)[:, kept] / np.sqrt(2.0)).T.ravel()
         return np.concatenate([place - pose.place, turned])
 
-    def slope(q: NDArray[np.float64]) -> NDArray[np.float64]:
+    def slope(q: Array) -> Array:
         tool = chain.tool([q])
         found = np.zeros((3 + 3 * len(kept), chain.size))
         axes = (tool.x[0], tool.y[0], tool.z[0])
@@ -181,12 +180,12 @@ def _searched(chain: Chain, pose: Pose, guess: NDArray[np.float64], hold: Hold) 
     return np.asarray(found.x)
 
 
-def _apart(chain: Chain, pose: Pose, q: NDArray[np.float64], hold: Hold) -> tuple[float, float]:
+def _apart(chain: Chain, pose: Pose, q: Array, hold: Hold) -> tuple[float, float]:
     place, turn = apart(*chain.frame(q), pose.rotation, pose.place, hold)
     return float(place), float(turn)
 
 
-def _polished(task: Task, pose: Pose, q: NDArray[np.float64]) -> NDArray[np.float64]:
+def _polished(task: Task, pose: Pose, q: Array) -> Array:
     """The same to the last digits; for a redundant arm that nearest to what is liked, as far as it is followed."""
     room = 1e-3 * task.widths
     begin = np.clip(q, task.lower + room, task.upper - room)
@@ -197,9 +196,7 @@ def _polished(task: Task, pose: Pose, q: NDArray[np.float64]) -> NDArray[np.floa
     return q_found
 
 
-def liked_most(
-    task: Task, pose: Pose, q: NDArray[np.float64], liked: NDArray[np.float64]
-) -> NDArray[np.float64] | None:
+def liked_most(task: Task, pose: Pose, q: Array, liked: Array) -> Array | None:
     """Posture and forces with the tool at a pose, as what is liked moves from a posture to another; None if they end.
 
     - `task`: what is asked, with any posture.
@@ -208,7 +205,7 @@ def liked_most(
     - `liked`: what is liked in the end [n].
     """
     z = np.concatenate([q, np.zeros(HOLDS[task.hold])])
-    curve, at = standing(pose), np.zeros(1)
+    curve, at = standing(pose.rotation, pose.place), np.zeros(1)
     done, step = 0.0, 1.0 if (liked == q).all() else 0.25
     while done < 1.0:
         goal = min(done + step, 1.0)
@@ -222,7 +219,7 @@ def liked_most(
     return z
 
 
-def _refused(chain: Chain, pose: Pose, q: NDArray[np.float64], hold: Hold) -> str:
+def _refused(chain: Chain, pose: Pose, q: Array, hold: Hold) -> str:
     place, turn = _apart(chain, pose, q, hold)
     span = np.where(np.isfinite(chain.upper - chain.lower), chain.upper - chain.lower, 1.0)
     ends = [

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from slidax._errors import DefinitionError
 from slidax.trajectories.hermite import quintic_hermite
@@ -14,10 +13,9 @@ from slidax.trajectories.hermite import quintic_hermite
 from .branch import Slopes, continued, slopes
 from .moves import Bound
 from .newton import converged
+from .series import Array
 from .task import Task, tool_errors
 from .time_law import TimeLaw
-
-Array = NDArray[np.float64]
 
 FIRST = 4
 """Pieces of each phase of a time law, before any is halved."""

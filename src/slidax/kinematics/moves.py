@@ -9,16 +9,15 @@ from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from slidax._errors import DefinitionError
 
-from .curve import AbstractCurve, Helix
+from .curve import AbstractCurve, Helix, standing
 from .pose import Pose, numbers, unit_quaternion
 from .quaternion import axis_and_angle, matrix_of
+from .series import Array
 from .time_law import TimeLaw, cruising, smoothest
 
-Array = NDArray[np.float64]
 Numbers = Sequence[float] | Array
 
 
@@ -212,15 +211,7 @@ class Pause(AbstractMove):
             raise DefinitionError("`Pause.duration` must be given, > 0 and finite")
         if self.speed is not None or self.acceleration is not None:
             raise DefinitionError("`Pause` takes a `duration` alone")
-        return Bound(standing(pose), smoothest(self.duration), False, 0.0, pose)
-
-
-def standing(pose: Pose) -> AbstractCurve:
-    """The curve that stays where it is.
-
-    - `pose`: where.
-    """
-    return _helix(pose)
+        return Bound(standing(pose.rotation, pose.place), smoothest(self.duration), False, 0.0, pose)
 
 
 def _turned(

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from .curve import AbstractCurve
+from .series import Array
 from .task import Task, linearised
-
-Array = NDArray[np.float64]
 
 TURNS = 15
 """Newton steps before it is given up; near a solution three are enough."""

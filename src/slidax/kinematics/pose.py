@@ -6,15 +6,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from slidax._errors import DefinitionError, shown
 from slidax.robots import AbstractRobot
 
 from .chain import chain_of
 from .quaternion import matrix_of, quaternion_of
-
-Array = NDArray[np.float64]
+from .series import Array
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from slidax._errors import DefinitionError, as_array
 from slidax.trajectories import Tabulated
@@ -13,9 +12,8 @@ from .chain import Chain
 from .inverse import at_pose
 from .joint_path import JointPath
 from .moves import Bound
+from .series import Array
 from .task import Task, jacobian, ways
-
-Array = NDArray[np.float64]
 
 NEAR_SINGULAR = 0.02
 """A tool that moves by less than this in its worst direction, for each rad of the joints, is near a singularity."""

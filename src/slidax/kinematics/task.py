@@ -6,13 +6,10 @@ from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from .chain import Chain, Tool
 from .curve import AbstractCurve, Aim
-from .series import Series, cross, dot, product, scaled, total, wide
-
-Array = NDArray[np.float64]
+from .series import Array, Series, cross, dot, product, scaled, total, wide
 
 Hold = Literal["place", "axis", "pose"]
 

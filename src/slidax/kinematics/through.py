@@ -14,9 +14,10 @@ from slidax.trajectories.quintic_spline import quintic_spline
 from slidax.trajectories.table import TIME_UNITS
 
 from .curve import Spline
-from .moves import AbstractMove, Array, Bound
+from .moves import AbstractMove, Bound
 from .pose import Pose
 from .quaternion import angle_between, matrix_of
+from .series import Array
 from .time_law import linear
 
 APART = np.deg2rad(120.0)

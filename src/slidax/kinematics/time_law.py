@@ -5,9 +5,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from .series import Array
 
 RAMP = 1.5
 """Peak acceleration of a smooth ramp of velocity, times its duration, over the velocity."""

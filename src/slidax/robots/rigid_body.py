@@ -16,8 +16,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from slidax._types import Matrix, Vector
 from slidax.numerics import once
+from slidax.parts import Matrix, Vector
 
 PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 """The entries of a symmetric 3 x 3 matrix that are kept."""

@@ -12,7 +12,7 @@ from .quintic_spline import quintic_spline
 from .shortest_times import shortest_times
 from .waypoints import distinct_waypoints, positions
 
-MOST = 100
+MOST_TIMED_WAYPOINTS = 100
 """Waypoints whose times are searched together: the search takes memory by their square, and time by their cube."""
 
 
@@ -74,9 +74,9 @@ class MinimumJerk(AbstractPiecewisePolynomial):
         """
         name = "MinimumJerk"
         q = distinct_waypoints(name, waypoints)
-        if len(q) > MOST:
+        if len(q) > MOST_TIMED_WAYPOINTS:
             raise DefinitionError(
-                f"`{name}.within` finds the times of at most {MOST} waypoints; got {len(q)}; give their times to "
+                f"`{name}.within` finds the times of at most {MOST_TIMED_WAYPOINTS} waypoints; got {len(q)}; give their times to "
                 f"`{name}.through`, or move from rest to rest by `Trapezoidal.through`"
             )
         limits = {

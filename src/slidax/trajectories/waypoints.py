@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from slidax._errors import DefinitionError, shown
+from slidax.parts import DefinitionError, shown
 
-MOST = 10_000
+MOST_WAYPOINTS = 10_000
 """Waypoints of one motion; what has more is a log, and read from a file."""
 
 
@@ -21,8 +21,8 @@ def positions(owner: str, waypoints: object) -> NDArray[np.float64]:
 
     Raises DefinitionError if they are not.
     """
-    if isinstance(waypoints, Sequence) and len(waypoints) > MOST:
-        raise DefinitionError(f"`{owner}.waypoints` must be at most {MOST}; got {len(waypoints)}")
+    if isinstance(waypoints, Sequence) and len(waypoints) > MOST_WAYPOINTS:
+        raise DefinitionError(f"`{owner}.waypoints` must be at most {MOST_WAYPOINTS}; got {len(waypoints)}")
     try:
         q = np.asarray(waypoints, dtype=float)
     except (TypeError, ValueError, OverflowError):

@@ -41,7 +41,7 @@ def require_named_files(root: ET.Element, folder: Path) -> None:
                     continue
                 known.add(path)
                 if part.tag in PARTS:
-                    waiting += _parsed(path)
+                    waiting += _parsed_part(path)
                 else:
                     require_file(path, f"the file of <{part.tag}>", most=MOST_OF_A_MESH)
 
@@ -57,7 +57,7 @@ def _exists(path: Path) -> bool:
         return False
 
 
-def _parsed(path: Path) -> list[ET.Element]:
+def _parsed_part(path: Path) -> list[ET.Element]:
     """The outermost element of a part; none if MuJoCo's reader will refuse it."""
     content = read_bytes(path, "the included file", most=MOST_BYTES)
     if b"<!DOCTYPE" in content:
