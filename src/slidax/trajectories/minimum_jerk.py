@@ -76,8 +76,8 @@ class MinimumJerk(AbstractPiecewisePolynomial):
         q = distinct_waypoints(name, waypoints)
         if len(q) > MOST_TIMED_WAYPOINTS:
             raise DefinitionError(
-                f"`{name}.within` finds the times of at most {MOST_TIMED_WAYPOINTS} waypoints; got {len(q)}; give their times to "
-                f"`{name}.through`, or move from rest to rest by `Trapezoidal.through`"
+                f"`{name}.within` finds the times of at most {MOST_TIMED_WAYPOINTS} waypoints; got {len(q)}; "
+                f"give their times to `{name}.through`, or move from rest to rest by `Trapezoidal.through`"
             )
         limits = {
             order: limit(name, field, value, q.shape[1])
