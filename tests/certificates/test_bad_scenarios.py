@@ -47,10 +47,10 @@ def test_a_parameter_out_of_its_range_is_refused_with_its_equation(
 
 NEAR = {"simulation.t1": 0.5}
 FAILING: list[tuple[Any, str, dict[str, Any], str]] = [
-    (admissibility, "example-4.1", {"start.q": [-1.0, 2.5], **NEAR}, "outside of the envelope: joint 1"),
-    (admissibility, "example-4.1", {"uncertainty": {"start.q": {"around": 0.3}}, **NEAR}, "outside of the envelope"),
+    (admissibility, "example-4.1", {"start.q": [-1.0, 2.5], **NEAR}, "outside the envelope: joint 1"),
+    (admissibility, "example-4.1", {"uncertainty": {"start.q": {"around": 0.3}}, **NEAR}, "outside the envelope"),
     (admissibility, "example-4.1", {"uncertainty": {"start.q.1": {"around": 0.11}}, **NEAR}, "joint 2"),
-    (admissibility, "example-4.1", {"uncertainty": {"start.q": {"ball": 0.25}}, **NEAR}, "outside of the envelope"),
+    (admissibility, "example-4.1", {"uncertainty": {"start.q": {"ball": 0.25}}, **NEAR}, "outside the envelope"),
     (admissibility, "example-4.1", {"uncertainty": {"start.q": {"choice": [[0, 2], [5, 2]]}}, **NEAR}, "joint 1"),
     (settling_time, "example-4.1", {"scheme.reaching.layer": 0.01, **NEAR}, "the unit vector"),
     (settling_time, "example-4.1", {"scheme.reaching.layer": 0.0, **NEAR}, "M0 = 2/(m1+m2) I"),
@@ -105,7 +105,7 @@ def test_speed_and_position_of_the_motion_are_looked_at() -> None:
     fast = {"trajectory.frequency": 5.4, "simulation.limits": "ignore", **NEAR}
     verdict = admissibility(load("panda-payload", fast))
     assert [one.text for one in verdict.assumptions if one.status == "fails"] == [
-        "speeds of the motion pass a limit of joint `panda_joint7`"
+        "speeds of the motion exceed a limit of joint `panda_joint7`"
     ]
     far = {"trajectory.offset": [2.7, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785], "simulation.limits": "ignore", **NEAR}
     verdict = admissibility(load("panda-payload", far))

@@ -1,4 +1,4 @@
-"""What is promised of a scenario before it runs: each certificate is a Verdict with its bound and its assumptions."""
+"""Certificates: guarantees for a scenario before it runs, each a `Verdict` with its bound and its assumptions."""
 
 from .admissibility import admissibility as admissibility
 from .certificate import Certificate as Certificate

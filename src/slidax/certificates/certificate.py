@@ -16,7 +16,7 @@ from .verdict import Verdict
 Options = ParamSpec("Options")
 
 ARM = ("robot", "disturbance", "start")
-"""Blocks of which a set is bounded or tested by every certificate of an arm."""
+"""Blocks of an uncertainty set that every certificate of an arm bounds or tests."""
 
 WORLD = ("robot", "trajectory", "start", "disturbance", "actuator")
 """Blocks of a scenario that are no part of its law."""
@@ -26,13 +26,11 @@ WORLD = ("robot", "trajectory", "start", "disturbance", "actuator")
 class Certificate(Generic[Options]):
     """A certificate, called like the function that computes its verdict: `admissibility(scenario)`.
 
-    It is not applicable to a scenario with an uncertain path that it does not cover.
+    It does not apply to a scenario with an uncertain path that it does not cover.
 
-    - `name`, `title`: in tables and JSON.
-    - `judge`: from a scenario to the verdict; its docstring says what is claimed.
-    - `covers`: paths of which it covers any uncertain set, with all that is below them; those on which its claim does
-      not depend are among them.
-    - `reads`: paths on which its verdict depends, with all that is below them; None for all.
+    - `judge`: computes the verdict; its docstring states the guarantee.
+    - `covers`: paths whose uncertainty it covers, with all paths below them; includes paths that do not matter for it.
+    - `reads`: paths that the verdict depends on, with all paths below them; None for all.
     """
 
     name: str
@@ -45,11 +43,9 @@ class Certificate(Generic[Options]):
         object.__setattr__(self, "__doc__", self.judge.__doc__)
 
     def __call__(self, scenario: Scenario, *args: Options.args, **kwargs: Options.kwargs) -> Verdict:
-        """The verdict.
+        """Return the verdict.
 
-        - `scenario`: with its blocks `uncertainty` and `truth`.
-
-        Raises DefinitionError if JAX has 32-bit numbers, or the scenario is invalid.
+        Raises DefinitionError if JAX computes with 32 bits, or the scenario is invalid.
         """
         require_64_bits()
         other_sets = [value for value in (*args, *kwargs.values()) if isinstance(value, Family)]
@@ -59,16 +55,14 @@ class Certificate(Generic[Options]):
         return self.judge(scenario, *args, **kwargs)
 
     def may_read(self, path: str) -> bool:
-        """True if the verdict may depend on a number.
+        """Return True if the verdict may depend on the value at a path, written as for `--set`.
 
-        A test moves all numbers of scenarios that a certificate does not read, and expects the same verdict.
-
-        - `path`: of the number, as for `--set`.
+        A test changes all values of scenarios that a certificate does not read, and expects the same verdict.
         """
         return self.reads is None or any(_below(path, root) or root.startswith(f"{path}.") for root in self.reads)
 
     def _uncovered(self, scenario: Scenario, other_sets: Iterable[Family]) -> str:
-        """The reason why it is not applicable, with the paths that it does not cover; empty if it is."""
+        """Reason why the certificate does not apply, with the uncovered paths; empty if it applies."""
         own = family_of(scenario)
         families = [canonical(family) for family in other_sets] or ([] if own is None else [own])
         places = {
@@ -79,8 +73,10 @@ class Certificate(Generic[Options]):
             outside = sorted(path for path in paths if not any(_below(path, root) for root in self.covers))
             if outside:
                 listed = ", ".join(f"`{path}`" for path in outside)
-                remedy = "`statistical` tests it; without it in the file this certificate applies"
-                return f"not applicable: `{block}` has {listed}, which this certificate does not cover; {remedy}"
+                return (
+                    f"not applicable: `{block}` has {listed}, which this certificate does not cover; `statistical` "
+                    "tests it, and without it in the file this certificate applies"
+                )
         return ""
 
 
@@ -91,8 +87,5 @@ def _below(path: str, root: str) -> bool:
 def certificate(
     name: str, title: str, *, covers: tuple[str, ...], reads: tuple[str, ...] | None = None
 ) -> Callable[[Callable[Concatenate[Scenario, Options], Verdict]], Certificate[Options]]:
-    """Make a certificate of the function below.
-
-    - `name`, `title`, `covers`, `reads`: as in `Certificate`.
-    """
+    """Decorate a function that computes a verdict, so that it becomes a `Certificate`."""
     return lambda judge: Certificate(name, title, judge, covers, reads)

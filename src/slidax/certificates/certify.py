@@ -28,7 +28,7 @@ def _demand(scenario: Scenario) -> Demand:
 
 
 def _with_demand(certificate: Certificate[...]) -> Certificate[...]:
-    """The certificate with the scenario's demand, which is computed once for all certificates that need it."""
+    """The certificate with the scenario's demand, computed once for all certificates that need it."""
 
     @wraps(certificate.judge)
     def judge(scenario: Scenario) -> Verdict:
@@ -48,19 +48,18 @@ CERTIFICATES: tuple[Certificate[...], ...] = (
     settling_time,
     ultimate_bound,
 )
-"""All but the statistical one, in the order in which they are shown."""
+"""All certificates but the statistical one, in display order."""
 
 
 @dataclass(frozen=True)
 class Certificates:
-    """What is promised of a scenario.
+    """All verdicts of a scenario, in display order.
 
         certified = slidax.certify(scenario)
         certified.holds
         certified["loop_rate"].bound
 
     - `scenario`: its name.
-    - `verdicts`: of the certificates, in the order in which they are shown.
     """
 
     scenario: str
@@ -68,26 +67,26 @@ class Certificates:
 
     @property
     def holds(self) -> bool:
-        """Whether each certificate that applies holds."""
+        """True if each certificate that applies holds."""
         return not self.failing
 
     @property
     def failing(self) -> list[str]:
-        """The names of those that do not hold."""
-        return [one.name for one in self.verdicts if one.holds is False]
+        """Names of the certificates that do not hold."""
+        return [verdict.name for verdict in self.verdicts if verdict.holds is False]
 
     def __getitem__(self, name: str) -> Verdict:
-        for one in self.verdicts:
-            if one.name == name:
-                return one
+        for verdict in self.verdicts:
+            if verdict.name == name:
+                return verdict
         raise KeyError(name)
 
     def __iter__(self) -> Iterator[Verdict]:
         return iter(self.verdicts)
 
     def as_json(self) -> dict[str, Any]:
-        """As `slidax certify --json` prints it."""
-        return {"certificates": [one.as_json() for one in self.verdicts]}
+        """Return the verdicts as `slidax certify --json` prints them."""
+        return {"certificates": [verdict.as_json() for verdict in self.verdicts]}
 
 
 def certify(
@@ -98,38 +97,38 @@ def certify(
     without: Sequence[str] = (),
     known: Sequence[Verdict] = (),
 ) -> Certificates:
-    """Each certificate's answer for a scenario.
+    """Certify a scenario with its block `uncertainty`.
 
-    - `scenario`: what is asked about, with its block `uncertainty`.
-    - `runs`: of the statistical certificate; with 0 it is left out.
+    - `runs`: runs of the statistical certificate; 0 leaves it out.
     - `seed`: of these runs.
-    - `without`: names of certificates that are left out.
-    - `known`: answers for this scenario that are there already, which are not asked for again.
+    - `without`: names of certificates to leave out.
+    - `known`: verdicts of this scenario that exist already and are not computed again.
 
-    Raises DefinitionError if the scenario was changed in Python, so that no file says what it is, or its block
-    `uncertainty` is invalid, or JAX has 32-bit numbers.
+    Raises DefinitionError if the scenario was changed in Python, so that no file describes it, if its block
+    `uncertainty` is invalid, or if JAX computes with 32 bits.
     """
     require_64_bits()
     if scenario.changed:
         raise DefinitionError(
-            f"`{scenario.name}` was changed by `replace` ({', '.join(scenario.changed)}): certify a scenario as `load` "
-            "or `altered` give it"
+            f"`{scenario.name}` was changed by `replace` ({', '.join(scenario.changed)}): certify a scenario from "
+            "`load` or `altered`"
         )
-    # A set that is empty, or leads nowhere, is a mistake in the scenario and no answer of a certificate.
+    # An empty set, or a path that does not exist, is an error of the scenario and no verdict.
     family_of(scenario)
-    asked: list[tuple[str, Callable[[Scenario], Verdict]]]
-    asked = [(one.name, one) for one in CERTIFICATES if one.name not in without]
+    judges: list[tuple[str, Callable[[Scenario], Verdict]]]
+    judges = [(certificate.name, certificate) for certificate in CERTIFICATES if certificate.name not in without]
     if runs:
-        asked.append((statistical.__name__, lambda one: statistical(one, runs, seed)))
-    answers = {one.name: one for one in known}
-    found = (answers.get(name) or _answer(name, one, scenario) for name, one in asked)
-    return Certificates(scenario.name, tuple(found))
+        judges.append((statistical.__name__, lambda scenario: statistical(scenario, runs, seed)))
+    verdicts = {verdict.name: verdict for verdict in known}
+    return Certificates(
+        scenario.name, tuple(verdicts.get(name) or _answer(name, judge, scenario) for name, judge in judges)
+    )
 
 
 def _answer(name: str, certificate: Callable[[Scenario], Verdict], scenario: Scenario) -> Verdict:
-    """Its verdict; where it refuses the scenario, its reason, which the other certificates are no part of."""
+    """The verdict; a scenario that the certificate refuses gives a failing verdict with the reason."""
     try:
         return certificate(scenario)
     except DefinitionError as error:
-        refused = Assumption(str(error), "fails")
-        return Verdict(name, name.replace("_", " "), False, None, {}, (refused,), f"Not certified: {error}.")
+        refusal = Assumption(str(error), "fails")
+        return Verdict(name, name.replace("_", " "), False, None, {}, (refusal,), f"Not certified: {error}.")

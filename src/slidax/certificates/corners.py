@@ -1,4 +1,4 @@
-"""Scenarios at corners of what is uncertain of one, for certificates that look at whole scenarios."""
+"""Scenarios at corners of an uncertainty set, for certificates that evaluate whole scenarios."""
 
 from __future__ import annotations
 
@@ -12,16 +12,14 @@ from slidax.scenarios import Scenario
 from .arm.members import Members
 
 CORNERS = 8
-"""Cases of a set whose certificate looks at whole scenarios."""
+"""Number of corners."""
 
 
 @lru_cache(maxsize=4)
 def members_of(scenario: Scenario) -> Sequence[Scenario]:
-    """The scenario, and cases at corners of its set in which its numbers act together.
+    """Return the scenario, and scenarios at corners of its set at which its values act together.
 
-    - `scenario`: with its block `uncertainty`.
-
-    Raises DefinitionError if a set is empty or leads nowhere.
+    Raises DefinitionError if a set is empty or its path does not exist.
     """
     members = Members.of(scenario)
     family = members.family
@@ -33,4 +31,4 @@ def members_of(scenario: Scenario) -> Sequence[Scenario]:
         **members.values(members.extremes(CORNERS)),
     }
     cases = [{path: some[k] for path, some in values.items()} for k in range(CORNERS)]
-    return [scenario, *(family.scenario(one, f"{scenario.name}, corner {k}") for k, one in enumerate(cases))]
+    return [scenario, *(family.scenario(case, f"{scenario.name}, corner {k}") for k, case in enumerate(cases))]

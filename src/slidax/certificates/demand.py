@@ -1,44 +1,38 @@
-"""What a set of arms and disturbances asks of the loops of the joints along a motion."""
+"""The demand of a set of arms and disturbances on the joints' loops along a motion."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from .each import Floats
 from .verdict import Assumption
-
-Floats = NDArray[np.floating[Any]]
 
 
 @dataclass(frozen=True)
 class Demand:
-    """What the estimators of the joints must follow, and how wrong the law's inertia may be.
+    """The disturbances that the joints' estimators must follow, and the error of the law's inertia.
 
-    With `K = M⁻¹ M0` the error moves as `ë = K (a - q̈_r + w* - ŵ)`, a being the acceleration that the law commands,
-    ŵ its estimate, and `w* = M0⁻¹ ((M0 - M) q̈_r + n0 - n + d)` the push that makes the error vanish; n is everything
-    of the arm but its inertia, d what pushes from outside.
-
-    Along the reference the push of each member is, as a signal,
+    With `K = M⁻¹ M0` the error obeys `ë = K (a - q̈_r + w* - ŵ)`. Here a is the commanded acceleration, ŵ the estimate,
+    and `w* = M0⁻¹ ((M0 - M) q̈_r + n0 - n + d)` the disturbance that the law must compensate; n is the arm's torque
+    without inertia, d the external torque. Along the reference the disturbance of each member is, as a signal,
     `Σ λ_m (push_m + Σ x_k effects_mk)` with `λ >= 0`, `Σ λ = 1` and `|x_k| <= 1`, the same for all times and joints.
 
-    - `times`: of the samples, a period apart [N], s.
-    - `push`: w* along the reference, for each extreme member of the set [members N n], rad/s² or m/s².
-    - `stray`: a bound of what w* may be otherwise at a time and joint, without any smoothness, where the arm is
-      anywhere in its envelope [N n], rad/s² or m/s²; inf where none is known; `beside` gives less for a smaller error.
-    - `kappa`: the least and the largest of K's diagonal [2 n].
-    - `coupling`: bounds of what the other joints' accelerations do to a joint, |K_ij/K_jj| for i ≠ j [n n].
-    - `assumptions`: what `push`, `stray` and what is made of them stand on; `of_kappa`: what `kappa` and `coupling` do.
-    - `effects`: what half the width of an uncertain number adds to each push [members numbers N n], rad/s² or m/s²;
-      none if not given.
-    - `beside`: from bounds of the error and of its rate, each [n] or [N n], to the same bound as `stray` [N n].
-    - `misread`: from bounds of what a prediction misses of q and q̇ [N n], what its torque does otherwise [N n].
-    - `jumping`: the part of `stray` by which forces leave the line between two samples, and payloads jump [N n].
-    - `matrices`: K of some members at some instants of the motion, the worst coupled among them [I n n].
-    - `relearnt`: by how much ŵ steps because the law believes another inertia than before [N n]; None for never.
+    - `times`: samples, a period apart [N], s.
+    - `push`: w* along the reference for each extreme member [members N n], rad/s² or m/s².
+    - `stray`: bound of the rest of w* at each time and joint, without any smoothness, anywhere in the envelope [N n],
+      rad/s² or m/s²; inf if none is known. `deviation` gives a smaller one for smaller errors.
+    - `kappa`: the least and the largest diagonal of K [2 n].
+    - `coupling`: bounds of |K_ij/K_jj| for i ≠ j, the effect of other joints' accelerations [n n].
+    - `assumptions`: of `push`, `stray` and their bounds; `of_kappa`: of `kappa` and `coupling`.
+    - `effects`: change of each `push` by half the width of an uncertain value [members values N n], rad/s² or m/s².
+    - `deviation`: from bounds of the error and its rate, each [n] or [N n], to the bound of `stray` [N n].
+    - `prediction_error`: from bounds of the prediction errors of q and q̇ [N n] to the error of the torque [N n].
+    - `jumps`: part of `stray`: forces off the line between two samples, and jumps of payloads [N n].
+    - `matrices`: K of some members at some instants of the motion, with the worst coupled one [I n n].
+    - `relearning`: steps of ŵ when the law changes its learned inertia [N n]; None if it never does.
     """
 
     times: Floats
@@ -48,17 +42,17 @@ class Demand:
     coupling: Floats
     assumptions: Sequence[Assumption]
     effects: Floats | None = None
-    beside: Callable[[Floats, Floats], Floats] | None = field(default=None, repr=False)
-    misread: Callable[[Floats, Floats], Floats] | None = field(default=None, repr=False)
-    relearnt: Floats | None = None
+    deviation: Callable[[Floats, Floats], Floats] | None = field(default=None, repr=False)
+    prediction_error: Callable[[Floats, Floats], Floats] | None = field(default=None, repr=False)
+    relearning: Floats | None = None
     of_kappa: Sequence[Assumption] = ()
-    jumping: Floats | None = None
+    jumps: Floats | None = None
     matrices: Floats | None = None
 
     def boxed(self) -> Demand:
-        """The same with all effects in `stray`, for what takes each push alone: `|Σ x_k effects_k| <= Σ |effects_k|`.
+        """Return the demand with all effects in `stray`, by `|Σ x_k effects_k| <= Σ |effects_k|`.
 
-        Larger than it need be, since then they may change in any way over time.
+        This is larger than necessary, because the effects may then change in any way over time.
         """
         if self.effects is None or not self.effects.shape[1]:
             return self
@@ -66,11 +60,11 @@ class Demand:
         return replace(self, stray=widened, effects=None)
 
     def worst(self, through: Callable[[Floats], Floats]) -> Floats:
-        """The largest |value| that a linear map of the push can have over all members at each time and joint [N n].
+        """Return the largest |value| of a linear map of the disturbance over all members at each time and joint [N n].
 
-        It is attained by a member, though not by the same at each time.
+        A member attains it, though not the same one at each time.
 
-        - `through`: from signals [... N n] to such signals: the loops' answer, or the push itself by `lambda w: w`.
+        - `through`: from signals [... N n] to such signals: the loops' response, or the identity.
         """
         size = np.abs(through(self.push))
         if self.effects is not None and self.effects.shape[1]:

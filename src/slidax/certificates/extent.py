@@ -1,41 +1,36 @@
-"""Between which positions all starts of a scenario lie."""
+"""The box of all starts of a scenario."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from slidax.scenarios import Scenario
 
+from .each import Floats
 from .ends import ends_of
 from .members import family_of
-
-Floats = NDArray[np.floating[Any]]
 
 START = "start.q"
 
 
 @dataclass(frozen=True)
 class Extent:
-    """The least and largest value of each joint.
+    """Range of the start positions.
 
     - `lower`, `upper`: [n], rad or m.
-    - `said`, `one`: all of them and one of them, for a sentence.
+    - `all_are`, `one_is`: subject and verb for a sentence about all starts, and about one of them.
     """
 
     lower: Floats
     upper: Floats
-    said: str
-    one: str
+    all_are: str
+    one_is: str
 
 
 def starts_of(scenario: Scenario) -> Extent:
-    """The scenario's start, or, where it is uncertain, the box around all of them.
-
-    - `scenario`: with its block `uncertainty`.
+    """Return the scenario's start, or the box around all starts if it is uncertain.
 
     Raises DefinitionError if a set is empty.
     """

@@ -9,10 +9,7 @@ from slidax.scenarios import Scenario
 
 
 def law_of(scenario: Scenario) -> Any | None:
-    """What holds transformation, surface, reaching and bound; None for a law without them.
-
-    - `scenario`: whose law.
-    """
+    """Return the object with transformation, surface, reaching law and bound; None for a law without them."""
     law = scenario.controller
-    found = law.step if isinstance(law, SampledData) else law
-    return found if isinstance(law, SlidingMode) or hasattr(found, "transformation") else None
+    inner = law.step if isinstance(law, SampledData) else law
+    return inner if isinstance(law, SlidingMode) or hasattr(inner, "transformation") else None

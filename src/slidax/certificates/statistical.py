@@ -1,4 +1,4 @@
-"""How often the promise is broken in simulation, at most, and the worst that a search finds."""
+"""The certificate `statistical`: a bound of the failure rate from random runs, and a search for the worst case."""
 
 from __future__ import annotations
 
@@ -11,32 +11,27 @@ from slidax.scenarios import Scenario
 from .members import family_of
 from .verdict import Assumption, Verdict
 
-NAME, TITLE = "statistical", "holds in runs drawn from the uncertain set"
+NAME, TITLE = "statistical", "holds in random runs of the uncertainty set"
 
 RUNS = 300
-"""Drawn by chance, unless another number is asked for."""
+"""Default number of random runs."""
 
 SEARCHED = 1.0
-"""Runs of the search for the worst case, as a share of those that are drawn."""
+"""Runs of the search for the worst case, as a share of the random runs."""
 
 STEADY = ("steady_error", "steady_torque_step")
-"""Of which the largest of all drawn runs is told, if none ended early."""
+"""Metrics whose largest value over all random runs is reported, if none ended early."""
 
 KEPT, APART = 4, 0.25
-"""Of the worst cases: the worst of those that are drawn, and those of the search that differ by so much of a set."""
+"""Number of reported worst cases: the worst random one, and cases of the search this share of the set apart."""
 
 
 def statistical(scenario: Scenario, runs: int = RUNS, seed: int = 0, confidence: float = 0.99) -> Verdict:
-    """`p <= upper` by the exact interval of Clopper and Pearson for the rate p at which a run of the set leaves.
+    """Bound the rate p at which runs of the set leave the envelope, by the exact interval of Clopper and Pearson.
 
     With k of n runs outside, `Pr(X <= k | p = upper) = 1 - confidence`; for k = 0 that is `upper = 1 - (1-c)^(1/n)`.
-    The search (CMA-ES, then quasi-Newton steps) looks for the least margin with as many runs again. What it finds is no
-    probability; that it finds nothing is no proof.
-
-    - `scenario`: with its block `uncertainty`.
-    - `runs`: how many are drawn; as many are searched.
-    - `seed`: of both.
-    - `confidence`: of the bound.
+    A search (CMA-ES, then quasi-Newton steps) looks for the least margin with as many runs again. Its result is no
+    probability, and a search without success is no proof.
 
     Raises DefinitionError if a set is empty or the search's package is not installed.
     """
@@ -46,17 +41,12 @@ def statistical(scenario: Scenario, runs: int = RUNS, seed: int = 0, confidence:
 def tried(
     scenario: Scenario, runs: int = RUNS, seed: int = 0, confidence: float = 0.99
 ) -> tuple[Verdict, dict[str, Any]]:
-    """The certificate `statistical`, and its worst cases by path, the worst first, at most `KEPT`.
-
-    - `scenario`, `runs`, `seed`, `confidence`: as of `statistical`.
-
-    Raises DefinitionError if a set is empty or the search's package is not installed.
-    """
+    """Return the certificate `statistical`, and its worst cases by path, worst first, at most `KEPT`."""
     if runs < 1:
-        return Verdict(NAME, TITLE, None, None, {}, (), "left out: no runs are asked for"), {}
+        return Verdict(NAME, TITLE, None, None, {}, (), "left out: no runs were requested"), {}
     family = family_of(scenario)
     if family is None or not family.space.dimensions:
-        text = "the scenario says of nothing that it is uncertain, so that all runs are the same: write `uncertainty`"
+        text = "the scenario has no uncertainty, so all runs are the same: write a block `uncertainty`"
         return Verdict(NAME, TITLE, None, None, {}, (), text), {}
     from slidax.studies import Predicate
     from slidax.studies.asked import Asked
@@ -74,7 +64,7 @@ def tried(
     every = Asked(runner, family)
     drawn = every.points(points(seed, 0, runs, family.space.dimensions))
     if np.isnan(drawn["margin"]).all() and not np.asarray(drawn["outcome"]).any():
-        text = "the scheme draws no envelope, so that there is nothing to leave: write a `tolerance`"
+        text = "the scheme has no envelope to leave: write a `tolerance`"
         return Verdict(NAME, TITLE, None, None, {}, (), text), {}
     failures = int((~Predicate(ENVELOPE).holds(drawn)).sum())
     upper = clopper_pearson(failures, runs, confidence, side="upper").upper
@@ -88,9 +78,9 @@ def tried(
     )
     searched, margins = every.rows - runs, badness(every.table, MARGIN)
     worst = float(margins.min())
-    rows = dict.fromkeys(int(np.argmax(margins == one)) for one in (float(margins[:runs].min()), *lows.values))
+    rows = dict.fromkeys(int(np.argmax(margins == low)) for low in (float(margins[:runs].min()), *lows.values))
     kept = [every.values_of(row) for row in sorted(rows, key=lambda row: float(margins[row]))]
-    found: dict[str, Any] = {
+    bound: dict[str, Any] = {
         "probability": upper,
         "confidence": confidence,
         "runs": runs,
@@ -102,23 +92,20 @@ def tried(
     holds = failures == 0 and worst > 0.0
     outside = "none" if not failures else str(failures)
     statement = (
-        f"Of {runs} runs of the set {outside} left the envelope, so that it is left with a probability below "
-        f"{upper:.2g} at {100 * confidence:g} % confidence; the worst of {searched} searched runs has a margin of "
-        f"{worst:.3g}."
+        f"Of {runs} random runs {outside} left the envelope: the probability of leaving it is below {upper:.2g} at "
+        f"{100 * confidence:g} % confidence. The worst of {searched} searched runs has a margin of {worst:.3g}."
     )
     if failures == 0 and worst <= 0.0:
-        statement += " The search found a case that leaves it."
+        statement += " The search found a case that leaves the envelope."
     assumptions = (
-        Assumption("the arm is as it is simulated", "assumed"),
-        Assumption("what is uncertain is distributed as the set says", "assumed"),
+        Assumption("the real arm behaves as the simulation", "assumed"),
+        Assumption("the uncertain values are distributed as the set says", "assumed"),
+        Assumption(f"{runs} random runs stay inside the envelope, seed {seed}", "fails" if failures else "tested"),
         Assumption(
-            f"the envelope is kept in {runs} runs that were drawn, seed {seed}", "fails" if failures else "tested"
-        ),
-        Assumption(
-            f"the envelope is kept in {searched} runs of a search for the worst",
+            f"{searched} runs of a search for the worst case stay inside the envelope",
             "tested" if worst > 0.0 else "fails",
             worst,
         ),
     )
-    cases = {path: np.stack([np.asarray(one[path]) for one in kept]) for path in kept[0]}
-    return Verdict(NAME, TITLE, holds, worst, found, assumptions, statement), cases
+    cases = {path: np.stack([np.asarray(case[path]) for case in kept]) for path in kept[0]}
+    return Verdict(NAME, TITLE, holds, worst, bound, assumptions, statement), cases

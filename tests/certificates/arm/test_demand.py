@@ -61,7 +61,7 @@ def test_no_member_asks_for_more_than_the_demand_says(name):
     random = np.random.default_rng(5)
     shape = found.push.shape[1:]
     radius, speed = 1e-3 * random.uniform(0.1, 3.0, shape[1]), 1e-2 * random.uniform(0.1, 3.0, shape[1])
-    room = found.beside(radius, speed)
+    room = found.deviation(radius, speed)
     assert np.isfinite(room).all()
     # A signal that lies in the hull does so in every direction; the filters are drawn at random.
     filters = random.normal(size=(10, 30))

@@ -42,7 +42,7 @@ def begun(monkeypatch):
 class Sample(int):
     """The number of an entry, of which nothing was learnt."""
 
-    seen = ()
+    arms = ()
 
     def __new__(cls, sample, beside):
         return super().__new__(cls, sample)
@@ -61,7 +61,9 @@ def test_of_a_set_that_holds_from_nowhere_on_the_latest_bound_is_told_in_full(be
 class Growing:
     """Bounds that are larger each round, as they are asked for more."""
 
-    demand = SimpleNamespace(push=np.zeros((1, 4, 2)), beside=lambda *_: np.ones((4, 2)), misread=lambda *_: 0.0)
+    demand = SimpleNamespace(
+        push=np.zeros((1, 4, 2)), deviation=lambda *_: np.ones((4, 2)), prediction_error=lambda *_: 0.0
+    )
     subject = SimpleNamespace(law=SimpleNamespace(delay=1.0))
     confirmed = False
     share = 0.5

@@ -79,7 +79,7 @@ def run_of(matrices, push, start):
     state, rows = start, []
     for k, matrix in enumerate(matrices):
         maps = CoupledMaps.of(LOOPS, matrix)
-        rows.append(maps.asked @ state)
+        rows.append(maps.rows @ state)
         state = maps.step @ state + maps.enters[3] @ push[k] + maps.enters[4] @ push[k + 1]
     asked = np.array(rows)
     command = asked[:-1, 4]

@@ -58,8 +58,8 @@ def share_of_the_bound(subject, whole, cases, seed):
     middle = whole.ideal.error
     worst = 0.0
     for run in Cases(members.family).logged(space.values(cube)):
-        beside = np.asarray(run.log.e)[first : first + len(whole.found.error)] - middle[: len(whole.found.error)]
-        below, above = whole.found.bounds.error[:, 0], whole.found.bounds.error[:, 1]
+        beside = np.asarray(run.log.e)[first : first + len(whole.bounds.error)] - middle[: len(whole.bounds.error)]
+        below, above = whole.bounds.bounds.error[:, 0], whole.bounds.bounds.error[:, 1]
         bound = np.where(beside > 0.0, above, below)[: len(beside)]
         worst = max(worst, float(np.max(np.abs(beside) / np.maximum(bound, 1e-11))))
     return worst
@@ -84,7 +84,7 @@ def test_no_case_of_a_set_exceeds_its_bound(case):
     subject = subject_of(*case)
     whole = proved(subject)
     assert not isinstance(whole, str)
-    if whole.found is not None:
+    if whole.bounds is not None:
         assert share_of_the_bound(subject, whole, 96, 2) <= 1.0
 
 

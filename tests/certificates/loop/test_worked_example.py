@@ -102,7 +102,9 @@ def test_the_premises_of_the_closed_form_are_told_apart(scenario):
 def test_an_envelope_that_holds_asks_for_none_that_is_wider(scenario, monkeypatch):
     asked = demand(scenario, until=5.2, ratio=1.04, stray=0.05, coupling=0.0, members=1)
     final = np.asarray(scenario.controller.step.transformation.performance.final)
-    monkeypatch.setattr(importlib.import_module("slidax.certificates.loop.loop_rate"), "_asked_radius", lambda _: wide)
+    monkeypatch.setattr(
+        importlib.import_module("slidax.certificates.loop.loop_rate"), "_required_radius", lambda _: wide
+    )
     wide = np.array([1e-6, 1.0])
     verdict = loop_rate(scenario, asked, remedies=False)
     assert verdict.holds

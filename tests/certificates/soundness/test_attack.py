@@ -42,9 +42,9 @@ EXAMPLES: list[tuple[str, str | Path, dict[str, Any]]] = [
 
 def attacked(scenario: Scenario, whole: Proved, folder: Path, cases: int, seed: int = 0) -> float:
     """The largest share of the bound that a search for the worst case comes to."""
-    assert whole.found is not None
+    assert whole.bounds is not None
     first = whole.entry.sample + int(whole.assembly.subject.dead_time)
-    return Attacked(scenario, folder).worst(whole.found.error, first, cases, seed)
+    return Attacked(scenario, folder).worst(whole.bounds.error, first, cases, seed)
 
 
 def bounded(name: str | Path, changes: dict[str, Any]) -> tuple[Scenario, Proved]:

@@ -1,4 +1,4 @@
-"""Certificates of an arm and its set: its constants, and the demand of its motion on the loops and the drives."""
+"""Certificates of an arm with its uncertainty set: its constants, and the demand of its motion on loops and drives."""
 
 from .constants import ArmConstants as ArmConstants
 from .constants import arm_constants as arm_constants

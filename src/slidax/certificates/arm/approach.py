@@ -1,4 +1,4 @@
-"""The way from the start to the reference, simulated for members and starts at ends of a set."""
+"""The approach from the start to the reference, simulated for members and starts at ends of a set."""
 
 from __future__ import annotations
 
@@ -14,28 +14,28 @@ from slidax._types import State
 from slidax.scenarios import Scenario
 from slidax.simulation import Plant
 
-from .evaluated import Flags, Floats
+from ..each import Flags, Floats
 from .members import Members
 from .width import width_along
 
 RUNS = 16
-"""Members and starts that are simulated; the first is the scenario's own."""
+"""Number of simulated members and starts; the first is the scenario's own."""
 
 SETTLED = 1.05
-"""Times the narrowest envelope: the way ends where it is as narrow, and a quarter later."""
+"""Factor of the final envelope: the approach ends when the envelope is that narrow, and a quarter later."""
 
 AT_LIMIT = 0.999
-"""Of a limit: a torque that is so large is at it."""
+"""Share of a limit from which on a torque is at its limit."""
 
 
 @dataclass(frozen=True, eq=False)
 class Approach:
-    """What was seen on the way.
+    """Results of the simulated approaches.
 
-    - `tau`: torques that were set [R N n], N m or N; nan after the end of a run.
+    - `tau`: torques [R N n], N m or N; nan after the end of a run.
     - `t`: times [N], s.
     - `error`, `error_rate`: the largest of each joint at the start, [n].
-    - `ended`: whether every run came to its end.
+    - `ended`: True if every run reached its end.
     """
 
     tau: Floats
@@ -46,12 +46,11 @@ class Approach:
 
     @property
     def runs(self) -> int:
-        """How many there were."""
         return len(self.tau)
 
     @property
     def until(self) -> float:
-        """When they ended [s]."""
+        """End time, s."""
         return float(self.t[-1])
 
     @property
@@ -65,26 +64,19 @@ class Approach:
         return np.nanmax(np.abs(np.diff(self.tau, axis=1)), axis=(0, 1))
 
     def after(self, time: float) -> Approach:
-        """The part of the way from a time on.
-
-        - `time`: [s].
-        """
+        """The approach from a time on, s."""
         late = self.t >= time
         return replace(self, tau=self.tau[:, late], t=self.t[late])
 
     def reached(self, limit: Floats, change: Floats) -> Flags:
-        """Whether each joint was at a limit [n].
+        """True for each joint that was at a limit [n].
 
-        - `limit`: of the torque [n].
-        - `change`: of its change in a period [n].
+        - `limit`: of the torque [n]; `change`: of its change in a period [n].
         """
         return (self.peak >= AT_LIMIT * limit) | (self.step >= AT_LIMIT * change)
 
     def free_after(self, limit: Floats, change: Floats) -> Floats:
-        """The time from which on each joint is at no limit [n], s.
-
-        - `limit`, `change`: as in `reached`.
-        """
+        """Time from which on each joint is at no limit [n], s."""
         with np.errstate(invalid="ignore"):
             at = np.abs(self.tau) >= AT_LIMIT * limit
             at[:, 1:] |= np.abs(np.diff(self.tau, axis=1)) >= AT_LIMIT * change
@@ -94,11 +86,7 @@ class Approach:
 
 
 def approach_of(members: Members, longest: float = np.inf) -> Approach:
-    """The way of members and starts at ends of a set.
-
-    - `members`: of the set.
-    - `longest`: at most so long [s].
-    """
+    """Simulate the approach of members and starts at ends of a set, for at most `longest` seconds."""
     scenario = members.scenario
     until = min(settled_at(scenario), longest, scenario.t1)
     periods = max(round(until / scenario.period), 2)
@@ -107,17 +95,17 @@ def approach_of(members: Members, longest: float = np.inf) -> Approach:
     leaves = [jax.tree.leaves(_numbers(plant)) for plant in plants]
     tree = jax.tree.structure(_numbers(plants[0]))
     rest = eqx.filter(_moved(plants[0]), eqx.is_array, inverse=True)
-    stacked = [np.stack([np.asarray(one[k], float) for one in leaves]) for k in range(len(leaves[0]))]
-    # What is alike is known when the loop is compiled.
+    stacked = [np.stack([np.asarray(own[k], float) for own in leaves]) for k in range(len(leaves[0]))]
+    # Values that all runs share are constants of the compiled loop.
     varies = [bool((some != some[:1]).any()) for some in stacked]
     varied = (
-        [some for some, one in zip(stacked, varies, strict=True) if one],
+        [some for some, differs in zip(stacked, varies, strict=True) if differs],
         np.stack([q for q, _ in starts]),
         np.stack([dq for _, dq in starts]),
     )
 
-    def one(base: Scenario, given: Any) -> Scenario:
-        numbers, q, dq = given
+    def case(base: Scenario, values: Any) -> Scenario:
+        numbers, q, dq = values
         left = iter(numbers)
         all_of = [next(left) if differs else some[0] for some, differs in zip(stacked, varies, strict=True)]
         robot, disturbance, load = eqx.combine(jax.tree.unflatten(tree, all_of), rest)
@@ -125,7 +113,7 @@ def approach_of(members: Members, longest: float = np.inf) -> Approach:
         plant = Plant(robot, disturbance, own.sensor, own.actuator, load)
         return base.replace(plant=plant, state0=State(q=q, dq=dq))
 
-    run = short.simulate_batch(one, varied, log_every=1)
+    run = short.simulate_batch(case, varied, log_every=1)
     log = run.log
     assert log is not None
     valid = np.asarray(log.valid)
@@ -144,10 +132,7 @@ def _numbers(plant: Plant) -> Any:
 
 
 def settled_at(scenario: Scenario) -> float:
-    """When the envelope is nearly as narrow as it will be, and a quarter later [s]; t1 for a scheme without one.
-
-    - `scenario`: whose.
-    """
+    """Return the time when the envelope is nearly at its final width, and a quarter more, s; t1 without an envelope."""
     t = np.linspace(0.0, scenario.t1, 400)
     width = width_along(scenario, t)
     if width is None:
@@ -157,10 +142,7 @@ def settled_at(scenario: Scenario) -> float:
 
 
 def ends_of(members: Members) -> tuple[list[Plant], list[tuple[Floats, Floats]]]:
-    """Members at ends of the set, and starts at ends of theirs drawn at random; the scenario's own first.
-
-    - `members`: of the set.
-    """
+    """Return members and random starts at ends of the set, the scenario's own first."""
     scenario, count = members.scenario, len(members.axes)
     own = np.asarray(scenario.state0.q, float), np.asarray(scenario.state0.dq, float)
     space = members.family.uncertain
@@ -172,9 +154,9 @@ def ends_of(members: Members) -> tuple[list[Plant], list[tuple[Floats, Floats]]]
     plants[0] = members.plant
     states = {path: np.tile(value, (runs, 1)) for path, value in zip(("start.q", "start.dq"), own, strict=True)}
     for path in free:
-        one, leaf = space.sets[path], space.leaves[path]
+        uncertainty, leaf = space.sets[path], space.leaves[path]
         random = np.random.default_rng([6, crc32(path.encode())])
-        corners = random.integers(0, 2, (runs, one.coordinates(leaf))).astype(float)
-        drawn = np.asarray(one.values(np.minimum(corners, np.nextafter(1.0, 0.0)), leaf), float)
+        corners = random.integers(0, 2, (runs, uncertainty.coordinates(leaf))).astype(float)
+        drawn = np.asarray(uncertainty.values(np.minimum(corners, np.nextafter(1.0, 0.0)), leaf), float)
         states[path][1:] = drawn.reshape(runs, -1)[1:]
     return plants, list(zip(states["start.q"], states["start.dq"], strict=True))

@@ -1,4 +1,4 @@
-"""The numbers of a set that may be otherwise, each from one end to the other."""
+"""The uncertain values of a set, each with its range."""
 
 from __future__ import annotations
 
@@ -10,20 +10,20 @@ from slidax._errors import DefinitionError
 from slidax.scenarios.uncertainty import AbstractSet, Leaf
 from slidax.scenarios.uncertainty.sets import Ball
 
+from ..each import Floats
 from ..ends import ends_of, values_along
-from .evaluated import Floats
 
 SHARES = np.linspace(0.0, 1.0, 9)
-"""Places on the way of a set at which its values are compared with a line."""
+"""Shares of a range at which the values of a set are compared with a line."""
 
 
 @dataclass(frozen=True)
 class Axis:
-    """One number, or some that move together, from one end to the other.
+    """One value, or some that change together, from one end to the other.
 
     - `path`: in the scenario file.
-    - `entry`: which of its numbers; None for all of them together.
-    - `lower`, `upper`: its ends, of the shape of the whole value.
+    - `entry`: index into the values at this path; None for all of them together.
+    - `lower`, `upper`: ends, of the shape of the whole value.
     """
 
     path: str
@@ -33,23 +33,16 @@ class Axis:
 
     @property
     def name(self) -> str:
-        """As it is called in a text."""
+        """Name for a text."""
         return self.path if self.entry is None else f"{self.path}[{self.entry}]"
 
     def between(self, low: float, high: float) -> Axis:
-        """A part of it.
-
-        - `low`, `high`: shares of its way.
-        """
+        """The part of the range from share `low` to share `high`."""
         ends = [self.lower + share * (self.upper - self.lower) for share in (low, high)]
         return Axis(self.path, self.entry, *ends)
 
     def moved(self, value: Floats, share: Floats) -> Floats:
-        """The values [P ...] with this axis at shares of its way [P].
-
-        - `value`: before.
-        - `share`: 0 at the lower end, 1 at the upper one.
-        """
+        """The values [P ...] with this axis at shares of its range [P], 0 at the lower end and 1 at the upper one."""
         reached = self.lower + share.reshape(-1, *[1] * self.lower.ndim) * (self.upper - self.lower)
         if self.entry is None:
             return reached
@@ -57,20 +50,17 @@ class Axis:
         return np.where(here, reached, value)
 
 
-def axes_of(path: str, one: AbstractSet, leaf: Leaf) -> list[Axis]:
-    """The axes of a set: a box that holds it, as long as it is no line.
+def axes_of(path: str, uncertainty: AbstractSet, leaf: Leaf) -> list[Axis]:
+    """Return the axes of a set: a box that contains it, or one axis if it is a line.
 
-    - `path`: in the scenario file.
-    - `one`: the set; `leaf`: what it is of.
-
-    Raises DefinitionError for whole numbers.
+    Raises DefinitionError for integers.
     """
     if leaf.integer:
         raise DefinitionError("no certificate covers a set of a whole number of the arm or its disturbance", where=path)
-    lower, upper = (np.asarray(end, float) for end in ends_of(one, leaf))
-    if not isinstance(one, Ball):
-        drawn = np.asarray(values_along(one, leaf, SHARES), float)
-        if one.coordinates(leaf) == 1 and _is_a_line(drawn, lower, upper):
+    lower, upper = (np.asarray(end, float) for end in ends_of(uncertainty, leaf))
+    if not isinstance(uncertainty, Ball):
+        drawn = np.asarray(values_along(uncertainty, leaf, SHARES), float)
+        if uncertainty.coordinates(leaf) == 1 and _is_a_line(drawn, lower, upper):
             return [] if (lower == upper).all() else [Axis(path, None, *_of_a_line(drawn))]
     flat_lower, flat_upper = lower.reshape(-1), upper.reshape(-1)
     return [Axis(path, k, lower, upper) for k in np.flatnonzero(flat_lower < flat_upper).tolist()]
@@ -84,7 +74,7 @@ def _of_a_line(drawn: Floats) -> tuple[Floats, Floats]:
 
 
 def _is_a_line(drawn: Floats, lower: Floats, upper: Floats) -> bool:
-    """Whether all of its numbers go from end to end together, each by the same share of its way."""
+    """True if all numbers go from end to end together, each by the same share of its range."""
     first, last = _of_a_line(drawn)
     flat = drawn.reshape(len(drawn), -1)
     width = (last - first).reshape(-1)

@@ -1,4 +1,4 @@
-"""How much else is asked of the loops where the arm is beside its reference."""
+"""Additional disturbance when the arm deviates from its reference."""
 
 from __future__ import annotations
 
@@ -9,32 +9,30 @@ import numpy as np
 
 from slidax.simulation import Plant
 
-from .evaluated import Floats
+from ..each import Floats
 from .hull import Hull
 from .motion import Belief, Motion, kinds_of, needed, outer
 from .series import Grid, require_independent_joints
 
 STEP = 1e-4
-"""Of a difference quotient [rad or m]: Bernstein's inequality bounds its error by `D³ STEP²/6` of the largest value."""
+"""Step of a difference quotient, rad or m. By Bernstein's inequality its relative error is at most `D³ STEP²/6`."""
 
 SPARE = 1e-6
-"""By which share difference quotients are taken larger, for their error."""
+"""Share by which difference quotients are enlarged to cover their error."""
 
 
 @dataclass(frozen=True, eq=False)
 class Beside:
     """`|w*(q_d + e, q̇_d + ė) - w*(q_d, q̇_d)|` for all `|e| <= r`, `|ė| <= v` and every member of a set.
 
-    With D the torque that the law lacks, friction aside, `M̂(q) (w - w_d) = D(q,q̇) - D_d - (M̂(q) - M̂_d) w_d + δ`, δ the
-    change of friction and outer forces. What is linear in e and ė is computed, the rest bounded: D and M̂ are
-    trigonometric polynomials, whose second derivatives Bernstein's inequality bounds. `M̂(q)⁻¹` follows from M̂_d⁻¹ by
-    Neumann's series (docs/certificates/arm.md).
+    With D the torque that the model lacks without friction, `M̂(q) (w - w_d) = D(q,q̇) - D_d - (M̂(q) - M̂_d) w_d + δ`,
+    where δ is the change of friction and external forces. Terms linear in e and ė are computed, the others bounded: D
+    and M̂ are trigonometric polynomials, whose second derivatives Bernstein's inequality bounds. `M̂(q)⁻¹` follows from
+    M̂_d⁻¹ by Neumann's series (docs/certificates/arm.md).
 
-    - `motion`: along which.
-    - `plants`, `hull`: the members.
-    - `inverse`: |M̂⁻¹| along it, for each belief that there may be [B N n n].
+    - `inverse`: |M̂⁻¹| along the motion, for each model that the law may have [B N n n].
     - `along_q`, `along_dq`: bounds of the slopes of `D - M̂ w_d` [N n n].
-    - `mass_slope`: |∂M̂_ij/∂q_k| along it [N n n n].
+    - `mass_slope`: |∂M̂_ij/∂q_k| along the motion [N n n n].
     - `mass`: bounds of |M̂| anywhere [n n].
     - `curved`: bounds of `|D - M̂ w_d|` anywhere, at the reference's velocity [N n].
     - `coriolis`: bounds of D's coefficients of q̇_j q̇_k anywhere [n n n].
@@ -54,7 +52,7 @@ class Beside:
     rates: Floats
 
     def __call__(self, radius: Floats, speed: Floats) -> Floats:
-        """The bound [N n], rad/s² or m/s²; inf where the arm is so far away that none is known.
+        """The bound [N n], rad/s² or m/s²; inf where the deviation is too large for one.
 
         - `radius`: r, of each joint's error [n] or [N n], rad or m.
         - `speed`: v, of its rate [n] or [N n], or below and above zero [2 N n], rad/s or m/s.
@@ -65,7 +63,7 @@ class Beside:
         sigma: Floats = np.einsum("kj,j->k", r, self.rates)[:, None]
         dq = np.abs(self.motion.dq)
         lacks: Floats = np.einsum("kij,kj->ki", self.along_q, r) + np.einsum("kij,kj->ki", self.along_dq, v)
-        # Never more than the way from one extreme to the other.
+        # At most the difference between the two extremes.
         lacks += np.minimum(0.5 * sigma**2, 2.0) * self.curved
         lacks += 2.0 * np.minimum(sigma, 2.0) * np.einsum("ijl,kj,kl->ki", self.coriolis, dq, v)
         lacks += np.einsum("ijl,kj,kl->ki", self.coriolis, v, v)
@@ -76,27 +74,27 @@ class Beside:
         return np.array([_solved(inverse, moved, lacks) for inverse in self.inverse]).max(axis=0)
 
     def _outer(self, r: Floats, ways: Floats) -> Floats:
-        """How much friction and outer forces can change [N n]: each falls or rises with its joint's own q and q̇."""
+        """Largest change of friction and external forces [N n]: each is monotonic in its joint's own q and q̇."""
         here = outer(self.plants, self.motion)
         worst = np.zeros(r.shape)
         still = np.zeros_like(r)
         places = [still] if not _moves(self.plants, self.motion) else [-r, r]
         for place in places:
             for side in (-ways[0], ways[1]):
-                worst = np.maximum(worst, self.hull.largest(outer(self.plants, self.motion.beside(place, side)) - here))
+                worst = np.maximum(
+                    worst, self.hull.largest(outer(self.plants, self.motion.shifted(place, side)) - here)
+                )
         return worst
 
 
 def beside_of(
     belief: Belief, motion: Motion, plants: list[Plant], hull: Hull, push: Floats, learnt: Sequence[Belief] = ()
 ) -> Beside:
-    """The neighbourhood of a motion.
+    """Return the deviation bound around a motion.
 
-    - `belief`: the arm as the law believes it to be.
-    - `motion`: along which.
     - `plants`, `hull`: the members.
-    - `push`: w* of each of these along the motion [P N n]; with `learnt` a bound of all [1 N n].
-    - `learnt`: in place of `belief`, what each of some members is believed to be.
+    - `push`: w* of each of these along the motion [P N n]; with `learnt` a bound for all [1 N n].
+    - `learnt`: in place of `belief`, the learned model of each of some members.
     """
     beliefs = learnt or [belief]
     alike = kinds_of(plants)
@@ -108,7 +106,7 @@ def beside_of(
     dq, ddq = np.abs(motion.dq), np.abs(motion.ddq)
     curved = ddq @ difference.T + weight + np.einsum("ijl,kj,kl->ki", coriolis, dq, dq) + size @ mass.T
     at_first, _ = belief.at_first(motion.t, motion.q, motion.dq)
-    masses = [one.learnt(at_first, motion.t) for one in beliefs]
+    masses = [model.learnt(at_first, motion.t) for model in beliefs]
     return Beside(
         motion=motion,
         plants=plants,
@@ -138,7 +136,7 @@ def _slopes(
         step = np.where(np.arange(n) == joint, STEP, 0.0)
         torques = []
         for sign in (0.5 / STEP, -0.5 / STEP):
-            there = motion.beside(np.sign(sign) * step, still)
+            there = motion.shifted(np.sign(sign) * step, still)
             mass, bias = belief.mass_and_bias(there.t, there.q, there.dq)
             masses, needs = needed(kinds, there)
             own_slope[..., joint] += sign * mass
@@ -160,13 +158,13 @@ def _slopes(
 def _anywhere(
     belief: Belief, motion: Motion, plants: list[Plant], hull: Hull
 ) -> tuple[Floats, Floats, Floats, Floats, Floats]:
-    """Bounds over all postures and members of |M̂|, |M̂ - M| [n n], |G0 - G| [n], D's coefficients [n n n], and the D_j.
+    """Bounds over all postures and members: |M̂|, |M̂ - M| [n n], |G0 - G| [n], D's coefficients [n n n], and the D_j.
 
     D's coefficients of `q̇_j q̇_k` are Christoffel's, `(∂_k D_ij + ∂_j D_ik - ∂_i D_jk)/2` of `M̂ - M`.
     """
 
     def at(q: Floats) -> tuple[Floats, Floats]:
-        # The weight of a load that comes or goes counts as carried.
+        # A timed payload counts as carried.
         loads = [float(plant.load.attached) for plant in plants if plant.load is not None]
         there = Motion(np.full(len(q), max(loads, default=0.0)), q, np.zeros_like(q), np.zeros_like(q))
         mass, weight = belief.mass_and_bias(there.t, q, there.dq)
@@ -177,30 +175,30 @@ def _anywhere(
         )
 
     def flat(q: Floats) -> Floats:
-        return np.concatenate([one.reshape(len(q), -1) for one in at(q)], axis=1)
+        return np.concatenate([values.reshape(len(q), -1) for values in at(q)], axis=1)
 
     require_independent_joints(belief.robot)
     reach = np.abs(motion.q).max(axis=0) + 1.0
     grid = Grid.of(flat, belief.robot.joint_units, -reach, reach)
     masses, weights = (values.swapaxes(0, 1) for values in at(grid.postures))
-    lacked = [grid.series(one) for part in hull.of(masses[1:]) for one in part]
+    lacked = [grid.series(values) for part in hull.of(masses[1:]) for values in part]
     corners = len(hull.corners)
 
     def worst(bounds: list[Floats]) -> Floats:
         return np.max(bounds[:corners], axis=0) + np.sum(bounds[corners:], axis=0)
 
-    difference = worst([one.bound() for one in lacked])
-    weight = worst([grid.series(one).bound() for part in hull.of(weights) for one in part])
-    slope = worst([one.slopes() for one in lacked])
+    difference = worst([series.bound() for series in lacked])
+    weight = worst([grid.series(values).bound() for part in hull.of(weights) for values in part])
+    slope = worst([series.slopes() for series in lacked])
     coriolis = 0.5 * (slope + slope.transpose(0, 2, 1) + slope.transpose(2, 0, 1))
     return grid.series(masses[0]).bound(), difference, weight, coriolis, grid.rates()
 
 
 def _moves(plants: list[Plant], motion: Motion) -> bool:
-    """Whether what pushes from outside depends on where the joints are."""
+    """True if external forces depend on the joint positions."""
     few = Motion(motion.t[:8], motion.q[:8], motion.dq[:8], motion.ddq[:8])
-    far = few.beside(np.full(few.joints, 10.0), np.zeros(few.joints))
-    near = few.beside(np.full(few.joints, -10.0), np.zeros(few.joints))
+    far = few.shifted(np.full(few.joints, 10.0), np.zeros(few.joints))
+    near = few.shifted(np.full(few.joints, -10.0), np.zeros(few.joints))
     here = outer(plants[:1], few)
     return bool(np.any(outer(plants[:1], far) != here) or np.any(outer(plants[:1], near) != here))
 
@@ -209,9 +207,8 @@ def _solved(inverse: Floats, moved: Floats, lacks: Floats) -> Floats:
     """`(1 - |M̂_d⁻¹| |δM̂|)⁻¹ |M̂_d⁻¹| b` [N n]; inf where that series does not converge."""
     n = lacks.shape[1]
     matrix = inverse @ moved
-    found = np.full(lacks.shape, np.inf)
-    radius = np.abs(np.linalg.eigvals(matrix)).max(axis=1)
-    good = radius < 0.999
+    bound = np.full(lacks.shape, np.inf)
+    converges = np.abs(np.linalg.eigvals(matrix)).max(axis=1) < 0.999
     right = np.einsum("kij,kj->ki", inverse, lacks)
-    found[good] = np.linalg.solve(np.eye(n) - matrix[good], right[good][..., None])[..., 0]
-    return found
+    bound[converges] = np.linalg.solve(np.eye(n) - matrix[converges], right[converges][..., None])[..., 0]
+    return bound

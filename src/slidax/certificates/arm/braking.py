@@ -1,4 +1,4 @@
-"""How much acceleration the drives leave, and from which states the arm can still be braked with it."""
+"""Acceleration that the drives leave for braking, and the states from which it suffices."""
 
 from __future__ import annotations
 
@@ -9,42 +9,36 @@ import numpy as np
 from slidax.controllers import SampledData
 from slidax.scenarios import Scenario
 
-from .evaluated import Floats
+from ..each import Floats
 from .members import Members
 from .motion import Belief, Motion, kinds_of, needed
 from .ratios import INSTANTS
 from .width import width_along
 
-ROOM = 1.6
-"""Of a `Recovery` that is not told otherwise."""
+BRAKING_FACTOR = 1.6
+"""Default of `Recovery`."""
 
 
 @dataclass(frozen=True)
 class Braking:
-    """What is left of the torque beside what the motion asks for.
+    """Braking capability along the motion.
 
-    - `acceleration`: a of each joint by itself, the others doing as the motion says [n], rad/s² or m/s²; inf without
-      limits, 0 where nothing is left.
-    - `lead`: c [s].
+    - `acceleration`: a of each joint, while the others follow the motion [n], rad/s² or m/s²; inf without limits, 0
+      where nothing is left.
+    - `lead`: c, s.
     """
 
     acceleration: Floats
     lead: float
 
     def room(self, error: Floats, rate: Floats) -> Floats:
-        """The half width of the envelope in which an error can be braked [n]: `1.6 (|e| + c |ė| + ė²/(2a))`.
-
-        - `error`, `rate`: |e| and |ė| [n].
-        """
+        """Half width of the envelope in which an error can be braked [n]: `1.6 (|e| + c |ė| + ė²/(2a))`."""
         with np.errstate(divide="ignore", invalid="ignore"):
             way = np.where(rate > 0, rate * rate / (2.0 * self.acceleration), 0.0)
-        return ROOM * (error + self.lead * rate + way)
+        return BRAKING_FACTOR * (error + self.lead * rate + way)
 
     def speed(self, scenario: Scenario) -> Floats:
-        """The largest |ė| at e = 0 that can be braked within the final envelope: `v²/(2a) + c v <= ρ∞` [n].
-
-        - `scenario`: whose envelope.
-        """
+        """The largest |ė| at e = 0 that can be braked within the final envelope: `v²/(2a) + c v <= ρ∞` [n]."""
         width = width_along(scenario, np.array([scenario.t1]))
         if width is None:
             return np.full_like(self.acceleration, np.inf)
@@ -55,10 +49,10 @@ class Braking:
 
 
 def room_to_brake(scenario: Scenario, members: Members, limit: Floats, torque: Floats) -> Braking:
-    """What the drives leave: `a_i = (τ_max,i - max |τ_i|)/max M_ii` over motion and members.
+    """Return the drives' reserve, `a_i = (τ_max,i - max |τ_i|)/max M_ii` over motion and members.
 
-    - `scenario`: whose law.
-    - `members`: of its set; the inertia is the largest at its ends, or M0's.
+    The inertia is the largest at the ends of the set, or M0's.
+
     - `limit`: of the torques [n].
     - `torque`: the largest along the motion over the set [n].
     """

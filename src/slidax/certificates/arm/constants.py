@@ -9,24 +9,23 @@ import numpy as np
 
 from slidax.robots import AbstractRobot, Articulated, Load
 
+from ..each import Floats
 from ..verdict import Assumption
-from .evaluated import Floats, mass_and_bias
+from .evaluated import mass_and_bias
 from .series import Grid, Series, require_independent_joints
 from .supremum import spectral, spectral_of_each, supremum
 
 
 @dataclass(frozen=True)
 class ArmConstants:
-    """What holds of `M(q) q̈ + C(q,q̇) q̇ + G(q)` for every q; for arms with joints that slide, within their way.
+    """Bounds for `M(q) q̈ + C(q,q̇) q̇ + G(q)` at every q; prismatic joints stay within their range.
 
-    - `inertia_max`: bound of λmax(M).
-    - `inertia_min`: bound of λmin(M) from below; 0 where none is known.
+    - `inertia_max`: upper bound of λmax(M).
+    - `inertia_min`: lower bound of λmin(M); 0 if none is known.
     - `weight`: bounds of |G_i| [n], N m or N.
-    - `mass_slope`: L with `‖M(p) - M(q)‖ <= L ‖p - q‖`.
-    - `weight_slope`: the same of G.
+    - `mass_slope`: L with `‖M(p) - M(q)‖ <= L ‖p - q‖`; `weight_slope`: the same for G.
     - `coriolis`: c with `‖C(q,q̇) q̇‖ <= c ‖q̇‖²`.
-    - `seen`: the extreme eigenvalues of M on the grid: the bounds cannot be better.
-    - `assumptions`: how they were found.
+    - `sampled`: extreme eigenvalues of M on the grid: no bound can be better.
     """
 
     inertia_max: float
@@ -35,18 +34,18 @@ class ArmConstants:
     mass_slope: float
     weight_slope: float
     coriolis: float
-    seen: tuple[float, float]
+    sampled: tuple[float, float]
     assumptions: Sequence[Assumption]
 
 
 def arm_constants(
     robot: AbstractRobot, load: Load | None = None, *, lower: Floats | None = None, upper: Floats | None = None
 ) -> ArmConstants:
-    """The constants of one arm, proved by its trigonometric series (docs/certificates/arm.md).
+    """Return the constants of one arm, proved by its trigonometric series (docs/certificates/arm.md).
 
-    - `robot`: whose; friction is not in them.
-    - `load`: what it carries, counted as carried; None for nothing.
-    - `lower`, `upper`: ends of prismatic joints [n], m; ±.5 m if not given.
+    - `robot`: its friction is not included.
+    - `load`: a payload, always carried; None for none.
+    - `lower`, `upper`: limits of prismatic joints [n], m; ±0.5 m by default.
 
     Raises DefinitionError if M depends on more than seven joints.
     """
@@ -55,7 +54,7 @@ def arm_constants(
     grid = mass.grid
     sampled = np.linalg.eigvalsh(mass_and_bias(robot, load, *_states(load, grid.postures))[0])
     low, high = float(sampled[:, 0].min()), float(sampled[:, -1].max())
-    # ‖M - c‖ with c in the middle bounds both ends, and its grid has less to be wrong by than M itself.
+    # ‖M - c‖ with c in the middle bounds both ends, and its grid error is smaller than M's.
     middle = 0.5 * (low + high)
     shifted = Series(grid, mass.coefficients - middle * np.eye(n) * (grid.degrees == 0).all(axis=1)[:, None, None])
     reach = supremum(shifted, 2, spectral, spectral_of_each)
@@ -82,7 +81,7 @@ def arm_constants(
         mass_slope=slope,
         weight_slope=float(np.linalg.norm(of_weight)),
         coriolis=1.5 * slope,
-        seen=(low, high),
+        sampled=(low, high),
         assumptions=(Assumption(text, "proved", reach.factor),),
     )
 
@@ -90,9 +89,7 @@ def arm_constants(
 def series_of(
     robot: AbstractRobot, load: Load | None = None, lower: Floats | None = None, upper: Floats | None = None
 ) -> tuple[Series, Series]:
-    """The series of M and of G.
-
-    - `robot`, `load`, `lower`, `upper`: as in `arm_constants`.
+    """Return the series of M and of G.
 
     Raises DefinitionError if M depends on more than seven joints.
     """
@@ -116,9 +113,9 @@ def _states(load: Load | None, q: Floats) -> tuple[Floats, Floats, Floats]:
 
 def _slopes(series: Series, sizes: Floats) -> Floats:
     """Bounds of ‖∂f/∂q_j‖ [n], from ‖c_k‖ [K]."""
-    found = np.zeros(series.grid.size)
+    bounds = np.zeros(series.grid.size)
     for at, joint in enumerate(series.grid.joints):
         k = np.abs(series.grid.degrees[:, at])
         weight = k if series.grid.turns[joint] else 4.0 * (k > 0) / series.grid.half[joint]
-        found[joint] = float((weight * sizes).sum())
-    return found
+        bounds[joint] = float((weight * sizes).sum())
+    return bounds

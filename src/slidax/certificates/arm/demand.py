@@ -1,4 +1,4 @@
-"""What the set of a scenario asks of the loops of its joints along its motion."""
+"""The demand of a scenario's set on its joints' loops along its motion."""
 
 from __future__ import annotations
 
@@ -12,19 +12,17 @@ from slidax.scenarios.family import Family
 from slidax.simulation import Plant
 
 from ..demand import Demand
+from ..each import Floats
 from ..verdict import Assumption
 from .beside import beside_of
-from .evaluated import Floats
 from .hull import Hull, hull_of
 from .learnt import Asked, after_learning, as_seen, held, learns
 from .members import MOST_ENDS, Members
 from .misread import Misread
-from .motion import Belief, Motion, breakpoints, kinds_of, needed, outer
+from .motion import Belief, Motion, kinds_of, needed, outer
+from .part import PROBES, probed
 from .ratios import INSTANTS, ratios
 from .width import speed_within, width_along
-
-PROBES = 48
-"""States drawn at random, and as many of the motion, by which is found how the numbers of a set enter."""
 
 
 def demand(
@@ -33,58 +31,60 @@ def demand(
     *,
     learnt: bool = False,
     along: Motion | None = None,
-    seen: Sequence[tuple[Plant, Belief]] = (),
+    cases: Sequence[tuple[Plant, Belief]] = (),
 ) -> Demand:
-    """What the estimators of the joints must follow along the scenario's motion, and how wrong M0 may be, in its set.
+    """Return the disturbances that the joints' estimators must follow along the motion, and the error of M0.
 
-    - `scenario`: a law with a model of the arm, its motion, and the set in `uncertainty`; without one the scenario's
-      own arm is the only member.
+    Without `uncertainty` the scenario's own arm is the only member.
+
     - `family`: another set, such as a study's.
-    - `learnt`: for a law that learns its arm, whether it has: it then believes the inertia and the friction of each
-      member. Else it believes what it starts with.
-    - `along`: another motion than the reference, at the scenario's samples, of an arm whose acceleration is constant
-      over each period. `stray` is then what w* does between the samples, of a law whose torque is held.
-    - `seen`: for a law that learns, arms of the set with what it came to believe of each.
+    - `learnt`: if True, a law that learns has learned each member's inertia and friction; else it has its initial
+      model.
+    - `along`: another motion than the reference, at the scenario's samples, with constant acceleration over each
+      period. `stray` is then the part of w* between the samples, for a law with a held torque.
+    - `cases`: for a law that learns, arms of the set with their learned models.
 
-    Raises DefinitionError for a law without a model, or a set that is invalid.
+    Raises DefinitionError for a law without a model, or an invalid set.
     """
     members = Members.of(scenario, family)
     belief = Belief.of(scenario, members.plant)
     hull = hull_of(lambda points: probed(members, points), len(members.axes))
     plants = members.plants(hull.points)
     motion = Motion.of(scenario) if along is None else along
-    if seen:
-        found = as_seen(members, seen, belief, hull, plants, motion)
+    if cases:
+        request = as_seen(members, cases, belief, hull, plants, motion)
     elif learnt and learns(scenario):
-        found = after_learning(members, belief, hull, plants, motion)
+        request = after_learning(members, belief, hull, plants, motion)
     else:
-        found = _before(members, belief, hull, plants, motion)
+        request = _before(members, belief, hull, plants, motion)
     width = width_along(scenario, motion.t) if along is None else None
-    jumping = pushed_between_samples(members, plants, found, motion, scenario.period)
+    jumps = pushed_between_samples(members, plants, request, motion, scenario.period)
     if along is not None:
-        stray: Floats = between_samples(found, along) + jumping
+        stray: Floats = between_samples(request, along) + jumps
     else:
-        stray = found.beside(width, speed_within(scenario, width)) if width is not None else np.zeros_like(motion.q)
-        stray = stray + jumping
+        stray = (
+            request.deviation(width, speed_within(scenario, width)) if width is not None else np.zeros_like(motion.q)
+        )
+        stray = stray + jumps
     return Demand(
         times=motion.t,
-        push=found.push,
+        push=request.push,
         stray=stray,
-        kappa=found.kappa,
-        coupling=found.coupling,
-        assumptions=[*found.assumptions, *_of_the_pushes(members, hull, bool(seen))],
-        of_kappa=[_of_kappa(members, hull, found.arms, bool(seen))],
-        effects=found.effects,
-        jumping=jumping,
-        matrices=found.matrices,
-        beside=found.beside,
-        relearnt=found.relearnt,
-        misread=Misread.of(found.beliefs, motion, found.largest) if along is not None else None,
+        kappa=request.kappa,
+        coupling=request.coupling,
+        assumptions=[*request.assumptions, *_disturbance_assumptions(members, hull, bool(cases))],
+        of_kappa=[_kappa_assumption(members, hull, request.arms, bool(cases))],
+        effects=request.effects,
+        jumps=jumps,
+        matrices=request.matrices,
+        deviation=request.deviation,
+        relearning=request.relearning,
+        prediction_error=Misread.of(request.beliefs, motion, request.largest) if along is not None else None,
     )
 
 
 def _before(members: Members, belief: Belief, hull: Hull, plants: list[Plant], motion: Motion) -> Asked:
-    """What is asked for with what the law believes at first."""
+    """The demand on the law's initial model."""
     mass, bias = belief.mass_and_bias(motion.t, motion.q, motion.dq)
     believed = np.einsum("kij,kj->ki", mass, motion.ddq) + bias + belief.friction(motion.t, motion.wanted_dq)
     kinds, which = kinds_of(plants)
@@ -99,137 +99,104 @@ def _before(members: Members, belief: Belief, hull: Hull, plants: list[Plant], m
         effects=np.broadcast_to(effects, (len(corners), *effects.shape)),
         kappa=kappa,
         coupling=coupling,
-        beside=beside_of(belief, motion, plants, hull, push),
+        deviation=beside_of(belief, motion, plants, hull, push),
         arms=len(arms),
         lacking=hull.merged(which).largest(np.eye(motion.joints) - np.linalg.solve(mass[None], masses)),
         held=held(belief, motion, hull.largest(push)),
         beliefs=[belief],
-        relearnt=None,
+        relearning=None,
         matrices=matrices,
         assumptions=[],
     )
 
 
-def between_samples(asked: Asked, motion: Motion) -> Floats:
-    """By how much w* may be off the line between its values at two samples [N n], rad/s² or m/s².
+def between_samples(request: Asked, motion: Motion) -> Floats:
+    """Bound how far w* lies off the line between its values at two samples [N n], rad/s² or m/s².
 
-    An eighth of its second difference, as of any smooth function; what the acceleration's jump at the end of a period
-    adds there, `|1 - M̂⁻¹M| |Δq̈|`; and what M̂ and the bias change while the torque is held.
-
-    - `asked`: w* at the samples.
-    - `motion`: along which.
+    The sum of an eighth of its second difference, as for any smooth function; of the effect of the acceleration's jump
+    at the end of a period, `|1 - M̂⁻¹M| |Δq̈|`; and of the change of M̂ and the bias while the torque is held.
     """
     bend = np.zeros_like(motion.q)
-    for one in [*asked.push, *(part for each in asked.effects for part in each)]:
-        bend[1:-1] = np.maximum(bend[1:-1], np.abs(np.diff(one, 2, axis=0)) / 8.0)
+    for signal in [*request.push, *(part for each in request.effects for part in each)]:
+        bend[1:-1] = np.maximum(bend[1:-1], np.abs(np.diff(signal, 2, axis=0)) / 8.0)
     bend[:-1] = np.maximum(bend[:-1], bend[1:])
     jump = np.abs(np.diff(motion.ddq, axis=0, append=motion.ddq[-1:]))
     jump[1:] = np.maximum(jump[1:], jump[:-1])
-    return bend + np.einsum("kij,kj->ki", asked.lacking, jump) + asked.held
+    return bend + np.einsum("kij,kj->ki", request.lacking, jump) + request.held
 
 
 def pushed_between_samples(
-    members: Members, plants: list[Plant], asked: Asked, motion: Motion, period: float
+    members: Members, plants: list[Plant], request: Asked, motion: Motion, period: float
 ) -> Floats:
-    """By how much forces may leave the line between their values at two samples, and a payload's jumps [N n].
+    """Bound how far forces leave the line between two samples, and how far payloads make w* jump [N n], rad/s² or m/s².
 
-    Of each term of the disturbance the bound that its class declares, over all of the set; of the arm's own friction
-    likewise. In a period in which a payload is taken up or let go, all that w* changes by. rad/s² or m/s².
+    For each term of the disturbance, and for the arm's friction, the bound that its class declares over all of the set.
+    For a period in which a payload is attached or released, the whole change of w*.
 
-    - `members`: of the set.
-    - `plants`: the arms of its hull's points.
-    - `asked`: w* at the samples.
-    - `motion`: along which.
-    - `period`: h [s].
+    - `plants`: the arms of the hull's points.
+    - `period`: h, s.
     """
     samples = Samples(period, motion.t, motion.q, motion.dq)
     lower, upper = members.disturbances
     forces = lower.off_chord(upper, samples) + members.rubbing(plants).off_chord(members.rubbing(plants), samples)
-    first, _ = asked.beliefs[0].at_first(motion.t, motion.q, motion.dq)
-    inverse = np.abs([np.linalg.inv(one.learnt(first, motion.t)) for one in asked.beliefs])
-    found: Floats = np.einsum("bkij,kj->bki", inverse, forces).max(axis=0)
+    first, _ = request.beliefs[0].at_first(motion.t, motion.q, motion.dq)
+    inverse = np.abs([np.linalg.inv(model.learnt(first, motion.t)) for model in request.beliefs])
+    bound: Floats = np.einsum("bkij,kj->bki", inverse, forces).max(axis=0)
     jumps = np.zeros(len(motion.t), bool)
     for load in (plant.load for plant in plants if plant.load is not None):
         for time in (float(load.attached), float(load.released)):
             jumps |= samples.jumps(time, time)
     if jumps.any():
-        parts = [*asked.push, *(part for each in asked.effects for part in each)]
-        steps = np.max([np.abs(np.diff(one, axis=0, append=one[-1:])) for one in parts], axis=0)
-        found = found + jumps[:, None] * steps
-    return found
+        parts = [*request.push, *(part for each in request.effects for part in each)]
+        steps = np.max([np.abs(np.diff(part, axis=0, append=part[-1:])) for part in parts], axis=0)
+        bound = bound + jumps[:, None] * steps
+    return bound
 
 
-def probed(members: Members, points: Floats) -> Floats:
-    """The torques of members at states drawn at random and at some of the motion [P F].
-
-    At times drawn at random, at which no ripple vanishes but by chance, and at those at which a force of one of them
-    sets in, jumps or ends, since a pulse may lie between all others, and at those of brief contacts.
-
-    - `members`: of the set.
-    - `points`: of its box [P D].
-    """
-    random = np.random.default_rng(0)
-    motion, plants = Motion.of(members.scenario), members.plants(points)
-    end = members.scenario.t1
-    jumps = breakpoints(plants, end)
-    pulses = jumps[:-1] + 0.5 * np.diff(jumps)
-    t = np.concatenate([np.sort(random.uniform(0.0, end, PROBES)), jumps, pulses, members.brief])
-    few = motion.at(t, instants=1)
-    drawn = np.random.default_rng(1).normal(size=(3, PROBES, motion.joints))
-    count = len(few.t)
-    q, dq, ddq = (np.resize(one, (count, motion.joints)) for one in drawn)
-    states = Motion(
-        np.concatenate([few.t, few.t]),
-        np.concatenate([q, few.q]),
-        np.concatenate([dq, few.dq]),
-        np.concatenate([ddq, few.ddq]),
-    )
-    kinds, which = kinds_of(plants)
-    torque = needed(kinds, states)[1][which] - outer(plants, states)
-    return torque.reshape(len(points), -1)
-
-
-def _of_the_pushes(members: Members, hull: Hull, seen: bool) -> list[Assumption]:
+def _disturbance_assumptions(members: Members, hull: Hull, simulated: bool) -> list[Assumption]:
     learnt, count = learns(members.scenario), len(members.axes)
-    found = []
+    assumptions = []
     if not count:
-        text = "the arm, what pushes it and what it carries are the scenario's own: its `uncertainty` has none of them"
-        found.append(Assumption(text, "assumed"))
-    elif not seen:
+        text = "arm, external forces and payload are the scenario's own: its `uncertainty` has no values of them"
+        assumptions.append(Assumption(text, "assumed"))
+    elif not simulated:
         kept = [k for k in range(count) if k not in hull.sampled and k not in hull.without]
         text = (
-            f"{members.named(kept)}: the push of each member at each sample is a convex mean of {len(hull.corners)} "
-            f"computed ones and {len(hull.effects)} linear parts, since they enter the torque as polynomials of degree "
-            f"1 or 2{', as long as the law has learnt nothing' if learnt else ''}"
+            f"{members.named(kept)}: each member's disturbance at each sample is a convex combination of "
+            f"{len(hull.corners)} computed ones and {len(hull.effects)} linear parts, because these values enter the "
+            f"torque as polynomials of degree 1 or 2{', as long as the law has learned nothing' if learnt else ''}"
         )
         if kept:
-            found.append(Assumption(text, "tested" if learnt else "proved"))
+            assumptions.append(Assumption(text, "tested" if learnt else "proved"))
         if hull.without:
-            text = f"{members.named(hull.without)}: no torque depends on it, at {2 * PROBES} states and as forces jump"
-            found.append(Assumption(text, "tested"))
+            text = (
+                f"{members.named(hull.without)}: no torque depends on it, at {2 * PROBES} states and at the times when "
+                "forces jump"
+            )
+            assumptions.append(Assumption(text, "tested"))
         if hull.sampled:
             text = (
-                f"{members.named(hull.sampled)}: no polynomial of few numbers; the set was sampled, at 5 values of "
-                "each or at corners"
+                f"{members.named(hull.sampled)}: no polynomial of few values; the set was sampled, at 5 values of each or "
+                "at corners"
             )
-            found.append(Assumption(text, "tested"))
+            assumptions.append(Assumption(text, "tested"))
     text = (
         "between two samples each force leaves the line between its values by no more than its class declares, the "
         "arm's own terms by an eighth of their second difference"
     )
-    found.append(Assumption(text, "tested"))
+    assumptions.append(Assumption(text, "tested"))
     if members.scenario.description.surroundings.table is not None:
-        found.append(Assumption("the arm meets nothing: what a table pushes is not counted", "assumed"))
-    return found
+        assumptions.append(Assumption("the arm touches nothing: contact forces of a table are not counted", "assumed"))
+    return assumptions
 
 
-def _of_kappa(members: Members, hull: Hull, arms: int, seen: bool) -> Assumption:
+def _kappa_assumption(members: Members, hull: Hull, arms: int, simulated: bool) -> Assumption:
     every = 2 ** len(members.inertial(hull.without)) + 1
-    which = "simulated ones" if seen else "ends of the set in inertia and its middle"
-    if not seen and every > MOST_ENDS + 1:
+    which = "simulated ones" if simulated else "ends of the set in inertia and its middle"
+    if not simulated and every > MOST_ENDS + 1:
         which += f", of {every}"
     text = (
         f"κ and the coupling: at {arms} {'member' if arms == 1 else 'members'}, {which}, at {INSTANTS} instants of the "
-        "motion, and not beside it"
+        "motion, without deviations from it"
     )
     return Assumption(text, "tested", float(arms))

@@ -1,9 +1,9 @@
-"""How what is asked of the loops depends on uncertain numbers, and few points that hold all of it between them.
+"""The convex hull of a set's torques, from few members.
 
 Masses, rotors, friction, payloads and forces enter the torque linearly, centres of mass and lengths by their squares.
-A polynomial of degree 2 in a number lies in the convex hull of its three Bernstein coefficients, one of degree 1 in
-that of its ends, and the weights are the same for each time and joint. So the torque of every member, as a signal, is a
-convex mean of few signals.
+A polynomial of degree 2 in a value lies in the convex hull of its three Bernstein coefficients, one of degree 1 in that
+of its ends, with weights that are the same for each time and joint. So the torque of every member, as a signal, is a
+convex combination of few signals.
 """
 
 from __future__ import annotations
@@ -16,25 +16,25 @@ from math import prod
 
 import numpy as np
 
-from .evaluated import Floats
+from ..each import Floats
 
 ROUNDING = 1e-9
-"""Of the largest value: what is no more than this is rounding."""
+"""Relative to the largest value: smaller differences are rounding errors."""
 
 PROBE = 0.29
-"""A fourth point on the way of a number, at which a polynomial through three is checked."""
+"""A fourth point on the range of a value, at which a polynomial through three is checked."""
 
 SAMPLED = 5
-"""Points on the way of a number that enters as no polynomial of degree 2."""
+"""Points on the range of a value that does not enter as a polynomial of degree 2."""
 
 MOST_CORNERS = 96
-"""Of several groups of numbers that are multiplied by each other; further groups are boxed in."""
+"""Largest number of corners of several groups of multiplied values; further groups are boxed in."""
 
 NODES = {1: 2, 2: 3, 3: SAMPLED}
-"""Points on an axis of each degree."""
+"""Number of points on an axis of each degree."""
 
 MOST_POINTS = 1024
-"""Of one group."""
+"""Largest number of points of one group."""
 
 BERNSTEIN = np.array([[1.0, 0.0, 0.0], [-0.5, 2.0, -0.5], [0.0, 0.0, 1.0]])
 """From the values at 0, 1/2, 1 to the coefficients: the middle one is `2 f(1/2) - (f(0) + f(1))/2`."""
@@ -42,14 +42,14 @@ BERNSTEIN = np.array([[1.0, 0.0, 0.0], [-0.5, 2.0, -0.5], [0.0, 0.0, 1.0]])
 
 @dataclass(frozen=True)
 class Hull:
-    """All members as `corner + Σ x effect`, for a convex mean of corners and any x in [-1, 1] for each effect.
+    """All members as `corner + Σ x effect`, for a convex combination of corners and any x in [-1, 1] for each effect.
 
     - `points`: of the box [P D], at which members are evaluated; the first is its middle.
-    - `corners`: each as weights of the evaluated members [K P].
-    - `effects`: the same, of what half a width of a number adds [E P].
-    - `axes`: the number of each effect's axis; -1 for one of a group that was boxed in.
-    - `sampled`: the axes that are no polynomials of degree 2, and were sampled.
-    - `without`: the axes that change nothing.
+    - `corners`: weights of the evaluated members for each corner [K P].
+    - `effects`: weights for the effect of half a value's range [E P].
+    - `axes`: axis of each effect; -1 for a value of a group that was boxed in.
+    - `sampled`: axes that are no polynomials of degree 2 and were sampled.
+    - `without`: axes without effect.
     """
 
     points: Floats
@@ -60,24 +60,20 @@ class Hull:
     without: tuple[int, ...]
 
     def of(self, values: Floats) -> tuple[Floats, Floats]:
-        """Corners [K ...] and effects [E ...] of what was evaluated.
-
-        - `values`: of the members at `points` [P ...].
-        """
+        """Corners [K ...] and effects [E ...] of the values [P ...] that the members at `points` have."""
         flat = values.reshape(len(values), -1)
-        found = [(weights @ flat).reshape(len(weights), *values.shape[1:]) for weights in (self.corners, self.effects)]
-        return found[0], found[1]
+        weighted = [
+            (weights @ flat).reshape(len(weights), *values.shape[1:]) for weights in (self.corners, self.effects)
+        ]
+        return weighted[0], weighted[1]
 
     def largest(self, values: Floats) -> Floats:
-        """The largest |value| over all members [...].
-
-        - `values`: of the members at `points` [P ...].
-        """
+        """The largest |value| over all members [...], from the values [P ...] at `points`."""
         corners, effects = self.of(values)
         return np.abs(corners).max(axis=0) + np.abs(effects).sum(axis=0)
 
     def merged(self, which: Sequence[int]) -> Hull:
-        """The same where some of the members are alike, in terms of those that differ.
+        """The hull in terms of distinct members.
 
         - `which`: the number of each member's kind [P].
         """
@@ -93,18 +89,18 @@ class Hull:
 
 
 def hull_of(evaluate: Callable[[Floats], Floats], dimensions: int) -> Hull:
-    """The hull of what a box of members gives.
+    """Return the convex hull of a function of all members.
 
-    Of which degree each number enters, and with which others it is multiplied, is found from values at points drawn at
-    random: for polynomials an accidental agreement has the probability 0.
+    The degree of each value, and the values it is multiplied with, follow from evaluations at random points:
+    polynomials agree there by accident with probability 0.
 
-    - `evaluate`: from points of the box [P D] to some values of each member [P F], which show all that depends on it.
+    - `evaluate`: from points of the box [P D] to all values of each member [P F] that matter.
     - `dimensions`: D.
     """
     middle = np.full(dimensions, 0.5)
     if dimensions == 0:
-        one = np.ones((1, 1))
-        return Hull(middle[None], one, np.zeros((0, 1)), (), (), ())
+        weights = np.ones((1, 1))
+        return Hull(middle[None], weights, np.zeros((0, 1)), (), (), ())
     degrees = _degrees(evaluate, dimensions)
     groups = _groups(evaluate, degrees)
     points, sampled = [middle], [k for k, degree in enumerate(degrees) if degree > 2]
@@ -116,14 +112,14 @@ def hull_of(evaluate: Callable[[Floats], Floats], dimensions: int) -> Hull:
             points.append(_with(middle, group, np.ones(1)))
             continue
         if prod(NODES[degrees[k]] for k in group) > MOST_POINTS:
-            # Corners of the group alone, of which some are drawn: they bound nothing.
+            # Some random corners of the group: a test, not a bound.
             sampled += [k for k in group if k not in sampled]
             corners_of_group: tuple[Floats, Floats] = _corners(len(group)), np.eye(MOST_POINTS)
         else:
             corners_of_group = _control(degrees, group)
         shares, matrix = corners_of_group
         controls.append((len(points), matrix))
-        points += [_with(middle, group, one) for one in shares]
+        points += [_with(middle, group, weights) for weights in shares]
     total = len(points)
     base = np.eye(total)[:1]
     effects, axes = [], []
@@ -131,13 +127,13 @@ def hull_of(evaluate: Callable[[Floats], Floats], dimensions: int) -> Hull:
         effects.append(np.eye(total)[k] - base[0])
         axes.append(axis)
     corners = base
-    for first, matrix in sorted(controls, key=lambda one: -len(one[1])):
+    for first, matrix in sorted(controls, key=lambda control: -len(control[1])):
         there = np.zeros((len(matrix), total))
         there[:, first : first + matrix.shape[1]] = matrix
         if len(corners) == 1 or len(corners) * len(there) <= MOST_CORNERS:
             corners = (corners[:, None] + (there - base)[None]).reshape(-1, total)
         else:
-            # A convex mean of points lies in their middle and half of each one's distance from it, to both sides.
+            # A convex combination of points lies within their mean and half of each point's distance from the mean.
             corners = corners + there.mean(axis=0) - base
             effects += list(0.5 * (there - there.mean(axis=0)))
             axes += [-1] * len(there)
@@ -147,10 +143,10 @@ def hull_of(evaluate: Callable[[Floats], Floats], dimensions: int) -> Hull:
 
 
 def _degrees(evaluate: Callable[[Floats], Floats], dimensions: int) -> list[int]:
-    """Of each axis: 0 to 2, or 3 for all that is neither.
+    """Degree in each axis: 0 to 2, or 3 for everything else.
 
-    An axis without effect at a point drawn at random may have one at an end of the others, as the stiffness of a stop
-    has only where the arm touches it.
+    An axis without effect at a random point may have one at an end of the others, as the stiffness of a stop has only
+    where the arm touches it.
     """
     degrees = _degrees_at(evaluate, np.random.default_rng(1).uniform(0.1, 0.9, dimensions), list(range(dimensions)))
     for end in (0.0, 1.0):
@@ -162,34 +158,34 @@ def _degrees(evaluate: Callable[[Floats], Floats], dimensions: int) -> list[int]
 
 
 def _degrees_at(evaluate: Callable[[Floats], Floats], base: Floats, axes: Sequence[int]) -> list[int]:
-    """The degrees of some axes, with all others as at a point of the box."""
+    """Degrees in some axes, with all others fixed at a point of the box."""
     shares = (0.0, 0.5, 1.0, PROBE)
     points = [_with(base, (k,), np.array([share])) for k in axes for share in shares]
     values = evaluate(np.array(points)).reshape(len(axes), len(shares), -1)
     scale = ROUNDING * max(float(np.abs(values).max()), 1e-300)
-    found = []
+    degrees = []
     for low, half, high, probe in values:
         line = low + PROBE * (high - low)
         bend = half - 0.5 * (low + high)
         parabola = line + 4.0 * PROBE * (1.0 - PROBE) * bend
         if max(np.abs(high - low).max(), np.abs(bend).max(), np.abs(probe - low).max()) <= scale:
-            found.append(0)
+            degrees.append(0)
         elif max(np.abs(bend).max(), np.abs(probe - line).max()) <= scale:
-            found.append(1)
+            degrees.append(1)
         else:
-            found.append(2 if np.abs(probe - parabola).max() <= scale else 3)
-    return found
+            degrees.append(2 if np.abs(probe - parabola).max() <= scale else 3)
+    return degrees
 
 
 def _groups(evaluate: Callable[[Floats], Floats], degrees: Sequence[int]) -> list[list[int]]:
-    """The axes that are multiplied by each other, as sets that add up."""
+    """Sets of axes that are multiplied by each other; different sets add up."""
     acting = [k for k, degree in enumerate(degrees) if degree]
     pairs = list(combinations(acting, 2))
     group = {k: {k} for k in acting}
     if not pairs:
         return [[k] for k in acting]
     base = np.random.default_rng(2).uniform(0.1, 0.9, len(degrees))
-    ends = [np.array(one) for one in ((0.0, 0.0), (0.0, 1.0), (1.0, 0.0), (1.0, 1.0))]
+    ends = [np.array(corner) for corner in ((0.0, 0.0), (0.0, 1.0), (1.0, 0.0), (1.0, 1.0))]
     values = evaluate(np.array([_with(base, pair, end) for pair in pairs for end in ends]))
     values = values.reshape(len(pairs), 4, -1)
     scale = ROUNDING * max(float(np.abs(values).max()), 1e-300)
@@ -199,7 +195,7 @@ def _groups(evaluate: Callable[[Floats], Floats], degrees: Sequence[int]) -> lis
             joined = group[i] | group[j]
             for k in joined:
                 group[k] = joined
-    return [sorted(one) for one in {id(one): one for one in group.values()}.values()]
+    return [sorted(axes) for axes in {id(axes): axes for axes in group.values()}.values()]
 
 
 def _control(degrees: Sequence[int], group: Sequence[int]) -> tuple[Floats, Floats]:
@@ -218,7 +214,7 @@ def _corners(count: int) -> Floats:
 
 
 def _with(point: Floats, axes: Sequence[int], shares: Floats) -> Floats:
-    """The point with other shares of some axes."""
-    found = point.copy()
-    found[list(axes)] = shares
-    return found
+    """The point with other shares on some axes."""
+    moved = point.copy()
+    moved[list(axes)] = shares
+    return moved

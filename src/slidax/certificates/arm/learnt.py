@@ -1,4 +1,4 @@
-"""What a set asks of the loops of a law that has learnt its arm."""
+"""The demand of a set on a law that has learned its arm."""
 
 from __future__ import annotations
 
@@ -13,30 +13,31 @@ from slidax.robots import Articulated, Coupled
 from slidax.scenarios import Scenario
 from slidax.simulation import Plant
 
+from ..each import Floats
 from ..verdict import Assumption
 from .beside import Beside, beside_of
-from .evaluated import Floats, friction
+from .evaluated import friction
 from .hull import Hull, hull_of
 from .members import Members
 from .motion import Belief, Motion, breakpoints, disturbed, needed, outer
 from .ratios import INSTANTS, ratios
 
 PROBES = 97
-"""Instants of the motion by which is found how the numbers of a disturbance enter."""
+"""Instants of the motion that show how the values of a disturbance enter."""
 
 MOST_ARMS = 16
-"""Members at ends of what changes the inertia, each with a belief of its own."""
+"""Members at ends of the values that change the inertia, each with a model of its own."""
 
 
 @dataclass(frozen=True)
 class Asked:
-    """What is asked of the loops, as in `Demand`.
+    """The demand of a set on the loops, with the fields of `Demand`.
 
-    - `arms`: at how many members κ was looked at.
+    - `arms`: number of members at which κ was evaluated.
     - `lacking`: bounds of `|1 - M̂⁻¹M|` along the motion [N n n].
-    - `held`: what the believed arm changes in a period in which the torque is held [N n], rad/s² or m/s².
-    - `beliefs`: what the law may believe.
-    - `relearnt`: by how much ŵ steps from sample to sample because M̂ is another [N n], rad/s² or m/s²; None for never.
+    - `held`: change of the model's torque within a period in which the torque is held [N n], rad/s² or m/s².
+    - `beliefs`: models that the law may have.
+    - `relearning`: steps of ŵ from sample to sample when M̂ changes [N n], rad/s² or m/s²; None if it never does.
     - `matrices`: K of some members at some instants [I n n].
     """
 
@@ -44,49 +45,44 @@ class Asked:
     effects: Floats
     kappa: Floats
     coupling: Floats
-    beside: Beside
+    deviation: Beside
     arms: int
     lacking: Floats
     held: Floats
     beliefs: Sequence[Belief]
-    relearnt: Floats | None
+    relearning: Floats | None
     matrices: Floats
     assumptions: Sequence[Assumption]
 
     @property
     def largest(self) -> Floats:
-        """|w*| at most [N n], rad/s² or m/s²."""
+        """Bound of |w*| [N n], rad/s² or m/s²."""
         return (np.abs(self.push) + np.abs(self.effects).sum(axis=1)).max(axis=0)
 
 
 def learns(scenario: Scenario) -> bool:
-    """Whether the law learns the inertia of its joints.
-
-    - `scenario`: whose law.
-    """
+    """True if the law learns the inertia of its joints."""
     law = scenario.controller
     return isinstance(law, SampledData) and isinstance(law.adaptation, JointLearning)
 
 
 def after_learning(members: Members, belief: Belief, hull: Hull, plants: list[Plant], motion: Motion) -> Asked:
-    """What is asked for once the law believes `M̂_ii = M_ii`, in the mean along the motion, and the true friction.
+    """Return the demand once the law's model has `M̂_ii = M_ii`, in the mean along the motion, and the true friction.
 
-    `M̂⁻¹` is not linear in what is uncertain, so that members between the set's ends are not proved to ask for less.
+    `M̂⁻¹` is not linear in the uncertain values, so members between the set's ends are not proved to demand less.
 
-    - `members`: of the set.
-    - `belief`: the arm as the law believes it to be at first.
-    - `hull`, `plants`: how the set enters, and the arms of its points.
-    - `motion`: along which.
+    - `belief`: the law's initial model.
+    - `hull`, `plants`: the hull of the set, and the arms of its points.
     """
     points = members.ends(hull.without, MOST_ARMS)
     arms = members.plants(points)
     beliefs = [learnt_of(members.scenario, belief, arm, motion) for arm in arms]
     free = [k for k in range(len(members.axes)) if not members.is_inertial(k)]
 
-    def rubbed(given: list[Plant]) -> Floats:
-        learned = [learnt_of(members.scenario, belief, one, motion) for one in given]
-        compensated = np.array([one.friction(motion.t, motion.wanted_dq) for one in learned])
-        return outer(given, motion) + compensated
+    def rubbed(arms: list[Plant]) -> Floats:
+        learned = [learnt_of(members.scenario, belief, arm, motion) for arm in arms]
+        compensated = np.array([arm.friction(motion.t, motion.wanted_dq) for arm in learned])
+        return outer(arms, motion) + compensated
 
     def at(shares: Floats) -> list[Plant]:
         full = np.full((len(shares), len(members.axes)), 0.5)
@@ -103,73 +99,69 @@ def after_learning(members: Members, belief: Belief, hull: Hull, plants: list[Pl
         lacks = np.einsum("kij,kj->ki", mass, motion.ddq) + bias - torques[0]
         lacking = np.maximum(lacking, np.abs(np.eye(motion.joints) - np.linalg.solve(mass, masses[0])))
         push.append(np.linalg.solve(mass[None], (lacks + sides)[..., None])[..., 0])
-        one = np.linalg.solve(mass[None], parts[..., None])[..., 0] if len(parts) else parts
-        effects += [one] * len(sides)
+        effect = np.linalg.solve(mass[None], parts[..., None])[..., 0] if len(parts) else parts
+        effects += [effect] * len(sides)
     kappa, coupling, matrices = ratios(arms, beliefs, motion)
     pushes = np.concatenate(push)
     largest = (np.abs(pushes) + np.abs(np.array(effects)).sum(axis=1)).max(axis=0)
     learnt = (
-        "the law has learnt: it believes each joint's mean inertia along the motion, and its Coulomb friction, within "
-        "the ends that it may learn"
+        "the law has learned each joint's mean inertia along the motion and its Coulomb friction, within its learning "
+        "limits"
     )
-    between = f"the set between its ends in inertia: {len(arms)} members were looked at"
+    between = f"the set between its ends in inertia: {len(arms)} members were evaluated"
     return Asked(
         push=pushes,
         effects=np.array(effects),
         kappa=kappa,
         coupling=coupling,
-        beside=beside_of(belief, motion, plants, hull, largest[None], beliefs),
+        deviation=beside_of(belief, motion, plants, hull, largest[None], beliefs),
         arms=len(arms),
         lacking=lacking,
-        held=np.array([held(one, motion, largest) for one in beliefs]).max(axis=0),
+        held=np.array([held(model, motion, largest) for model in beliefs]).max(axis=0),
         beliefs=beliefs,
-        relearnt=None,
+        relearning=None,
         matrices=matrices,
         assumptions=[Assumption(learnt, "assumed"), Assumption(between, "tested")],
     )
 
 
 def held(belief: Belief, motion: Motion, push: Floats) -> Floats:
-    """`|M̂⁻¹ Δ(M̂ (q̈ - w*) + C0 q̇ + G0 + F̂)|` from each sample to the next [N n]: the torque is that of the first.
+    """`|M̂⁻¹ Δ(M̂ (q̈ - w*) + C0 q̇ + G0 + F̂)|` from each sample to the next [N n], because the torque is held.
 
-    - `belief`: the arm as the law believes it to be.
-    - `motion`: along which.
-    - `push`: bounds of |w*| [N n], which the torque makes up for.
+    - `push`: bounds of |w*| [N n], which the torque compensates.
     """
     mass, bias = belief.mass_and_bias(motion.t, motion.q, motion.dq)
     bias = bias + belief.friction(motion.t, motion.wanted_dq)
     change = np.einsum("kij,kj->ki", np.diff(mass, axis=0), motion.ddq[:-1]) + np.diff(bias, axis=0)
-    found = np.zeros_like(bias)
-    found[:-1] = np.abs(np.linalg.solve(mass[:-1], change[..., None])[..., 0])
+    bound = np.zeros_like(bias)
+    bound[:-1] = np.abs(np.linalg.solve(mass[:-1], change[..., None])[..., 0])
     moved = np.abs(np.linalg.solve(mass[:-1], np.diff(mass, axis=0)))
-    found[:-1] += np.einsum("kij,kj->ki", moved, push[:-1])
-    found[-1] = found[-2]
-    return found
+    bound[:-1] += np.einsum("kij,kj->ki", moved, push[:-1])
+    bound[-1] = bound[-2]
+    return bound
 
 
 def as_seen(
     members: Members,
-    seen: Sequence[tuple[Plant, Belief]],
+    cases: Sequence[tuple[Plant, Belief]],
     belief: Belief,
     hull: Hull,
     plants: list[Plant],
     motion: Motion,
 ) -> Asked:
-    """What is asked for by arms of which it was seen what the law believes of them, at each time.
+    """Return the demand of simulated arms with their learned models at each time.
 
-    The arms are the simulated ones; to each of them every disturbance of the set is applied.
+    Every disturbance of the set acts on each of these arms.
 
-    - `members`: of the set.
-    - `seen`: these arms, and the beliefs.
-    - `belief`: what the law believes at first.
-    - `hull`, `plants`: how the set enters, and the arms of its points: for what is beside the motion.
-    - `motion`: along which.
+    - `cases`: the arms and their models.
+    - `belief`: the law's initial model.
+    - `hull`, `plants`: the hull of the set, and the arms of its points, for deviations from the motion.
     """
     lacking = np.zeros((*motion.q.shape, motion.joints))
     at_first, bias = belief.at_first(motion.t, motion.q, motion.dq)
     free, outside, sides, parts = _disturbed(members, motion)
     push, effects = [], []
-    for arm, known in seen:
+    for arm, known in cases:
         mass = known.learnt(at_first, motion.t)
         masses, torques = needed([arm], motion)
         believed = np.einsum("kij,kj->ki", mass, motion.ddq) + bias + known.friction(motion.t, motion.wanted_dq)
@@ -177,7 +169,7 @@ def as_seen(
         push.append(np.linalg.solve(mass[None], lacks[..., None])[..., 0])
         effects.append(np.linalg.solve(mass[None], parts[..., None])[..., 0] if len(parts) else parts)
         lacking = np.maximum(lacking, np.abs(np.eye(motion.joints) - np.linalg.solve(mass, masses[0])))
-    arms, beliefs = [arm for arm, _ in seen], [known for _, known in seen]
+    arms, beliefs = [arm for arm, _ in cases], [known for _, known in cases]
     kappa, coupling, matrices = ratios(arms, beliefs, motion)
     pushes = np.concatenate(push)
     every = np.repeat(np.array(effects), len(sides), axis=0)
@@ -185,10 +177,10 @@ def as_seen(
     tied = [k for k in range(len(members.axes)) if k not in free]
     listed = [
         Assumption(
-            f"the law learns, so that all below is of {len(seen)} simulated arms of the set, each with the rotors and "
-            f"the friction that the law believed at each time{', for ' + members.named(tied) if tied else ''}",
+            f"the law learns, so the bounds are for {len(cases)} simulated arms of the set, each with the rotor "
+            f"inertias and friction learned at each time{', for ' + members.named(tied) if tied else ''}",
             "tested",
-            float(len(seen)),
+            float(len(cases)),
         )
     ]
     if free:
@@ -207,19 +199,19 @@ def as_seen(
         effects=every,
         kappa=kappa,
         coupling=coupling,
-        beside=beside_of(belief, motion, plants, hull, largest[None], beliefs),
+        deviation=beside_of(belief, motion, plants, hull, largest[None], beliefs),
         arms=len(arms),
         lacking=lacking,
-        held=np.array([held(one, motion, largest) for one in beliefs]).max(axis=0),
+        held=np.array([held(model, motion, largest) for model in beliefs]).max(axis=0),
         beliefs=beliefs,
-        relearnt=np.array([_relearnt(one, motion, largest) for one in beliefs]).max(axis=0),
+        relearning=np.array([_relearnt(model, motion, largest) for model in beliefs]).max(axis=0),
         matrices=matrices,
         assumptions=listed,
     )
 
 
 def _disturbed(members: Members, motion: Motion) -> tuple[list[int], Hull, Floats, Floats]:
-    """The axes of the disturbance, their hull, and of that the corners [C N n] and the effects [E N n] of τ_d."""
+    """The axes of the disturbance, their hull, and its corners [C N n] and effects [E N n] of τ_d."""
     free = members.of_the_disturbance
 
     def at(shares: Floats) -> list[Plant]:
@@ -238,7 +230,7 @@ def _disturbed(members: Members, motion: Motion) -> tuple[list[int], Hull, Float
 
 
 def _relearnt(belief: Belief, motion: Motion, push: Floats) -> Floats:
-    """`|M̂⁻¹ ΔM̂ ŵ|` from each sample to the next [N n], ΔM̂ being what was learnt meanwhile."""
+    """`|M̂⁻¹ ΔM̂ ŵ|` from each sample to the next [N n], where ΔM̂ was learned in between."""
     rotor = belief.rotor_at(motion.t)
     step = np.abs(np.diff(rotor, axis=0, prepend=rotor[:1])) * push
     mass, _ = belief.mass_and_bias(motion.t, motion.q, motion.dq)
@@ -246,12 +238,9 @@ def _relearnt(belief: Belief, motion: Motion, push: Floats) -> Floats:
 
 
 def learnt_ratios(scenario: Scenario) -> Floats:
-    """K with what a law that learns comes to believe [I n n], at instants of the motion.
+    """Return K with learned models [I n n], at instants of the motion.
 
-    Of the scenario's own arm with what is learnt in a run of it; of members at ends of the set with each joint's mean
-    inertia along the motion.
-
-    - `scenario`: with a law that learns.
+    The scenario's own arm has the model learned in a run; members at ends of the set have each joint's mean inertia.
     """
     members, motion = Members.of(scenario), Motion.of(scenario)
     belief = Belief.of(scenario, members.plant)
@@ -262,18 +251,15 @@ def learnt_ratios(scenario: Scenario) -> Floats:
     rotor, coulomb = (np.asarray(log.signals[name])[valid] for name in ("rotor", "coulomb"))
     own = replace(belief, rotor=rotor, coulomb=coulomb, times=np.asarray(log.t)[valid])
     arms = members.plants(members.ends(most=MOST_ARMS))
-    found = [ratios([members.plant], [own], motion, INSTANTS)[2]]
-    found.append(ratios(arms, [learnt_of(scenario, belief, arm, motion) for arm in arms], motion)[2])
-    return np.concatenate(found)
+    matrices = [ratios([members.plant], [own], motion, INSTANTS)[2]]
+    matrices.append(ratios(arms, [learnt_of(scenario, belief, arm, motion) for arm in arms], motion)[2])
+    return np.concatenate(matrices)
 
 
 def learnt_of(scenario: Scenario, belief: Belief, plant: Plant, motion: Motion) -> Belief:
-    """What the law believes of a member once it has learnt.
+    """Return the model of a law that has learned a member along a motion.
 
-    - `scenario`: whose law.
-    - `belief`: what it believes at first.
-    - `plant`: the member.
-    - `motion`: along which it learns.
+    - `belief`: its initial model.
     """
     law = scenario.controller
     assert isinstance(law, SampledData)

@@ -1,4 +1,4 @@
-"""Which arms and outer forces the uncertainty of a scenario allows."""
+"""Members of an uncertainty set: the true arms and external forces that a scenario allows."""
 
 from __future__ import annotations
 
@@ -20,40 +20,40 @@ from slidax.scenarios.family import UNTRACEABLE, Family
 from slidax.scenarios.uncertainty import with_values
 from slidax.simulation import Plant
 
+from ..each import Floats
 from ..members import canonical
 from .axes import Axis, axes_of
-from .evaluated import Floats
 from .motion import Motion, breakpoints, disturbed, kinds_of, needed, outer
 
 MOVES = ("robot", "disturbance")
-"""The blocks of a scenario file that say what moves and pushes the arm."""
+"""Blocks of a scenario file that define the arm and the external forces."""
 
 CHUNK = 64
 """Members that are built together."""
 
 MOST_ENDS = 256
-"""Corners of a box that are looked at, one by one."""
+"""Largest number of corners that are all evaluated."""
 
 NAMED = 6
-"""Axes that a sentence names, if there are many."""
+"""Largest number of values that a sentence names."""
 
 BRIEF = 0.125
-"""Share of the samples; a force that acts at fewer of them may lie between instants drawn at random."""
+"""Share of the samples; a force that acts at fewer of them may lie between random instants."""
 
 NO_EFFECT = 1e-12
-"""Share of all effects together, below which one is rounding."""
+"""Share of the sum of all effects below which an effect is rounding."""
 
 INSTANTS = 64
-"""Of the motion, at which the effects of uncertain numbers are compared, besides those at which forces jump."""
+"""Instants of the motion for the effects of uncertain values, in addition to those at which forces jump."""
 
 
 @dataclass(frozen=True, eq=False)
 class Members:
-    """The true arms that a scenario allows: points of a box, one axis for each number that is uncertain.
+    """The true arms of a scenario: points of a box with one axis for each uncertain value.
 
-    - `scenario`: with the law that does not know which of them it moves.
-    - `family`: which arms; that of the scenario's own `uncertainty` if it was not given.
-    - `parts`: numbers of axes of which only a part is gone, each with the shares of its way where that begins and ends.
+    - `scenario`: its law does not know which member it moves.
+    - `family`: the set.
+    - `parts`: axes of which only a part is used, each with the shares of its range where this part begins and ends.
     """
 
     scenario: Scenario
@@ -62,10 +62,7 @@ class Members:
 
     @classmethod
     def of(cls, scenario: Scenario, family: Family | None = None) -> Members:
-        """The members of a scenario's set.
-
-        - `scenario`: whose.
-        - `family`: another set than that of the scenario's own `uncertainty`, such as a study's.
+        """The members of a scenario's set, or of another set, such as a study's.
 
         Raises DefinitionError if a set is invalid.
         """
@@ -73,49 +70,40 @@ class Members:
 
     @cached_property
     def axes(self) -> tuple[Axis, ...]:
-        """What can be otherwise of the arm and of what pushes it."""
+        """Uncertain values of the arm and its external forces."""
         space = self.family.uncertain
-        found: list[Axis] = []
-        for path, one in space.sets.items():
+        axes: list[Axis] = []
+        for path, uncertainty in space.sets.items():
             if path.split(".")[0] in MOVES:
-                found += axes_of(path, one, space.leaves[path])
+                axes += axes_of(path, uncertainty, space.leaves[path])
         for axis, low, high in self.parts:
-            found[axis] = found[axis].between(low, high)
-        return tuple(found)
+            axes[axis] = axes[axis].between(low, high)
+        return tuple(axes)
 
     def within(self, axis: int, low: float, high: float) -> Members:
-        """Those of a part of an axis's way.
-
-        - `axis`: its number.
-        - `low`, `high`: shares of its way.
-        """
+        """The members in a part of an axis's range, from share `low` to share `high`."""
         return Members(self.scenario, self.family, (*self.parts, (axis, low, high)))
-
-    @property
-    def beside(self) -> tuple[str, ...]:
-        """The paths of what is uncertain, and is neither of the arm nor of what pushes it: sensors, drives, start."""
-        return tuple(path for path in self.family.uncertain.sets if path.split(".")[0] not in MOVES)
 
     @cached_property
     def plant(self) -> Plant:
-        """The scenario's own arm, with what it carries and what pushes it."""
+        """The scenario's own arm, with its payload and its external forces."""
         plant = self.scenario.plant
         own = plant if isinstance(plant, Plant) else plant.own
         return Plant(own.robot, own.disturbance, load=own.load)
 
     def values(self, points: Floats) -> dict[str, Floats]:
-        """What a scenario file would have, by path, with the member as the first axis.
+        """Values by path in the scenario file, with the member as first axis.
 
         - `points`: of the box [P D], shares from 0 to 1.
         """
-        found: dict[str, Floats] = {}
+        values: dict[str, Floats] = {}
         for k, axis in enumerate(self.axes):
-            before = found.get(axis.path, np.broadcast_to(axis.lower, (len(points), *axis.lower.shape)))
-            found[axis.path] = axis.moved(before, points[:, k])
-        return found
+            before = values.get(axis.path, np.broadcast_to(axis.lower, (len(points), *axis.lower.shape)))
+            values[axis.path] = axis.moved(before, points[:, k])
+        return values
 
     def plants(self, points: Floats) -> list[Plant]:
-        """The true arms, with what they carry and what pushes them; no sensors, no drives.
+        """The true arms, with their payloads and external forces; without sensors and drives.
 
         - `points`: of the box [P D], shares from 0 to 1.
 
@@ -139,12 +127,11 @@ class Members:
         ]
 
     def ends(self, without: Sequence[int] = (), most: int = MOST_ENDS) -> Floats:
-        """The middle of the box, and its corners in what can change the inertia [P D].
+        """The middle of the box, and its corners in all axes that can change the inertia [P D].
 
-        All of them up to some number; else those of `extremes`, and the two that are lowest and highest throughout.
+        All corners up to `most`; else those of `extremes`, and the two with all values lowest and highest.
 
-        - `without`: axes that change nothing.
-        - `most`: corners, at most.
+        - `without`: axes without effect.
         """
         count = len(self.axes)
         acting = self.inertial(without)
@@ -160,20 +147,15 @@ class Members:
         return points
 
     def inertial(self, without: Sequence[int] = ()) -> list[int]:
-        """The axes that can change the inertia.
-
-        - `without`: axes that change nothing.
-        """
+        """Axes that can change the inertia, but for those in `without`."""
         return [k for k in range(len(self.axes)) if k not in without and self.is_inertial(k)]
 
     def extremes(self, count: int) -> Floats:
-        """Corners in which the set's numbers act together in some direction, in pairs of opposite ones [count D].
+        """Corners at which the set's values act together in some direction, in pairs of opposite ones [count D].
 
-        A direction weighs the joints' torques at some times. Which end each number takes follows from its own effect on
-        the torques, so that the corners are the same members in whatever order, and in however many equal terms, the
-        set is written. A number without effect stays in its middle.
-
-        - `count`: of the corners.
+        A direction weighs the joints' torques at some times. The effect of each value on these torques decides which
+        end it takes. So the corners are the same members in whatever order, and in however many equal terms, the set is
+        written. A value without effect stays in its middle.
         """
         effects = self._effects
         shares = np.empty((count, len(self.axes)))
@@ -190,8 +172,8 @@ class Members:
     def _effects(self) -> Floats:
         """Effect of each axis, from end to end, on the torques along the motion [D T n].
 
-        Relative to the largest effect that all axes have on the joint together, which is the same in however many equal
-        terms the set is written.
+        Relative to the largest joint effect of all axes, which does not depend on how many equal terms the set is
+        written in.
         """
         count, motion = len(self.axes), Motion.of(self.scenario)
         if not count:
@@ -213,9 +195,9 @@ class Members:
 
     @cached_property
     def brief(self) -> Floats:
-        """Times at which forces that act only briefly, such as a contact, depend most on the set's numbers [K], s.
+        """Times at which brief forces, such as a contact, depend most on the set's values [K], s.
 
-        Each number of the disturbance goes from end to end, while all others are at one end or in the middle.
+        Each value of the disturbance goes from end to end, while all others are at one end or in the middle.
         """
         motion, samples = Motion.of(self.scenario), [np.zeros(0, int)]
         for axis in self.of_the_disturbance:
@@ -230,22 +212,16 @@ class Members:
 
     @cached_property
     def of_the_disturbance(self) -> list[int]:
-        """The axes that are numbers of the disturbance."""
+        """Axes that are values of the disturbance."""
         return [k for k, axis in enumerate(self.axes) if axis.path.startswith("disturbance.")]
 
     def is_inertial(self, axis: int) -> bool:
-        """Whether a number can change the inertia.
-
-        - `axis`: its number.
-        """
+        """True if a value can change the inertia."""
         path = self.axes[axis].path
         return path.startswith("robot.") and path.split(".")[-1] not in ("coulomb", "viscous", "gravity_acceleration")
 
     def named(self, axes: Sequence[int]) -> str:
-        """The names of some axes for a sentence; of many the first ones, and how many more.
-
-        - `axes`: their numbers.
-        """
+        """Names of some axes for a sentence: of many the first ones, and the number of the others."""
         names = [self.axes[k].name for k in axes]
         more = len(names) - NAMED
         return ", ".join(names) if more <= 1 else f"{', '.join(names[:NAMED])} and {more} more numbers"
@@ -254,25 +230,22 @@ class Members:
     def disturbances(self) -> tuple[AbstractDisturbance, AbstractDisturbance]:
         """Two disturbances with the least and with the largest value that each number has in the set.
 
-        A number of the scenario file is one of the disturbance's, so that it is enough to move one axis at a time.
+        Each number of the disturbance depends on one axis, so it is enough to move one axis at a time.
         """
         moved = self.of_the_disturbance
         points = np.full((2 * len(moved) + 1, len(self.axes)), 0.5)
         for row, axis in enumerate(moved):
             points[2 * row + 1, axis], points[2 * row + 2, axis] = 0.0, 1.0
-        found = [plant.disturbance for plant in (*self.plants(points), self.plant)]
+        disturbances = [plant.disturbance for plant in (*self.plants(points), self.plant)]
         lower, upper = (
-            jax.tree.map(lambda *each, end=end: end([np.asarray(one) for one in each], axis=0), *found)
+            jax.tree.map(lambda *each, end=end: end([np.asarray(leaf) for leaf in each], axis=0), *disturbances)
             for end in (np.min, np.max)
         )
         return lower, upper
 
     @staticmethod
     def rubbing(plants: Sequence[Plant]) -> Friction:
-        """The largest Coulomb friction of some arms' own joints, within the least velocity in which it turns.
-
-        - `plants`: the arms.
-        """
+        """The largest Coulomb friction of some arms' joints, with the least velocity scale of its sign change."""
         n = plants[0].robot.joints
         arms = [plant.robot for plant in plants if isinstance(plant.robot, Articulated)]
         coulomb = np.max([np.broadcast_to(np.asarray(arm.coulomb), n) for arm in arms] or [np.zeros(n)], axis=0)
@@ -286,22 +259,22 @@ class Members:
     def _numbers(self, values: dict[str, Floats]) -> Any:
         """The arrays of some arms, with the arm as their first axis."""
         count = len(next(iter(values.values())))
-        # One size, so that it is compiled once.
+        # The same size each time, so that this is compiled once.
         filled = {path: np.resize(some, (CHUNK, *some.shape[1:])) for path, some in values.items()}
         return jax.tree.map(lambda leaf: np.asarray(leaf)[:count], self._compiled(filled))
 
     @cached_property
     def _compiled(self) -> Any:
-        def one(given: dict[str, Any]) -> Any:
-            # What does not depend on the given values is known, and checked, while this is traced.
+        def arrays(values: dict[str, Any]) -> Any:
+            # Everything that does not depend on these values is computed, and checked, during tracing.
             with jax.ensure_compile_time_eval():
-                return eqx.filter(self._plant(given), eqx.is_array)
+                return eqx.filter(self._plant(values), eqx.is_array)
 
-        return jax.jit(jax.vmap(one))
+        return jax.jit(jax.vmap(arrays))
 
     @cached_property
     def _actual(self) -> Any:
-        """The scenario as it is, with every path leading somewhere."""
+        """The scenario's description, in which every path exists."""
         middle = self.values(np.full((1, len(self.axes)), 0.5))
         return self.family.case({path: some[0] for path, some in middle.items()}).as_it_is()
 
@@ -312,9 +285,9 @@ class Members:
 
 
 def _direction(number: int, times: int, joints: int) -> Floats:
-    """Weights of the joints' torques at some times [times joints], always the same for a number.
+    """Weights of the joints' torques at some times [times joints], fixed for each number.
 
-    The first ones weigh one joint alone, with one sign; then all joints, with signs that change more and more often.
+    The first directions weigh one joint each, with one sign; later ones all joints, with more and more sign changes.
     """
     if number < joints:
         return np.tile(np.arange(joints) == number, (times, 1)).astype(float)

@@ -1,4 +1,4 @@
-"""What a torque does that is computed for another state than the one in which it sets in."""
+"""Error of a torque that is computed for a predicted state."""
 
 from __future__ import annotations
 
@@ -7,16 +7,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..each import Floats
 from .beside import SPARE, STEP
-from .evaluated import Floats
 from .motion import Belief, Motion
 
 
 @dataclass(frozen=True, eq=False)
 class Misread:
-    """`|M̂⁻¹ (∂(M̂ a + C0 q̇ + G0)/∂q e + ∂(C0 q̇)/∂q̇ ė)|` for predictions that miss q by e and q̇ by ė; `a = q̈ - w*`.
+    """`|M̂⁻¹ (∂(M̂ a + C0 q̇ + G0)/∂q e + ∂(C0 q̇)/∂q̇ ė)|` for prediction errors e of q and ė of q̇; `a = q̈ - w*`.
 
-    - `along_q`, `along_dq`: these slopes along a motion, the largest of all beliefs [N n n].
+    - `along_q`, `along_dq`: these slopes along a motion, the largest of all models [N n n].
     """
 
     along_q: Floats
@@ -26,9 +26,8 @@ class Misread:
     def of(cls, beliefs: Sequence[Belief], motion: Motion, push: Floats) -> Misread:
         """The slopes by central differences.
 
-        - `beliefs`: what the law may believe, all of one arm of which they learnt.
-        - `motion`: along which.
-        - `push`: bounds of |w*| [N n], which the command makes up for.
+        - `beliefs`: models that the law may have, all learned from one arm.
+        - `push`: bounds of |w*| [N n], which the command compensates.
         """
         n, first = motion.joints, beliefs[0]
         slopes = np.zeros((2, *motion.q.shape, n))
@@ -37,8 +36,8 @@ class Misread:
         for joint in range(n):
             step = np.where(np.arange(n) == joint, STEP, 0.0)
             for k, way in enumerate(((step, 0.0 * step), (0.0 * step, step))):
-                there = [motion.beside(sign * way[0], sign * way[1]) for sign in (1.0, -1.0)]
-                (most, above), (least, below) = (first.at_first(one.t, one.q, one.dq) for one in there)
+                there = [motion.shifted(sign * way[0], sign * way[1]) for sign in (1.0, -1.0)]
+                (most, above), (least, below) = (first.at_first(side.t, side.q, side.dq) for side in there)
                 for belief, back in zip(beliefs, inverse, strict=True):
                     moved = belief.learnt(most, motion.t) - belief.learnt(least, motion.t)
                     torque = np.einsum("kij,kj->ki", moved, motion.ddq) + (above - below)
@@ -51,7 +50,7 @@ class Misread:
     def __call__(self, radius: Floats, speed: Floats) -> Floats:
         """The bound [N n], rad/s² or m/s².
 
-        - `radius`: what a prediction misses of q [N n], rad or m.
-        - `speed`: of q̇ [N n], rad/s or m/s.
+        - `radius`: prediction error of q [N n], rad or m.
+        - `speed`: prediction error of q̇ [N n], rad/s or m/s.
         """
         return np.einsum("kij,kj->ki", self.along_q, radius) + np.einsum("kij,kj->ki", self.along_dq, speed)

@@ -1,4 +1,4 @@
-"""A part of a set of arms: how its members move each joint with the others, and what they ask of the loops."""
+"""A part of an uncertainty set: its disturbances, and the coupling between joints, along a motion."""
 
 from __future__ import annotations
 
@@ -10,35 +10,36 @@ import numpy as np
 from slidax.scenarios import Scenario
 from slidax.simulation import Plant
 
-from .demand import probed
-from .evaluated import Floats
+from ..each import Floats
 from .hull import Hull, hull_of
 from .members import Members
-from .motion import Belief, Motion, kinds_of, needed, outer
+from .motion import Belief, Motion, breakpoints, kinds_of, needed, outer
 
 STRIDE = 8
-"""Samples from one K that is computed to the next; to the next slope of it four times as many."""
+"""Samples between two evaluations of K; its slopes are evaluated at every fourth of these."""
 
 STEP = 1e-4
-"""Of a central difference [rad or m]."""
+"""Step of a central difference, rad or m."""
 
 FARTHEST = 0.8
 """Modulus of |A| up to which K is enclosed."""
 
+PROBES = 48
+"""Number of random states, and of states of the motion, that show how the values of a set enter."""
+
 SPARE = 1.5
-"""Times a slope, for members and instants between those that are looked at."""
+"""Factor of a slope, for members and instants between the evaluated ones."""
 
 
 @dataclass(frozen=True, eq=False)
 class Part:
     """Some members of a set along a motion.
 
-    - `members`: which.
-    - `push`: w* of each extreme one [M N n], rad/s² or m/s²; `effects`: what half the width of an uncertain number adds
-      [E N n].
+    - `push`: w* of each extreme member [M N n], rad/s² or m/s²; `effects`: its change by half the width of an uncertain
+      value [E N n].
     - `low`, `high`: the least and the largest of each entry of `K = M⁻¹M̂` [N n n].
-    - `slope`: bounds of |∂K_ij/∂q_l| along it [N n n n].
-    - `arms`: how many members were looked at for K; 0 if it is enclosed for all of the part.
+    - `slope`: bounds of |∂K_ij/∂q_l| along the motion [N n n n].
+    - `arms`: number of members evaluated for K; 0 if K is enclosed for all of the part.
     """
 
     members: Members
@@ -50,9 +51,8 @@ class Part:
     arms: int
 
     def shrunk(self, share: float, push: Floats) -> Part:
-        """The same of a set that is so many times as large around its middle.
+        """The part scaled around its middle.
 
-        - `share`: of each of its numbers.
         - `push`: w* of the middle [N n].
         """
         middle = 0.5 * (self.low + self.high)
@@ -63,19 +63,16 @@ class Part:
 
 
 def part_of(
-    scenario: Scenario, members: Members, motion: Motion, seen: Sequence[tuple[Plant, Belief]], push: Floats | None
+    scenario: Scenario, members: Members, motion: Motion, cases: Sequence[tuple[Plant, Belief]], push: Floats | None
 ) -> Part:
-    """What a part of a scenario's set is along a motion.
+    """Return a part of a scenario's set along a motion.
 
-    - `scenario`: whose.
-    - `members`: of the part.
-    - `motion`: along which.
-    - `seen`: for a law that learns, arms with what it came to believe of each, and `push` w* of these.
+    - `cases`: for a law that learns, arms with their learned models, and `push` w* of these.
     """
-    if seen and push is not None:
-        low, high = _range([arm for arm, _ in seen], [known for _, known in seen], motion)
-        slope = _slopes(seen, motion)
-        return Part(members, push, np.zeros((0, *motion.q.shape)), low, high, slope, len(seen))
+    if cases and push is not None:
+        low, high = _range([arm for arm, _ in cases], [known for _, known in cases], motion)
+        slope = _slopes(cases, motion)
+        return Part(members, push, np.zeros((0, *motion.q.shape)), low, high, slope, len(cases))
     belief = Belief.of(scenario, members.plant)
     hull = hull_of(lambda points: probed(members, points), len(members.axes))
     plants = members.plants(hull.points)
@@ -92,13 +89,37 @@ def part_of(
     return Part(members, corners, effects, *_range(arms, [belief] * len(arms), motion), slope, len(arms))
 
 
-def halves(part: Part, scenario: Scenario, motion: Motion) -> list[Members]:
-    """The two halves of a part in the number that K depends on most; none if it depends on none.
+def probed(members: Members, points: Floats) -> Floats:
+    """Return the torques of members at random states and at some of the motion [P F].
 
-    - `part`: whose.
-    - `scenario`: of the set.
-    - `motion`: along which.
+    The times are random, so that a ripple vanishes at all of them only by accident. Added are the times at which a
+    force starts, jumps or ends, since a pulse may lie between all others, and those of brief contacts.
+
+    - `points`: of the set's box [P D].
     """
+    random = np.random.default_rng(0)
+    motion, plants = Motion.of(members.scenario), members.plants(points)
+    end = members.scenario.t1
+    jumps = breakpoints(plants, end)
+    pulses = jumps[:-1] + 0.5 * np.diff(jumps)
+    t = np.concatenate([np.sort(random.uniform(0.0, end, PROBES)), jumps, pulses, members.brief])
+    few = motion.at(t, instants=1)
+    drawn = np.random.default_rng(1).normal(size=(3, PROBES, motion.joints))
+    count = len(few.t)
+    q, dq, ddq = (np.resize(values, (count, motion.joints)) for values in drawn)
+    states = Motion(
+        np.concatenate([few.t, few.t]),
+        np.concatenate([q, few.q]),
+        np.concatenate([dq, few.dq]),
+        np.concatenate([ddq, few.ddq]),
+    )
+    kinds, which = kinds_of(plants)
+    torque = needed(kinds, states)[1][which] - outer(plants, states)
+    return torque.reshape(len(points), -1)
+
+
+def halves(part: Part, scenario: Scenario, motion: Motion) -> list[Members]:
+    """Return the two halves of a part, divided at the value that changes K most; none if no value changes K."""
     members, few = part.members, motion.every(16)
     acting = members.inertial()
     if not acting:
@@ -116,12 +137,12 @@ def halves(part: Part, scenario: Scenario, motion: Motion) -> list[Members]:
 
 
 def _enclosed(plants: list[Plant], hull: Hull, belief: Belief, motion: Motion) -> tuple[Floats, Floats] | None:
-    """Ends of the entries of K for all members [N n n] each; None where they are too far apart for a bound.
+    """Range of the entries of K over all members [N n n] each; None if they are too far apart for a bound.
 
-    With M = C + E and A = C⁻¹E, `K = (1 + A)⁻¹ C⁻¹M̂` is off `C⁻¹M̂` by no more than `(1 - |A|)⁻¹ |A C⁻¹M̂|`, where both
-    sizes are the largest of the hull. Linear between the samples at which it is computed.
+    With M = C + E and A = C⁻¹E, `K = (1 + A)⁻¹ C⁻¹M̂` differs from `C⁻¹M̂` by no more than `(1 - |A|)⁻¹ |A C⁻¹M̂|`,
+    with the largest sizes in the hull. Linear between the evaluated samples.
 
-    - `plants`, `hull`: one arm of each inertia, and the hull of these.
+    - `plants`, `hull`: one arm of each inertia, and their hull.
     """
     few = motion.every(max(1, len(motion.t) // STRIDE))
     believed, _ = belief.mass_and_bias(few.t, few.q, few.dq)
@@ -138,7 +159,7 @@ def _enclosed(plants: list[Plant], hull: Hull, belief: Belief, motion: Motion) -
 
 
 def _range(plants: Sequence[Plant], beliefs: Sequence[Belief], motion: Motion) -> tuple[Floats, Floats]:
-    """The least and the largest of the entries of K of some arms [N n n] each, linear between some samples."""
+    """Range of the entries of K of some arms [N n n] each, linear between the evaluated samples."""
     few, n = motion.every(max(1, len(motion.t) // STRIDE)), motion.joints
     least = np.full((len(few.t), n, n), np.inf)
     most = -least
@@ -149,13 +170,13 @@ def _range(plants: Sequence[Plant], beliefs: Sequence[Belief], motion: Motion) -
 
 
 def _slopes(arms: Sequence[tuple[Plant, Belief]], motion: Motion) -> Floats:
-    """The slopes of K's entries [N n n n], of the first, middle and last of some arms, with half as much again."""
+    """Slopes of K's entries [N n n n], of the first, middle and last of some arms, times `SPARE`."""
     few, n = motion.every(max(1, len(motion.t) // (4 * STRIDE))), motion.joints
     slope = np.zeros((len(few.t), n, n, n))
     for k in sorted({0, len(arms) // 2, len(arms) - 1}):
         for joint in range(n):
             step = np.where(np.arange(n) == joint, STEP, 0.0)
-            ends = [_ratio(*arms[k], few.beside(sign * step, 0.0 * step)) for sign in (1.0, -1.0)]
+            ends = [_ratio(*arms[k], few.shifted(sign * step, 0.0 * step)) for sign in (1.0, -1.0)]
             slope[..., joint] = np.maximum(slope[..., joint], np.abs(ends[0] - ends[1]) / (2.0 * STEP))
     return SPARE * _between(few.t, slope, motion.t)
 
@@ -166,7 +187,7 @@ def _ratio(plant: Plant, belief: Belief, motion: Motion) -> Floats:
 
 
 def _between(times: Floats, values: Floats, at: Floats) -> Floats:
-    """Values at other times, on the lines between those that are given; the last one after them."""
+    """Values at other times by linear interpolation; the last one after them."""
     before = np.searchsorted(times, at + 1e-9) - 1
     after = np.minimum(before + 1, len(times) - 1)
     share = np.where(after > before, (at - times[before]) / np.maximum(times[after] - times[before], 1e-12), 0.0)

@@ -1,4 +1,4 @@
-"""How far the believed inertia is from the true one: the range of κ, and how the joints move each other."""
+"""Ratios of nominal to true inertia: the range of κ, and the coupling between joints."""
 
 from __future__ import annotations
 
@@ -8,27 +8,25 @@ import numpy as np
 
 from slidax.simulation import Plant
 
-from .evaluated import Floats
+from ..each import Floats
 from .motion import Belief, Motion, needed
 
 INSTANTS = 200
-"""Of the motion, at which is looked."""
+"""Instants of the motion at which ratios are evaluated."""
 
 KEPT = 24
-"""Of these instants whose K of each member are kept."""
+"""Number of these instants at which K of each member is returned."""
 
 
 def ratios(
     plants: Sequence[Plant], beliefs: Sequence[Belief], motion: Motion, kept: int = KEPT
 ) -> tuple[Floats, Floats, Floats]:
-    """The range of the diagonal of `K = M⁻¹M̂` [2 n], and the largest |K_ij/K_jj| for i ≠ j [n n], along a motion.
+    """Return the range of κ, the diagonal of `K = M⁻¹M̂` [2 n], and the largest |K_ij/K_jj| for i ≠ j [n n].
 
-    Last some K as they are [I n n]: of each member at some instants.
+    The third value is K [I n n] of each member at some instants.
 
-    - `plants`: true arms.
-    - `beliefs`: what each of them is believed to be.
-    - `motion`: of which some instants are looked at.
-    - `kept`: of how many of them K is given.
+    - `beliefs`: the model of each arm.
+    - `kept`: number of instants at which K is returned.
     """
     few = motion.every(INSTANTS)
     each: list[Floats] = []

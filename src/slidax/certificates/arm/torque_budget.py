@@ -1,4 +1,4 @@
-"""Whether the drives can give what the motion and the way to it ask for, in the worst case of the set."""
+"""The certificate `torque_budget`: the drives deliver the torque of motion and approach for every member of the set."""
 
 from __future__ import annotations
 
@@ -15,41 +15,41 @@ from slidax.simulation import Plant
 
 from ..certificate import ARM, certificate
 from ..demand import Demand
+from ..each import Flags, Floats
 from ..verdict import Assumption, Verdict
 from .approach import Approach, approach_of
 from .braking import room_to_brake
 from .demand import demand as demand_of
-from .evaluated import Flags, Floats
 from .members import Members
 from .motion import Belief, Motion
 
-NAME, TITLE = "torque_budget", "the drives can give it"
+TORQUE_BUDGET = "torque_budget", "the drives deliver the torque"
 
 FREE = 0.1
-"""Share of the simulated way, its last part, in which no limit may be reached."""
+"""Share of the simulated approach, its last part, in which no limit may be reached."""
 
 LONGER = (1.5, 2.0, 3.0, 4.0)
-"""Times the deadline, in the search for one with which no limit is reached."""
+"""Factors of the deadline, in the search for one with which no limit is reached."""
 
 
-@certificate(NAME, TITLE, covers=ARM)
+@certificate(*TORQUE_BUDGET, covers=ARM)
 def torque_budget(scenario: Scenario, demand: Demand | None = None, family: Family | None = None) -> Verdict:
-    """Is the torque that the set can ask for, and its change from sample to sample, within the limits of the drives?
+    """Check torque and torque rate of every member against the limits of the drives.
 
-    Along the motion it is computed: `τ = M̂ (q̈_r - w*) + n̂` of each member. On the way from the start to the reference
-    it is simulated, for members and starts at ends of the set. A limit that is reached only there leaves the verdict
-    `holds` with `since`, the time from which no limit is reached: the other certificates apply from then on.
+    Along the motion they are computed: `τ = M̂ (q̈_r - w*) + n̂` of each member. On the approach from the start to the
+    reference they are simulated, for members and starts at ends of the set. If a limit is reached only on the approach,
+    the certificate holds with `since`, the time from which no limit is reached: the other certificates apply from then
+    on.
 
-    - `scenario`: with limits in `actuator`.
-    - `demand`: what its set asks for; found if not given.
-    - `family`: another set, such as a study's; the same as `demand` was found for.
+    - `demand`: of the scenario's set; computed by default.
+    - `family`: another set, such as a study's; `demand` must belong to it.
     """
     members = Members.of(scenario, family)
     n = members.plant.robot.joints
     limit, rate = limits_of(scenario, n)
     if not np.isfinite(limit).any() and not np.isfinite(rate).any():
-        said = "the drives have no limits: give `actuator.torque`, `actuator.rate`"
-        return Verdict(NAME, TITLE, None, None, {}, (), said)
+        text = "the drives have no limits: set `actuator.torque`, `actuator.rate`"
+        return Verdict(*TORQUE_BUDGET, None, None, {}, (), text)
     demand = demand_of(scenario, family) if demand is None else demand
     torque, step = along_the_motion(scenario, demand, members)
     change = rate * scenario.period
@@ -63,10 +63,10 @@ def torque_budget(scenario: Scenario, demand: Demand | None = None, family: Fami
     holds = bool(steady < 1.0 and free)
     rest = approach if since is None or not free else approach.after(since)
     share = max(steady, float(np.max(rest.peak / limit)), float(np.max(rest.step / change)))
-    # A limit that is reached leaves no number: its share is 1 but for rounding.
+    # A limit that is reached leaves no margin: the share is 1 up to rounding.
     margin = 1.0 - share if free or steady >= 1.0 else None
     braking = room_to_brake(scenario, members, limit, torque)
-    found: dict[str, Any] = {
+    bound: dict[str, Any] = {
         "torque": torque,
         "torque_step": step,
         "approach_torque": approach.peak,
@@ -78,11 +78,10 @@ def torque_budget(scenario: Scenario, demand: Demand | None = None, family: Fami
     }
     assumptions = [*demand.assumptions, _of_approach(approach, since, free)]
     return Verdict(
-        NAME,
-        TITLE,
+        *TORQUE_BUDGET,
         holds,
         margin,
-        found,
+        bound,
         assumptions,
         _statement(members, used, torque, limit, step, change, reached, free_after, free),
         [] if holds else _remedies(scenario, family, steady, limit, change, torque, step),
@@ -91,12 +90,7 @@ def torque_budget(scenario: Scenario, demand: Demand | None = None, family: Fami
 
 
 def along_the_motion(scenario: Scenario, demand: Demand, members: Members) -> tuple[Floats, Floats]:
-    """The largest torque, and the largest change of it in a period, of each joint over the set [n].
-
-    - `scenario`: whose motion.
-    - `demand`: what its set asks for.
-    - `members`: of the set.
-    """
+    """Return the largest torque and the largest change of it in a period, of each joint over the set [n]."""
     belief, motion = Belief.of(scenario, members.plant), Motion.of(scenario)
     mass, bias = belief.mass_and_bias(motion.t, motion.q, motion.dq)
     known = np.einsum("kij,kj->ki", mass, motion.ddq) + bias + belief.coulomb * np.tanh(motion.dq / belief.smoothing)
@@ -104,24 +98,20 @@ def along_the_motion(scenario: Scenario, demand: Demand, members: Members) -> tu
     parts = np.zeros((len(torques), 0, *known.shape))
     if demand.effects is not None:
         parts = np.einsum("kij,mekj->meki", mass, demand.effects)
-    between = 0.0 if demand.jumping is None else np.einsum("kij,kj->ki", np.abs(mass), demand.jumping)
+    between = 0.0 if demand.jumps is None else np.einsum("kij,kj->ki", np.abs(mass), demand.jumps)
     torque = (np.abs(torques) + np.abs(parts).sum(axis=1) + between).max(axis=(0, 1))
     steps = np.abs(np.diff(torques, axis=1)) + np.abs(np.diff(parts, axis=2)).sum(axis=1)
     return torque, steps.max(axis=(0, 1)) if steps.shape[1] else np.zeros_like(torque)
 
 
 def limits_of(scenario: Scenario, joints: int) -> tuple[Floats, Floats]:
-    """Torque [n], N m or N, and its rate [n], N m/s or N/s, that the drives allow; inf without a limit.
-
-    - `scenario`: whose drives.
-    - `joints`: n.
-    """
+    """Return the drives' limits of torque [n], N m or N, and torque rate [n], N m/s or N/s; inf without a limit."""
     own = scenario.plant if isinstance(scenario.plant, Plant) else scenario.plant.own
     actuator = own.actuator
     if actuator is None:
         return np.full(joints, np.inf), np.full(joints, np.inf)
     torque, rate = (
-        np.broadcast_to(np.asarray(one, float), joints) for one in (actuator.limits.torque, actuator.limits.rate)
+        np.broadcast_to(np.asarray(limit, float), joints) for limit in (actuator.limits.torque, actuator.limits.rate)
     )
     return torque, rate
 
@@ -131,12 +121,12 @@ def _of_approach(approach: Approach, since: float | None, free: bool) -> Assumpt
         f"{counted(approach.runs, 'simulated run')} of {approach.until:.3g} s, with arms and starts at ends of the set"
     )
     if not approach.ended:
-        return Assumption(f"the way to the reference: not every run reaches its end, of {runs}", "fails")
+        return Assumption(f"approach to the reference: not every run reaches its end, of {runs}", "fails")
     if since is None:
-        return Assumption(f"the way to the reference: no limit is reached in {runs}", "tested")
+        return Assumption(f"approach to the reference: no limit is reached in {runs}", "tested")
     if free:
-        return Assumption(f"the way to the reference: limits are reached until {since:.3g} s in {runs}", "tested")
-    return Assumption(f"the way to the reference: limits are reached up to its end in {runs}", "fails")
+        return Assumption(f"approach to the reference: limits are reached until {since:.3g} s in {runs}", "tested")
+    return Assumption(f"approach to the reference: limits are reached up to its end in {runs}", "fails")
 
 
 def _statement(
@@ -153,18 +143,18 @@ def _statement(
     robot = members.plant.robot
     joint = int(np.argmax(used))
     unit, name = robot.torque_units[joint], robot.joint_names[joint]
-    said = (
+    text = (
         f"along the motion `{name}` uses {used[joint]:.0%} of its drive: up to {torque[joint]:.4g} of "
         f"{limit[joint]:.4g} {unit}, and {step[joint]:.3g} of {change[joint]:.3g} {unit} a period"
     )
     if not reached.any():
-        return f"{said}; on the way to it no limit is reached"
+        return f"{text}; on the approach no limit is reached"
     last = robot.joint_names[int(np.argmax(np.where(reached, free_after, -1.0)))]
     if not free:
-        return f"{said}; on the way to it limits are reached up to the end of the simulation, the last by `{last}`"
+        return f"{text}; on the approach limits are reached up to the end of the simulation, the last by `{last}`"
     return (
-        f"{said}; limit reached until {float(np.max(free_after)):.3g} s on the way to it, the last by `{last}`: the "
-        "other certificates apply from then on"
+        f"{text}; on the approach limits are reached until {float(np.max(free_after)):.3g} s, the last by `{last}`: "
+        "the other certificates apply from then on"
     )
 
 
@@ -185,12 +175,12 @@ def _remedies(
             changes["actuator.torque"] = enough
         if (step >= change).any():
             changes["actuator.rate"] = faster
-        return [Remedy("take drives that give what the motion asks for, or go slower", changes)]
+        return [Remedy("drives that deliver the motion's torque, or a slower motion", changes)]
     return _later(scenario, family, limit, change)
 
 
 def _later(scenario: Scenario, family: Family | None, limit: Floats, change: Floats) -> list[Remedy]:
-    """The shortest of some longer deadlines with which no limit is reached on the way."""
+    """The shortest of some longer deadlines with which no limit is reached on the approach."""
     performance: Any = getattr(scenario.description.scheme, "performance", None)
     deadline = getattr(performance, "deadline", None)
     if deadline is None or family is not None or scenario.changed:
@@ -203,6 +193,5 @@ def _later(scenario: Scenario, family: Family | None, limit: Floats, change: Flo
             return []
         approach = approach_of(Members.of(other), longest=scenario.t1)
         if approach.ended and not approach.reached(limit, change).any():
-            said = "take more time for the way to the reference"
-            return [Remedy(said, {"scheme.performance.deadline": value})]
+            return [Remedy("more time for the approach to the reference", {"scheme.performance.deadline": value})]
     return []

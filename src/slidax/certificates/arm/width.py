@@ -1,4 +1,4 @@
-"""How far the arm may be from its reference, and how fast it may move away from it."""
+"""Half width of the envelope, and the largest error rate within it."""
 
 from __future__ import annotations
 
@@ -10,15 +10,11 @@ from slidax._types import Scalar
 from slidax.controllers import SampledData
 from slidax.scenarios import Scenario
 
-from .evaluated import Floats
+from ..each import Floats
 
 
 def width_along(scenario: Scenario, t: Floats) -> Floats | None:
-    """The larger side of the envelope at times [N n], rad or m; None for a scheme that draws none.
-
-    - `scenario`: whose.
-    - `t`: times [N], s.
-    """
+    """Return the larger side of the envelope at times [N n], rad or m; None for a scheme without an envelope."""
     law, start = scenario.controller, scenario.state0
     zero = jnp.zeros(())
     memory = law.init(zero, start, scenario.trajectory.reference(zero))
@@ -35,11 +31,11 @@ def width_along(scenario: Scenario, t: Floats) -> Floats | None:
 
 
 def speed_within(scenario: Scenario, width: Floats) -> Floats:
-    """The largest |ė| with which e and the led error `y = e + c ė` are both in the envelope: `2 ρ/c`, [N n].
+    """Return the largest |ė| for which e and the led error `y = e + c ė` are both in the envelope: `2 ρ/c`, [N n].
 
-    For a law that does not plan c is its period, which says little.
+    For a law without a plan c is its period, so the bound is weak.
 
-    - `scenario`: whose law, with `c = H - h/2`.
+    - `scenario`: `c = H - h/2` is its law's.
     - `width`: of the envelope [N n].
     """
     law = scenario.controller

@@ -1,4 +1,4 @@
-"""What is promised of a law in the form that its source prints, in continuous time or held over a period."""
+"""Certificates of laws in printed form, in continuous time or with the torque held over a period."""
 
 from .printed_period import printed_period as printed_period
 from .settling_time import settling_time as settling_time

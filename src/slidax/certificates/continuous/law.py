@@ -1,4 +1,4 @@
-"""The parts of a law with a surface, a reaching law and a bound, as it stands in a scenario."""
+"""The components of a law in printed form, with a surface, a reaching law and a bound."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
-from numpy.typing import NDArray
 
 from slidax._types import State
 from slidax.controllers import SlidingMode
@@ -22,9 +21,7 @@ from slidax.surfaces import LinearCoreFixedTime, SingularityFree, SmoothFixedTim
 from slidax.transformations import PrescribedPerformance, Sides
 from slidax.transformations.psi import psi
 
-from ..each import Each
-
-Floats = NDArray[np.floating[Any]]
+from ..each import Each, Floats
 
 
 @dataclass(frozen=True)
@@ -33,7 +30,7 @@ class PowerSurface:
 
     - `k1`, `p`: gain and exponent near zero.
     - `k2`, `q`: gain and exponent far from zero.
-    - `delta`: half-width of the core, in which another function stands for the first power.
+    - `delta`: half-width of the core, in which another function replaces the first power.
     """
 
     k1: Floats
@@ -45,37 +42,29 @@ class PowerSurface:
 
 @dataclass(frozen=True)
 class PrintedLaw:
-    """A `SlidingMode` of a scenario with what its certificates ask for.
-
-    - `scenario`: whose.
-    - `law`: its law.
-    """
+    """A `SlidingMode` of a scenario with the quantities that its certificates need."""
 
     scenario: Scenario
     law: SlidingMode
 
     @classmethod
     def of(cls, scenario: Scenario) -> PrintedLaw | None:
-        """The law, if it is one in printed form.
-
-        - `scenario`: whose law.
-        """
+        """The law, if it is in printed form."""
         law = scenario.controller
         return cls(scenario, law) if isinstance(law, SlidingMode) else None
 
     @property
     def joints(self) -> int:
-        """N."""
         return self.law.joints
 
     @property
     def held(self) -> bool:
-        """Whether its torque is held over a period."""
+        """True if the torque is held over a period."""
         return self.scenario.stepping.mode == "held"
 
     @cached_property
     def performance(self) -> AbstractPerformance | None:
-        """ρ(t), None for a law without an envelope."""
+        """ρ(t); None for a law without an envelope."""
         transformation = self.law.transformation
         return transformation.performance if isinstance(transformation, PrescribedPerformance) else None
 
@@ -97,7 +86,7 @@ class PrintedLaw:
             parts = surface.c1, surface.alpha, surface.c2, surface.beta, surface.delta
         else:
             return None
-        return PowerSurface(*(np.broadcast_to(np.asarray(one, float), n) for one in parts))
+        return PowerSurface(*(np.broadcast_to(np.asarray(value, float), n) for value in parts))
 
     @property
     def layer(self) -> float | None:
@@ -109,7 +98,7 @@ class PrintedLaw:
 
     @property
     def gain(self) -> tuple[Floats, float] | None:
-        """K0 [n n] and r of its power of s; None for a reaching law of another form."""
+        """K0 [n n] and exponent r of the power of s; None for a reaching law of another form."""
         reaching, n = self.law.reaching, self.joints
         if isinstance(reaching, FixedTimeReaching):
             gain, exponent = reaching.gain, float(reaching.exponent)
@@ -121,25 +110,22 @@ class PrintedLaw:
         return (array if array.ndim == 2 else np.diag(np.broadcast_to(array, n))), exponent
 
     def pulls(self, eps: Floats) -> Floats:
-        """How hard the surface pulls, [N n], rad/s or m/s.
-
-        - `eps`: ε1 of all joints alike, [N].
-        """
+        """The surface function φ [N n], rad/s or m/s, at ε1 [N] of all joints alike."""
         return self._surface(np.broadcast_to(np.asarray(eps, float)[:, None], (len(eps), self.joints)))[0]
 
     def slopes(self) -> Floats:
-        """The slope of the pull at zero, [n]."""
+        """Slope of φ at zero, [n]."""
         return self._surface(np.zeros((1, self.joints)))[1][0]
 
     def pull_inverse(self, pull: float) -> Floats:
-        """The transformed errors at which the surface pulls so hard, no less than these by more than 1e-5, [n].
+        """Transformed errors with `φ(ε) = pull`, above these by at most a factor 1 + 1e-5, [n].
 
         - `pull`: > 0, rad/s or m/s.
         """
         if pull <= 0.0:
             return np.zeros(self.joints)
         reach = np.asarray(self.law.surface.reach(jnp.full(self.joints, pull)), float) * np.ones(self.joints)
-        found = np.zeros(self.joints)
+        errors = np.zeros(self.joints)
         for joint in range(self.joints):
             low, high = 1e-12 * reach[joint], reach[joint] * (1.0 + 1e-12)
             for _ in range(2):
@@ -147,35 +133,29 @@ class PrintedLaw:
                 enough = self.pulls(grid)[:, joint] >= pull
                 place = int(np.argmax(enough)) if enough.any() else FINENESS - 1
                 low, high = grid[max(place - 1, 0)], grid[place]
-            found[joint] = high
-        return found
+            errors[joint] = high
+        return errors
 
     def radius(self, t: Floats) -> Floats:
-        """ρ(t) [N n]; 1 without an envelope.
-
-        - `t`: times [N], s.
-        """
+        """ρ(t) [N n] at times [N], s; 1 without an envelope."""
         if self.performance is None:
             return np.ones((len(t), self.joints))
         return np.broadcast_to(self._radius(t)[0].reshape(len(t), -1), (len(t), self.joints))
 
     def places(self, eps: Floats) -> Floats:
-        """`ψ(ε)` [N n]; ε itself without an envelope.
-
-        - `eps`: transformed errors [N n].
-        """
+        """`ψ(ε)` [N n] of transformed errors [N n]; ε itself without an envelope."""
         return np.asarray(eps, float) if self.sides is None else self._place(eps)[0]
 
     @cached_property
     def start(self) -> tuple[Floats, Floats, Floats]:
-        """e, s and ε1 at t = 0, [n]; the last two are not finite for a start outside of the envelope."""
+        """e, s and ε1 at t = 0, [n]; s and ε1 are not finite for a start outside the envelope."""
         scenario, law = self.scenario, self.law
 
         def at(t: Any, q: Any, dq: Any) -> Any:
             reference, state = scenario.trajectory.reference(t), State(q=q, dq=dq)
             memory = law.init(t, state, reference)
-            found = sliding_variable(law.transformation, law.surface, t, state, reference, memory)
-            return q - reference.q, found.s, found.error.eps1
+            sliding = sliding_variable(law.transformation, law.surface, t, state, reference, memory)
+            return q - reference.q, sliding.s, sliding.error.eps1
 
         e, s, eps = Each(at)([0.0], [scenario.state0.q], [scenario.state0.dq])
         return e[0], s[0], eps[0]
@@ -197,30 +177,23 @@ class PrintedLaw:
         return Each(lambda eps: psi(eps, sides))
 
     def nominal_is_constant(self, samples: int = 64) -> float:
-        """How much M0 differs between random postures, relative to its size.
-
-        - `samples`: how many.
-        """
+        """Largest difference of M0 between random postures, relative to its size."""
         masses = masses_of(self.law.nominal, np.random.default_rng(0).uniform(-3, 3, (samples, self.joints)))
         return float(np.max(np.abs(masses - masses[0])) / np.max(np.abs(masses[0])))
 
     @property
     def gain_is_diagonal(self) -> bool:
-        """Whether K0 is, and positive definite."""
-        found = self.gain
-        if found is None:
+        """True if K0 is diagonal and positive definite."""
+        if self.gain is None:
             return False
-        return bool(np.all(found[0] == np.diag(np.diag(found[0])))) and is_positive_definite(found[0])
+        k0, _ = self.gain
+        return bool(np.all(k0 == np.diag(np.diag(k0)))) and is_positive_definite(k0)
 
 
 FINENESS = 400
-"""Points of a grid on which a pull is looked up."""
+"""Grid points for the inverse of the surface function."""
 
 
 def masses_of(robot: AbstractRobot, q: Floats) -> Floats:
-    """`M(q)` at several positions, [N n n].
-
-    - `robot`: whose.
-    - `q`: positions [N n].
-    """
+    """Return `M(q)` at several positions, [N n n]."""
     return along(robot, np.asarray(q, float), np.zeros_like(q))[0]

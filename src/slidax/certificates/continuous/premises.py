@@ -1,4 +1,4 @@
-"""What every statement about the printed law in continuous time stands on."""
+"""Assumptions of all certificates of printed laws in continuous time."""
 
 from __future__ import annotations
 
@@ -12,38 +12,39 @@ from .law import PrintedLaw
 
 
 def continuous_premises(printed: PrintedLaw, *, unit_vector: bool = True) -> tuple[Assumption, ...]:
-    """Continuous time, exact measurements, unlimited torque, a start inside, and, where it is needed, (44).
+    """Assumptions: continuous time, exact measurements, unlimited torque, a start inside, and (44) if needed.
 
-    - `printed`: the law.
-    - `unit_vector`: whether (51)'s layer spoils the statement.
+    - `unit_vector`: True if the layer of (51) invalidates the certificate.
     """
     scenario, plant = printed.scenario, printed.scenario.plant
     own = getattr(plant, "own", plant)
-    found = []
+    assumptions = []
     if unit_vector:
         layer = printed.layer
         held = layer == 0.0
         text = "the unit vector is that of (44)"
         if not held:
-            text += "; the scheme has no such vector" if layer is None else f"; its layer is s0 = {layer:.3g} (51)"
-        found.append(Assumption(text, "proved" if held else "fails", layer))
+            text += "; the scheme has no such vector" if layer is None else f"; here its layer is s0 = {layer:.3g} (51)"
+        assumptions.append(Assumption(text, "proved" if held else "fails", layer))
     if printed.held:
-        text = f"the torque follows the state at once; it is held for {1e3 * scenario.period:.3g} ms"
-        found.append(Assumption(text, "fails", scenario.period))
+        text = f"the torque follows the state at once; here it is held for {1e3 * scenario.period:.3g} ms"
+        assumptions.append(Assumption(text, "fails", scenario.period))
     else:
-        found.append(Assumption("the torque follows the state at once: simulation.mode is continuous", "proved"))
+        assumptions.append(Assumption("the torque follows the state at once: simulation.mode is continuous", "proved"))
     if own.sensor is not None:
-        found.append(Assumption("positions and velocities are measured as they are; there is a sensor", "fails"))
+        assumptions.append(
+            Assumption("positions and velocities are measured exactly; the scenario has a sensor", "fails")
+        )
     limits: TorqueLimits | None = None if own.actuator is None else getattr(own.actuator, "limits", None)
     if limits is None or bool(np.isinf(np.asarray(limits.torque)).all()):
-        found.append(Assumption("the drives deliver any torque: no limit is given", "assumed"))
+        assumptions.append(Assumption("the drives deliver any torque: no limit is given", "assumed"))
     else:
-        found.append(Assumption("the torque stays within the drives' limits, see `torque_budget`", "assumed"))
+        assumptions.append(Assumption("the torque stays within the drives' limits, see `torque_budget`", "assumed"))
     if printed.performance is not None:
         starts = starts_of(scenario)
         reference = np.asarray(scenario.state0.q) - printed.start[0]
         error = np.maximum(np.abs(starts.lower - reference), np.abs(starts.upper - reference))
         share = np.max(error / printed.radius(np.zeros(1))[0])
         status: Status = "proved" if share < 1.0 else "fails"
-        found.append(Assumption(f"{starts.said} inside of the envelope, |e(0)| < ρ0", status, float(share)))
-    return tuple(found)
+        assumptions.append(Assumption(f"{starts.all_are} inside the envelope, |e(0)| < ρ0", status, float(share)))
+    return tuple(assumptions)

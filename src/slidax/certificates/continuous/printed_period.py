@@ -1,4 +1,4 @@
-"""The longest period over which the printed law's torque may be held."""
+"""The certificate `printed_period`: the longest period over which the printed law's torque may be held."""
 
 from __future__ import annotations
 
@@ -12,33 +12,32 @@ from slidax.scenarios import Scenario
 from ..certificate import ARM, WORLD, certificate
 from ..corners import members_of
 from ..each import Each
-from ..members import Motion
+from ..envelope import SampledReference
 from ..verdict import Assumption, Verdict
 from .law import PrintedLaw
 
-NAME, TITLE = "printed_period", "stable at its period"
+PRINTED_PERIOD = "printed_period", "stable at its period"
 
 SAFE = 0.95
-"""Of the limit: nearer to it a loop is stable, but its eigenvalue near -1 makes torque steps grow, in runs of the
-paper's examples 20-fold within 2 % (docs/certificates/paper.md)."""
+"""Share of the limit. Between this share and the limit a loop is stable, but its eigenvalue near -1 makes torque steps
+grow, in runs of the paper's examples 20-fold within 2 % (docs/certificates/paper.md).
+"""
 
 
-@certificate(NAME, TITLE, covers=ARM, reads=(*WORLD, "scheme", "simulation"))
+@certificate(*PRINTED_PERIOD, covers=ARM, reads=(*WORLD, "scheme", "simulation"))
 def printed_period(scenario: Scenario) -> Verdict:
-    """`h < 2/λmax(M⁻¹ (M0 Λ + (u/s0) I))`: the printed law near its goal, held over a period.
+    """Check `h < 2/λmax(M⁻¹ (M0 Λ + (u/s0) I))`: the printed law near its goal, held over a period.
 
-    Near e = 0 it is `τ = -(M0 Λ + (u/s0) I) ė - ...` with Λ = slope(0) β, and a sampled double integrator with that
-    damping has an eigenvalue at -1 just where `h M⁻¹ (M0 Λ + (u/s0) I)` has one at 2. The two limits that are known
-    each by itself, `2/λmax(M⁻¹ M0 Λ)` of the surface and `2 s0 λmin(M)/u` of the layer, are those without the other.
+    Near e = 0 the law is `τ = -(M0 Λ + (u/s0) I) ė - ...` with Λ = slope(0) β. A sampled double integrator with that
+    damping has an eigenvalue at -1 exactly where `h M⁻¹ (M0 Λ + (u/s0) I)` has one at 2. The surface alone has the
+    limit `2/λmax(M⁻¹ M0 Λ)`, the layer alone `2 s0 λmin(M)/u`.
 
-    - `period`: the bound, with some distance from the limit; `limit`, `surface`, `layer`: as above, s.
-
-    - `scenario`: what is asked about.
+    Bounds: `period`, with some distance from the limit; `limit`, `surface`, `layer` as above, s.
     """
     printed = PrintedLaw.of(scenario)
     layer = None if printed is None else printed.layer
     if printed is None or layer is None:
-        return Verdict(NAME, TITLE, None, None, {}, (), "it is about a law in the form that its source prints")
+        return Verdict(*PRINTED_PERIOD, None, None, {}, (), "it applies only to a law in printed form")
     if layer == 0.0 or isinstance(printed.law.reaching, TwoPowerReaching):
         limits = {"period": 0.0, "limit": 0.0, "surface": _limits(printed, scenario, np.inf)[1], "layer": 0.0}
     else:
@@ -46,30 +45,32 @@ def printed_period(scenario: Scenario) -> Verdict:
         limit, surface, edge = map(min, zip(*each, strict=True))
         limits = {"period": SAFE * limit, "limit": limit, "surface": surface, "layer": edge}
     limit, period = limits["period"], scenario.period
-    said = f"Held for less than {1e3 * limit:.3g} ms the loop is stable and calm near its goal"
+    claim = f"With the torque held for less than {1e3 * limit:.3g} ms the loop is stable and smooth near its goal"
     if limit == 0.0:
-        said = "A unit vector without a layer chatters at every period"
+        claim = "A unit vector without a layer chatters at every period"
     if not printed.held:
-        text = f"{said}; this scenario's torque follows the state at once, its period is the integrator's step."
-        return Verdict(NAME, TITLE, None, None, limits, (), text)
+        text = f"{claim}; this scenario's torque follows the state at once, its period is the integrator's step."
+        return Verdict(*PRINTED_PERIOD, None, None, limits, (), text)
     cases = len(members_of(scenario)) - 1
     over = f", for the scenario and {cases} corners of its uncertain set" if cases else ""
     assumptions = (
         Assumption("the loop is linear near its goal: e and s are small against ρ∞, δ and s0", "assumed"),
-        Assumption(f"M, M0 and u along the reference, at {len(Motion(scenario).times)} times{over}", "tested"),
+        Assumption(
+            f"M, M0 and u along the reference, at {len(SampledReference(scenario).times)} times{over}", "tested"
+        ),
     )
     holds = period < limit
-    statement = f"{said}: h < {SAFE:g} · 2/λmax(M⁻¹ (M0 Λ + (u/s0) I)); its period is {1e3 * period:.3g} ms."
+    statement = f"{claim}: h < {SAFE:g} · 2/λmax(M⁻¹ (M0 Λ + (u/s0) I)); its period is {1e3 * period:.3g} ms."
     margin = 1.0 - period / limit if limit > 0.0 else -1.0
     remedies = [Remedy("the law in its sampled-data form", {"scheme.sampled_data": {}})]
     if limit > 0.0:
         remedies.insert(0, Remedy("a shorter period", {"simulation.period": float(f"{0.95 * limit:.2g}")}))
-    return Verdict(NAME, TITLE, holds, margin, limits, assumptions, statement, () if holds else remedies)
+    return Verdict(*PRINTED_PERIOD, holds, margin, limits, assumptions, statement, () if holds else remedies)
 
 
 def _limits(printed: PrintedLaw, member: Scenario, layer: float) -> tuple[float, float, float]:
-    """The limit of both together, of the surface and of the layer, s."""
-    law, motion, n = printed.law, Motion(member), printed.joints
+    """The limits of surface and layer together, of the surface and of the layer, s."""
+    law, motion, n = printed.law, SampledReference(member), printed.joints
     mass, (mass0, bias0) = motion.truth[0], motion.of_arm(law.nominal)
     steep = np.ones(n)
     if printed.sides is not None:
@@ -85,6 +86,6 @@ def _limits(printed: PrintedLaw, member: Scenario, layer: float) -> tuple[float,
 
 def _period(matrices: np.ndarray) -> float:
     if not np.all(np.isfinite(matrices)):
-        # Gains or torques whose products are no floats: no period that a computer can keep is short enough.
+        # The products of gains or torques overflow: no period is short enough.
         return 2.0 / float(np.finfo(float).max)
     return 2.0 / max(float(np.max(np.abs(np.linalg.eigvals(matrices)))), 1e-300)

@@ -1,4 +1,4 @@
-"""How soon the printed law settles: its source's formulas, the exact supremum, and this start's own bound."""
+"""The certificate `settling_time`: printed formulas, their exact supremum, and the bound for the scenario's start."""
 
 from __future__ import annotations
 
@@ -7,47 +7,43 @@ from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from slidax.diagnosis import Remedy
 from slidax.reaching import UncertaintyBound
 from slidax.scenarios import Scenario
 
 from ..certificate import ARM, certificate
+from ..each import Floats
 from ..numbers import listed
 from ..verdict import Assumption, Verdict
 from .law import PowerSurface, PrintedLaw, masses_of
 from .premises import continuous_premises
 from .travel_time import PIECES, bounded_time, two_power_time
 
-Floats = NDArray[np.floating[Any]]
-
-NAME, TITLE = "settling_time", "settled by a time"
+SETTLING_TIME = "settling_time", "settles by a bounded time"
 
 
-@certificate(NAME, TITLE, covers=ARM)
+@certificate(*SETTLING_TIME, covers=ARM)
 def settling_time(scenario: Scenario) -> Verdict:
-    """Until when the transformed error is in its core, `|ε1| <= δ`: (48)-(50) beside what is sharp.
+    """Bound the time until the transformed error is in its core, `|ε1| <= δ`: (48)-(50), and sharper values.
 
     - `printed`: `T_max = T_r + T_s` of (48)-(50), with T_s of each joint.
-    - `supremum`: the same worst case with the integral in place of its two terms, over all starts.
+    - `supremum`: the same worst case over all starts, with the integral in place of its two terms.
     - `given_start`: for the scenario's own start, with the envelope's own β along the way.
-    - `deadline`: T of (20), from when on the envelope is ±ρ∞; it is kept or not whatever the three others say.
+    - `deadline`: T of (20), from which on the envelope is ±ρ∞, whatever the three other values are.
 
-    The derivation is in docs/certificates/settling-time.md.
-
-    - `scenario`: what is asked about.
+    docs/certificates/settling-time.md has the derivation.
     """
     printed = PrintedLaw.of(scenario)
     if printed is None:
         return _other_law(scenario)
     bound, powers, gain = printed.law.bound, printed.powers, printed.gain
     if powers is None or gain is None or not isinstance(bound, UncertaintyBound):
-        text = "(48)-(50) are about a surface with two powers and a u of (45); this scheme has others"
-        return Verdict(NAME, TITLE, None, None, {}, (), text)
+        text = "(48)-(50) require a surface with two powers and a u of (45); this scheme has others"
+        return Verdict(*SETTLING_TIME, None, None, {}, (), text)
     times = _Times(printed, powers, bound)
     deadline = times.deadline
-    found: dict[str, Any] = {
+    bounds: dict[str, Any] = {
         "printed": times.printed,
         "supremum": times.supremum,
         "given_start": times.given_start,
@@ -55,23 +51,23 @@ def settling_time(scenario: Scenario) -> Verdict:
         "reaching": times.reaching,
     }
     assumptions = (*continuous_premises(printed), *_premises(times))
-    holds = all(one.status != "fails" for one in assumptions)
+    holds = all(line.status != "fails" for line in assumptions)
     words = (
         f"by (48)-(50) at t = {listed(times.printed)} s; by the same inequalities without splitting their integrals at "
-        f"{listed(times.supremum)} s, from any start; from the scenario's own at {listed(times.given_start)} s"
+        f"{listed(times.supremum)} s, from any start; from the scenario's start at {listed(times.given_start)} s"
     )
     statement = f"Each joint has |ε1| <= δ {words}" + (
         "." if deadline is None else f"; the envelope itself is ±ρ∞ from t = {listed(deadline)} s on (20)."
     )
     if not holds:
-        statement = f"Values of the formulas only, since a hypothesis of theirs is not met. {statement}"
+        statement = f"Only the values of the formulas: one of their assumptions fails. {statement}"
     margin = float(1.0 - np.max(times.given_start / times.printed)) if holds else None
-    return Verdict(NAME, TITLE, holds, margin, found, assumptions, statement, _remedies(assumptions))
+    return Verdict(*SETTLING_TIME, holds, margin, bounds, assumptions, statement, _remedies(assumptions))
 
 
 @dataclass(frozen=True)
 class _Times:
-    """The bounds of one law, s."""
+    """Bounds of one law, s."""
 
     printed_law: PrintedLaw
     powers: PowerSurface
@@ -84,12 +80,12 @@ class _Times:
 
     @cached_property
     def spread(self) -> float:
-        """How much M0 differs between postures."""
+        """Difference of M0 between postures."""
         return self.printed_law.nominal_is_constant()
 
     @cached_property
     def mass(self) -> Floats:
-        """M0 where it is constant, else `2/(m1+m2) I` as (62) has it."""
+        """M0 if it is constant, else `2/(m1+m2) I` as in (62)."""
         n = self.printed_law.joints
         if self.spread > 1e-12:
             return self.stated * np.eye(n)
@@ -102,10 +98,9 @@ class _Times:
 
     @property
     def damping(self) -> tuple[float, float]:
-        """`n^((1-r)/2) λmin(K0)` and r: by how much the power of s brakes it."""
-        found = self.printed_law.gain
-        assert found is not None
-        gain, r = found
+        """`n^((1-r)/2) λmin(K0)` and r: the braking by the power of s."""
+        assert self.printed_law.gain is not None
+        gain, r = self.printed_law.gain
         least = float(np.linalg.eigvalsh(0.5 * (gain + gain.T)).min())
         return self.printed_law.joints ** ((1.0 - r) / 2.0) * least, r
 
@@ -118,12 +113,12 @@ class _Times:
     @property
     def deadline(self) -> Floats | None:
         """T, [n]; None for an envelope without one."""
-        found = getattr(self.printed_law.performance, "deadline", None)
-        return None if found is None else np.broadcast_to(np.asarray(found), self.printed_law.joints)
+        deadline = getattr(self.printed_law.performance, "deadline", None)
+        return None if deadline is None else np.broadcast_to(np.asarray(deadline), self.printed_law.joints)
 
     @cached_property
     def reaching(self) -> dict[str, float]:
-        """Until s = 0: as printed, the supremum, and from this start."""
+        """Time until s = 0: as printed, the supremum, and from this start."""
         (c, r), both = self.damping, 2.0 / self.stated
         printed = 2.0 / (self.excess * np.sqrt(both)) + 2.0 / (c * both ** ((r + 1.0) / 2.0) * (r - 1.0))
         heaviest = float(np.linalg.eigvalsh(self.mass).max())
@@ -137,16 +132,16 @@ class _Times:
     @cached_property
     def printed(self) -> Floats:
         """`T_r + T_s`, (48)-(50), [n]."""
-        one = self.powers
-        near = 2.0 ** (-(one.p + 1.0) / 2.0) * self.radius / (one.k1 * (1.0 - one.p))
-        far = 2.0 ** (-(one.q + 1.0) / 2.0) * self.radius / (one.k2 * (one.q - 1.0))
+        k1, p, k2, q = self.powers.k1, self.powers.p, self.powers.k2, self.powers.q
+        near = 2.0 ** (-(p + 1.0) / 2.0) * self.radius / (k1 * (1.0 - p))
+        far = 2.0 ** (-(q + 1.0) / 2.0) * self.radius / (k2 * (q - 1.0))
         return self.reaching["printed"] + near + far
 
     @cached_property
     def supremum(self) -> Floats:
-        """The same without splitting the integrals, until `|ε1| = δ`, [n]."""
-        one = self.powers
-        each = zip(one.k1, one.p, one.k2, one.q, one.delta, strict=True)
+        """The time without splitting the integrals, until `|ε1| = δ`, [n]."""
+        powers = self.powers
+        each = zip(powers.k1, powers.p, powers.k2, powers.q, powers.delta, strict=True)
         sliding = np.array([two_power_time(k1, p, k2, q, lower=delta) for k1, p, k2, q, delta in each])
         return self.reaching["supremum"] + 0.5 * self.radius * sliding
 
@@ -158,7 +153,7 @@ class _Times:
 
     @cached_property
     def given_start(self) -> Floats:
-        """From the scenario's own start, [n]; infinite for one outside of the envelope."""
+        """Time from the scenario's own start, [n]; infinite for a start outside the envelope."""
         _, s, eps = self.printed_law.start
         if not (np.isfinite(s).all() and np.isfinite(eps).all()):
             return np.full(self.printed_law.joints, np.inf)
@@ -169,7 +164,7 @@ class _Times:
         return np.array([self._slid(joint, reached, furthest[joint]) for joint in range(len(s))])
 
     def _slid(self, joint: int, begin: float, eps: float) -> float:
-        """When a joint that is on the surface since `begin`, no further out than `eps`, is in its core, s."""
+        """Time when a joint on the surface since `begin`, at most at `eps`, is in its core, s."""
         law, delta = self.printed_law, float(self.powers.delta[joint])
 
         def pull(x: Floats) -> Floats:
@@ -181,13 +176,13 @@ class _Times:
         def place(x: Floats, sign: float) -> Floats:
             return sign * law.places(np.broadcast_to(sign * x[:, None], (len(x), law.joints)))[:, joint]
 
-        # Either sign: s may have carried the error across.
+        # Both signs: s may have changed the error's sign.
         wait = max(bounded_time(pull, eps, delta, partial(place, sign=sign)) for sign in (1.0, -1.0))
         return _when_waited(lambda t: law.radius(t)[:, joint], begin, wait)
 
 
 def _when_waited(radius: Any, begin: float, wait: float) -> float:
-    """No earlier than when `∫ dt/ρ` from `begin` on is `wait`; ρ falls, so that rectangles from the left are short."""
+    """Upper bound of the time at which `∫ dt/ρ` from `begin` is `wait`; left rectangles underestimate, as ρ falls."""
     if wait <= 0.0:
         return begin
     last = begin + wait * float(radius(np.array([begin]))[0])
@@ -198,37 +193,32 @@ def _when_waited(radius: Any, begin: float, wait: float) -> float:
 
 
 def _premises(times: _Times) -> tuple[Assumption, ...]:
-    found, law = [], times.printed_law
-    diagonal = law.gain_is_diagonal
-    found.append(
+    law = times.printed_law
+    assumptions = [
         Assumption(
             "K0 is diagonal and positive definite, so that sᵀ K0 Sig^r(s) >= λmin Σ|s_i|^(r+1)",
-            "proved" if diagonal else "fails",
+            "proved" if law.gain_is_diagonal else "fails",
         )
-    )
+    ]
     if times.spread <= 1e-12:
         off = np.abs(times.mass - times.stated * np.eye(law.joints)).max() / times.stated
         text = "M0 is the same in 64 random postures"
         text += ", and 2/(m1+m2) I (62)" if off < 1e-9 else "; its largest eigenvalue takes the place of 2/(m1+m2)"
-        found.append(Assumption(text, "tested", times.spread))
+        assumptions.append(Assumption(text, "tested", times.spread))
     else:
         text = (
             f"M0 = 2/(m1+m2) I (62): M0 differs by {100 * times.spread:.3g} % of its size between 64 random postures, "
-            "and its rate is no part of (64)"
+            "and (64) omits its rate"
         )
-        found.append(Assumption(text, "fails", times.spread))
-    found.append(
-        Assumption(
-            "what the model lacks is no more than b0 + b1‖q‖ + b2‖q̇‖² + γ‖τ‖ (19), see `robust_torque`", "assumed"
-        )
-    )
-    return tuple(found)
+        assumptions.append(Assumption(text, "fails", times.spread))
+    text = "the torque that the model lacks is at most b0 + b1‖q‖ + b2‖q̇‖² + γ‖τ‖ (19), see `robust_torque`"
+    return (*assumptions, Assumption(text, "assumed"))
 
 
 def _remedies(assumptions: tuple[Assumption, ...]) -> tuple[Remedy, ...]:
-    failing = [one.text for one in assumptions if one.status == "fails"]
+    failing = [line.text for line in assumptions if line.status == "fails"]
     if len(failing) == 1 and failing[0].startswith("the unit vector"):
-        return (Remedy("take the unit vector (44) instead of its layer", {"scheme.reaching.layer": 0.0}),)
+        return (Remedy("the unit vector (44) instead of its layer", {"scheme.reaching.layer": 0.0}),)
     return ()
 
 
@@ -238,11 +228,11 @@ def _other_law(scenario: Scenario) -> Verdict:
     performance = getattr(getattr(step, "transformation", None), "performance", None)
     deadline = getattr(performance, "deadline", None)
     if deadline is None:
-        text = "(48)-(50) are about the paper's law in continuous time, which this is not."
-        return Verdict(NAME, TITLE, None, None, {}, (), text)
+        text = "(48)-(50) apply only to the paper's law in continuous time."
+        return Verdict(*SETTLING_TIME, None, None, {}, (), text)
     each = np.broadcast_to(np.asarray(deadline), law.joints)
     text = (
-        "(48)-(50) are about continuous time. At a period the envelope is the promise: "
-        f"±ρ∞ from t = {listed(each)} s on (20), if it is kept (`loop_rate`)."
+        "(48)-(50) apply only in continuous time. For a sampled-data law the guarantee is the envelope: "
+        f"±ρ∞ from t = {listed(each)} s on (20), if `loop_rate` holds."
     )
-    return Verdict(NAME, TITLE, None, None, {"deadline": each}, (), text)
+    return Verdict(*SETTLING_TIME, None, None, {"deadline": each}, (), text)

@@ -1,4 +1,4 @@
-"""How long `ẋ = -f(x)` takes from one size to a smaller one."""
+"""Time that `ẋ = -f(x)` takes from one size to a smaller one."""
 
 from __future__ import annotations
 
@@ -7,16 +7,15 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.floating[Any]]
+from ..each import Floats
 
 PIECES = 4000
-"""Of an integral that is bounded by rectangles: its excess is below a hundredth for integrands of a few decades."""
+"""Rectangles that bound an integral: the excess is below a hundredth for integrands of a few decades."""
 
 
 def two_power_time(a: float, p: float, b: float, q: float, upper: float = math.inf, lower: float = 0.0) -> float:
-    """`∫ dx/(a x^p + b x^q)` from `lower` to `upper`, for `p < 1 < q`: how long `ẋ = -(a x^p + b x^q)` takes, s.
+    """Return `∫ dx/(a x^p + b x^q)` from `lower` to `upper`, s, for `p < 1 < q`: the time of `ẋ = -(a x^p + b x^q)`.
 
     With `m = (1-p)/(q-p)` and `y = (b/a) x^(q-p)` it is, from 0 to X,
 
@@ -24,11 +23,10 @@ def two_power_time(a: float, p: float, b: float, q: float, upper: float = math.i
 
     I the regularised incomplete beta function, which is 1 for X = ∞: the supremum over all starts (R. Aldana-López,
     D. Gómez-Gutiérrez, E. Jiménez-Rodríguez, J. D. Sánchez-Torres, M. Defoort, International Journal of Robust and
-    Nonlinear Control 29, 2019). A gain of 0 is allowed where its power is not needed for the integral to be finite.
+    Nonlinear Control 29, 2019). A gain may be 0 if the integral is finite without its power.
 
     - `a`, `p`: gain and exponent near zero, p in [0, 1).
     - `b`, `q`: gain and exponent far from zero, q > 1.
-    - `upper`, `lower`: from and to which size.
     """
     if upper <= lower:
         return 0.0
@@ -42,7 +40,7 @@ def two_power_time(a: float, p: float, b: float, q: float, upper: float = math.i
     whole = math.pi / math.sin(math.pi * m) / (a * (q - p)) * (a / b) ** m
     y_low = b / a * lower ** (q - p)
     if math.isinf(upper):
-        # From the far end, so that a late start is no difference of like numbers.
+        # From the far end, to avoid the difference of nearly equal numbers.
         return float(whole * betainc(1.0 - m, m, 1.0 / (1.0 + y_low)))
     y = b / a * upper ** (q - p)
     if y_low > 1.0:
@@ -51,10 +49,10 @@ def two_power_time(a: float, p: float, b: float, q: float, upper: float = math.i
 
 
 def bounded_time(pull: Callable[[Floats], Floats], upper: float, lower: float, weight: Any = None) -> float:
-    """No less than `∫ w(x) dx/f(x)` from `lower` to `upper`, for an increasing f and a w whose integral is known.
+    """Return an upper bound of `∫ w(x) dx/f(x)` from `lower` to `upper`, for increasing f and w with known integral.
 
-    The range is cut at equal ratios; in each piece f is no less than at its lower end, so that the piece adds no more
-    than `(W(x₁) - W(x₀))/f(x₀)`, W the integral of w.
+    The range is cut at equal ratios. In each piece f is at least its value at the lower end, so the piece adds at most
+    `(W(x₁) - W(x₀))/f(x₀)`, with W the integral of w.
 
     - `pull`: f, increasing and > 0 on the range.
     - `upper`, `lower`: 0 < lower <= upper < ∞.

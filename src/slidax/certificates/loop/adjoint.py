@@ -1,4 +1,4 @@
-"""What the loops of all joints put out, as of the state at each sample before: carried back along a K that moves."""
+"""Adjoint responses of the coupled loop: its outputs as functions of earlier states, along a time-varying K."""
 
 from __future__ import annotations
 
@@ -11,10 +11,9 @@ from numpy.typing import NDArray
 
 from slidax.diagnosis.linear_loop import LinearLoop
 
+from ..each import Floats
 from .coupled_maps import CoupledMaps
 from .kernels import ACCELERATION, ERROR, ESTIMATE, LAPSE, LED, MISSED, OUTPUTS, SHIFT, SLIP, SPEED
-
-Floats = NDArray[np.floating[Any]]
 
 AT_ONCE = 16
 """Decisions that are carried back together: what is known of them then stays near the processor."""
@@ -33,13 +32,13 @@ class Along:
         # Linear in K: what there is without it, and what each entry adds.
         still, moved = CoupledMaps.of(loops, np.zeros((n, n))), CoupledMaps.of(loops, np.ones((n, n)))
         self.own = still.own
-        used = sum(np.abs(one.step).sum(axis=0) + np.abs(one.asked).sum(axis=(0, 1)) for one in (still, moved))
+        used = sum(np.abs(own.step).sum(axis=0) + np.abs(own.rows).sum(axis=(0, 1)) for own in (still, moved))
         self.kept = np.flatnonzero(used > 0.0)
         self._still = still = still.states(self.kept)
         moved = moved.states(self.kept)
         self._adds = CoupledMaps(
             moved.step - still.step,
-            moved.asked - still.asked,
+            moved.rows - still.rows,
             moved.enters - still.enters,
             moved.direct - still.direct,
             self.own,
@@ -50,7 +49,7 @@ class Along:
 
     @property
     def states(self) -> int:
-        """How many."""
+        """Number of states."""
         return int(self.kept.size)
 
     @property
@@ -59,32 +58,23 @@ class Along:
         return max(1, self.late)
 
     def at(self, samples: NDArray[np.integer[Any]]) -> CoupledMaps:
-        """The maps of some periods, along the first axis.
-
-        - `samples`: from which on they are [T].
-        """
+        """The maps of the periods from some samples [T], along the first axis."""
         matrix, still, adds = self._matrices(samples), self._still, self._adds
         return CoupledMaps(
             self.step(samples),
-            still.asked + matrix[..., self._whose][:, None] * adds.asked,
+            still.rows + matrix[..., self._whose][:, None] * adds.rows,
             self.enters(samples),
             still.direct + matrix[:, None, None] * adds.direct,
             self.own,
         )
 
     def step(self, samples: NDArray[np.integer[Any]]) -> Floats:
-        """Of these maps alone what becomes of the states [T S S].
-
-        - `samples`: as of `at`.
-        """
+        """The state maps alone [T S S]."""
         matrix = self._matrices(samples)[:, self._whose[:, None], self._whose]
         return self._still.step + matrix * self._adds.step
 
     def enters(self, samples: NDArray[np.integer[Any]]) -> Floats:
-        """Of these maps alone what comes in [T 5 S n].
-
-        - `samples`: as of `at`.
-        """
+        """The input maps alone [T 5 S n]."""
         matrix = self._matrices(samples)[:, self._whose]
         return self._still.enters + matrix[:, None] * self._adds.enters
 
@@ -92,59 +82,53 @@ class Along:
         return self.matrices[np.clip(samples, 0, len(self.matrices) - 1)]
 
     def columns(self, *places: int) -> Floats:
-        """States that are one in some places of each joint's own [S n], as far as they are kept.
-
-        - `places`: numbers of a joint's states.
-        """
-        found = np.zeros((self.joints, self.own, self.joints))
+        """States that are one in some places of each joint's own [S n], as far as they are kept."""
+        result = np.zeros((self.joints, self.own, self.joints))
         for place in places:
-            found[:, place] += np.eye(self.joints)
-        return found.reshape(-1, self.joints)[self.kept]
+            result[:, place] += np.eye(self.joints)
+        return result.reshape(-1, self.joints)[self.kept]
 
     def places(self, place: int) -> NDArray[np.integer[Any]]:
-        """Where a state of each joint's own is among all that are kept [n].
-
-        - `place`: its number.
-        """
-        found = np.searchsorted(self.kept, np.arange(self.joints) * self.own + place)
-        assert (self.kept[found] == np.arange(self.joints) * self.own + place).all()
-        return found
+        """Index of a joint's own state among all kept states [n]."""
+        result = np.searchsorted(self.kept, np.arange(self.joints) * self.own + place)
+        assert (self.kept[result] == np.arange(self.joints) * self.own + place).all()
+        return result
 
     @property
     def noisy(self) -> list[int]:
-        """The numbers of the kinds of noise that come in at all, of `CoupledMaps.enters`."""
+        """Kinds of noise with an effect, as numbers of `CoupledMaps.enters`."""
         maps = (self._still, self._adds)
-        return [k for k in (0, 1) if any(one.enters[k].any() or one.direct[k].any() for one in maps)]
+        return [k for k in (0, 1) if any(own.enters[k].any() or own.direct[k].any() for own in maps)]
 
     @property
     def reach(self) -> float:
-        """No state is larger after a measurement's noise or a place of one has come in."""
+        """Bound of the states after a unit of measurement noise or of a target has entered."""
         widest = np.abs(self.matrices).max(axis=0)[self._whose]
         most = np.abs(self._still.enters[:3]) + widest * np.abs(self._adds.enters[:3])
         return max(1.0, float(most.max()))
 
     @property
     def resting(self) -> Floats:
-        """The states in which all loops rest under constant pushes, whatever K is [S n]."""
+        """The states of all loops at rest under constant disturbances, whatever K is [S n]."""
         queue = self.own - 8
         return self.columns(4 + queue) - self.columns(*range(2, 2 + queue))
 
     @property
     def led_to(self) -> Floats:
-        """The states in which all loops rest with constant places, whatever K is [S n]."""
+        """The states of all loops at rest with constant targets, whatever K is [S n]."""
         queue = self.own - 8
         return self.columns(0, 2 + queue, self.own - 2)
 
 
 @dataclass(frozen=True)
 class Back:
-    """Some decisions' outputs as of the states so many samples before each, with K of the periods between.
+    """Outputs of some decisions as functions of earlier states, with K of the periods in between.
 
-    - `age`: samples from the state to the decision; negative where it is later.
+    - `age`: samples from the state to the decision; negative if the state is later.
     - `which`: the decisions' numbers; `samples`: of their states [Z].
     - `rows`: of the outputs [Z 9n S]; `reached`: of the states at the decision [Z S S].
-    - `enters`: what comes in during the periods that end at these samples [Z 5 S n].
-    - `direct`: the same to what is read one sample before the states [Z 5 9n n]; None where nothing is.
+    - `enters`: inputs of the periods that end at these samples [Z 5 S n].
+    - `direct`: direct effect on outputs read one sample before the states [Z 5 9n n]; None if nothing is read there.
     """
 
     age: int
@@ -156,29 +140,25 @@ class Back:
     direct: Floats | None
 
     def entering(self, source: int) -> Floats:
-        """What comes in during the period that ends with the state does to the outputs [Z 9n n].
+        """Effect on the outputs of an input in the period that ends with the state [Z 9n n].
 
         - `source`: number of `CoupledMaps.enters`.
         """
-        found: Floats = self.rows @ self.enters[:, source]
-        # What comes in at a sample goes through to what is read there.
-        return found if self.direct is None else found + self.direct[:, source]
+        result: Floats = self.rows @ self.enters[:, source]
+        # Inputs of a sample act directly on the rows of that sample.
+        return result if self.direct is None else result + self.direct[:, source]
 
 
 def bunches(decisions: NDArray[np.integer[Any]]) -> list[slice]:
-    """The numbers of those that are carried back together.
-
-    - `decisions`: their samples.
-    """
+    """Return batches of decisions."""
     return [slice(begin, min(begin + AT_ONCE, len(decisions))) for begin in range(0, len(decisions), AT_ONCE)]
 
 
 def carried_back(along: Along, decisions: NDArray[np.integer[Any]], oldest: int) -> Iterator[Back]:
-    """From the latest sample at which an output is read to the first, or the oldest that counts; bunch by bunch.
+    """Yield responses from the latest sample that an output reads to the first, or the oldest age; batch by batch.
 
-    - `along`: the loops along the motion.
-    - `decisions`: their samples, in ascending order, as far from each other.
-    - `oldest`: age that is looked at.
+    - `decisions`: their samples, ascending and evenly spaced.
+    - `oldest`: largest age.
     """
     for which in bunches(decisions):
         yield from _carried(along, decisions, which, oldest)
@@ -199,7 +179,7 @@ def _carried(along: Along, decisions: NDArray[np.integer[Any]], which: slice, ol
         rows, reached, which, own = rows[begun:], reached[begun:], slice(which.start + begun, which.stop), own[begun:]
         samples, direct = own - age, None
         if -age in read:
-            rows = rows + np.einsum("or,zris->zois", read[-age], along.at(samples).asked).reshape(rows.shape)
+            rows = rows + np.einsum("or,zris->zois", read[-age], along.at(samples).rows).reshape(rows.shape)
         if age == 0:
             reached = reached + np.eye(size)
         if -age - 1 in read:
@@ -214,10 +194,7 @@ def _carried(along: Along, decisions: NDArray[np.integer[Any]], which: slice, ol
 def reached_back(
     along: Along, decisions: NDArray[np.integer[Any]], which: slice, oldest: int
 ) -> Iterator[tuple[int, NDArray[np.integer[Any]], Floats]]:
-    """What the states of some samples have become at decisions: their age, these samples, and that [Z S S].
-
-    - `along`, `decisions`, `oldest`: as of `carried_back`; `which`: a bunch of the decisions.
-    """
+    """Yield the transition from the states of some samples to the decisions: age, samples, and map [Z S S]."""
     apart, own = _apart(decisions), decisions[which]
     first = max(int(own[0]) - oldest - 1, -apart - 1)
     step = along.step(np.arange(first, int(own[-1])))
@@ -237,7 +214,7 @@ def _apart(decisions: NDArray[np.integer[Any]]) -> int:
 
 
 def _read(along: Along) -> dict[int, Floats]:
-    """From the rows that a loop is asked for so many samples after a decision to the outputs [9 7]."""
+    """From the rows of a loop at some samples after a decision to the outputs [9 7]."""
     lead, r, late = along.loop.horizon - 0.5, 1.0 / along.loop.horizon, along.late
     read: dict[int, Floats] = {ahead: np.zeros((OUTPUTS, 7)) for ahead in {0, 1, late}}
     read[0][LED, 2] = 1.0

@@ -1,4 +1,4 @@
-"""Where the plans of the arms of a set aim, beside the plan of the ideal arm."""
+"""Deviation of the members' plan targets from the nominal run's plan."""
 
 from __future__ import annotations
 
@@ -17,16 +17,15 @@ SIGN = (-1.0, 1.0)
 def aimed_beside(
     surface: AbstractSurface, sides: Sides, radius: Any, horizon: Any, ideal: tuple[Any, Any], target: Any, guess: Any
 ) -> tuple[Any, Any, Any]:
-    """By how much ψ(ε) and pull(ε) differ at most where the plan's equation is solved for another target; in size.
+    """Return bounds of the change of ψ(ε) and φ(ε) when the plan's equation is solved for another target; in size.
 
-    `N ψ(ε) + H pull(ε) = x` for `|x - x_b|` no more than a bound; ψ and pull increase with x, so its ends are enough.
+    `N ψ(ε) + H φ(ε) = x` for `|x - x_b|` within a bound; ψ and φ increase with x, so its ends suffice.
 
-    - `surface`, `sides`: of the law.
     - `radius`: N [n].
     - `horizon`: H [s].
     - `ideal`: x_b and its ε [n].
     - `target`: bounds of `x - x_b` below and above, in size [2 n j].
-    - `guess`: ε of before [2 n j].
+    - `guess`: ε of the sample before [2 n j].
 
     Returns these for below and above [2 n j], and ε at the two ends [2 n j].
     """
@@ -43,7 +42,7 @@ def aimed_beside(
 
     each = jax.vmap(jax.vmap(solve, in_axes=1, out_axes=1))
     eps = each(signed, guess)
-    there = jax.vmap(jax.vmap(lambda one: frame.place_and_slope(one)[0], in_axes=1, out_axes=1))(eps)
+    there = jax.vmap(jax.vmap(lambda value: frame.place_and_slope(value)[0], in_axes=1, out_axes=1))(eps)
     place = jnp.maximum(sign * (there - frame.place_and_slope(eps_middle)[0][:, None]), 0.0)
     pull = jnp.maximum(reach - radius[:, None] * place, 0.0) / horizon
     return place, pull, eps

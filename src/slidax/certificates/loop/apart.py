@@ -1,4 +1,4 @@
-"""The joints each by itself: what moves one of them with another is a push that only its size is known of."""
+"""Recursion of the decoupled bound: coupling enters as a disturbance of bounded magnitude."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from .padded import padded
 from .propagation import Answers, Bounds, Course, First, Passing, carried_at_first, sampled
 
 BLOCK = 32
-"""Samples between which all that came before is summed up; more of them take longer one by one, fewer together."""
+"""Samples whose earlier inputs are summed at once: a trade-off between sequential and parallel work."""
 
 
 @dataclass(frozen=True)
 class Apart:
     """The loops of the joints, each for some κ; units of periods.
 
-    - `kernels`: sizes of responses to pushes, places and changes of place, the newest last [9 n j L] each.
-    - `tails`: what is older does at most, of each, times the largest of it, faded.
+    - `kernels`: sizes of responses to disturbances, targets and changes of target, the newest last [9 n j L] each.
+    - `tails`: bounds of the effect of older inputs, of each, times their largest, faded.
     - `fading`: a period's share of that [n j].
-    - `spread`: `|κ(t)/κ - 1|` at most, for each κ [n j]; `kappa`: these κ [n j].
+    - `spread`: bound of `|κ(t)/κ - 1|` for each κ [n j]; `kappa`: these κ [n j].
     - `coupling`: of the joints' accelerations [n n].
     """
 
@@ -40,29 +40,27 @@ jax.tree_util.register_dataclass(Apart, data_fields=list(Apart.__dataclass_field
 
 
 def propagated(course: Course, apart: Apart, passing: Passing, first: First, most: int = 0) -> Bounds:
-    """The bounds of all samples, the worst of all κ.
+    """Return the bounds of all samples, over all κ.
 
-    - `course`, `apart`, `passing`: the loops.
-    - `first`: how they begin.
-    - `most`: samples that other calls of this kind may have, so that all share one compiled program.
+    - `most`: largest number of samples of all calls that share the compiled program.
     """
     count = passing.now.shape[0]
     blocks = -(-max(count, most) // BLOCK)
 
-    # What comes after the last sample does not touch those before, and is cut off.
-    def in_blocks(one: Any) -> Any:
-        whole = padded(one, blocks * BLOCK)
+    # Padding after the last sample does not affect earlier samples, and is cut off.
+    def in_blocks(values: Any) -> Any:
+        whole = padded(values, blocks * BLOCK)
         return jnp.asarray(whole.reshape(blocks, BLOCK, *whole.shape[1:]))
 
-    found = _scanned(course, apart, jax.tree.map(in_blocks, passing), first)
-    return Bounds(*(np.asarray(one).reshape(-1, *one.shape[2:])[:count] for one in found))
+    bounds = _scanned(course, apart, jax.tree.map(in_blocks, passing), first)
+    return Bounds(*(np.asarray(values).reshape(-1, *values.shape[2:])[:count] for values in bounds))
 
 
 @functools.partial(jax.jit)
 def _scanned(course: Course, apart: Apart, passing: Passing, first: First) -> Any:
-    """A block's samples one after the other, once it is known what all that came in before the block does in each.
+    """A block's samples one after the other, after the effect of all earlier inputs is summed for the whole block.
 
-    So the long responses are read once in a block, as a product of matrices, and at each sample their beginning alone.
+    So the long responses are read once a block, as a product of matrices, and at each sample only their first lags.
     """
     _, n, j, length = apart.kernels[0].shape
     short = min(BLOCK, length)
@@ -88,31 +86,33 @@ def _scanned(course: Course, apart: Apart, passing: Passing, first: First) -> An
         def past(old: Any, kernel: Any, window: Any, tail: Any, largest: Any) -> Any:
             return old + jnp.sum(kernel[..., :-1] * window[..., 1:], axis=-1) + tail * largest
 
-        given = zip(olds, beginnings, recent, apart.tails, most, strict=True)
+        parts = zip(olds, beginnings, recent, apart.tails, most, strict=True)
         answers = Answers(
-            before=tuple(past(*one) for one in given),
+            before=tuple(past(*arrays) for arrays in parts),
             newest=lambda kind, value: apart.kernels[kind][..., -1] * value,
             pushed=lambda acceleration: pushed(acceleration, at.stray),
         )
-        carried, entered, found = sampled(course, first, at, begun, carried, answers)
-        recent = tuple(_shifted(one, new[..., None]) for one, new in zip(recent, entered, strict=True))
+        carried, entered, bounds = sampled(course, first, at, begun, carried, answers)
+        recent = tuple(_shifted(arrays, new[..., None]) for arrays, new in zip(recent, entered, strict=True))
         most = tuple(jnp.maximum(apart.fading * old, new) for old, new in zip(most, entered, strict=True))
-        return (jnp.array(True), recent, most, carried), (entered, found)
+        return (jnp.array(True), recent, most, carried), (entered, bounds)
 
     def block(carry: Any, ats: Any) -> Any:
         begun, histories, most, carried = carry
-        olds = tuple(before_it(*one) for one in zip(apart.kernels, histories, strict=True))
+        olds = tuple(before_it(*arrays) for arrays in zip(apart.kernels, histories, strict=True))
         recent = (jnp.zeros((n, j, short)),) * 3
         inner = (begun, recent, most, carried)
-        (begun, _, most, carried), (entered, found) = jax.lax.scan(step, inner, (ats, olds))
-        histories = tuple(_shifted(one, jnp.moveaxis(new, 0, -1)) for one, new in zip(histories, entered, strict=True))
-        return (begun, histories, most, carried), found
+        (begun, _, most, carried), (entered, bounds) = jax.lax.scan(step, inner, (ats, olds))
+        histories = tuple(
+            _shifted(arrays, jnp.moveaxis(new, 0, -1)) for arrays, new in zip(histories, entered, strict=True)
+        )
+        return (begun, histories, most, carried), bounds
 
     history, nil = jnp.zeros((n, j, length)), jnp.zeros((n, j))
-    at_first = carried_at_first(jax.tree.map(lambda one: one[0], passing), first, j)
+    at_first = carried_at_first(jax.tree.map(lambda arrays: arrays[0], passing), first, j)
     return jax.lax.scan(block, (jnp.array(False), (history,) * 3, (nil,) * 3, at_first), passing)[1]
 
 
 def _shifted(history: Any, new: Any) -> Any:
-    """As long as it was, with new values behind its last."""
+    """The history with new values appended, of the same length."""
     return jnp.concatenate([history, new], axis=-1)[..., -history.shape[-1] :]

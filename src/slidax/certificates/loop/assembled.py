@@ -1,32 +1,36 @@
-"""From a scenario and what a set of arms asks of it to the bounds of its errors along time."""
+"""Decoupled bound: coupling enters as a disturbance of bounded magnitude."""
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TypeAlias
 
 import jax.numpy as jnp
 import numpy as np
-from numpy.typing import NDArray
+
+from slidax.diagnosis.linear_loop import LinearLoop
+from slidax.transformations import Sides
 
 from ..demand import Demand
+from ..each import Floats
 from .apart import Apart, propagated
-from .beginning import entered, started
 from .cells import cells_of
-from .kernels import ERROR, OUTPUTS, Kernels
-from .propagation import Passing
+from .kernels import ACCELERATION, ERROR, ESTIMATE, LED, OUTPUTS, Kernels
+from .propagation import First, Passing
+from .rule import aimed
 from .setting import Certified, Setting, Since
+from .signals import entries, followed, steady
 from .subject import Subject
 
-Floats = NDArray[np.floating[Any]]
+Known: TypeAlias = tuple[Floats, Floats, Floats]
+"""Responses without p and with some p held [N 2 9 n j] each, and the curvature effect on e [N n j]."""
 
 
 class Assembly(Setting):
-    """All of a scenario's bounds but for what the arm asks for beside its motion, so that they can be found for more.
+    """Error bounds for given disturbance bounds, reusable across fixed-point iterations.
 
-    Each joint's loop is followed by itself, and what moves it with another counts as a push.
+    Each joint's loop is bounded alone, and the coupling between joints counts as a disturbance.
 
-    - `subject`, `demand`, `since`: as of `Setting`.
-    - `chance`: that normal noise is larger than is counted at some sample of the run.
+    - `chance`: probability that normal noise exceeds its bound at some sample of the run.
     """
 
     def __init__(self, subject: Subject, demand: Demand, chance: float = 1e-3, since: Since | None = None) -> None:
@@ -44,15 +48,15 @@ class Assembly(Setting):
 
     @property
     def stable(self) -> bool:
-        """Whether all loops forget."""
+        """True if all loops are stable."""
         return self.kernels is not None
 
     @property
     def signed_error(self) -> Floats:
-        """What an acceleration that is constant over a period does to e, by the lag, for the middle κ [n L]."""
+        """Effect on e of an acceleration that is constant over a period, by the lag, for the middle κ [n L]."""
         assert self.kernels is not None
         length = self.kernels.of_push.shape[-1]
-        found = []
+        responses = []
         for loop, row in zip(self.subject.loops, self.kappa, strict=True):
             maps = loop.maps(float(row[row.size // 2]))
             state = maps.enters[:, 3] + maps.enters[:, 4]
@@ -60,14 +64,14 @@ class Assembly(Setting):
             for _ in range(length):
                 errors.append(maps.asked[0] @ state)
                 state = maps.step @ state
-            found.append(errors)
-        return np.array(found)
+            responses.append(errors)
+        return np.array(responses)
 
     def certified(self, more: Floats | None = None, misread: Floats | None = None) -> Certified:
         """The bounds.
 
-        - `more`: what w* may be otherwise at each sample of the arm, beyond `demand.stray` [N n], rad/s² or m/s².
-        - `misread`: by how much a command may be another where it is predicted [N n], likewise.
+        - `more`: additional disturbance at each sample of the arm, beyond `demand.stray` [N n], rad/s² or m/s².
+        - `misread`: prediction error of a command [N n], likewise.
         """
         bounds = propagated(self.course, self._apart(), self._passing(more, misread), self.first, self.most)
         error, share = self.error_of(bounds)
@@ -75,13 +79,15 @@ class Assembly(Setting):
         return Certified(self.subject, self.narrowing, bounds, error, share, self.kappa, self.spread, noise)
 
     def _apart(self) -> Apart:
-        found = self.kernels
-        assert found is not None
-        push, place, change = (jnp.asarray(one[..., ::-1]) for one in (found.of_push, found.of_place, found.of_change))
+        kernels = self.kernels
+        assert kernels is not None
+        push, place, change = (
+            jnp.asarray(kernel[..., ::-1]) for kernel in (kernels.of_push, kernels.of_place, kernels.of_change)
+        )
         return Apart(
             kernels=(push, place, change),
-            tails=(jnp.asarray(found.push_tail), jnp.asarray(found.place_tail), jnp.asarray(found.change_tail)),
-            fading=jnp.asarray(found.fading),
+            tails=(jnp.asarray(kernels.push_tail), jnp.asarray(kernels.place_tail), jnp.asarray(kernels.change_tail)),
+            fading=jnp.asarray(kernels.fading),
             spread=jnp.asarray(self.spread),
             kappa=jnp.asarray(self.kappa),
             coupling=jnp.asarray(self.demand.coupling),
@@ -95,16 +101,141 @@ class Assembly(Setting):
             free, held = free + extra, held + extra
         stray = self.strayed(more)
         target, eps, turn = self.planned()
-        given = (narrowing.now, narrowing.ahead, free, held, stray, bend, target, eps, turn)
+        inputs = (narrowing.now, narrowing.ahead, free, held, stray, bend, target, eps, turn)
         reached = (sliding.size, sliding.s_next, sliding.root, sliding.mass, sliding.grown)
-        return Passing(*(jnp.asarray(one) for one in (*given, *reached)))
+        return Passing(*(jnp.asarray(values) for values in (*inputs, *reached)))
 
     def _misled(self, misread: Floats) -> Floats:
-        """What commands that are predicted as others do at most, by the largest of those that are not forgotten."""
+        """Bound of the effect of commands computed for wrong predictions."""
         assert self.kernels is not None
         length = self.kernels.of_push.shape[-1]
-        found: Floats = self.recent(misread, length)[:, None, None, :, None] * self.kernels.of_command[None, None]
-        if self.demand.relearnt is not None:
-            moved = self.recent(self.demand.relearnt, length)
-            found = found + moved[:, None, None, :, None] * self.kernels.of_estimate[None, None]
-        return found
+        extra: Floats = self.recent(misread, length)[:, None, None, :, None] * self.kernels.of_command[None, None]
+        if self.demand.relearning is not None:
+            moved = self.recent(self.demand.relearning, length)
+            extra = extra + moved[:, None, None, :, None] * self.kernels.of_estimate[None, None]
+        return extra
+
+
+def started(assembly: Assembly) -> tuple[Known, First]:
+    """Return the known responses of the loops, and bounds at the first sample, from the scenario's start."""
+    narrowing, lead = assembly.narrowing, assembly.narrowing.lead
+    noise = np.max(assembly.noise_size[LED], axis=1) + assembly.noise_start[0] + lead * assembly.noise_start[1]
+    now, ahead = narrowing.now[0], narrowing.ahead[0]
+    spread = ahead / now * (noise + assembly.horizon * assembly.subject.cover()[1])
+    spread = np.minimum(spread, ahead * (narrowing.upper - narrowing.lower))
+    y = assembly.e + lead * assembly.de
+    sides = Sides(jnp.asarray(narrowing.lower), jnp.asarray(narrowing.upper))
+    both = jnp.stack([jnp.maximum(-jnp.asarray(y), 0.0), jnp.maximum(jnp.asarray(y), 0.0)])
+    surface, horizon = assembly.subject.surface, jnp.asarray(assembly.horizon)
+    place = aimed(surface, sides, jnp.asarray(now), horizon, both, jnp.zeros_like(both))[1]
+    aims = ahead * np.asarray(place[1] - place[0])
+    begun = np.stack([np.maximum(-assembly.e, 0.0), np.maximum(assembly.e, 0.0)])
+    return _known_of(assembly, aims), First.of(begun, spread, np.abs(aims - y) + spread + noise)
+
+
+def entered(assembly: Assembly) -> tuple[Known, First]:
+    """Return the known responses of the loops, and bounds at the first sample, from the initial set."""
+    assert assembly.since is not None
+    free, bend = _pushed(assembly)
+    held = free.copy()
+    known = np.max(free[0, :, LED], axis=(0, 2))
+    narrowing = assembly.narrowing
+    slope = assembly.course.slopes.between(*(jnp.asarray(assembly.since.ideal.eps[0]),) * 2)[0]
+    follows = narrowing.ahead[0] / (narrowing.now[0] + assembly.horizon * np.asarray(slope))
+    for i, loop in enumerate(assembly.subject.loops):
+        basis, sizes = entries(loop, float(follows[i]), assembly.since.states[:, :, i])
+        for j, kappa in enumerate(assembly.kappa[i]):
+            for column, size in zip(basis.T, sizes, strict=True):
+                if size > 0.0:
+                    alone, kept = _from(assembly, loop, kappa, column, float(follows[i]))
+                    free[:, :, :, i, j] += size * np.abs(alone.T)[:, None]
+                    held[:, :, :, i, j] += size * np.abs(kept.T)[:, None]
+    error = np.max(free[0, :, ERROR], axis=2)
+    slid = np.abs(assembly.since.slid)
+    size = float(np.sqrt(slid @ assembly.sliding.mass[0] @ slid))
+    return (free, held, bend), First.of(error, known, np.full_like(known, np.inf), size, follows)
+
+
+def _from(assembly: Assembly, loop: LinearLoop, kappa: float, state: Floats, follows: float) -> tuple[Floats, Floats]:
+    """Response of a loop from a state without p, and with the p held that ŷ has at the start [9 N] each."""
+    nothing = np.zeros((1, 2))
+    alone = followed(loop, kappa, nothing, 0.0, state, assembly.samples).outputs[:, 0]
+    place = follows * float(alone[LED, 0])
+    return alone, followed(loop, kappa, nothing, place, state, assembly.samples).outputs[:, 0]
+
+
+def _known_of(assembly: Assembly, aims: Floats) -> Known:
+    """Response of the loops to known inputs, without p and with the first held [N 2 9 n j], and the bend of e [N n j].
+
+    Below and above zero, in size.
+    """
+    free, bend = _pushed(assembly)
+    alone = np.empty((assembly.samples, OUTPUTS, *assembly.kappa.shape))
+    nothing = np.zeros((1, 2))
+    for i, loop in enumerate(assembly.subject.loops):
+        still = np.zeros_like(_begun(assembly, i))
+        for j, kappa in enumerate(assembly.kappa[i]):
+            signals = followed(loop, kappa, nothing, aims[i], still, assembly.samples, assembly.quiet)
+            alone[:, :, i, j] = signals.outputs[:, 0].T
+    return free, free + alone[:, None] * np.array([-1.0, 1.0])[:, None, None, None], bend
+
+
+def _pushed(assembly: Assembly) -> tuple[Floats, Floats]:
+    """Response of the loops from their start to the known disturbances, with noise."""
+    h, (n, cells) = assembly.period, assembly.kappa.shape
+    known = np.empty((assembly.samples, 2, OUTPUTS, n, cells))
+    bend = np.empty((assembly.samples, n, cells))
+    curve = 12.0 if assembly.subject.dead_time % 1.0 == 0 else 4.0
+    for i, loop in enumerate(assembly.subject.loops):
+        push = assembly.demand.push[:, :, i] * h * h
+        begun = _begun(assembly, i) if assembly.since is None else steady(loop, push[:, 0])
+        for j, kappa in enumerate(assembly.kappa[i]):
+            signals = followed(loop, kappa, push, 0.0, begun, assembly.samples, assembly.quiet)
+            extra = assembly.noise_size[:, i, j, None] + _first_noise(assembly, i, kappa)
+            outputs = signals.outputs.copy()
+            # Of the estimate what it misses of the push as it is when the torque sets in.
+            outputs[ESTIMATE] -= push[:, assembly.late : assembly.late + assembly.samples]
+            outputs[ACCELERATION] += kappa * signals.least
+            known[:, 0, :, i, j] = (np.max(-outputs, axis=1) + extra).T
+            outputs[ACCELERATION] += kappa * (signals.most - signals.least)
+            known[:, 1, :, i, j] = (np.max(outputs, axis=1) + extra).T
+            bend[:, i, j] = kappa * np.max(signals.change, axis=0) / curve
+    return known, bend
+
+
+def _first_noise(assembly: Assembly, joint: int, kappa: float) -> Floats:
+    """Effect of the noise of the first measurement, which is the first prediction as well [9 N]."""
+    loop, queue, noise = assembly.subject.loops[joint], _queue(assembly, joint), np.zeros((OUTPUTS, assembly.samples))
+    if assembly.since is not None:
+        # It is among what was seen.
+        return noise
+    for k, size in enumerate(assembly.noise_start):
+        if size[joint]:
+            state = np.zeros_like(_begun(assembly, joint))
+            state[2 + queue + k] = size[joint]
+            noise += np.abs(followed(loop, kappa, np.zeros((1, 2)), 0.0, state, assembly.samples).outputs[:, 0])
+    return noise
+
+
+def _queue(assembly: Assembly, joint: int) -> int:
+    return int(max(1, np.ceil(assembly.subject.loops[joint].believed)))
+
+
+def _begun(assembly: Assembly, joint: int) -> Floats:
+    """The loop's state at its first measurement, `quiet` periods before the start."""
+    queue, quiet, h = _queue(assembly, joint), assembly.subject.quiet, assembly.period
+    state = np.zeros(2 + queue + 6)
+    speed = assembly.de[joint] * h
+    state[0], state[1] = assembly.e[joint] - quiet * speed, speed
+    # The arm is held until the first command sets in: behind a reference that accelerates.
+    acts = np.arange(queue, 0, -1) - 1
+    held = int(assembly.subject.dead_time) - 1 - acts[::-1] >= 0
+    state[2 : 2 + queue] = np.where(held, -assembly.ddq[joint] * h * h, 0.0)
+    state[2 + queue], state[3 + queue] = state[0], state[1]
+    state[-2:] = state[:2] if _remembers(assembly, joint) else 0.0
+    return state
+
+
+def _remembers(assembly: Assembly, joint: int) -> bool:
+    loop = assembly.subject.loops[joint]
+    return loop.measures_velocity and loop.follows is not None

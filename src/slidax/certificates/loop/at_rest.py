@@ -1,4 +1,4 @@
-"""Bounds that ask for no more beside the planned run than they were given."""
+"""Fixed-point iteration: repeat until the deviation bound is self-consistent."""
 
 from __future__ import annotations
 
@@ -9,43 +9,42 @@ from .coupled import Coupled
 from .setting import Certified
 
 ROUNDS = 16
-"""In which what is asked for beside the planned run must have come to rest; twice as many for loops taken as one."""
+"""Largest number of rounds; twice as many for the coupled loop."""
 
 ABOVE = 1.05
-"""By which each round takes more than it found, so that the next may confirm it."""
+"""Factor by which each round enlarges its result, so that the next may confirm it."""
 
 AGAIN = 2.0
-"""A torque is computed for one prediction, and what it does is predicted from another: each misses as much."""
+"""A torque is computed for one prediction, and its effect predicted from another: each error counts."""
 
 FAR = 1e3
-"""Shares of an envelope's side from which on a bound is none."""
+"""Shares of an envelope's side from which on a bound is useless."""
 
 
 def at_rest(assembly: Assembly | Coupled, enough: float = FAR) -> Certified | None:
-    """Bounds that ask for no more beside the planned run than they were given; None if none was found.
+    """Return bounds whose deviation demand is no larger than the demand they assume; None if none was found.
 
-    Each round takes what the last one's bounds ask for. Where it finds no more than that, induction over the samples
-    shows that the bounds are true: what is asked for in a period depends on what came before.
+    Each round takes the demand of the last round's bounds. Where it is no larger, induction over the samples proves the
+    bounds: the demand in a period depends on earlier samples only.
 
-    - `assembly`: of the bounds.
-    - `enough`: shares of an envelope's side from which on they are not looked for; each round finds more than the last.
+    - `enough`: share of an envelope's side at which to stop; each round finds more than the last.
     """
     demand = assembly.demand
-    assert demand.beside is not None
-    assert demand.misread is not None
+    assert demand.deviation is not None
+    assert demand.prediction_error is not None
     late = assembly.subject.law.delay > 0.0
     more = misread = np.zeros(demand.push.shape[1:])
     for _ in range(ROUNDS if isinstance(assembly, Assembly) else 2 * ROUNDS):
-        found = assembly.certified(more, misread)
-        if not np.max(found.share) < min(enough, FAR):
+        bounds = assembly.certified(more, misread)
+        if not np.max(bounds.share) < min(enough, FAR):
             return None
-        radius, speed, missed, lapse = assembly.reach(found)
-        read = demand.misread(missed, lapse)
-        asked = demand.beside(radius, speed) + read
+        radius, speed, missed, lapse = assembly.reach(bounds)
+        read = demand.prediction_error(missed, lapse)
+        request = demand.deviation(radius, speed) + read
         confirmed = isinstance(assembly, Assembly) or assembly.confirmed
-        if confirmed and (asked <= more).all() and (AGAIN * late * read <= misread).all():
-            return found
-        more, misread = np.maximum(more, ABOVE * asked), np.maximum(misread, ABOVE * AGAIN * late * read)
+        if confirmed and (request <= more).all() and (AGAIN * late * read <= misread).all():
+            return bounds
+        more, misread = np.maximum(more, ABOVE * request), np.maximum(misread, ABOVE * AGAIN * late * read)
         if not np.isfinite(more).all():
             return None
     return None

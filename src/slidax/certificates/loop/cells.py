@@ -1,26 +1,24 @@
-"""The κ of a set as some of them, each with what lies around it."""
+"""A grid of κ over a set's range."""
 
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.floating[Any]]
+from ..each import Floats
 
 STEP = 1.1
-"""From a κ to the next at most: what lies between is counted as a push of the joint by itself."""
+"""Largest ratio of two neighbouring κ: deviations in between count as a disturbance."""
 
 
 def cells_of(kappa: Floats, step: float = STEP) -> tuple[Floats, Floats]:
-    """Some κ for each joint [n j], and by how much of itself the κ around each may be otherwise [n j].
+    """Return some κ for each joint [n j], and the relative deviation of κ around each [n j].
 
     They divide the range evenly in its logarithm, so that each κ of it is within `1 ± spread` of one of them.
 
     - `kappa`: least and largest [2 n].
-    - `step`: ratio of the ends of a cell, at most.
+    - `step`: largest ratio of the ends of a cell.
     """
     low, high = np.log(np.asarray(kappa, float))
     count = max(1, math.ceil(float(np.max(high - low)) / math.log(step) - 1e-9))

@@ -1,17 +1,16 @@
-"""The bounds of a part of a scenario's set, with the joints' loops as one: the phase between joints is kept."""
+"""Error bounds of a part of a set with all joints as one loop, which keeps the phase between joints."""
 
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from ..arm.part import Part
 from ..demand import Demand
+from ..each import Floats
 from .adjoint import Along, carried_back
 from .coupled_kernels import CoupledKernels, forgetting
 from .coupled_known import CoupledKnown, beginnings
@@ -21,31 +20,29 @@ from .setting import Certified, Setting, Since
 from .subject import Subject
 from .together import Together, propagated
 
-Floats = NDArray[np.floating[Any]]
-
 _FILTERS = (minimum_filter1d, maximum_filter1d)
 
 SPARE = 0.002
-"""Share of each entry of K by which it may be off the line between two samples at which it is computed."""
+"""Relative deviation of each entry of K from the line between two evaluated samples."""
 
 ABOVE = 1.05
-"""By which each round takes more than it found, so that the next may confirm it."""
+"""Factor by which each round enlarges its result, so that the next may confirm it."""
 
 
 class Coupled(Setting):
-    """All of the bounds of a part of a set but for what its arms ask for beside their motion.
+    """Error bounds of a part of a set for given disturbance bounds, reusable across fixed-point iterations.
 
-    - `subject`, `demand`, `since`: as of `Setting`; the demand is that of the whole set.
+    - `demand`: of the whole set.
     - `part`: the members.
-    - `chance`: that normal noise is larger than is counted at some sample of the run.
-    - `width`: decisions around one whose responses are taken for all of them.
+    - `chance`: probability that normal noise exceeds its bound at some sample of the run.
+    - `width`: decisions that share one response.
     """
 
     def __init__(self, subject: Subject, demand: Demand, since: Since, part: Part, chance: float, width: int) -> None:
         super().__init__(subject, demand, since)
         self.width = width
-        # What uncertain numbers add is followed as a signal, with its part of the set.
-        self.demand = self.asked
+        # Effects of uncertain values stay signals, each with its part of the set.
+        self.demand = self.requested
         ideal = since.ideal
         nothing = np.zeros_like(demand.push[0])
         self.shared = nothing if ideal.push is None else ideal.push
@@ -60,31 +57,28 @@ class Coupled(Setting):
         self.together: Together | None = None
         if self.forgetting.memory is None:
             return
-        least, most = (one(self.along.matrices, width + 1, axis=0, mode="nearest") for one in _FILTERS)
+        least, most = (values(self.along.matrices, width + 1, axis=0, mode="nearest") for values in _FILTERS)
         off = np.maximum(high - least, most - low) + SPARE * np.maximum(np.abs(low), np.abs(high))
         size = np.maximum(np.abs(least), np.abs(most))
         # A torque sets in at a sample or between two, and lasts for a period.
         ends = [slice(late + k, late + k + n) for k in range(1 + (subject.dead_time % 1.0 > 0))]
         queue = self.along.own - 8
-        seen = np.abs(since.states).max(axis=0)
+        states = np.abs(since.states).max(axis=0)
         # Of a command under way: what it is planned to do, and what the estimate misses.
-        under_way = seen[2 : 2 + queue] + seen[4 + queue]
+        under_way = states[2 : 2 + queue] + states[4 + queue]
         kernels = self._know(chance)
-        off, size = (np.array([one[end] for end in ends]).max(axis=0) for one in (off, size))
+        off, size = (np.array([values[end] for end in ends]).max(axis=0) for values in (off, size))
         self.together = Together(kernels, width, size, off, under_way)
         self.slope = np.max([part.slope[late + k : late + k + n] for k in range(len(ends) + 1)], axis=0)
         self.assumed, self.tube = np.zeros((3, n, len(loops))), np.zeros_like(part.push[0])
 
     @property
     def stable(self) -> bool:
-        """Whether all loops together forget along the motion."""
+        """True if the coupled loop is stable along the motion."""
         return self.together is not None
 
     def certified(self, more: Floats | None = None, misread: Floats | None = None) -> Certified:
-        """The bounds, from what the last ones brought in: true if that is `confirmed`.
-
-        - `more`, `misread`: as of `Assembly.certified`.
-        """
+        """The bounds, from the inputs of the last round: true if that is `confirmed`."""
         assert self.together is not None
         stray = self.strayed(self.rest if more is None else more + self.rest)
         free, held = self.free, self.held
@@ -93,9 +87,9 @@ class Coupled(Setting):
             free, held = free + extra, held + extra
         target, eps, turn = self.planned()
         narrowing, sliding = self.narrowing, self.sliding
-        given = (narrowing.now, narrowing.ahead, free, held, stray, self.bend[:, :, None], target, eps, turn)
+        inputs = (narrowing.now, narrowing.ahead, free, held, stray, self.bend[:, :, None], target, eps, turn)
         reached = (sliding.size, sliding.s_next, sliding.root, sliding.mass, sliding.grown)
-        passing = Passing(*(jnp.asarray(one) for one in (*given, *reached)))
+        passing = Passing(*(jnp.asarray(values) for values in (*inputs, *reached)))
         acceleration, aims, changes = self.assumed
         tube = np.maximum(
             self.tube[self.late : self.late + len(stray)], self.tube[self.late + 1 : self.late + 1 + len(stray)]
@@ -108,15 +102,15 @@ class Coupled(Setting):
         middle = np.sqrt(np.prod(self.demand.kappa, axis=0))[:, None]
         joints = len(middle)
         noise = self.noise_size[:, ERROR * joints : (ERROR + 1) * joints].max(axis=0)
-        found = Certified(self.subject, self.narrowing, bounds, error, share, middle, np.zeros_like(middle), noise)
-        radius = self.reach(found)[0]
+        certified = Certified(self.subject, self.narrowing, bounds, error, share, middle, np.zeros_like(middle), noise)
+        radius = self.reach(certified)[0]
         self.confirmed = bool((np.array(came) <= self.assumed).all() and (radius <= self.tube).all())
         self.assumed = np.maximum(self.assumed, ABOVE * np.array(came))
         self.tube = np.maximum(self.tube, ABOVE * radius)
-        return found
+        return certified
 
     def _know(self, chance: float) -> CoupledKernels:
-        """What is known of the loops beforehand, and bounds at the first sample."""
+        """Compute the known responses of the loops, and bounds at the first sample."""
         assert self.since is not None
         assert self.forgetting.memory is not None
         n, h, loops, memory = self.samples, self.period, self.subject.loops, self.forgetting.memory
@@ -144,8 +138,8 @@ class Coupled(Setting):
         self.noise_size = self._noise(kernels, n * joints * OUTPUTS, chance)
         extra = (self.noise_size + 2.0 * widest * older * kernels.tails[..., 0])[np.arange(n) // self.width]
         self.free, self.held = (
-            (sizes + (extra + one.reshape(-1, extra.shape[1])[:n]).reshape(n, 1, OUTPUTS, joints))[..., None]
-            for one in (known.free, known.held)
+            (sizes + (extra + known_sizes.reshape(-1, extra.shape[1])[:n]).reshape(n, 1, OUTPUTS, joints))[..., None]
+            for known_sizes in (known.free, known.held)
         )
         slid = np.abs(self.since.slid)
         size = float(np.sqrt(slid @ self.sliding.mass[0] @ slid))
@@ -154,18 +148,18 @@ class Coupled(Setting):
         return kernels
 
     def _noise(self, kernels: CoupledKernels, times: int, chance: float) -> Floats:
-        """How much of the sensors' noise arrives at each output [Z 9n], as `Noise.size` has it for one joint's loop."""
+        """Effect of the sensors' noise on each output [Z 9n], as `Noise.size` for one joint's loop."""
         noise, h = self.noise, self.period
         position, velocity = noise.position_deviation**2, (h * noise.velocity_deviation) ** 2
         spread = np.sqrt(kernels.noise_square[0] @ position + kernels.noise_square[1] @ velocity)
         return kernels.noise[0] @ noise.position + noise.deviations(times, chance) * spread
 
     def _misled(self, misread: Floats) -> Floats:
-        """What commands that are predicted as others do at most [N 9 n]."""
+        """Bound of the effect of commands computed for wrong predictions [N 9 n]."""
         assert self.together is not None
         kernels, which = self.together.kernels, self.together.which
-        found: Floats = np.einsum("koj,kj->ko", kernels.of_command[which], self.recent(misread, kernels.longest))
-        if self.demand.relearnt is not None:
-            relearnt = self.recent(self.demand.relearnt, kernels.longest)
-            found = found + np.einsum("koj,kj->ko", kernels.of_estimate[which], relearnt)
-        return found.reshape(len(found), OUTPUTS, -1)
+        extra: Floats = np.einsum("koj,kj->ko", kernels.of_command[which], self.recent(misread, kernels.longest))
+        if self.demand.relearning is not None:
+            relearnt = self.recent(self.demand.relearning, kernels.longest)
+            extra = extra + np.einsum("koj,kj->ko", kernels.of_estimate[which], relearnt)
+        return extra.reshape(len(extra), OUTPUTS, -1)

@@ -1,57 +1,51 @@
-"""How much of what comes into the loops of all joints arrives where, along a K that moves: responses in size."""
+"""Responses of the coupled loop in size, along a time-varying K."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..each import Floats
 from .adjoint import Along, Back, bunches, reached_back
 from .kernels import ERROR, LED, MISSED, OUTPUTS, largest_within
 
-Floats = NDArray[np.floating[Any]]
-
 MEMORIES = tuple(128 * k for k in range(1, 17))
-"""Ages up to which responses are told [periods]: the first after which little is left."""
+"""Ages up to which responses are computed [periods]: the first with a sufficiently decayed state."""
 
 LITTLE = 1e-6
-"""Of a state, after that."""
+"""Share of a state that may remain then."""
 
 EVERY = 128
-"""Samples from one at which it is looked at to the next."""
+"""Samples between two checks of it."""
 
 LUMPS = ((32, 4), (128, 8), (1 << 30, 16))
-"""Up to which lag so many are taken together, with the largest of what came in at them."""
+"""Lags up to which so many are grouped, with the largest input among them."""
 
 
 def lumped(longest: int) -> list[range]:
-    """Lags from one on, those together that are taken together.
-
-    - `longest`: the last.
-    """
-    found, lag = [], 1
+    """Return groups of lags from one to `longest`."""
+    groups, lag = [], 1
     for end, width in LUMPS:
         while lag <= min(end, longest):
-            found.append(range(lag, min(lag + width, longest + 1)))
+            groups.append(range(lag, min(lag + width, longest + 1)))
             lag += width
-    return found
+    return groups
 
 
 class CoupledKernels:
-    """Of all loops, for outputs of some decisions; units of periods. From the last axis's joint to each output.
+    """Responses of the coupled loop from each joint (last axis) to outputs of some decisions; units of periods.
 
     The outputs are those of `kernels`, but that of the acceleration is `a + w*` without K.
 
-    - `newest`: what pushes, places and changes of place do at once [3 Z 9n n].
-    - `older`: what they do from one period later on, lags together as of `lumped` [3 Z B 9n n].
-    - `tails`: what is older than these does at most, times the largest that came in [Z 9n n].
+    - `newest`: immediate effect of disturbances, targets and changes of target [3 Z 9n n].
+    - `older`: their effect from one period later on, in groups of lags [3 Z B 9n n].
+    - `tails`: bound of the effect of older inputs, times their largest [Z 9n n].
     - `of_command`, `of_estimate`: sums of sizes, as in `Kernels` [Z 9n n].
-    - `noise`, `noise_square`: the same of noise of position and velocity, and of squares [2 Z 9n n].
+    - `noise`, `noise_square`: the same for noise of position and velocity, and for squares [2 Z 9n n].
 
-    - `along`, `decisions`: of which loops and outputs.
-    - `memory`: from `memory_of`.
+    - `along`, `decisions`: the loops and outputs.
+    - `memory`: from `forgetting`.
     """
 
     def __init__(self, along: Along, count: int, memory: int) -> None:
@@ -76,17 +70,14 @@ class CoupledKernels:
         self._leads = leads.reshape(-1, n)
 
     def take(self, back: Back) -> None:
-        """What comes in at one sample of each decision.
-
-        - `back`: the outputs as of its state.
-        """
+        """Add the inputs at one sample before each decision."""
         age, n, late = back.age, self.along.joints, self.along.late
         sizes = (np.abs(back.reached) @ self._ones).max(axis=1)
         self._most[back.which] = np.maximum(self._most[back.which], sizes)
         if age == self.memory:
             self._left[back.which] = sizes
             self._weights[back.which] = np.abs(back.rows).sum(axis=2)
-        by_q, by_v = (back.rows[..., one] for one in self._kicked)
+        by_q, by_v = (back.rows[..., state] for state in self._kicked)
         self._add(0, back, age + late + 1, largest_within(by_v, by_q))
         placed = back.entering(2)
         place = placed.copy()
@@ -110,7 +101,7 @@ class CoupledKernels:
             self.older[kind, back.which, self._lump[lag]] += sizes
 
     def finish(self) -> None:
-        """What is older: `Σ |R Φ_1 Φ_2 ... x|`, each Φ over one memory, of which f is left; within one at most m."""
+        """Bound older inputs: `Σ |R Φ_1 Φ_2 ... x|`, each Φ over one memory with remainder f, at most m within one."""
         (here,) = self.along.step(np.zeros(1, int))
         power, most, left = np.eye(len(here)), float(self._most.max()), float(self._left.max())
         for _ in range(int(np.ceil(self.along.ahead)) + 64):
@@ -131,10 +122,10 @@ class CoupledKernels:
 
 @dataclass(frozen=True)
 class Forgetting:
-    """How the loops forget along a motion.
+    """Decay of the coupled loop along a motion.
 
-    - `memory`: periods after which little is left of any state; None for too long.
-    - `grown`: what an error of one joint has become in another at most, `apart` periods later, at sample `then`.
+    - `memory`: periods after which any state has decayed; None if that takes too long.
+    - `grown`: largest growth of one joint's error into another's, `apart` periods later, at sample `then`.
     """
 
     memory: int | None
@@ -144,27 +135,27 @@ class Forgetting:
 
 
 def forgetting(along: Along, samples: int) -> Forgetting:
-    """How the loops forget.
+    """Return the decay of the coupled loop.
 
-    - `along`: the loops along the motion; `samples`: of it.
+    - `samples`: number of samples of the motion.
     """
     looked = np.arange(samples - 1, 0, -EVERY)[::-1]
     left = np.zeros(len(MEMORIES))
     error, placed = along.columns(0), along.led_to
     grown, apart, then = 0.0, 0, 0
     for which in bunches(looked):
-        for age, seen, reached in reached_back(along, looked, which, MEMORIES[-1]):
+        for age, samples_back, reached in reached_back(along, looked, which, MEMORIES[-1]):
             if age < MEMORIES[0]:
                 continue
             sizes = np.abs(error.T @ reached @ placed).max(axis=(1, 2))
             k = int(np.argmax(sizes))
             if sizes[k] > grown:
-                grown, apart, then = float(sizes[k]), age, int(seen[k]) + age
+                grown, apart, then = float(sizes[k]), age, int(samples_back[k]) + age
             if age in MEMORIES:
                 number, size = MEMORIES.index(age), float(np.abs(reached).sum(axis=2).max())
                 left[number] = max(left[number], size)
-                # What is so small now is not the largest later.
+                # A response this small cannot become the largest one later.
                 if size < min(LITTLE, grown):
                     break
-    fits = [memory for memory, one in zip(MEMORIES, left, strict=True) if one < LITTLE]
+    fits = [memory for memory, rest in zip(MEMORIES, left, strict=True) if rest < LITTLE]
     return Forgetting(min(fits) if fits else None, grown, apart, then)

@@ -1,4 +1,4 @@
-"""What the loops of all joints do with what is known, along a K that moves: where they begin, and a set's pushes."""
+"""Outputs of the coupled loop for known inputs, along a time-varying K: initial states and a set's disturbances."""
 
 from __future__ import annotations
 
@@ -11,42 +11,40 @@ from numpy.typing import NDArray
 
 from slidax.diagnosis.linear_loop import LinearLoop
 
+from ..each import Floats
 from .adjoint import Along, Back
 from .kernels import ACCELERATION, ESTIMATE, OUTPUTS
 from .signals import entries
 
-Floats = NDArray[np.floating[Any]]
-
 
 def beginnings(along: Along, loops: Sequence[LinearLoop], follows: Floats, states: Floats) -> tuple[Floats, Floats]:
-    """Where the arms of a set may be at the first sample: columns [S m], and what is left of them when a p is held.
+    """Return the possible initial states as columns [S m], and their remainder when a p is held.
 
-    - `along`, `loops`: of all joints.
-    - `follows`: θ [n]; held is the p that ŷ has there.
+    - `follows`: θ [n]; the held p is that of ŷ there.
     - `states`: as in `Entry` [m 8 + Q n].
     """
     n, columns, less = along.joints, [], []
-    (asked,), led_to = along.at(np.zeros(1, int)).asked, along.led_to
+    (rows,), led_to = along.at(np.zeros(1, int)).rows, along.led_to
     for j, loop in enumerate(loops):
         basis, reach = entries(loop, float(follows[j]), states[:, :, j])
         whole = np.zeros((n, along.own, basis.shape[1]))
         whole[j] = basis * reach
         column = whole.reshape(n * along.own, -1)[along.kept][:, reach > 0.0]
         columns.append(column)
-        less.append(column - np.outer(led_to[:, j], follows[j] * (asked[2, j] @ column)))
+        less.append(column - np.outer(led_to[:, j], follows[j] * (rows[2, j] @ column)))
     return np.concatenate(columns, axis=1), np.concatenate(less, axis=1)
 
 
 class CoupledKnown:
-    """What is known of the outputs of each decision, some decisions around each that is carried back at a time.
+    """Known outputs of each decision and of its neighbours.
 
-    - `found`: what the pushes do to loops that they have brought to rest [Z W 9n M].
-    - `free`, `held`: what the beginning does in size, without p and with the first p held [Z W 9n].
+    - `responses`: of the disturbances, from rest [Z W 9n M].
+    - `free`, `held`: size of the initial states' effect, without p and with the first p held [Z W 9n].
 
-    - `along`, `decisions`: of which loops and outputs; `width`: W, samples, of which the middle one is carried back.
+    - `along`, `decisions`: the loops and outputs; `width`: W, samples, of which the middle one is carried back.
     - `pushes`: w* at the arm's samples, linear in between [M T n], units of periods.
     - `starts`: from `beginnings`.
-    - `memory`: ages that are looked at.
+    - `memory`: largest age.
     """
 
     def __init__(
@@ -61,7 +59,7 @@ class CoupledKnown:
         self.along, self.decisions, self.memory = along, decisions, memory
         self.offsets = np.arange(width) - width // 2
         self.pushes, self.starts = np.moveaxis(pushes, 0, -1), starts
-        # Over time along the last axis. What is before the first sample comes in with where the arms are then.
+        # Time is the last axis. The initial states contain everything before the first sample.
         lasting = np.moveaxis(pushes, 1, -1).swapaxes(0, 1)
         before = np.zeros((*lasting.shape[:2], memory + 2 * width))
         after = np.repeat(lasting[..., -1:], decisions[-1] + width, axis=-1)
@@ -74,33 +72,30 @@ class CoupledKnown:
         self._resting = along.resting
 
     @property
-    def found(self) -> Floats:
+    def responses(self) -> Floats:
         """As above."""
         count, outputs, _ = self._answers.shape
         return self._answers.reshape(count, outputs, -1, self.offsets.size).transpose(0, 3, 1, 2)
 
     def take(self, back: Back) -> None:
-        """What comes in at one sample of each decision.
-
-        - `back`: the outputs as of its state.
-        """
+        """Add the inputs at one sample before each decision."""
         if back.age < self.memory:
             answers = np.concatenate([back.entering(3), back.entering(4)], axis=2)
-            given = [self._around(pushes, back.samples - 1) for pushes in (self._now, self._then)]
-            self._answers[back.which] += answers @ np.concatenate(given, axis=1)
+            pushes_there = [self._around(pushes, back.samples - 1) for pushes in (self._now, self._then)]
+            self._answers[back.which] += answers @ np.concatenate(pushes_there, axis=1)
             self._begun(back)
         else:
             rests = back.rows @ self._resting
             self._answers[back.which] += rests @ self._around(self._now, back.samples)
 
     def _around(self, pushes: Floats, samples: NDArray[np.integer[Any]]) -> Floats:
-        """The pushes about some samples [Z n M W]."""
+        """The disturbances around some samples [Z n M W]."""
         windows = sliding_window_view(pushes, self.offsets.size, axis=-1)
-        found = windows[:, :, self._before + samples + self.offsets[0]]
-        return np.moveaxis(found, 2, 0).reshape(len(samples), self.along.joints, -1)
+        around = windows[:, :, self._before + samples + self.offsets[0]]
+        return np.moveaxis(around, 2, 0).reshape(len(samples), self.along.joints, -1)
 
     def _begun(self, back: Back) -> None:
-        """Of some decisions the sample is the first that there is."""
+        """Add the initial states for decisions whose state is at the first sample."""
         if back.samples[0] > self.offsets.size:
             return
         w = -back.samples - self.offsets[0]
@@ -109,33 +104,28 @@ class CoupledKnown:
             self._answers[at].reshape(len(rows), -1, self.offsets.size)[..., w[k]] += (
                 rows @ self._resting @ self.pushes[0]
             )
-            self.free[at, w[k]], self.held[at, w[k]] = (np.abs(rows @ one).sum(axis=1) for one in self.starts)
+            self.free[at, w[k]], self.held[at, w[k]] = (np.abs(rows @ columns).sum(axis=1) for columns in self.starts)
 
     def finish(self, later: Floats) -> None:
-        """What is older counts as it was when it became so.
+        """Bound the effect of inputs beyond the largest age.
 
-        - `later`: of a state of one as old as that, at most what is left in the outputs [Z 9n].
+        - `later`: bound of the remaining effect of a state of that age [Z 9n].
         """
-        sizes = [float(np.abs(one).sum(axis=1).max(initial=0.0)) for one in self.starts]
+        sizes = [float(np.abs(columns).sum(axis=1).max(initial=0.0)) for columns in self.starts]
         old = (self.decisions[:, None] + self.offsets) >= self.memory
         for into, size in zip((self.free, self.held), sizes, strict=True):
             into += np.where(old[..., None], size * later[:, None], 0.0)
 
     def told(self, count: int, corners: int, late: int, part: bool) -> tuple[Floats, Floats]:
-        """What the pushes of a set do, below and above zero [N 2 9 n], and by how much they bend e, for K [N n].
-
-        - `count`: N.
-        - `corners`: how many of the pushes are extreme ones; the others are added, each to either side.
-        - `late`: periods of delay that are whole; `part`: whether there is more.
-        """
+        """Return the effect of a set's disturbances, below and above zero [N 2 9 n], and their bend of e [N n]."""
         n = self.along.joints
-        found = self.found.reshape(-1, OUTPUTS, n, self.pushes.shape[2])[:count]
+        answers = self.responses.reshape(-1, OUTPUTS, n, self.pushes.shape[2])[:count]
         last = self.pushes.shape[0] - 1
         # When the torque of a decision sets in, and until the next does.
         at = np.arange(count) + late
         knots = np.array([self.pushes[np.minimum(at + k, last)] for k in range(2 + part)])
-        found[:, ESTIMATE] -= knots[0]
-        corner, effect = found[..., :corners], found[..., corners:]
+        answers[:, ESTIMATE] -= knots[0]
+        corner, effect = answers[..., :corners], answers[..., corners:]
         moves, adds = knots[..., :corners], knots[..., corners:]
         more = np.abs(effect)
         more[:, ACCELERATION] = np.max(np.abs(effect[:, ACCELERATION] + adds), axis=0)

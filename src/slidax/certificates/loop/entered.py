@@ -1,15 +1,13 @@
-"""From when on the arms of a set follow their plans, and how far from each other they then are: seen in cases."""
+"""Initial set: when members start tracking, and their spread, estimated from 16 runs."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 from zlib import crc32
 
 import jax.numpy as jnp
 import numpy as np
-from numpy.typing import NDArray
 
 from slidax._types import Command, Envelope, Memory, Reference, Scalar, State
 from slidax.controllers import AbstractController, SampledData
@@ -19,12 +17,11 @@ from slidax.studies.cases import Cases
 from ..arm.learnt import learns
 from ..arm.members import Members
 from ..arm.motion import Belief
+from ..each import Floats
 from .subject import Subject
 
-Floats = NDArray[np.floating[Any]]
-
 CASES = 16
-"""Of the set, the first of them its middle."""
+"""Number of cases of the set; the first is its middle."""
 
 
 LATEST = 0.75
@@ -32,27 +29,25 @@ LATEST = 0.75
 
 
 class Watching(AbstractController):
-    """A law that also says what it keeps for its next sample; it decides nothing else."""
+    """A law that also logs its memory for the next sample; it decides the same."""
 
     law: SampledData
 
     @property
     def joints(self) -> int:
-        """Those of the law."""
         return self.law.joints
 
     def init(self, t: Scalar, state: State, reference: Reference) -> Memory:
-        """As the law."""
         return self.law.init(t, state, reference)
 
     def __call__(
         self, t: Scalar, state: State, reference_now: Reference, reference_next: Reference, memory: Memory
     ) -> Command:
-        """As the law, with more signals."""
+        """The law's command, with more signals."""
         command = self.law(t, state, reference_now, reference_next, memory)
         kept = command.memory
         rate = kept.estimator if isinstance(kept.estimator, jnp.ndarray) else jnp.zeros_like(state.q)
-        said = {
+        signals = {
             "prior_q": kept.prior.state.q,
             "prior_dq": kept.prior.state.dq,
             "prior_push": kept.prior.push,
@@ -62,25 +57,23 @@ class Watching(AbstractController):
             "kept_s": kept.step.s,
             "free": kept.planned.astype(float),
         }
-        return Command(tau=command.tau, memory=kept, signals={**command.signals, **said})
+        return Command(tau=command.tau, memory=kept, signals={**command.signals, **signals})
 
     def envelope(self, t: Scalar, memory: Memory) -> Envelope | None:
-        """As the law."""
         return self.law.envelope(t, memory)
 
 
 @dataclass(frozen=True, eq=False)
 class Entry:
-    """Where the set's arms are when from now on each keeps s and its limits.
+    """States of the set's members from which on each keeps s and its limits.
 
-    - `sample`: k0, the first decision that is counted.
-    - `cases`: how many were looked at; `margin`: the least of them up to there, of the envelope's width.
-    - `q`, `dq`: of the middle one, from the sample that this decision is made from to when its torque sets in [m n].
-    - `commands`: its relative accelerations in the periods whose torques are under way, the newest first [Q n].
-    - `s`: what it remembers of s [n]; `slid`: by how much others differ from that [n], rad/s or m/s.
-    - `seen`: for a law that learns, the arms, each with what it came to believe of it.
-    - `states`: by how much each differs from it in e, ė, what each command under way is planned to do, and in what is
-      wrong of the prediction of e and ė, of ŵ, its rate and the last measurement [cases 8 + Q n]; units of periods.
+    - `sample`: k0, the first decision that counts.
+    - `cases`: number of simulated cases; `margin`: their least margin up to there, of the envelope's width.
+    - `q`, `dq`: of the nominal member, from the sample of this decision to the start of its torque [m n].
+    - `s`: in its memory [n]; `slid`: deviation of other members from it [n], rad/s or m/s.
+    - `states`: deviation of each member from the nominal one in e, ė, the planned effect of each pending command, the
+      prediction errors of e and ė, ŵ, its rate and the last measurement [cases 8 + Q n]; units of periods.
+    - `arms`: for a law that learns, the arms, each with its learned model.
     """
 
     sample: int
@@ -91,61 +84,58 @@ class Entry:
     s: Floats
     slid: Floats
     states: Floats
-    seen: list[tuple[Plant, Belief]]
+    arms: list[tuple[Plant, Belief]]
 
 
 @dataclass(frozen=True, eq=False)
 class Approach:
-    """Cases of a set, the first of them its middle.
+    """Simulated cases of a set, the first of them its middle.
 
-    - `subject`: the law on its task.
-    - `seen`: the runs, `plants` their arms.
+    - `traces`: the runs, `plants` their arms.
     - `late`: the first sample from which on all of them keep s and their limits.
     """
 
     subject: Subject
-    seen: list[Seen]
+    traces: list[Seen]
     plants: list[Plant]
     late: int
 
     @property
     def samples(self) -> int:
-        """Of a run."""
-        return int(self.seen[0].e.shape[0])
+        """Number of samples of a run."""
+        return int(self.traces[0].e.shape[0])
 
-    def entry(self, sample: int, beside: Seen | None = None) -> Entry:
-        """Where they are at a sample.
+    def entry(self, sample: int, nominal: Seen | None = None) -> Entry:
+        """The initial set at a sample.
 
         - `sample`: not before `late`.
-        - `beside`: the run that they are followed beside; what the middle one's law plans if None.
+        - `nominal`: the run from which deviations count; by default that planned by the nominal member's law.
         """
-        subject, middle = self.subject, self.seen[0] if beside is None else beside
-        states = np.array([one.state(sample, middle) for one in self.seen])
-        if beside is not None:
-            states = states - beside.state(sample, beside)
+        subject, middle = self.subject, self.traces[0] if nominal is None else nominal
+        states = np.array([trace.state(sample, middle) for trace in self.traces])
+        if nominal is not None:
+            states = states - nominal.state(sample, nominal)
         ends = slice(sample - subject.quiet, sample + int(np.ceil(subject.dead_time)) + 2)
-        kept = np.array([one.s[sample] for one in self.seen])
+        kept = np.array([trace.s[sample] for trace in self.traces])
         s = middle.s[sample]
         learning = learns(subject.scenario)
         return Entry(
             sample=sample,
-            cases=len(self.seen),
-            margin=min(one.margin(sample) for one in self.seen),
+            cases=len(self.traces),
+            margin=min(trace.margin(sample) for trace in self.traces),
             q=middle.q[ends],
             dq=middle.dq[ends],
             s=s,
             slid=np.max(np.abs(kept - s), axis=0),
             states=states,
-            seen=[(arm, one.belief) for arm, one in zip(self.plants, self.seen, strict=True)] if learning else [],
+            arms=[(arm, trace.belief) for arm, trace in zip(self.plants, self.traces, strict=True)] if learning else [],
         )
 
 
 def approached(subject: Subject, cases: int = CASES, seed: int = 0) -> Approach | str:
-    """Cases of a scenario's set on their way to where their bounds can begin, or why there are none.
+    """Simulate cases of a scenario's set until their bounds can begin; or return the reason why they cannot.
 
-    - `subject`: the law on its task.
-    - `cases`: how many are run.
-    - `seed`: of all but the first.
+    - `seed`: of all cases but the first.
     """
     scenario = subject.scenario
     members = Members.of(scenario)
@@ -157,13 +147,13 @@ def approached(subject: Subject, cases: int = CASES, seed: int = 0) -> Approach 
     values = {**family.space.values(_shares(family.space.coordinates, seed, rows)), **members.values(corners)}
     runs = Cases(family, around=Watching).logged(values)
     believed = Belief.of(scenario, members.plant)
-    seen = [Seen.of(subject, run, believed) for run in runs]
-    lost = [one for one in seen if one is None]
+    traces = [Seen.of(subject, run, believed) for run in runs]
+    lost = [trace for trace in traces if trace is None]
     if lost:
-        return f"{len(lost)} of {len(seen)} cases of the set leave their envelope"
-    good = [one for one in seen if one is not None]
+        return f"{len(lost)} of {len(traces)} cases of the set leave their envelope"
+    good = [trace for trace in traces if trace is not None]
     queue = max(1, int(np.ceil(subject.law.delay)))
-    late = max(max(one.late for one in good) + queue + 3, subject.quiet + queue + 3)
+    late = max(max(trace.late for trace in good) + queue + 3, subject.quiet + queue + 3)
     if late > LATEST * good[0].e.shape[0]:
         since = late * scenario.period
         return f"s is reached, or a limit of the drives, as late as t = {since:.3g} s in cases of the set"
@@ -171,14 +161,14 @@ def approached(subject: Subject, cases: int = CASES, seed: int = 0) -> Approach 
 
 
 def _shares(names: Sequence[str], seed: int, rows: int) -> Floats:
-    """Points of a cube: its middle, and by turns a corner and any; each coordinate's own, whatever others there are."""
-    found = np.full((rows, len(names)), 0.5)
+    """Points of a cube: its middle, and alternating corners and inner points, drawn for each coordinate by its name."""
+    shares = np.full((rows, len(names)), 0.5)
     for k, name in enumerate(names):
-        found[:, k] = np.random.default_rng([seed, crc32(name.encode())]).uniform(0.0, 1.0, rows)
+        shares[:, k] = np.random.default_rng([seed, crc32(name.encode())]).uniform(0.0, 1.0, rows)
     # Corners differ most.
-    found[1::2] = np.where(found[1::2] < 0.5, 0.0, np.nextafter(1.0, 0.0))
-    found[0] = 0.5
-    return found
+    shares[1::2] = np.where(shares[1::2] < 0.5, 0.0, np.nextafter(1.0, 0.0))
+    shares[0] = 0.5
+    return shares
 
 
 @dataclass(frozen=True, eq=False)
@@ -203,7 +193,7 @@ class Seen:
 
     @classmethod
     def of(cls, subject: Subject, run: Run, first: Belief) -> Seen | None:
-        """None if it left its envelope; `first` is what the law believes of its arm before it learns."""
+        """The trace of a run; None if it left its envelope. `first` is the law's initial model."""
         log, h = run.log, subject.scenario.period
         assert log is not None
         assert log.envelope is not None
@@ -213,22 +203,22 @@ class Seen:
         room = np.min(np.minimum(e - lower, upper - e) / (upper - lower), axis=1)
         if not valid.all() or room.min() <= 0.0:
             return None
-        said = {name: np.asarray(one) for name, one in log.signals.items()}
+        signals = {name: np.asarray(signal) for name, signal in log.signals.items()}
         q, dq = np.asarray(log.state.q), np.asarray(log.state.dq)
         want_q, want_v = q - e, dq - v / h
         layer = subject.cover()[1]
-        bad = (said["free"] < 0.5) | np.any(np.abs(said["s_next"]) > max(layer, 1e-12), axis=1)
+        bad = (signals["free"] < 0.5) | np.any(np.abs(signals["s_next"]) > max(layer, 1e-12), axis=1)
         bad[-1] = False
         n = len(e)
         dead = int(subject.dead_time)
         at = np.minimum(np.arange(n) + dead, n - 1)
         mean = np.diff(want_v, axis=0, append=want_v[-1:]) * h
         t = np.asarray(log.t)
-        belief = _believed(first, said, t + subject.dead_time * h)
+        belief = _believed(first, signals, t + subject.dead_time * h)
         mass, bias = belief.mass_and_bias(t[at], q[at], dq[at])
         bias = bias + belief.friction(t[at], want_v[at])
         command = np.linalg.solve(mass, (np.asarray(log.tau) - bias)[..., None])[..., 0] * h * h
-        # What is predicted at a sample is of the one `quiet` before the next.
+        # The prediction at a sample is for the sample `quiet` before the next.
         then = np.clip(np.arange(n) + 1 - subject.quiet, 0, n - 1)
         measured = np.clip(np.arange(n) - subject.quiet, 0, n - 1)
         return cls(
@@ -240,21 +230,21 @@ class Seen:
             v=v,
             wanted=mean,
             command=command - mean[at],
-            prior=(said["prior_q"] - want_q[then], said["prior_dq"] * h - want_v[then] * h),
-            last=(said["measured_q"] - want_q[measured], (said["measured_dq"] - want_v[measured]) * h),
-            push=said["prior_push"] * h * h,
-            rate=said["push_rate"] * h**3,
-            s=said["kept_s"],
+            prior=(signals["prior_q"] - want_q[then], signals["prior_dq"] * h - want_v[then] * h),
+            last=(signals["measured_q"] - want_q[measured], (signals["measured_dq"] - want_v[measured]) * h),
+            push=signals["prior_push"] * h * h,
+            rate=signals["push_rate"] * h**3,
+            s=signals["kept_s"],
             room=room,
             belief=belief,
         )
 
     def margin(self, until: int) -> float:
-        """The least room up to a sample."""
+        """The least margin up to a sample."""
         return float(self.room[: until + 1].min())
 
     def state(self, first: int, middle: Seen) -> Floats:
-        """What is known of it at a decision beside the middle one [8 + Q, n]; the middle one does what it did."""
+        """Deviation from the nominal run at a decision [8 + Q, n]."""
         subject = self.subject
         m, queue = first - subject.quiet, max(1, int(np.ceil(subject.law.delay)))
         dead, before = int(subject.dead_time), first - 1
@@ -276,8 +266,8 @@ class Seen:
         return np.array(rows)
 
 
-def _believed(first: Belief, said: dict[str, Floats], times: Floats) -> Belief:
-    """What the law believed of its arm at each time."""
+def _believed(first: Belief, signals: dict[str, Floats], times: Floats) -> Belief:
+    """The law's learned model at each time."""
     if first.rotor is None:
         return first
-    return replace(first, rotor=said["rotor"], coulomb=said["coulomb"], times=times)
+    return replace(first, rotor=signals["rotor"], coulomb=signals["coulomb"], times=times)

@@ -1,4 +1,4 @@
-"""The run that a law plans: of an arm that does just what the law believes, from where it keeps its plans."""
+"""The planned run of a law: of an arm that equals the law's model, from the initial set on."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from numpy.typing import NDArray
 
 from slidax._types import Reference, State
 from slidax.controllers import SampledData
@@ -17,26 +16,25 @@ from slidax.controllers.steps.step import Moment
 from slidax.scenarios import Scenario
 
 from ..arm.motion import Motion
+from ..each import Floats
 from .entered import Entry
 from .subject import Subject
-
-Floats = NDArray[np.floating[Any]]
 
 
 @dataclass(frozen=True, eq=False)
 class Ideal:
-    """The law's own step, iterated on `q̈ = q̈_wanted`: no model error, no push, no noise, no limits; times set in.
+    """The nominal run: the law's step iterated on `q̈ = q̈_wanted` without model error, disturbance, noise or limits.
 
-    Everything else is what an arm of the set does beside it.
+    All other members are bounded by their deviation from it; K times at which torques start.
 
-    - `motion`: of this arm from the sample that the first decision is made from [N n], with the reference's velocities.
-    - `error`: e when each torque sets in [K n], rad or m.
-    - `target`: `x = y + H s⁺`, which the plan's equation is solved for [K n], rad or m; None where it follows from ε.
+    - `motion`: of this arm from the sample of the first decision [N n], with the reference's velocities.
+    - `error`: e when each torque starts [K n], rad or m.
+    - `target`: `x = y + H s⁺`, for which the plan's equation is solved [K n], rad or m; None if it follows from ε.
     - `eps`: its ε [K n].
-    - `sliding`: s, which the law remembers [K n], rad/s or m/s; `s_next`: s⁺ [K n].
-    - `cover`: u [K], N m; inf for a law that has none.
-    - `push`: w* that this run has itself [N n], and `rest`: by how much it is otherwise in a period [N n], rad/s² or
-      m/s²; None where it has none.
+    - `sliding`: s in the law's memory [K n], rad/s or m/s; `s_next`: s⁺ [K n].
+    - `cover`: u [K], N m; inf for a law without one.
+    - `push`: w* of this run itself [N n], and `rest`: its unexplained change in a period [N n], rad/s² or m/s²; None
+      for a run without them.
     """
 
     motion: Motion
@@ -51,11 +49,7 @@ class Ideal:
 
 
 def ideal_of(subject: Subject, entry: Entry) -> Ideal:
-    """The run that a scenario's law plans, from an entry to its end.
-
-    - `subject`: the law on its task.
-    - `entry`: where it begins.
-    """
+    """Return the planned run of a scenario's law, from an initial set to its end."""
     scenario, law = subject.scenario, subject.law
     h, dead, quiet = scenario.period, subject.dead_time, subject.quiet
     total = max(round(scenario.t1 / h), entry.sample + 4)
@@ -69,37 +63,37 @@ def ideal_of(subject: Subject, entry: Entry) -> Ideal:
     # As many as from the start of the run on, so that all entries share one compiled program.
     times = jnp.asarray(np.concatenate([set_in, np.full(total - set_in.size, set_in[-1])]))
     went = _followed(law, scenario.trajectory, start, first, jnp.asarray(entry.s), times)
-    after, ddq, found = jax.tree.map(lambda one: np.asarray(one)[: set_in.size], went)
+    after, ddq, decided = jax.tree.map(lambda value: np.asarray(value)[: set_in.size], went)
     states = [
-        np.concatenate([np.asarray(one)[None], many]) for one, many in zip((first.q, first.dq), after, strict=True)
+        np.concatenate([np.asarray(value)[None], many]) for value, many in zip((first.q, first.dq), after, strict=True)
     ]
     wanted = _references(scenario.trajectory, jnp.asarray(np.append(set_in, set_in[-1] + h)))
     e = states[0] - np.asarray(wanted.q)
     y = e + (float(law.horizon or h) - 0.5 * h) * (states[1] - np.asarray(wanted.dq))
-    s_next = found["s_next"]
+    s_next = decided["s_next"]
     return Ideal(
         motion=_at_samples(scenario, entry, states, ddq, set_in, quiet),
         error=e[:-1],
         target=y[:-1] + float(law.horizon or h) * s_next,
-        eps=found["eps1"],
-        sliding=found["s"],
+        eps=decided["eps1"],
+        sliding=decided["s"],
         s_next=s_next,
-        cover=found["cover"][:, 0],
+        cover=decided["cover"][:, 0],
     )
 
 
 def _at_samples(
     scenario: Scenario, entry: Entry, states: list[Floats], ddq: Floats, set_in: Floats, quiet: int
 ) -> Motion:
-    """The motion at the arm's samples: what was seen until the first torque sets in, then as planned."""
+    """The motion at the arm's samples: measured until the first torque starts, then planned."""
     h = scenario.period
     t = h * np.arange(entry.sample - quiet, round(set_in[-1] / h - 1e-9) + 1)
     k = np.searchsorted(set_in, t + 1e-9) - 1
     at = np.maximum(k, 0)
     since = (t - set_in[at])[:, None]
     q, dq = states[0][at] + since * (states[1][at] + 0.5 * since * ddq[at]), states[1][at] + since * ddq[at]
-    seen = int(np.sum(k < 0))
-    q[:seen], dq[:seen] = entry.q[:seen], entry.dq[:seen]
+    measured = int(np.sum(k < 0))
+    q[:measured], dq[:measured] = entry.q[:measured], entry.dq[:measured]
     wanted = np.asarray(_references(scenario.trajectory, jnp.asarray(t)).dq)
     return Motion(t[:-1], q[:-1], dq[:-1], np.diff(dq, axis=0) / h, wanted[:-1])
 

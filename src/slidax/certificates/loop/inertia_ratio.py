@@ -1,13 +1,11 @@
-"""The certificate `inertia_ratio`: the loops bear the inertia of all arms of a set."""
+"""The certificate `inertia_ratio`: the joints' loops are stable for the inertia of all members of a set."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from slidax.adaptation import JointLearning
 from slidax.controllers import SampledData
@@ -22,28 +20,26 @@ from ..verdict import Assumption, Verdict
 from .coupled_maps import CoupledMaps
 from .subject import lawful
 
-Floats = NDArray[np.floating[Any]]
-
-NAME, TITLE = "inertia_ratio", "the joints' loops bear the inertia of all arms of the set"
+NAME, TITLE = "inertia_ratio", "the joints' loops are stable for the set's inertias"
 
 MATRICES = 240
-"""K for which the loops of all joints are looked at together."""
+"""Number of K for which the coupled loop is evaluated."""
 
 BETWEEN = 32
-"""κ that are tried in a range, evenly in the logarithm."""
+"""Number of κ tried in a range, evenly spaced in the logarithm."""
 
 
 @certificate(NAME, TITLE, covers=ARM)
 def inertia_ratio(scenario: Scenario, demand: Demand) -> Verdict:
-    """Whether each joint's loop is stable for all κ of the set, and all loops together for K of its members.
+    """Check that each joint's loop is stable for all κ of the set, and all loops together for K of its members.
 
-    - `scenario`: with a law in sampled-data form that plans, and a linear estimator.
-    - `demand`: with the κ of the set against what the law believes at the start.
+    - `scenario`: with a law in sampled-data form with a plan and a linear estimator.
+    - `demand`: with the κ of the set for the law's initial model.
     """
-    found = lawful(scenario)
-    if isinstance(found, str):
-        return Verdict(NAME, TITLE, None, None, {}, [], f"not applicable: {found}")
-    law, _, loops = found
+    problem = lawful(scenario)
+    if isinstance(problem, str):
+        return Verdict(NAME, TITLE, None, None, {}, [], f"not applicable: {problem}")
+    law, _, loops = problem
     description = scenario.description
     delay = description.sensor.delay + description.actuator.dead_time
     ranges = np.array([loop.stable_range(delay) for loop in loops]).T
@@ -74,15 +70,15 @@ def inertia_ratio(scenario: Scenario, demand: Demand) -> Verdict:
         Assumption("near the goal, with s⁺ = 0 and a steep surface, the loop of a joint is linear", "assumed"),
         *learning,
     ]
-    after = any("afterwards" in one.text and one.status != "fails" for one in learning)
+    after = any("afterwards" in line.text and line.status != "fails" for line in learning)
     says = (
-        f"κ of `{names[joint]}` is {low[joint]:.2g} to {high[joint]:.2g}, and its loop bears "
+        f"κ of `{names[joint]}` is {low[joint]:.2g} to {high[joint]:.2g}, and its loop is stable for "
         f"{ranges[0, joint]:.2g} to {ranges[1, joint]:.2g} (docs/sampled-data.md, How wrong M0 may be)"
     )
     if not alone and after:
-        says += "; what is learnt brings it there, which is not proved"
+        says += "; learning brings κ into this range, which is not proved"
     if alone and together.radius >= 1.0:
-        says += f", each joint by itself; {together.says}"
+        says += f", for each joint alone; {together.says}"
     margin = float(np.expm1(room[joint])) if np.isfinite(room[joint]) else None
     bound = {"kappa_from": low, "kappa_to": high, "stable_from": ranges[0], "stable_to": ranges[1], "radius": radius}
     if np.isfinite(together.radius):
@@ -95,11 +91,11 @@ def inertia_ratio(scenario: Scenario, demand: Demand) -> Verdict:
 
 @dataclass(frozen=True)
 class _Together:
-    """The loops of all joints as one.
+    """Stability of the coupled loop.
 
-    - `radius`: the largest modulus; 0 where the joints do not move each other, inf where it was not computed.
-    - `listed`: the lines about it.
-    - `says`: why it does not hold.
+    - `radius`: the largest modulus; 0 without coupling, inf if it was not computed.
+    - `listed`: its assumptions.
+    - `says`: the reason if it is not stable.
     """
 
     radius: float
@@ -108,41 +104,41 @@ class _Together:
 
 
 def _together(scenario: Scenario, loops: Sequence[LinearLoop], demand: Demand, delay: float) -> _Together:
-    """The largest modulus of all loops together, for K of members of the set, each at rest where it is."""
+    """The largest modulus of the coupled loop, for K of members of the set, each held constant."""
     if len(loops) == 1 or not np.any(demand.coupling):
         return _Together(0.0, [], "")
     if demand.matrices is None:
-        says = "how the joints' loops do together is not known of a given demand"
-        return _Together(np.inf, [Assumption(f"{says}", "assumed")], says)
-    # The worst coupled and the worst known come first; the others follow evenly.
+        says = "the stability of the coupled loop is not known for a given demand"
+        return _Together(np.inf, [Assumption(says, "assumed")], says)
+    # The largest coupling and inertia error come first; the others are evenly spaced.
     learnt = learns(scenario)
-    given = np.concatenate([demand.matrices, learnt_ratios(scenario)]) if learnt else demand.matrices
-    matrices = np.unique(np.round(given, 12), axis=0)
+    matrices_all = np.concatenate([demand.matrices, learnt_ratios(scenario)]) if learnt else demand.matrices
+    matrices = np.unique(np.round(matrices_all, 12), axis=0)
     far = np.argsort(-np.abs(matrices - np.eye(len(loops))).max(axis=(1, 2)), kind="stable")
     which = np.unique(np.concatenate([far[: MATRICES // 2], far[:: max(1, len(far) // (MATRICES // 2))]]))
     radius = max(CoupledMaps.of(loops, matrices[k], delay).radius for k in which)
-    text = f"all loops together have a modulus below 1 with {len(which)} K of members on the motion, each of them held"
-    text += ", at first and with what the law learns" if learnt else ""
+    text = f"the coupled loop has a modulus below 1 for {len(which)} constant K of members on the motion"
+    text += ", initial and learned" if learnt else ""
     says = f"together the joints' loops have a modulus of {radius:.4g} a period, and do not settle"
     return _Together(radius, [Assumption(text, "tested" if radius < 1.0 else "fails", radius)], says)
 
 
 def _learning(law: SampledData, stable: bool) -> list[Assumption]:
-    """What the law that learns asks for, before and afterwards."""
+    """Assumptions of a law that learns, before and after learning."""
     learns = law.adaptation
     if not isinstance(learns, JointLearning):
         return []
     before = Assumption(
-        "before anything is learnt the loop stands with the first guess, for the whole set",
+        "before learning the loop is stable with the initial model, for the whole set",
         "tested" if stable else "assumed",
     )
-    # Information grows by the square of the acceleration above the gate; the first guess is outweighed by as much.
+    # Information grows with the square of the acceleration above the gate, until it outweighs the prior.
     prior, gate = np.asarray(learns.prior), np.asarray(learns.gate)
     time = float(np.max(prior / gate**2))
     afterwards = Assumption(
         f"afterwards κ is nearer to 1: the joint must accelerate by more than {np.max(gate):.2g} rad/s² between "
-        f"{float(learns.low):.3g} and {float(learns.high):.3g} rad/s, coherently with its torque, until ∫φ² dt "
-        f"outweighs the first guess's {np.max(prior):.2g} (rad/s²)² s: {time:.2g} s of it at the gate, less with more",
+        f"{float(learns.low):.3g} and {float(learns.high):.3g} rad/s, coherently with its torque, until ∫φ² dt exceeds "
+        f"the prior's {np.max(prior):.2g} (rad/s²)² s: {time:.2g} s at the gate, less at larger accelerations",
         "assumed",
         time,
     )
@@ -150,12 +146,14 @@ def _learning(law: SampledData, stable: bool) -> list[Assumption]:
 
 
 def _remedies(law: SampledData) -> list[Remedy]:
-    found = []
+    remedies = []
     if law.adaptation is None:
-        found.append(Remedy("let it be learnt", {"scheme.sampled_data.adaptation": {"kind": "joint_learning"}}))
+        remedies.append(
+            Remedy("learning of the inertia", {"scheme.sampled_data.adaptation": {"kind": "joint_learning"}})
+        )
     assert law.horizon is not None
     horizon = float(law.horizon)
-    found.append(
+    remedies.append(
         Remedy("a longer horizon, for a model that is too heavy", {"scheme.sampled_data.horizon": 2 * horizon})
     )
-    return found
+    return remedies

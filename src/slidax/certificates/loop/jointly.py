@@ -1,4 +1,4 @@
-"""The bounds of a set of arms with many joints, part by part of the set."""
+"""Error bounds of a set of arms with many joints, part by part of the set."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ from .setting import Certified, Since
 from .subject import Subject
 
 AT_ONCE = 2
-"""So often the set is divided before a bound is looked for: what is not known of K then feeds itself less."""
+"""Divisions of the set before a bound is tried: smaller parts have less uncertainty of K."""
 
 JOINTS = 4
-"""From so many on the joints' loops are bounded as one: fewer are bounded more sharply each by itself."""
+"""Number of joints from which on the loops are bounded as one; fewer are bounded more sharply one by one."""
 
 
 @dataclass(frozen=True)
 class Fineness:
-    """How finely a set of arms with many joints is looked at: the finer, the smaller its bounds, and the later.
+    """Resolution of the bounds for many joints: finer ones are smaller and take longer.
 
-    - `halvings`: so often a part of the set for which a bound does not hold is divided in two.
-    - `width`: decisions around one whose responses are taken for all of them.
+    - `halvings`: largest number of divisions of a part of the set for which a bound does not hold.
+    - `width`: decisions that share one response.
     """
 
     halvings: int = 3
@@ -40,15 +40,15 @@ FINE = Fineness()
 
 @dataclass(frozen=True, eq=False)
 class Jointly:
-    """What was found of a set.
+    """The bound of a set in parts.
 
-    - `worst`: of its parts, that with the largest bounds, or which has none; `parts`: how many there are.
-    - `found`: the bounds, the largest of all parts; None where a part has none.
+    - `worst`: the part with the largest bounds, or without any; `parts`: all parts.
+    - `bounds`: the largest of all parts; None where a part has none.
     """
 
     worst: Coupled
     parts: list[Part]
-    found: Certified | None
+    bounds: Certified | None
 
 
 def jointly(
@@ -57,25 +57,24 @@ def jointly(
     demand: Demand,
     since: Since,
     chance: float,
-    given: list[Part] | None = None,
+    known_parts: list[Part] | None = None,
     fineness: Fineness = FINE,
 ) -> Jointly:
-    """The bounds of a set whose joints' loops are taken as one.
+    """Return the bounds of a set, with all joints as one loop.
 
-    - `subject`, `entry`, `demand`, `since`: the law, how its arms came to their plans, and what they ask for.
-    - `chance`: that normal noise is larger than is counted.
-    - `given`: the parts of the set, which are then not divided.
-    - `fineness`: of its parts and responses.
+    - `chance`: probability that normal noise exceeds its bound.
+    - `known_parts`: the parts of the set, which are then not divided.
+    - `fineness`: of parts and responses.
     """
     scenario, motion = subject.scenario, since.ideal.motion
     waiting: list[tuple[Members | Part, int]]
-    waiting = [(one, 0) for one in given] if given else [(Members.of(scenario), fineness.halvings)]
+    waiting = [(piece, 0) for piece in known_parts] if known_parts else [(Members.of(scenario), fineness.halvings)]
     parts: list[Part] = []
-    found: list[tuple[Coupled, Certified]] = []
+    results: list[tuple[Coupled, Certified]] = []
     while waiting:
-        one, left = waiting.pop()
-        part = part_of(scenario, one, motion, entry.seen, demand.push) if isinstance(one, Members) else one
-        divided = halves(part, scenario, motion) if left and not entry.seen and not given else []
+        piece, left = waiting.pop()
+        part = part_of(scenario, piece, motion, entry.arms, demand.push) if isinstance(piece, Members) else piece
+        divided = halves(part, scenario, motion) if left and not entry.arms and not known_parts else []
         if divided and left > fineness.halvings - AT_ONCE:
             waiting += [(half, left - 1) for half in divided]
             continue
@@ -87,16 +86,18 @@ def jointly(
         parts.append(part)
         if bounds is None:
             return Jointly(coupled, parts, None)
-        found.append((coupled, bounds))
-    worst = max(found, key=lambda pair: float(np.max(pair[1].share)))[0]
-    return Jointly(worst, parts, _largest([bounds for _, bounds in found]))
+        results.append((coupled, bounds))
+    worst = max(results, key=lambda pair: float(np.max(pair[1].share)))[0]
+    return Jointly(worst, parts, _largest([bounds for _, bounds in results]))
 
 
-def _largest(found: list[Certified]) -> Certified:
+def _largest(bounds_of_parts: list[Certified]) -> Certified:
     """The largest of some bounds."""
-    first = found[0]
-    bounds = Bounds(*(np.max([getattr(one.bounds, each.name) for one in found], axis=0) for each in fields(Bounds)))
+    first = bounds_of_parts[0]
+    bounds = Bounds(
+        *(np.max([getattr(part.bounds, each.name) for part in bounds_of_parts], axis=0) for each in fields(Bounds))
+    )
     error, share, noise = (
-        np.max([getattr(one, name) for one in found], axis=0) for name in ("error", "share", "noise")
+        np.max([getattr(part, name) for part in bounds_of_parts], axis=0) for name in ("error", "share", "noise")
     )
     return Certified(first.subject, first.narrowing, bounds, error, share, first.kappa, first.spread, noise)

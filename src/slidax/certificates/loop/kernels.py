@@ -1,4 +1,4 @@
-"""How much of what comes into a joint's loop arrives where: impulse responses in size, with all that comes after."""
+"""Impulse responses of the joints' loops in size, with bounds of their tails."""
 
 from __future__ import annotations
 
@@ -12,39 +12,38 @@ from numpy.typing import NDArray
 
 from slidax.diagnosis.linear_loop import LinearLoop, LoopMaps
 
-Floats = NDArray[np.floating[Any]]
+from ..each import Floats
 
 LED, ERROR, MISSED, SHIFT, SLIP, ACCELERATION, ESTIMATE, SPEED, LAPSE = range(9)
-"""The outputs: ŷ; e where the torque sets in; ω of `ŷ⁺ = (1 - r) ŷ + r (p + ω)`; y - ŷ; by what the velocity misses its
-plan; the joint's acceleration `κ (a + w*)`; the estimate ŵ; ė where the torque sets in; by
-how much that is predicted wrongly."""
+"""Outputs: ŷ; e when the torque starts; ω of `ŷ⁺ = (1 - r) ŷ + r (p + ω)`; y - ŷ; deviation of the velocity from the
+plan; the joint's acceleration `κ (a + w*)`; the estimate ŵ; ė when the torque starts; its prediction error."""
 
 OUTPUTS = 9
 
 TINY = np.finfo(float).tiny
 
 LENGTHS = (256, 512, 1024, 2048, 4096)
-"""Of impulse responses [periods]: the first after which little is left."""
+"""Lengths of impulse responses [periods]: the first with a sufficiently decayed state."""
 
 LITTLE = 0.05
-"""Of a loop's state, after one length."""
+"""Share of a loop's state that may remain after one length."""
 
 
 @dataclass(frozen=True)
 class Kernels:
-    """Of the joints' loops, each for some κ; in units of periods. The last axis is the lag, in periods.
+    """Responses of the joints' loops, each for some κ; in units of periods. The last axis is the lag, in periods.
 
-    - `of_push`: the largest that an acceleration within [-1, 1] of one period does to each output, by the lag from
-      when that period's torque was decided [9 n j L].
-    - `of_place`: what p does to each output, in size, by the lag from its decision; `of_change`: what a change of p
-      that lasts does [9 n j L].
-    - `push_tail`, `place_tail`, `change_tail`: bounds of what is beyond L, times the largest that came in, each faded
-      by `fading` a period.
-    - `fading`: of what came in long ago [n j].
-    - `of_command`: sums of the sizes of what an error of a command does, which the prediction shares [9 n j];
-      `of_estimate`: of what a step of ŵ does that w* did not make.
-    - `noise`: sums of the sizes of what a measurement's noise does [2 9 n j], position and velocity; `noise_square`:
-      of their squares.
+    - `of_push`: largest effect on each output of an acceleration within [-1, 1] over one period, by the lag from the
+      decision of that period's torque [9 n j L].
+    - `of_place`: effect of p on each output, in size, by the lag from its decision; `of_change`: effect of a lasting
+      change of p [9 n j L].
+    - `push_tail`, `place_tail`, `change_tail`: bounds of the effect beyond L, times the largest input, each faded by
+      `fading` a period.
+    - `fading`: of old inputs [n j].
+    - `of_command`: sums of the sizes of the effect of a command error that the prediction shares [9 n j];
+      `of_estimate`: of a step of ŵ that w* did not make.
+    - `noise`: sums of the sizes of the effect of measurement noise [2 9 n j], position and velocity; `noise_square`: of
+      their squares.
     """
 
     of_push: Floats
@@ -61,10 +60,9 @@ class Kernels:
 
     @classmethod
     def of(cls, loops: Sequence[LinearLoop], kappas: Floats) -> Kernels | None:
-        """Those of all joints; None if one is not stable.
+        """Responses of all joints; None if one loop is not stable.
 
-        - `loops`: of the joints.
-        - `kappas`: for which κ [n j].
+        - `kappas`: κ [n j].
         """
         every = [[(loop, float(kappa)) for kappa in row] for loop, row in zip(loops, kappas, strict=True)]
         length = 0
@@ -73,8 +71,10 @@ class Kernels:
                 length = max(length, _length(loop.maps(kappa).step))
         if length > LENGTHS[-1]:
             return None
-        found = [[_of_one(loop, kappa, length) for loop, kappa in row] for row in every]
-        joined = {name: np.array([[one[name] for one in row] for row in found]) for name in found[0][0]}
+        responses = [[_of_one(loop, kappa, length) for loop, kappa in row] for row in every]
+        joined = {
+            name: np.array([[response[name] for response in row] for row in responses]) for name in responses[0][0]
+        }
         # The output goes first, then joint and κ.
         return cls(**{name: np.moveaxis(value, (0, 1), _places(name)) for name, value in joined.items()})
 
@@ -84,7 +84,7 @@ def _places(name: str) -> tuple[int, int]:
 
 
 def _length(step: Floats) -> int:
-    """After how many periods little is left of any state; more than the longest if that takes longer."""
+    """Periods after which any state has decayed; more than the longest length if that takes longer."""
     for length in LENGTHS:
         left = np.max(np.sum(np.abs(np.linalg.matrix_power(step, length)), axis=1))
         if left < LITTLE:
@@ -119,7 +119,7 @@ def _of_one(loop: LinearLoop, kappa: float, length: int) -> dict[str, Floats]:
     by_noise = np.array([outputs_of(raw[:, :, i], noisy, whole, loop, kappa) for i in (3, 4)])
 
     beyond = _Beyond(maps, loop, kappa, length)
-    noise_tail = np.array([beyond(one, length) for one in noise])
+    noise_tail = np.array([beyond(source, length) for source in noise])
     size_of_noise = np.sum(np.abs(by_noise), axis=2)
     return {
         "of_push": largest_within(by_v, by_q),
@@ -137,19 +137,17 @@ def _of_one(loop: LinearLoop, kappa: float, length: int) -> dict[str, Floats]:
 
 
 def _summed(placed: Floats, tail: Floats) -> Floats:
-    """Of a command that is wrong by 1, which is a p that is wrong by H² and no part of p [9]."""
+    """Effect of a command error of 1, which equals an error of p of H² without being a part of p [9]."""
     whole = placed.copy()
     whole[MISSED, 0] += 1.0
     return np.sum(np.abs(whole), axis=1) + tail
 
 
 def outputs_of(raw: Floats, at: NDArray[np.integer[Any]], whole: int, loop: LinearLoop, kappa: float) -> Floats:
-    """The outputs [9 L ...] from the rows that a loop is asked for [7 K ...], from sample 0 on; before it all is zero.
+    """Return the outputs [9 L ...] from a loop's rows [7 K ...], from sample 0 on; all rows before are zero.
 
-    - `raw`: the rows.
-    - `at`: numbers of the decisions [L]; the torque of one sets in `whole` samples later.
+    - `at`: numbers of the decisions [L]; the torque of each starts `whole` samples later.
     - `whole`: whole periods of delay.
-    - `loop`, `kappa`: whose.
     """
     lead, r = loop.horizon - 0.5, 1.0 / loop.horizon
 
@@ -159,21 +157,21 @@ def outputs_of(raw: Floats, at: NDArray[np.integer[Any]], whole: int, loop: Line
         return np.where((k >= 0).reshape(-1, *[1] * len(more)), raw[i, np.maximum(k, 0)], 0.0)
 
     led = row(2, at)
-    found = np.empty((OUTPUTS, at.size, *more))
-    found[LED] = led
-    found[ERROR] = row(0, at + whole)
-    found[MISSED] = (row(2, at + 1) - (1.0 - r) * led) / r
-    found[SHIFT] = row(0, at + whole) + lead * row(1, at + whole) - led
-    found[SLIP] = row(3, at + 1) - row(3, at) - row(5, at)
-    found[ACCELERATION] = kappa * row(4, at)
-    found[ESTIMATE] = row(6, at)
-    found[SPEED] = row(1, at + whole)
-    found[LAPSE] = found[SPEED] - row(3, at)
-    return found
+    outputs = np.empty((OUTPUTS, at.size, *more))
+    outputs[LED] = led
+    outputs[ERROR] = row(0, at + whole)
+    outputs[MISSED] = (row(2, at + 1) - (1.0 - r) * led) / r
+    outputs[SHIFT] = row(0, at + whole) + lead * row(1, at + whole) - led
+    outputs[SLIP] = row(3, at + 1) - row(3, at) - row(5, at)
+    outputs[ACCELERATION] = kappa * row(4, at)
+    outputs[ESTIMATE] = row(6, at)
+    outputs[SPEED] = row(1, at + whole)
+    outputs[LAPSE] = outputs[SPEED] - row(3, at)
+    return outputs
 
 
 def largest_within(by_v: Floats, by_q: Floats) -> Floats:
-    """`∫ |a + b (1 - t)| dt` over a period: a for what a step of the velocity does, b for one of the position."""
+    """`∫ |a + b (1 - t)| dt` over a period: a is the effect of a velocity step, b of a position step."""
     end = by_v + by_q
     sizes = np.abs(by_v) + np.abs(end)
     # Of what changes its sign within the period, a part of the trapezoid is taken away.
@@ -182,26 +180,26 @@ def largest_within(by_v: Floats, by_q: Floats) -> Floats:
 
 
 class _Beyond:
-    """`Σ_{k >= K} |c step^k x| X_k` for each output's row c, by what one length of L periods leaves of a state, f.
+    """`Σ_{k >= K} |c step^k x| X_k` for each output's row c, from the share f of a state that remains after L periods.
 
-    The sum of one length is S, that of the b-th after it at most `f^b S`. With `D = max X_k f^(k/2L)` all of it is at
-    most `Σ_b f^b S f^(-b/2) D = S D/(1 - √f)`.
+    The sum of one length is S, that of the b-th after it at most `f^b S`. With `D = max X_k f^(k/2L)` the whole sum is
+    at most `Σ_b f^b S f^(-b/2) D = S D/(1 - √f)`.
     """
 
     def __init__(self, maps: LoopMaps, loop: LinearLoop, kappa: float, length: int) -> None:
-        step, asked = maps.step, maps.asked
+        step, outputs = maps.step, maps.asked
         lead, r, whole = loop.horizon - 0.5, 1.0 / loop.horizon, int(loop.believed)
         later = np.linalg.matrix_power(step, whole)
         rows = np.empty((OUTPUTS, step.shape[0]))
-        rows[LED] = asked[2]
-        rows[ERROR] = asked[0] @ later
-        rows[MISSED] = (asked[2] @ step - (1.0 - r) * asked[2]) / r
-        rows[SHIFT] = (asked[0] + lead * asked[1]) @ later - asked[2]
-        rows[SLIP] = asked[3] @ step - asked[3] - asked[5]
-        rows[ACCELERATION] = kappa * asked[4]
-        rows[ESTIMATE] = asked[6]
-        rows[SPEED] = asked[1] @ later
-        rows[LAPSE] = rows[SPEED] - asked[3]
+        rows[LED] = outputs[2]
+        rows[ERROR] = outputs[0] @ later
+        rows[MISSED] = (outputs[2] @ step - (1.0 - r) * outputs[2]) / r
+        rows[SHIFT] = (outputs[0] + lead * outputs[1]) @ later - outputs[2]
+        rows[SLIP] = outputs[3] @ step - outputs[3] - outputs[5]
+        rows[ACCELERATION] = kappa * outputs[4]
+        rows[ESTIMATE] = outputs[6]
+        rows[SPEED] = outputs[1] @ later
+        rows[LAPSE] = rows[SPEED] - outputs[3]
         self.step, self.length = step, length
         self.weight = np.sum(np.abs(rows), axis=1)
         self.left = float(np.max(np.sum(np.abs(np.linalg.matrix_power(step, length)), axis=1)))
@@ -209,7 +207,6 @@ class _Beyond:
     def __call__(self, x: Floats, after: int) -> Floats:
         """The bound for each output [9].
 
-        - `x`: the state.
         - `after`: K, periods from when the state is x; an early output counts from one less.
         """
         now = np.linalg.matrix_power(self.step, max(after - 2, 0)) @ x

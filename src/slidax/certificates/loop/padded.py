@@ -1,4 +1,4 @@
-"""Arrays of one length, so that all beginnings of a bound share what is compiled."""
+"""Arrays of one length, so that all initial sets of a bound share one compiled program."""
 
 from __future__ import annotations
 
@@ -10,21 +10,15 @@ import numpy as np
 
 
 def padded(values: Any, count: int) -> Any:
-    """An array with its last row again and again, up to so many rows.
+    """Return an array with its last row repeated up to `count` rows; longer arrays are unchanged."""
+    rows = np.asarray(values)
+    return np.concatenate([rows, np.repeat(rows[-1:], max(count - len(rows), 0), axis=0)])
 
-    - `values`: one row at least.
-    - `count`: how many; fewer than there are leave it as it is.
+
+def of_rows(compiled: Callable[..., Any], rows: Any, most: int, *arguments: Any) -> Any:
+    """Apply a compiled function to padded rows; outputs are NumPy arrays with the row as first axis.
+
+    - `compiled`: from `arguments` and all rows to a tree of arrays of the same length.
+    - `most`: largest number of rows of all calls that share the program.
     """
-    given = np.asarray(values)
-    return np.concatenate([given, np.repeat(given[-1:], max(count - len(given), 0), axis=0)])
-
-
-def of_rows(compiled: Callable[..., Any], rows: Any, most: int, *given: Any) -> Any:
-    """What a compiled function makes of rows, as NumPy's arrays, with the row as their first axis.
-
-    - `compiled`: from `given` and all rows to a tree of arrays of as many.
-    - `rows`: what it is called with.
-    - `most`: rows that other calls may have, so that all share one program.
-    - `given`: what it is called with before them.
-    """
-    return jax.tree.map(lambda one: np.asarray(one)[: len(rows)], compiled(*given, padded(rows, most)))
+    return jax.tree.map(lambda output: np.asarray(output)[: len(rows)], compiled(*arguments, padded(rows, most)))

@@ -1,4 +1,4 @@
-"""Bounds of the joints' errors along time, each sample's from those before: the loop of a law with all that is unknown.
+"""Recursion of error bounds: each sample's bounds from earlier ones, for a law's loop with all its uncertainty.
 
 docs/certificates/loop-rate.md has the inequalities, with the same letters, and their proof.
 """
@@ -11,24 +11,21 @@ from typing import Any
 
 import jax
 import jax.numpy as jnp
-import numpy as np
-from numpy.typing import NDArray
 
+from ..each import Floats
 from .aims import aimed_beside
 from .kernels import ACCELERATION, ERROR, ESTIMATE, LAPSE, LED, MISSED, SHIFT, SLIP, SPEED
 
-Floats = NDArray[np.floating[Any]]
-
 PUSH, PLACE, CHANGE = range(3)
-"""What comes into a loop: an acceleration, where its plan aims, and a change of that."""
+"""Inputs of a loop: an acceleration, the target of its plan, and a change of that target."""
 
 
 @dataclass(frozen=True)
 class Course:
-    """What does not depend on time; units of periods, but for s and the inertia.
+    """Constants of the recursion; units of periods, except for s and the inertia.
 
-    - `surface`, `sides`: of the plan's equation; `slopes`: of its pull.
-    - `period`: h [s]; `horizon`: H [periods]; `part`: of the delay that is not whole [periods].
+    - `surface`, `sides`: of the plan's equation; `slopes`: of the surface function.
+    - `period`: h [s]; `horizon`: H [periods]; `part`: fractional part of the delay [periods].
     - `layer`: s0 of the reaching law [rad/s or m/s].
     """
 
@@ -46,16 +43,16 @@ jax.tree_util.register_dataclass(Course, data_fields=list(Course.__dataclass_fie
 
 @dataclass(frozen=True)
 class Passing:
-    """What comes at each sample, first axis.
+    """Inputs of the recursion at each sample, first axis.
 
     - `now`, `ahead`: N and A [N n].
-    - `free`, `held`: responses to what is known, with noise, below and above zero in size [N 2 9 n j]: without p, and
-      with the first p held. Of the acceleration both are the size.
-    - `stray`: w* that is not known [N n], `bend`: by what the known one bends e off its mean [N n j], rad or m.
-    - `target`, `eps`: x and ε of the ideal arm's plan [N n]; `turn`: `|Δx - ΔN ψ|` of it since the last sample [N n].
-    - `sliding`: what the ideal arm remembers of s, `‖s‖` in the norm of M0 [N]; `s_next`: its |s⁺| [N n].
-    - `root`: of the largest eigenvalue of M0 [N]; `mass`: |M0| [N n n]; `grown`: by which factor the norm of M0 grows
-      to the next sample [N].
+    - `free`, `held`: responses to known inputs, with noise, below and above zero in size [N 2 9 n j]: without p, and
+      with the first p held. For the acceleration both are the size.
+    - `stray`: unknown part of w* [N n]; `bend`: curvature effect of its known part on e [N n j], rad or m.
+    - `target`, `eps`: x and ε of the nominal run's plan [N n]; `turn`: `|Δx - ΔN ψ|` since the last sample [N n].
+    - `sliding`: `‖s‖` of the nominal run in the norm of M0 [N]; `s_next`: its |s⁺| [N n].
+    - `root`: root of the largest eigenvalue of M0 [N]; `mass`: |M0| [N n n]; `grown`: growth of the norm of M0 to the
+      next sample [N].
     """
 
     now: Any
@@ -82,9 +79,9 @@ class First:
     """Bounds at the first sample.
 
     - `error`: of e, below and above zero [2 n].
-    - `spread`: of p around what is held [n], `back`: of p - ŷ [n]; where that is inf `θ ŷ` is held, and what p may be
-      beside it is added to the spread.
-    - `slid`: of what s misses, in the norm of M0; `follows`: θ [n].
+    - `spread`: of p around the held value [n]; `back`: of p - ŷ [n]. Where `back` is inf, `θ ŷ` is held, and the
+      deviation of p from it is added to the spread.
+    - `slid`: of the error of s, in the norm of M0; `follows`: θ [n].
     """
 
     error: Any
@@ -95,9 +92,8 @@ class First:
 
     @classmethod
     def of(cls, error: Floats, spread: Floats, back: Floats, slid: float = 0.0, follows: Floats | float = 1.0) -> First:
-        """Of numbers."""
         each = jnp.broadcast_to(jnp.asarray(follows, float), back.shape)
-        return cls(*(jnp.asarray(one) for one in (error, spread, back, slid, each)))
+        return cls(*(jnp.asarray(value) for value in (error, spread, back, slid, each)))
 
 
 jax.tree_util.register_dataclass(First, data_fields=list(First.__dataclass_fields__), meta_fields=[])
@@ -105,13 +101,13 @@ jax.tree_util.register_dataclass(First, data_fields=list(First.__dataclass_field
 
 @dataclass(frozen=True)
 class Bounds:
-    """Bounds at each sample, the worst of all κ, of what the arms of a set do beside the ideal one.
+    """Bounds at each sample, over all κ, of the deviation of a set's members from the nominal run.
 
-    - `error`: of e where torques set in, below and above zero, in size [N 2 n].
+    - `error`: of e when torques start, below and above zero, in size [N 2 n].
     - `missed`: of ω [N n], `acceleration`: of ë [N n], in rad/period² or m/period²; `led`: of ŷ [N n].
     - `estimate`: of ŵ - w* [N n], in the same unit as ω; `speed`: of ė there, below and above zero [N 2 n], rad or m
-      per period; `lapse` and `shift`: of what the prediction misses of ė and of y [N n].
-    - `needed`: what u must cover, ‖M0 s/H‖ [N], N m.
+      per period; `lapse` and `shift`: prediction errors of ė and of y [N n].
+    - `needed`: u that is required, ‖M0 s/H‖ [N], N m.
     """
 
     error: Floats
@@ -126,17 +122,17 @@ class Bounds:
 
 
 def in_norm(mass: Any, sizes: Any) -> Any:
-    """In the norm of M0, of a vector whose entries are no larger."""
+    """Bound of a vector's norm in M0 from bounds of its entries."""
     return jnp.sqrt(sizes @ mass @ sizes)
 
 
 @dataclass(frozen=True)
 class Answers:
-    """How the loops answer to what comes in at a sample.
+    """Responses of the loops to the inputs of a sample.
 
-    - `before`: what all that came in before does now: pushes, places, changes of place [9 n j] each.
-    - `newest`: of which of the three, and how much of it comes in now [n j], what that does at once [9 n j].
-    - `pushed`: from bounds of each joint's acceleration, what acts beyond its known loop, and of ë [n j] each.
+    - `before`: present effect of all earlier inputs: accelerations, targets, changes of target [9 n j] each.
+    - `newest`: from the kind of input and its size now [n j] to its immediate effect [9 n j].
+    - `pushed`: from bounds of each joint's acceleration to those of its unmodelled part and of ë [n j] each.
     """
 
     before: tuple[Any, Any, Any]
@@ -145,19 +141,16 @@ class Answers:
 
 
 def sampled(course: Course, first: First, at: Passing, begun: Any, carried: Any, answers: Answers) -> Any:
-    """One sample: what is carried to the next, what came in (pushes, places, changes [n j] each), and `Bounds` there.
+    """One step: the carry for the next sample, the inputs (accelerations, targets, changes [n j] each), and `Bounds`.
 
-    - `course`, `first`, `at`: the loop, how it begins, and what comes now.
-    - `begun`: whether this is not the first sample.
-    - `carried`: from the sample before.
-    - `answers`: of the loops.
+    - `begun`: False at the first sample.
     """
     h, horizon = course.period, course.horizon
     r, lead = 1.0 / horizon, horizon - 0.5
     eta = 0.5 / lead
     led_next, last, slid = carried
     coupled_last, side = last["coupled"], last["begun_at"]
-    # 1. What is before this decision: ŷ, y - ŷ, e, ė.
+    # 1. State before this decision: ŷ, y - ŷ, e, ė.
     by_push, by_place, by_change = answers.before
     own = course.part * (0.5 * course.part + lead) * coupled_last
 
@@ -176,7 +169,7 @@ def sampled(course: Course, first: First, at: Passing, begun: Any, carried: Any,
     # ė = (y - e)/c, so that y above and e below zero go together.
     speed = jnp.minimum(either(SPEED) + course.part * coupled_last, (around + error[::-1]) / lead)
     speed = jnp.maximum(speed, 0.0)
-    # 2. s⁺ beside the ideal one: none, or what the boundary layer leaves where u covers twice what is missed.
+    # 2. Deviation of s⁺ from the nominal run: none, or the rest in the boundary layer if u covers twice the error.
     needed = at.root * (at.sliding + slid) / (horizon * h)
     s_bar = jnp.where(course.layer > 0.0, course.layer + at.s_next, 0.0)
     # 3. The place p that the plan aims at, and its change.
@@ -189,17 +182,17 @@ def sampled(course: Course, first: First, at: Passing, begun: Any, carried: Any,
     was = jnp.max(last["share"], axis=0)
     low, high = jnp.min(ends[0], axis=1), jnp.max(ends[1], axis=1)
     flat, steep = course.slopes.between(jnp.minimum(low, last["low"]), jnp.maximum(high, last["high"]))
-    follows = [(at.ahead / (at.now + horizon * h * one))[:, None] for one in (steep, flat)]
+    follows = [(at.ahead / (at.now + horizon * h * change))[:, None] for change in (steep, flat)]
     bent = (follows[1] - follows[0]) * at.turn[:, None]
     quicker = (horizon * h * (s_bar + last["s_bar"]))[:, None]
     moved = r * (last["back"] + last["missed"])
     drawn = [jnp.abs((at.ahead - last["ahead"])[:, None] - f * (at.now - last["now"])[:, None]) for f in follows]
-    turned = [f * (moved + quicker) + one * was for f, one in zip(follows, drawn, strict=True)]
+    turned = [f * (moved + quicker) + change * was for f, change in zip(follows, drawn, strict=True)]
     change_now = jnp.minimum(jnp.maximum(*turned) + bent, least_aim)
     # 3b. p - ŷ, from what it was and from what it may be.
     going = [
-        jnp.abs(1.0 + (f - 1.0) * r) * last["back"] + jnp.abs(f - 1.0) * r * last["missed"] + f * quicker + one * was
-        for f, one in zip(follows, drawn, strict=True)
+        jnp.abs(1.0 + (f - 1.0) * r) * last["back"] + jnp.abs(f - 1.0) * r * last["missed"] + f * quicker + change * was
+        for f, change in zip(follows, drawn, strict=True)
     ]
     back = jnp.max(jnp.abs(at.ahead - at.now)[:, None] * share + horizon * h * pull, axis=0)
     back = back + (horizon * h * s_bar)[:, None]
@@ -218,14 +211,14 @@ def sampled(course: Course, first: First, at: Passing, begun: Any, carried: Any,
     missed = either(MISSED)
     led_after = (1.0 - r) * led + r * jnp.maximum(aim + missed, 0.0)
     slip = in_norm(at.mass, jnp.max(either(SLIP), axis=(0, 2))) / h
-    # What is kept of s is a mean of what the velocity missed of its plans.
+    # The remembered s is a mean of the velocity's deviations from its plans.
     slid_after = at.grown * ((1.0 - r) * slid + r * in_norm(at.mass, s_bar) + slip)
     estimate = jnp.max(either(ESTIMATE), axis=0)
     size = jnp.max(missed, axis=0)
     last = {"aim": aim, "share": share, "back": back, "missed": size, "bent": at.bend + 0.25 * coupled}
     last |= {"ahead": at.ahead, "now": at.now, "coupled": coupled, "ends": ends, "low": low, "high": high}
     last |= {"error": error, "around": around, "s_bar": s_bar, "begun_at": side}
-    found = (
+    bounds = (
         jnp.max(error, axis=2),
         jnp.max(size, axis=1),
         jnp.max(accelerated, axis=1),
@@ -236,13 +229,12 @@ def sampled(course: Course, first: First, at: Passing, begun: Any, carried: Any,
         jnp.max(shift, axis=1),
         needed,
     )
-    return (led_after, last, slid_after), (both, most_aim, change_now), found
+    return (led_after, last, slid_after), (both, most_aim, change_now), bounds
 
 
 def carried_at_first(passing: Passing, first: First, cells: int) -> Any:
-    """What is carried to the first sample.
+    """Return the carry of the first sample.
 
-    - `passing`, `first`: of a loop.
     - `cells`: j.
     """
     n = first.spread.size

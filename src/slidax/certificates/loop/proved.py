@@ -1,15 +1,13 @@
-"""The bounds of a scenario's set, from when it keeps its plans on, with what its arms ask beside the planned run."""
+"""Error bounds of a scenario's uncertainty set, from its initial set on, with the demand of deviating members."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from numpy.typing import NDArray
 
 from ..arm.demand import demand as demand_of
 from ..arm.part import Part
@@ -27,56 +25,53 @@ from .remedies import scaled
 from .setting import Certified, Since
 from .subject import Subject
 
-Floats = NDArray[np.floating[Any]]
-
 SPARE = 2.0
-"""So many times what cases show of where the arms are when the bound begins."""
+"""Factor by which the spread in the simulated cases is enlarged when the bound begins."""
 
 BEGINNINGS = (0.0, 0.3, 0.6, 1.0)
-"""Where a bound may begin, from when all cases keep s, to when the envelope is narrow: the first that holds."""
+"""Shares at which a bound may begin, from all cases keeping s to a narrow envelope: the first that holds counts."""
 
 NARROW = 1.05
-"""An envelope has reached its final width where it is at most so many times as wide as at the end."""
+"""Factor of the final width below which an envelope counts as narrow."""
 
 
 @dataclass(frozen=True, eq=False)
 class Proved:
-    """What is certain of a set.
+    """The bound of a set.
 
-    - `entry`: from when, and where its arms then are.
-    - `ideal`: the run that is planned from there, `demand` what the set asks for along it.
-    - `assembly`, `found`: the bounds; None where a loop does not settle, or no bound was found.
-    - `premises`: what the bounds stand on, beside what is asked of the loops.
-    - `parts`: of the set, where the joints' loops are taken as one.
+    - `entry`: the initial set.
+    - `ideal`: the nominal run from there, `demand` the demand of the set along it.
+    - `assembly`, `bounds`: the problem and its bounds; None if a loop is not stable, or no bound was found.
+    - `premises`: assumptions, without those of the demand.
+    - `parts`: of the set, if all joints are one loop.
     """
 
     entry: Entry
     ideal: Ideal
     demand: Demand
     assembly: Assembly | Coupled
-    found: Certified | None
+    bounds: Certified | None
     premises: list[Assumption]
     parts: Sequence[Part] = ()
 
     @property
     def holds(self) -> bool:
-        """Whether no sample can be outside, and no premise fails."""
-        if self.found is None or any(one.status == "fails" for one in self.premises):
+        """True if no sample can be outside, and no assumption fails."""
+        if self.bounds is None or any(line.status == "fails" for line in self.premises):
             return False
-        return bool(np.max(self.found.share) < 1.0)
+        return bool(np.max(self.bounds.share) < 1.0)
 
 
 def proved(
     subject: Subject, chance: float = 1e-3, beginnings: Sequence[float] = BEGINNINGS, fineness: Fineness = FINE
 ) -> Proved | str:
-    """The bounds of a scenario's set; a reason if its cases do not come to where they could begin.
+    """Return the bounds of a scenario's set; or the reason if its cases do not reach a state where they could begin.
 
-    - `subject`: the law on its task.
-    - `chance`: that normal noise is larger than is counted at some sample.
-    - `beginnings`: where a bound may begin, of up to three joints, the first of them that holds.
+    - `chance`: probability that normal noise exceeds its bound at some sample.
+    - `beginnings`: shares at which a bound may begin, for up to three joints; the first that holds counts.
     - `fineness`: of the bounds from four joints on.
 
-    Raises DefinitionError for a set that is invalid.
+    Raises DefinitionError for an invalid set.
     """
     approach = approached(subject)
     if isinstance(approach, str):
@@ -84,18 +79,18 @@ def proved(
     narrow = max(_narrow(subject, approach.samples), approach.late)
     middle = Middle.of(subject) if subject.law.joints >= JOINTS else None
     if middle is None and subject.law.joints >= JOINTS:
-        return "the arm in the middle of the set leaves its envelope"
+        return "the nominal member of the set leaves its envelope"
 
     def since(share: float, enough: float = np.inf) -> Proved:
         sample = approach.late + round(share * (narrow - approach.late))
-        entry = approach.entry(sample, None if middle is None else middle.seen)
+        entry = approach.entry(sample, None if middle is None else middle.trace)
         ideal = ideal_of(subject, entry) if middle is None else middle.ideal(entry)
-        demand = demand_of(subject.scenario, along=ideal.motion, seen=entry.seen)
+        demand = demand_of(subject.scenario, along=ideal.motion, cases=entry.arms)
         return _bounded(subject, entry, ideal, demand, chance, enough=enough, fineness=fineness)
 
     *earlier, latest = beginnings if subject.law.joints < JOINTS else BEGINNINGS[-1:]
     for share in earlier:
-        # Only the latest bound is told where none holds, so that others need not be known in full.
+        # If none holds only the latest bound is reported, so the others need not be complete.
         whole = since(share, 1.0)
         if not whole.assembly.stable or whole.holds:
             return whole
@@ -103,24 +98,22 @@ def proved(
 
 
 def _narrow(subject: Subject, samples: int) -> int:
-    """The first sample at which the envelope is as narrow as at the end, or nearly; the middle of the run at most."""
+    """The first sample with nearly the final envelope; the middle of the run at most."""
     t = jnp.asarray(np.arange(samples) * subject.scenario.period)
     drawn, joints = subject.drawn.performance, subject.law.joints
-    radius = np.asarray(jax.vmap(lambda one: jnp.broadcast_to(drawn.radius(one), (joints,)))(t))
+    radius = np.asarray(jax.vmap(lambda time: jnp.broadcast_to(drawn.radius(time), (joints,)))(t))
     narrow = np.all(radius <= NARROW * radius[-1], axis=1)
     return min(int(np.argmax(narrow)), samples // 2)
 
 
 def of_a_part(whole: Proved, part: float, chance: float = 1e-3) -> Proved:
-    """The same for a set that is so many times as large, around its middle, or the arm that the law believes in.
+    """Return the bounds of a set scaled around its middle, or around the law's model.
 
-    - `whole`: of the whole set.
-    - `part`: of each of its numbers.
-    - `chance`: as in `proved`.
+    - `part`: factor of each of its values.
     """
     subject, shared = whole.assembly.subject, whole.ideal.push
-    parts = [] if shared is None else [one.shrunk(part, shared) for one in whole.parts]
-    # Beside the middle one's run an arm asks for as much, however large the set.
+    parts = [] if shared is None else [own.shrunk(part, shared) for own in whole.parts]
+    # The demand of deviations from the nominal run does not depend on the size of the set.
     demand = whole.demand if parts else scaled(whole.demand, part)
     return _bounded(subject, whole.entry, whole.ideal, demand, chance, part, parts)
 
@@ -140,12 +133,12 @@ def _bounded(
     if subject.law.joints >= JOINTS:
         whole = jointly(subject, entry, demand, since, chance, parts, fineness)
         premises = of_the_entry(entry, whole.worst, SPARE)
-        if whole.found is not None:
-            premises += [of_the_parts(whole.parts), of_the_middle(), *of_the_law(whole.worst, whole.found, chance)]
-        return Proved(entry, ideal, demand, whole.worst, whole.found, premises, whole.parts)
+        if whole.bounds is not None:
+            premises += [of_the_parts(whole.parts), of_the_middle(), *of_the_law(whole.worst, whole.bounds, chance)]
+        return Proved(entry, ideal, demand, whole.worst, whole.bounds, premises, whole.parts)
     assembly = Assembly(subject, demand, chance, since)
-    found = at_rest(assembly, enough) if assembly.stable else None
+    certified = at_rest(assembly, enough) if assembly.stable else None
     premises = of_the_entry(entry, assembly, SPARE)
-    if found is not None:
-        premises += of_the_loops(assembly, found, chance)
-    return Proved(entry, ideal, demand, assembly, found, premises)
+    if certified is not None:
+        premises += of_the_loops(assembly, certified, chance)
+    return Proved(entry, ideal, demand, assembly, certified, premises)

@@ -1,4 +1,4 @@
-"""The smallest change of one number with which a promise holds, by bisection over its own inequality."""
+"""Remedies: the smallest change of one value with which a bound holds, found by bisection."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from slidax._errors import DefinitionError
 from slidax.diagnosis import Remedy
@@ -15,56 +14,54 @@ from slidax.scenarios import Scenario
 from slidax.scenarios.load import validated
 
 from ..demand import Demand
+from ..each import Floats
 
-Floats = NDArray[np.floating[Any]]
 Share = Callable[[Scenario], float]
 
 HALVINGS = 5
-"""Steps of a bisection: the number is found within a thirtieth of the decade that is searched."""
+"""Steps of a bisection: the result is within a thirtieth of the searched decade."""
 
 
 def found_remedies(
     scenario: Scenario, radius: Floats, share: Share, of_a_part: Callable[[float], float]
 ) -> list[Remedy]:
-    """What alone would make it hold: ρ∞, H, h, encoders, or a smaller set; the nearest value of each.
+    """Search changes that each make the bound hold: ρ∞, H, h, encoders, or a smaller set; the nearest value of each.
 
-    - `scenario`: for which it does not hold.
-    - `radius`: final radii that are asked for [n].
-    - `share`: of an envelope that may be reached, below 1 where it holds.
-    - `of_a_part`: the same for a set that is so many times as large.
+    - `radius`: required final radii [n].
+    - `share`: reachable share of an envelope, below 1 where the bound holds.
+    - `of_a_part`: the share for a set scaled by a factor.
     """
-    found = []
-    wider = [float(f"{1.05 * one:.3g}") for one in radius]
+    fixes = []
+    wider = [float(f"{1.05 * final:.3g}") for final in radius]
     other = altered(scenario, {"scheme.performance.final": wider}) if np.all(np.isfinite(radius)) else None
     if other is not None and share(other) < 1.0:
-        found.append(Remedy("a wider final radius", {"scheme.performance.final": wider}))
+        fixes.append(Remedy("a wider final radius", {"scheme.performance.final": wider}))
     if not scenario.changed:
         for words, path, now, end in _ways(scenario):
             value = least(lambda value, path=path: _with(scenario, path, value, share), now, end)  # type: ignore[misc]
             if value is not None:
-                found.append(Remedy(f"{words}, {value:.3g}", {path: value}))
+                fixes.append(Remedy(f"{words}, {value:.3g}", {path: value}))
     part = least(of_a_part, 1.0, 0.05)
     if part is not None:
-        found.append(Remedy(f"{part:.2g} of what is uncertain, such as the payload", {}))
-    return found
+        fixes.append(Remedy(f"{part:.2g} of the uncertainty, such as the payload's", {}))
+    return fixes
 
 
 def tried(scenario: Scenario, share: Share) -> list[Remedy]:
-    """What alone would make it hold, of one other value of H, h and the encoders each.
+    """Try one other value of H, h and the encoders each.
 
-    - `scenario`: for which it does not hold.
-    - `share`: of an envelope that may be reached, below 1 where it holds.
+    - `share`: reachable share of an envelope, below 1 where the bound holds.
     """
-    found = []
+    fixes = []
     for words, path, now, end in _ways(scenario):
         value = float(f"{np.sqrt(now * end):.3g}")
         if _with(scenario, path, value, share) < 1.0:
-            found.append(Remedy(f"{words}, {value:.3g}", {path: value}))
-    return found
+            fixes.append(Remedy(f"{words}, {value:.3g}", {path: value}))
+    return fixes
 
 
 def _ways(scenario: Scenario) -> list[tuple[str, str, float, float]]:
-    """Numbers of the law and its surroundings, each with where it stands and how far it may go."""
+    """Values of the law and its surroundings, each with its present value and the end of its range."""
     law: Any = scenario.controller
     h, horizon = float(law.period), float(law.horizon)
     ways: list[tuple[str, str, float, float]] = [
@@ -79,11 +76,7 @@ def _ways(scenario: Scenario) -> list[tuple[str, str, float, float]]:
 
 
 def altered(scenario: Scenario, changes: Mapping[str, Any]) -> Scenario | None:
-    """A scenario with other numbers; None if there is no such scenario.
-
-    - `scenario`: as it is.
-    - `changes`: by path.
-    """
+    """Return a scenario with other values, by path; None if there is no such scenario."""
     base = scenario.description
     try:
         return validated(base.model_dump(exclude_unset=True), dict(changes), form=type(base)).build(scenario.name)
@@ -97,12 +90,11 @@ def _with(scenario: Scenario, path: str, value: float, share: Share) -> float:
 
 
 def scaled(demand: Demand, part: float) -> Demand:
-    """A set that is so many times as large around the arm that the law believes in.
+    """Return the demand of a set scaled around the law's model.
 
-    - `demand`: of the set.
-    - `part`: of each of its numbers; κ is scaled in its logarithm.
+    - `part`: factor of each of its values; κ is scaled in its logarithm.
     """
-    beside, relearnt = demand.beside, demand.relearnt
+    deviation, relearning = demand.deviation, demand.relearning
     return replace(
         demand,
         push=part * demand.push,
@@ -110,31 +102,27 @@ def scaled(demand: Demand, part: float) -> Demand:
         kappa=np.asarray(demand.kappa) ** part,
         coupling=part * demand.coupling,
         effects=None if demand.effects is None else part * demand.effects,
-        beside=None if beside is None else lambda radius, speed: part * beside(radius, speed),
-        relearnt=None if relearnt is None else part * relearnt,
+        deviation=None if deviation is None else lambda radius, speed: part * deviation(radius, speed),
+        relearning=None if relearning is None else part * relearning,
     )
 
 
 def resampled(demand: Demand, period: float) -> Demand:
-    """The same at another period.
-
-    - `demand`: at its own.
-    - `period`: h [s].
-    """
+    """Return the demand at another period, s."""
     times = np.arange(int(np.floor(demand.times[-1] / period + 1e-9)) + 1) * period
 
     def at(values: Floats) -> Floats:
-        return np.stack([np.interp(times, demand.times, one) for one in values.T], axis=1)
+        return np.stack([np.interp(times, demand.times, signal) for signal in values.T], axis=1)
 
-    push = np.stack([at(one) for one in demand.push])
+    push = np.stack([at(signal) for signal in demand.push])
     return replace(demand, times=times, push=push, stray=at(np.asarray(demand.stray)))
 
 
 def least(share: Callable[[float], float], now: float, end: float) -> float | None:
-    """The value nearest to the present one for which it holds, in steps of the logarithm; None if it does at no end.
+    """Return the value nearest to the present one for which the bound holds, in logarithmic steps; None if none does.
 
-    - `share`: below 1 where it holds.
-    - `now`, `end`: between which is looked.
+    - `share`: below 1 where the bound holds.
+    - `now`, `end`: ends of the search.
     """
     if share(end) >= 1.0:
         return None

@@ -1,4 +1,4 @@
-"""The loop-rate rule along time: the exact worst case of a joint's error, sample by sample, for what is missed."""
+"""The exact worst case of one joint's error, sample by sample, for a bounded estimation error."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ from slidax.controllers.steps.plan import Barrier
 from slidax.surfaces import AbstractSurface
 from slidax.transformations import Frame, Sides
 
+from ..each import Floats
 from .narrowing import Narrowing
 
-Floats = NDArray[np.floating[Any]]
 Both = Float[Array, "2 n"]
 
 
 @dataclass(frozen=True)
 class Reach:
-    """How far a joint's error may come, on both sides, at each sample; all [2 N n], below zero first, in size.
+    """Bounds of a joint's error on both sides at each sample; all [2 N n], below zero first, in size.
 
     - `led`: of y; `error`: of e.
-    - `room`: what the envelope leaves, `β ρ - e`, negative where it may be left.
+    - `room`: distance to the envelope, `β ρ - e`, negative where it may be left.
     """
 
     led: Floats
@@ -36,7 +36,7 @@ class Reach:
 
     @property
     def holds(self) -> NDArray[np.bool_]:
-        """For which joints no sample can be outside [n]."""
+        """True for joints of which no sample can be outside [n]."""
         return np.all(self.room > 0.0, axis=(0, 1))
 
 
@@ -49,31 +49,31 @@ def reached(
     noise: tuple[float, float] = (0.0, 0.0),
     s_next: Floats | float = 0.0,
 ) -> Reach:
-    """The worst case of `y⁺ = (1 - r) y + r (A ψ(ε) + Q w)` and of e, over all w and s⁺ within their bounds.
+    """Return the worst case of `y⁺ = (1 - r) y + r (A ψ(ε) + Q w)` and of e, over all w and s⁺ within their bounds.
 
-    Without a delay the bound of y is attained, by the w that always pushes outwards; docs/certificates/loop-rate.md.
+    Without a delay the bound of y is attained, by the w that always acts outwards; docs/certificates/loop-rate.md.
 
-    - `narrowing`: N, A and ρ at each sample.
-    - `surface`: of the law.
-    - `missed`: w̄, what the estimate misses in the period from each sample [N n] or a number, rad/s² or m/s².
+    - `missed`: w̄, estimation error in the period from each sample [N n] or a number, rad/s² or m/s².
     - `start`: y and e at the first sample [n], rad or m.
-    - `delay`: D [periods]; the law acts on a prediction that misses y and v by what w does meanwhile.
-    - `noise`: bounds of what is wrong in the position and the velocity that the step acts on, rad or m and a second's.
+    - `delay`: D [periods]; the law acts on a prediction, whose error is the effect of w meanwhile.
+    - `noise`: bounds of the errors of the position and the velocity that the step acts on, rad or m, and rad/s or m/s.
     - `s_next`: s̄, bound of s⁺, [N n] or a number, rad/s or m/s.
     """
     shape = narrowing.radius.shape
-    each = [jnp.asarray(np.broadcast_to(np.asarray(one, float), shape)) for one in (missed, s_next)]
+    each = [jnp.asarray(np.broadcast_to(np.asarray(value, float), shape)) for value in (missed, s_next)]
     h, horizon, lead = narrowing.period, narrowing.horizon, narrowing.lead
     age = delay * h
-    # What a prediction over the delay misses of y, and all that w does to y in a period, over r.
+    # Prediction error of y over the delay, and the whole effect of w on y in a period, over r.
     foreseen = 0.5 * age * age + lead * age
     share = horizon * horizon + horizon * age + foreseen
     inputs = (jnp.asarray(narrowing.now), jnp.asarray(narrowing.ahead), *each)
-    begun = tuple(jnp.maximum(jnp.stack([-jnp.asarray(one), jnp.asarray(one)]), 0.0) for one in start)
+    begun = tuple(jnp.maximum(jnp.stack([-jnp.asarray(value), jnp.asarray(value)]), 0.0) for value in start)
     sides = Sides(jnp.asarray(narrowing.lower), jnp.asarray(narrowing.upper))
-    seen = noise[0] + lead * noise[1]
-    numbers = tuple(jnp.asarray(one) for one in (h, horizon, foreseen, share, seen, seen + horizon * noise[1]))
-    led, error = (np.asarray(one) for one in _scanned(surface, sides, numbers, inputs, begun))
+    measured = noise[0] + lead * noise[1]
+    numbers = tuple(
+        jnp.asarray(value) for value in (h, horizon, foreseen, share, measured, measured + horizon * noise[1])
+    )
+    led, error = (np.asarray(value) for value in _scanned(surface, sides, numbers, inputs, begun))
     led, error = np.moveaxis(led, 1, 0), np.moveaxis(error, 1, 0)
     wide = np.stack([-narrowing.lower * narrowing.radius, narrowing.upper * narrowing.radius])
     return Reach(led, error, wide - error)
@@ -81,13 +81,13 @@ def reached(
 
 @functools.partial(jax.jit)
 def _scanned(surface: Any, sides: Sides, numbers: Any, inputs: Any, begun: Any) -> Any:
-    h, horizon, foreseen, share, seen, taken = numbers
+    h, horizon, foreseen, share, measured, taken = numbers
     r, eta = h / horizon, h / (2.0 * horizon - h)
 
     def step(carry: Any, now: Any) -> Any:
         led, error, eps = carry
         radius, ahead, missed, s_next = now
-        target = led + foreseen * missed + seen + horizon * s_next
+        target = led + foreseen * missed + measured + horizon * s_next
         eps, place, _ = aimed(surface, sides, radius, horizon, target, eps)
         later = (1.0 - r) * led + r * (ahead * place + share * missed + taken)
         after = ((1.0 - eta) * error + eta * (led + later)) / (1.0 + eta)
@@ -99,13 +99,12 @@ def _scanned(surface: Any, sides: Sides, numbers: Any, inputs: Any, begun: Any) 
 def aimed(
     surface: AbstractSurface, sides: Sides, radius: Any, horizon: Any, target: Both, guess: Both
 ) -> tuple[Both, Both, Both]:
-    """The ε of `N ψ(ε) + H pull(ε) = target` below and above zero, in size, with `|ψ(ε)|` and `pull(|ε|)`; all [2 n].
+    """Solve `N ψ(ε) + H φ(ε) = target` below and above zero: ε in size, with `|ψ(ε)|` and `φ(|ε|)`; all [2 n].
 
-    - `surface`, `sides`: of the law.
     - `radius`: N [n].
     - `horizon`: H [s].
-    - `target`: y + H s⁺ at most, below and above zero, in size [2 n].
-    - `guess`: ε of before, in size [2 n].
+    - `target`: bound of y + H s⁺, below and above zero, in size [2 n].
+    - `guess`: ε of the sample before, in size [2 n].
     """
     frame = Frame(now=radius, ahead=radius, sides=sides)
     barrier = Barrier(frame, surface, horizon)
@@ -117,6 +116,6 @@ def aimed(
         return barrier.solve(target, guess, barrier.value_and_slope(guess))
 
     eps = jax.vmap(solve)(signed, sign * guess)
-    place = jax.vmap(lambda one: frame.place_and_slope(one)[0])(eps)
-    pull = jax.vmap(lambda one: surface.pull_and_slope(one)[0])(eps)
+    place = jax.vmap(lambda value: frame.place_and_slope(value)[0])(eps)
+    pull = jax.vmap(lambda value: surface.pull_and_slope(value)[0])(eps)
     return sign * eps, sign * place, sign * pull

@@ -1,4 +1,4 @@
-"""What all bounds of a scenario's set stand in: its law's envelope, its sliding, its sensors, and the planned run."""
+"""The common part of all bounds of a set: the law's envelope, its sliding, its sensors, and the nominal run."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d
 
 from slidax.transformations.psi import psi
 
 from ..demand import Demand
+from ..each import Floats
 from .ideal import Ideal
 from .narrowing import Narrowing
 from .noise import Noise
@@ -24,22 +24,19 @@ from .sliding import Sliding
 from .slopes import Slopes
 from .subject import Subject
 
-Floats = NDArray[np.floating[Any]]
-
 SPARE = 8
-"""Samples by which what is compiled may be longer than the run."""
+"""Samples by which compiled arrays may be longer than the run."""
 
 
 @dataclass(frozen=True)
 class Certified:
-    """The bounds of a scenario's errors.
+    """Error bounds of a scenario.
 
-    - `subject`: whose.
-    - `narrowing`: its envelope, when torques set in.
+    - `narrowing`: its envelope, when torques start.
     - `bounds`: at these times.
     - `error`: of e itself, below and above zero, in size [N 2 n].
-    - `share`: the bound of the error over the envelope's side, at each sample of the run [N n]; below 1 it holds.
-    - `kappa`, `spread`: for which κ [n j], and what around each is covered [n j].
+    - `share`: bound of the error over the envelope's side, at each sample of the run [N n]; below 1 it holds.
+    - `kappa`, `spread`: κ [n j], and the covered deviation around each [n j].
     - `noise`: the noise's part in the bound of e [n], rad or m.
     """
 
@@ -57,8 +54,8 @@ class Certified:
 class Since:
     """Where the bound begins.
 
-    - `ideal`: the run that the law plans from there.
-    - `states`, `slid`: by how much others may differ from it, as in `Entry`.
+    - `ideal`: the nominal run from there.
+    - `states`, `slid`: deviations of other members from it, as in `Entry`.
     """
 
     ideal: Ideal
@@ -67,16 +64,15 @@ class Since:
 
 
 class Setting:
-    """What does not depend on how the joints' loops are bounded.
+    """The part of a bound that does not depend on decoupled or coupled loops.
 
-    - `subject`: the law on its task.
-    - `demand`: what a set of arms asks of its loops: along `ideal`, or else along the reference.
-    - `since`: the run that the law plans, and where the arms of the set are when it begins; without it all is bounded
-      from the start and the reference on, and s taken as reached.
+    - `demand`: of a set of arms along the nominal run, or else along the reference.
+    - `since`: the initial set with the nominal run. Without it the bound starts with the scenario's start and
+      reference, and s counts as reached.
     """
 
     def __init__(self, subject: Subject, demand: Demand, since: Since | None = None) -> None:
-        self.subject, self.demand, self.asked = subject, demand.boxed(), demand
+        self.subject, self.demand, self.requested = subject, demand.boxed(), demand
         self.since, self.ideal = since, None if since is None else since.ideal
         law = subject.law
         assert law.horizon is not None
@@ -100,34 +96,32 @@ class Setting:
 
     @property
     def lumped(self) -> Floats:
-        """‖M0 w*‖ when each torque sets in, the largest of all members [N], N m."""
+        """‖M0 w*‖ when each torque starts, the largest of all members [N], N m."""
         first = self.late
         push = self.demand.push[:, first : first + self.samples]
         sizes = np.linalg.norm(np.einsum("kij,mkj->mki", self.sliding.inertia, push), axis=2).max(axis=0)
-        if self.asked.effects is not None and self.asked.effects.shape[1]:
-            parts = self.asked.effects[:, :, first : first + self.samples]
+        if self.requested.effects is not None and self.requested.effects.shape[1]:
+            parts = self.requested.effects[:, :, first : first + self.samples]
             each = np.linalg.norm(np.einsum("kij,mekj->meki", self.sliding.inertia, parts), axis=3)
             sizes = sizes + each.sum(axis=1).max(axis=0)
         return sizes
 
-    def reach(self, found: Certified) -> tuple[Floats, Floats, Floats, Floats]:
-        """How far the arm may be beside the ideal one around each of its samples, and beside what is predicted.
+    def reach(self, certified: Certified) -> tuple[Floats, Floats, Floats, Floats]:
+        """Deviation of the arm from the nominal run around each of its samples, and its prediction errors.
 
-        Position [K n], velocity below and above zero [2 K n], and what the prediction misses of both [K n] each;
-        rad or m, and rad/s or m/s.
-
-        - `found`: bounds.
+        Position [K n], velocity below and above zero [2 K n], and prediction errors of both [K n] each; rad or m, and
+        rad/s or m/s.
         """
-        bounds, h = found.bounds, self.period
+        bounds, h = certified.bounds, self.period
         within = bounds.acceleration
         radius = np.max(bounds.error, axis=1) + within / 8.0
         below, above = ((bounds.speed[:, side] + within) / h for side in (0, 1))
         missed = bounds.shift + (self.horizon / h - 0.5) * bounds.lapse
-        # Before a torque sets in nothing is beside; a period begins and ends at one, and samples lie between these.
+        # No deviation before the first torque starts; periods begin and end at torques, samples lie in between.
         late = self.late + int(self.subject.dead_time % 1.0 > 0)
         spans = []
-        for one in (radius, below, above, missed, bounds.lapse / h):
-            grown = np.maximum(one, np.concatenate([one[1:], one[-1:]]))
+        for size in (radius, below, above, missed, bounds.lapse / h):
+            grown = np.maximum(size, np.concatenate([size[1:], size[-1:]]))
             whole = np.concatenate([np.repeat(grown[:1], late, axis=0), grown])
             count = self.demand.times.size
             whole = np.concatenate([whole, np.repeat(whole[-1:], max(count - len(whole), 0), axis=0)])[:count]
@@ -146,10 +140,7 @@ class Setting:
         )
 
     def error_of(self, bounds: Bounds) -> tuple[Floats, Floats]:
-        """Bounds of e itself, below and above zero [N 2 n], and their share of the envelope at each sample [N n].
-
-        - `bounds`: of the arms of a set beside the ideal one.
-        """
+        """Bounds of e itself, below and above zero [N 2 n], and their share of the envelope at each sample [N n]."""
         error = bounds.error
         if self.ideal is not None:
             middle = self.ideal.error[: self.samples]
@@ -157,7 +148,7 @@ class Setting:
         return error, self._share(error, bounds)
 
     def strayed(self, more: Floats | None) -> Floats:
-        """What w* may be otherwise in the period of each decision [N n], in units of periods.
+        """Unknown part of w* in the period of each decision [N n], in units of periods.
 
         - `more`: beyond `demand.stray`, at each sample of the arm [N n], rad/s² or m/s².
         """
@@ -174,10 +165,10 @@ class Setting:
         return np.array([later[first + k : first + k + n] for k in range(3)]).max(axis=0)
 
     def recent(self, sizes: Floats, length: int) -> Floats:
-        """The largest of those that a loop has not forgotten [N n], in units of periods.
+        """The largest recent value [N n], in units of periods.
 
         - `sizes`: at each sample of the arm [N n], rad/s² or m/s².
-        - `length`: periods after which it has.
+        - `length`: of the loop's memory, in periods.
         """
         size = np.concatenate([sizes[self.late :], np.repeat(sizes[-1:], self.late, axis=0)])[: self.samples]
         # Of each window the last sample is the newest.
@@ -185,20 +176,20 @@ class Setting:
         return self.period**2 * window
 
     def planned(self) -> tuple[Floats, Floats, Floats]:
-        """The ideal arm's x and ε, and `|Δx - ΔN ψ|` from the sample before [N n]."""
+        """The nominal run's x and ε, and `|Δx - ΔN ψ|` from the sample before [N n]."""
         n, narrowing = self.samples, self.narrowing
         if self.ideal is None:
             return (np.zeros((n, self.e.size)),) * 3
         eps = self.ideal.eps[:n]
         place, pull = of_rows(_place_and_pull, eps, self.most, self.sides, self.subject.surface)
-        given = self.ideal.target
-        target = narrowing.now * place + self.horizon * pull if given is None else given[:n]
+        planned_target = self.ideal.target
+        target = narrowing.now * place + self.horizon * pull if planned_target is None else planned_target[:n]
         turn = np.zeros_like(target)
         turn[1:] = np.abs(np.diff(target, axis=0) - np.diff(narrowing.now, axis=0) * place[:-1])
         return target, eps, turn
 
     def _share(self, error: Floats, bounds: Bounds) -> Floats:
-        """The bound over the envelope's side at each sample of the run, from when the first torque sets in."""
+        """The bound over the envelope's side at each sample of the run, from the first torque on."""
         part = self.subject.dead_time % 1.0
         times = self.set_in
         if part > 0:
@@ -213,8 +204,8 @@ class Setting:
 
 @eqx.filter_jit
 def _place_and_pull(sides: Any, surface: Any, eps: Any) -> tuple[Any, Any]:
-    """ψ and the pull at each ε."""
-    return jax.vmap(lambda one: (psi(one, sides), surface.pull_and_slope(one)[0]))(eps)
+    """ψ and φ at each ε."""
+    return jax.vmap(lambda value: (psi(value, sides), surface.pull_and_slope(value)[0]))(eps)
 
 
 @eqx.filter_jit

@@ -1,20 +1,17 @@
-"""What a joint's loop does with the pushes that are known: exactly, in blocks of samples."""
+"""Exact response of a joint's loop to known disturbances, in blocks of samples."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from slidax.diagnosis.linear_loop import LinearLoop, LoopMaps
 
+from ..each import Floats
 from .kernels import MISSED, OUTPUTS, outputs_of
-
-Floats = NDArray[np.floating[Any]]
 
 BLOCK = 16
 """Samples that are computed at once."""
@@ -22,10 +19,10 @@ BLOCK = 16
 
 @dataclass(frozen=True)
 class Followed:
-    """What a loop did.
+    """Signals of a loop.
 
     - `outputs`: as of `kernels` [7 m N]; of the acceleration the commanded part `κ a`.
-    - `least`, `most`: w* in the period from when each torque sets in [m N]; `change`: within it, or a part of it.
+    - `least`, `most`: w* in the period after each torque starts [m N]; `change`: within it, or a part of it.
     """
 
     outputs: Floats
@@ -37,14 +34,13 @@ class Followed:
 def followed(
     loop: LinearLoop, kappa: float, push: Floats, place: float, start: Floats, samples: int, quiet: int = 0
 ) -> Followed:
-    """A loop that starts somewhere, while pushes act and p is constant.
+    """Simulate a loop with disturbances and constant p.
 
-    - `loop`, `kappa`: whose; units of periods.
-    - `push`: w* at each sample of the arm, linear in between [m K], K > N + delay + 2.
+    - `push`: w* at each sample of the arm, linear in between [m K], K > N + delay + 2, units of periods.
     - `place`: p [rad or m].
     - `start`: the loop's state [s], or of each member [s m].
     - `samples`: N.
-    - `quiet`: periods before the first push.
+    - `quiet`: periods before the first disturbance.
     """
     maps, whole = loop.maps(kappa), int(loop.believed)
     members, steps = push.shape[0], samples + whole + 2 - quiet
@@ -59,26 +55,22 @@ def followed(
         rows[:, k] = maps.asked @ state + maps.direct @ held
         state = maps.step @ state + maps.enters @ held
     for i in range(blocks):
-        given = np.concatenate([state, padded[:, i * BLOCK : (i + 1) * BLOCK + 1].T, np.full((1, members), place)])
-        rows[:, quiet + i * BLOCK : quiet + (i + 1) * BLOCK] = (lifted.outputs @ given).reshape(7, BLOCK, members)
-        state = lifted.state @ given
+        inputs = np.concatenate([state, padded[:, i * BLOCK : (i + 1) * BLOCK + 1].T, np.full((1, members), place)])
+        rows[:, quiet + i * BLOCK : quiet + (i + 1) * BLOCK] = (lifted.outputs @ inputs).reshape(7, BLOCK, members)
+        state = lifted.state @ inputs
     at = np.arange(samples)
-    found = np.empty((OUTPUTS, members, samples))
+    outputs = np.empty((OUTPUTS, members, samples))
     for member in range(members):
-        found[:, member] = outputs_of(rows[:, :, member], at, whole, loop, kappa)
-    found[MISSED] -= place
+        outputs[:, member] = outputs_of(rows[:, :, member], at, whole, loop, kappa)
+    outputs[MISSED] -= place
     first = whole - quiet
     knots = [padded[:, first + k : first + k + samples] for k in range(2 + (loop.believed % 1.0 > 0))]
     change = np.max([np.abs(later - now) for now, later in pairwise(knots)], axis=0)
-    return Followed(found, np.min(knots, axis=0), np.max(knots, axis=0), change)
+    return Followed(outputs, np.min(knots, axis=0), np.max(knots, axis=0), change)
 
 
 def steady(loop: LinearLoop, push: Floats) -> Floats:
-    """The states [s m] of a loop that has come to rest under constant pushes.
-
-    - `loop`: whose.
-    - `push`: these [m].
-    """
+    """Return the states [s m] of a loop at rest under constant disturbances [m]."""
     queue = _queue(loop)
     state = np.zeros((2 + queue + 6, push.size))
     state[2 : 2 + queue] = -push
@@ -87,13 +79,12 @@ def steady(loop: LinearLoop, push: Floats) -> Floats:
 
 
 def entries(loop: LinearLoop, follows: float, states: Floats) -> tuple[Floats, Floats]:
-    """Directions of a loop's state at a decision, as columns [s 8 + Q], and how far some states reach in each [8 + Q].
+    """Return directions of a loop's state at a decision [s 8 + Q], and the reach of some states in each [8 + Q].
 
-    e with the ė at which a plan for `p = θ ŷ` asks for no acceleration; ė beside that; what each command under way is
-    planned to do, `a + ŵ`, the newest first; by how much the prediction of e and ė is wrong; `ŵ - w*` and ŵ's rate; by
-    how much the last measurement was otherwise than e and ė say.
+    The directions: e with the ė at which a plan for `p = θ ŷ` commands no acceleration; ė; the planned effect `a + ŵ`
+    of each pending command, the newest first; the prediction errors of e and ė; `ŵ - w*` and ŵ's rate; the deviation of
+    the last measurement from e and ė.
 
-    - `loop`: whose.
     - `follows`: θ.
     - `states`: as in `Entry` [m 8 + Q].
     """
@@ -108,9 +99,9 @@ def entries(loop: LinearLoop, follows: float, states: Floats) -> tuple[Floats, F
     else:
         basis[-2:] = 0.0
     basis[:, 0] += drift * basis[:, 1]
-    seen = states.copy()
-    seen[:, 1] -= drift * seen[:, 0]
-    return basis, np.max(np.abs(seen), axis=0)
+    reach = states.copy()
+    reach[:, 1] -= drift * reach[:, 0]
+    return basis, np.max(np.abs(reach), axis=0)
 
 
 def _queue(loop: LinearLoop) -> int:
@@ -127,11 +118,11 @@ class _Lifted:
         state[:, :size] = np.eye(size)
         rows = []
         for k in range(BLOCK):
-            given = np.zeros((5, width))
-            given[2, -1] = 1.0
-            given[3, size + k] = kappa
-            given[4, size + k + 1] = kappa
-            rows.append(maps.asked @ state + maps.direct @ given)
-            state = maps.step @ state + maps.enters @ given
+            inputs = np.zeros((5, width))
+            inputs[2, -1] = 1.0
+            inputs[3, size + k] = kappa
+            inputs[4, size + k + 1] = kappa
+            rows.append(maps.asked @ state + maps.direct @ inputs)
+            state = maps.step @ state + maps.enters @ inputs
         self.outputs = np.stack(rows, axis=1).reshape(7 * BLOCK, width)
         self.state = state

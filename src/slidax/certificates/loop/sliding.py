@@ -1,4 +1,4 @@
-"""What the reaching of s needs to be bounded: the believed inertia as a norm, u, and s of the ideal arm."""
+"""Quantities that bound the sliding variable: the nominal inertia as a norm, u, and s of the nominal run."""
 
 from __future__ import annotations
 
@@ -8,23 +8,21 @@ from typing import Any
 import equinox as eqx
 import jax
 import numpy as np
-from numpy.typing import NDArray
 
 from ..arm.evaluated import mass_and_bias
+from ..each import Floats
 from .ideal import Ideal
 from .padded import of_rows
 from .subject import Subject
 
-Floats = NDArray[np.floating[Any]]
-
 
 @dataclass(frozen=True)
 class Sliding:
-    """At each time at which a torque sets in.
+    """At each time at which a torque starts.
 
-    - `root`: of the largest eigenvalue of M0 [N]; `inertia`: M0, `mass`: |M0| [N n n].
-    - `grown`: by which factor the norm of M0 grows to the next sample [N].
-    - `size`: `‖s‖` of the ideal arm in the norm of M0 [N]; `s_next`: its |s⁺| [N n]; `cover`: u [N], N m.
+    - `root`: root of the largest eigenvalue of M0 [N]; `inertia`: M0, `mass`: |M0| [N n n].
+    - `grown`: growth of the norm of M0 to the next sample [N].
+    - `size`: `‖s‖` of the nominal run in the norm of M0 [N]; `s_next`: its |s⁺| [N n]; `cover`: u [N], N m.
     """
 
     root: Floats
@@ -37,12 +35,11 @@ class Sliding:
 
     @classmethod
     def of(cls, subject: Subject, ideal: Ideal | None, times: Floats, most: int = 0) -> Sliding:
-        """Those of a law.
+        """The quantities of a law.
 
-        - `subject`: whose.
-        - `ideal`: the run that it plans; None where s is taken as reached from the start.
-        - `times`: at which torques set in [N], s.
-        - `most`: times that other calls may have, so that all share one compiled program.
+        - `ideal`: its planned run; None if s counts as reached from the start.
+        - `times`: at which torques start [N], s.
+        - `most`: largest number of times of all calls that share the compiled program.
         """
         law, n = subject.law, times.size
         if ideal is None:

@@ -1,4 +1,4 @@
-"""How steeply the pull rises with the place, between any two transformed errors."""
+"""Slope of the surface function over ψ, between any two transformed errors."""
 
 from __future__ import annotations
 
@@ -9,28 +9,27 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from numpy.typing import NDArray
 
 from slidax.surfaces import AbstractSurface
 from slidax.transformations import Sides
 from slidax.transformations.psi import psi_and_slope
 
-Floats = NDArray[np.floating[Any]]
+from ..each import Floats
 
 STEPS = 12
 """Each side of the table has 2^12 places."""
 
 NEAREST, FARTHEST = 1e-12, 1e4
-"""Transformed errors at the table's ends; from one to the next is a step of .9 %."""
+"""Transformed errors at the table's ends; neighbouring ones differ by 0.9 %."""
 
 
 SLOPES = (1e-100, 1e100)
-"""What is less or more is taken as this."""
+"""Limits of all slopes."""
 
 
 @dataclass(frozen=True)
 class Slopes:
-    """dpull/dψ over ε, with the least and the largest of 2^l places from each one on, for each joint.
+    """dφ/dψ over ε, with the least and the largest of 2^l places from each one on, for each joint.
 
     - `eps`: ascending [M].
     - `least`, `most`: [l n M].
@@ -42,10 +41,7 @@ class Slopes:
 
     @classmethod
     def of(cls, surface: AbstractSurface, sides: Sides) -> Slopes:
-        """The table of a law.
-
-        - `surface`, `sides`: of it.
-        """
+        """The table of a law."""
         size = np.geomspace(NEAREST, FARTHEST, 2**STEPS)
         eps = jnp.asarray(np.concatenate([-size[::-1], np.zeros(1), size]))
         slope = np.asarray(_slope(surface, sides, eps)).T
@@ -61,7 +57,7 @@ class Slopes:
         return cls(eps, jnp.asarray(np.array(least)), jnp.asarray(np.array(most)))
 
     def between(self, low: Any, high: Any) -> tuple[Any, Any]:
-        """The least and the largest slope for ε between two [n], each [n].
+        """The least and the largest slope for ε between two values [n], each [n].
 
         - `low`, `high`: ends, `low <= high` [n].
         """
@@ -81,8 +77,8 @@ jax.tree_util.register_dataclass(Slopes, data_fields=["eps", "least", "most"], m
 
 @eqx.filter_jit
 def _slope(surface: AbstractSurface, sides: Sides, eps: Any) -> Any:
-    def at(one: Any) -> Any:
-        each = jnp.broadcast_to(one, sides.lower.shape)
+    def at(value: Any) -> Any:
+        each = jnp.broadcast_to(value, sides.lower.shape)
         pulled = surface.pull_and_slope(each)[1]
         moved = psi_and_slope(each, sides)[1]
         return jnp.clip(pulled / jnp.maximum(moved, SLOPES[0]), *SLOPES)
@@ -91,5 +87,5 @@ def _slope(surface: AbstractSurface, sides: Sides, eps: Any) -> Any:
 
 
 def _later(values: Floats, span: int) -> Floats:
-    """Those so many places on; the last ones again beyond the end."""
+    """The values so many places on; the last ones again beyond the end."""
     return np.concatenate([values[:, span:], np.repeat(values[:, -1:], span, axis=1)], axis=1)

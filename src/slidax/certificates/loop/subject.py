@@ -1,4 +1,4 @@
-"""The scenarios that `loop_rate` applies to, and their numbers that the bounds need."""
+"""Scenarios that `loop_rate` applies to, and the quantities that its bounds need."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
-from numpy.typing import NDArray
 
 from slidax._types import State
 from slidax.controllers import SampledData
@@ -19,17 +18,16 @@ from slidax.diagnosis.loops import loops_of
 from slidax.scenarios import Scenario
 from slidax.transformations import PrescribedPerformance
 
-Floats = NDArray[np.floating[Any]]
+from ..each import Floats
 
 
 @dataclass(frozen=True)
 class Subject:
-    """A law with a plan, a linear estimator and an envelope, on its task.
+    """A scenario's law with a plan, a linear estimator and an envelope.
 
-    - `scenario`, `law`, `step`: whose.
     - `drawn`: the envelope.
-    - `loops`: of the joints, near their goal.
-    - `quiet`: whole periods from when something is measured to when it arrives; `dead_time`: the rest of the delay.
+    - `loops`: of the joints, linearised near their goal.
+    - `quiet`: whole periods from a measurement to its arrival; `dead_time`: the rest of the delay, in periods.
     """
 
     scenario: Scenario
@@ -42,31 +40,27 @@ class Subject:
 
     @classmethod
     def of(cls, scenario: Scenario) -> Subject | str:
-        """The subject, or why there is none.
-
-        - `scenario`: any.
-        """
-        found = lawful(scenario)
-        if isinstance(found, str):
-            return found
-        law, step, loops = found
+        """The problem, or the reason why the certificate does not apply."""
+        problem = lawful(scenario)
+        if isinstance(problem, str):
+            return problem
+        law, step, loops = problem
         if not isinstance(step.transformation, PrescribedPerformance):
-            return "the scheme promises no envelope"
+            return "the scheme has no envelope"
         sensor, actuator = scenario.description.sensor, scenario.description.actuator
         if sensor.jitter or sensor.loss.probability or sensor.loss.outages:
-            return "samples that come at uneven times or get lost are not covered"
+            return "jitter and lost samples are not covered"
         if np.any(np.asarray(actuator.time_constant)):
-            return "a drive with a lag of first order is not covered"
+            return "a drive with a first-order lag is not covered"
         true = sensor.delay + actuator.dead_time
         if abs(true - law.delay) > 1e-9:
-            return f"the law believes a delay of {law.delay:g} periods, and it is {true:g}"
+            return f"the law assumes a delay of {law.delay:g} periods, and the true delay is {true:g}"
         if abs(sensor.delay - round(sensor.delay)) > 1e-9:
-            return "measurements that are late by a part of a period are not covered"
+            return "measurements delayed by a fraction of a period are not covered"
         return cls(scenario, law, step, step.transformation, loops, round(sensor.delay), actuator.dead_time)
 
     @property
     def surface(self) -> Any:
-        """The pull of the surface."""
         return self.step.surface
 
     def start(self) -> tuple[Floats, Floats, Floats]:
@@ -77,19 +71,16 @@ class Subject:
         return e, de, np.asarray(reference.ddq)
 
     def heavy(self, times: Floats) -> Floats:
-        """The largest eigenvalue of the believed inertia along the reference [N], from 200 places of it.
-
-        - `times`: [N], s.
-        """
+        """The largest eigenvalue of the nominal inertia along the reference [N], interpolated between 200 points."""
         grid = np.linspace(times[0], times[-1], min(times.size, 200))
         reference = jax.jit(jax.vmap(self.scenario.trajectory.reference))(jnp.asarray(grid))
         mass = along(self.law.nominal, np.asarray(reference.q), np.asarray(reference.dq))[0]
         if self.law.adaptation is not None:
-            mass = np.array([np.asarray(self.law.adaptation.mass_at_start(jnp.asarray(one))) for one in mass])
+            mass = np.array([np.asarray(self.law.adaptation.mass_at_start(jnp.asarray(matrix))) for matrix in mass])
         return np.interp(times, grid, np.linalg.eigvalsh(mass)[:, -1])
 
     def cover(self) -> tuple[float, float]:
-        """The least u [N m], at rest at zero without torque, and s0; an infinite u where s⁺ does not depend on one."""
+        """The least u [N m], at rest at zero without torque, and s0; an infinite u if s⁺ does not depend on one."""
         if not isinstance(self.step, SlidingStep):
             return float("inf"), 0.0
         nothing = jnp.zeros(self.law.joints)
@@ -102,17 +93,14 @@ class Subject:
 
 
 def lawful(scenario: Scenario) -> tuple[SampledData, AbstractSurfaceStep, tuple[LinearLoop, ...]] | str:
-    """The law, its step and the loops of its joints; or why it has none that are linear.
-
-    - `scenario`: any.
-    """
+    """Return the law, its step and its linear joint loops; or the reason why it has none."""
     law = scenario.controller
     if not isinstance(law, SampledData):
         return "the scheme is not in sampled-data form"
     if not isinstance(law.step, AbstractSurfaceStep) or law.horizon is None:
         return "the law does not plan over a horizon"
     if scenario.description.sensor.instrument is not None:
-        return "the sensor is not one of encoders"
+        return "the sensor is no encoder"
     loops = loops_of(scenario)
     linear = tuple(loop for loop in loops if loop is not None)
     if len(linear) < len(loops):
