@@ -176,8 +176,8 @@ def _disturbance_assumptions(members: Members, hull: Hull, simulated: bool) -> l
             assumptions.append(Assumption(text, "tested"))
         if hull.sampled:
             text = (
-                f"{members.named(hull.sampled)}: no polynomial of few values; the set was sampled, at 5 values of each or "
-                "at corners"
+                f"{members.named(hull.sampled)}: no polynomial of few values; the set was sampled, at 5 values of "
+                "each or at corners"
             )
             assumptions.append(Assumption(text, "tested"))
     text = (
