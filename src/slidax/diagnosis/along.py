@@ -28,7 +28,7 @@ def along(robot: AbstractRobot, q: np.ndarray, dq: np.ndarray) -> tuple[np.ndarr
         with suppress(NoNativeCodeError):
             joint = jax.ShapeDtypeStruct((robot.joints,), float)
             program = trace(at, joint, joint, named=False)
-            program.inputs[:] = [replace(one, varying=True) for one in program.inputs]
+            program.inputs[:] = [replace(variable, varying=True) for variable in program.inputs]
             mass, bias = llvm.compile(program).batch([q, dq], runs=len(q), threads=1)
             return mass, bias
     mass, bias = jax.jit(jax.vmap(at))(jnp.asarray(q), jnp.asarray(dq))

@@ -1,4 +1,4 @@
-"""What is likely to go wrong, before a run: the plant is known then, as far as it is simulated."""
+"""Warnings before a run, from the simulated plant along the planned motion."""
 
 from __future__ import annotations
 
@@ -32,13 +32,11 @@ COMES = 0.02
 
 
 def beforehand(scenario: Scenario) -> list[str]:
-    """What is likely to make a run leave its envelope, a sentence each; empty for a scheme that cannot be told of.
+    """Likely reasons for a run to leave its envelope, one sentence each; empty for a scheme that cannot be diagnosed.
 
     Along the motion: the torque that it needs against the limits, the eigenvalues κ of `M⁻¹ M0` against those for which
     the loop of a joint is stable, ω H of its estimator, u against what it must cover, and the integrator's steps
     against the simulated friction.
-
-    - `scenario`: what is to be run.
     """
     try:
         law = require_explainable(scenario)
@@ -60,7 +58,7 @@ class _Ahead:
         until = min(scenario.t1, float(np.nan_to_num(scenario.trajectory.until, posinf=scenario.t1)))
         self.t = np.linspace(0.0, max(until, scenario.period), SAMPLES)
         reference = jax.jit(jax.vmap(lambda t: scenario.trajectory.reference(t)))(jnp.asarray(self.t))
-        self.q, self.dq, self.ddq = (np.asarray(one) for one in (reference.q, reference.dq, reference.ddq))
+        self.q, self.dq, self.ddq = (np.asarray(values) for values in (reference.q, reference.dq, reference.ddq))
 
     @cached_property
     def believed(self) -> tuple[np.ndarray, np.ndarray]:
@@ -131,10 +129,10 @@ class _Ahead:
 
     def estimators(self) -> Iterator[str]:
         """ω H, and whether the loop is stable if all is as believed."""
-        found = [(joint, loop) for joint, loop in enumerate(self._loops) if loop is not None]
-        if not found or self.law.horizon is None:
+        loops = [(joint, loop) for joint, loop in enumerate(self._loops) if loop is not None]
+        if not loops or self.law.horizon is None:
             return
-        joint, loop = max(found, key=lambda one: one[1].radius())
+        joint, loop = max(loops, key=lambda pair: pair[1].radius())
         # One, but for rounding, is a loop whose horizon has endlessly many periods.
         if loop.radius() > 1.0 + 1e-9:
             yield (
@@ -145,14 +143,14 @@ class _Ahead:
             return
         if loop.measures_velocity:
             return
-        paces = {joint: loop.bandwidth * float(self.law.horizon) for joint, loop in found}
+        paces = {joint: loop.bandwidth * float(self.law.horizon) for joint, loop in loops}
         slowest = min(paces, key=paces.__getitem__)
         if paces[slowest] < SLOW:
             yield (
                 f"the estimator of `{self.names[slowest]}` follows at {paces[slowest]:.2g} times 1/H, too slow for the "
                 "horizon: raise `torque_density`, or take finer encoders or a longer `horizon`"
             )
-        noises = {joint: self._noise(joint, loop) for joint, loop in found if paces[joint] > FAST}
+        noises = {joint: self._noise(joint, loop) for joint, loop in loops if paces[joint] > FAST}
         loudest = max(noises, key=noises.__getitem__, default=None)
         if loudest is not None and noises[loudest] >= NOISY:
             yield (
@@ -172,7 +170,7 @@ class _Ahead:
         return float(3.0 * step / (rate * float(self.law.period)))
 
     def cover(self) -> Iterator[str]:
-        """Whether u covers what the model lacks."""
+        """Warn if the robust torque u does not cover the model's error."""
         bound = getattr(self.law.step, "bound", None)
         if bound is None:
             return
@@ -191,11 +189,11 @@ class _Ahead:
 
     def steps(self) -> Iterator[str]:
         """The integrator's steps."""
-        found = coarseness(self.scenario)
-        if found is not None and found[0] > 1.0:
+        ratio_and_joint = coarseness(self.scenario)
+        if ratio_and_joint is not None and ratio_and_joint[0] > 1.0:
             yield (
-                f"a step of the integrator is {found[0]:.2g} times too long for the simulated friction of "
-                f"`{self.names[found[1]]}`: raise `simulation.substeps`"
+                f"a step of the integrator is {ratio_and_joint[0]:.2g} times too long for the simulated friction of "
+                f"`{self.names[ratio_and_joint[1]]}`: raise `simulation.substeps`"
             )
 
     @cached_property

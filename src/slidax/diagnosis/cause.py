@@ -1,4 +1,4 @@
-"""What a cause is, and what it finds."""
+"""Causes for leaving the envelope, their findings, and remedies."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Remedy:
 
 @dataclass(frozen=True)
 class Finding:
-    """What a cause has found in a run.
+    """Evidence for a cause in a run's log.
 
     - `name`: of the cause.
     - `joint`: which joint it is about, from 0; None for all.
@@ -55,17 +55,14 @@ class AbstractCause(ABC):
 
     @abstractmethod
     def finding(self, record: Record) -> Finding | None:
-        """What the log shows of this cause; None if nothing.
-
-        - `record`: the run that left its envelope.
-        """
+        """Return the evidence for this cause in the log; None if there is none."""
 
 
 def _as_yaml(value: Any) -> str:
     if isinstance(value, Mapping):
-        return "{" + ", ".join(f"{key}: {_as_yaml(one)}" for key, one in value.items()) + "}"
+        return "{" + ", ".join(f"{key}: {_as_yaml(entry)}" for key, entry in value.items()) + "}"
     if isinstance(value, list | tuple):
-        return "[" + ",".join(_as_yaml(one) for one in value) + "]"
+        return "[" + ",".join(_as_yaml(entry) for entry in value) + "]"
     if value is None:
         return "null"
     return f"{value:.4g}" if isinstance(value, float) else str(value)

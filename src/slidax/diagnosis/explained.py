@@ -1,4 +1,4 @@
-"""Why a run left its envelope: what its log shows, and what would have helped."""
+"""Explain why a run left its envelope, with remedies that were tried in simulation."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ class Answer:
     holds: bool = False
 
     def sentence(self) -> str:
-        """What it is and what to do, in one line."""
+        """Evidence and remedy in one line."""
         if self.remedy is None:
             return f"{self.finding.evidence}."
         sets = f": `{self.remedy.sets}`" if self.remedy.changes else ""
@@ -103,11 +103,11 @@ def explained(scenario: Scenario, run: Run | Record, *, tries: bool = True, seco
     record = run if isinstance(run, Record) else Record.of(scenario, run)
     if record.kept:
         return []
-    found = [finding for finding in (cause.finding(record) for cause in CAUSES) if finding is not None]
-    found.sort(key=lambda finding: -finding.weight)
+    findings = [finding for finding in (cause.finding(record) for cause in CAUSES) if finding is not None]
+    findings.sort(key=lambda finding: -finding.weight)
     answers: list[Answer] = []
     held = False
-    for finding in found:
+    for finding in findings:
         may = tries and not held and len(answers) < MOST_TRIED and not scenario.changed
         answer = _tried(scenario, finding, until) if may else Answer(finding, next(iter(finding.remedies), None))
         held = held or answer.holds
@@ -142,7 +142,7 @@ def _tried(scenario: Scenario, finding: Finding, until: float) -> Answer:
 
 
 def _holds(scenario: Scenario, remedy: Remedy) -> bool | None:
-    """Whether the run keeps its envelope with the remedy; None if it cannot be run."""
+    """True if the run keeps its envelope with the remedy; None if it cannot be run."""
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")

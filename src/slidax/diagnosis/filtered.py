@@ -11,7 +11,7 @@ Signal = NDArray[np.floating[Any]]
 
 
 def low_passed(signal: Signal, cutoff: float, period: float) -> Signal:
-    """What is slower than a frequency; at most half of what the samples can show.
+    """Zero-phase low-pass filter, with a cut-off of at most half of the Nyquist frequency.
 
     - `signal`: samples [N ...].
     - `cutoff`: the frequency [rad/s].
@@ -21,7 +21,7 @@ def low_passed(signal: Signal, cutoff: float, period: float) -> Signal:
 
 
 def band_passed(signal: Signal, band: tuple[float, float], period: float) -> Signal:
-    """What lies between two frequencies, as far as samples can show it well.
+    """Zero-phase band-pass filter, limited to the frequencies that the samples resolve.
 
     - `signal`: samples [N ...].
     - `band`: the frequencies [rad/s].

@@ -1,4 +1,4 @@
-"""One joint's loop near its goal, linearised: is it stable, and what does noise do in it?"""
+"""One joint's loop near its goal, linearised: stability and response to noise."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from slidax.controllers import SampledData
 from slidax.estimators import Kalman, Measured
 
 INPUTS = ("position noise", "velocity noise", "place", "push", "push at the end")
-"""What comes in from outside: noise of a measurement, the place `A ψ(ε)` that a plan aims at, and an acceleration of
+"""Inputs: noise of a measurement, the target `A ψ(ε)` of a plan, and an acceleration disturbance of
 the arm, linear over the period."""
 
 ASKED = ("error", "velocity", "led", "predicted velocity", "command", "planned", "estimate")
-"""What is asked of a loop: e and ė of the arm when the period's new torque sets in or, with a fractional delay, so long
+"""Outputs: e and ė of the arm when the period's new torque sets in or, with a fractional delay, so long
 after a sample; the led error ŷ and the velocity that are predicted; the acceleration that is commanded, with and
 without the estimate's compensation; and the estimate ŵ after this sample."""
 
@@ -62,7 +62,6 @@ class LinearLoop:
         """The loop of one joint; None for a law without a plan, or an estimator that is not linear.
 
         - `law`: in sampled-data form.
-        - `joint`: its number, from 0.
         - `cutoff`: c of the low-pass of differenced velocities [rad/s]; None for a velocity sensor.
         """
         estimator = law.estimator
@@ -73,7 +72,7 @@ class LinearLoop:
             numbers = numbers * float(law.period) ** np.arange(3)
         else:
             each = (estimator.gain, estimator.trend, estimator.ahead)
-            numbers = np.array([np.broadcast_to(np.asarray(one), law.joints)[joint] for one in each])
+            numbers = np.array([np.broadcast_to(np.asarray(gain), law.joints)[joint] for gain in each])
         first, second, third = (float(number) for number in numbers)
         return cls(
             h=float(law.period),
@@ -90,8 +89,8 @@ class LinearLoop:
 
         For `Measured`, `g/h`.
         """
-        one, _, three = self.gains
-        return (one if self.measures_velocity else float(np.cbrt(three))) / self.h
+        gain, _, three = self.gains
+        return (gain if self.measures_velocity else float(np.cbrt(three))) / self.h
 
     def radius(self, kappa: float = 1.0, delay: float | None = None) -> float:
         """The largest modulus of an eigenvalue over one period; below 1 the loop is stable.
@@ -153,8 +152,8 @@ class LinearLoop:
         - `delay`: the true one [periods]; as believed if None.
         """
         delay = self.believed if delay is None else delay
-        late, believed = math.ceil(delay), math.ceil(self.believed)
-        queue = max(1, late, believed)
+        delayed, believed = math.ceil(delay), math.ceil(self.believed)
+        queue = max(1, delayed, believed)
         # q, q̇, the commands (newest first), the prediction of q and q̇, the push, its rate, the last measurement.
         size = 2 + queue + 6
         columns = np.eye(size + len(INPUTS))
@@ -167,7 +166,7 @@ class LinearLoop:
             read_v = last_v + self.follows * (read_q - last_q - last_v)
         estimate_q, estimate_v, push, rate = self._estimated(read_q, read_v, prior_q, prior_v, push, rate)
         if self.follows is None or not self.measures_velocity:
-            # What is not used must not stay in the memory: it would count as a loop that never settles.
+            # Unused memory is set to zero: it would count as a loop that never settles.
             last_q, last_v = 0.0 * read_q, 0.0 * read_v
         else:
             last_q, last_v = read_q, read_v
@@ -212,17 +211,17 @@ class LinearLoop:
         push: np.ndarray,
         rate: np.ndarray,
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        one, two, three = self.gains
+        gain, two, three = self.gains
         if not self.measures_velocity:
             residual = read_q - prior_q
-            return prior_q + one * residual, prior_v + two * residual, push + three * residual, 0.0 * rate
+            return prior_q + gain * residual, prior_v + two * residual, push + three * residual, 0.0 * rate
         if two == 0.0:
             # A rate that nothing changes is no part of the loop: it would count as one that never settles.
             rate = 0.0 * rate
         grown = (1.0 - three) * rate
         surprise = read_v - prior_v - grown
         rate = rate + two * surprise
-        return read_q, read_v, push + grown + one * surprise + three * rate, rate
+        return read_q, read_v, push + grown + gain * surprise + three * rate, rate
 
     def _moved(self, q: np.ndarray, v: np.ndarray, a: np.ndarray, periods: float) -> tuple[np.ndarray, np.ndarray]:
         return q + periods * v + 0.5 * periods * periods * a, v + periods * a

@@ -1,4 +1,4 @@
-"""What a robot's log would have of the positions: as they were measured, and when they arrived."""
+"""Positions as a robot's own log has them: measured, and when they arrived."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def as_measured(
     if sensor is None:
         return q, np.ones(len(q), bool)
 
-    def one(memory: Any, sample: Any) -> Any:
+    def measure(memory: Any, sample: Any) -> Any:
         k, q, dq = sample
         measured, memory = sensor(k, State(q=q, dq=dq), jnp.asarray(period), memory)
         return memory, (measured.state.q, measured.fresh)
@@ -34,7 +34,7 @@ def as_measured(
     @jax.jit
     def all_of(q: Any, dq: Any) -> Any:
         first = sensor.init(State(q=q[0], dq=dq[0]))
-        return jax.lax.scan(one, first, (jnp.arange(len(q)), q, dq))[1]
+        return jax.lax.scan(measure, first, (jnp.arange(len(q)), q, dq))[1]
 
     positions, fresh = all_of(jnp.asarray(q), jnp.asarray(dq))
     return np.asarray(positions), np.asarray(fresh)

@@ -1,4 +1,4 @@
-"""What is known of a run without knowing the true arm: its log, and what its law believes."""
+"""A run without its true arm: the log, and the law's model."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from .loops import loops_of
 from .measured import as_measured
 
 BEFORE = 0.3
-"""How long before a run left its envelope its reason is looked for [s]."""
+"""Window before the run left its envelope in which causes are searched [s]."""
 
 SLOW = 20.0
 """Below it is what the model lacks, and above it the loop's own motion [rad/s]."""
@@ -118,10 +118,10 @@ class Record:
         n = law.joints
 
         def wide(name: str) -> np.ndarray:
-            found = [columns.get(f"{name}_{joint + 1}") for joint in range(n)]
-            if any(one is None for one in found):
+            parts = [columns.get(f"{name}_{joint + 1}") for joint in range(n)]
+            if any(column is None for column in parts):
                 raise DefinitionError(f"the log has no columns `{name}_1` to `{name}_{n}`: is it of this scenario?")
-            return np.stack([np.asarray(one, float) for one in found], axis=1)
+            return np.stack([np.asarray(column, float) for column in parts], axis=1)
 
         t = np.asarray(columns.get("t", ()), float)
         if len(t) < 3 or np.any(np.abs(np.diff(t) / scenario.period - 1.0) > 0.01):
@@ -173,12 +173,12 @@ class Record:
 
     @cached_property
     def outside(self) -> np.ndarray:
-        """Whether each joint is outside its envelope at each sample [N n]."""
+        """True where a joint is outside its envelope [N n]."""
         return (self.error <= self.lower) | (self.error >= self.upper)
 
     @property
     def kept(self) -> bool:
-        """Whether the run reached its end inside its envelope."""
+        """True if the run reached its end inside its envelope."""
         whole = len(self.t) == round(self.scenario.t1 / self.period) + 1
         return whole and not self.outside.any()
 
@@ -191,7 +191,7 @@ class Record:
 
     @cached_property
     def narrow(self) -> np.ndarray:
-        """Whether the envelope has its final width [N]: until then larger errors are allowed for."""
+        """True where the envelope has its final width [N]."""
         width = (self.upper - self.lower).min(axis=1)
         return width <= NARROW * width[-1]
 
@@ -228,7 +228,7 @@ class Record:
 
     @cached_property
     def room(self) -> np.ndarray:
-        """What the envelope allows at its narrowest on its nearer side, ϑ ρ∞ [n], rad or m."""
+        """The envelope's distance from zero at its narrowest, on the nearer side, ϑ ρ∞ [n], rad or m."""
         return np.min(np.minimum(self.upper, -self.lower), axis=0)
 
     @cached_property
@@ -250,16 +250,10 @@ class Record:
         return low_passed(torque - np.einsum("kij,kj->ki", mass, a) - bias, SLOW, self.period)
 
     def named(self, joint: int) -> str:
-        """A joint for a sentence.
-
-        - `joint`: its number, from 0.
-        """
+        """A joint for a sentence."""
         own = f"joint {joint + 1}"
         return own if self.names[joint] == own else f"{own} (`{self.names[joint]}`)"
 
     def torque_unit(self, joint: int) -> str:
-        """Of a joint's torque.
-
-        - `joint`: its number, from 0.
-        """
+        """Of a joint's torque."""
         return "N m" if self.units[joint] == "rad" else "N"

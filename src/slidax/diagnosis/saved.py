@@ -57,10 +57,10 @@ def _columns(log: SavedLog) -> dict[str, np.ndarray]:
         **{name: law[name][answer] for name in ("dq_d", "ddq_d", "lower", "upper") if name in law},
     }
     wide |= {name: law[f"signal:{name}"][answer] for name in log.channels.signals}
-    found = {"k": arm["true_k"], "t": arm["true_t"]}
+    table = {"k": arm["true_k"], "t": arm["true_t"]}
     for name, values in wide.items():
         if values.ndim == 1:
-            found[name] = values
+            table[name] = values
             continue
-        found |= {f"{name}_{joint + 1}": column for joint, column in enumerate(values.T)}
-    return found
+        table |= {f"{name}_{joint + 1}": column for joint, column in enumerate(values.T)}
+    return table

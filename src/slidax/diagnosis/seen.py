@@ -1,4 +1,4 @@
-"""Each joint's inertia, and the delay, as a log shows them in the band where the loop crosses over."""
+"""Each joint's inertia, and the delay, estimated from a log near the loop's crossover frequency."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ CLEAR = 3.0
 
 @dataclass(frozen=True)
 class Seen:
-    """What a log shows; [n] per joint.
+    """Inertia and delay estimated from a log; [n] per joint.
 
     - `inertia`: diagonal of M as the log shows it, kg m² or kg; nan where the joint moves too little in the band.
     - `nominal`: that of the law's arm, weighted alike.
@@ -50,8 +50,6 @@ def as_seen(record: Record) -> Seen:
     a is the second difference of the measured positions and τ̄ the torque's mean over the two periods that it spans,
     shifted by the delay: with a held torque `q₊ - 2 q + q₋ = h² (a + a₋)/2` exactly. Both go through the same filters.
     The encoders' noise in a is taken off the sum of squares, which it makes too large.
-
-    - `record`: the run.
     """
     h = record.period
     q, tau, count = record.q, record.tau, len(record.t)
@@ -72,7 +70,7 @@ def as_seen(record: Record) -> Seen:
     for delay in DELAYS:
         mean = 0.5 * (held(tau, times - delay) + held(tau, times - 1.0 - delay))
         rest = band_passed(mean, BAND, h) - coupled
-        # What the encoders' noise adds to both sums is taken off both.
+        # The encoders' noise adds to both sums, and is subtracted from both.
         more = (np.sum(rest * filtered, axis=0) + nominal * len(a) * noise**2) / safe
         left = rest - more * filtered
         extra.append(more)
@@ -105,14 +103,14 @@ def resolution(q: np.ndarray) -> np.ndarray:
 
     - `q`: measured positions [N n].
     """
-    found = []
+    steps_of_joint = []
     for column in q.T:
         steps = np.abs(np.diff(column))
         steps = steps[steps > 1e-12]
         least = float(np.min(steps)) if steps.size else 0.0
         ratio = steps / least if least else steps
-        found.append(least if least and np.mean(np.abs(ratio - np.round(ratio)) < 1e-3) > 0.99 else 0.0)
-    return np.array(found)
+        steps_of_joint.append(least if least and np.mean(np.abs(ratio - np.round(ratio)) < 1e-3) > 0.99 else 0.0)
+    return np.array(steps_of_joint)
 
 
 def believed_inertia(record: Record, estimate: Seen) -> np.ndarray:

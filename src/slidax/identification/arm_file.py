@@ -18,7 +18,7 @@ DIGITS = 9
 """Of the numbers: fewer, and rounding could make a body that cannot be."""
 
 
-def write_arm(found: Identification, robot: Mapping[str, Any], path: str | Path) -> None:
+def write_arm(identification: Identification, robot: Mapping[str, Any], path: str | Path) -> None:
     """Writes the arm with what was identified, which `robot: {kind: identified, file: ...}` reads.
 
     Under `robot` is its description as in scenario files, with the numbers found; under `uncertainty`, by their paths
@@ -33,12 +33,12 @@ def write_arm(found: Identification, robot: Mapping[str, Any], path: str | Path)
     path = Path(path)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        write_text(path, arm_as_yaml(found, robot, path.parent))
+        write_text(path, arm_as_yaml(identification, robot, path.parent))
     except OSError as error:
         raise DefinitionError(f"cannot write the file `{path}`: {reason(error)}") from None
 
 
-def arm_as_yaml(found: Identification, robot: Mapping[str, Any], folder: Path = Path()) -> str:
+def arm_as_yaml(identification: Identification, robot: Mapping[str, Any], folder: Path = Path()) -> str:
     """The text of such a file.
 
     - `found`, `robot`: as in `write_arm`.
@@ -49,43 +49,44 @@ def arm_as_yaml(found: Identification, robot: Mapping[str, Any], folder: Path = 
         described["file"] = os.path.relpath(described["file"], folder)
     nominal = dict(robot.get("nominal", {}))
     plant: dict[str, Any] = {}
-    named = {one.name for one in found.parameters}
+    named = {parameter.name for parameter in identification.parameters}
     if "armature" in named:
-        nominal["armature"] = _plain(found.robot.armature)
+        nominal["armature"] = _plain(identification.robot.armature)
     if "payload.mass" in named:
         nominal.pop("load", None)
-        load = found.robot.payload
+        load = identification.robot.payload
         if float(load.mass) > 0:
             nominal["load"] = {"mass": _plain(load.mass), "center": _plain(load.center), "inertia": _six(load.inertia)}
     if "link.mass" in named:
-        arm = found.robot
+        arm = identification.robot
         inertias = [_six(inertia) for inertia in np.asarray(arm.inertias)]
         nominal["links"] = {"mass": _plain(arm.masses), "center": _plain(arm.centers), "inertia": inertias}
     for name in ("coulomb", "viscous"):
         if name in named:
-            plant[name] = _plain(getattr(found.robot, name))
+            plant[name] = _plain(getattr(identification.robot, name))
     lines = [
-        f"# {found.robot.name}, identified from {found.log.source}: {len(found.log.t)} samples.",
+        f"# {identification.robot.name}, identified from {identification.log.source}: "
+        f"{len(identification.log.t)} samples.",
         "# Standard errors are of one sigma; `seen: false` means that the log does not show it.",
-        *(f"# Warning: {sentence}." for sentence in found.warnings),
+        *(f"# Warning: {sentence}." for sentence in identification.warnings),
         "robot:",
         *_block(described | ({"nominal": nominal} if nominal else {}) | ({"plant": plant} if plant else {}), 1),
         "uncertainty:",
-        *(_line(one) for one in found.parameters if one.path),
+        *(_line(parameter) for parameter in identification.parameters if parameter.path),
     ]
-    offsets = [one for one in found.parameters if one.name in ("offset", "asymmetry")]
-    for name in dict.fromkeys(one.name for one in offsets):
-        own = [one for one in offsets if one.name == name]
+    offsets = [parameter for parameter in identification.parameters if parameter.name in ("offset", "asymmetry")]
+    for name in dict.fromkeys(parameter.name for parameter in offsets):
+        own = [parameter for parameter in offsets if parameter.name == name]
         lines.append(f"torque_{name}:")
-        lines.append(f"  value: {_flow([one.value for one in own])}")
-        lines.append(f"  standard_error: {_flow([one.standard_error for one in own])}")
+        lines.append(f"  value: {_flow([parameter.value for parameter in own])}")
+        lines.append(f"  standard_error: {_flow([parameter.standard_error for parameter in own])}")
     return "\n".join(lines) + "\n"
 
 
-def _line(one: Estimated) -> str:
-    seen = "true" if one.seen else "false"
-    error = _flow(_rounded(one.standard_error, 4))
-    return f'  robot.{one.path}: {{standard_error: {error}, unit: "{one.unit}", seen: {seen}}}'
+def _line(parameter: Estimated) -> str:
+    is_seen = "true" if parameter.seen else "false"
+    error = _flow(_rounded(parameter.standard_error, 4))
+    return f'  robot.{parameter.path}: {{standard_error: {error}, unit: "{parameter.unit}", seen: {is_seen}}}'
 
 
 def _block(mapping: Mapping[str, Any], depth: int) -> list[str]:
@@ -110,8 +111,8 @@ def _flow(value: Any) -> str:
 
 
 def _plain(values: Any) -> Any:
-    given = np.asarray(values)
-    return _rounded(given.item(), DIGITS) if given.ndim == 0 else [_plain(entry) for entry in given]
+    array = np.asarray(values)
+    return _rounded(array.item(), DIGITS) if array.ndim == 0 else [_plain(entry) for entry in array]
 
 
 def _six(inertia: Any) -> Sequence[float]:

@@ -122,7 +122,7 @@ def _derivatives(theta: np.ndarray, bodies: Sequence[int], positive: np.ndarray)
 
 
 def _basis() -> np.ndarray:
-    """What each of the ten numbers adds to the pseudo-inertia, [10 4 4]."""
+    """The contribution of each of the ten parameters to the pseudo-inertia, [10 4 4]."""
     basis = np.zeros((BODY, 4, 4))
     basis[0, 3, 3] = 1.0
     for axis in range(3):

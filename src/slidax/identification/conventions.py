@@ -149,7 +149,6 @@ class Conventions:
     def each(self, name: str, joints: int) -> np.ndarray:
         """A field's entries, one for each joint [n].
 
-        - `name`: of the field.
         - `joints`: their number.
 
         Raises DefinitionError if it has another number of entries.

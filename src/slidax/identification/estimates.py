@@ -42,7 +42,6 @@ def identified_robot(robot: Articulated, unknowns: Unknowns, theta: np.ndarray) 
     """The arm with what was identified in place of what was known.
 
     - `robot`: the arm as it was known.
-    - `unknowns`: the equation.
     - `theta`: its parameters.
     """
     changes: dict[str, Any] = {}
@@ -64,11 +63,10 @@ def identified_robot(robot: Articulated, unknowns: Unknowns, theta: np.ndarray) 
     return eqx.tree_at(lambda arm: [getattr(arm, name) for name in names], robot, [changes[name] for name in names])
 
 
-def estimates_of(robot: Articulated, unknowns: Unknowns, found: Fit, theta: np.ndarray) -> tuple[Estimated, ...]:
+def estimates_of(robot: Articulated, unknowns: Unknowns, fitted: Fit, theta: np.ndarray) -> tuple[Estimated, ...]:
     """Each number with its standard error, and whether the log shows it.
 
     - `robot`: the arm as it was known.
-    - `unknowns`: the equation.
     - `found`: the fit without conditions, whose standard errors these are.
     - `theta`: the parameters with them.
     """
@@ -77,8 +75,10 @@ def estimates_of(robot: Articulated, unknowns: Unknowns, found: Fit, theta: np.n
     for number, start in enumerate(unknowns.bodies):
         own = slice(start, start + BODY)
         inside[own] = True
-        listed += _of_body(robot, unknowns.joints[start], number, theta[own], found.covariance[own, own], unknowns, own)
-    errors = np.sqrt(np.maximum(np.diag(found.covariance), 0.0))
+        listed += _of_body(
+            robot, unknowns.joints[start], number, theta[own], fitted.covariance[own, own], unknowns, own
+        )
+    errors = np.sqrt(np.maximum(np.diag(fitted.covariance), 0.0))
     for i in np.nonzero(~inside)[0]:
         name, joint = unknowns.names[i], unknowns.joints[i]
         listed.append(
@@ -113,7 +113,7 @@ def _of_body(
         slopes[:, i] = (_told(phi + step * np.eye(BODY)[i]) - _told(phi - step * np.eye(BODY)[i])) / (2.0 * step)
     errors = np.sqrt(np.maximum(np.diag(slopes @ covariance @ slopes.T), 0.0))
     mass = max(values[0], 1e-9)
-    # What is believed of centre and inertia goes with the mass that was found.
+    # The prior scale of centre and inertia follows the identified mass.
     believed = np.array([sizes[0], *3 * (REACH,), *6 * (mass * REACH**2,)])
     what, place = ("payload", "nominal.load") if joint < 0 else ("link", "nominal.links")
     listed = []

@@ -36,7 +36,7 @@ class Excitation:
     information: float
 
     def as_json(self) -> dict[str, Any]:
-        """What `slidax excite --json` prints."""
+        """The output of `slidax excite --json`."""
         return {
             "joints": list(self.joints),
             "duration": float(self.t[-1]),

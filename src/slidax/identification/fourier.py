@@ -23,7 +23,6 @@ class Fourier:
     def random(self, rng: np.random.Generator, joints: int) -> np.ndarray:
         """Random coefficients, [n 2K + 1]: a, b, and one number more that says about where to move.
 
-        - `rng`: the random numbers.
         - `joints`: n.
         """
         return rng.normal(size=(joints, 2 * self.harmonics + 1))

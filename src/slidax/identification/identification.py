@@ -1,4 +1,4 @@
-"""What a log says of an arm."""
+"""An arm identified from a log: its parameters with standard errors."""
 
 from __future__ import annotations
 
@@ -88,36 +88,36 @@ class Identification:
     @property
     def unseen(self) -> tuple[Estimated, ...]:
         """The numbers of which this log says nothing, or too little."""
-        return tuple(one for one in self.parameters if not one.seen)
+        return tuple(parameter for parameter in self.parameters if not parameter.seen)
 
     def values(self, name: str) -> np.ndarray:
         """All numbers of a name, in the order of the joints.
 
         - `name`: such as `armature`.
         """
-        return np.array([one.value for one in self.parameters if one.name == name])
+        return np.array([parameter.value for parameter in self.parameters if parameter.name == name])
 
     def standard_errors(self, name: str) -> np.ndarray:
         """Their standard errors.
 
         - `name`: such as `armature`.
         """
-        return np.array([one.standard_error for one in self.parameters if one.name == name])
+        return np.array([parameter.standard_error for parameter in self.parameters if parameter.name == name])
 
     def as_json(self) -> dict[str, Any]:
-        """What `slidax identify --json` prints."""
+        """The output of `slidax identify --json`."""
         return {
             "parameters": [
                 {
-                    "name": one.name,
-                    "joint": one.joint or None,
-                    "path": one.path or None,
-                    "unit": one.unit,
-                    "value": one.value,
-                    "standard_error": one.standard_error,
-                    "seen": one.seen,
+                    "name": parameter.name,
+                    "joint": parameter.joint or None,
+                    "path": parameter.path or None,
+                    "unit": parameter.unit,
+                    "value": parameter.value,
+                    "standard_error": parameter.standard_error,
+                    "seen": parameter.seen,
                 }
-                for one in self.parameters
+                for parameter in self.parameters
             ],
             "torque_rms": {"fit": self.fit_rms.tolist(), "held_out": self.held_out_rms.tolist()},
             "measured_rms": self.measured_rms.tolist(),
@@ -129,12 +129,12 @@ class Identification:
         }
 
     def __str__(self) -> str:
-        width = max(len(one.title) for one in self.parameters)
+        width = max(len(parameter.title) for parameter in self.parameters)
         lines = [f"{self.robot.name} from {self.log.source}: {len(self.log.t)} samples, band {self.cut_off:.3g} Hz"]
-        for one in self.parameters:
-            half = 0.5 * (one.interval()[1] - one.interval()[0])
-            end = "" if one.seen else "  not seen in this log"
-            lines.append(f"{one.title:<{width}}  {one.value:>10.4g} ± {half:<8.2g} {one.unit}{end}")
+        for parameter in self.parameters:
+            half = 0.5 * (parameter.interval()[1] - parameter.interval()[0])
+            end = "" if parameter.seen else "  not seen in this log"
+            lines.append(f"{parameter.title:<{width}}  {parameter.value:>10.4g} ± {half:<8.2g} {parameter.unit}{end}")
         lines.append(f"torque [rms] measured     {_listed(self.measured_rms)}")
         lines.append(f"             error, fit   {_listed(self.fit_rms)}")
         lines.append(f"             held out     {_listed(self.held_out_rms)}")

@@ -47,13 +47,12 @@ def identify(
 ) -> Identification:
     """Rotor inertia, friction, payload and, if asked for, the links' inertial parameters, from positions and torques.
 
-        found = identify("log.csv", sx.robots.panda())
-        print(found)
+        arm = identify("log.csv", sx.robots.panda())
+        print(arm)
 
     The torque is linear in all of them, `τ = Y(q,q̇,q̈) φ + J q̈ + f_c sign(q̇) + f_v q̇ + f_o`, so this is weighted least
-    squares on signals that all pass the same zero-phase filter, with physically consistent bodies (`consistent`). What
-    was believed before is taken as very uncertain, so that it decides only what the log does not show; that is said by
-    name.
+    squares on signals that all pass the same zero-phase filter, with physically consistent bodies (`consistent`). The
+    prior is very wide, so that it decides only the parameters that the log does not show; these are listed by name.
 
     The log is judged first: its time unit, gaps, velocities, and the sign, scale, joint order and gravity of its
     torques against the arm. `Conventions` has the remedies.
@@ -95,8 +94,8 @@ def identify(
     log = pieces.log
 
     def equation(signals: Signals) -> Unknowns:
-        asked = {"rotors": rotors, "payload": payload, "links": links, "asymmetric": asymmetric}
-        return unknowns_of(robot, signals, **asked, ignored=ignored)
+        options = {"rotors": rotors, "payload": payload, "links": links, "asymmetric": asymmetric}
+        return unknowns_of(robot, signals, **options, ignored=ignored)
 
     signals = signals_of(pieces, robot, cut_off)
     split = int((1.0 - held_out) * len(signals.t))
@@ -104,34 +103,34 @@ def identify(
     unknowns = equation(signals)
     slow = signals if signals.cut_off <= BAND else signals_of(pieces, robot, BAND)
     require_torques(log, robot, slow, usable, conventions)
-    found = fit(unknowns, signals, slice(0, split))
+    fitted = fit(unknowns, signals, slice(0, split))
     if cut_off is None:
-        band = explained_band(unknowns, signals, found, slice(0, split))
+        band = explained_band(unknowns, signals, fitted, slice(0, split))
         if band < 0.8 * signals.cut_off:
             signals = signals_of(pieces, robot, band)
             _require_long_enough(signals, split, log)
             unknowns = equation(signals)
-            found = fit(unknowns, signals, slice(0, split))
+            fitted = fit(unknowns, signals, slice(0, split))
     theta = consistent(
-        found.theta, found.information, unknowns.bodies, unknowns.positive, _inside(unknowns, found.theta)
+        fitted.theta, fitted.information, unknowns.bodies, unknowns.positive, _inside(unknowns, fitted.theta)
     )
     # On its bound, where the barrier ends just above it.
-    errors = np.sqrt(np.diag(found.covariance))
+    errors = np.sqrt(np.diag(fitted.covariance))
     theta = np.where(unknowns.positive & (theta < 1e-3 * errors), 0.0, theta)
     torque = unknowns.known + unknowns.columns @ theta
-    torque = signals.filtered(torque - found.lag * signals.slope(torque))
+    torque = signals.filtered(torque - fitted.lag * signals.slope(torque))
     measured = signals.filtered(signals.tau)
     row = np.arange(len(torque))
     warnings = signals.warnings + tuple(sentences)
     identification = Identification(
         robot=identified_robot(robot, unknowns, theta),
-        parameters=estimates_of(robot, unknowns, found, theta),
+        parameters=estimates_of(robot, unknowns, fitted, theta),
         log=log,
         cut_off=signals.cut_off,
-        condition=float(found.gain[0] / max(found.gain[-1], found.gain[0] * np.finfo(float).eps, 1e-300)),
-        unseen_directions=int(np.sum(found.gain < 1.0)),
-        lag=found.lag,
-        lag_error=found.lag_error,
+        condition=float(fitted.gain[0] / max(fitted.gain[-1], fitted.gain[0] * np.finfo(float).eps, 1e-300)),
+        unseen_directions=int(np.sum(fitted.gain < 1.0)),
+        lag=fitted.lag,
+        lag_error=fitted.lag_error,
         t=signals.t,
         measured=measured,
         predicted=torque,
@@ -146,7 +145,7 @@ def identify(
     return replace(identification, warnings=warnings + doubts)
 
 
-def explained_band(unknowns: Unknowns, signals: Signals, found: Fit, rows: slice) -> float:
+def explained_band(unknowns: Unknowns, signals: Signals, fitted: Fit, rows: slice) -> float:
     """The frequency [Hz] up to which the model explains at least half of the torque's power, in the median joint.
 
     Above it there is noise, or what the model does not have, such as gears that give way.
@@ -155,7 +154,7 @@ def explained_band(unknowns: Unknowns, signals: Signals, found: Fit, rows: slice
     - `found`: parameters of a first fit in a wider band.
     - `rows`: the part of the log that is fitted.
     """
-    left = (signals.tau - unknowns.known)[rows] - unknowns.columns[rows] @ found.theta
+    left = (signals.tau - unknowns.known)[rows] - unknowns.columns[rows] @ fitted.theta
     part = signals.part(rows)
     f, of_rest = part.spectrum(left, 4.0)
     _, of_all = part.spectrum(signals.tau[rows], 4.0)

@@ -43,8 +43,6 @@ def fit(unknowns: Unknowns, signals: Signals, rows: slice) -> Fit:
     Each joint's weight is the inverse of its residuals' variance. The covariance is that of `jackknife`, and what the
     belief adds to it.
 
-    - `unknowns`: the equation.
-    - `signals`: of the log.
     - `rows`: the part of the log that is fitted.
     """
     part = signals.part(rows)
@@ -91,7 +89,7 @@ def fit(unknowns: Unknowns, signals: Signals, rows: slice) -> Fit:
 
 
 LAG_SCALE = 0.01
-"""How far torques may be believed to lag, s."""
+"""Prior standard deviation of the torques' lag [s]."""
 
 
 def _solve_regularised(a: np.ndarray, b: np.ndarray) -> np.ndarray:

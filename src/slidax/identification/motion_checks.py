@@ -16,7 +16,7 @@ WINDS = 4.0 * np.pi
 """A position, rad, that a turning joint without limits hardly reaches."""
 
 BEYOND = 0.5
-"""How far beyond its limits, as a share of its range, a joint may be before the unit is in doubt."""
+"""The excess over its limits, as a share of its range, above which a joint's unit is in doubt."""
 
 APART = 0.3
 """A difference between dq and the slope of q, as a share of the slope, above which dq is not used."""

@@ -24,12 +24,7 @@ STEPS = 12
 
 
 def position_signs(robot: Articulated, sample: Sample, conventions: Conventions) -> Iterator[Repair]:
-    """Joints that the log counts in the opposite direction.
-
-    - `robot`: the arm.
-    - `sample`: of the log.
-    - `conventions`: that were applied already.
-    """
+    """Joints that the log counts in the opposite direction."""
     n = robot.joints
     same = np.arange(n)
     ones, zero = np.ones(n), np.zeros(n)
@@ -45,12 +40,7 @@ def position_signs(robot: Articulated, sample: Sample, conventions: Conventions)
 
 
 def joint_orders(robot: Articulated, sample: Sample, conventions: Conventions) -> Iterator[Repair]:
-    """Positions in another joint order, with their torques or without.
-
-    - `robot`: the arm.
-    - `sample`: of the log.
-    - `conventions`: that were applied already.
-    """
+    """Positions in another joint order, with their torques or without."""
     n = robot.joints
     ones, zero = np.ones(n), np.zeros(n)
 
@@ -83,11 +73,7 @@ def joint_orders(robot: Articulated, sample: Sample, conventions: Conventions) -
 
 
 def position_units(robot: Articulated, sample: Sample) -> Iterator[Repair]:
-    """Positions in degrees or revolutions.
-
-    - `robot`: the arm.
-    - `sample`: of the log.
-    """
+    """Positions in degrees or revolutions."""
     turning = np.array([unit == "rad" for unit in robot.joint_units])
     largest = np.abs(sample.motion.q[:, turning]).max(initial=0.0)
     for size, name, unit, is_possible in (
@@ -101,12 +87,7 @@ def position_units(robot: Articulated, sample: Sample) -> Iterator[Repair]:
 
 
 def position_zeros(robot: Articulated, sample: Sample, conventions: Conventions) -> Iterator[Repair]:
-    """Positions with another zero.
-
-    - `robot`: the arm.
-    - `sample`: of the log.
-    - `conventions`: that were applied already.
-    """
+    """Positions with another zero."""
     n = robot.joints
     same, ones, zero = np.arange(n), np.ones(n), np.zeros(n)
     turning = np.array([unit == "rad" for unit in robot.joint_units])
@@ -146,11 +127,7 @@ def position_zeros(robot: Articulated, sample: Sample, conventions: Conventions)
 
 
 def mountings(robot: Articulated, sample: Sample) -> Iterator[Repair]:
-    """The direction of gravity that fits best, from three columns that are linear in it, then by its score.
-
-    - `robot`: the arm.
-    - `sample`: of the log.
-    """
+    """The direction of gravity that fits best, from three columns that are linear in it, then by its score."""
     believed = np.asarray(robot.gravity_vector)
     strength = float(np.linalg.norm(believed)) or 9.81
 

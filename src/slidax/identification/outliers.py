@@ -12,7 +12,7 @@ from slidax.robots import Articulated
 from .log import FEWEST, Log
 
 WRAP = 0.5
-"""How near to a whole turn a step from one sample to the next must be, rad, to be the wrapping of an angle."""
+"""A step between two samples within this distance of a whole turn is a wrapped angle [rad]."""
 
 SPIKE = 30.0
 """A distance from the neighbours' median, as a multiple of the usual distance, that is a fault of the measurement."""
@@ -25,11 +25,7 @@ MOST = 0.02
 
 
 def without_outliers(log: Log, robot: Articulated) -> tuple[Log, list[str]]:
-    """The log with its angles unwrapped and without single faulty samples; and sentences on both.
-
-    - `log`: in the arm's units and joint order.
-    - `robot`: the arm.
-    """
+    """The log with its angles unwrapped and without single faulty samples; and sentences on both."""
     warnings: list[str] = []
     q = log.q.copy()
     for joint, unit in enumerate(robot.joint_units):

@@ -34,7 +34,6 @@ def judge_result(result: Identification, robot: Articulated, signals: Signals, i
 
     - `result`: the identification.
     - `robot`: the arm as it was known.
-    - `signals`: of the log.
     - `ignored`: True for joints whose torques were not used [n].
 
     Raises DefinitionError if a parameter is one that no such arm has, or the prediction errs by more than the torque.

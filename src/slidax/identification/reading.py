@@ -1,4 +1,4 @@
-"""How a log is read where its own names do not say all."""
+"""Options for reading a log whose column names leave something open."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ QUANTITIES = ("t", "q", "dq", "tau")
 
 @dataclass(frozen=True)
 class Reading:
-    """How a log is read where its own names do not say all.
+    """Options for reading a log whose column names leave something open.
 
     - `topic`: of the messages, where a log has several with joint states.
     - `columns`: for `t`, `q`, `dq` or `tau`, the word that its columns have in their titles, or a title per joint.

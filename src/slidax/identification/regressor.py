@@ -107,10 +107,7 @@ def _carried(robot: Articulated, links: Links) -> tuple[np.ndarray, np.ndarray]:
 
 
 def parameters_of_links(robot: Articulated) -> np.ndarray:
-    """The φ of the arm's links, [10n].
-
-    - `robot`: the arm.
-    """
+    """The φ of the arm's links, [10n]."""
     each = zip(np.asarray(robot.masses), np.asarray(robot.centers), np.asarray(robot.inertias), strict=True)
     return np.concatenate([parameters_of_body(float(mass), center, inertia) for mass, center, inertia in each])
 

@@ -81,7 +81,6 @@ def exchanges(order: np.ndarray) -> Iterator[np.ndarray]:
 def order_option(robot: Articulated, order: np.ndarray, earlier: Sequence[str]) -> str:
     """An option's list: for each joint of the log as read, the joint that its values belong to.
 
-    - `robot`: the arm.
     - `order`: for each joint, the column that has its values [n].
     - `earlier`: names by which the columns were ordered already; none if empty.
     """
@@ -94,7 +93,6 @@ def order_option(robot: Articulated, order: np.ndarray, earlier: Sequence[str]) 
 def named(robot: Articulated, which: np.ndarray) -> str:
     """The names of some joints for a message.
 
-    - `robot`: the arm.
     - `which`: True for each of them [n].
     """
     names = [f"`{name}`" for name, chosen in zip(robot.joint_names, which, strict=True) if chosen]

@@ -76,7 +76,6 @@ class Sample:
     def only(self, joint: int, column: int) -> Sample:
         """The sample of one joint, with the torque of some column.
 
-        - `joint`: number of the joint.
         - `column`: of the torque.
         """
         own = slice(joint, joint + 1)
@@ -94,7 +93,6 @@ class Sample:
 def sample_of(signals: Signals, counts: np.ndarray) -> Sample:
     """Some rows of a log, evenly over its measured part.
 
-    - `signals`: of the log.
     - `counts`: rows and joints whose equations count [k n].
     """
     rows = np.nonzero(signals.inner & counts.any(axis=1))[0]

@@ -35,11 +35,11 @@ OF_FASTEST = 3.0
 """The largest acceleration, where none is given, over the largest velocity, 1/s."""
 
 UNLIMITED_TURN, UNLIMITED_SPEED, UNLIMITED_TORQUE = 1.5, 1.5, 50.0
-"""What is taken where the arm has no limit: rad about 0, rad/s, N m."""
+"""Limits assumed where the arm has none: rad about 0, rad/s, N m."""
 
 
 class Search:
-    """What a motion is worth, and how large it may be.
+    """The information of an excitation motion, and its scaling to the limits.
 
     - `robot`, `share`, `acceleration`, `center`, `payload`, `links`: as in `excite`.
     """
@@ -78,21 +78,20 @@ class Search:
         """The best coefficients of all that are tried, and what they are worth.
 
         - `series`: their form.
-        - `rng`: the random numbers.
         """
         best, where = -np.inf, series.random(rng, self.robot.joints)
         for _ in range(STARTS):
-            one = series.random(rng, self.robot.joints)
-            score = self.score(self.fitted(series, one, POINTS))
+            candidate = series.random(rng, self.robot.joints)
+            score = self.score(self.fitted(series, candidate, POINTS))
             if score > best:
-                best, where = score, one
+                best, where = score, candidate
         size = 0.5
         for _ in range(STEPS):
             changed = rng.random((self.robot.joints, 1)) < 0.3
-            one = where + size * series.random(rng, self.robot.joints) * changed
-            score = self.score(self.fitted(series, one, POINTS))
+            candidate = where + size * series.random(rng, self.robot.joints) * changed
+            score = self.score(self.fitted(series, candidate, POINTS))
             if score > best:
-                best, where, size = score, one, min(1.0, 1.3 * size)
+                best, where, size = score, candidate, min(1.0, 1.3 * size)
             else:
                 size = max(0.02, 0.97 * size)
         return where, best
@@ -127,18 +126,12 @@ class Search:
         return Motion(middle + factor * shape, factor * speed, factor * change)
 
     def torque_share(self, motion: Motion) -> np.ndarray:
-        """The largest torque over what is allowed, [n].
-
-        - `motion`: over a period.
-        """
+        """The largest torque over what is allowed, [n]."""
         torque = self._torque(motion)
         return np.abs(torque).max(axis=0) / (self.share * self.torque)
 
     def score(self, motion: Motion) -> float:
-        """Bits of information, less what the torque limits are passed by.
-
-        - `motion`: over a period.
-        """
+        """Bits of information, less what the torque limits are passed by."""
         n = self.robot.joints
         bodies = [payload_regressor(self.robot, motion)]
         weigh = max(float(np.sum(self.masses)), 0.1)
@@ -160,10 +153,7 @@ class Search:
         return float(0.5 * size / np.log(2.0) - 1000.0 * over)
 
     def shares(self, motion: Motion) -> np.ndarray:
-        """The largest share of each limit, [4 n].
-
-        - `motion`: over a period.
-        """
+        """The largest share of each limit, [4 n]."""
         return np.stack(
             [
                 (motion.q.max(axis=0) - motion.q.min(axis=0)) / (self.upper - self.lower),

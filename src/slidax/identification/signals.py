@@ -21,7 +21,7 @@ ORDER = 4
 """Of the Butterworth filters, which run forwards and backwards, so that nothing is delayed."""
 
 WIDER = 4.0
-"""How many times wider the positions' filter is than that of the equations: in their band it changes nothing."""
+"""Cut-off of the positions' filter over that of the equations: it changes nothing in their band."""
 
 SNR = 10.0
 """The band ends where the positions' spectrum comes so near to their noise."""
@@ -130,7 +130,6 @@ def signals_of(timed: Timed, robot: Articulated, cut_off: float | None = None) -
     Measured velocities are used where they are quieter than the slope of the positions, and agree with it.
 
     - `timed`: the log, in pieces.
-    - `robot`: the arm.
     - `cut_off`: of the filter of the equations [Hz]; chosen from the positions' spectrum if not given.
 
     Raises DefinitionError if no piece is long enough, or if the cut-off is not below a quarter of the sampling rate.
@@ -188,9 +187,9 @@ def choose_cut_off(q: np.ndarray, rate: float, pieces: tuple[slice, ...]) -> flo
         if not above[1:4].any():
             continue  # It does not move.
         # A line spectrum has gaps: the last frequency above, within one octave of the one before it.
-        seen = f[above & (f > 0)]
-        gap = np.nonzero(seen[1:] > np.maximum(2.0 * seen[:-1], seen[:-1] + 1.0))[0]
-        end = float(seen[gap[0]] if len(gap) else seen[-1])
+        visible = f[above & (f > 0)]
+        gap = np.nonzero(visible[1:] > np.maximum(2.0 * visible[:-1], visible[:-1] + 1.0))[0]
+        end = float(visible[gap[0]] if len(gap) else visible[-1])
         signal_power = np.sum(power[f <= end, joint] * (2 * np.pi * f[f <= end]) ** 4) * f[1]
         noise = (5.0 * NOISE_SHARE * signal_power / (floor[joint] * (2 * np.pi) ** 4)) ** 0.2
         ends.append(min(end, float(noise)))

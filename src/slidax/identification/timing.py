@@ -49,7 +49,6 @@ class Timed:
 def timed(log: Log, robot: Articulated) -> Timed:
     """Judge the times of a log, and cut it at its gaps.
 
-    - `log`: in the arm's units and joint order.
     - `robot`: its speed limits show wrong units.
 
     Raises DefinitionError if the times do not advance, or are in another unit than s.

@@ -35,7 +35,7 @@ UNITS: dict[str, dict[str, float]] = {
 """Units that a title may name, and what one of them is in s, rad, rad/s or N m."""
 
 STATES = ("", "state", "robot_state", "joint_states", "joint_state", "measured", "actual", "feedback", "robot0")
-"""What stands before the measured one of two columns that are called alike, as in `state.q[0]` and `cmd.q[0]`."""
+"""Prefixes of measured columns, as in `state.q[0]` next to `cmd.q[0]`."""
 
 COMMANDS = ("cmd", "command", "desired", "target", "goal", "reference", "ref", "setpoint", "output", "error")
 """Words before a column that was not measured."""
@@ -54,7 +54,6 @@ _ENDING = re.compile(r"(?<=[a-z0-9\])])_(?P<unit>ms|us|ns|s|sec|rad|deg|nm)$")
 class Title:
     """A title in its parts.
 
-    - `text`: as it is in the table.
     - `bare`: without its unit, its parts separated by points.
     - `unit`: as it is in the title; empty if there is none.
     """
@@ -65,10 +64,7 @@ class Title:
 
     @classmethod
     def of(cls, text: str) -> Title:
-        """Return the parts of a title.
-
-        - `text`: as it is in the table.
-        """
+        """Return the parts of a title."""
         bare, unit = text.strip().strip("\"'").strip(), ""
         matched = _UNIT.search(bare)
         if matched is not None:
@@ -113,7 +109,6 @@ def scale_of(quantity: str, title: Title, source: str) -> tuple[float, str]:
     """Return the value of a column's unit in rad, rad/s or N m, and a note about the conversion.
 
     - `quantity`: `q`, `dq` or `tau`.
-    - `title`: of the column.
     - `source`: of the table, for messages.
 
     Raises DefinitionError if the unit is not known.
@@ -135,7 +130,6 @@ def scale_of(quantity: str, title: Title, source: str) -> tuple[float, str]:
 def scale_of_time(title: Title, titles: Sequence[Title], source: str) -> tuple[float, str]:
     """Return the value of the unit of a column of times in s, and a note about the conversion.
 
-    - `title`: of the column.
     - `titles`: of all columns, which may show the tool that wrote them.
     - `source`: of the table, for messages.
 

@@ -54,10 +54,8 @@ def require_torques(
     """Raise a DefinitionError if the torques contradict the arm and fit it with another convention.
 
     - `log`: in the arm's units and joint order, as far as known.
-    - `robot`: the arm.
     - `signals`: of the log, in a band of a few Hz.
     - `usable`: True for joints whose torques are used [n].
-    - `conventions`: that were applied.
     """
     sample = sample_of(signals, moving(signals))
     sample = replace(sample, counts=sample.counts & usable)
@@ -90,10 +88,6 @@ def require_torques(
 
 def usable_torques(log: Log, robot: Articulated, conventions: Conventions) -> tuple[np.ndarray, list[str]]:
     """True for each joint whose torque was measured and is used [n]; and warnings.
-
-    - `log`: in the arm's units and joint order.
-    - `robot`: the arm.
-    - `conventions`: that were applied.
 
     Raises DefinitionError if the torque of a joint that moves is constant, or all torques are.
     """

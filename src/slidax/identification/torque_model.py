@@ -51,7 +51,7 @@ COSTLY = 60.0
 
 @dataclass(frozen=True, eq=False)
 class Match:
-    """How well an arm explains the torques of a sample.
+    """Match of an arm's torques with those of a sample.
 
     - `errors`: residual of each joint, as a share of the torque's standard deviation [n].
     - `floor`: the share of noise in it [n].
@@ -80,9 +80,6 @@ def matched(robot: Articulated, sample: Sample) -> Match:
 
     Unknown are each link's mass (within a spread about the file's), a payload (as masses at the corners of a box about
     the tip), rotors, friction and offsets. All are linear, so this is least squares with unknowns >= 0.
-
-    - `robot`: the arm.
-    - `sample`: of a log.
     """
     return matched_rigid(rigid_torques(robot, sample.motion), sample)
 
@@ -104,7 +101,7 @@ class Rigid:
 
     @property
     def links(self) -> int:
-        """How many links there are."""
+        """The number of links."""
         return int(self.columns.shape[2]) - len(CORNERS)
 
     @property
@@ -124,7 +121,6 @@ class Rigid:
 def rigid_torques(robot: Articulated, motion: Motion) -> Rigid:
     """The torques of an arm's links and payload.
 
-    - `robot`: the arm.
     - `motion`: at m times.
     """
     n = robot.joints
@@ -147,7 +143,6 @@ def matched_rigid(rigid: Rigid, sample: Sample) -> Match:
     """As `matched`, with torques that are computed already.
 
     - `rigid`: of the arm.
-    - `sample`: of a log.
     """
     columns, known, links = rigid.columns, rigid.known, rigid.links
     m, n = sample.tau.shape
@@ -172,10 +167,7 @@ def matched_rigid(rigid: Rigid, sample: Sample) -> Match:
 
 
 def drive_columns(sample: Sample) -> np.ndarray:
-    """Torques of rotors, Coulomb and viscous friction, and offsets of both signs, per unit [m n 5n].
-
-    - `sample`: of a log.
-    """
+    """Torques of rotors, Coulomb and viscous friction, and offsets of both signs, per unit [m n 5n]."""
     constant = np.ones_like(sample.direction)
     drives = [sample.motion.ddq, sample.direction, sample.motion.dq, constant, -constant]
     return np.concatenate([values[:, :, None] * np.eye(constant.shape[1]) for values in drives], axis=2)
@@ -211,18 +203,13 @@ def nonnegative(
 def with_gravity(robot: Articulated, gravity: np.ndarray) -> Articulated:
     """The arm with another direction of gravity in its base frame.
 
-    - `robot`: the arm.
     - `gravity`: acceleration [3], m/s².
     """
     return eqx.tree_at(lambda arm: arm.gravity_vector, robot, as_array(gravity))
 
 
 def with_gravity_torques(log: Log, robot: Articulated) -> Log:
-    """The log with the torques that gravity needs, by the arm's description, added to its torques.
-
-    - `log`: in the arm's units and joint order.
-    - `robot`: the arm.
-    """
+    """The log with the torques that gravity needs, by the arm's description, added to its torques."""
     still = Motion(log.q, np.zeros_like(log.q), np.zeros_like(log.q))
     gravity = rigid_torque(robot, still, parameters_of_links(robot), parameters_of_payload(robot.payload))
     return replace(log, tau=log.tau + gravity)

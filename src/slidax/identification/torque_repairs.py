@@ -33,10 +33,7 @@ LATEST = 1.0
 def torque_signs(robot: Articulated, rigid: Rigid, sample: Sample, conventions: Conventions) -> Iterator[Repair]:
     """Torques with the opposite sign, of all joints or of some.
 
-    - `robot`: the arm.
     - `rigid`: torques of its bodies.
-    - `sample`: of the log.
-    - `conventions`: that were applied already.
     """
     n, same = robot.joints, np.arange(robot.joints)
 
@@ -57,10 +54,7 @@ def torque_signs(robot: Articulated, rigid: Rigid, sample: Sample, conventions: 
 def torque_scales(robot: Articulated, rigid: Rigid, sample: Sample, conventions: Conventions) -> Iterator[Repair]:
     """Torques in another unit, as currents, or of the motor's side of the gear.
 
-    - `robot`: the arm.
     - `rigid`: torques of its bodies.
-    - `sample`: of the log.
-    - `conventions`: that were applied already.
     """
     n = robot.joints
 
@@ -168,10 +162,7 @@ def _scale_of(rigid: Rigid, sample: Sample, sign: float = 0.0) -> tuple[float, b
 def torque_orders(robot: Articulated, rigid: Rigid, sample: Sample, conventions: Conventions) -> Iterator[Repair]:
     """Torques in another joint order, perhaps with other signs.
 
-    - `robot`: the arm.
     - `rigid`: torques of its bodies.
-    - `sample`: of the log.
-    - `conventions`: that were applied already.
     """
     n = robot.joints
     if n < 2:
@@ -203,10 +194,7 @@ def torque_orders(robot: Articulated, rigid: Rigid, sample: Sample, conventions:
 def torque_delays(signals: Signals, rigid: Rigid, sample: Sample, conventions: Conventions) -> Iterator[Repair]:
     """Torques that come after the positions, or before them.
 
-    - `signals`: of the log.
     - `rigid`: torques of the arm's bodies.
-    - `sample`: of the log.
-    - `conventions`: that were applied already.
     """
     period = 1.0 / signals.cut_off
     steps = max(3, int(LATEST / (0.25 * period)))

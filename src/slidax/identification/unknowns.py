@@ -1,4 +1,4 @@
-"""What is to be identified: the columns of the regressor, with names, units and what was believed before."""
+"""The unknown parameters: columns of the regressor, with names, scales and prior values."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ from .regressor import (
 from .signals import Signals
 
 REACH = 0.2
-"""How far from its frame a body's mass may be believed to be, m: it makes a scale of moment and inertia."""
+"""Prior distance of a body's mass from its frame [m]; it sets the scale of first moment and inertia."""
 
 WIDE = 3.0
-"""How many times larger than the log's own scale a parameter of a drive may be believed to be."""
+"""Prior scale of a drive's parameters, as a multiple of the log's own scale."""
 
 HALF = 0.5
-"""What a link's mass is believed to within, as a share of it, before the log is seen."""
+"""Prior standard deviation of a link's mass, as a share of it."""
 
 STANDS = 1e-3
 """A velocity, rad/s or m/s, below which a joint does not move."""
@@ -77,7 +77,6 @@ def unknowns_of(
     which look the same. f_a is what viscous friction differs by, taken only if asked for.
 
     - `robot`: the arm as it is known.
-    - `signals`: of the log.
     - `rotors`, `payload`, `links`: whether rotors, payload, and the links' inertial parameters are unknown.
     - `asymmetric`: whether viscous friction may differ between the two directions.
     - `ignored`: True for joints whose torques are not used [n].
@@ -109,7 +108,7 @@ def unknowns_of(
     if payload:
         add_body("payload", -1, np.zeros(BODY), total)
         columns.append(payload_regressor(robot, motion))
-    # What is in question adds nothing to what is known.
+    # Unknown bodies are not part of the known torque.
     carried = parameters_of_payload(robot.payload) * (not payload)
     known = rigid_torque(robot, motion, of_links * (not links), carried)
 
@@ -151,10 +150,7 @@ BODY_NAMES = ("mass", "moment.x", "moment.y", "moment.z", "xx", "yy", "zz", "xy"
 
 
 def moving(signals: Signals) -> np.ndarray:
-    """True where a joint slides for as long as the filter feels, and for all of a joint that stands [k n].
-
-    - `signals`: of the log.
-    """
+    """True where a joint slides for as long as the filter feels, and for all of a joint that stands [k n]."""
     dq = signals.motion.dq
     largest = np.maximum(np.abs(dq).max(axis=0), STANDS)
     dead = np.maximum(SLOW * largest, 4.0 * signals.noise)

@@ -1,6 +1,6 @@
 """The sampled closed loop near a point of its motion, as a linear system: eigenvalues, margins, Bode, step response.
 
-What is linearised is what is simulated: law, estimator, delay, drives and the arm between two samples.
+The linearised system is the simulated one: law, estimator, delay, drives and the arm between two samples.
 """
 
 from .linearise import Linear as Linear

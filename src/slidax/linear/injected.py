@@ -20,7 +20,7 @@ OF_THE_LAW = "command of the law"
 
 
 class Signals(eqx.Module):
-    """What enters in one period, each [n].
+    """Signals injected in one period, each [n].
 
     - `disturbance`: torque on the joints, held over the period, N m or N.
     - `torque`: added to the law's command, before the drives, N m or N.
@@ -44,15 +44,9 @@ class Pushed(AbstractDisturbance):
     torque: Vector = piece("what is added")
 
     def __call__(self, t: Scalar, state: State) -> Vector:
-        """The sum, [n], N m or N.
-
-        - `t`: time [s].
-        - `state`: positions and velocities.
-        """
         return self.disturbance(t, state) + self.torque
 
     def breakpoints(self) -> tuple[float, ...]:
-        """Those of what there is."""
         return self.disturbance.breakpoints()
 
 
@@ -64,37 +58,20 @@ class Nudged(AbstractController):
 
     @property
     def joints(self) -> int:
-        """The number of joints it commands."""
         return self.law.joints
 
     def init(self, t: Scalar, state: State, reference: Reference) -> Memory:
-        """The law's own memory.
-
-        - `t`: time at the start [s].
-        - `state`: measured positions and velocities.
-        - `reference`: what the joints should do then.
-        """
         return self.law.init(t, state, reference)
 
     def __call__(
         self, t: Scalar, state: State, reference_now: Reference, reference_next: Reference, memory: Memory
     ) -> Command:
-        """The law's command and the torque.
-
-        - `t`: time [s].
-        - `state`: measured positions and velocities.
-        - `reference_now`, `reference_next`: what the joints should do now and one period later.
-        - `memory`: of the law.
-        """
-        said = self.law(t, state, reference_now, reference_next, memory)
-        return Command(said.tau + self.torque, said.memory, {**said.signals, OF_THE_LAW: said.tau}, said.rate)
+        command = self.law(t, state, reference_now, reference_next, memory)
+        return Command(
+            command.tau + self.torque, command.memory, {**command.signals, OF_THE_LAW: command.tau}, command.rate
+        )
 
     def envelope(self, t: Scalar, memory: Memory) -> Envelope | None:
-        """The law's own.
-
-        - `t`: time [s].
-        - `memory`: of the law.
-        """
         return self.law.envelope(t, memory)
 
 
@@ -106,20 +83,9 @@ class Shifted(AbstractSensor):
     velocity: Vector = piece("what is added to the velocities")
 
     def init(self, state: State) -> Memory:
-        """The sensor's own memory.
-
-        - `state`: true positions and velocities at sample 0.
-        """
         return self.sensor.init(state)
 
     def __call__(self, k: Array, state: State, period: Scalar, memory: Memory) -> tuple[Measurement, Memory]:
-        """What is measured.
-
-        - `k`: number of the sample.
-        - `state`: true positions and velocities at it.
-        - `period`: time between two samples [s].
-        - `memory`: of the sensor.
-        """
         return self.sensor(k, State(q=state.q + self.position, dq=state.dq + self.velocity), period, memory)
 
 
@@ -132,19 +98,11 @@ class Offset(AbstractTrajectory):
     ddq: Vector = piece("what is added to the acceleration")
 
     def position(self, t: Scalar) -> Vector:
-        """The position, [n], rad or m.
-
-        - `t`: time [s].
-        """
         return self.motion.position(t) + self.q
 
     def reference(self, t: Scalar) -> Reference:
-        """The reference at a time.
-
-        - `t`: time [s].
-        """
-        one = self.motion.reference(t)
-        return Reference(q=one.q + self.q, dq=one.dq + self.dq, ddq=one.ddq + self.ddq)
+        reference = self.motion.reference(t)
+        return Reference(q=reference.q + self.q, dq=reference.dq + self.dq, ddq=reference.ddq + self.ddq)
 
 
 def injected(loop: Loop, signals: Signals) -> Loop:

@@ -1,4 +1,4 @@
-"""A sensor that is late, with what it keeps in the order of its age."""
+"""A delayed sensor whose past states are ordered by age."""
 
 from __future__ import annotations
 
@@ -36,21 +36,10 @@ class Late(AbstractSensor):
     periods: float = parameter("the delay, whole or not", "sampling periods", "[0, 100]", static=True)
 
     def init(self, state: State) -> Past:
-        """As if it had stood there.
-
-        - `state`: true positions and velocities at sample 0.
-        """
         shape = (math.ceil(self.periods) + 1, *state.q.shape)
         return Past(jnp.broadcast_to(state.q, shape), jnp.broadcast_to(state.dq, shape), self.sensor.init(state))
 
     def __call__(self, k: Int[Array, ""], state: State, period: Scalar, memory: Past) -> tuple[Measurement, Past]:
-        """What is measured of the old state.
-
-        - `k`: number of the sample.
-        - `state`: true positions and velocities at it.
-        - `period`: time between two samples [s].
-        - `memory`: the states before.
-        """
         q, dq = (jnp.concatenate([new[None], old[:-1]]) for new, old in ((state.q, memory.q), (state.dq, memory.dq)))
         whole, back = math.floor(self.periods), self.periods % 1.0
         past = State(q=q[whole], dq=dq[whole])

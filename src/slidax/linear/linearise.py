@@ -62,7 +62,7 @@ class Linear:
 
     @property
     def stable(self) -> bool:
-        """Whether the loop is stable there: the spectral radius is less than 1."""
+        """True if the loop is stable there: its spectral radius is below 1."""
         return self.system.radius < 1.0
 
     @cached_property
@@ -71,14 +71,14 @@ class Linear:
 
         Those of a natural frequency beyond half of the sampling frequency are left out: they are over in a period.
         """
-        found = []
+        modes = []
         for z in self.system.eigenvalues:
             if z.imag < 0 or abs(z) < 1e-9:
                 continue
             s = np.log(complex(z)) / self.system.period
             size = abs(s)
-            found.append((complex(z), size, -s.real / size if size else 1.0))
-        return found
+            modes.append((complex(z), size, -s.real / size if size else 1.0))
+        return modes
 
     def closed(self, where: str) -> SampledSystem:
         """From what is added at a place to what comes round there.
@@ -100,21 +100,20 @@ class Linear:
         """L of one joint, the others closed: what comes round, with its sign turned, where the loop is broken there.
 
         - `where`: as in `closed`.
-        - `joint`: its number, from 0.
 
         Raises DefinitionError as `closed` does.
         """
-        one = self._of_joint(where, joint)
+        closed = self._of_joint(where, joint)
         return SampledSystem(
-            a=one.a - one.b @ one.c,
-            b=one.b,
-            c=-one.c,
-            d=-one.d,
-            period=one.period,
-            inputs=one.inputs,
-            outputs=one.outputs,
-            input_units=one.input_units,
-            output_units=one.output_units,
+            a=closed.a - closed.b @ closed.c,
+            b=closed.b,
+            c=-closed.c,
+            d=-closed.d,
+            period=closed.period,
+            inputs=closed.inputs,
+            outputs=closed.outputs,
+            input_units=closed.input_units,
+            output_units=closed.output_units,
         )
 
     def margins(self, where: str) -> list[Margins] | None:
@@ -151,7 +150,7 @@ class Linear:
             for where in BROKEN:
                 disk, peak, omega = self.together(where) or (math.nan,) * 3
                 margins[where] = {
-                    "joints": [one.as_json() for one in self.margins(where) or []],
+                    "joints": [margin.as_json() for margin in self.margins(where) or []],
                     "together": {"disk": disk, "sensitivity": peak, "at_peak": omega},
                 }
         system = self.system
@@ -179,12 +178,11 @@ class Linear:
 def linearise(scenario: Scenario, at: float | None = None) -> Linear:
     """The closed loop of a scenario near a point of its run: one period of it, by its exact derivative.
 
-    What is linearised is the sample that is simulated: sensor, estimator, prediction, law, drives, and the arm between
-    two samples. What has no derivative is left out or frozen, which `notes` says: rounding, noise and lost samples of
-    sensors, and learning, which stays as it is at that time. For a motion the system is that of the moment, as if it
+    The linearised map is the simulated sample: sensor, estimator, prediction, law, drives, and the arm between
+    two samples. Parts without a derivative are left out or frozen, and listed in `notes`: rounding, noise
+    and lost samples of sensors, and learning, which stays as it is at that time. For a motion the system is that of the moment, as if it
     stayed; at rest it is the loop's.
 
-    - `scenario`: the closed loop.
     - `at`: when [s]; the nearest sample is taken; the end of the run if not given.
 
     Raises DefinitionError if the run ends before, or the arm is MuJoCo's.
@@ -195,9 +193,9 @@ def linearise(scenario: Scenario, at: float | None = None) -> Linear:
         raise DefinitionError(f"`at` must be from {h:g} to {scenario.t1:g} s; got {at:g}")
     at = round(at / h) * h
     loop, carry, notes = operating_point(scenario, at)
-    found = period_map(loop, carry)
-    derivative = found.derivative()
-    m = found.x.size
+    loop_map = period_map(loop, carry)
+    derivative = loop_map.derivative()
+    m = loop_map.x.size
     if not np.isfinite(derivative).all():
         raise DefinitionError(
             f"the loop has no derivative at t = {at:g} s: a part of it is infinitely steep there, as the sign in a law "
@@ -207,7 +205,7 @@ def linearise(scenario: Scenario, at: float | None = None) -> Linear:
     inputs, outputs = _names(INPUTS, names), _names(OUTPUTS, names)
     a, b, c, d = derivative[:m, :m], derivative[:m, m:], derivative[m:, :m], derivative[m:, m:]
     kept = needed(a, b, c)
-    apart = _apart(found, derivative, kept)
+    apart = _apart(loop_map, derivative, kept)
     q, dq = reached(carry)
     units = loop.plant.robot.joint_units
     return Linear(
@@ -233,17 +231,17 @@ def linearise(scenario: Scenario, at: float | None = None) -> Linear:
     )
 
 
-def _apart(found: PeriodMap, derivative: Array, kept: Any) -> float:
-    """How far derivatives are from central differences, of the states that matter."""
-    m = found.x.size
-    here = np.concatenate([found.x, np.zeros(found.inputs)])
+def _apart(loop_map: PeriodMap, derivative: Array, kept: Any) -> float:
+    """Largest relative difference between derivatives and central differences, over the connected states."""
+    m = loop_map.x.size
+    here = np.concatenate([loop_map.x, np.zeros(loop_map.inputs)])
     steps = STEP * np.maximum(np.abs(here), 1e-2)
-    value = found.evaluate(here, np.zeros_like(here))[0]
-    rows = np.concatenate([kept, np.arange(m, m + found.outputs)])
-    columns = np.concatenate([kept, np.arange(m, m + found.inputs)])
+    value = loop_map.evaluate(here, np.zeros_like(here))[0]
+    rows = np.concatenate([kept, np.arange(m, m + loop_map.outputs)])
+    columns = np.concatenate([kept, np.arange(m, m + loop_map.inputs)])
     place = np.ix_(rows, columns)
-    off = np.abs(derivative - found.differences(steps))[place]
-    # What rounding makes of a difference is none of the loop's.
+    off = np.abs(derivative - loop_map.differences(steps))[place]
+    # Subtract the rounding error of the differences.
     rounding = ROUNDING * np.finfo(float).eps * (np.abs(value)[:, None] + np.abs(derivative).max(axis=1)[:, None])
     off = np.maximum(off - (rounding / steps)[place], 0.0)
     size = np.abs(derivative)[place].max(axis=0)

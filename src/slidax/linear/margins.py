@@ -1,4 +1,4 @@
-"""How far a stable loop is from the edge, where it is broken open."""
+"""Stability margins of a loop that is broken at one place."""
 
 from __future__ import annotations
 
@@ -62,8 +62,8 @@ class Margins:
     def as_json(self) -> dict[str, Any]:
         """All numbers by name."""
         low, high = self.disk_gains
-        found = asdict(self) | {"disk_gains": [low, high if math.isfinite(high) else None]}
-        return found | {"disk_phase": self.disk_phase}
+        values = asdict(self) | {"disk_gains": [low, high if math.isfinite(high) else None]}
+        return values | {"disk_phase": self.disk_phase}
 
 
 def frequencies(period: float) -> Array:
@@ -138,7 +138,7 @@ def together(closed: SampledSystem, where: str) -> tuple[float, float, float]:
 
 def _crossings(omega: Array, values: Array, function: Callable[[float], float]) -> list[float]:
     """Where a function of the frequency is zero."""
-    found = []
+    crossings = []
     known = np.isfinite(values[:-1]) & np.isfinite(values[1:])
     for k in np.flatnonzero(known & (np.sign(values[:-1]) * np.sign(values[1:]) < 0)):
         low, high = float(omega[k]), float(omega[k + 1])
@@ -151,8 +151,8 @@ def _crossings(omega: Array, values: Array, function: Callable[[float], float]) 
                 low, at_low = middle, value
             else:
                 high = middle
-        found.append(0.5 * (low + high))
-    return found
+        crossings.append(0.5 * (low + high))
+    return crossings
 
 
 def _peak(omega: Array, values: Array, function: Callable[[float], float]) -> tuple[float, float]:

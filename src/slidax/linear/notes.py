@@ -1,4 +1,4 @@
-"""What a reader of a linearised loop must know."""
+"""Notes on a linearised loop: frozen and non-smooth parts."""
 
 from __future__ import annotations
 
@@ -13,9 +13,8 @@ SLOW = 5.0
 
 
 def said_of(loop: Loop, carry: Carry, *, rough: bool) -> list[str]:
-    """What was frozen, and where the loop is not smooth, a sentence each.
+    """Notes on frozen parts and on points where the loop is not smooth, one sentence each.
 
-    - `loop`: what stays the same.
     - `carry`: what it has at the time.
     - `rough`: whether derivative and differences disagree.
     """
@@ -32,7 +31,7 @@ def said_of(loop: Loop, carry: Carry, *, rough: bool) -> list[str]:
     if isinstance(robot, Articulated):
         slow = (np.asarray(robot.coulomb) > 0) & (np.abs(carry.state.dq) < SLOW * np.asarray(robot.smoothing))
         if slow.any():
-            joints = ", ".join(name for name, one in zip(robot.joint_names, slow, strict=True) if one)
+            joints = ", ".join(name for name, applies in zip(robot.joint_names, slow, strict=True) if applies)
             notes.append(
                 f"Coulomb friction of {joints} counts as damping, f_c/v_s at rest: that holds for velocities below "
                 f"{float(robot.smoothing):g} rad/s alone"
@@ -43,6 +42,6 @@ def said_of(loop: Loop, carry: Carry, *, rough: bool) -> list[str]:
         limit = np.broadcast_to(np.asarray(drive.limits.torque), last.shape)
         full = np.abs(last) >= limit * (1 - 1e-9)
         if full.any():
-            joints = ", ".join(name for name, one in zip(robot.joint_names, full, strict=True) if one)
+            joints = ", ".join(name for name, applies in zip(robot.joint_names, full, strict=True) if applies)
             notes.append(f"{joints} is at its limit of torque: there its loop is open")
     return notes

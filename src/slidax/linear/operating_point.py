@@ -24,13 +24,12 @@ from slidax.simulation.loop import Carry, Loop
 from .late import Late
 
 QUIET = ("resolution", "position_noise", "velocity_noise")
-"""What of a sensor is set to zero."""
+"""Fields of a sensor that are set to zero."""
 
 
 def operating_point(scenario: Scenario, at: float) -> tuple[Loop, Carry, list[str]]:
     """The loop, what it has at a sample, and what was left out of it.
 
-    - `scenario`: the closed loop.
     - `at`: time of the sample [s], a whole number of periods, at least one.
 
     Raises DefinitionError if the run ends before, or the arm is MuJoCo's.
@@ -66,8 +65,8 @@ def _smooth(plant: Plant, held: bool) -> tuple[Plant, list[str]]:
     sensor: AbstractSensor | None = Exact() if held else None
     if plant.sensor is not None:
         sensor = _quiet(plant.sensor, left_out)
-    made: Plant = eqx.tree_at(lambda p: p.sensor, plant, sensor, is_leaf=lambda x: x is None)
-    return made, left_out
+    smooth: Plant = eqx.tree_at(lambda p: p.sensor, plant, sensor, is_leaf=lambda x: x is None)
+    return smooth, left_out
 
 
 def _quiet(sensor: AbstractSensor, left_out: list[str]) -> AbstractSensor:
@@ -91,9 +90,6 @@ def _quiet(sensor: AbstractSensor, left_out: list[str]) -> AbstractSensor:
 
 
 def reached(carry: Carry) -> tuple[np.ndarray, np.ndarray]:
-    """Where the arm is, and how fast, [n] and [n].
-
-    - `carry`: what the loop has.
-    """
+    """Where the arm is, and how fast, [n] and [n]."""
     q, dq = jax.tree.map(np.asarray, (carry.state.q, carry.state.dq))
     return q, dq

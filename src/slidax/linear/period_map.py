@@ -20,7 +20,7 @@ from .injected import OF_THE_LAW, Signals, injected, standing
 
 INPUTS = tuple(Signals.__annotations__)
 OUTPUTS = ("error", "torque", "position", "velocity")
-"""What is asked of a loop: e, the law's command, and what a sensor is shown of the arm, all at the sample."""
+"""Outputs of the map at the sample: e, the law's command, and the true state that a sensor receives."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +64,6 @@ class PeriodMap:
 def period_map(loop: Loop, carry: Carry) -> PeriodMap:
     """One period of a loop.
 
-    - `loop`: what stays the same.
     - `carry`: what it has before the sample.
     """
     controller, memory = standing(loop.controller, carry.memory)

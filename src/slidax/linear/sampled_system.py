@@ -40,8 +40,8 @@ class SampledSystem:
     @property
     def eigenvalues(self) -> Complex:
         """Of A, the largest first."""
-        found = np.linalg.eigvals(self.a).astype(complex)
-        return found[np.lexsort((found.imag, -np.abs(found)))]
+        eigenvalues = np.linalg.eigvals(self.a).astype(complex)
+        return eigenvalues[np.lexsort((eigenvalues.imag, -np.abs(eigenvalues)))]
 
     @property
     def radius(self) -> float:
@@ -55,7 +55,7 @@ class SampledSystem:
 
         Raises DefinitionError for a name that is not there.
         """
-        columns, rows = _found(self.inputs, inputs, "input"), _found(self.outputs, outputs, "output")
+        columns, rows = _places(self.inputs, inputs, "input"), _places(self.outputs, outputs, "output")
         return SampledSystem(
             a=self.a,
             b=self.b[:, columns],
@@ -75,12 +75,12 @@ class SampledSystem:
         """
         z = np.exp(1j * np.atleast_1d(frequencies) * self.period)
         eye = np.eye(len(self.a))
-        found = []
+        response = []
         for first in range(0, len(z), CHUNK):
             matrices = z[first : first + CHUNK, None, None] * eye - self.a
             right = np.broadcast_to(self.b, (len(matrices), *self.b.shape))
-            found.append(self.c @ np.linalg.solve(matrices, right))
-        return (np.concatenate(found) + self.d).astype(complex)
+            response.append(self.c @ np.linalg.solve(matrices, right))
+        return (np.concatenate(response) + self.d).astype(complex)
 
     def step_response(self, duration: float) -> tuple[Array, Array]:
         """Times [k], s, and the outputs after a unit step of each input, [k outputs inputs].
@@ -89,12 +89,12 @@ class SampledSystem:
         """
         steps = max(1, round(duration / self.period))
         x = np.zeros_like(self.b)
-        found = np.empty((steps + 1, *self.d.shape))
+        outputs = np.empty((steps + 1, *self.d.shape))
         for k in range(steps + 1):
-            found[k] = self.c @ x + self.d
+            outputs[k] = self.c @ x + self.d
             x = self.a @ x + self.b
         times: Array = self.period * np.arange(steps + 1, dtype=float)
-        return times, found
+        return times, outputs
 
     def for_control(self) -> Any:
         """The system as a `control.StateSpace` of python-control, with `dt`, for `bode_plot` and all else.
@@ -112,15 +112,15 @@ class SampledSystem:
         )
 
 
-def _found(names: tuple[str, ...], asked: str | list[str], what: str) -> list[int]:
-    found: list[int] = []
-    for name in [asked] if isinstance(asked, str) else asked:
-        here = [k for k, one in enumerate(names) if one == name or one.partition("[")[0] == name]
+def _places(names: tuple[str, ...], choice: str | list[str], what: str) -> list[int]:
+    places: list[int] = []
+    for name in [choice] if isinstance(choice, str) else choice:
+        here = [k for k, entry in enumerate(names) if entry == name or entry.partition("[")[0] == name]
         if not here:
-            groups = dict.fromkeys(one.partition("[")[0] for one in names)
+            groups = dict.fromkeys(entry.partition("[")[0] for entry in names)
             raise DefinitionError(f"there is no {what} `{name}`; {nearest(name, [*groups, *names])}")
-        found += here
-    return found
+        places += here
+    return places
 
 
 def needed(a: Array, b: Array, c: Array) -> NDArray[np.intp]:
@@ -130,11 +130,11 @@ def needed(a: Array, b: Array, c: Array) -> NDArray[np.intp]:
     """
     links = np.abs(a) > 0
     reached = (np.abs(b) > 0).any(axis=1)
-    seen = (np.abs(c) > 0).any(axis=0)
+    observed = (np.abs(c) > 0).any(axis=0)
     for _ in range(len(a)):
         further = reached | links[:, reached].any(axis=1)
-        more = seen | links[seen].any(axis=0)
-        if (further == reached).all() and (more == seen).all():
+        more = observed | links[observed].any(axis=0)
+        if (further == reached).all() and (more == observed).all():
             break
-        reached, seen = further, more
-    return np.flatnonzero(reached & seen)
+        reached, observed = further, more
+    return np.flatnonzero(reached & observed)

@@ -1,4 +1,4 @@
-"""From a run to numbers, most of them one per joint.
+"""Metrics of a run, most of them one per joint.
 
 They read the run's tally, so they count every sample, whatever was logged. Each is a `Metric`, which says what it is
 called, its unit, and how it is computed. All take a batch of runs, too.

@@ -1,4 +1,4 @@
-"""Metrics of the envelope: whether it was kept, and with what margin."""
+"""Metrics of the envelope: violations and margin."""
 
 from __future__ import annotations
 
@@ -11,10 +11,7 @@ from .metric import array_of, metric, where
 
 @metric("samples outside the envelope", "", per_joint=False, counts=True)
 def envelope_violations(run: Run) -> np.ndarray | int | None:
-    """How many samples had a joint at or outside its bounds (12); None for a scheme that promises none.
-
-    - `run`: a finished run, or a batch.
-    """
+    """Number of samples with a joint at or outside its bounds (12); None for a scheme without an envelope."""
     if not run.has_envelope:
         return None
     violations = array_of(run.tally.violations)
@@ -26,7 +23,5 @@ def envelope_margin(run: Run) -> np.ndarray | None:
     """Least distance to the nearer bound over the run, over the envelope's width.
 
     None for a scheme without an envelope, and for a run whose very first sample was not good.
-
-    - `run`: a finished run, or a batch.
     """
     return where(array_of(run.tally.samples) > 0, array_of(run.tally.margin)) if run.has_envelope else None

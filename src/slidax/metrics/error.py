@@ -1,4 +1,4 @@
-"""Metrics of the error: how small it is, and how soon."""
+"""Metrics of the error and of its settling."""
 
 from __future__ import annotations
 
@@ -19,7 +19,6 @@ BRIEF_BANDS = (1e-3, 1e-5)
 def settling_time(run: Run, band: float) -> np.ndarray:
     """The last sample time at which |e| is above the band, [n], s; 0 if it never is, `t1` if it still is at the end.
 
-    - `run`: a finished run, or a batch.
     - `band`: one of the bands that were tallied, rad or m.
 
     Raises DefinitionError if the band was not tallied, or the run is traced.
@@ -38,41 +37,32 @@ def settling_time(run: Run, band: float) -> np.ndarray:
 
 
 def settling_times(run: Run) -> tuple[Metric[np.ndarray], ...]:
-    """The settling time at each band that was tallied, as metrics.
-
-    - `run`: a finished run, or a batch.
-    """
+    """The settling time at each band that was tallied, as metrics."""
 
     def settled(run: Run, band: float) -> np.ndarray:
         """Last sample time with |e| above the band."""
         return settling_time(run, band)
 
-    found = []
+    metrics = []
     for band in _bands(run):
         function = partial(settled, band=float(band))
         function.__doc__ = settled.__doc__
         brief = bool(np.isclose(band, BRIEF_BANDS, atol=0.0).any())
         name = _named(band)
         key, title = f"settling_time.{name}", f"settled to |e| <= {name}"
-        found.append(Metric(key, title, "s", function, brief=brief, needs_settling=True, counts=True))
-    return tuple(found)
+        metrics.append(Metric(key, title, "s", function, brief=brief, needs_settling=True, counts=True))
+    return tuple(metrics)
 
 
 @metric("steady error", "{position}", brief=True)
 def steady_error(run: Run) -> np.ndarray | None:
-    """`max |e|` over the last quarter of the run.
-
-    - `run`: a finished run, or a batch.
-    """
+    """`max |e|` over the last quarter of the run."""
     return where(reached_last_quarter(run), array_of(run.tally.steady_error))
 
 
 @metric("error, rms", "{position}")
 def rms_error(run: Run) -> np.ndarray | None:
-    """Root mean square of e over the run.
-
-    - `run`: a finished run, or a batch.
-    """
+    """Root mean square of e over the run."""
     tally = run.tally
     first, last = array_of(tally.first_error), array_of(tally.last_error)
     samples = array_of(tally.samples)
@@ -87,8 +77,6 @@ def iae(run: Run) -> np.ndarray:
     """`∫ |e| dt` over the run.
 
     By the trapezoidal rule on all samples, so that it does not depend on the period.
-
-    - `run`: a finished run, or a batch.
     """
     tally = run.tally
     total = array_of(tally.early_error) + array_of(tally.late_error)
@@ -96,10 +84,7 @@ def iae(run: Run) -> np.ndarray:
 
 
 def reached_last_quarter(run: Run) -> Any:
-    """Whether the run has samples in its last quarter, from which steady values are taken, [] or [runs].
-
-    - `run`: a finished run, or a batch.
-    """
+    """True if the run has samples in its last quarter, from which steady values are taken, [] or [runs]."""
     return array_of(run.tally.samples) > array_of(run.windows.steady)
 
 

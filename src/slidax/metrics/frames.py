@@ -18,7 +18,7 @@ def frame(runs: Run | Mapping[str, Run], kind: Kind = "pandas", also: Sequence[M
     """All metrics as a data frame, one row for each number: columns `run`, `metric`, `joint`, `unit`, `value`.
 
     `run` is the number of a run, from 0, or its name; `joint` is the joint's name, and empty for a metric of the whole
-    run. What a run does not have is missing: NaN in pandas, null in polars.
+    run. Missing values are NaN in pandas, null in polars.
 
     - `runs`: one run, many of `simulate_batch`, or several by name, such as one for each scheme.
     - `kind`: "pandas" or "polars".

@@ -1,4 +1,4 @@
-"""What a metric is: a number of a finished run, with what tables and figures say of it."""
+"""Metrics: functions of a finished run with a title, a unit and an explanation."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ Value = TypeVar("Value", covariant=True)
 class Metric(Generic[Value]):
     """A metric, called like the function that computes it: `metrics.peak_torque(run)`.
 
-    A batch has the run as first axis. What a run does not have is None; of a batch it is masked. Inside `jit`, `vmap`
+    A batch has the run as first axis. Missing values are None; those of a batch are masked. Inside `jit`, `vmap`
     and `grad`, where this is not known yet, it is NaN.
 
     - `key`: its place in `summary` and in JSON; a dot in it opens a group.
@@ -73,22 +73,16 @@ class Metric(Generic[Value]):
 
     @property
     def meaning(self) -> str:
-        """How it is computed, in a few words."""
+        """The formula in a few words, for tables."""
         return inspect.cleandoc(self.function.__doc__ or "").partition("\n")[0].replace("`", "").rstrip(".")
 
     def units(self, run: Run) -> list[str]:
-        """Its unit for each joint.
-
-        - `run`: of the arm.
-        """
+        """Its unit for each joint."""
         pairs = zip(run.joint_units, run.torque_units, strict=True)
         return [self.unit.format(position=position, torque=torque).replace("(N)", "N") for position, torque in pairs]
 
     def shown(self, run: Run) -> list[float | None]:
-        """Its values in a table, one per joint; None where there is none.
-
-        - `run`: a finished run.
-        """
+        """Its values in a table, one per joint; None where there is none."""
         values: Any = self(run)
         if values is None:
             return [None] * run.joints

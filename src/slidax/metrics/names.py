@@ -24,7 +24,7 @@ def short_names(names: Sequence[str]) -> list[str]:
 
 
 def _shared(names: Sequence[str]) -> int:
-    """How many characters the words take that all begin with, with what separates them from the rest."""
+    """Length of the words that all names begin with, including the separator."""
     words = [re.findall("[^ _/.-]*[ _/.-]+", name) for name in names]
     alike = takewhile(lambda same: len(set(same)) == 1, zip(*words, strict=False)) if len(names) > 1 else ()
     return sum(len(same[0]) for same in alike)

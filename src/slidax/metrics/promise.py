@@ -1,4 +1,4 @@
-"""Metrics of the monitor that says whether a law's promise still stands."""
+"""Metrics of the monitor, which checks the assumptions of a law's guarantee."""
 
 from __future__ import annotations
 
@@ -11,10 +11,7 @@ from .metric import array_of, arrays, metric, of_the_run
 
 @metric("margin of the guarantee", "", per_joint=False, least_is_best=False)
 def guarantee_margin(run: Run) -> np.ndarray | float | None:
-    """The least margin that the monitor said; negative where the promise did not stand; None without a monitor.
-
-    - `run`: a finished run, or a batch.
-    """
+    """Least margin of the guarantee over the run, by the monitor; negative where it fails; None without a monitor."""
     if run.tally.promise is None:
         return None
     margin = array_of(run.tally.promise.margin)
@@ -23,10 +20,7 @@ def guarantee_margin(run: Run) -> np.ndarray | float | None:
 
 @metric("first warning of the monitor", "s", per_joint=False, least_is_best=False, counts=True)
 def warned_at(run: Run) -> np.ndarray | float | None:
-    """When the monitor first said that the promise does not stand [s]; None if it never did, or without a monitor.
-
-    - `run`: a finished run, or a batch.
-    """
+    """Time of the monitor's first warning [s]; None if there was none, or without a monitor."""
     if run.tally.promise is None:
         return None
     warned = array_of(run.tally.promise.warned)

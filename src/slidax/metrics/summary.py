@@ -52,20 +52,17 @@ OF_TOOLS: tuple[Metric[Any], ...] = (
     steady_tool_turn,
     rms_tool_turn,
 )
-"""What a run has besides whose joints lead a tool; the turns, if the robot says how its tip is turned."""
+"""Additional metrics of a run whose arm leads a tool; the turns, if the robot defines its tip's orientation."""
 
 
 OF_MONITORS: tuple[Metric[Any], ...] = (guarantee_margin, warned_at)
-"""What a run whose law has a monitor has besides."""
+"""Additional metrics of a run whose law has a monitor."""
 
 
 def metrics_of(run: Run) -> tuple[Metric[Any], ...]:
-    """Every metric of a run, the settling times first.
-
-    - `run`: a finished run, or a batch.
-    """
+    """Every metric of a run, the settling times first."""
     besides = (
-        *(one for one in OF_TOOLS if one(run) is not None),
+        *(metric for metric in OF_TOOLS if metric(run) is not None),
         *(OF_TOLERANCES if run.tally.tolerance is not None else ()),
         *(OF_MONITORS if run.tally.promise is not None else ()),
     )
@@ -75,18 +72,17 @@ def metrics_of(run: Run) -> tuple[Metric[Any], ...]:
 def summary(run: Run, also: Sequence[Metric[Any]] = ()) -> dict[str, Any]:
     """Every metric by its key; lists have one entry per joint, and those of a batch one list per run.
 
-    What is not known, or not finite, is None.
+    Missing and infinite values are None.
 
-    - `run`: a finished run, or a batch.
     - `also`: further metrics, such as those of a paper.
     """
-    found: dict[str, Any] = {}
+    values: dict[str, Any] = {}
     for metric in (*metrics_of(run), *also):
         value = metric(run)
         group, _, name = metric.key.partition(".")
-        place = found.setdefault(group, {}) if name else found
+        place = values.setdefault(group, {}) if name else values
         place[name or group] = _plain(value.tolist() if hasattr(value, "tolist") else value)
-    return found
+    return values
 
 
 def _plain(value: Any) -> Any:

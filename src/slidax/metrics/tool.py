@@ -14,10 +14,7 @@ from .metric import array_of, arrays, metric, of_the_run, root
 
 @metric("tool error", "m", per_joint=False)
 def tool_error(run: Run) -> np.ndarray | float | None:
-    """Most that the tip is away from where the reference has it [m]; None where no tool is led.
-
-    - `run`: a finished run, or a batch.
-    """
+    """Most that the tip is away from where the reference has it [m]; None where no tool is led."""
     if run.tally.tool is None:
         return None
     return of_the_run(array_of(run.tally.samples) > 0, array_of(run.tally.tool.place.error))
@@ -25,10 +22,7 @@ def tool_error(run: Run) -> np.ndarray | float | None:
 
 @metric("steady tool error", "m", per_joint=False)
 def steady_tool_error(run: Run) -> np.ndarray | float | None:
-    """The same over the last quarter of the run [m].
-
-    - `run`: a finished run, or a batch.
-    """
+    """The same over the last quarter of the run [m]."""
     if run.tally.tool is None:
         return None
     return of_the_run(reached_last_quarter(run), array_of(run.tally.tool.place.steady))
@@ -36,10 +30,7 @@ def steady_tool_error(run: Run) -> np.ndarray | float | None:
 
 @metric("tool error, rms", "m", per_joint=False)
 def rms_tool_error(run: Run) -> np.ndarray | float | None:
-    """Root mean square of that distance over all samples [m].
-
-    - `run`: a finished run, or a batch.
-    """
+    """Root mean square of that distance over all samples [m]."""
     if run.tally.tool is None:
         return None
     samples = array_of(run.tally.samples)
@@ -48,30 +39,21 @@ def rms_tool_error(run: Run) -> np.ndarray | float | None:
 
 @metric("tool turn", "rad", per_joint=False)
 def tool_turn(run: Run) -> np.ndarray | float | None:
-    """Largest angle of the rotation between the tool and how the reference has it [rad]; None where no tool is led.
-
-    - `run`: a finished run, or a batch.
-    """
+    """Largest angle of the rotation between the tool and how the reference has it [rad]; None where no tool is led."""
     turn = None if run.tally.tool is None else run.tally.tool.turn
     return None if turn is None else of_the_run(array_of(run.tally.samples) > 0, array_of(turn.error))
 
 
 @metric("steady tool turn", "rad", per_joint=False)
 def steady_tool_turn(run: Run) -> np.ndarray | float | None:
-    """The same over the last quarter of the run [rad].
-
-    - `run`: a finished run, or a batch.
-    """
+    """The same over the last quarter of the run [rad]."""
     turn = None if run.tally.tool is None else run.tally.tool.turn
     return None if turn is None else of_the_run(reached_last_quarter(run), array_of(turn.steady))
 
 
 @metric("tool turn, rms", "rad", per_joint=False)
 def rms_tool_turn(run: Run) -> np.ndarray | float | None:
-    """Root mean square of that angle over all samples [rad].
-
-    - `run`: a finished run, or a batch.
-    """
+    """Root mean square of that angle over all samples [rad]."""
     turn = None if run.tally.tool is None else run.tally.tool.turn
     if turn is None:
         return None

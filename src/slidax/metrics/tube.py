@@ -11,10 +11,7 @@ from .metric import array_of, arrays, metric, where
 
 @metric("samples outside the tolerance band", "", per_joint=False, counts=True)
 def tolerance_violations(run: Run) -> np.ndarray | int | None:
-    """Number of samples with a joint at or outside the tolerance band; None for a run without one.
-
-    - `run`: a finished run, or a batch.
-    """
+    """Number of samples with a joint at or outside the tolerance band; None for a run without one."""
     if run.tally.tolerance is None:
         return None
     outside = array_of(run.tally.tolerance.outside)
@@ -26,8 +23,6 @@ def tolerance_margin(run: Run) -> np.ndarray | None:
     """Least distance to the nearer bound over the run, relative to the band's width; below 0 outside.
 
     None for a run without a tolerance band, and for one whose very first state was not finite.
-
-    - `run`: a finished run, or a batch.
     """
     if run.tally.tolerance is None:
         return None

@@ -1,4 +1,4 @@
-"""The tip met something."""
+"""Cause: contact of the tip."""
 
 from __future__ import annotations
 
@@ -31,15 +31,11 @@ RARE = 4.0
 
 
 class Contact(AbstractCause):
-    """What the model lacks changes at once, and as a force at the tip would change it, `Jᵀ F`."""
+    """The torque missing from the model changes suddenly, like that of a force at the tip, `Jᵀ F`."""
 
     name: ClassVar[str] = "contact"
 
     def finding(self, record: Record) -> Finding | None:
-        """The force that fits the largest sudden change before the run left.
-
-        - `record`: the run.
-        """
         robot = record.nominal
         span = max(round(SUDDEN / record.period), 1)
         if not isinstance(robot, Articulated) or record.joints < 5 or record.left < 4 * span:
@@ -66,7 +62,7 @@ class Contact(AbstractCause):
         if force @ slower > CARRIED * newtons * deceleration and newtons < float(np.sum(robot.masses)) * deceleration:
             return None
         x, y, z = force / max(newtons, 1e-300)
-        place = ", ".join(f"{one:.3f}" for one in np.asarray(robot.tip(q)))
+        place = ", ".join(f"{coordinate:.3f}" for coordinate in np.asarray(robot.tip(q)))
         evidence = (
             f"at t = {record.t[middle]:.3g} s the torque changed within {SUDDEN:g} s as a force of "
             f"{newtons:.2g} N on the "
@@ -77,7 +73,7 @@ class Contact(AbstractCause):
         return Finding(
             name=self.name,
             joint=None,
-            # What pulls down is more likely something that the arm took up, which it then has to carry.
+            # A force along gravity is more likely a payload that the arm picked up.
             weight=0.5 if force @ np.asarray(robot.gravity_vector) > HANGS * newtons * GRAVITY else 0.9,
             evidence=evidence,
             numbers={"t": float(record.t[middle]), "force": newtons, "explained": explained},

@@ -1,4 +1,4 @@
-"""The law is told another delay than there is."""
+"""Cause: the law's delay differs from the true one."""
 
 from __future__ import annotations
 
@@ -23,10 +23,6 @@ class Delay(AbstractCause):
     name: ClassVar[str] = "delay"
 
     def finding(self, record: Record) -> Finding | None:
-        """The delay at which torque and acceleration fit best.
-
-        - `record`: the run.
-        """
         estimate, believed = as_seen(record), float(record.law.delay)
         if not estimate.delay_gain > GAIN or estimate.delay - believed < APART:
             return None

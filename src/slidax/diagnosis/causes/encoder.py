@@ -1,4 +1,4 @@
-"""The encoders are too coarse for the envelope, or for the drives."""
+"""Cause: encoders too coarse for the envelope, or for the drives."""
 
 from __future__ import annotations
 
@@ -20,10 +20,6 @@ class Encoder(AbstractCause):
     name: ClassVar[str] = "encoder"
 
     def finding(self, record: Record) -> Finding | None:
-        """The joint whose encoder is coarsest.
-
-        - `record`: the run.
-        """
         steps = resolution(record.q)
         ratio, noise = steps / record.room, noise_of(record)
         joint = int(np.argmax(np.maximum(ratio / COARSE, noise)))
@@ -44,25 +40,25 @@ class Encoder(AbstractCause):
 def noise_of(record: Record) -> np.ndarray:
     """Three standard deviations of the torque's steps from the encoders' rounding, over the rate limit [n]."""
     mass = np.einsum("kii->ki", record.mass_and_bias[0]).mean(axis=0)
-    steps, found = resolution(record.q), np.zeros(record.joints)
+    steps, noise = resolution(record.q), np.zeros(record.joints)
     for joint, loop in enumerate(record.loops):
         if loop is not None and steps[joint] > 0 and np.isfinite(record.rate_limits[joint]):
             step = loop.noise(steps[joint] ** 2 / 12.0)[1] * mass[joint]
-            found[joint] = 3.0 * step / (record.rate_limits[joint] * record.period)
-    return found
+            noise[joint] = 3.0 * step / (record.rate_limits[joint] * record.period)
+    return noise
 
 
 def _encoder_remedies(record: Record, step: float) -> list[Remedy]:
     scheme: Any = record.scenario.description.scheme
     final = np.asarray(scheme.transformation.performance.final)
     side = record.room / np.broadcast_to(final, record.joints)
-    found = []
+    remedies = []
     for times in (4.0, 8.0):
         wider = np.maximum(final, times * step / np.min(side))
-        value = [float(f"{one:.2g}") for one in np.atleast_1d(wider)]
+        value = [float(f"{radius:.2g}") for radius in np.atleast_1d(wider)]
         path = "scheme.transformation.performance.final"
-        found.append(Remedy("a final radius that they can resolve", {path: value if final.ndim else value[0]}))
+        remedies.append(Remedy("a final radius that they can resolve", {path: value if final.ndim else value[0]}))
     for part in (0.1, 0.01):
         finer = float(f"{part * step:.2g}")
-        found.append(Remedy(f"encoders with steps of {finer:g}", {"sensor.resolution": finer}))
-    return found
+        remedies.append(Remedy(f"encoders with steps of {finer:g}", {"sensor.resolution": finer}))
+    return remedies

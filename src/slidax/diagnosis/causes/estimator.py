@@ -1,4 +1,4 @@
-"""The estimator makes the loop unstable, or is too slow or too fast for it."""
+"""Cause: an estimator that makes the loop unstable, or is too slow or too fast for it."""
 
 from __future__ import annotations
 
@@ -28,10 +28,6 @@ class Estimator(AbstractCause):
     name: ClassVar[str] = "estimator"
 
     def finding(self, record: Record) -> Finding | None:
-        """The joint with the least stable loop, or the slowest or fastest estimator.
-
-        - `record`: the run.
-        """
         kind = type(record.law.estimator).__name__
         loops = [loop for loop in record.loops if loop is not None]
         if not loops:
@@ -80,12 +76,14 @@ class Estimator(AbstractCause):
 def _estimator_remedies(record: Record) -> list[Remedy]:
     """Another density, so that ω H is near 1, as ω goes with its sixth root; and the filter as it is by default."""
     block: Any = record.scenario.description.scheme.sampled_data
-    found = []
+    remedies = []
     density = getattr(block.estimator, "torque_density", None)
     if isinstance(density, float):
         pace = [loop.bandwidth * record.horizon for loop in record.loops if loop is not None]
         for target in (1.0, 0.6, 1.6):
             value = float(f"{density * (target / np.exp(np.mean(np.log(pace)))) ** 6:.3g}")
-            found.append(Remedy("an estimator as fast as the horizon allows", {f"{ESTIMATOR}.torque_density": value}))
-    found.append(Remedy("the Kalman filter with its usual density", {ESTIMATOR: {"kind": "kalman"}}))
-    return found
+            remedies.append(
+                Remedy("an estimator as fast as the horizon allows", {f"{ESTIMATOR}.torque_density": value})
+            )
+    remedies.append(Remedy("the Kalman filter with its usual density", {ESTIMATOR: {"kind": "kalman"}}))
+    return remedies

@@ -1,4 +1,4 @@
-"""A joint is heavier or lighter than its law believes."""
+"""Cause: a joint's true inertia differs from the law's model."""
 
 from __future__ import annotations
 
@@ -26,10 +26,6 @@ class Inertia(AbstractCause):
     name: ClassVar[str] = "inertia"
 
     def finding(self, record: Record) -> Finding | None:
-        """The joint that is farthest from its belief.
-
-        - `record`: the run.
-        """
         estimate = as_seen(record)
         believed = believed_inertia(record, estimate)
         kappa = np.divide(believed, estimate.inertia, where=estimate.inertia > 0, out=np.full_like(believed, np.nan))

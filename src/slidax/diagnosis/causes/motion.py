@@ -14,12 +14,9 @@ FACTORS = (0.7, 0.5)
 
 
 def slower(record: Record) -> list[Remedy]:
-    """The motion at a part of its speed, where its kind has a number for that.
-
-    - `record`: of which run.
-    """
+    """The motion at a part of its speed, where its kind has a number for that."""
     motion: Any = record.scenario.description.trajectory
-    found = []
+    remedies = []
     for factor in FACTORS:
         changes = {}
         for name, power in (("frequency", 1.0), ("times", -1.0), ("rates", 1.0)):
@@ -28,5 +25,5 @@ def slower(record: Record) -> list[Remedy]:
                 numbers = np.round(np.asarray(value, float) * factor**power, 6)
                 changes[f"trajectory.{name}"] = numbers.tolist()
         if changes:
-            found.append(Remedy(f"go {1.0 - factor:.0%} slower", changes))
-    return found
+            remedies.append(Remedy(f"go {1.0 - factor:.0%} slower", changes))
+    return remedies

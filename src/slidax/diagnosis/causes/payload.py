@@ -1,4 +1,4 @@
-"""The tip carries more than the drives can hold."""
+"""Cause: a payload beyond the torque limits."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ SURE = 4.0
 """Standard errors that a mass must be, to be believed."""
 
 AROUND = (0.2, 2.0)
-"""How long after a run left its envelope it still tells of what it carried all along, and of what it took up [s]."""
+"""Time after leaving the envelope that still shows a payload carried all along, and one picked up [s]."""
 
 LEAST = 0.2
 """The least mass that is named [kg]."""
@@ -34,7 +34,7 @@ LEAST = 0.2
 
 @dataclass(frozen=True)
 class Weighed:
-    """What the tip carries beyond what the law knows.
+    """Payload beyond the one in the law's model.
 
     - `mass`: [kg], with its standard error `spread`.
     - `explained`: the share of what the model lacks that it explains beyond friction and the arm's own mass.
@@ -48,28 +48,24 @@ class Weighed:
 
 
 class Payload(AbstractCause):
-    """What the model lacks is the weight of a mass at the tip, and that is more than the torque limits allow."""
+    """The torque missing from the model is that of a payload, and exceeds the torque limits."""
 
     name: ClassVar[str] = "payload"
 
     def finding(self, record: Record) -> Finding | None:
-        """The mass at the tip, by least squares.
-
-        - `record`: the run.
-        """
         if not isinstance(record.nominal, Articulated) or not np.any(np.isfinite(record.torque_limits)):
             return None
-        found = weighed(record, record.nominal)
-        if found.mass < max(SURE * found.spread, LEAST) or found.explained < 0.3:
+        estimate = weighed(record, record.nominal)
+        if estimate.mass < max(SURE * estimate.spread, LEAST) or estimate.explained < 0.3:
             return None
         # From where it left on: before, u or the rate may have held the torque back.
         share = np.mean(np.abs(record.tau[record.before.start :]) >= REACHED * record.torque_limits, axis=0)
         joint = int(np.argmax(share))
         unit = record.torque_unit(joint)
         evidence = (
-            f"the tip carries about {found.mass:.2g} kg more than the law knows (± {2.0 * found.spread:.1g} "
+            f"the tip carries about {estimate.mass:.2g} kg more than the law knows (± {2.0 * estimate.spread:.1g} "
             "kg); by its "
-            f"torque limits alone the arm could follow the motion with {max(found.most, 0.0):.2g} kg, and "
+            f"torque limits alone the arm could follow the motion with {max(estimate.most, 0.0):.2g} kg, and "
             f"{record.named(joint)} is at its limit of {record.torque_limits[joint]:.4g} {unit} in "
             f"{share[joint]:.0%} of the "
             "samples from there on"
@@ -77,26 +73,30 @@ class Payload(AbstractCause):
         return Finding(
             name=self.name,
             joint=joint,
-            weight=self._weight(record, found),
+            weight=self._weight(record, estimate),
             evidence=evidence,
-            numbers={"mass": found.mass, "spread": found.spread, "most": found.most, "share": float(share[joint])},
-            remedies=_payload_remedies(record, found),
+            numbers={
+                "mass": estimate.mass,
+                "spread": estimate.spread,
+                "most": estimate.most,
+                "share": float(share[joint]),
+            },
+            remedies=_payload_remedies(record, estimate),
         )
 
-    def _weight(self, record: Record, found: Weighed) -> float:
+    def _weight(self, record: Record, estimate: Weighed) -> float:
         """Beyond the limits it is the reason, unless those were lowered; else something that u can cover."""
-        if found.most >= found.mass:
+        if estimate.most >= estimate.mass:
             return 0.62
         return 0.93 if np.all(record.torque_limits >= data_sheet(record, "torque")) else 0.7
 
 
 def weighed(record: Record, nominal: Articulated) -> Weighed:
-    """The mass at the tip that fits best what the model lacks, beside friction and a factor on the arm's own mass.
+    """Least-squares payload mass for the torque missing from the model, next to friction and a scale of the arm's mass.
 
     Over the samples until it left, or over those from then on, if a mass explains more of them: it may have been taken
     up then.
 
-    - `record`: the run.
     - `nominal`: the arm as the law knows it.
     """
     short, long = (round(seconds / record.period) for seconds in AROUND)
@@ -116,13 +116,13 @@ def _weighed(record: Record, nominal: Articulated, part: slice) -> Weighed:
     n, scale = record.joints, np.where(np.isfinite(record.torque_limits), record.torque_limits, 1.0)
     friction = [np.where(np.arange(n) == joint, shape, 0.0) for shape in (np.tanh(dq / 0.02), dq) for joint in range(n)]
     lacks = (record.unexplained[part] / scale).ravel()
-    columns = np.stack([(one / scale).ravel() for one in (*torques, own, *friction)], axis=1)
+    columns = np.stack([(column / scale).ravel() for column in (*torques, own, *friction)], axis=1)
     solved = np.linalg.lstsq(columns, lacks, rcond=1e-8)[0]
     without = np.linalg.lstsq(columns[:, 2:], lacks, rcond=1e-8)[0]
     rest = float(np.sum((lacks - columns @ solved) ** 2))
     more = float(np.sum((lacks - columns[:, 2:] @ without) ** 2))
     mass = float(solved[0] + solved[1])
-    # What is left over is slow: a sample counts as new only after as long as the filter remembers.
+    # The residual is slow: samples count as independent only at the spacing of the filter's memory.
     fresh = max(len(q) * h * SLOW / np.pi * n, len(solved) + 1.0)
     covariance = np.linalg.pinv(columns.T @ columns) * rest / fresh
     spread = float(np.sqrt(max(np.sum(covariance[:2, :2]), 0.0)))
@@ -150,12 +150,12 @@ def _torque(robot: Articulated, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) 
     return np.einsum("kij,kj->ki", mass, ddq) + bias
 
 
-def _payload_remedies(record: Record, found: Weighed) -> list[Remedy]:
+def _payload_remedies(record: Record, estimate: Weighed) -> list[Remedy]:
     plant: Any = getattr(record.scenario.description.robot, "plant", None)
     path = "robot.plant.load.mass"
     loaded = getattr(plant, "load", None) is not None
     remedies = []
     for part in (0.8, 0.65, 0.5, 0.35):
-        least = float(f"{part * min(found.mass, max(found.most, 0.0) / 0.8):.2g}")
+        least = float(f"{part * min(estimate.mass, max(estimate.most, 0.0) / 0.8):.2g}")
         remedies.append(Remedy(f"carry at most {least:g} kg", {path: least} if loaded else {}))
     return remedies

@@ -1,4 +1,4 @@
-"""The period is too long for the disturbance and the envelope: the loop-rate rule."""
+"""Cause: a sampling period too long for disturbance and envelope, by the loop-rate rule."""
 
 from __future__ import annotations
 
@@ -16,10 +16,6 @@ class Period(AbstractCause):
     name: ClassVar[str] = "period"
 
     def finding(self, record: Record) -> Finding | None:
-        """The joint that is farthest beyond the rule.
-
-        - `record`: the run.
-        """
         age = record.horizon + float(record.law.delay) * record.period
         reached = age**2 * record.missed
         ratio = reached / record.room

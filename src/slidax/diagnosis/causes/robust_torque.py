@@ -1,4 +1,4 @@
-"""What the model does not explain is more than u covers."""
+"""Cause: the model's error exceeds the robust torque u."""
 
 from __future__ import annotations
 
@@ -19,10 +19,6 @@ class RobustTorque(AbstractCause):
     name: ClassVar[str] = "robust_torque"
 
     def finding(self, record: Record) -> Finding | None:
-        """The share of samples in which u holds the estimate back.
-
-        - `record`: the run.
-        """
         if "u" not in record.signals or record.signals["u"].ndim != 1:
             return None
         u = record.signals["u"][record.before]
@@ -48,14 +44,14 @@ class RobustTorque(AbstractCause):
 
 def _cover_remedies(record: Record, covers: float, lacks: float) -> list[Remedy]:
     bound: Any = getattr(record.scenario.description.scheme, "bound", None)
-    # What the file leaves out was found for the arm, and is in the law.
-    made: Any = getattr(record.law.step, "bound", None)
-    found = []
+    # A value that the file leaves out was computed for the arm, and is in the law.
+    bound_of_law: Any = getattr(record.law.step, "bound", None)
+    remedies = []
     for factor in (1.0, 2.0, 4.0):
         more = factor * max(COVER_SPARE * lacks - covers, 0.5 * covers)
         for name in ("margin", "size"):
             if hasattr(bound, name):
                 now = getattr(bound, name)
-                value = float(f"{float(getattr(made, name) if now is None else now) + more:.3g}")
-                found.append(Remedy("let u cover it", {f"scheme.bound.{name}": value}))
-    return found
+                value = float(f"{float(getattr(bound_of_law, name) if now is None else now) + more:.3g}")
+                remedies.append(Remedy("let u cover it", {f"scheme.bound.{name}": value}))
+    return remedies

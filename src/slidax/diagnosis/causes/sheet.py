@@ -1,4 +1,4 @@
-"""What an arm's data sheet allows."""
+"""Limits from an arm's data sheet."""
 
 from __future__ import annotations
 
@@ -12,7 +12,6 @@ from ..record import Record
 def data_sheet(record: Record, name: str) -> np.ndarray:
     """A limit of the joints by the arm's description [n]; 0 where it has none.
 
-    - `record`: of which run.
     - `name`: `torque` or `torque_rate`.
     """
     robot = record.nominal

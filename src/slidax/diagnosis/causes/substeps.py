@@ -1,4 +1,4 @@
-"""The simulated arm is integrated too coarsely: a cause that no robot has."""
+"""Cause in simulation alone: integration steps too long for friction."""
 
 from __future__ import annotations
 
@@ -26,14 +26,10 @@ class Substeps(AbstractCause):
     name: ClassVar[str] = "substeps"
 
     def finding(self, record: Record) -> Finding | None:
-        """The step times the fastest rate of friction, and what the integrator bears.
-
-        - `record`: the run.
-        """
-        found = coarseness(record.scenario)
-        if found is None or found[0] <= 1.0:
+        ratio_and_joint = coarseness(record.scenario)
+        if ratio_and_joint is None or ratio_and_joint[0] <= 1.0:
             return None
-        ratio, joint = found
+        ratio, joint = ratio_and_joint
         simulation = record.scenario.description.simulation
         more = int(np.ceil(2.0 * ratio)) * simulation.substeps
         step = 1e3 * simulation.period / simulation.substeps
@@ -53,10 +49,7 @@ class Substeps(AbstractCause):
 
 
 def coarseness(scenario: Scenario) -> tuple[float, int] | None:
-    """How many times too long a step of the integrator is for the plant's friction, and for which joint.
-
-    - `scenario`: what is simulated.
-    """
+    """Step length over the longest stable one for the plant's friction, and the joint with the largest ratio."""
     simulation, robot = scenario.description.simulation, scenario.plant.robot
     if simulation.plant != "own" or not isinstance(robot, Articulated):
         return None

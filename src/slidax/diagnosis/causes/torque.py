@@ -1,4 +1,4 @@
-"""The drives cannot give the torque that the motion needs."""
+"""Cause: torque limits below the motion's demand."""
 
 from __future__ import annotations
 
@@ -25,10 +25,6 @@ class Torque(AbstractCause):
     name: ClassVar[str] = "torque"
 
     def finding(self, record: Record) -> Finding | None:
-        """The joint that is at its limit for the longest part.
-
-        - `record`: the run.
-        """
         share = np.mean(np.abs(record.tau[record.before]) >= REACHED * record.torque_limits, axis=0)
         joint = int(np.argmax(share))
         if share[joint] < 0.1:
@@ -59,13 +55,13 @@ def needed_torque(record: Record) -> np.ndarray:
 
 
 def _torque_remedies(record: Record, needed: np.ndarray) -> list[Remedy]:
-    given, sheet = record.torque_limits, data_sheet(record, "torque")
-    found = []
-    if np.any(sheet > given):
+    limits, sheet = record.torque_limits, data_sheet(record, "torque")
+    remedies = []
+    if np.any(sheet > limits):
         words = "allow the torque that the arm's data sheet has"
-        found.append(Remedy(words, {"actuator.torque": sheet.tolist()}))
-    found += slower(record)
+        remedies.append(Remedy(words, {"actuator.torque": sheet.tolist()}))
+    remedies += slower(record)
     for factor in (TORQUE_SPARE, 1.5, 2.0):
-        enough = [float(f"{value:.3g}") for value in np.maximum(given, factor * needed)]
-        found.append(Remedy("take drives that give what the motion needs", {"actuator.torque": enough}))
-    return found
+        enough = [float(f"{value:.3g}") for value in np.maximum(limits, factor * needed)]
+        remedies.append(Remedy("take drives that give what the motion needs", {"actuator.torque": enough}))
+    return remedies

@@ -1,4 +1,4 @@
-"""The drives cannot change their torque as fast as the motion needs."""
+"""Cause: torque rate limits below the motion's demand."""
 
 from __future__ import annotations
 
@@ -19,10 +19,6 @@ class TorqueRate(AbstractCause):
     name: ClassVar[str] = "torque_rate"
 
     def finding(self, record: Record) -> Finding | None:
-        """The joint that is at its limit for the longest part.
-
-        - `record`: the run.
-        """
         limits = record.rate_limits
         steps = np.abs(np.diff(record.tau[record.before], axis=0))
         share = np.mean(steps >= REACHED * limits * record.period, axis=0) if len(steps) else np.zeros(record.joints)
@@ -45,13 +41,13 @@ class TorqueRate(AbstractCause):
 
 
 def _rate_remedies(record: Record) -> list[Remedy]:
-    given, sheet = record.rate_limits, data_sheet(record, "torque_rate")
-    found = []
-    if np.any(sheet > given):
+    limits, sheet = record.rate_limits, data_sheet(record, "torque_rate")
+    remedies = []
+    if np.any(sheet > limits):
         words = "allow the rate that the arm's data sheet has"
-        found.append(Remedy(words, {"actuator.rate": np.maximum(sheet, given).tolist()}))
-    found += slower(record)
+        remedies.append(Remedy(words, {"actuator.rate": np.maximum(sheet, limits).tolist()}))
+    remedies += slower(record)
     for factor in (3.0, 10.0, 30.0):
         words = f"take drives that are {factor:g} times as fast"
-        found.append(Remedy(words, {"actuator.rate": (factor * given).tolist()}))
-    return found
+        remedies.append(Remedy(words, {"actuator.rate": (factor * limits).tolist()}))
+    return remedies
