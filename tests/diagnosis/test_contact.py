@@ -50,9 +50,9 @@ def test_a_force_that_comes_at_once_is_a_contact(swung):
     assert found.numbers["force"] == pytest.approx(30.0, rel=0.05)
 
 
-def test_the_inertia_of_a_load_in_a_sudden_motion_is_none(swung):
+def test_payload_inertia_in_a_sudden_motion_is_no_contact(swung):
     assert finding(swung, -3.0 * swung[4]) is None
 
 
-def test_what_would_be_a_load_heavier_than_the_arm_is_a_contact(swung):
+def test_force_of_a_payload_heavier_than_the_arm_is_a_contact(swung):
     assert finding(swung, -300.0 * swung[4]) is not None

@@ -24,11 +24,11 @@ def require_named(which: str) -> None:
 
 
 @pytest.mark.parametrize("which", QUICK)
-def test_the_cause_that_was_put_in_is_named_and_its_remedy_holds(which: str) -> None:
+def test_cause_of_a_seeded_fault_is_named_and_its_remedy_holds(which: str) -> None:
     require_named(which)
 
 
 @pytest.mark.full
 @pytest.mark.parametrize("which", sorted(SEEDED.keys() - set(QUICK)))
-def test_so_are_the_others(which: str) -> None:
+def test_causes_of_all_other_seeded_faults_are_named_and_remedied(which: str) -> None:
     require_named(which)

@@ -79,7 +79,7 @@ def test_a_margin_that_the_file_leaves_out_is_raised_from_what_was_found_for_the
     assert first.changes["scheme.bound.margin"] == pytest.approx(found + 20.0, rel=5e-3)
 
 
-def test_what_cannot_be_diagnosed_says_what_is_missing() -> None:
+def test_diagnosis_refusal_names_the_missing_part() -> None:
     scenario = load("example-4.1-1khz", UNLEARNT | {"simulation.t1": 1.0})
     with pytest.raises(DefinitionError, match="log_every=1"):
         explained(scenario, scenario.simulate(log_every=10))
@@ -89,13 +89,13 @@ def test_what_cannot_be_diagnosed_says_what_is_missing() -> None:
 
 
 @pytest.mark.parametrize("name", ["example-4.1-1khz", "panda-payload"])
-def test_a_built_in_scenario_raises_no_doubt_before_its_run(name: str) -> None:
+def test_built_in_scenario_raises_no_warning_before_its_run(name: str) -> None:
     assert beforehand(load(name)) == []
 
 
 @pytest.mark.full
 @pytest.mark.parametrize("name", names())
-def test_nor_does_any_other(name: str) -> None:
+def test_all_other_built_in_scenarios_raise_no_warning_before_their_run(name: str) -> None:
     assert beforehand(load(name)) == []
 
 
@@ -111,7 +111,7 @@ def test_nor_does_any_other(name: str) -> None:
         ("slow estimator", "too slow"),
     ],
 )
-def test_what_is_likely_to_go_wrong_is_said_before(which: str, said: str) -> None:
+def test_likely_failure_is_reported_before_the_run(which: str, said: str) -> None:
     assert any(said in sentence for sentence in beforehand(seeded(which)))
 
 

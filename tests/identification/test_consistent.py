@@ -16,12 +16,12 @@ def information(seed):
     return half @ half.T * 100.0 + np.eye(10)
 
 
-def test_what_is_consistent_stays_to_the_bit():
+def test_consistent_parameters_stay_to_the_bit():
     np.testing.assert_array_equal(consistent(GOOD, information(0), (0,), NONE, INSIDE), GOOD)
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_what_is_not_becomes_the_best_on_the_boundary(seed):
+def test_inconsistent_parameters_move_to_the_best_point_of_the_boundary(seed):
     weigh, bad = information(seed), GOOD.copy()
     bad[4] = -0.05
     found = consistent(bad, weigh, (0,), NONE, INSIDE)

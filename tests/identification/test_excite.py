@@ -27,7 +27,7 @@ def motion():
         return excite(ARM, seed=1, duration=10.0, payload=LOAD, share=0.7)
 
 
-def test_it_begins_and_ends_at_rest_at_one_place(motion):
+def test_excitation_begins_and_ends_at_rest_at_one_place(motion):
     for part in (motion.motion.dq, motion.motion.ddq):
         np.testing.assert_allclose(part[[0, -1]], 0.0, atol=1e-12)
     np.testing.assert_allclose(motion.motion.q[0], motion.motion.q[-1], atol=1e-12)
@@ -55,7 +55,7 @@ def test_a_scenario_reads_the_file(motion, tmp_path):
     np.testing.assert_allclose(read.position(as_array(motion.t[37])), motion.motion.q[37], atol=1e-8)
 
 
-def test_it_says_more_than_a_motion_by_chance_and_the_seed_decides_it(motion):
+def test_excitation_is_more_informative_than_a_random_motion_and_follows_the_seed(motion):
     series = Fourier(5.0, 10)
     of = search.Search(ARM, 0.7, None, None, LOAD, links=False)
     chance = [of.score(of.fitted(series, series.random(np.random.default_rng(seed), 6), 100)) for seed in range(10)]
@@ -75,7 +75,7 @@ def test_it_says_more_than_a_motion_by_chance_and_the_seed_decides_it(motion):
         ({"payload": Payload(mass=as_array(300.0))}, "no motion was found that joint"),
     ],
 )
-def test_what_cannot_be_is_refused(changes, words, monkeypatch):
+def test_excitation_out_of_range_is_refused(changes, words, monkeypatch):
     monkeypatch.setattr(search, "STARTS", 2)
     monkeypatch.setattr(search, "STEPS", 2)
     with pytest.raises(DefinitionError, match=words):

@@ -92,7 +92,7 @@ def test_an_empty_hand_gets_a_payload_that_a_body_can_have():
         ({"nan": 7}, "is not finite for joint"),
     ],
 )
-def test_what_cannot_be_used_is_refused_with_the_reason(changed, words):
+def test_unusable_log_is_refused_with_the_reason(changed, words):
     log = recorded(true_arm())
     k = changed.get("keep", len(log.t))
     q, tau = log.q[:k] * changed.get("q", 1.0), log.tau[:k].copy()

@@ -86,7 +86,7 @@ def test_our_own_log_is_read(tmp_path):
         ),
     ],
 )
-def test_what_is_wrong_in_a_parquet_file_is_said(tmp_path, name, made, words):
+def test_error_in_a_parquet_file_is_named(tmp_path, name, made, words):
     pa, pq = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
     path = tmp_path / f"{name}.parquet"
     table = made(pa)
@@ -123,12 +123,12 @@ def test_a_parquet_file_without_pyarrow_says_what_to_install(tmp_path, monkeypat
         ("log.json", "[3]", "has a list `name`"),
     ],
 )
-def test_what_is_wrong_in_a_file_is_said(tmp_path, name, text, words):
+def test_error_in_a_log_file_is_named(tmp_path, name, text, words):
     (tmp_path / name).write_text(text, encoding="utf-8")
     with pytest.raises(DefinitionError, match=words):
         read_log(tmp_path / name, ARM.joint_names)
 
 
-def test_a_file_that_is_not_there_is_said(tmp_path):
+def test_missing_log_file_is_named(tmp_path):
     with pytest.raises(DefinitionError, match="cannot read the file"):
         read_log(tmp_path / "none.csv", ARM.joint_names)

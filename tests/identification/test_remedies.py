@@ -162,7 +162,7 @@ def test_lists_of_a_wrong_length_or_sign_are_one_line(tmp_path):
         (["--torque-unit", "Nmm"], "unknown `torque_unit`"),
         (["--time-unit", "h"], "`time_unit` must be one of"),
         (["--joint-order", "elbow,wrist"], "must name each of the 3 joints once"),
-        (["--gravity", "up"], "needs numbers with commas"),
+        (["--gravity", "up"], "needs comma-separated numbers"),
         (["--ignore-torque", "hip"], "there is no joint `hip`"),
         (["--locked", "finger"], "needs the form JOINT=POSITION"),
         (["--locked", "finger=0.04", "--locked", "finger=0.02"], "names joint `finger` twice"),

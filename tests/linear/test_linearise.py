@@ -29,7 +29,7 @@ def found() -> Linear:
     return linearise(scenarios.load("example-4.1-1khz", SHORT))
 
 
-def test_the_difference_is_told(found):
+def test_derivative_error_is_reported(found):
     assert found.apart < 0.05
     assert found.stable and found.held
     assert found.system.inputs[:2] == ("disturbance[joint 1]", "disturbance[joint 2]")
@@ -153,7 +153,7 @@ RIVALS = ("slotine_li", "super_twisting", "pid", "nftsmc", "anftsmc", "sfsmc", "
 @pytest.mark.parametrize(
     "scheme", [pytest.param(one, marks=[] if one == "pid" else [pytest.mark.full]) for one in RIVALS]
 )
-def test_rivals_have_the_same_form(scheme):
+def test_competing_schemes_are_linearised_in_the_same_form(scheme):
     changes = {**SHORT, "scheme.name": scheme}
     one = linearise(scenarios.load("example-4.1-1khz", changes), at=0.05)
     assert one.system.a.shape[0] >= 4
@@ -190,7 +190,7 @@ def test_continuous_mode_has_eigenvalues_and_no_open_loop():
     assert one.as_json()["margins"] is None
 
 
-def test_what_is_left_out_is_said():
+def test_notes_list_the_parts_left_out():
     changes = {
         **STILL,
         "sensor": {
@@ -225,7 +225,7 @@ def test_learning_that_stands_still_is_no_state(found):
         ({"simulation.t1": 10.0, "scheme.sampled_data": None}, 9.0, "the run .* at t = .*, before the time"),
     ],
 )
-def test_what_cannot_be_linearised_is_refused(changes, at, said):
+def test_loop_without_a_derivative_is_refused(changes, at, said):
     with pytest.raises(DefinitionError, match=said):
         linearise(scenarios.load("example-4.1-1khz", changes), at)
 
@@ -239,7 +239,7 @@ def test_the_parts_have_names(found):
         found.closed("joint")
 
 
-def test_python_control_says_the_same(found):
+def test_margins_agree_with_python_control(found):
     control = pytest.importorskip("control", reason="pip install 'slidax[linear]'")
     loop = found.loop("torque", 0)
     theirs = loop.for_control()

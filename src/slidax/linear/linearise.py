@@ -180,8 +180,8 @@ def linearise(scenario: Scenario, at: float | None = None) -> Linear:
 
     The linearised map is the simulated sample: sensor, estimator, prediction, law, drives, and the arm between
     two samples. Parts without a derivative are left out or frozen, and listed in `notes`: rounding, noise
-    and lost samples of sensors, and learning, which stays as it is at that time. For a motion the system is that of the moment, as if it
-    stayed; at rest it is the loop's.
+    and lost samples of sensors, and learning, which stays as it is at that time. For a
+    motion the system is that of the moment, as if it stayed; at rest it is the loop's.
 
     - `at`: when [s]; the nearest sample is taken; the end of the run if not given.
 
