@@ -24,7 +24,7 @@ def write_arm(identification: Identification, robot: Mapping[str, Any], path: st
     Under `robot` is its description as in scenario files, with the numbers found; under `uncertainty`, by their paths
     there, the standard error, unit and whether the log shows it; under `torque_offset` what is no part of an arm.
 
-    - `found`: the identification.
+    - `identification`: the identified arm.
     - `robot`: the description of the arm as it was known, such as `{"kind": "panda"}`.
     - `path`: where to.
 
@@ -41,7 +41,7 @@ def write_arm(identification: Identification, robot: Mapping[str, Any], path: st
 def arm_as_yaml(identification: Identification, robot: Mapping[str, Any], folder: Path = Path()) -> str:
     """The text of such a file.
 
-    - `found`, `robot`: as in `write_arm`.
+    - `identification`, `robot`: as in `write_arm`.
     - `folder`: where it will be, for the path of a file that the description names.
     """
     described = {key: value for key, value in robot.items() if key not in ("nominal", "plant")}

@@ -67,7 +67,7 @@ def estimates_of(robot: Articulated, unknowns: Unknowns, fitted: Fit, theta: np.
     """Each number with its standard error, and whether the log shows it.
 
     - `robot`: the arm as it was known.
-    - `found`: the fit without conditions, whose standard errors these are.
+    - `fitted`: the fit without conditions, whose standard errors these are.
     - `theta`: the parameters with them.
     """
     listed: list[Estimated] = []

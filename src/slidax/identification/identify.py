@@ -151,7 +151,7 @@ def explained_band(unknowns: Unknowns, signals: Signals, fitted: Fit, rows: slic
     Above it there is noise, or what the model does not have, such as gears that give way.
 
     - `unknowns`, `signals`: the equation and the log.
-    - `found`: parameters of a first fit in a wider band.
+    - `fitted`: parameters of a first fit in a wider band.
     - `rows`: the part of the log that is fitted.
     """
     left = (signals.tau - unknowns.known)[rows] - unknowns.columns[rows] @ fitted.theta
