@@ -13,7 +13,7 @@ import slidax as sx
 from slidax.kinematics import Circle, Line, Pose, follow, inverse
 
 arm = sx.robots.panda()
-home = np.asarray(sx.robots.ready.read("panda").home)
+home = np.asarray(sx.robots.built_in_arm("panda").home)
 pose = Pose.of_tip(arm, home)
 
 # One pose, and the posture for it that is nearest to home.

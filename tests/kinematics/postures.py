@@ -11,7 +11,7 @@ SIX, SEVEN = "ur5e", "panda"
 
 
 def home(name: str) -> np.ndarray:
-    return np.asarray(robots.ready.read(name).home, float)
+    return np.asarray(robots.built_in_arm(name).home, float)
 
 
 def drawn(arm: Articulated, seed: int, count: int, room: float = 0.1) -> np.ndarray:

@@ -16,7 +16,7 @@ from slidax.kinematics.task import jacobian
 from slidax.robots import Scara, TwoLink
 from tests.kinematics.postures import drawn, home
 
-READY = robots.ready.names()
+READY = robots.built_in_names()
 PLANAR = TwoLink(lengths=[1.0, 0.8], masses=[0.5, 1.5], inertias=[5.0, 5.0])
 SCARA = Scara(lengths=[0.4, 0.3], masses=[1.0, 1.0, 0.5])
 

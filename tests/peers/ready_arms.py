@@ -1,4 +1,4 @@
-"""The ready robots for others, straight from the numbers in their files: nothing of ours reads or turns them."""
+"""The built-in arms for others, straight from the numbers in their files: nothing of ours reads or turns them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The ready robots by slidax, by Pinocchio, by MuJoCo, and by what others have written of the same arms."""
+"""The built-in arms by slidax, by Pinocchio, by MuJoCo, and by what others have written of the same arms."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from slidax.robots import Articulated, from_urdf, ready
+from slidax.robots import Articulated, built_in_arm, built_in_names, from_urdf
 from tests.peers.arms import ARMS
 from tests.peers.by_mujoco import by_mujoco
 from tests.peers.by_pinocchio import by_pinocchio
@@ -18,15 +18,15 @@ from tests.peers.ready_arms import DESCRIPTIONS, for_mujoco, for_pinocchio
 cases = pytest.mark.parametrize(
     ("name", "count"),
     [
-        *(pytest.param(name, 100, id=name) for name in ready.names()),
-        *(pytest.param(name, 1000, id=f"{name}-full", marks=pytest.mark.full) for name in ready.names()),
+        *(pytest.param(name, 100, id=name) for name in built_in_names()),
+        *(pytest.param(name, 1000, id=f"{name}-full", marks=pytest.mark.full) for name in built_in_names()),
     ],
 )
 
 
 @cache
 def arm(name: str) -> Articulated:
-    return ready.read(name).robot
+    return built_in_arm(name).robot
 
 
 @cache

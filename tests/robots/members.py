@@ -1,6 +1,6 @@
 """Every robot: one line here enrols a new one in `tests/laws/test_robots.py`; ready ones are found by themselves."""
 
-from slidax.robots import AbstractRobot, couple, ready
+from slidax.robots import AbstractRobot, built_in_arm, built_in_names, couple
 from tests.paper import SCARA, TWO_LINK, TWO_LINK_NOMINAL
 from tests.robots.trees import small_tree, tree
 
@@ -11,8 +11,8 @@ ROBOTS: list[tuple[str, AbstractRobot]] = [
     ("small_tree", small_tree()),
     ("tree", tree()),
     ("coupled", couple(small_tree(), {"arm": ("waist", -2.0, 0.2)})),
-    *((name, ready.read(name).robot) for name in ready.names()),
+    *((name, built_in_arm(name).robot) for name in built_in_names()),
 ]
 
-LIKE_OTHERS = ("small_tree", "coupled", "two_link_nominal", "tree", *ready.names())
+LIKE_OTHERS = ("small_tree", "coupled", "two_link_nominal", "tree", *built_in_names())
 """The same classes with other numbers or more joints: these run in the long version."""

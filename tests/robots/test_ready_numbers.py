@@ -1,4 +1,4 @@
-"""The description files of the ready robots against physics and against other people's files of the same arms.
+"""The description files of the built-in arms against physics and against other people's files of the same arms.
 
 The kinematics are worked out here in plain NumPy: what is tested are the numbers, not what reads them.
 """
@@ -84,13 +84,12 @@ ARMS = {"panda", "ur5e", "iiwa14", "xarm7", "gen3"}
 
 
 def test_every_file_is_an_arm_that_python_knows_by_its_name():
-    assert set(FILES) == ARMS == set(robots.ready.names())
+    assert set(FILES) == ARMS == set(robots.built_in_names())
     for name in ARMS:
         make = getattr(robots, name)
-        assert name in dir(robots)
         assert make.__name__ == name
         assert FILES[name]["title"] in make.__doc__
-        assert eqx.tree_equal(make(), robots.ready.read(name).robot)
+        assert eqx.tree_equal(make(), robots.built_in_arm(name).robot)
         assert make().joints == len(FILES[name]["joints"])
 
 
@@ -98,18 +97,16 @@ def test_a_further_file_is_a_further_arm(tmp_path, monkeypatch):
     text = (FOLDER / "ur5e.yaml").read_text(encoding="utf-8")
     (tmp_path / "scratch.yaml").write_text(text.replace("title: Universal Robots UR5e", "title: Scratch arm"))
     monkeypatch.setattr(sys.modules["slidax.robots.ready.read"], "FILES", tmp_path)
-    assert robots.ready.names() == ("scratch",)
-    assert robots.ready.title("scratch") == "Scratch arm, 6 joints"
-    arm = robots.scratch()
+    assert robots.built_in_names() == ("scratch",)
+    assert robots.built_in_title("scratch") == "Scratch arm, 6 joints"
+    arm = robots.built_in_arm("scratch").robot
     np.testing.assert_array_equal(arm.masses, [joint["link"]["mass"] for joint in FILES["ur5e"]["joints"]])
     assert arm.name == "scratch"
 
 
 def test_an_arm_that_there_is_not_is_named_with_its_nearest():
-    with pytest.raises(DefinitionError, match="no ready robot `pandas`; did you mean `panda`"):
-        robots.ready.read("pandas")
-    with pytest.raises(AttributeError, match=r"`slidax\.robots` has no `pandas`"):
-        _ = robots.pandas
+    with pytest.raises(DefinitionError, match="no built-in arm `pandas`; did you mean `panda`"):
+        robots.built_in_arm("pandas")
 
 
 @every_arm

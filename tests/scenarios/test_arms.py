@@ -45,10 +45,10 @@ def nominal(robot: dict[str, Any]) -> Articulated:
     return arm
 
 
-@pytest.mark.parametrize("kind", robots.ready.names())
+@pytest.mark.parametrize("kind", robots.built_in_names())
 def test_a_ready_robot_needs_its_name_alone(kind: str) -> None:
     true, known, load = arms({"kind": kind})
-    assert eqx.tree_equal(known, robots.ready.read(kind).robot)
+    assert eqx.tree_equal(known, robots.built_in_arm(kind).robot)
     assert eqx.tree_equal(true, known)
     assert load is None
 

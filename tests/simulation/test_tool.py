@@ -25,7 +25,7 @@ def test_the_angle_of_the_rotation_between_is_found_however_small_or_large(angle
 
 def test_at_no_error_it_has_a_finite_slope():
     arm = robots.panda()
-    q = jnp.asarray(robots.ready.read("panda").home)
+    q = jnp.asarray(robots.built_in_arm("panda").home)
     slope = jax.grad(lambda x: turned(arm.tip_frame(x)[0], arm.tip_frame(q)[0]))(q)
     assert np.isfinite(slope).all()
 
@@ -36,7 +36,7 @@ def test_of_an_arm_from_a_file_it_is_that_of_its_own_frames():
     seen, yes = Tool.begin(arm), jnp.asarray(True)
     angles = []
     for _ in range(5):
-        wanted = jnp.asarray(robots.ready.read("panda").home + 0.2 * rng.standard_normal(7))
+        wanted = jnp.asarray(robots.built_in_arm("panda").home + 0.2 * rng.standard_normal(7))
         q = wanted + 0.1 * rng.standard_normal(7)
         between = Rotation.from_matrix(arm.tip_frame(q)[0]) * Rotation.from_matrix(arm.tip_frame(wanted)[0]).inv()
         angles.append(between.magnitude())

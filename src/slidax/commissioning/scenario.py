@@ -9,7 +9,7 @@ from os.path import relpath
 from pathlib import Path
 
 from slidax._errors import DefinitionError, nearest
-from slidax.robots import Articulated, Coupled, from_mjcf, from_urdf, ready
+from slidax.robots import Articulated, Coupled, built_in_arm, built_in_names, from_mjcf, from_urdf
 from slidax.robots.files.chain import Chain, chain_of
 
 from .motion import motion_about
@@ -57,15 +57,17 @@ def draft(robot: str | Path, rate: float = 1000.0, *, tip: str | None = None, fo
 
 def _arm(robot: str, tip: str | None, folder: Path) -> tuple[Articulated, tuple[str, ...], tuple[str, ...]]:
     """The arm, the lines of the scenario's `robot`, and what is to be said of it."""
-    if robot in ready.names():
+    if robot in built_in_names():
         if tip is not None:
             raise DefinitionError(f"`{robot}` has its tip; `tip` is for robot files")
-        return ready.read(robot).robot, (f"kind: {robot}",), ()
+        return built_in_arm(robot).robot, (f"kind: {robot}",), ()
     path = Path(robot)
     kind = FILES.get(path.suffix.lower())
     if kind is None:
         known = ", ".join(FILES)
-        raise DefinitionError(f"`{robot}` is no ready robot, nor a file ({known}); {nearest(robot, ready.names())}")
+        raise DefinitionError(
+            f"`{robot}` is neither a built-in arm nor a file ({known}); {nearest(robot, built_in_names())}"
+        )
     chain = chain_of(path, tip)
     read = from_urdf if kind == "urdf" else from_mjcf
     with warnings.catch_warnings(record=True) as assumed:

@@ -1,4 +1,4 @@
-"""Postures along a curve, from the one where it begins on."""
+"""Postures along a curve, continued from its start."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ SHORTEST = 1e-5
 
 
 class Stuck(Exception):
-    """No posture is found beyond a point of the curve.
+    """The search finds no posture beyond a point of the curve.
 
     - `s`: the last point [0, 1].
     - `z`: posture and forces there [n + m].
@@ -31,11 +31,7 @@ class Stuck(Exception):
 
 
 class Slopes(NamedTuple):
-    """Points of a branch.
-
-    - `z`: postures and forces [k n+m].
-    - `first`, `second`: their derivatives along the curve.
-    """
+    """Postures and forces at points of a branch [k n+m], with two derivatives along the curve."""
 
     z: Array
     first: Array
@@ -43,14 +39,12 @@ class Slopes(NamedTuple):
 
 
 def continued(task: Task, curve: AbstractCurve, z: Array, s: Array) -> Array:
-    """Postures and forces at points of a curve, one after the other [k n+m].
+    """Return postures and forces at points of a curve, one after the other [k n+m].
 
-    - `task`: what is asked.
-    - `curve`: where the tool should be.
-    - `z`: at its start, which solves the equations there [n + m].
+    - `z`: solution of the equations at the curve's start [n + m].
     - `s`: the points, from 0 on, not decreasing [k].
 
-    Raises Stuck where no next posture is found.
+    Raises Stuck where the search finds no next posture.
     """
     n = task.posture.size
     found, here, now = [], 0.0, z
@@ -77,12 +71,7 @@ def continued(task: Task, curve: AbstractCurve, z: Array, s: Array) -> Array:
 
 
 def slopes(task: Task, curve: AbstractCurve, z: Array, s: Array) -> Slopes:
-    """The derivatives of postures and forces along the curve, exactly: the equations hold all along it.
-
-    - `task`, `curve`: as in `continued`.
-    - `z`: postures and forces [k n+m].
-    - `s`: the points [k].
-    """
+    """Return exact derivatives of postures and forces along the curve, from the equations that hold all along it."""
     at = linearised(task, curve, z, s)
     first = -solved(at.by_z, at.by_s)
     second = -solved(at.by_z, curvature(task, curve, z, s, first))

@@ -1,4 +1,4 @@
-"""The joints from the base to the tool."""
+"""Forward kinematics: the chain of joints from the base to the tip."""
 
 from __future__ import annotations
 
@@ -14,12 +14,7 @@ from .series import Array, Series, constant, cosine_and_sine, product, scaled, t
 
 
 class Axis(NamedTuple):
-    """A joint where it is.
-
-    - `joint`: its number.
-    - `turns`: whether it is revolute.
-    - `direction`, `place`: series of vectors [... 3].
-    """
+    """A joint's axis in a posture: direction and position are series of vectors [... 3]."""
 
     joint: int
     turns: bool
@@ -28,7 +23,7 @@ class Axis(NamedTuple):
 
 
 class Tool(NamedTuple):
-    """The tool where it is: series of vectors [... 3], its axes x, y, z and its place, and the joints before it."""
+    """The tool's axes x, y, z and its position in a posture, series of vectors [... 3], and the joints before it."""
 
     x: Series
     y: Series
@@ -41,13 +36,10 @@ class Tool(NamedTuple):
 class Chain:
     """The joints that move a robot's tip, each about or along the z axis of its frame.
 
-    - `name`: of the robot.
-    - `names`, `units`: of all its joints.
-    - `joints`: numbers of those that move the tip [c].
-    - `rotations`, `translations`: of each frame in that before it, at position 0 [c 3 3], [c 3].
-    - `turns`: whether each is revolute.
-    - `rotation`, `translation`: the tool's frame in that of the last [3 3], [3].
-    - `lower`, `upper`: limits of all joints; infinite where there are none [n].
+    - `joints`: indices of the joints that move the tip [c].
+    - `rotations`, `translations`: each frame in the frame before it, at position 0 [c 3 3], [c 3].
+    - `rotation`, `translation`: the tool's frame in the last joint's frame [3 3], [3].
+    - `lower`, `upper`: limits of all joints, infinite where there are none [n].
     """
 
     name: str
@@ -68,10 +60,7 @@ class Chain:
         return len(self.names)
 
     def tool(self, q: Series) -> Tool:
-        """Where tool and joints are.
-
-        - `q`: positions [... n], a series.
-        """
+        """Return tool and joint axes at positions [... n], a series."""
         orders, shape = len(q), q[0].shape[:-1]
         columns = [constant(np.broadcast_to(axis, (*shape, 3)), orders) for axis in np.eye(3)]
         place = constant(np.zeros((*shape, 3)), orders)
@@ -96,20 +85,15 @@ class Chain:
         return Tool(x, y, z, place, tuple(axes))
 
     def frame(self, q: Array) -> tuple[Array, Array]:
-        """The tool's axes, as columns, and its place in the base frame, [... 3 3] and [... 3], m.
-
-        - `q`: positions [... n].
-        """
+        """Return the tool's axes, as columns, and its position in the base frame, [... 3 3] and [... 3], m."""
         tool = self.tool([np.asarray(q, float)])
         return np.stack([tool.x[0], tool.y[0], tool.z[0]], axis=-1), tool.place[0]
 
 
 def chain_of(robot: AbstractRobot) -> Chain:
-    """The joints that move a robot's tip.
+    """Return the chain of joints that move a robot's tip.
 
-    - `robot`: any arm of rigid links, a two-link arm or a SCARA.
-
-    Raises DefinitionError for a robot of another kind.
+    Raises DefinitionError for another class than an articulated arm, a two-link arm or a SCARA.
     """
     if isinstance(robot, Articulated):
         joints: list[int] = []

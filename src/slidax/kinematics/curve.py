@@ -1,4 +1,4 @@
-"""Curves that a tool follows, s from 0 to 1."""
+"""Curves of tool poses, with the parameter s from 0 to 1."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from .series import Array, Series, constant, cosine_and_sine, cross, inverse_roo
 
 
 class Aim(NamedTuple):
-    """Where the tool should be: series of vectors [... 3], its axes x, y, z and its place."""
+    """Target of the tool: its axes x, y, z and its position, series of vectors [... 3]."""
 
     x: Series
     y: Series
@@ -26,29 +26,23 @@ class AbstractCurve:
 
     @abstractmethod
     def aim(self, s: Series) -> Aim:
-        """Where the tool should be.
-
-        - `s`: in [0, 1], a series of numbers [...].
-        """
+        """Return the target at s in [0, 1], a series of numbers [...]."""
 
     def at(self, s: Array | float) -> tuple[Array, Array]:
-        """Orientation [... 3 3] and place [... 3], m.
-
-        - `s`: in [0, 1] [...].
-        """
+        """Return orientation [... 3 3] and position [... 3], m, at s in [0, 1]."""
         aim = self.aim([np.asarray(s, float)])
         return np.stack([aim.x[0], aim.y[0], aim.z[0]], axis=-1), aim.place[0]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Helix(AbstractCurve):
-    """`p(s) = c + R(a, s φ) (p_0 - c) + s d`, turned by `R(b, s ψ) R_0`: a line, an arc of a circle or a screw.
+    """`p(s) = c + R(a, s φ) (p_0 - c) + s d`, rotated by `R(b, s ψ) R_0`: a line, an arc or a screw.
 
     - `rotation`, `place`: R_0 [3 3] and p_0 [3], m.
     - `shift`: d [3], m.
     - `center`: c, a point of the axis [3], m.
-    - `axis`, `angle`: a of length 1 [3], and φ, rad.
-    - `spin_axis`, `spin`: b of length 1 [3], and ψ, rad.
+    - `axis`, `angle`: unit vector a [3], and φ, rad.
+    - `spin_axis`, `spin`: unit vector b [3], and ψ, rad.
     """
 
     rotation: Array
@@ -61,10 +55,6 @@ class Helix(AbstractCurve):
     spin: float = 0.0
 
     def aim(self, s: Series) -> Aim:
-        """Where the tool should be.
-
-        - `s`: in [0, 1], a series of numbers [...].
-        """
         arm = _turned(self.axis, scaled(s, self.angle), self.place - self.center)
         shift = [None if one is None else one[..., None] * self.shift for one in s]
         place = total(constant(self.center, len(s)), arm, shift)
@@ -74,20 +64,16 @@ class Helix(AbstractCurve):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Spline(AbstractCurve):
-    """Polynomials for the place and for a quaternion, which is then made as long as 1.
+    """Polynomials for the position and for a quaternion, which is then normalised.
 
     - `knots`: from 0 to 1 [k].
-    - `coefficients`: of place and quaternion in powers of `s - knots[i]`, highest first [powers k-1 7].
+    - `coefficients`: position and quaternion in powers of `s - knots[i]`, highest first [powers k-1 7].
     """
 
     knots: Array
     coefficients: Array
 
     def aim(self, s: Series) -> Aim:
-        """Where the tool should be.
-
-        - `s`: in [0, 1], a series of numbers [...] whose second coefficient does not change the first power alone.
-        """
         piece = np.clip(np.searchsorted(self.knots, s[0], side="right") - 1, 0, self.coefficients.shape[1] - 1)
         into = s[0] - self.knots[piece]
         powers = self.coefficients[::-1][:, piece]
@@ -117,7 +103,7 @@ def standing(rotation: Array, place: Array) -> Helix:
 
 
 def _turned(axis: Array, angle: Series, vector: Array) -> Series:
-    """A vector turned about an axis, by Rodrigues' formula."""
+    """Rotate a vector about an axis, by Rodrigues' formula."""
     cosine, sine = cosine_and_sine(angle)
     crossed = cross(axis, vector)
     again = cross(axis, crossed)
@@ -128,10 +114,9 @@ def _turned(axis: Array, angle: Series, vector: Array) -> Series:
 
 
 def _axes(quaternion: Series) -> tuple[Series, Series, Series]:
-    """The columns of its rotation matrix."""
+    """Columns of the rotation matrix of a quaternion."""
 
     def columns(a: Array, b: Array) -> Array:
-        """The products of two quaternions' entries, which the matrix is made of."""
         w, x, y, z = (a[..., k] for k in range(4))
         v, i, j, k = (b[..., m] for m in range(4))
         return np.stack(

@@ -1,4 +1,4 @@
-"""The joints' motion that takes a tool along a path."""
+"""Joint motion that moves a tool along a path."""
 
 from __future__ import annotations
 
@@ -28,16 +28,15 @@ MOST_MOVES = 1000
 
 @dataclass(frozen=True, eq=False)
 class Followed:
-    """A motion of the joints that takes the tool along a path.
+    """A joint motion that moves the tool along a path.
 
-    - `trajectory`: of the joints: quintics in time, continuous to the acceleration, at rest before and after.
-    - `ends`: when each move ends [moves], s.
-    - `place_error`, `turn_error`: the largest errors of the tool that were found, at the knots and at five times
-      between any two, m and rad.
-    - `least_motion`: how the tool moves in its worst direction in the worst posture of all knots, m or rad for each rad
-      or m of the joints; 0 at a singularity.
-    - `worst_at`: when that is [s].
-    - `hold`: what was asked of the tool.
+    - `trajectory`: quintics in time, continuous to the acceleration, at rest before and after.
+    - `ends`: end of each move [moves], s.
+    - `place_error`, `turn_error`: largest errors of the tool at the knots and at five times between any two, m and rad.
+    - `least_motion`: least singular value of the Jacobian at all knots, m or rad per rad or m of the joints; 0 at a
+      singularity.
+    - `worst_at`: time of that value [s].
+    - `hold`: the held coordinates of the tool.
     """
 
     trajectory: ToolMotion
@@ -72,27 +71,25 @@ def follow(
     tolerance: float = 1e-6,
     begin: float = 0.0,
 ) -> Followed:
-    """The motion of the joints for a path of the tool.
+    """Return the joint motion for a path of the tool.
 
-    The posture is, at each point, that which has the tool where it should be and is nearest to a liked one, each joint
-    by its range: a smooth function of the tool's pose, so that a closed path of the tool is one of the joints, too.
-    Its derivatives are exact, by the equations that it solves; between knots quintics go through positions, velocities
-    and accelerations, and pieces are halved until the tool is as near as asked.
+    At each point the posture has the tool at its target and is nearest to a preferred posture, with each joint scaled
+    by its range. This posture is a smooth function of the tool's pose, so a closed path of the tool is also a closed
+    path of the joints. Its derivatives are exact. Between knots quintics interpolate positions, velocities and
+    accelerations; pieces are halved until the tool's error is within the tolerance. The result is deterministic.
 
-    - `robot`: the arm, as it is known.
-    - `moves`: each begins where the one before it ended.
-    - `start`: the posture from which the tool starts [n], rad or m.
-    - `pose`: where the path begins, if not where the tool is at `start`, from which it is then searched.
-    - `hold`: what is asked of the tool: "place", "axis" (place, and direction of its z axis) or "pose".
-    - `posture`: what is liked of an arm that has more joints than it needs [n]; where it starts if not given.
-    - `velocity`, `acceleration`: limits of the joints, [n] or one number, rad/s and rad/s², or m/s and m/s². A move
-      without a time takes the shortest that they allow.
-    - `damping`: how much of the pose may be given up near a singularity, m or rad per unit of force; 0 for nothing.
-    - `tolerance`: largest error of the tool between knots, beyond what `damping` gives up at them, m and rad.
-    - `begin`: when the first move begins [s].
+    - `robot`: the nominal arm.
+    - `start`: posture at the start [n], rad or m.
+    - `pose`: start of the path, if it is not the tool's pose at `start`; the search for it begins at `start`.
+    - `hold`: "place", "axis" (position, and direction of the tool's z axis) or "pose".
+    - `posture`: preferred posture of a redundant arm [n]; the start by default.
+    - `velocity`, `acceleration`: joint limits, [n] or one number, rad/s and rad/s², or m/s and m/s². A move without a
+      time takes the shortest that they allow.
+    - `damping`: pose error accepted near a singularity, m or rad per unit of force; 0 for none.
+    - `tolerance`: largest error of the tool between knots, in addition to that by `damping`, m and rad.
+    - `begin`: start of the first move [s].
 
-    The same arguments give the same bits. Raises DefinitionError, with move, time, place and reason, if the tool cannot
-    follow, or a joint would pass a limit.
+    Raises DefinitionError, with move, time, position and reason, if the tool cannot follow or a joint passes a limit.
     """
     require_hold(hold)
     _require_numbers(damping, tolerance, begin)
@@ -139,7 +136,7 @@ def _require_numbers(damping: float, tolerance: float, begin: float) -> None:
 
 
 def _begun(task: Task, here: Pose, q: Array) -> Array:
-    """Posture and forces at the start: of the postures with the tool there the one that is liked most."""
+    """Posture and forces at the start, nearest to the preferred posture."""
     if (task.posture == q).all():
         return np.concatenate([q, np.zeros(HOLDS[task.hold])])
     z = liked_most(task, here, q, task.posture)
@@ -151,7 +148,7 @@ def _begun(task: Task, here: Pose, q: Array) -> Array:
 
 
 def _paced(path: JointPath, move: Bound, fastest: Array, strongest: Array) -> JointPath:
-    """A move without a time of its own, in the shortest that the limits of the joints allow."""
+    """Give a move without a time the shortest duration within the joint limits."""
     if not move.free:
         return path
     motion = Tabulated(times=as_array(path.times), coefficients=as_array(path.coefficients))

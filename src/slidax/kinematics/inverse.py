@@ -1,4 +1,4 @@
-"""The posture with which a tool has a pose."""
+"""Inverse kinematics: the joint positions for a pose of the tool."""
 
 from __future__ import annotations
 
@@ -25,13 +25,12 @@ AT_LIMIT = 1e-5
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """A posture with which a tool has a pose.
+    """A posture that has the tool at a pose.
 
     - `q`: positions [n], rad or m.
-    - `place_error`, `turn_error`: how far the tool is off, m and rad.
-    - `least_motion`: how the tool moves in its worst direction, m or rad for each rad or m of the joints; 0 at a
-      singularity.
-    - `starts`: from how many postures it was searched for.
+    - `place_error`, `turn_error`: error of the tool, m and rad.
+    - `least_motion`: least singular value of the Jacobian, m or rad per rad or m of the joints; 0 at a singularity.
+    - `starts`: number of postures from which the search started.
     """
 
     q: Array
@@ -44,19 +43,18 @@ class Solution:
 def inverse(
     robot: AbstractRobot, pose: Pose, *, start: object, hold: Hold = "pose", posture: object = None
 ) -> Solution:
-    """The posture with which the tool has a pose, within the limits of the joints, near a start.
+    """Return the joint positions within the limits, near a start, that have the tool at a pose.
 
-    A trust-region search from the start on (damped least squares with bounds), and where that ends elsewhere, from
-    drawn postures, of which the nearest to the start that has the pose is taken. Of the postures that a redundant arm
-    has for a pose it is that nearest to `posture`, each joint by its range.
+    A trust-region search (damped least squares with bounds) starts at `start`. If it fails, it starts again at random
+    postures, and the solution nearest to `start` is taken. A redundant arm takes the solution nearest to `posture`,
+    with each joint scaled by its range. The same arguments give the same bits.
 
-    - `robot`: the arm.
-    - `pose`: where the tool should be.
-    - `start`: a posture from which to search [n], rad or m.
-    - `hold`: what is asked: "place" of the tip alone, "axis" for place and direction of the tool's z axis, or "pose".
-    - `posture`: what is liked [n]; the start if not given.
+    - `start`: posture from which to search [n], rad or m.
+    - `hold`: "place" prescribes the position of the tip, "axis" also the direction of the tool's z axis, "pose" both
+      position and orientation.
+    - `posture`: preferred posture [n]; the start by default.
 
-    The same arguments give the same bits. Raises DefinitionError if no such posture is found, with how near it comes.
+    Raises DefinitionError, with the nearest pose, if the search finds no posture.
     """
     require_hold(hold)
     chain = chain_of(robot)
@@ -65,14 +63,9 @@ def inverse(
 
 
 def at_pose(chain: Chain, pose: Pose, begin: Array, liked: Array, hold: Hold) -> Solution:
-    """The same, by the joints.
+    """Solve `inverse` for a chain of joints, from `begin` and with the preferred posture `liked` [n].
 
-    - `chain`: the joints.
-    - `pose`: where the tool should be.
-    - `begin`, `liked`: from where to search, and what is liked [n].
-    - `hold`: what is asked.
-
-    Raises DefinitionError if no such posture is found.
+    Raises DefinitionError if the search finds no posture.
     """
     lower, upper = chain.lower, chain.upper
     outside = (begin < lower) | (begin > upper)
@@ -108,23 +101,15 @@ def at_pose(chain: Chain, pose: Pose, begin: Array, liked: Array, hold: Hold) ->
 
 
 def require_hold(hold: str) -> None:
-    """Raises DefinitionError unless it is known what is asked.
-
-    - `hold`: what is asked of a tool.
-    """
+    """Raise DefinitionError for an unknown name of the held coordinates."""
     if hold not in HOLDS:
         raise DefinitionError(f'must be "place", "axis" or "pose"; got "{hold}"', where="hold")
 
 
 def task_of(chain: Chain, posture: Array, hold: Hold, damping: float = 0.0) -> Task:
-    """What is asked of an arm, with the limits of its joints where it is redundant.
+    """Return the task for a preferred posture [n], with joint limits if the arm is redundant.
 
-    - `chain`: its joints.
-    - `posture`: what is liked [n], rad or m.
-    - `hold`: what is asked of the tool.
-    - `damping`: how much of it may be given up near a singularity.
-
-    Raises DefinitionError if the posture is beyond a limit.
+    Raises DefinitionError if the posture is outside a limit.
     """
     lower, upper = chain.lower, chain.upper
     half = 0.5 * (upper - lower)
@@ -144,7 +129,7 @@ def task_of(chain: Chain, posture: Array, hold: Hold, damping: float = 0.0) -> T
 
 
 def _searched(chain: Chain, pose: Pose, guess: Array, hold: Hold) -> Array:
-    """Damped least squares within the limits: differences of places and of axes, which are level nowhere else."""
+    """Damped least squares within the limits, on differences of positions and of axes."""
     from scipy.optimize import least_squares
 
     room = 1e-9 * np.where(np.isfinite(chain.upper - chain.lower), chain.upper - chain.lower, 1.0)
@@ -186,7 +171,7 @@ def _apart(chain: Chain, pose: Pose, q: Array, hold: Hold) -> tuple[float, float
 
 
 def _polished(task: Task, pose: Pose, q: Array) -> Array:
-    """The same to the last digits; for a redundant arm that nearest to what is liked, as far as it is followed."""
+    """Refine a solution to the last digits, and for a redundant arm towards the preferred posture."""
     room = 1e-3 * task.widths
     begin = np.clip(q, task.lower + room, task.upper - room)
     found = liked_most(replace(task, posture=begin), pose, begin, task.posture)
@@ -197,13 +182,7 @@ def _polished(task: Task, pose: Pose, q: Array) -> Array:
 
 
 def liked_most(task: Task, pose: Pose, q: Array, liked: Array) -> Array | None:
-    """Posture and forces with the tool at a pose, as what is liked moves from a posture to another; None if they end.
-
-    - `task`: what is asked, with any posture.
-    - `pose`: of the tool.
-    - `q`: a posture with the tool there, or near [n].
-    - `liked`: what is liked in the end [n].
-    """
+    """Return posture and forces at a pose while the preferred posture moves from q to `liked`, or None."""
     z = np.concatenate([q, np.zeros(HOLDS[task.hold])])
     curve, at = standing(pose.rotation, pose.place), np.zeros(1)
     done, step = 0.0, 1.0 if (liked == q).all() else 0.25

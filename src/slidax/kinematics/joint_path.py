@@ -1,4 +1,4 @@
-"""The joints' motion for one move: quintics through postures, as many as the tool's error needs."""
+"""Joint motion for one move: quintics through postures, as many as the tool's accuracy needs."""
 
 from __future__ import annotations
 
@@ -29,12 +29,11 @@ BETWEEN = (0.15, 0.3, 0.5, 0.7, 0.85)
 
 @dataclass(frozen=True, eq=False)
 class JointPath:
-    """The motion of one move.
+    """The joint motion for one move.
 
-    - `law`: when.
-    - `times`: of the knots, from 0 on [k], s.
+    - `times`: knots, from 0 on [k], s.
     - `branch`: postures and forces at the knots, with their derivatives along the curve.
-    - `place_error`, `turn_error`: the largest errors of the tool, in the pieces and at the knots, m and rad.
+    - `place_error`, `turn_error`: largest errors of the tool, in the pieces and at the knots, m and rad.
     - `joints`: n.
     """
 
@@ -46,28 +45,23 @@ class JointPath:
     joints: int
 
     def stretched(self, factor: float) -> JointPath:
-        """The same at another pace, which changes no posture.
-
-        - `factor`: of all times.
-        """
+        """Return the same path with all times multiplied by a factor."""
         law = self.law.stretched(factor)
         return JointPath(law, self.times * factor, self.branch, self.place_error, self.turn_error, self.joints)
 
     @property
     def coefficients(self) -> Array:
-        """Of the quintics, highest power first [6 k-1 n]."""
+        """Coefficients of the quintics, highest power first [6 k-1 n]."""
         return quintic_hermite(self.times, *_motion(self.law, self.times, self.branch, self.joints))
 
 
 def joint_path(task: Task, move: Bound, z: Array, tolerance: float) -> JointPath:
-    """The motion of one move.
+    """Return the joint motion for one move.
 
-    - `task`: what is asked.
-    - `move`: the move.
-    - `z`: posture and forces where it begins [n + m].
-    - `tolerance`: largest error of the tool between knots beyond that at the knots, m and rad.
+    - `z`: posture and forces at the start [n + m].
+    - `tolerance`: largest error of the tool between knots beyond the error at the knots, m and rad.
 
-    Raises Stuck where no next posture is found, DefinitionError if too many pieces are needed.
+    Raises Stuck where the search finds no next posture, DefinitionError if it needs too many pieces.
     """
     n, law = task.posture.size, move.law
     ends = law.times
@@ -131,11 +125,7 @@ def _motion(law: TimeLaw, times: Array, branch: Slopes, n: int) -> tuple[Array, 
 
 
 def _evaluated(coefficients: Array, x: Array) -> Array:
-    """The quintics, [k m n].
-
-    - `coefficients`: highest power first [6 k n].
-    - `x`: times in each piece [k m].
-    """
+    """Values of quintics [6 k n] at times within each piece [k m], as [k m n]."""
     value = np.zeros((*x.shape, coefficients.shape[2]))
     for power in coefficients:
         value = value * x[:, :, None] + power[:, None, :]

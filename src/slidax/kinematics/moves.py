@@ -1,4 +1,4 @@
-"""The moves of a tool: what a person says of them, and the curves that they become."""
+"""The moves of a tool, and the curves that they become."""
 
 from __future__ import annotations
 
@@ -22,14 +22,13 @@ Numbers = Sequence[float] | Array
 
 
 class Bound(NamedTuple):
-    """A move from where the one before it ended.
+    """A move from the pose where the previous one ended.
 
-    - `curve`: where it goes.
-    - `law`: when; for a move that is to be as fast as the joints can, of a duration of 1 s.
-    - `free`: whether its duration is left to the limits of the joints.
-    - `length`: of the tip's path [m]; of a move that only turns the tool, the angle [rad].
+    - `law`: time law; for a move as fast as the joints allow, with a duration of 1 s.
+    - `free`: True if the joint limits decide the duration.
+    - `length`: of the tip's path [m], or of a pure rotation, the angle [rad].
     - `end`: the last pose.
-    - `unit`: of the length.
+    - `unit`: unit of the length.
     """
 
     curve: AbstractCurve
@@ -42,14 +41,14 @@ class Bound(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class AbstractMove:
-    """A move from rest to rest, which begins where the one before it ended.
+    """A move from rest to rest, which begins where the previous one ended.
 
-    With a `duration` the jerk along the path is the least; with `speed` and `acceleration` the motion is even between
-    two smooth ramps; with neither it takes the least time that the limits of the joints allow.
+    With a `duration` the move has minimum jerk along its path. With `speed` and `acceleration` it has constant speed
+    between two smooth ramps. With neither it takes the shortest time that the joint limits allow.
 
     - `duration`: [s].
-    - `speed`: largest speed of the tip, m/s; of a move that only turns the tool, rad/s.
-    - `acceleration`: largest acceleration along the path, m/s² or rad/s²; must be given with a `speed`.
+    - `speed`: largest speed of the tip, m/s; for a pure rotation, rad/s.
+    - `acceleration`: largest acceleration along the path, m/s² or rad/s²; only together with `speed`.
     """
 
     duration: float | None = None
@@ -58,11 +57,9 @@ class AbstractMove:
 
     @abstractmethod
     def bound(self, pose: Pose) -> Bound:
-        """The move from a pose on.
+        """Return the move from a start pose.
 
-        - `pose`: where it begins.
-
-        Raises DefinitionError if it makes no sense there.
+        Raises DefinitionError if the move is not possible from there.
         """
 
     def _timed(self, curve: AbstractCurve, length: float, end: Pose, unit: str = "m") -> Bound:
@@ -87,11 +84,11 @@ class AbstractMove:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Line(AbstractMove):
-    """A straight line of the tip, while the tool turns evenly about one axis (slerp).
+    """A straight line of the tip with an even rotation of the tool about one axis (slerp).
 
-    - `to`: where the tip goes, in the base frame [3], m.
-    - `by`: how far it goes, in the base frame [3], m; in place of `to`.
-    - `quaternion`: how the tool is turned at the end, w, x, y, z; as at the start if not given.
+    - `to`: target of the tip in the base frame [3], m.
+    - `by`: displacement of the tip in the base frame [3], m, instead of `to`.
+    - `quaternion`: orientation at the end, w, x, y, z; unchanged by default.
     - `duration`, `speed`, `acceleration`: as in `AbstractMove`.
     """
 
@@ -100,12 +97,6 @@ class Line(AbstractMove):
     quaternion: Numbers | None = None
 
     def bound(self, pose: Pose) -> Bound:
-        """The move from a pose on.
-
-        - `pose`: where it begins.
-
-        Raises DefinitionError if it goes nowhere, or both `to` and `by` are given.
-        """
         if self.to is not None and self.by is not None:
             raise DefinitionError("`Line` takes either `to` or `by`")
         shift = np.zeros(3)
@@ -132,9 +123,9 @@ class Circle(AbstractMove):
     """An arc of the tip about an axis.
 
     - `center`: a point of the axis, in the base frame [3], m.
-    - `axis`: its direction [3], of any length.
-    - `angle`: how far it goes about the axis, rad; negative for the other way; more than 2 pi for several turns.
-    - `tool`: "fixed" keeps its orientation, "turns" turns it with the arc.
+    - `axis`: direction [3], of any length.
+    - `angle`: rad; negative for the other direction, more than 2 pi for several turns.
+    - `tool`: "fixed" keeps the tool's orientation, "turns" rotates the tool with the arc.
     - `duration`, `speed`, `acceleration`: as in `AbstractMove`.
     """
 
@@ -144,12 +135,6 @@ class Circle(AbstractMove):
     tool: Literal["fixed", "turns"] = "fixed"
 
     def bound(self, pose: Pose) -> Bound:
-        """The move from a pose on.
-
-        - `pose`: where it begins.
-
-        Raises DefinitionError if the axis has no direction, or the tip begins on it.
-        """
         if self.tool not in ("fixed", "turns"):
             raise DefinitionError(f'`Circle.tool` must be "fixed" or "turns"; got `{self.tool}`')
         center, axis = numbers("Circle.center", self.center, 3), _direction("Circle", self.axis)
@@ -162,12 +147,12 @@ class Circle(AbstractMove):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Screw(AbstractMove):
-    """A turn of the tool about an axis while it moves along it, as a screw does.
+    """A rotation of the tool about an axis while it moves along that axis.
 
-    - `center`: a point of the axis, in the base frame [3], m; the tip itself if not given.
-    - `axis`: its direction [3], of any length.
-    - `angle`: rad; negative for the other way.
-    - `pitch`: how far a whole turn goes along the axis, m.
+    - `center`: a point of the axis, in the base frame [3], m; the tip by default.
+    - `axis`: direction [3], of any length.
+    - `angle`: rad; negative for the other direction.
+    - `pitch`: travel along the axis for a whole turn, m.
     - `duration`, `speed`, `acceleration`: as in `AbstractMove`.
     """
 
@@ -177,12 +162,6 @@ class Screw(AbstractMove):
     pitch: float = 0.0
 
     def bound(self, pose: Pose) -> Bound:
-        """The move from a pose on.
-
-        - `pose`: where it begins.
-
-        Raises DefinitionError if the axis has no direction, or the angle is 0.
-        """
         center = pose.place if self.center is None else numbers("Screw.center", self.center, 3)
         axis = _direction("Screw", self.axis)
         if not math.isfinite(self.pitch):
@@ -194,19 +173,9 @@ class Screw(AbstractMove):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Pause(AbstractMove):
-    """The tool stands still.
-
-    - `duration`: [s].
-    - `speed`, `acceleration`: not for a pause.
-    """
+    """The tool stands still for `duration` [s]; `speed` and `acceleration` are not allowed."""
 
     def bound(self, pose: Pose) -> Bound:
-        """The pause.
-
-        - `pose`: where the tool stands.
-
-        Raises DefinitionError if it has no duration.
-        """
         if self.duration is None or not (math.isfinite(self.duration) and self.duration > 0):
             raise DefinitionError("`Pause.duration` must be given, > 0 and finite")
         if self.speed is not None or self.acceleration is not None:
@@ -268,6 +237,6 @@ def _direction(owner: str, axis: object) -> Array:
 
 
 def _orthonormal(rotation: Array) -> Array:
-    """The rotation next to a matrix that rounding has made a little skew."""
+    """Project a matrix, slightly skew by rounding, onto the rotations."""
     left, _, right = np.linalg.svd(rotation)
     return left @ right

@@ -1,4 +1,4 @@
-"""The equations of a task, solved by Newton's method."""
+"""Newton's method for the equations of a task."""
 
 from __future__ import annotations
 
@@ -20,12 +20,10 @@ of the largest."""
 
 
 def converged(task: Task, curve: AbstractCurve, z: Array, s: Array) -> Array | None:
-    """Postures and forces that solve the equations [k n+m]; None where some do not.
+    """Return postures and forces that solve the equations [k n+m], or None if some do not converge.
 
-    - `task`: what is asked.
-    - `curve`: where the tool should be.
-    - `z`: where to begin [k n+m].
-    - `s`: where on the curve [k].
+    - `z`: initial values [k n+m].
+    - `s`: curve parameters [k].
     """
     n = task.posture.size
     lower, upper = task.lower, task.upper
@@ -49,9 +47,5 @@ def converged(task: Task, curve: AbstractCurve, z: Array, s: Array) -> Array | N
 
 
 def solved(matrices: Array, right: Array) -> Array:
-    """`K⁻¹ r` for each of some matrices, without what is beyond their rank.
-
-    - `matrices`: K [k m m].
-    - `right`: r [k m].
-    """
+    """Return `K⁻¹ r` for each matrix K [k m m] and vector r [k m], by the pseudo-inverse."""
     return np.einsum("kij,kj->ki", np.linalg.pinv(matrices, rcond=EMPTY), right)

@@ -1,4 +1,4 @@
-"""Where a tool is, and how it is turned."""
+"""Poses: position and orientation of a tool."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from .series import Array
 
 @dataclass(frozen=True, eq=False)
 class Pose:
-    """A place and an orientation in the base frame.
+    """Position and orientation in the base frame.
 
     - `place`: [3], m.
-    - `rotation`: the axes of the tool's frame as columns [3 3].
+    - `rotation`: axes of the tool's frame as columns [3 3].
 
-    Raises DefinitionError if the place is not three finite numbers, or the axes are not orthonormal and right-handed.
+    Raises DefinitionError unless the position has three finite numbers and the axes are orthonormal and right-handed.
     """
 
     place: Array
@@ -38,23 +38,17 @@ class Pose:
 
     @staticmethod
     def of(place: Sequence[float] | Array, quaternion: Sequence[float] | Array = (1.0, 0.0, 0.0, 0.0)) -> Pose:
-        """A pose by a quaternion.
+        """Return a pose from a position [3], m, and a quaternion w, x, y, z of any length but zero [4].
 
-        - `place`: [3], m.
-        - `quaternion`: w, x, y, z, of any length but zero [4].
-
-        Raises DefinitionError if they are not that many finite numbers.
+        Raises DefinitionError for another number of entries, or entries that are not finite.
         """
         return Pose(numbers("Pose.place", place, 3), matrix_of(unit_quaternion("Pose.quaternion", quaternion)))
 
     @staticmethod
     def of_tip(robot: AbstractRobot, q: object) -> Pose:
-        """Where a robot's tip is.
+        """Return the pose of a robot's tip at positions q [n], rad or m.
 
-        - `robot`: the arm.
-        - `q`: positions [n], rad or m.
-
-        Raises DefinitionError if there are not n finite numbers.
+        Raises DefinitionError unless q has n finite numbers.
         """
         rotation, place = chain_of(robot).frame(numbers("q", q, robot.joints))
         return Pose(place, rotation)
@@ -66,13 +60,11 @@ class Pose:
 
 
 def numbers(owner: str, value: object, size: int) -> Array:
-    """So many finite numbers.
+    """Return `size` finite numbers as an array.
 
-    - `owner`: what they are, for the message.
-    - `value`: what was given.
-    - `size`: how many there must be.
+    - `owner`: name of the field, for the message.
 
-    Raises DefinitionError if they are not.
+    Raises DefinitionError for anything else.
     """
     try:
         found = np.asarray(value, dtype=float)
@@ -84,12 +76,11 @@ def numbers(owner: str, value: object, size: int) -> Array:
 
 
 def unit_quaternion(owner: str, value: object) -> Array:
-    """A quaternion of length 1 [4].
+    """Normalise a quaternion w, x, y, z [4].
 
-    - `owner`: whose it is, for the message.
-    - `value`: w, x, y, z of any length but zero.
+    - `owner`: name of the field, for the message.
 
-    Raises DefinitionError if it is none.
+    Raises DefinitionError for another form, or a length of zero.
     """
     found = numbers(owner, value, 4)
     size = float(np.linalg.norm(found))

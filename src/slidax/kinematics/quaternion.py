@@ -1,4 +1,4 @@
-"""Rotations as matrices, quaternions (w, x, y, z) and turns about an axis."""
+"""Rotations as matrices, quaternions (w, x, y, z) and angles about an axis."""
 
 from __future__ import annotations
 
@@ -8,10 +8,7 @@ from .series import Array
 
 
 def matrix_of(quaternion: Array) -> Array:
-    """The rotation matrix [3 3].
-
-    - `quaternion`: w, x, y, z of length 1 [4].
-    """
+    """Return the rotation matrix [3 3] of a unit quaternion w, x, y, z [4]."""
     w, x, y, z = quaternion
     return np.array(
         [
@@ -23,10 +20,7 @@ def matrix_of(quaternion: Array) -> Array:
 
 
 def quaternion_of(rotation: Array) -> Array:
-    """w, x, y, z of length 1, with w >= 0 [4].
-
-    - `rotation`: [3 3].
-    """
+    """Return the unit quaternion w, x, y, z with w >= 0 [4] of a rotation matrix [3 3]."""
     r = rotation
     # Four times the products of the components: the row of the largest keeps its digits.
     squares = np.array(
@@ -43,10 +37,7 @@ def quaternion_of(rotation: Array) -> Array:
 
 
 def axis_and_angle(rotation: Array) -> tuple[Array, float]:
-    """The axis of length 1 [3], and the angle in [0, pi], rad, of a turn; any axis for a turn by nothing.
-
-    - `rotation`: [3 3].
-    """
+    """Return a rotation's unit axis [3] and its angle in [0, pi], rad; any axis for the identity."""
     w, *vector = quaternion_of(rotation)
     size = float(np.linalg.norm(vector))
     if size < 1e-15:
@@ -55,10 +46,7 @@ def axis_and_angle(rotation: Array) -> tuple[Array, float]:
 
 
 def angle_between(one: Array, other: Array) -> Array:
-    """The angle of the turn from one orientation to another, rad.
-
-    - `one`, `other`: rotation matrices [... 3 3].
-    """
+    """Return the angle of the rotation between two orientations [... 3 3], rad."""
     # By the difference, which keeps the digits of a small angle: |R - S|² = 8 sin²(a/2) in the sum of squares.
     apart = np.sqrt(np.sum((one - other) ** 2, axis=(-2, -1)) / 8.0)
     return 2.0 * np.arcsin(np.minimum(apart, 1.0))

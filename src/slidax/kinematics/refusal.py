@@ -1,4 +1,4 @@
-"""Why a tool cannot follow its path: where, and what would help."""
+"""Reasons why a tool cannot follow its path: position, cause and remedy."""
 
 from __future__ import annotations
 
@@ -26,12 +26,9 @@ LOOKED_AT = 40
 
 
 def stuck(task: Task, move: Bound, caught: Stuck, now: float) -> str:
-    """What to say where no next posture is found.
+    """Return the message for a branch of postures that ends.
 
-    - `task`: what was asked.
-    - `move`: which move it is.
-    - `caught`: where it ended.
-    - `now`: when the move begins [s].
+    - `now`: start of the move [s].
     """
     n = task.posture.size
     q = caught.z[:n]
@@ -50,13 +47,7 @@ def stuck(task: Task, move: Bound, caught: Stuck, now: float) -> str:
 
 
 def beyond_limits(chain: Chain, move: Bound, path: JointPath, now: float) -> None:
-    """Raises DefinitionError if a joint passes its limit, with the time and place at which it first does.
-
-    - `chain`: the joints.
-    - `move`: which move it is.
-    - `path`: the motion of its joints.
-    - `now`: when the move begins [s].
-    """
+    """Raise DefinitionError if a joint passes its position limit, with the first time and position."""
     motion = Tabulated(times=as_array(path.times), coefficients=as_array(path.coefficients))
     reach, lower, upper = motion.extremes(0), chain.lower, chain.upper
     room = 1e-9
@@ -88,12 +79,9 @@ def beyond_limits(chain: Chain, move: Bound, path: JointPath, now: float) -> Non
 
 
 def too_fast(chain: Chain, path: JointPath, fastest: Array, strongest: Array, now: float) -> None:
-    """Raises DefinitionError if a joint passes its limit of velocity or acceleration, with the time that is needed.
+    """Raise DefinitionError if a joint exceeds its velocity or acceleration limit, with the duration that it needs.
 
-    - `chain`: the joints.
-    - `path`: their motion in one move.
-    - `fastest`, `strongest`: the limits [n].
-    - `now`: when the move begins [s].
+    - `now`: start of the move [s].
     """
     motion = Tabulated(times=as_array(path.times), coefficients=as_array(path.coefficients))
     for order, name, limits in ((1, "velocity", fastest), (2, "acceleration", strongest)):
@@ -112,7 +100,7 @@ def too_fast(chain: Chain, path: JointPath, fastest: Array, strongest: Array, no
 
 
 def _place(move: Bound, s: float, now: float, into: float | None = None) -> str:
-    """Where on a move something is, and when."""
+    """Time and position of a point on a move."""
     _, place = move.curve.at(s)
     where = ", ".join(f"{x:.4g}" for x in np.asarray(place))
     if into is None:
@@ -125,7 +113,7 @@ def _place(move: Bound, s: float, now: float, into: float | None = None) -> str:
 
 
 def _stretched(task: Task, move: Bound, weak: Array) -> str:
-    """What a singularity is, by the direction in which the tool cannot move."""
+    """Describe a singularity by the direction in which the tool cannot move."""
     moved, turned = np.linalg.norm(weak[:3]), np.linalg.norm(weak[3:])
     direction = weak[:3] if moved >= turned else weak[3:]
     direction = direction / np.linalg.norm(direction)
@@ -147,7 +135,7 @@ def _near_limits(chain: Chain, q: Array) -> list[str]:
 
 
 def _can_reach_end(task: Task, move: Bound, q: Array) -> str:
-    """Whether the arm has a posture for the end of the move at all."""
+    """State if the arm has a posture for the end of the move."""
     try:
         at_pose(task.chain, move.end, np.clip(q, task.chain.lower, task.chain.upper), q, task.hold)
     except DefinitionError as error:

@@ -1,4 +1,4 @@
-"""What is asked of an arm: a tool's pose, and among the postures that have it the nearest to one that is liked."""
+"""Inverse kinematics as equations: the tool's pose, and a preferred posture for a redundant arm."""
 
 from __future__ import annotations
 
@@ -25,17 +25,16 @@ SEED, DRAWN = 0, 8
 
 @dataclass(frozen=True, eq=False)
 class Task:
-    """Least `½ Σ ((q - q_0)/w)²` among the postures with the tool where it should be.
+    """Minimise `½ Σ ((q - q_0)/w)²` among the postures that have the tool at its target.
 
-    A redundant arm's posture is kept off the limits of its joints by a barrier, whose slope is 0 at q_0. So the posture
-    is a smooth function of the tool's pose, and comes back with it.
+    A barrier, whose slope is 0 at q_0, keeps a redundant arm's joints inside their limits. The posture is therefore a
+    smooth function of the tool's pose: a closed path of the tool is a closed path of the joints.
 
-    - `chain`: the joints.
-    - `hold`: what is asked of the tool.
+    - `hold`: the coordinates of the tool that are prescribed.
     - `posture`: q_0 [n], rad or m.
-    - `widths`: w [n], half of each joint's range; 1 where it has no end.
-    - `lower`, `upper`: of the joints [n]; infinite for an arm that is not redundant, whose posture is not free.
-    - `damping`: how much of the tool's pose is given up near a singularity, m or rad per unit of force; 0 for nothing.
+    - `widths`: w [n], half of each joint's range; 1 for a joint without limits.
+    - `lower`, `upper`: joint limits [n]; infinite for an arm that is not redundant.
+    - `damping`: pose error accepted near a singularity, m or rad per unit of force; 0 for none.
     """
 
     chain: Chain
@@ -47,10 +46,9 @@ class Task:
     damping: float = 0.0
 
     def residual(self, q: Series, force: Series, aim: Aim) -> Series:
-        """What is zero at the posture that is sought: the slope along what is free, and the tool's error.
+        """Return the equations' residual: the slope along the free directions, and the tool's error.
 
         - `q`, `force`: posture and forces on the tool, series [... n], [... m].
-        - `aim`: where the tool should be.
         """
         tool = self.chain.tool(q)
         pulled = self._pulled(tool, force, aim)
@@ -58,11 +56,7 @@ class Task:
         return [_joined(a, b, q[0], force[0]) for a, b in zip(total(self._slope(q), pulled), off, strict=True)]
 
     def error(self, tool: Tool, aim: Aim) -> Series:
-        """How far the tool is off, in m and, for small angles, rad, a series [... m].
-
-        - `tool`: where it is.
-        - `aim`: where it should be.
-        """
+        """Return the tool's error in m and, for small angles, rad, a series [... m]."""
         place = total(tool.place, scaled(aim.place, -1.0))
         if self.hold == "place":
             return place
@@ -76,7 +70,7 @@ class Task:
         return [_joined(a, b, place[0], turned[0]) for a, b in zip(place, turned, strict=True)]
 
     def _pulled(self, tool: Tool, force: Series, aim: Aim) -> Series:
-        """The forces on the joints of a force on the tool, a series [... n]."""
+        """Joint forces from a force on the tool, a series [... n]."""
         pull = [None if one is None else one[..., :3] for one in force]
         moment: Series = scaled(pull, 0.0)
         if self.hold == "pose":
@@ -101,7 +95,7 @@ class Task:
         ]
 
     def _slope(self, q: Series) -> Series:
-        """How fast what is to be least grows with each joint, a series [... n]."""
+        """Gradient of the minimised function, a series [... n]."""
         slope = (q[0] - self.posture) / self.widths**2
         slope = slope + BARRIER * (self._wall(q[0])[0] - self._wall(self.posture)[0])
         found: Series = [slope]
@@ -116,7 +110,7 @@ class Task:
         return found
 
     def _wall(self, q: Array) -> tuple[Array, Array, Array]:
-        """The slope of `-log((q - lower)(upper - q))`, with its first and second derivative."""
+        """Slope of the barrier `-log((q - lower)(upper - q))`, with its first and second derivative."""
         # At a limit itself it is infinite, and there the search ends.
         with np.errstate(divide="ignore", invalid="ignore"):
             up, down = 1.0 / (self.upper - q), 1.0 / (q - self.lower)
@@ -124,12 +118,7 @@ class Task:
 
 
 class Linearised(NamedTuple):
-    """The residual at some points of a curve, with what solves for the next.
-
-    - `residual`: [k n+m].
-    - `by_z`: its derivative [k n+m n+m].
-    - `by_s`: that along the curve [k n+m].
-    """
+    """Residual at points of a curve [k n+m], with its derivatives by z [k n+m n+m] and along the curve [k n+m]."""
 
     residual: Array
     by_z: Array
@@ -137,12 +126,10 @@ class Linearised(NamedTuple):
 
 
 def linearised(task: Task, curve: AbstractCurve, z: Array, s: Array) -> Linearised:
-    """The residual and its derivatives at points of a curve.
+    """Return the residual and its derivatives at points of a curve.
 
-    - `task`: what is asked.
-    - `curve`: where the tool should be.
     - `z`: postures and forces [k n+m].
-    - `s`: where on the curve [k].
+    - `s`: curve parameters [k].
     """
     n, size = task.posture.size, z.shape[1]
     # One direction for each unknown, and the last for the curve.
@@ -157,11 +144,7 @@ def linearised(task: Task, curve: AbstractCurve, z: Array, s: Array) -> Linearis
 
 
 def curvature(task: Task, curve: AbstractCurve, z: Array, s: Array, along: Array) -> Array:
-    """The second derivative of the residual where z moves with a slope, [k n+m].
-
-    - `task`, `curve`, `z`, `s`: as in `linearised`.
-    - `along`: the slope `dz/ds` [k n+m].
-    """
+    """Return the residual's second derivative where z has the slope `along` [k n+m]."""
     n = task.posture.size
     aim = curve.aim([s, np.ones_like(s), None])
     *_, second = task.residual([z[:, :n], along[:, :n], None], [z[:, n:], along[:, n:], None], aim)
@@ -169,22 +152,16 @@ def curvature(task: Task, curve: AbstractCurve, z: Array, s: Array, along: Array
 
 
 def tool_errors(task: Task, curve: AbstractCurve, q: Array, s: Array) -> tuple[Array, Array]:
-    """How far the tool is off, [k] m and [k] rad; the angle is that of what is asked, 0 for its place alone.
-
-    - `task`, `curve`: as in `linearised`.
-    - `q`: postures [k n].
-    - `s`: where on the curve [k].
-    """
+    """Return the tool's errors at postures q [k n], [k] m and [k] rad; the angle is 0 if only the position is held."""
     (rotation, place), (there, aim) = task.chain.frame(q), curve.at(s)
     return apart(rotation, place, there, aim, task.hold)
 
 
 def apart(rotation: Array, place: Array, there: Array, aim: Array, hold: Hold) -> tuple[Array, Array]:
-    """How far two poses are from each other, m and rad; the angle is that of what is asked.
+    """Return the distance between two poses, m and rad, in the held coordinates.
 
-    - `rotation`, `place`: of the one [... 3 3], [... 3].
-    - `there`, `aim`: of the other.
-    - `hold`: what is asked.
+    - `rotation`, `place`: first pose [... 3 3], [... 3].
+    - `there`, `aim`: second pose.
     """
     off: Array = np.linalg.norm(place - aim, axis=-1)
     if hold == "place":
@@ -196,11 +173,7 @@ def apart(rotation: Array, place: Array, there: Array, aim: Array, hold: Hold) -
 
 
 def jacobian(task: Task, q: Array) -> Array:
-    """How the tool moves with the joints, in what is asked of it, [... m n].
-
-    - `task`: what is asked.
-    - `q`: postures [... n].
-    """
+    """Return the Jacobian of the held coordinates [... m n] at postures [... n]."""
     n = q.shape[-1]
     values = np.broadcast_to(q[..., None, :], (*q.shape[:-1], n, n))
     tool = task.chain.tool([values, np.broadcast_to(np.eye(n), values.shape)])
@@ -210,19 +183,15 @@ def jacobian(task: Task, q: Array) -> Array:
 
 
 def least_motion(task: Task, q: Array) -> Array:
-    """How the tool moves in its worst direction, of those in which it can, [...], m or rad.
+    """Return the least singular value of the Jacobian at postures [... n], in m or rad per rad or m of the joints.
 
-    - `task`: what is asked.
-    - `q`: postures [... n].
+    Directions in which the tool can never move, such as out of a planar arm's plane, do not count.
     """
     return np.linalg.svd(jacobian(task, q), compute_uv=False)[..., ways(task) - 1]
 
 
 def ways(task: Task) -> int:
-    """In how many ways the tool can move, of what is asked of it.
-
-    - `task`: what is asked.
-    """
+    """Return the number of held coordinates that the joints can move: the Jacobian's largest rank."""
     postures = task.posture + np.random.default_rng(SEED).uniform(-1.0, 1.0, (DRAWN, task.posture.size))
     return int(np.linalg.matrix_rank(jacobian(task, postures), tol=1e-6).max())
 

@@ -1,4 +1,4 @@
-"""A move through poses, smoothly, at given times or as fast as the joints can."""
+"""A smooth move through poses, at given times or as fast as the joints allow."""
 
 from __future__ import annotations
 
@@ -37,16 +37,16 @@ COLUMNS = ("x", "y", "z", "qw", "qx", "qy", "qz")
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Through(AbstractMove):
-    """A smooth curve through poses, without a stop, at rest at both ends.
+    """A smooth curve through poses without stops, at rest at both ends.
 
-    Place and quaternion are quintic splines, and the quaternion is made as long as 1: four continuous derivatives. The
-    curve begins where the move before ended, which is no row of `poses`, except where `times` are given: then the
-    first row is where the tool is.
+    Position and quaternion are quintic splines with four continuous derivatives; the quaternion is then normalised. The
+    curve begins where the previous move ended. That pose is not a row of `poses`, unless `times` are given: then the
+    first row must be the tool's pose.
 
-    - `poses`: rows of x, y, z [m], or of x, y, z, qw, qx, qy, qz; without a quaternion the tool keeps its orientation.
-    - `times`: of each row, increasing [s]; the first is when the move begins.
-    - `duration`: of the whole [s], not with `times`.
-    - `speed`, `acceleration`: not for this move.
+    - `poses`: rows of x, y, z [m], or of x, y, z, qw, qx, qy, qz; without quaternions the tool keeps its orientation.
+    - `times`: increasing time of each row [s]; the first is the start of the move.
+    - `duration`: of the whole move [s]; not together with `times`.
+    - `speed`, `acceleration`: not allowed for this move.
     """
 
     poses: Sequence[Sequence[float]] | Array
@@ -54,13 +54,14 @@ class Through(AbstractMove):
 
     @staticmethod
     def from_csv(source: str | Path) -> Through:
-        """The poses of a CSV file, whose first line names the columns: x, y, z, perhaps qw, qx, qy, qz, perhaps time.
+        """Read the poses from a CSV file with columns x, y, z, optionally qw, qx, qy, qz, and optionally time.
 
-        - `source`: its path; or the text itself, which has a line break in it.
+        The first line names the columns, in any order. Units are m and s unless a name has another one in brackets:
+        `x [mm]`, `time [ms]`.
 
-        Columns come in any order. Units are m and s unless a name has another one in brackets: `x [mm]`, `time [ms]`.
+        - `source`: path, or the text itself, which has a line break in it.
 
-        Raises DefinitionError, with line and column, if it has not that form.
+        Raises DefinitionError, with line and column, for another form.
         """
         name, form, lines = csv_lines(source, "time,x,y,z")
         titles, where = form.titles, f"{name}, line {form.header}"
@@ -88,12 +89,6 @@ class Through(AbstractMove):
         return Through(poses=values[:, [header.index(column) for column in wanted]], times=times)
 
     def bound(self, pose: Pose) -> Bound:
-        """The move from a pose on.
-
-        - `pose`: where it begins.
-
-        Raises DefinitionError, with the row, if the poses make no smooth curve.
-        """
         if self.speed is not None or self.acceleration is not None:
             raise DefinitionError("`Through` takes `times` or a `duration`, or leaves its time to the joints' limits")
         rows = _rows(self.poses)
@@ -150,7 +145,7 @@ def _rows(poses: object) -> Array:
 
 
 def _aligned(rows: Array, first: int) -> Array:
-    """Each quaternion on the side of the one before it, since q and -q are one orientation."""
+    """Change signs of quaternions, as q and -q are one orientation, so that neighbours are close."""
     rows = rows.copy()
     for row in range(1, len(rows)):
         if rows[row, 3:] @ rows[row - 1, 3:] < 0:
@@ -165,7 +160,7 @@ def _aligned(rows: Array, first: int) -> Array:
 
 
 def _steps(rows: Array) -> Array:
-    """How far it is from each pose to the next, m; where only the tool turns, by an arm of .1 m."""
+    """Distance between neighbouring poses, m; a rotation counts with a lever arm of 0.1 m."""
     places = np.linalg.norm(np.diff(rows[:, :3], axis=0), axis=1)
     cosines = np.clip(np.sum(rows[1:, 3:] * rows[:-1, 3:], axis=1), -1.0, 1.0)
     return np.hypot(places, 0.1 * 2 * np.arccos(cosines))

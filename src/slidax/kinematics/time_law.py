@@ -1,4 +1,4 @@
-"""How far along its curve a tool is at a time."""
+"""Time laws: the curve parameter s as a function of time."""
 
 from __future__ import annotations
 
@@ -13,20 +13,17 @@ RAMP = 1.5
 
 
 class TimeLaw(NamedTuple):
-    """Polynomials from a time to s, from rest to rest, with a continuous second derivative.
+    """Piecewise polynomials s(t) from 0 to 1, from rest to rest, with a continuous second derivative.
 
     - `times`: ends of the pieces, from 0 on [k], s.
-    - `coefficients`: in powers of the time in the piece, lowest first [k-1 powers].
+    - `coefficients`: in powers of the time since the piece began, lowest first [k-1 powers].
     """
 
     times: Array
     coefficients: Array
 
     def at(self, t: Array) -> tuple[Array, Array, Array]:
-        """S with its first and second derivative.
-
-        - `t`: times [m], s.
-        """
+        """Return s with its first and second derivative at times [m], s."""
         piece = np.clip(np.searchsorted(self.times, t, side="right") - 1, 0, len(self.coefficients) - 1)
         x = t - self.times[piece]
         found = []
@@ -41,38 +38,27 @@ class TimeLaw(NamedTuple):
         return np.clip(s, 0.0, 1.0), rate, curvature
 
     def stretched(self, factor: float) -> TimeLaw:
-        """The same at another pace.
-
-        - `factor`: of all times.
-        """
+        """Return the law with all times multiplied by a factor."""
         powers = np.arange(self.coefficients.shape[1])
         return TimeLaw(self.times * factor, self.coefficients / factor**powers)
 
 
 def smoothest(duration: float) -> TimeLaw:
-    """`s = 10 z³ - 15 z⁴ + 6 z⁵`, `z = t/T`: least jerk from rest to rest.
-
-    - `duration`: T [s].
-    """
+    """Return `s = 10 z³ - 15 z⁴ + 6 z⁵`, `z = t/T`: minimum jerk from rest to rest."""
     return TimeLaw(np.array([0.0, 1.0]), np.array([[0.0, 0.0, 0.0, 10.0, -15.0, 6.0]])).stretched(duration)
 
 
 def linear(duration: float) -> TimeLaw:
-    """`s = t/T`, for a curve that has its own rest at both ends.
-
-    - `duration`: T [s].
-    """
+    """Return `s = t/T`, for a curve that itself starts and ends at rest."""
     return TimeLaw(np.array([0.0, duration]), np.array([[0.0, 1.0 / duration]]))
 
 
 def cruising(length: float, speed: float, acceleration: float) -> TimeLaw:
-    """A smooth ramp up to a speed, even motion, and the same ramp down.
+    """Return a smooth ramp up to a speed, constant speed, and the same ramp down.
 
-    On the ramp the speed is `v (3 z² - 2 z³)`. Where the curve is too short, the speed that is reached is less.
+    On the ramp the speed is `v (3 z² - 2 z³)`. A curve that is too short does not reach `speed`.
 
-    - `length`: of the curve, m or rad.
-    - `speed`: largest speed, m/s or rad/s.
-    - `acceleration`: largest acceleration, m/s² or rad/s².
+    - `length`: of the curve, m or rad; speed and acceleration in its unit.
     """
     speed = min(speed, float(np.sqrt(length * acceleration / RAMP)))
     ramp = RAMP * speed / acceleration

@@ -1,12 +1,8 @@
-"""Robot arms: inertia, bias and tip. One class serves as the true robot and as the nominal one that a law knows.
+"""Robot arms: inertia, bias forces and tip. One class is both the true arm and the nominal one that a law knows.
 
-The ready arms are functions without arguments, one for each file in `ready`: `slidax.robots.panda()`.
+The built-in arms are functions without arguments, such as `slidax.robots.panda()`.
 """
 
-import sys
-from collections.abc import Callable
-
-from . import ready as ready
 from .articulated import Articulated as Articulated
 from .assemble import assemble as assemble
 from .coupled import Coupled as Coupled
@@ -18,16 +14,15 @@ from .joint_limits import JointLimits as JointLimits
 from .load import Load as Load
 from .mismatch import Mismatch as Mismatch
 from .payload import Payload as Payload
+from .ready.read import BuiltInArm as BuiltInArm
+from .ready.read import built_in_arm as built_in_arm
+from .ready.read import built_in_names as built_in_names
+from .ready.read import built_in_title as built_in_title
+from .ready.read import gen3 as gen3
+from .ready.read import iiwa14 as iiwa14
+from .ready.read import panda as panda
+from .ready.read import ur5e as ur5e
+from .ready.read import xarm7 as xarm7
 from .robot import AbstractRobot as AbstractRobot
 from .scara import Scara as Scara
 from .two_link import TwoLink as TwoLink
-
-
-def __getattr__(name: str) -> Callable[[], Articulated]:
-    if name.startswith("_") or name not in ready.names():
-        raise AttributeError(f"module `slidax.robots` has no `{name}`", name=name, obj=sys.modules[__name__])
-    return ready.maker(name)
-
-
-def __dir__() -> list[str]:
-    return sorted({*globals(), *ready.names()})

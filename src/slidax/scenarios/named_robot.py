@@ -12,7 +12,7 @@ import numpy as np
 from pydantic import TypeAdapter, ValidationError
 
 from slidax._errors import DefinitionError, nearest, plain
-from slidax.robots import Articulated, Coupled, ready
+from slidax.robots import Articulated, Coupled, built_in_names
 
 from .mistakes import translated
 from .robot_file import read_robot
@@ -40,7 +40,7 @@ def named_robot(
 ) -> tuple[Articulated, dict[str, Any]]:
     """The nominal arm, and its description as a scenario file has it under `robot`.
 
-    - `word`: a ready arm by its name; or a URDF file, an MJCF file, or a YAML file with a mapping `robot`.
+    - `word`: a built-in arm by its name; or a URDF file, an MJCF file, or a YAML file with a mapping `robot`.
     - `tip`: the link, body or site of the tip; for URDF and MJCF files with more than one end.
     - `inertias`: `nearest` replaces inertias in a file that no rigid body can have, `strict` refuses them all.
     - `locked`: joints in a file that do not move, with their positions [rad or m].
@@ -49,9 +49,9 @@ def named_robot(
     Raises DefinitionError if there is no such arm.
     """
     kind = FILES.get(Path(word).suffix.lower())
-    if kind is None and word not in ready.names():
+    if kind is None and word not in built_in_names():
         raise DefinitionError(
-            f"unknown robot `{plain(word)}`; {nearest(word, ready.names())} (a file ends in {', '.join(FILES)})"
+            f"unknown robot `{plain(word)}`; {nearest(word, built_in_names())} (a file ends in {', '.join(FILES)})"
         )
     if tip is not None and kind not in ("urdf", "mjcf"):
         raise DefinitionError("a tip is chosen for URDF and MJCF files alone; write it into the description otherwise")

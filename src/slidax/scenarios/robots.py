@@ -10,7 +10,16 @@ from pydantic import Field, TypeAdapter, ValidationError, create_model
 from slidax import robots
 from slidax._errors import DefinitionError, located
 from slidax.parts import members_of
-from slidax.robots import AbstractRobot, Articulated, Coupled, from_mjcf, from_urdf, ready
+from slidax.robots import (
+    AbstractRobot,
+    Articulated,
+    Coupled,
+    built_in_arm,
+    built_in_names,
+    built_in_title,
+    from_mjcf,
+    from_urdf,
+)
 
 from .base import FileName
 from .derived import PartDescription, plain_of, title_of
@@ -38,7 +47,7 @@ class ReadyDescription(AbstractArticulated):
 
     def described(self) -> Articulated:
         """The arm by its maker's numbers."""
-        return ready.read(self.kind).robot
+        return built_in_arm(self.kind).robot
 
 
 class AbstractFile(AbstractArticulated):
@@ -146,7 +155,7 @@ def _of_numbers(kind: str, part: type[AbstractRobot]) -> type[NumbersDescription
 
 def _ready(name: str) -> type[ReadyDescription]:
     kind: Any = (Literal[name], Field())
-    return create_model(f"robot.{name}", __base__=ReadyDescription, __doc__=f"{ready.title(name)}.", kind=kind)
+    return create_model(f"robot.{name}", __base__=ReadyDescription, __doc__=f"{built_in_title(name)}.", kind=kind)
 
 
 MADE_OF_NUMBERS = {
@@ -158,7 +167,7 @@ else:
     RobotDescription = Annotated[
         Union[  # noqa: UP007
             tuple(_of_numbers(kind, part) for kind, part in MADE_OF_NUMBERS.items())
-            + tuple(_ready(name) for name in ready.names())
+            + tuple(_ready(name) for name in built_in_names())
             + (UrdfDescription, MjcfDescription, IdentifiedDescription)
         ],
         Field(discriminator="kind"),

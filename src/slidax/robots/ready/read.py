@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 from importlib import resources
@@ -24,7 +23,7 @@ FILES = resources.files("slidax.robots") / "ready"
 
 
 @dataclass(frozen=True)
-class Ready:
+class BuiltInArm:
     """An arm, and what its maker says of it.
 
     - `robot`: the arm, without friction.
@@ -41,15 +40,15 @@ class Ready:
     sources: dict[str, str]
 
 
-def names() -> tuple[str, ...]:
+def built_in_names() -> tuple[str, ...]:
     """The arms there are: the names of the files."""
     return tuple(sorted(file.name.removesuffix(".yaml") for file in FILES.iterdir() if file.name.endswith(".yaml")))
 
 
-def title(name: str) -> str:
+def built_in_title(name: str) -> str:
     """What an arm is, in a few words: "Franka Emika Panda, 7 joints".
 
-    - `name`: one of `names()`.
+    - `name`: one of `built_in_names()`.
     """
     # Not by reading all of it, which takes a hundred times as long.
     text = (FILES / f"{name}.yaml").read_text(encoding="utf-8")
@@ -57,25 +56,10 @@ def title(name: str) -> str:
     return f"{called}, {len(re.findall(r'^  - name: ', text, re.MULTILINE))} joints"
 
 
-def maker(name: str) -> Callable[[], Articulated]:
-    """The function that makes an arm, such as `slidax.robots.panda`.
-
-    - `name`: one of `names()`.
-    """
-
-    def make() -> Articulated:
-        return read(name).robot
-
-    make.__name__ = make.__qualname__ = name
-    make.__module__ = "slidax.robots"
-    make.__doc__ = f"{title(name)}, to the flange."
-    return make
-
-
-def read(name: str) -> Ready:
+def built_in_arm(name: str) -> BuiltInArm:
     """An arm by its name.
 
-    - `name`: one of `names()`.
+    - `name`: one of `built_in_names()`.
 
     Raises DefinitionError if there is none of that name.
     """
@@ -90,7 +74,7 @@ def read(name: str) -> Ready:
         rotation=by_roll_pitch_yaw(tip["turn"]),
         translation=np.asarray(tip["translation"], float),
     )
-    return Ready(
+    return BuiltInArm(
         robot=assemble([*joints, flange], tip=tip["name"], name=name),
         title=data["title"],
         rate=float(data["rate"]),
@@ -101,8 +85,8 @@ def read(name: str) -> Ready:
 
 @cache
 def _data(name: str) -> dict[str, Any]:
-    if name not in names():
-        raise DefinitionError(f"there is no ready robot `{name}`; {nearest(name, names())}")
+    if name not in built_in_names():
+        raise DefinitionError(f"there is no built-in arm `{name}`; {nearest(name, built_in_names())}")
     return YAML(typ="safe", pure=True).load((FILES / f"{name}.yaml").read_text(encoding="utf-8"))
 
 
@@ -129,3 +113,28 @@ def _joint(entry: dict[str, Any]) -> Joint:
         torque_rate=float(entry.get("torque_rate", math.inf)),
         armature=float(entry.get("armature", 0.0)),
     )
+
+
+def gen3() -> Articulated:
+    """Kinova Gen3, 7 joints, to the flange."""
+    return built_in_arm("gen3").robot
+
+
+def iiwa14() -> Articulated:
+    """KUKA LBR iiwa 14 R820, 7 joints, to the flange."""
+    return built_in_arm("iiwa14").robot
+
+
+def panda() -> Articulated:
+    """Franka Emika Panda, 7 joints, to the flange."""
+    return built_in_arm("panda").robot
+
+
+def ur5e() -> Articulated:
+    """Universal Robots UR5e, 6 joints, to the flange."""
+    return built_in_arm("ur5e").robot
+
+
+def xarm7() -> Articulated:
+    """UFactory xArm7, 7 joints, to the flange."""
+    return built_in_arm("xarm7").robot
