@@ -93,7 +93,7 @@ def test_inertia_bias_accelerations_and_tip_are_ours_before_with_and_after_a_loa
     world = World(MujocoPlant.of(plant_of(robot, load=LOAD)), 1e-4, State(q=jnp.zeros(n), dq=jnp.zeros(n)))
     random = np.random.default_rng(1)
     for time in (0.0, 0.05, 0.1):
-        world.arrive(time)
+        world.advance_to(time)
         arm = LOAD.on(robot, jnp.asarray(time))
         model, data, at = world.model, world.data, world._built.dofs
         for _ in range(20):
@@ -111,7 +111,7 @@ def test_what_is_let_go_goes_on_as_the_tip_moved_and_turned():
     h, state = 1e-5, State(q=jnp.linspace(-1.0, 1.0, 6), dq=jnp.linspace(3.0, -4.0, 6))
     load = Load(Payload(2.0, (0.01, -0.02, 0.1), 0.004), released=h / 2)
     world = World(MujocoPlant.of(plant_of(TREE, load=load)), h, state)
-    world.arrive(h)
+    world.advance_to(h)
     world.step(h)
     rotation = np.empty(9)
     mujoco.mju_quat2Mat(rotation, world.body[3:])
@@ -251,7 +251,7 @@ def test_what_mujoco_cannot_do_is_refused():
     with pytest.raises(DefinitionError, match="`implicitfast`, `implicit`, `euler`, `rk4`; got 'rk45'"):
         MujocoPlant.of(plant, integrator="rk45")
     flat = Payload(1.0, inertia=np.diag([0.01, 0.01, 0.03]))
-    with pytest.raises(DefinitionError, match="is of no rigid body: the largest of its principal moments"):
+    with pytest.raises(DefinitionError, match="no rigid body has this `Payload.inertia`: the largest of its principal moments"):
         MujocoPlant.of(plant_of(TREE, load=Load(flat)))
     with pytest.raises(DefinitionError, match=r"`Table.friction` must be > 0; got 0"):
         Table(0.0, 0.0)

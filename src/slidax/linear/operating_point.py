@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import functools
-import time
 from dataclasses import replace
 from typing import Any
 
@@ -17,8 +15,8 @@ from slidax.codegen import NoNativeCodeError
 from slidax.scenarios import Scenario
 from slidax.sensors import AbstractSensor, Delayed, Exact, Lossy
 from slidax.simulation import MujocoPlant, Plant, native_engine, xla_engine
-from slidax.simulation.define import constant, define_loop, require_start
-from slidax.simulation.engine import engine_for
+from slidax.simulation.define import constant, define_loop
+from slidax.simulation.engine import RunRequest, engine_for
 from slidax.simulation.loop import Carry, Loop
 
 from .late import Late
@@ -41,15 +39,14 @@ def operating_point(scenario: Scenario, at: float) -> tuple[Loop, Carry, list[st
     parts = plant, scenario.controller, scenario.trajectory, scenario.state0
     bands = (1e-3,)
     loop, samples = define_loop(*parts, at, replace(stepping, engine="auto"), None, bands)
-    inside = functools.partial(require_start, loop)
     # The sample at `at` itself is not decided yet: that is what is linearised.
-    how = loop, scenario.state0, samples - 1, None, False, time.perf_counter(), inside
+    request = RunRequest(loop, scenario.state0, samples - 1, log_every=None, progress=False)
     begun: Any
     try:
         drive = native_engine.drive if engine_for("auto") == "native" else xla_engine.drive
-        begun = drive(*how)[0]
+        begun = drive(request).start
     except NoNativeCodeError:
-        begun = xla_engine.drive(*how)[0]
+        begun = xla_engine.drive(request).start
     carry: Carry = begun[0]
     kind = int(carry.fault.kind)
     if kind:

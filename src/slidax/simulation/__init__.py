@@ -2,7 +2,7 @@
 
 from .columns import columns_of as columns_of
 from .define import require_fitting as require_fitting
-from .engine import Engine as Engine
+from .engine import EngineName as EngineName
 from .free_body import FreeBody as FreeBody
 from .mujoco_plant import MujocoPlant as MujocoPlant
 from .mujoco_plant import Table as Table

@@ -13,16 +13,15 @@ if TYPE_CHECKING:
     from .run import Run
 
 PER = {"q": "", "dq": "/s", "q_d": "", "dq_d": "/s", "ddq_d": "/s²", "e": "", "lower": "", "upper": ""}
-"""What comes after the unit of a joint's position."""
+"""Suffixes to the unit of a joint's position."""
 
 
 def columns_of(run: Run, labels: Sequence[str]) -> dict[str, tuple[np.ndarray, str]]:
-    """By name, each column with its unit: sample, time, state, reference, error, torque, bounds, signals.
+    """Columns of a single run's log by name, each with its unit: sample, time, state, reference, error, torque, ...
 
-    - `run`: a single run with a log.
-    - `labels`: what follows the name of a quantity for each joint.
+    - `labels`: suffix of a quantity's name for each joint.
 
-    Raises DefinitionError if it has no log or is many.
+    Raises DefinitionError for a run without a log, and for many runs.
     """
     log = run.log
     if log is None:
@@ -41,17 +40,17 @@ def columns_of(run: Run, labels: Sequence[str]) -> dict[str, tuple[np.ndarray, s
     if log.envelope is not None:
         groups |= {"lower": log.envelope.lower, "upper": log.envelope.upper}
     groups |= log.signals
-    found = {"k": (np.asarray(log.k), ""), "t": (np.asarray(log.t), "s")}
+    columns = {"k": (np.asarray(log.k), ""), "t": (np.asarray(log.t), "s")}
     for name, array in groups.items():
         values = np.asarray(array)
         if values.ndim == 1:
-            found[name] = values, ""
+            columns[name] = values, ""
             continue
         flat = values.reshape(len(values), -1)
         wide = labels if flat.shape[1] == len(labels) else [f"_{k + 1}" for k in range(flat.shape[1])]
         for k, label in enumerate(wide):
-            found[f"{name}{label}"] = flat[:, k], _unit(name, run.joint_units, k)
-    return found
+            columns[f"{name}{label}"] = flat[:, k], _unit(name, run.joint_units, k)
+    return columns
 
 
 def _unit(name: str, units: tuple[str, ...], joint: int) -> str:

@@ -1,4 +1,4 @@
-"""The parts of a closed loop, checked against each other."""
+"""A closed loop from its parts, checked against each other."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from .stepping import Stepping
 from .tally import Windows
 
 MOST_SAMPLES = 10**9
-"""Of a run: some hours, if the law is simple."""
+"""Limit of a run: some hours with a simple law."""
 
 
 def define_loop(
@@ -39,11 +39,11 @@ def define_loop(
     bands: tuple[float, ...],
     tolerance: PrescribedPerformance | None = None,
 ) -> tuple[Loop, int]:
-    """The closed loop, and the number of its samples, once its parts are known to fit each other.
+    """Return the closed loop and the number of its samples. Arguments as in `simulate`.
 
-    All arguments are those of `simulate`. What is traced is not checked, aside from its shape.
+    Traced values are not checked, except for their shapes.
 
-    Raises DefinitionError if they do not fit.
+    Raises DefinitionError if the parts do not fit each other.
     """
     require_64_bits()
     if log_every is not None and not 1 <= log_every <= MOST_SAMPLES:
@@ -76,11 +76,7 @@ def require_fitting(
     *,
     stepping: Stepping,
 ) -> None:
-    """Raises DefinitionError if the parts of a closed loop do not fit each other.
-
-    - `plant`, `controller`, `trajectory`, `state0`, `tolerance`: its parts, as in `simulate`.
-    - `stepping`: how time passes.
-    """
+    """Raise a DefinitionError if the parts of a closed loop do not fit each other. Arguments as in `simulate`."""
     n = plant.robot.joints
     if controller.joints != n:
         raise DefinitionError(f"the controller commands {counted(controller.joints, 'joint')}, but the plant has {n}")
@@ -102,11 +98,11 @@ def require_fitting(
     if tolerance is not None:
         require_joints(tolerance, n, "the plant")
     try:
-        pushed = eqx.filter_eval_shape(plant.disturbance, jax.ShapeDtypeStruct((), float), state0).shape
+        forces = eqx.filter_eval_shape(plant.disturbance, jax.ShapeDtypeStruct((), float), state0).shape
     except (TypeError, ValueError) as error:
         raise DefinitionError(f"the disturbance does not fit the plant's {counted(n, 'joint')}: {error}") from error
-    if pushed != (n,):
-        raise DefinitionError(f"the disturbance gives {list(pushed)} forces, but the plant has {counted(n, 'joint')}")
+    if forces != (n,):
+        raise DefinitionError(f"the disturbance gives {list(forces)} forces, but the plant has {counted(n, 'joint')}")
     if stepping.mode == "continuous":
         if isinstance(controller, SampledData):
             raise DefinitionError("a sampled-data law needs samples: simulate in held mode, not in continuous mode")
@@ -114,21 +110,16 @@ def require_fitting(
             if part is not None:
                 raise DefinitionError(f"{name} needs samples: simulate in held mode, not in continuous mode")
     if isinstance(controller, SampledData) and not is_traced(controller.period):
-        made_for = float(controller.period)
-        if abs(made_for - stepping.period) > 1e-9 * made_for:
+        period = float(controller.period)
+        if abs(period - stepping.period) > 1e-9 * period:
             raise DefinitionError(
-                f"the sampled-data law is made for a period of {made_for:g} s; it cannot be sampled every "
+                f"the sampled-data law is made for a period of {period:g} s; it cannot be sampled every "
                 f"{stepping.period:g} s"
             )
 
 
 def windows_of(steps: int, period: float, bands: tuple[float, ...]) -> Windows:
-    """From when on each statistic of a run counts.
-
-    - `steps`: number of periods.
-    - `period`: time between samples [s].
-    - `bands`: error bands for the settling time, rad or m.
-    """
+    """Return the first samples that each statistic counts in a run of so many periods [s]."""
     return Windows(
         steady=constant(int(np.ceil(0.75 * steps))),
         late=constant(int(np.floor(2.0 / period + 1e-6)) + 1),
@@ -137,10 +128,7 @@ def windows_of(steps: int, period: float, bands: tuple[float, ...]) -> Windows:
 
 
 def constant(number: Any) -> Array:
-    """A known number or array as JAX's, which `jnp.asarray` would compile a program for.
-
-    - `number`: Python's or NumPy's.
-    """
+    """Return a JAX array of a known value; `jnp.asarray` would compile a program for it."""
     return jax.device_put(np.asarray(number))
 
 
@@ -159,12 +147,9 @@ def _steps(t1: float, period: float) -> int:
 
 
 def require_start(loop: Loop, state0: State, envelope: Envelope | None, reference: Reference, held: Any) -> None:
-    """Raises DefinitionError if the first error is at or outside its bounds, or the arm cannot be held where it starts.
+    """Raise a DefinitionError if the first error is at or outside its bounds, or the actuator cannot hold the arm.
 
-    - `loop`: what begins.
-    - `state0`: the first state.
-    - `envelope`, `reference`: at that time.
-    - `held`: the torque that holds the arm there [n], N m or N; None without an actuator.
+    - `held`: torque that holds the arm at `state0` [n], N m or N; None without an actuator.
     """
     names = [joint_called(name) for name in loop.plant.robot.joint_names]
     if loop.plant.actuator is not None and held is not None:
@@ -181,8 +166,8 @@ def require_start(loop: Loop, state0: State, envelope: Envelope | None, referenc
             )
     e = np.asarray(state0.q - reference.q)
     if loop.tolerance is not None:
-        judged = loop.tolerance.envelope(constant(0.0), loop.tolerance.init(constant(0.0), state0.q - reference.q))
-        outside = (e <= np.asarray(judged.lower)) | (np.asarray(judged.upper) <= e)
+        band = loop.tolerance.envelope(constant(0.0), loop.tolerance.init(constant(0.0), state0.q - reference.q))
+        outside = (e <= np.asarray(band.lower)) | (np.asarray(band.upper) <= e)
         if outside.any():
             joint = int(np.argmax(outside))
             raise DefinitionError(

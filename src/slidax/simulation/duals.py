@@ -1,4 +1,4 @@
-"""A closed loop together with its derivative in one direction."""
+"""A closed loop with its derivative in one direction (dual numbers)."""
 
 from __future__ import annotations
 
@@ -16,51 +16,43 @@ from .rollout import begin, sample
 
 
 class Dual(eqx.Module):
-    """Arrays and their derivatives.
-
-    - `value`: any tree.
-    - `tangent`: the derivatives of its floating-point arrays; None elsewhere.
-    """
+    """A tree, and the derivatives of its floating-point arrays (None elsewhere)."""
 
     value: Any
     tangent: Any
 
     @property
     def fault(self) -> Fault:
-        """Of a carry."""
         return self.value.fault
 
 
 def duals(define: Callable[[Any], tuple[Loop, State]]) -> tuple[Callable[..., Any], Callable[..., Any]]:
-    """The beginning of a loop and one sample of it, as functions of `(at, direction)`, with their derivatives.
+    """Return the start of a loop and one sample of it, with derivatives, as functions of `(at, direction)`.
 
-    - `define`: from arrays to a loop and the state at t = 0.
+    - `define`: maps arrays to a loop and the state at t = 0.
     """
 
-    def begun(given: tuple[Any, Any]) -> tuple[Dual, Any, Any, Any]:
-        at, direction = given
-        (carry, *rest), (tangent, *_) = pushed(lambda at: begin(*define(at)), at, direction)
+    def begin_dual(point: tuple[Any, Any]) -> tuple[Dual, Any, Any, Any]:
+        (carry, *rest), (tangent, *_) = jvp(lambda at: begin(*define(at)), *point)
         return Dual(carry, tangent), *rest
 
-    def turned(given: tuple[Any, Any], carry: Dual) -> tuple[Dual, Dual]:
-        at, direction = given
+    def sample_dual(point: tuple[Any, Any], carry: Dual) -> tuple[Dual, Dual]:
+        def step(at_and_carry: tuple[Any, Carry]) -> Any:
+            at, before = at_and_carry
+            return sample(define(at)[0], before)
 
-        def moved(both: tuple[Any, Carry]) -> Any:
-            return sample(define(both[0])[0], both[1])
-
-        values, tangents = pushed(moved, (at, carry.value), (direction, carry.tangent))
+        at, direction = point
+        values, tangents = jvp(step, (at, carry.value), (direction, carry.tangent))
         after, log = (Dual(value, tangent) for value, tangent in zip(values, tangents, strict=True))
         return after, log
 
-    return begun, turned
+    return begin_dual, sample_dual
 
 
-def pushed(function: Callable[[Any], Any], at: Any, direction: Any) -> tuple[Any, Any]:
-    """`f(x)` and `f'(x) v`, where only floating-point arrays have derivatives.
+def jvp(function: Callable[[Any], Any], at: Any, direction: Any) -> tuple[Any, Any]:
+    """Return `f(x)` and `f'(x) v` of a function of one tree, in which only floating-point arrays have derivatives.
 
-    - `function`: f, of one tree.
-    - `at`: x.
-    - `direction`: v; None for what has no derivative.
+    - `direction`: v, None where x has no derivative.
     """
     floats, rest = eqx.partition(at, eqx.is_inexact_array)
     leaves, tree = jax.tree.flatten(floats)

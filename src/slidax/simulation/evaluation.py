@@ -1,4 +1,4 @@
-"""The law at one time."""
+"""Evaluation of the law at one time."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from .outcome import Fault, find_fault
 
 
 class Evaluation(eqx.Module):
-    """The law at one time: its input, its answer, and what is wrong."""
+    """The law at one time: its reference, its command, its envelope, and a fault."""
 
     reference: Reference
     command: Command
@@ -21,32 +21,24 @@ class Evaluation(eqx.Module):
     fault: Fault
 
 
-def evaluate(loop: Loop, t: Scalar, state: State, seen: State, memory: Memory, ahead: Scalar) -> Evaluation:
-    """The law at one time, checked against the true state; the law itself gets what is measured of it.
+def evaluate(loop: Loop, t: Scalar, state: State, measured: State, memory: Memory, ahead: Scalar) -> Evaluation:
+    """Evaluate the law on the measured state, and check the true state.
 
-    - `loop`: what stays the same.
-    - `t`: time [s].
-    - `state`: the true one.
-    - `seen`: what is measured of it.
-    - `memory`: the controller's.
     - `ahead`: time of the next sample [s].
     """
     reference = loop.trajectory.reference(t)
-    command = loop.controller(t, seen, reference, loop.trajectory.reference(ahead), memory)
+    command = loop.controller(t, measured, reference, loop.trajectory.reference(ahead), memory)
     # Plant, tally and log read the same bits.
     command = eqx.tree_at(lambda c: c.tau, command, once(command.tau))
-    return judged(loop, t, state, memory, reference, command)
+    return checked_evaluation(loop, t, state, memory, reference, command)
 
 
-def judged(loop: Loop, t: Scalar, state: State, memory: Memory, reference: Reference, command: Command) -> Evaluation:
-    """An answer of the law, with what is wrong there.
+def checked_evaluation(
+    loop: Loop, t: Scalar, state: State, memory: Memory, reference: Reference, command: Command
+) -> Evaluation:
+    """Return a command of the law with the envelope and the fault at the true state.
 
-    - `loop`: what stays the same.
-    - `t`: time [s].
-    - `state`: the true one.
-    - `memory`: the controller's before the answer.
-    - `reference`: what the joints should do.
-    - `command`: the answer.
+    - `memory`: the controller's, before the command.
     """
     envelope = loop.controller.envelope(t, memory)
     finite = jnp.isfinite(command.tau) & jnp.isfinite(state.dq)

@@ -1,4 +1,4 @@
-"""Where a run was outside its envelope, if it went on there."""
+"""Excursion of a run outside its envelope."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from slidax._types import Envelope, Scalar, Vector
 class Excursion(eqx.Module):
     """The samples at or outside the bounds, as arrays.
 
-    - `first`, `last`: number of the first and of the last such sample; -1 if there is none.
-    - `joint`, `error`, `bound`: at the first, the joint that is farthest outside, from 0, its error and its bound.
-    - `beyond`: by how much each joint was outside at the worst [n], rad or m; 0 if it never was.
-    - `outside`: whether the latest sample was.
+    - `first`, `last`: numbers of the first and the last such sample; -1 without one.
+    - `joint`, `error`, `bound`: of the joint farthest outside at the first such sample; `joint` counts from 0.
+    - `beyond`: each joint's largest distance outside [n], rad or m; 0 if always inside.
+    - `outside`: True if the latest sample was outside.
     """
 
     first: Int[Array, ""]
@@ -28,10 +28,7 @@ class Excursion(eqx.Module):
 
     @staticmethod
     def none(joints: int) -> Excursion:
-        """No such sample.
-
-        - `joints`: number of joints.
-        """
+        """Return the excursion of a run that never left its envelope."""
         never, zero = jnp.full((), -1), jnp.zeros(())
         return Excursion(
             first=never,
@@ -44,12 +41,7 @@ class Excursion(eqx.Module):
         )
 
     def add(self, k: Int[Array, ""], e: Vector, envelope: Envelope) -> Excursion:
-        """The same with one more sample.
-
-        - `k`: number of the sample.
-        - `e`: error [n], rad or m.
-        - `envelope`: the bounds.
-        """
+        """Add sample k with error e [n], rad or m."""
         over = jnp.maximum(e - envelope.upper, envelope.lower - e)
         outside = jnp.any(over >= 0)
         joint = jnp.argmax(over)

@@ -10,17 +10,13 @@ import numpy as np
 from slidax._errors import DefinitionError
 
 Kind = Literal["pandas", "polars"]
-"""Which library makes the data frame."""
+"""Library of the data frame."""
 
 KINDS = ("pandas", "polars")
 
 
 def data_frame(columns: Mapping[str, Any], kind: Kind = "pandas", units: Mapping[str, str] | None = None) -> Any:
-    """A data frame: of pandas, with the units in its `attrs`, or of polars, which has no place for them.
-
-    - `columns`: by name, all of one length.
-    - `kind`: "pandas" or "polars".
-    - `units`: of the columns, by name.
+    """Return a data frame from columns of equal length. pandas keeps the units in `attrs`; polars drops them.
 
     Raises DefinitionError if the library is another, or is not installed.
     """
@@ -30,18 +26,17 @@ def data_frame(columns: Mapping[str, Any], kind: Kind = "pandas", units: Mapping
         if kind == "polars":
             import polars
 
-            return polars.DataFrame({name: _plain(values) for name, values in columns.items()})
+            return polars.DataFrame({name: _flat(values) for name, values in columns.items()})
         import pandas
     except ImportError:
         raise DefinitionError(
             f"a data frame of {kind} needs {kind}, which is not installed: pip install 'slidax[frame]'"
         ) from None
-    made = pandas.DataFrame(dict(columns))
+    frame = pandas.DataFrame(dict(columns))
     if units is not None:
-        made.attrs["units"] = dict(units)
-    return made
+        frame.attrs["units"] = dict(units)
+    return frame
 
 
-def _plain(values: Any) -> Any:
-    """Without a shape of its own, as polars takes it."""
+def _flat(values: Any) -> Any:
     return np.ascontiguousarray(values) if isinstance(values, np.ndarray) else list(values)

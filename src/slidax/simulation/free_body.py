@@ -1,4 +1,4 @@
-"""The motion of a body that was let go."""
+"""Motion of a released payload."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from jaxtyping import Float
 
 
 class FreeBody(eqx.Module):
-    """Where a load is after it was let go, at the samples that were logged from then on.
+    """Pose of a released payload at the m samples that were logged since its release.
 
-    Its frame is that of the tip at the moment it was let go; the load's own centre and inertia are given in it.
+    Its frame is the tip's at the release; the payload's centre and inertia are relative to that frame.
 
     - `t`: time [m], s.
-    - `rotation`: its axes, as columns, in the base frame [m 3 3].
-    - `place`: in the base frame [m 3], m.
+    - `rotation`: axes as columns, in the base frame [m 3 3].
+    - `place`: origin, in the base frame [m 3], m.
     """
 
     t: Float[np.ndarray, " m"]

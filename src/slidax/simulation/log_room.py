@@ -1,4 +1,4 @@
-"""Whether the log of a run fits into memory, before the run."""
+"""Size limit of a run's log, checked before the run."""
 
 from __future__ import annotations
 
@@ -14,25 +14,20 @@ from .loop import Loop
 from .rollout import begin, sample
 
 MOST_BYTES = 10**9
-"""Of a log; while it is made, twice as much is taken."""
+"""Largest log; twice as much is needed while the log is made."""
 
 SMALL = 200_000
-"""Rows that fit whatever is in them, so that only long runs are looked at."""
+"""Rows that always fit: only longer logs are checked."""
 
 
 def require_room(loop: Loop, state0: State, rows: int) -> None:
-    """Raises DefinitionError if the log of a run would be too large, with its size and a remedy.
-
-    - `loop`: what is run.
-    - `state0`: the first state.
-    - `rows`: samples that are logged.
-    """
+    """Raise a DefinitionError if a log with so many rows would be too large."""
     if rows <= SMALL:
         return
     line = eqx.filter_eval_shape(lambda: sample(loop, begin(loop, state0)[0])[1])
     size = rows * sum(math.prod(leaf.shape) * leaf.dtype.itemsize for leaf in jax.tree.leaves(line))
     if size > MOST_BYTES:
         raise DefinitionError(
-            f"the log of {rows} samples would take {size / 1e9:.3g} GB, at most {MOST_BYTES / 1e9:g} GB are kept: "
+            f"the log of {rows} samples would take {size / 1e9:.3g} GB; the limit is {MOST_BYTES / 1e9:g} GB: "
             f"log one in {math.ceil(size / MOST_BYTES)} times as many (`log_every`), or none"
         )

@@ -1,4 +1,4 @@
-"""A closed loop's two sides: what stays the same while time passes, and what changes."""
+"""A closed loop: its constant parts, and its carry, which changes from sample to sample."""
 
 from __future__ import annotations
 
@@ -23,17 +23,16 @@ Integrator = Callable[..., tuple[Any, tuple[Any, ...]]]
 
 
 class Loop(eqx.Module):
-    """All that stays the same while time passes.
+    """The constant parts of a closed loop.
 
-    - `plant`, `controller`, `trajectory`: the parts.
     - `period`: time between samples [s].
     - `last`: number of the last sample, N.
-    - `windows`: from when each statistic counts.
+    - `windows`: first sample of each statistic.
     - `integrator`: one step of the plant.
     - `substeps`: steps of the plant per period, in held mode.
-    - `continuous`: whether the law is evaluated at every stage of the integrator.
-    - `recover`: whether the run goes on outside the envelope.
-    - `tolerance`: what judges the run, whatever the scheme promises; None for nothing.
+    - `continuous`: evaluate the law at every stage of the integrator.
+    - `recover`: continue outside the envelope.
+    - `tolerance`: band of the error that judges the run.
     """
 
     plant: Plant
@@ -50,17 +49,15 @@ class Loop(eqx.Module):
 
 
 class Carry(eqx.Module):
-    """All that changes while time passes.
+    """The changing parts of a closed loop.
 
     - `k`: number of the next sample.
-    - `state`: the state there.
+    - `state`: the true state there.
     - `good`: the state at the last good sample.
-    - `memory`: the controller's.
-    - `tally`: what was counted.
-    - `fault`: the first thing that went wrong.
-    - `excursion`: where it was outside its envelope; None if that ends the run.
-    - `sensor`, `actuator`: what those keep.
-    - `torque`: the last command [n], which is held while samples are lost; None without a sensor.
+    - `memory`, `sensor`, `actuator`: memories of the controller, the sensor and the actuator.
+    - `fault`: the first fault.
+    - `excursion`: samples outside the envelope; None if the first of them ends the run.
+    - `torque`: the last command [n], held while samples are lost; None without a sensor.
     """
 
     k: Int[Array, ""]
@@ -75,8 +72,8 @@ class Carry(eqx.Module):
     torque: Vector | None
 
 
-class Passed(eqx.Module):
-    """What one period leaves behind, beside the state: the memories of all parts that have one."""
+class Memories(eqx.Module):
+    """The memories of all parts after a period, and the held torque, as in `Carry`."""
 
     memory: Memory
     sensor: Memory
@@ -84,9 +81,6 @@ class Passed(eqx.Module):
     torque: Vector | None
 
 
-Begun = tuple[Carry, Envelope | None, Reference, Float[Array, "*runs n"] | Float[np.ndarray, "*runs n"] | None]
-"""The carry before the first sample, with the envelope and the reference there, and the torque that holds the arm [n],
-N m or N; None without an actuator."""
-
-Inside = Callable[[State, Envelope | None, Reference, Any], None]
-"""Raises a DefinitionError if the first state may not be where it is, or cannot be held there."""
+LoopStart = tuple[Carry, Envelope | None, Reference, Float[Array, "*runs n"] | Float[np.ndarray, "*runs n"] | None]
+"""A carry, with the envelope and the reference at t = 0, and the torque that holds the arm there [n], N m or N (None
+without an actuator)."""

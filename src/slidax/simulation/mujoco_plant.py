@@ -1,4 +1,4 @@
-"""A plant whose robot MuJoCo simulates."""
+"""A plant with a robot that MuJoCo moves."""
 
 from __future__ import annotations
 
@@ -13,23 +13,23 @@ from slidax.sensors import AbstractSensor
 from .plant import Plant
 
 MujocoIntegrator = Literal["implicitfast", "implicit", "euler", "rk4"]
-"""MuJoCo's own names of its integrators."""
+"""MuJoCo's names of its integrators."""
 
 
 class Table(AbstractPart):
-    """A level and rigid surface without end. The arm's tip and what it carries meet it; its links pass through."""
+    """A level, rigid, unbounded surface. The arm's tip and its payload meet it; the links pass through."""
 
     height: Scalar = parameter("above the base frame's origin, against gravity", "m")
     friction: Scalar = parameter("coefficient of what touches it", "", "> 0", default=0.5)
 
 
 class MujocoPlant(AbstractPart):
-    """A plant whose robot is moved by MuJoCo, for `simulate` in held mode; the controller sees its sensors alone.
+    """A plant with a robot that MuJoCo moves, for `simulate` in held mode. The controller sees only its sensors.
 
-    Masses, rotors and friction are those of `Plant`. With `dry` the Coulomb friction is MuJoCo's own: a joint really
-    sticks, and its friction jumps as it turns round, where that of `Plant` is smoothed. A load is a part of the last
-    link while it is carried; let go, it is a body of its own, the box of even density with the same mass and moments,
-    which falls and meets the table. MuJoCo takes `substeps` steps a period; torque and disturbance are held over each.
+    Masses, rotors and friction are those of `Plant`. With `dry`, Coulomb friction is MuJoCo's own: a joint sticks, and
+    its friction jumps at a reversal, where `Plant` smooths it. A carried payload is part of the last link. A released
+    one becomes a body of its own, the homogeneous box of equal mass and moments, which falls and meets the table.
+    MuJoCo takes `substeps` steps per period, and holds torque and disturbance over each.
     """
 
     robot: AbstractRobot = piece("an `Articulated` arm")
@@ -72,24 +72,21 @@ class MujocoPlant(AbstractPart):
         dry: bool = False,
         stops: bool = False,
     ) -> MujocoPlant:
-        """MuJoCo in place of a plant of ours.
+        """Return the plant with its robot moved by MuJoCo.
 
-        - `plant`: with an `Articulated` arm.
-        - `surroundings`, `integrator`, `dry`, `stops`: as above.
-
-        Raises DefinitionError if its robot is of another kind.
+        Raises DefinitionError if the robot is not an `Articulated` arm.
         """
         parts = (plant.robot, plant.disturbance, plant.sensor, plant.actuator, plant.load)
         return cls(*parts, surroundings=surroundings, integrator=integrator, dry=dry, stops=stops)
 
     @property
     def own(self) -> Plant:
-        """The same with a robot that we move ourselves, and nothing around it."""
+        """The plant with slidax's own equations of motion, without surroundings."""
         return Plant(self.robot, self.disturbance, self.sensor, self.actuator, self.load)
 
     @property
-    def pushed(self) -> Plant:
-        """`own` with all that pushes its joints and is not MuJoCo's among the disturbances."""
+    def with_friction(self) -> Plant:
+        """`own` with smoothed Coulomb friction as a disturbance, unless MuJoCo has it (`dry`)."""
         own = self.own
         if self.dry or not isinstance(self.robot, Articulated):
             return own

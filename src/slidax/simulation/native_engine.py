@@ -1,4 +1,4 @@
-"""The closed loop as machine code of its own: single runs on the processor, batches there or on a card."""
+"""Native engine: a closed loop as machine code, single runs on the processor, batches there or on a card."""
 
 from __future__ import annotations
 
@@ -6,197 +6,171 @@ import functools
 import time
 from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Any
 
 import equinox as eqx
 import jax
 import numpy as np
 
-from slidax._types import State
 from slidax.codegen import cuda, llvm
 from slidax.codegen.llvm.prepare import lowered_and_fused
 
+from .define import require_start
 from .duals import duals
-from .loop import Begun, Inside, Loop
+from .engine import EngineResult, RunRequest
+from .loop import LoopStart
 from .native_loop import Define, NativeLoop, batch_loop, lowered, single_loop
 from .progress import Progress
 from .run import Log, Timing
 from .signature import LoopSignature
 
-OurOwn = Literal["native", "cuda"]
-"""Where code of our own runs: on the processor, or on an NVIDIA card."""
-
 CHUNK = 1_000_000
-"""About how many samples pass between two looks at the run, for its bar."""
+"""Samples between two looks at the run, about."""
 
 
-def drive(
-    loop: Loop,
-    state0: State,
-    samples: int,
-    every: int | None,
-    progress: bool | None,
-    started: float,
-    inside: Inside,
-) -> tuple[Begun, Log | None, Timing]:
-    """The carry at the end, with envelope and reference at the beginning, and the log.
-
-    - `loop`: what stays the same.
-    - `state0`: the state at t = 0.
-    - `samples`: how many.
-    - `every`: one in how many is logged; None logs none.
-    - `progress`: whether a bar is shown; None if the run is long and standard error is a terminal.
-    - `started`: when, by `time.perf_counter`.
-    - `inside`: refuses a start that is not allowed.
-
-    Raises NoNativeCodeError if there is no machine code for something in it.
-    """
-    arrays, static = eqx.partition((loop, state0), eqx.is_array)
+def drive(request: RunRequest) -> EngineResult:
+    """Run the loop in chunks, which let a bar be drawn."""
+    samples, every = request.samples, request.log_every
+    arrays, static = eqx.partition((request.loop, request.state0), eqx.is_array)
     native, code = _compiled(LoopSignature.of(arrays, static, every is not None))
     kernel = code.kernel(samples)
     ready = time.perf_counter()
     stride = every or 1
     chunk = max(1, CHUNK // stride) * stride
-    known = [*native.consts, *_numbers(arrays)]
-    carry = [np.zeros(leaf.shape, leaf.dtype) for leaf in jax.tree.leaves(native.begun[0])]
-    begun: list[np.ndarray] = []
+    inputs = [*native.consts, *_numbers(arrays)]
+    carry = [np.zeros(leaf.shape, leaf.dtype) for leaf in jax.tree.leaves(native.start[0])]
+    start: list[np.ndarray] = []
     logs: list[list[np.ndarray]] = []
-    with Progress(-(-samples // chunk), progress) as bar:
+    with Progress(-(-samples // chunk), request.progress) as bar:
         for first in range(0, samples, chunk):
             steps = min(chunk, samples - first)
-            how = [np.asarray(steps), *([] if every is None else [np.asarray(every)]), np.asarray(first == 0)]
-            results = kernel([*known, *how, *carry], rows=-(-steps // stride))
-            logged, left = _split(native, results)
-            logs.append(logged)
+            counts = [np.asarray(steps), *([] if every is None else [np.asarray(every)]), np.asarray(first == 0)]
+            results = kernel([*inputs, *counts, *carry], rows=-(-steps // stride))
+            rows, end = _split(native, results)
+            logs.append(rows)
             if first == 0:
-                inside(state0, *_unflattened(native.begun, left)[1:])
-            begun = left if not begun else [*left[: len(carry)], *begun[len(carry) :]]
-            carry = left[: len(carry)]
+                require_start(request.loop, request.state0, *_unflattened(native.start, end)[1:])
+            start = end if not start else [*end[: len(carry)], *start[len(carry) :]]
+            carry = end[: len(carry)]
             bar.advance()
-            if int(_unflattened(native.begun[0], carry).fault.kind):
+            if int(_unflattened(native.start[0], carry).fault.kind):
                 break
-    log = None
+    log: Log | None = None
     if every is not None:
-        whole = _unflattened(native.log, [np.concatenate(parts) for parts in zip(*logs, strict=True)])
-        log = jax.tree.map(lambda x: x[whole.valid], whole)
-    ended: Begun = _unflattened(native.begun, jax.device_put(begun))
-    return ended, log, Timing(compile_s=ready - started, run_s=time.perf_counter() - ready)
+        log = _unflattened(native.log, [np.concatenate(rows) for rows in zip(*logs, strict=True)]).without_padding()
+    end_of_run: LoopStart = _unflattened(native.start, jax.device_put(start))
+    return EngineResult(end_of_run, log, Timing(compile_s=ready - request.started, run_s=time.perf_counter() - ready))
 
 
 def drive_batch(
-    task: Hashable,
+    key: Hashable,
     define: Define,
-    one: Any,
+    shapes: Any,
     varied: Any,
     samples: int,
     every: int | None,
     threads: int | None,
-    on: OurOwn = "native",
+    machine: str = "native",
 ) -> tuple[Any, Log | None]:
-    """The same for many runs; every array has the run as its first axis, also the `Begun` that comes first.
+    """Run many loops; every array of the result has the run as its first axis, also the `LoopStart`.
 
-    - `task`: equal for equal loops, so that each is compiled once.
-    - `define`: from what varies, for one run, to the loop and the first state.
-    - `one`: the shapes of what varies, for one run.
+    - `key`: equal for equal loops, so that each is compiled once.
+    - `define`: maps one run's varied values to the loop and the state at t = 0.
+    - `shapes`: of one run's varied values.
     - `varied`: arrays with the run as their first axis.
-    - `samples`: how many.
-    - `every`: one in how many is logged; None logs none.
-    - `threads`: how many; None: as many as there are cores. A card has its own.
-    - `on`: where they run.
+    - `threads`: None for as many as there are cores; a card has its own.
+    - `machine`: `native` for the processor, `cuda` for an NVIDIA card.
 
-    Raises NoNativeCodeError if there is no machine code for something in it, DefinitionError if there is no card.
+    Raises NoNativeCodeError if a part of the loop has no machine code, DefinitionError if there is no card.
     """
     logged = every is not None
-    known = _Known((task, *_form(one)), lambda: batch_loop(define, one, logged=logged), logged)
-    if on == "native":
-        return _driven(known, [], _numbers(varied), samples, every, threads)
-    native, kernel = _compiled_for_card(known)
-    return _collected(native, kernel.batch(*_asked(native, _numbers(varied), samples, every)), every)
+    source = _LoopSource((key, logged, *_form(shapes)), lambda: batch_loop(define, shapes, logged=logged))
+    if machine == "native":
+        return _run_on_processor(source, [], _numbers(varied), samples, every, threads)
+    native, kernel = _compiled_for_card(source)
+    return _collected(native, kernel.batch(*_batch_inputs(native, _numbers(varied), samples, every)), every)
 
 
-def drive_duals(task: Hashable, define: Define, at: Any, directions: Any, samples: int, every: int | None) -> Any:
-    """One loop, and how it changes in many directions: pairs of numbers and derivatives, direction by direction.
+def drive_duals(key: Hashable, define: Define, at: Any, directions: Any, samples: int, every: int | None) -> Any:
+    """Run one loop and its derivatives in many directions: pairs of values and tangents, by direction.
 
-    What does not depend on the direction is computed once for several.
+    Values that do not depend on the direction are computed once for several. Arguments as in `drive_batch`.
 
-    - `task`, `define`, `samples`, `every`: as in `drive_batch`.
-    - `at`: what varies.
+    - `at`: the varied values.
     - `directions`: trees like `at` with the direction as their first axis.
 
-    Raises NoNativeCodeError if there is no machine code for something in it.
+    Raises NoNativeCodeError if a part of the loop has no machine code.
     """
-    one = jax.tree.map(lambda x: jax.ShapeDtypeStruct(x.shape, x.dtype), at)
-    known = _Known(
-        (task, "duals", *_form(one)),
-        lambda: lowered(*duals(define), one, logged=every is not None, batch=True, shared=one),
-        every is not None,
+    shapes = jax.tree.map(lambda x: jax.ShapeDtypeStruct(x.shape, x.dtype), at)
+    logged = every is not None
+    source = _LoopSource(
+        (key, "duals", logged, *_form(shapes)),
+        lambda: lowered(*duals(define), shapes, logged=logged, batch=True, shared=shapes),
     )
-    return _driven(known, _numbers(at), _numbers(directions), samples, every, None)
+    return _run_on_processor(source, _numbers(at), _numbers(directions), samples, every, None)
 
 
-def _driven(
-    known: _Known,
+def _run_on_processor(
+    source: _LoopSource,
     shared: list[np.ndarray],
     varied: list[np.ndarray],
     samples: int,
     every: int | None,
     threads: int | None,
 ) -> tuple[Any, Any]:
-    native, code = _compiled_batch(known)
-    inputs, runs, rows = _asked(native, varied, samples, every, shared)
+    native, code = _compiled_batch(source)
+    inputs, runs, rows = _batch_inputs(native, varied, samples, every, shared)
     kernel = code.kernel(samples * -(-runs // code.lanes))
     return _collected(native, kernel.batch(inputs, runs, rows, threads), every)
 
 
-def _asked(
+def _batch_inputs(
     native: NativeLoop,
     varied: list[np.ndarray],
     samples: int,
     every: int | None,
     shared: Sequence[np.ndarray] = (),
 ) -> tuple[list[np.ndarray], int, int]:
-    """What a kernel is given: its inputs, how many runs, and how many rows of the log."""
-    how = [np.asarray(samples), *([] if every is None else [np.asarray(every)])]
-    return [*native.consts, *shared, *varied, *how], varied[0].shape[0], -(-samples // (every or 1))
+    """Arguments of a batch kernel: its inputs, the number of runs, the rows of each log."""
+    counts = [np.asarray(samples), *([] if every is None else [np.asarray(every)])]
+    return [*native.consts, *shared, *varied, *counts], varied[0].shape[0], -(-samples // (every or 1))
 
 
 def _collected(native: NativeLoop, results: list[np.ndarray], every: int | None) -> tuple[Any, Any]:
-    logged, left = _split(native, results)
-    log = None if every is None else _unflattened(native.log, logged)
-    ended = _unflattened(native.begun, jax.device_put(left))
-    return ended, log
+    rows, end = _split(native, results)
+    log = None if every is None else _unflattened(native.log, rows)
+    return _unflattened(native.start, jax.device_put(end)), log
 
 
-def _form(one: Any) -> tuple[Any, ...]:
-    leaves, tree = jax.tree.flatten(one)
+def _form(shapes: Any) -> tuple[Any, ...]:
+    leaves, tree = jax.tree.flatten(shapes)
     return tree, tuple((leaf.shape, leaf.dtype.name) for leaf in leaves)
 
 
 @dataclass(frozen=True)
-class _Known:
-    """A batch's loop, equal to others by its key alone."""
+class _LoopSource:
+    """A function that makes a batch's loop; equal to others by its key alone."""
 
     key: Hashable
     make: Callable[[], NativeLoop] = field(compare=False)
-    logged: bool
 
 
 @functools.lru_cache(maxsize=64)
-def _compiled_batch(known: _Known) -> tuple[NativeLoop, llvm.ByDemand]:
-    native = known.make()
+def _compiled_batch(source: _LoopSource) -> tuple[NativeLoop, llvm.ByDemand]:
+    native = source.make()
     return native, llvm.ByDemand(native.program, lanes=llvm.LANES)
 
 
 @functools.lru_cache(maxsize=64)
-def _compiled_for_card(known: _Known) -> tuple[NativeLoop, cuda.Kernel]:
-    """The program in the very operations that the processor gets, all of them exactly rounded, so in the same bits."""
-    native = known.make()
+def _compiled_for_card(source: _LoopSource) -> tuple[NativeLoop, cuda.Kernel]:
+    """The program in the processor's own operations, all exactly rounded, which give the same bits."""
+    native = source.make()
     return native, cuda.compile(lowered_and_fused(native.program))
 
 
 @functools.lru_cache(maxsize=64)
 def _compiled(signature: LoopSignature) -> tuple[NativeLoop, llvm.ByDemand]:
-    native = single_loop(signature.whole, signature.arrays, logged=signature.logged)
+    native = single_loop(signature.join, signature.arrays, logged=signature.logged)
     return native, llvm.ByDemand(native.program)
 
 
@@ -205,6 +179,7 @@ def _numbers(tree: Any) -> list[np.ndarray]:
 
 
 def _split(native: NativeLoop, results: list[np.ndarray]) -> tuple[list[np.ndarray], list[np.ndarray]]:
+    """Rows of the log, and arrays of the `LoopStart`."""
     logged = len(jax.tree.leaves(native.log))
     return results[:logged], results[logged:]
 

@@ -1,4 +1,4 @@
-"""How a run ended."""
+"""Outcome of a run."""
 
 from __future__ import annotations
 
@@ -18,21 +18,21 @@ from .excursion import Excursion
 
 OutcomeKind = Literal["ok", "left_envelope", "not_finite", "recovered"]
 FAULTS: tuple[OutcomeKind, ...] = ("ok", "left_envelope", "not_finite")
-"""What the number in `Fault.kind` means."""
+"""Meanings of `Fault.kind`."""
 REMEDY = "Start inside it, enlarge its final radius, or shorten the period."
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """How a run ended, for a person and for a program.
+    """Outcome of a run, in words and as data.
 
-    - `kind`: "ok", "left_envelope", "not_finite", or "recovered" for a run that was outside and came back.
+    - `kind`: "ok", "left_envelope", "not_finite", or "recovered" for a run that left its envelope and returned.
     - `message`: one sentence, with the remedy.
-    - `t`: when [s]; None if ok, as all that follow.
-    - `joint`: which joint, counted from 1.
-    - `error`, `bound`: the error there and the bound that it met, rad or m; None unless it left the envelope.
-    - `back`: from when on it was inside to the end [s]; None unless it went on outside and came back.
-    - `beyond`: by how much it was outside at the worst, rad or m; None unless it went on outside.
+    - `t`: time of the fault [s]. This and all fields below are None if ok.
+    - `joint`: counted from 1.
+    - `error`, `bound`: at the fault, rad or m; None unless the joint left its envelope.
+    - `back`: time of the final return into the envelope [s]; None without a return.
+    - `beyond`: largest distance outside, rad or m; None unless the run continued outside.
     """
 
     kind: OutcomeKind
@@ -51,12 +51,12 @@ class Outcome:
 
     @property
     def stopped(self) -> dict[str, str | float | int | None] | None:
-        """All but the kind, by name, as results in JSON have it; None if ok."""
+        """All fields except `kind`, as results in JSON have them; None if ok."""
         return None if self.ok else {key: value for key, value in asdict(self).items() if key != "kind"}
 
 
 class Fault(eqx.Module):
-    """The first thing that went wrong, as arrays: `kind` indexes `FAULTS`, `joint` counts from 0."""
+    """The first fault, as arrays: `kind` indexes `FAULTS`, `joint` counts from 0."""
 
     kind: Int[Array, ""]
     t: Scalar
@@ -66,33 +66,28 @@ class Fault(eqx.Module):
 
     @property
     def absent(self) -> Bool[Array, "..."]:
-        """True as long as nothing went wrong."""
+        """True without a fault."""
         return self.kind == 0
 
 
 def no_fault() -> Fault:
-    """The fault of a run in which nothing went wrong."""
+    """Return the fault of a run without one."""
     zero = jnp.zeros(())
     return Fault(kind=jnp.zeros((), int), t=zero, joint=jnp.zeros((), int), error=zero, bound=zero)
 
 
 def earlier(first: Fault, second: Fault) -> Fault:
-    """The first fault if there is one, else the second.
-
-    - `first`, `second`: in the order of time.
-    """
+    """Return the first fault if there is one, else the second."""
     return jax.tree.map(lambda a, b: jnp.where(first.absent, b, a), first, second)
 
 
 def find_fault(t: Scalar, e: Vector, finite: Bool[Array, " n"], envelope: Envelope | None) -> Fault:
-    """What is wrong at one evaluation of the law, if anything is.
+    """Return the fault at one evaluation of the law, if any.
 
-    - `t`: time [s].
+    A joint at or outside its bounds takes precedence, since the law is undefined there.
+
     - `e`: error [n].
-    - `finite`: per joint, whether state and torque are finite.
-    - `envelope`: the bounds, or None.
-
-    A joint at or outside its bounds comes first: what the law returns there has no meaning.
+    - `finite`: True for joints with finite state and torque.
     """
     known = jnp.isfinite(e)
     lower, upper = (-jnp.inf, jnp.inf) if envelope is None else (envelope.lower, envelope.upper)
@@ -114,13 +109,11 @@ def describe(
     units: tuple[str, ...],
     names: tuple[str, ...],
 ) -> Outcome:
-    """The outcome in words.
+    """Describe the outcome of a finished run.
 
-    - `fault`: with known values.
-    - `excursion`: where the run was outside its envelope, if it went on there.
-    - `violations`: how many samples were outside.
+    - `violations`: number of samples outside.
     - `period`: time between samples [s].
-    - `units`, `names`: the unit of each joint's position, and its name.
+    - `units`: of each joint's position.
     """
     kind = FAULTS[int(fault.kind)]
     if kind == "ok":
@@ -147,13 +140,13 @@ def _left(t: float) -> str:
 
 
 def _joint(name: str) -> str:
-    """At the beginning of a sentence."""
-    called = joint_called(name)
-    return called[0].upper() + called[1:]
+    """A joint's name at the beginning of a sentence."""
+    words = joint_called(name)
+    return words[0].upper() + words[1:]
 
 
-def _met(name: str, how: str, error: float, bound: float, unit: str) -> str:
-    return f"{_joint(name)} {how} (e = {error:.4g} {unit}, bound {bound:.4g} {unit})"
+def _met(name: str, event: str, error: float, bound: float, unit: str) -> str:
+    return f"{_joint(name)} {event} (e = {error:.4g} {unit}, bound {bound:.4g} {unit})"
 
 
 def _described_excursion(
@@ -163,8 +156,8 @@ def _described_excursion(
     t, back = int(excursion.first) * period, (int(excursion.last) + 1) * period
     worst = int(np.argmax(excursion.beyond))
     beyond = float(excursion.beyond[worst])
-    how = "was outside its envelope from the start" if int(excursion.first) == 0 else _left(t)
-    first = _met(names[joint], how, error, bound, units[joint])
+    event = "was outside its envelope from the start" if int(excursion.first) == 0 else _left(t)
+    first = _met(names[joint], event, error, bound, units[joint])
     outside = "1 sample was outside" if violations == 1 else f"{violations} samples were outside"
     extent = f"{outside}, by at most {beyond:.3g} {units[worst]} ({joint_called(names[worst])})"
     if bool(excursion.outside):

@@ -1,30 +1,26 @@
-"""A run as a person wants to see it: how it ended, and each joint's main numbers."""
+"""Overview of a run as text and HTML: its outcome, and each joint's main results."""
 
 from __future__ import annotations
 
 from collections import Counter
 from html import escape
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from slidax._errors import counted
 
-if TYPE_CHECKING:
-    from .run import Run
+from .run import Run
+from .sketch import sketch
 
 SETTLED = 1e-3
-"""The error to which a joint has to settle, rad or m, if that is one of the run's bands."""
+"""Error band of the column of settling times, rad or m, if it is one of the run's bands."""
 
 Rows = list[list[str]]
-"""A table, its first row the heads, its first column the joints."""
+"""A table with heads in its first row and joints in its first column."""
 
 
 def heading(run: Run) -> str:
-    """One line: what it was, and how it ended.
-
-    - `run`: one or many.
-    """
+    """One line with the joints, the duration, the period and the outcome of one or many runs."""
     many = run.period.ndim > 0
     period, t1 = float(np.ravel(run.period)[0]), float(np.ravel(run.t1)[0])
     kinds = Counter(outcome.kind for outcome in run.outcomes)
@@ -34,27 +30,21 @@ def heading(run: Run) -> str:
 
 
 def remarks(run: Run) -> list[str]:
-    """What else is to be said, a sentence each.
-
-    - `run`: one or many.
-    """
-    said = [outcome.message for outcome in run.outcomes if not outcome.ok][:3]
+    """Sentences on bad outcomes, violations and computing time."""
+    remarks = [outcome.message for outcome in run.outcomes if not outcome.ok][:3]
     if run.has_envelope:
         outside, samples = int(np.sum(run.tally.violations)), int(np.sum(run.tally.samples))
-        said.append(f"Samples outside the envelope: {outside} of {samples}.")
+        remarks.append(f"Samples outside the envelope: {outside} of {samples}.")
     if run.tally.tolerance is not None:
         outside, samples = int(np.sum(run.tally.tolerance.outside)), int(np.sum(run.tally.samples))
-        said.append(f"Samples outside the tolerance band: {outside} of {samples}.")
+        remarks.append(f"Samples outside the tolerance band: {outside} of {samples}.")
     if run.timing is not None:
-        said.append(f"Simulated in {run.timing.run_s:.3g} s, after {run.timing.compile_s:.3g} s to compile.")
-    return said
+        remarks.append(f"Simulated in {run.timing.run_s:.3g} s, after {run.timing.compile_s:.3g} s to compile.")
+    return remarks
 
 
 def table(run: Run) -> Rows:
-    """Each joint's main numbers with their units; of many runs, the worst.
-
-    - `run`: one or many.
-    """
+    """Each joint's main results with units; the worst of many runs."""
     tally, windows = run.tally, run.windows
     many = tuple(range(np.ndim(run.period)))
     samples = np.expand_dims(np.asarray(tally.samples), -1)
@@ -85,10 +75,7 @@ def _cell(value: float, unit: str) -> str:
 
 
 def as_text(run: Run) -> str:
-    """For a terminal.
-
-    - `run`: one or many.
-    """
+    """The overview for a terminal."""
     rows = table(run)
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     lines = []
@@ -98,14 +85,11 @@ def as_text(run: Run) -> str:
     return "\n".join([heading(run), *lines, *remarks(run)])
 
 
-def as_html(run: Run, picture: str) -> str:
-    """For a notebook.
-
-    - `run`: one or many.
-    - `picture`: SVG below the table; empty for none.
-    """
+def as_html(run: Run) -> str:
+    """The overview for a notebook, with a picture of a single run's errors."""
     head, *body = [[escape(cell) for cell in row] for row in table(run)]
     rows = ["<tr>" + "".join(f"<th>{cell}</th>" for cell in head) + "</tr>"]
     rows += [f"<tr><th>{row[0]}</th>" + "".join(f"<td>{cell}</td>" for cell in row[1:]) + "</tr>" for row in body]
-    said = "<br>".join(escape(line) for line in remarks(run))
-    return f"<p><b>{escape(heading(run))}</b></p><table>{''.join(rows)}</table><p>{said}</p>{picture}"
+    sentences = "<br>".join(escape(line) for line in remarks(run))
+    picture = "" if run.period.ndim else sketch(run)
+    return f"<p><b>{escape(heading(run))}</b></p><table>{''.join(rows)}</table><p>{sentences}</p>{picture}"

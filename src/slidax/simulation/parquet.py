@@ -13,10 +13,10 @@ from slidax._errors import DefinitionError, plain
 from slidax._files import MEGABYTE, require_file
 
 MOST_BYTES = 4000 * MEGABYTE
-"""Of a file."""
+"""Largest file that is read."""
 
 MOST_NUMBERS = 10**8
-"""In the columns that are read; a small file may announce billions."""
+"""Limit of the columns that are read; a small file may declare billions."""
 
 
 def require_pyarrow(doing: str) -> None:

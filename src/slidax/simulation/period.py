@@ -10,38 +10,29 @@ from jaxtyping import Array, Int
 from slidax._types import Memory, Scalar, State, Vector
 from slidax.numerics import once, select
 
-from .evaluation import Evaluation, evaluate, judged
-from .loop import Carry, Loop, Passed
+from .evaluation import Evaluation, checked_evaluation, evaluate
+from .loop import Carry, Loop, Memories
 
 
 class HeldTorque(eqx.Module):
-    """What a sample leaves to act on the joints until the next one.
-
-    - `tau`: torque that is set [n], N m or N.
-    - `delivery`: the actuator's memory; None without one.
-    """
+    """Torque command [n], N m or N, of a sample until the next one, with the actuator's memory (None without one)."""
 
     tau: Vector
     delivery: Memory
 
 
-def decided(loop: Loop, carry: Carry, t: Scalar) -> tuple[Evaluation, Passed, HeldTorque]:
-    """The law once, on what is measured; a memory with a rate moves on by Euler's rule.
-
-    - `loop`: what stays the same.
-    - `carry`: what changes.
-    - `t`: time of the sample [s].
-    """
+def evaluate_sample(loop: Loop, carry: Carry, t: Scalar) -> tuple[Evaluation, Memories, HeldTorque]:
+    """Evaluate the law once on the measurement; a memory with a rate advances by Euler's rule."""
     plant, period = loop.plant, loop.period
-    seen, sensor, torque, delivery, fresh = carry.state, None, None, None, None
+    measured, sensor, torque, delivery, fresh = carry.state, None, None, None, None
     if plant.sensor is not None:
         measurement, sensor = plant.sensor(carry.k, carry.state, period, carry.sensor)
-        seen, fresh = measurement.state, measurement.fresh
-    now = evaluate(loop, t, carry.state, seen, carry.memory, t + period)
+        measured, fresh = measurement.state, measurement.fresh
+    now = evaluate(loop, t, carry.state, measured, carry.memory, t + period)
     memory = now.command.memory_after(period)
     tau = now.command.tau
     if fresh is not None and carry.torque is not None:
-        # No measurement, no new command: the last one stands, and the law has seen nothing.
+        # Without a measurement, the last command and the law's memory stay.
         tau = torque = jnp.where(fresh, tau, carry.torque)
         memory = select(fresh, memory, carry.memory)
     if plant.actuator is not None:
@@ -49,35 +40,23 @@ def decided(loop: Loop, carry: Carry, t: Scalar) -> tuple[Evaluation, Passed, He
     if plant.sensor is not None or plant.actuator is not None:
         command = eqx.tree_at(lambda c: c.tau, now.command, once(tau))
         if fresh is not None and "rejected" in command.signals:
-            # A measurement that was lost on the way cannot be rejected.
+            # A lost measurement cannot be rejected.
             rejected = jnp.where(fresh, command.signals["rejected"], 0.0)
             command = eqx.tree_at(lambda c: c.signals["rejected"], command, rejected)
-        now = judged(loop, t, carry.state, carry.memory, now.reference, command)
-    passed = Passed(memory=memory, sensor=sensor, actuator=delivery, torque=torque)
-    return now, passed, HeldTorque(tau=now.command.tau, delivery=delivery)
+        now = checked_evaluation(loop, t, carry.state, carry.memory, now.reference, command)
+    memories = Memories(memory=memory, sensor=sensor, actuator=delivery, torque=torque)
+    return now, memories, HeldTorque(tau=now.command.tau, delivery=delivery)
 
 
 def delivered(loop: Loop, held: HeldTorque, t: Scalar, time: Scalar) -> Vector:
-    """The torque on the joints, [n], N m or N.
-
-    - `loop`: what stays the same.
-    - `held`: what the last sample left.
-    - `t`: time of that sample [s].
-    - `time`: now [s], at most a period later.
-    """
+    """Torque on the joints, [n], N m or N, at a time [s] at most a period after the sample at t [s]."""
     if loop.plant.actuator is None or held.delivery is None:
         return held.tau
     return loop.plant.actuator.delivered(held.delivery, time - t, loop.period)
 
 
 def moved(loop: Loop, state: State, t: Scalar, held: HeldTorque) -> State:
-    """The plant's own state one period later.
-
-    - `loop`: what stays the same.
-    - `state`: at the sample.
-    - `t`: time of the sample [s].
-    - `held`: what the sample left.
-    """
+    """State of slidax's own plant one period after the sample at t [s]."""
     h = loop.period / loop.substeps
 
     def rate(time: Scalar, state: State) -> tuple[State, None]:
@@ -93,15 +72,12 @@ def moved(loop: Loop, state: State, t: Scalar, held: HeldTorque) -> State:
 
 
 def force(loop: Loop, held: HeldTorque, k: Int[Array, ""], i: Int[Array, ""], state: State) -> Vector:
-    """What pushes the joints at the start of a substep: the torque delivered and the disturbance, [n], N m or N.
+    """Force on the joints at the start of a substep: delivered torque and disturbance, [n], N m or N.
 
-    For another simulator of the robot, at the very times at which our own plant would ask.
+    For another simulator of the robot, at the exact times of slidax's own plant.
 
-    - `loop`: what stays the same.
-    - `held`: what sample k left.
     - `k`: number of the sample.
-    - `i`: number of the substep after it, from 0 on.
-    - `state`: at that time.
+    - `i`: number of the substep after it, from 0.
     """
     t = k.astype(float) * loop.period
     time = t + i.astype(float) * (loop.period / loop.substeps)

@@ -1,4 +1,4 @@
-"""The true robot, what acts on it, and what stands between it and a controller."""
+"""Plant: the true robot with its disturbance, sensor and actuator."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from slidax.sensors import AbstractSensor
 
 
 class Plant(AbstractPart):
-    """The robot that moves, with the forces on it that no controller knows, eq. (10)."""
+    """The true robot, with forces that no controller knows, eq. (10)."""
 
     robot: AbstractRobot = piece("M, C, G, F")
     disturbance: AbstractDisturbance = piece("τ_d")
@@ -31,28 +31,16 @@ class Plant(AbstractPart):
         sensor: AbstractSensor | None = None,
         actuator: Actuator | None = None,
     ) -> Plant:
-        """The true arm of a nominal one.
-
-        - `nominal`: as the law knows it.
-        - `mismatch`: how the true arm differs, with what it carries.
-        - `disturbance`, `sensor`, `actuator`: as above.
+        """Return the plant of a nominal arm and the true arm's mismatch, with its payload.
 
         Raises DefinitionError if the mismatch does not fit the arm.
         """
         return cls(mismatch.applied(nominal), disturbance, sensor, actuator, mismatch.load)
 
     def acceleration(self, t: Scalar, state: State, tau: Vector) -> Vector:
-        """`q̈ = M⁻¹ (τ + τ_d - C q̇ - G - F)`, [n], rad/s² or m/s².
-
-        - `t`: time [s].
-        - `state`: positions and velocities.
-        - `tau`: torque on the joints [n], N m or N.
-        """
+        """Acceleration `q̈ = M⁻¹ (τ + τ_d - C q̇ - G - F)`, [n], rad/s² or m/s²."""
         return self.at(t).acceleration(state, tau + self.disturbance(t, state))
 
     def at(self, t: Scalar) -> AbstractRobot:
-        """The robot with what it carries at a time.
-
-        - `t`: time [s].
-        """
+        """The robot with its payload at time t [s]."""
         return self.robot if self.load is None else self.load.on(self.robot, t)

@@ -1,4 +1,4 @@
-"""A bar on the terminal for runs that take long."""
+"""Progress bar for long runs."""
 
 from __future__ import annotations
 
@@ -8,14 +8,13 @@ from types import TracebackType
 from typing import Any
 
 PATIENCE = 2.0
-"""A run that will take longer than this many seconds shows its bar."""
+"""Expected duration [s] from which a run shows its bar."""
 
 
 class Progress:
-    """Counts finished pieces of work, and draws a bar once it is clear that the whole will take long.
+    """Count finished pieces of work, and draw a bar once they are expected to take long.
 
-    - `total`: number of pieces.
-    - `shown`: True draws from the start, False never, None if the work is long and standard error is a terminal.
+    - `shown`: True draws from the start, False never, None for long work if standard error is a terminal.
     """
 
     def __init__(self, total: int, shown: bool | None) -> None:
@@ -31,7 +30,7 @@ class Progress:
         return self
 
     def advance(self) -> None:
-        """One more piece is done."""
+        """Count one more finished piece."""
         self._done += 1
         if self._bar is None and self._shown is None and sys.stderr.isatty():
             expected = (time.perf_counter() - self._started) * self._total / self._done

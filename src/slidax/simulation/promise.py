@@ -1,4 +1,4 @@
-"""What a law's monitor said in a run."""
+"""Margin from a law's monitor."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from slidax._types import Scalar
 class Promise(eqx.Module):
     """The monitor's margin over all samples.
 
-    - `margin`: the least, []; inf before the first sample.
-    - `warned`: number of the first sample at which it was negative, []; -1 if there is none.
+    - `margin`: minimum, []; inf before the first sample.
+    - `warned`: number of the first sample with a negative margin, []; -1 without one.
     """
 
     margin: Scalar
@@ -25,12 +25,7 @@ class Promise(eqx.Module):
         return Promise(margin=jnp.full((), jnp.inf), warned=jnp.full((), -1))
 
     def add(self, k: Int[Array, ""], margin: Scalar, running: Bool[Array, ""]) -> Promise:
-        """The same with one more sample.
-
-        - `k`: number of the sample.
-        - `margin`: that the monitor says.
-        - `running`: whether the run is not over yet.
-        """
+        """Add the monitor's margin at sample k."""
         first = running & (margin < 0.0) & (self.warned < 0)
         return Promise(
             margin=jnp.where(running, jnp.minimum(self.margin, margin), self.margin),

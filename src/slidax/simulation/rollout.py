@@ -1,4 +1,4 @@
-"""One sample of the closed loop as a pure function, whichever engine runs it."""
+"""One sample of the closed loop as a pure function, for all engines."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from slidax.trajectories import ToolMotion
 
 from .evaluation import Evaluation, evaluate
 from .excursion import Excursion
-from .loop import Begun, Carry, Loop, Passed
+from .loop import Carry, Loop, LoopStart, Memories
 from .outcome import earlier, no_fault
-from .period import HeldTorque, decided, moved
+from .period import HeldTorque, evaluate_sample, moved
 from .promise import Promise
 from .run import Log
 from .tally import Tally
@@ -23,25 +23,21 @@ from .tool import Tool
 from .tube import Watched
 
 
-class Moving(eqx.Module):
-    """What the integrator moves: the arm, and the controller's memory if that has a rate, else None."""
+class PlantState(eqx.Module):
+    """State of the integrator: the arm's, and the controller's memory if that has a rate, else None."""
 
     q: Vector
     dq: Vector
     memory: Memory
 
 
-def begin(loop: Loop, state: State) -> Begun:
-    """The carry before the first sample, with the envelope and the reference there, and the torque that holds the arm.
-
-    - `loop`: what stays the same.
-    - `state`: the state at t = 0.
-    """
+def begin(loop: Loop, state: State) -> LoopStart:
+    """Return the carry before the first sample, with the envelope, the reference and the holding torque at t = 0."""
     t = jnp.zeros(())
     reference = loop.trajectory.reference(t)
     plant, period = loop.plant, loop.period
     sensor, torque = None, None
-    # The arm is held still, or in even motion, until the run begins, with what it carries then.
+    # Until the run begins, the arm is held at rest or in uniform motion, with its payload at t = 0.
     held = plant.at(t).bias(state.q, state.dq)
     measured = state
     if plant.sensor is not None:
@@ -74,74 +70,66 @@ def begin(loop: Loop, state: State) -> Begun:
 
 
 def sample(loop: Loop, carry: Carry) -> tuple[Carry, Log]:
-    """One sample: evaluate the law, count it, move the plant one period on, unless the run is over.
-
-    - `loop`: what stays the same.
-    - `carry`: what changes.
-    """
+    """Evaluate the law, count the sample, and move the plant by one period, unless the run is over."""
     t = carry.k.astype(float) * loop.period
     if loop.continuous:
         return _counted(loop, carry, t, *_continuous_step(loop, carry, t))
-    now, passed, held = decided(loop, carry, t)
-    return _counted(loop, carry, t, moved(loop, carry.state, t, held), passed, (now,))
+    now, memories, held = evaluate_sample(loop, carry, t)
+    return _counted(loop, carry, t, moved(loop, carry.state, t, held), memories, (now,))
 
 
 def decide(loop: Loop, carry: Carry) -> tuple[Carry, Log, HeldTorque]:
-    """The same, but the plant is not moved: another simulator does that. The carry's state stays as it is.
-
-    - `loop`: what stays the same; in held mode.
-    - `carry`: what changes.
-    """
+    """Evaluate the law in held mode and count the sample; another simulator moves the carry's state."""
     t = carry.k.astype(float) * loop.period
-    now, passed, held = decided(loop, carry, t)
-    after, log = _counted(loop, carry, t, carry.state, passed, (now,))
+    now, memories, held = evaluate_sample(loop, carry, t)
+    after, log = _counted(loop, carry, t, carry.state, memories, (now,))
     return after, log, held
 
 
 def _counted(
-    loop: Loop, carry: Carry, t: Scalar, moved: State, passed: Passed, stages: tuple[Evaluation, ...]
+    loop: Loop, carry: Carry, t: Scalar, moved: State, memories: Memories, stages: tuple[Evaluation, ...]
 ) -> tuple[Carry, Log]:
-    """The carry after a sample, and its line in the log."""
+    """The carry after a sample, and its log."""
     now = stages[0]
     e = carry.state.q - now.reference.q
 
     running = carry.fault.absent & (carry.k <= loop.last)
     good = running & now.fault.absent
     moves = carry.k < loop.last
-    found = now.fault
+    fault = now.fault
     for stage in stages[1:]:
-        found = earlier(found, jax.tree.map(lambda x: jnp.where(moves, x, jnp.zeros_like(x)), stage.fault))
-    onward = good & found.absent & moves
+        fault = earlier(fault, jax.tree.map(lambda x: jnp.where(moves, x, jnp.zeros_like(x)), stage.fault))
+    onward = good & fault.absent & moves
 
     counted = carry.tally.add(carry.k, e, now.command.tau, now.envelope, loop.windows)
     tally = select(good, counted, carry.tally.with_violation(running & (now.fault.kind == 1)))
     excursion = carry.excursion
     if excursion is not None and now.envelope is not None:
-        # Also where the law has no answer: being outside is why.
+        # Also where the law is undefined, which is the case outside.
         known = running & jnp.all(jnp.isfinite(e))
-        seen = excursion.add(carry.k, e, now.envelope)
-        tally = tally.with_violation(known & seen.outside)
-        excursion = select(known, seen, excursion)
+        extended = excursion.add(carry.k, e, now.envelope)
+        tally = tally.with_violation(known & extended.outside)
+        excursion = select(known, extended, excursion)
     if loop.tolerance is not None:
-        tally = tally.watching(loop.tolerance, t, e, running)
-    tally = tally.warned(carry.k, now.command.signals, good)
+        tally = tally.with_tolerance(loop.tolerance, t, e, running)
+    tally = tally.with_margin(carry.k, now.command.signals, good)
     tally = tally.with_rejection(now.command.signals, good)
     if tally.tool is not None:
         steady = good & (carry.k >= loop.windows.steady)
         tool = tally.tool.add(loop.plant.robot, carry.state.q, now.reference.q, good, steady)
         tally = eqx.tree_at(lambda tally: tally.tool, tally, tool)
     after = Carry(
-        # The number grows in runs that are over, too: so a batch has one time, and shares what depends on time alone.
+        # k also grows in ended runs, so that a batch has one time and shares all that depends on time alone.
         k=carry.k + 1,
         state=select(onward, moved, carry.state),
         good=select(good, carry.state, carry.good),
-        memory=select(onward, passed.memory, carry.memory),
+        memory=select(onward, memories.memory, carry.memory),
         tally=tally,
-        fault=select(running, found, carry.fault),
+        fault=select(running, fault, carry.fault),
         excursion=excursion,
-        sensor=passed.sensor,
-        actuator=passed.actuator,
-        torque=passed.torque,
+        sensor=memories.sensor,
+        actuator=memories.actuator,
+        torque=memories.torque,
     )
     log = Log(
         k=carry.k,
@@ -160,8 +148,8 @@ def _has_monitor(controller: AbstractController) -> bool:
     return getattr(controller, "monitor", None) is not None
 
 
-def _continuous_step(loop: Loop, carry: Carry, t: Scalar) -> tuple[State, Passed, tuple[Evaluation, ...]]:
-    """The law in every stage of the integrator, as a fixed-step solver of block diagrams does."""
+def _continuous_step(loop: Loop, carry: Carry, t: Scalar) -> tuple[State, Memories, tuple[Evaluation, ...]]:
+    """The law at every stage of the integrator, as in a fixed-step solver of block diagrams."""
 
     def at(t: Scalar, state: State, memory: Memory) -> Evaluation:
         return evaluate(loop, t, state, state, memory, ahead)
@@ -169,14 +157,14 @@ def _continuous_step(loop: Loop, carry: Carry, t: Scalar) -> tuple[State, Passed
     ahead = t + loop.period
     has_rate = eqx.filter_eval_shape(at, t, carry.state, carry.memory).command.rate is not None
 
-    def rate(t: Scalar, now: Moving) -> tuple[Moving, Evaluation]:
+    def rate(t: Scalar, now: PlantState) -> tuple[PlantState, Evaluation]:
         state = State(q=now.q, dq=now.dq)
         stage = at(t, state, now.memory if has_rate else carry.memory)
         acceleration = loop.plant.acceleration(t, state, stage.command.tau)
-        return Moving(q=now.dq, dq=acceleration, memory=stage.command.rate), stage
+        return PlantState(q=now.dq, dq=acceleration, memory=stage.command.rate), stage
 
-    start = Moving(q=carry.state.q, dq=carry.state.dq, memory=carry.memory if has_rate else None)
+    start = PlantState(q=carry.state.q, dq=carry.state.dq, memory=carry.memory if has_rate else None)
     moved, stages = loop.integrator(rate, t, start, loop.period)
     memory = moved.memory if has_rate else stages[0].command.memory
-    passed = Passed(memory=memory, sensor=None, actuator=None, torque=None)
-    return State(q=moved.q, dq=moved.dq), passed, stages
+    memories = Memories(memory=memory, sensor=None, actuator=None, torque=None)
+    return State(q=moved.q, dq=moved.dq), memories, stages

@@ -1,4 +1,4 @@
-"""What a simulation returns."""
+"""Run: the result of a simulation."""
 
 from __future__ import annotations
 
@@ -18,8 +18,6 @@ from .excursion import Excursion
 from .frames import Kind, data_frame
 from .free_body import FreeBody
 from .outcome import Fault, Outcome, describe
-from .overview import as_html, as_text
-from .sketch import sketch
 from .tally import Tally, Windows
 
 Anyhow: TypeAlias = Array | np.ndarray
@@ -31,11 +29,11 @@ class Log(eqx.Module):
 
     - `k`: number of the sample.
     - `t`: time [s].
-    - `state`: the true one, whatever a sensor says of it.
-    - `reference`, `envelope`: as the controller saw them; `envelope` is None for a scheme without one.
-    - `tau`: torque that is set [N m or N]: within the limits of an actuator, and the last one where a sample was lost.
-    - `signals`: the controller's inner quantities by name; where a sample was lost, those of the answer not taken.
-    - `valid`: False for places after the end of the run, which only a batch has.
+    - `state`: the true state, not the measured one.
+    - `reference`, `envelope`: as the controller had them; `envelope` is None for a scheme without one.
+    - `tau`: torque after the actuator's limits [N m or N]; the previous torque where a sample was lost.
+    - `signals`: the controller's inner quantities by name; where a sample was lost, those of the unused command.
+    - `valid`: False for rows after the end of the run, which only a batch has.
     """
 
     k: Int[Anyhow, "..."]
@@ -57,11 +55,16 @@ class Log(eqx.Module):
         """Velocity error `q̇ - q̇_d`, rad/s or m/s."""
         return self.state.dq - self.reference.dq
 
+    def without_padding(self) -> Log:
+        """The log of a single run, with its valid samples only."""
+        valid = np.asarray(self.valid)
+        return jax.tree.map(lambda x: np.asarray(x)[valid], self)
+
 
 class Timing(NamedTuple):
-    """Where the time of a run went.
+    """Computing time of a run.
 
-    - `compile_s`: tracing and compiling [s]; near 0 for the second run of the same shape.
+    - `compile_s`: tracing and compiling [s]; near 0 for the second run with equal shapes.
     - `run_s`: the run itself [s].
     """
 
@@ -72,21 +75,19 @@ class Timing(NamedTuple):
 class Run(eqx.Module):
     """A finished simulation, or many from `simulate_batch`, whose arrays have the run as their first axis.
 
-    Of many runs, `len(runs)` says how many, `runs[i]` is one of them, and `for run in runs` goes through them.
+    Many runs have a length, `runs[i]` is one of them, and `for run in runs` iterates over them.
 
-    - `log`: the logged samples, or None if none were asked for.
+    - `log`: the logged samples; None without a log.
     - `tally`: statistics of all samples, which the metrics read.
-    - `windows`: from when each statistic counts, and the settling bands.
-    - `fault`: the first thing that went wrong, as arrays; see `outcome`.
-    - `excursion`: where it was outside its envelope, as arrays; None if that ends a run.
+    - `windows`: first sample of each statistic, and the settling bands.
+    - `fault`: the first fault, as arrays; see `outcome`.
+    - `excursion`: samples outside the envelope, as arrays; None if the first of them ends a run.
     - `state`: the state at the last good sample.
     - `period`: time between samples [s].
-    - `t1`: end that was asked for [s].
-    - `joint_units`: unit of each joint's position.
-    - `joint_names`: what the joints are called.
-    - `has_envelope`: whether the scheme promises one.
-    - `timing`: seconds spent; None inside a transformation.
-    - `load`: where the load was, once it was let go; None where nothing is, or if the robot is not MuJoCo's.
+    - `t1`: requested end [s].
+    - `has_envelope`: True if the scheme has an envelope.
+    - `timing`: None inside a transformation.
+    - `load`: motion of a released payload; only with a `MujocoPlant`.
     """
 
     log: Log | None
@@ -105,7 +106,6 @@ class Run(eqx.Module):
 
     @property
     def joints(self) -> int:
-        """The number of joints."""
         return len(self.joint_units)
 
     @property
@@ -115,7 +115,7 @@ class Run(eqx.Module):
 
     @property
     def outcome(self) -> Outcome:
-        """How the run ended.
+        """Outcome of a single run.
 
         Raises DefinitionError for many runs, which have `outcomes`, and inside a transformation.
         """
@@ -134,7 +134,7 @@ class Run(eqx.Module):
 
     @property
     def outcomes(self) -> list[Outcome]:
-        """How each run ended; one entry for a single run."""
+        """Outcome of each run; one entry for a single run."""
         if not self.period.ndim:
             return [self.outcome]
         ends = jax.tree.map(np.asarray, (self.fault, self.excursion, self.tally.violations, self.period))
@@ -155,31 +155,31 @@ class Run(eqx.Module):
         return True
 
     def __getitem__(self, which: int | slice) -> Run:
-        """One run of many, with the log of its own samples alone; or several.
-
-        - `which`: its number, or a slice.
-        """
+        """One of many runs, with its valid samples only; or several, by a slice."""
         if isinstance(which, slice):
             return _picked(self, which)
         count = len(self)
         if not -count <= which < count:
             raise IndexError(f"there are {count} runs; got {which}")
-        one = _picked(self, which)
-        if one.log is None or one.period.ndim or is_traced(one.log):
-            return one
-        valid = np.asarray(one.log.valid)
-        log = jax.tree.map(lambda x: np.asarray(x)[valid], one.log)
-        return eqx.tree_at(lambda run: run.log, one, log)
+        run = _picked(self, which)
+        if run.log is None or run.period.ndim or is_traced(run.log):
+            return run
+        return eqx.tree_at(lambda run: run.log, run, run.log.without_padding())
 
     def __iter__(self) -> Iterator[Run]:
         return (self[k] for k in range(len(self)))
 
     def __repr__(self) -> str:
+        # Imported late: `overview` needs `Run`.
+        from .overview import as_text
+
         return as_text(self) if self._is_known else eqx.tree_pformat(self)
 
     def _repr_html_(self) -> str | None:
-        """What a notebook shows."""
-        return as_html(self, "" if self.period.ndim else sketch(self)) if self._is_known else None
+        """HTML for a notebook."""
+        from .overview import as_html
+
+        return as_html(self) if self._is_known else None
 
     @property
     def _is_known(self) -> bool:
@@ -189,22 +189,16 @@ class Run(eqx.Module):
     def frame(self, kind: Kind = "pandas", joints: Literal["names", "numbers"] = "names") -> Any:
         """The log as a data frame: a row per sample, columns such as `q[panda_joint1]`; pandas has units in `attrs`.
 
-        - `kind`: "pandas" or "polars".
         - `joints`: "names" for `q[panda_joint1]`, "numbers" for `q_1`, as in Parquet logs.
 
-        Raises DefinitionError if there is no log, these are many runs, or the library is not installed.
+        Raises DefinitionError without a log, for many runs, or if the library is not installed.
         """
-        found = self._columns(joints)
-        units = {name: unit for name, (_, unit) in found.items()}
-        return data_frame({name: values for name, (values, _) in found.items()}, kind, units)
+        columns = self._columns(joints)
+        units = {name: unit for name, (_, unit) in columns.items()}
+        return data_frame({name: values for name, (values, _) in columns.items()}, kind, units)
 
     def units(self, joints: Literal["names", "numbers"] = "names") -> dict[str, str]:
-        """The units of the columns of `frame`, by name.
-
-        - `joints`: as there.
-
-        Raises DefinitionError as `frame` does.
-        """
+        """Units of the columns of `frame`, by name. Raises DefinitionError as `frame` does."""
         return {name: unit for name, (_, unit) in self._columns(joints).items()}
 
     def _columns(self, joints: str) -> dict[str, tuple[np.ndarray, str]]:

@@ -1,4 +1,4 @@
-"""What compiled code for a closed loop depends on: everything but the numbers."""
+"""Signature of a closed loop: its tree, shapes and static parts, without its values."""
 
 from __future__ import annotations
 
@@ -13,10 +13,7 @@ import numpy as np
 
 @dataclass(frozen=True)
 class LoopSignature:
-    """The tree, the shapes and the static parts of a loop, without its numbers: loops with equal signatures share code.
-
-    Made by `LoopSignature.of`.
-    """
+    """Key of compiled code: loops with equal signatures share it."""
 
     tree: Any
     shapes: tuple[tuple[tuple[int, ...], str], ...]
@@ -26,11 +23,7 @@ class LoopSignature:
 
     @staticmethod
     def of(arrays: Any, static: Any, logged: bool) -> LoopSignature:
-        """That of a loop.
-
-        - `arrays`, `static`: its two parts, by `equinox.partition`.
-        - `logged`: whether its samples are logged.
-        """
+        """Return the signature of a tree from its two halves, as `equinox.partition` gives them."""
         leaves, tree = jax.tree.flatten(arrays)
         others, static_tree = jax.tree.flatten(static)
         return LoopSignature(tree, tuple((x.shape, x.dtype.name) for x in leaves), static_tree, tuple(others), logged)
@@ -42,7 +35,7 @@ class LoopSignature:
         return jax.tree.unflatten(self.tree, shapes)
 
     @property
-    def whole(self) -> Callable[[Any], Any]:
-        """A function that joins arrays and static parts again."""
+    def join(self) -> Callable[[Any], Any]:
+        """Function that joins arrays with the static parts."""
         static = jax.tree.unflatten(self.static_tree, self.static)
-        return lambda given: eqx.combine(given, static)
+        return lambda arrays: eqx.combine(arrays, static)

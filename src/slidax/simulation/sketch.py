@@ -3,22 +3,17 @@
 from __future__ import annotations
 
 from html import escape
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from .run import Run
+from .run import Run
 
 WIDTH, HEIGHT, POINTS = 640, 70, 640
-"""Size of one joint's panel in pixels, and how many samples are drawn at most."""
+"""Size of one joint's panel in pixels, and the largest number of drawn samples."""
 
 
 def sketch(run: Run) -> str:
-    """One panel per joint: its error in its envelope over time, as SVG; empty for a run without a log.
-
-    - `run`: a single run.
-    """
+    """Each joint's error and envelope over time in a panel, as SVG; empty for a run without a log."""
     log = run.log
     if log is None or not len(log.t):
         return ""
@@ -30,8 +25,8 @@ def sketch(run: Run) -> str:
     x = WIDTH * t / max(float(run.t1), 1e-300)
     panels = []
     for joint, (name, unit) in enumerate(zip(run.joint_names, run.joint_units, strict=True)):
-        seen = e[:, joint] if bounds is None else np.concatenate([e[:, joint], *bounds[..., joint]])
-        size = max(float(np.abs(seen).max()), 1e-300)
+        extremes = e[:, joint] if bounds is None else np.concatenate([e[:, joint], *bounds[..., joint]])
+        size = max(float(np.abs(extremes).max()), 1e-300)
 
         def points(x: np.ndarray, y: np.ndarray, size: float = size) -> str:
             return " ".join(f"{a:.1f},{HEIGHT / 2 * (1 - b / size):.1f}" for a, b in zip(x, y, strict=True))

@@ -1,4 +1,4 @@
-"""A robot's inertia, forces and places in many states at once."""
+"""Inertia, forces and joint frames of a robot at many states at once."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ Numbers = NDArray[np.float64]
 
 
 class States(NamedTuple):
-    """What a robot is like in each of k states.
+    """Quantities of a robot at k states.
 
     - `mass`: M(q) [k n n], kg m², kg m, kg.
     - `bias`: `C(q,q̇) q̇ + G(q)` [k n], N m or N.
-    - `axes`, `places`: of an arm's joints, in the base frame [k n 3]; None for a robot that has no joint frames.
-    - `tip`: [k 3].
+    - `axes`, `places`: of the joints, in the base frame [k n 3]; None for a robot without joint frames.
+    - `tip`: [k 3], m.
     """
 
     mass: Numbers
@@ -38,20 +38,14 @@ class States(NamedTuple):
     places: Numbers | None = None
 
     def torque(self, ddq: Numbers) -> Numbers:
-        """`M(q) q̈ + C(q,q̇) q̇ + G(q)` [k n], N m or N.
-
-        - `ddq`: accelerations [k n].
-        """
+        """Torque `M(q) q̈ + C(q,q̇) q̇ + G(q)` [k n], N m or N."""
         return np.einsum("kij,kj->ki", self.mass, ddq) + self.bias
 
 
 def states_of(robot: AbstractRobot, q: Numbers, dq: Numbers | None = None) -> States:
-    """What the robot is like in many states.
+    """Return a robot's quantities at positions and velocities [k n]; at rest by default.
 
-    - `robot`: the robot.
-    - `q`, `dq`: positions and velocities [k n]; at rest if not given.
-
-    Raises DefinitionError where JAX has 32-bit numbers.
+    Raises DefinitionError if JAX uses 32-bit numbers.
     """
     require_64_bits()
     moving = [q, np.zeros_like(q) if dq is None else dq]
@@ -59,37 +53,33 @@ def states_of(robot: AbstractRobot, q: Numbers, dq: Numbers | None = None) -> St
     if llvm.available():
         with suppress(NoNativeCodeError):
             numbers = [np.asarray(leaf) for leaf in jax.tree.leaves(arrays)]
-            kernel = _compiled(LoopSignature.of(arrays, static, False), q.shape[1])
+            kernel = _state_kernel(LoopSignature.of(arrays, static, False), q.shape[1])
             return States(*kernel.batch([*numbers, *moving], runs=len(q), threads=1))
     # XLA takes a hundred times as long to compile it.
-    found = jax.jit(jax.vmap(_state, (None, 0, 0)))(robot, *moving)
-    return States(*(np.asarray(one) for one in found))
+    return States(*map(np.asarray, jax.jit(jax.vmap(_state, (None, 0, 0)))(robot, *moving)))
 
 
 def _state(robot: AbstractRobot, q: Array, dq: Array) -> tuple[Array, ...]:
-    found = (robot.mass(q), robot.bias(q, dq), robot.tip(q))
+    quantities = (robot.mass(q), robot.bias(q, dq), robot.tip(q))
     if not isinstance(robot, Articulated):
-        return found
+        return quantities
     rotations, places = robot.frames(q)
-    return (*found, rotations[..., 2], places)
+    return (*quantities, rotations[..., 2], places)
 
 
 @functools.lru_cache(maxsize=8)
-def _compiled(signature: LoopSignature, joints: int) -> llvm.Kernel:
-    whole = signature.whole
-    each = jax.ShapeDtypeStruct((joints,), float)
-    program = trace(lambda given, q, dq: _state(whole(given), q, dq), signature.arrays, each, each, named=False)
-    program.inputs[-2:] = [replace(one, varying=True) for one in program.inputs[-2:]]
+def _state_kernel(signature: LoopSignature, joints: int) -> llvm.Kernel:
+    join = signature.join
+    row = jax.ShapeDtypeStruct((joints,), float)
+    program = trace(lambda arrays, q, dq: _state(join(arrays), q, dq), signature.arrays, row, row, named=False)
+    program.inputs[-2:] = [replace(entry, varying=True) for entry in program.inputs[-2:]]
     return llvm.compile(program)
 
 
 def spread(lower: Numbers, upper: Numbers, count: int) -> Numbers:
-    """Points spread evenly over a box, the same ones each time [count n]: an additive recurrence.
+    """Return points spread evenly over a box, [count n]: a deterministic additive recurrence.
 
-    Its steps are powers of the root of `x^(n+1) = x + 1`, the golden ratio's relative in n dimensions.
-
-    - `lower`, `upper`: ends of the box [n].
-    - `count`: how many.
+    Its steps are powers of the root of `x^(n+1) = x + 1`, the golden ratio in n dimensions.
     """
     n = len(lower)
     root = 1.5

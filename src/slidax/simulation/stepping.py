@@ -1,4 +1,4 @@
-"""How time passes in a closed loop: period, mode, integrator, and what ends a run."""
+"""Stepping of a closed loop: period, mode, integrator, engine, and the end of a run."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from slidax._errors import nearest
 from slidax.numerics import runge_kutta_4
 from slidax.parts import AbstractPart, DefinitionError, is_traced, parameter, piece, shown
 
-from .engine import Engine
+from .engine import EngineName
 from .loop import Integrator
 
 
@@ -22,11 +22,11 @@ def _known_period(period: Any) -> float:
 
 
 class Stepping(AbstractPart):
-    """How time passes in a closed loop.
+    """Period, mode and integrator of a closed loop.
 
-    In mode "held" the law is evaluated once a period, its torque is held, and the plant takes `substeps` steps of the
-    integrator. In mode "continuous" the law is evaluated at every stage of the integrator, whose step is the period.
-    `simulate` and the like take it whole, or its fields as keywords, or both: a keyword replaces a field.
+    In mode "held" the law is evaluated once per period, its torque is held, and the plant takes `substeps` steps of
+    the integrator. In mode "continuous" the law is evaluated at every stage of the integrator, whose step is the
+    period. `simulate` and the like take a `Stepping`, its fields as keywords, or both: a keyword replaces a field.
     """
 
     period: float = parameter("time between samples", "s", "> 0", static=True, converter=_known_period)
@@ -50,7 +50,7 @@ class Stepping(AbstractPart):
         default="check",
         static=True,
     )
-    engine: Engine = piece(
+    engine: EngineName = piece(
         'what computes: "native" is machine code of our own, "xla" the reference; "auto" takes the first where it can; '
         '"cuda" is the same code on an NVIDIA card, for batches',
         default="auto",
@@ -72,12 +72,9 @@ class Stepping(AbstractPart):
 
     @staticmethod
     def of(stepping: Stepping | None, changes: Mapping[str, Any]) -> Stepping:
-        """What a caller asks for.
+        """Return a stepping with fields changed by keyword.
 
-        - `stepping`: the whole, if it was given.
-        - `changes`: single fields, by name.
-
-        Raises DefinitionError if a field is unknown or out of its range, or there is no period.
+        Raises DefinitionError if a field is unknown or out of its range, or the period is missing.
         """
         names = [field.name for field in fields(Stepping)]
         unknown = set(changes) - set(names)
@@ -92,4 +89,4 @@ class Stepping(AbstractPart):
 
 
 CHOICES = ("mode", "outside", "limits", "engine")
-"""The fields that are one of a few words."""
+"""Fields with a few allowed words."""

@@ -15,7 +15,7 @@ from .tube import Watched
 
 
 class Windows(eqx.Module):
-    """From which sample a statistic counts.
+    """First samples of the statistics.
 
     - `steady`: first sample of the last quarter of the run.
     - `late`: first sample after 2 s, as in eq. (80).
@@ -30,8 +30,7 @@ class Windows(eqx.Module):
 class Tally(eqx.Module):
     """Statistics of all samples, each [n] unless stated otherwise.
 
-    - `samples`: how many samples were counted, [].
-    - `violations`: how many of the samples had a joint at or outside its bounds, [].
+    - `samples`, `violations`: number of samples, and of those with a joint at or outside its bounds, [].
     - `last_above`: number of the last sample with |e| above each band, -1 if none, [k n].
     - `early_error`, `late_error`: sums of |e| up to 2 s, and after.
     - `error_square`: sum of e².
@@ -44,10 +43,10 @@ class Tally(eqx.Module):
     - `torque_square`: sum of τ².
     - `torque_travel`: sum of |τ(k+1) - τ(k)|.
     - `margin`: min over time of the distance to the nearer bound, divided by the envelope's width; inf without one.
-    - `tolerance`: what was seen of the tolerance band that judges the run; None without one.
-    - `promise`: what the law's monitor said; None without one.
-    - `tool`: how far the tool was off; None where none is led.
-    - `rejected`: how many measurements the law's gate rejected, []; None without a gate.
+    - `tolerance`: margin to the tolerance band; None without one.
+    - `promise`: margin from the law's monitor; None without one.
+    - `tool`: error of the tool; None without a tool path.
+    - `rejected`: number of measurements that the law's gate rejected, []; None without a gate.
     """
 
     samples: Int[Array, ""]
@@ -82,15 +81,7 @@ class Tally(eqx.Module):
         tool: Tool | None = None,
         gated: bool = False,
     ) -> Tally:
-        """The tally before the first sample.
-
-        - `joints`: number of joints.
-        - `bands`: number of settling bands.
-        - `tolerance`: the tolerance band that judges it, if there is one.
-        - `promise`: of a law with a monitor.
-        - `tool`: of a motion that leads one.
-        - `gated`: True for a law with a gate for measurements.
-        """
+        """Return the tally before the first sample, for so many joints and settling bands."""
         zero = jnp.zeros(joints)
         count = jnp.zeros((), int)
         return Tally(
@@ -119,14 +110,7 @@ class Tally(eqx.Module):
         )
 
     def add(self, k: Int[Array, ""], e: Vector, tau: Vector, envelope: Envelope | None, windows: Windows) -> Tally:
-        """The tally with one more sample.
-
-        - `k`: number of the sample.
-        - `e`: error [n], rad or m.
-        - `tau`: torque [n], N m or N.
-        - `envelope`: the bounds, or None.
-        - `windows`: from when each statistic counts.
-        """
+        """Add sample k with error e [n], rad or m, and torque tau [n], N m or N."""
         size = jnp.abs(e)
         effort = jnp.abs(tau)
         steady, late = k >= windows.steady, k >= windows.late
@@ -149,7 +133,7 @@ class Tally(eqx.Module):
             last_torque=tau,
             peak_torque=jnp.maximum(self.peak_torque, effort),
             max_step=jnp.maximum(self.max_step, step),
-            # The step that leads into the window's first sample belongs to the time before it.
+            # The step into the window's first sample belongs to the time before it.
             steady_step=jnp.where(k > windows.steady, jnp.maximum(self.steady_step, step), self.steady_step),
             steady_square=self.steady_square + jnp.where(k > windows.steady, step * step, 0.0),
             torque_square=self.torque_square + effort * effort,
@@ -161,40 +145,25 @@ class Tally(eqx.Module):
             rejected=self.rejected,
         )
 
-    def watching(self, tolerance: PrescribedPerformance, t: Scalar, e: Vector, running: Bool[Array, ""]) -> Tally:
-        """The tally with one more sample of the tolerance band that judges the run; also where the law has no answer.
-
-        - `tolerance`, `t`, `e`, `running`: as in `Watched.add`.
-        """
+    def with_tolerance(self, tolerance: PrescribedPerformance, t: Scalar, e: Vector, running: Bool[Array, ""]) -> Tally:
+        """Add a sample to the margin of the tolerance band, also where the law is undefined."""
         if self.tolerance is None:
             return self
         return eqx.tree_at(lambda tally: tally.tolerance, self, self.tolerance.add(tolerance, t, e, running))
 
-    def warned(self, k: Int[Array, ""], signals: dict[str, Array], running: Bool[Array, ""]) -> Tally:
-        """The tally with one more answer of the law's monitor.
-
-        - `k`, `running`: as in `Promise.add`.
-        - `signals`: of the law.
-        """
+    def with_margin(self, k: Int[Array, ""], signals: dict[str, Array], running: Bool[Array, ""]) -> Tally:
+        """Add the monitor's margin at sample k."""
         if self.promise is None:
             return self
-        said = self.promise.add(k, signals["margin"], running)
-        return eqx.tree_at(lambda tally: tally.promise, self, said)
+        return eqx.tree_at(lambda tally: tally.promise, self, self.promise.add(k, signals["margin"], running))
 
     def with_rejection(self, signals: dict[str, Array], running: Bool[Array, ""]) -> Tally:
-        """The tally with one more decision of the law's gate.
-
-        - `signals`: of the law.
-        - `running`: True until the run is over.
-        """
+        """Add a decision of the law's gate."""
         if self.rejected is None:
             return self
         rejected = running & (signals["rejected"] > 0.0)
         return eqx.tree_at(lambda tally: tally.rejected, self, self.rejected + rejected.astype(int))
 
     def with_violation(self, outside: Bool[Array, ""]) -> Tally:
-        """The tally with one more violation where `outside` is true.
-
-        - `outside`: whether the sample lies at or outside its bounds.
-        """
+        """Add a violation if the sample is at or outside its bounds."""
         return eqx.tree_at(lambda tally: tally.violations, self, self.violations + outside.astype(int))

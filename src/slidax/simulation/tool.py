@@ -1,4 +1,4 @@
-"""What a run whose joints lead a tool shows of that tool."""
+"""Tool error of a run whose joints follow a tool path."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from slidax.robots import AbstractRobot, Articulated, Coupled, Scara, TwoLink
 
 
 class Off(eqx.Module):
-    """How far something is off, over all samples; each [], in its unit.
+    """An error over all samples; each [], in its unit.
 
-    - `error`: the most.
-    - `steady`: the most in the last quarter of the run.
-    - `square`: sum of its squares.
+    - `error`: maximum.
+    - `steady`: maximum in the last quarter of the run.
+    - `square`: sum of squares.
     """
 
     error: Scalar
@@ -30,12 +30,7 @@ class Off(eqx.Module):
         return Off(error=nothing, steady=nothing, square=nothing)
 
     def add(self, size: Scalar, running: Bool[Array, ""], steady: Bool[Array, ""]) -> Off:
-        """The same with one more sample.
-
-        - `size`: how far it is off now.
-        - `running`: whether the sample counts.
-        - `steady`: whether it also counts as one of the last quarter.
-        """
+        """Add a sample if `running`, and to the last quarter if `steady`."""
         return Off(
             error=jnp.where(running, jnp.maximum(self.error, size), self.error),
             steady=jnp.where(steady, jnp.maximum(self.steady, size), self.steady),
@@ -44,10 +39,10 @@ class Off(eqx.Module):
 
 
 class Tool(eqx.Module):
-    """How far the tool is from where and how the reference has it.
+    """Error of the tool relative to the reference.
 
-    - `place`: of the tip, m.
-    - `turn`: the angle of the rotation between, rad; None for a robot that does not say how its tip is turned.
+    - `place`: distance of the tip, m.
+    - `turn`: rotation angle, rad; None for a robot without an orientation of its tip.
     """
 
     place: Off
@@ -55,22 +50,14 @@ class Tool(eqx.Module):
 
     @staticmethod
     def begin(robot: AbstractRobot) -> Tool:
-        """Before the first sample.
-
-        - `robot`: whose tip the tool is.
-        """
+        """Before the first sample."""
         turns = isinstance(robot, Articulated | Coupled | Scara | TwoLink)
         return Tool(place=Off.begin(), turn=Off.begin() if turns else None)
 
     def add(
         self, robot: AbstractRobot, q: Vector, wanted: Vector, running: Bool[Array, ""], steady: Bool[Array, ""]
     ) -> Tool:
-        """The same with one more sample.
-
-        - `robot`: whose tip the tool is.
-        - `q`, `wanted`: positions of the joints, as they are and as they should be [n], rad or m.
-        - `running`, `steady`: as in `Off.add`.
-        """
+        """Add a sample with the actual and the wanted joint positions [n], rad or m."""
         away = vector_norm(robot.tip(q) - robot.tip(wanted))
         turn = self.turn
         if turn is not None:
@@ -81,10 +68,7 @@ class Tool(eqx.Module):
 
 
 def turned(axes: Float[Array, "3 3"], others: Float[Array, "3 3"]) -> Scalar:
-    """The angle of the rotation between two frames, in [0, π], rad; exact for small angles, too.
-
-    - `axes`, `others`: axes of the frames, as columns.
-    """
+    """Rotation angle between two frames with axes as columns, in [0, π], rad; accurate for small angles."""
     x, y, z = (jnp.cross(others[:, k], axes[:, k]) for k in range(3))
     # Half the sum of these is the axis times the sine; the trace is 1 + 2 cos.
     return jnp.arctan2(vector_norm(0.5 * (x + y + z)), 0.5 * (jnp.sum(axes * others) - 1.0))

@@ -78,7 +78,7 @@ def arm_plan(scenario: Scenario, *, transport: int) -> ArmPlan:
     """
     require_samples(scenario)
     plant = scenario.plant
-    own = plant.pushed if isinstance(plant, MujocoPlant) else plant
+    own = plant.with_friction if isinstance(plant, MujocoPlant) else plant
     stepping = scenario.stepping
     loop, _ = define_loop(
         own, scenario.controller, scenario.trajectory, scenario.state0, scenario.t1, stepping, None, BANDS

@@ -234,7 +234,7 @@ def _entry(
     native: NativeLoop, module: Module, variants: Sequence[Variant], size: int, has_envelope: bool
 ) -> dict[str, Any]:
     built = variants[0].templates.built
-    carried = len(jax.tree.leaves(native.begun[0]))
+    carried = len(jax.tree.leaves(native.start[0]))
     names = [output.name for output in native.program.outputs]
     logged = len(jax.tree.leaves(native.log))
     n = built.plant.robot.joints

@@ -1,4 +1,4 @@
-"""A rigid body by its principal axes, and the box that is like it."""
+"""Principal axes of a rigid body, and the homogeneous box with equal moments."""
 
 from __future__ import annotations
 
@@ -10,55 +10,43 @@ from slidax._errors import DefinitionError
 from slidax.robots import Payload
 
 ROUNDING = 1e-6
-"""By this share the largest moment may exceed the sum of the others: printed numbers are rounded."""
+"""Relative excess of the largest moment over the sum of the others, for rounded data."""
 
 DENSITY = 2700.0
-"""Of a load whose inertia is 0, a point's: once let go, it is a cube of aluminium, kg/m³."""
+"""Density of a released point mass, which becomes a cube of aluminium, kg/m³."""
 
 THIN = 1e-3
-"""Half of a box's least thickness [m]."""
+"""Smallest half thickness of a box [m]."""
 
 
 class Principal(NamedTuple):
-    """An inertia by its principal axes.
-
-    - `moments`: about them [3], kg m².
-    - `axes`: as columns [3 3], right-handed.
-    """
+    """Principal moments [3], kg m², and axes as columns [3 3], right-handed."""
 
     moments: np.ndarray
     axes: np.ndarray
 
 
 def principal(inertia: np.ndarray) -> Principal:
-    """The principal moments and axes of an inertia.
-
-    - `inertia`: about the centre of mass [3 3], kg m².
-    """
+    """Return the principal moments and axes of an inertia about the centre of mass [3 3], kg m²."""
     moments, axes = np.linalg.eigh(0.5 * (inertia + inertia.T))
     axes[:, 2] *= np.sign(np.linalg.det(axes))
     moments = np.maximum(moments, 0.0)
-    # MuJoCo refuses what a rigid body cannot have by however little; the moments are in increasing order.
+    # MuJoCo rejects the smallest excess over a rigid body's moments. The moments are in increasing order.
     moments[2] = min(moments[2], moments[0] + moments[1])
     return Principal(moments, axes)
 
 
 class Box(NamedTuple):
-    """A box of even density, along its principal axes.
-
-    - `sides`: half of each [3], m.
-    - `moments`: about the axes [3], kg m².
-    """
+    """A homogeneous box along its principal axes: half sides [3], m, and moments [3], kg m²."""
 
     sides: np.ndarray
     moments: np.ndarray
 
 
 def box_like(mass: float, moments: np.ndarray) -> Box:
-    """The box of even density with these moments; one that is too thin to fall and roll is made thicker.
+    """Return the homogeneous box with these moments, with a minimum thickness so that it can fall and roll.
 
-    - `mass`: kg, > 0.
-    - `moments`: [3], kg m²; all 0 for a point, which becomes a cube by its weight.
+    - `moments`: [3], kg m²; all 0 for a point mass, which becomes a cube.
     """
     if moments.any():
         squares = 1.5 / mass * (moments.sum() - 2.0 * moments)
@@ -69,14 +57,11 @@ def box_like(mass: float, moments: np.ndarray) -> Box:
 
 
 def require_rigid(payload: Payload) -> None:
-    """Raises DefinitionError if no rigid body has these moments: one that is let go could not fall.
-
-    - `payload`: with known numbers.
-    """
+    """Raise a DefinitionError if no rigid body has the payload's moments."""
     moments = np.linalg.eigvalsh(np.asarray(payload.inertia))
     if moments[2] > (moments[0] + moments[1]) * (1.0 + ROUNDING):
         listed = ", ".join(f"{moment:.3g}" for moment in moments)
         raise DefinitionError(
-            f"`Payload.inertia` is of no rigid body: the largest of its principal moments {listed} kg m² is more than "
-            "the sum of the others"
+            f"no rigid body has this `Payload.inertia`: the largest of its principal moments {listed} kg m² is more "
+            "than the sum of the others"
         )

@@ -1,4 +1,4 @@
-"""MuJoCo's model of an arm, with what it carries and what stands around it."""
+"""MuJoCo's model of an arm with its payload and surroundings."""
 
 from __future__ import annotations
 
@@ -21,24 +21,23 @@ INTEGRATORS = {
 }
 
 STIFF = (0.99, 0.99, 1e-3, 0.5, 2.0)
-"""MuJoCo's impedance of what is to be rigid: 1 % of what it withstands shows as motion (its default: 10 %). A joint
-that sticks creeps at a hundredth of the velocity that the torque on it would give it in one step."""
+"""MuJoCo's impedance of rigid constraints: 1 % of the load shows as motion (its default: 10 %). A sticking joint creeps
+at 1 % of the velocity that its torque would cause in one step."""
 
 CONTACT = 2e-3
-"""MuJoCo's time constant of a contact, s: a tenth of its default. A tip that is pressed on sinks in by less than .1 mm;
-twice the step of 1 ms is the least that MuJoCo takes."""
+"""MuJoCo's time constant of a contact [s]: a tenth of its default. A pressed tip sinks in by less than 0.1 mm. MuJoCo
+takes no less than twice its step of 1 ms."""
 
 LEAST = 1e-12
-"""Mass and moments of a link that has none, kg and kg m²: MuJoCo takes no moving body without."""
+"""Mass and moments of a massless link, kg and kg m²: MuJoCo requires some of each moving body."""
 
 
 class Built(NamedTuple):
-    """A compiled model, and where our numbers are in it.
+    """A compiled model, and the indices of the arm's quantities.
 
-    - `model`: MuJoCo's.
-    - `places`, `dofs`: of our joints among its positions and velocities [n].
-    - `tip`: number of the site at the tip.
-    - `body`: where position and velocity of the free body begin; None if there is none.
+    - `places`, `dofs`: of the joints among MuJoCo's positions and velocities [n].
+    - `tip`: of the site at the tip.
+    - `body`: first position and velocity of the free body; None without one.
     """
 
     model: Any
@@ -49,15 +48,15 @@ class Built(NamedTuple):
 
 
 def build(plant: MujocoPlant, robot: Articulated, load: Payload | None, *, free: bool, timestep: float) -> Built:
-    """The compiled model.
+    """Compile MuJoCo's model.
 
     - `plant`: options and surroundings.
-    - `robot`: the arm, with all that it carries as its payload.
-    - `load`: what has a shape, and so meets the table; None for nothing.
-    - `free`: whether that is let go. If so, it is no part of the robot's payload.
+    - `robot`: the arm, with everything that it carries as its payload.
+    - `load`: payload with a shape that meets the table.
+    - `free`: True if the load is released, and no part of the robot's payload.
     - `timestep`: of MuJoCo [s].
 
-    Raises DefinitionError if MuJoCo does not take it.
+    Raises DefinitionError if MuJoCo rejects the arm.
     """
     mj = mujoco()
     spec = mj.MjSpec()
@@ -69,7 +68,7 @@ def build(plant: MujocoPlant, robot: Articulated, load: Payload | None, *, free:
     option.gravity = np.asarray(robot.gravity_vector)
     option.integrator = getattr(mj.mjtIntegrator, INTEGRATORS[plant.integrator])
     option.cone = mj.mjtCone.mjCONE_ELLIPTIC
-    # What becomes infinite is to stay so: it ends the run.
+    # Without this, MuJoCo resets infinite states, which must end the run.
     option.disableflags |= mj.mjtDisableBit.mjDSBL_AUTORESET
     links, joints = _links(spec, robot, plant, timestep=timestep)
     carrier = links[robot.tip_joint]
@@ -80,21 +79,21 @@ def build(plant: MujocoPlant, robot: Articulated, load: Payload | None, *, free:
     _add_shape(carrier, mj.mjtGeom.mjGEOM_SPHERE, pos=tip["pos"], size=[float(plant.tip_radius), 0.0, 0.0])
     carried, shaped, body = robot.payload, None, None
     if float(carried.mass) > 0:
-        # A body of its own without a joint: MuJoCo adds it to the link, and not we.
+        # A body without a joint: MuJoCo adds its inertia to the link.
         shaped = carrier.add_body(**tip)
         _with_inertia(shaped, carried.mass, carried.center, carried.inertia)
     if load is not None and free:
         shaped = spec.worldbody.add_body(name="released load")
         _with_inertia(shaped, load.mass, load.center, load.inertia)
         shaped.inertia = _box(load).moments
-        # Its frame stays where we put it, and is not moved to the centre of mass.
+        # MuJoCo would otherwise move the frame to the centre of mass.
         body = shaped.add_freejoint(align=mj.mjtAlignFree.mjALIGNFREE_FALSE)
     if load is not None:
         _add_box(shaped, load)
     try:
         model = spec.compile()
     except ValueError as error:
-        raise DefinitionError(f"MuJoCo does not take {robot.name}: {error}") from error
+        raise DefinitionError(f"MuJoCo rejects {robot.name}: {error}") from error
     return Built(
         model=model,
         places=np.array([model.jnt_qposadr[joint.id] for joint in joints]),
@@ -105,7 +104,7 @@ def build(plant: MujocoPlant, robot: Articulated, load: Payload | None, *, free:
 
 
 def _links(spec: Any, robot: Articulated, plant: MujocoPlant, *, timestep: float) -> tuple[list[Any], list[Any]]:
-    """The links and their joints, in our order; MuJoCo orders them otherwise where the arm branches."""
+    """The links and their joints in slidax's order; MuJoCo's differs in branched arms."""
     mj = mujoco()
     links: list[Any] = []
     joints: list[Any] = []
@@ -123,7 +122,7 @@ def _links(spec: Any, robot: Articulated, plant: MujocoPlant, *, timestep: float
             axis=[0.0, 0.0, 1.0],
             armature=float(robot.armature[i]),
             frictionloss=float(robot.coulomb[i]) if plant.dry else 0.0,
-            # As stiff as the steps allow.
+            # The stiffest that the step allows.
             solref_friction=[2.0 * timestep, 1.0],
             solimp_friction=STIFF,
         )
@@ -155,7 +154,7 @@ def _add_table(world: Any, table: Table, gravity: np.ndarray) -> None:
     geom.pos = float(table.height) * up
     geom.alt.zaxis = up
     geom.contype, geom.conaffinity = 1, 0
-    # Its numbers hold for whatever touches it.
+    # The table's parameters hold for all contacts.
     geom.priority = 1
     geom.friction = [float(table.friction), 0.005, 1e-4]
     geom.solref = [CONTACT, 1.0]
@@ -173,7 +172,7 @@ def _box(load: Payload) -> Box:
 
 
 def _add_shape(body: Any, kind: Any, **where: Any) -> None:
-    """A shape that meets the table and nothing else: the parts of an arm overlap where they are joined."""
+    """A shape that meets only the table: the links of an arm overlap at the joints."""
     body.add_geom(type=kind, contype=0, conaffinity=1, mass=0.0, **where)
 
 

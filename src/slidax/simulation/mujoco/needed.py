@@ -1,4 +1,4 @@
-"""MuJoCo, where it is installed."""
+"""Access to the optional package MuJoCo."""
 
 from __future__ import annotations
 
@@ -10,10 +10,7 @@ from slidax._errors import DefinitionError
 
 
 def mujoco() -> Any:
-    """The package.
-
-    Raises DefinitionError if it is not installed.
-    """
+    """Return the package. Raises DefinitionError if it is not installed."""
     try:
         import mujoco as package
     except ImportError:
@@ -25,15 +22,11 @@ def mujoco() -> Any:
 
 @contextmanager
 def quiet() -> Iterator[None]:
-    """Keeps MuJoCo's warnings off the terminal and out of a file that it would begin; the outcome says it all."""
+    """Keep MuJoCo's warnings off the terminal and out of its log file; the outcome has the facts."""
     package = mujoco()
     before = package.get_mju_user_warning()
-    package.set_mju_user_warning(_nothing)
+    package.set_mju_user_warning(lambda message: None)
     try:
         yield
     finally:
         package.set_mju_user_warning(before)
-
-
-def _nothing(message: str) -> None:
-    """Takes a warning."""

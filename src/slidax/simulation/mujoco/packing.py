@@ -1,4 +1,4 @@
-"""A tree of arrays as few arrays: a function is called the faster the fewer it takes."""
+"""A tree of arrays as few arrays, since calls with fewer arguments are faster."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ import jax.numpy as jnp
 import numpy as np
 
 Packed = tuple[Any, ...]
-"""All real numbers in one array, and the other arrays after it."""
+"""All floating-point values in one array, then the other arrays."""
 
 
 class Packing:
-    """Where each array of a tree is among the packed ones.
+    """Layout of a tree in packed arrays.
 
-    - `shapes`: the tree, with anything that has shape and dtype for arrays.
+    - `shapes`: the tree, with objects that have shape and dtype for arrays.
     """
 
     def __init__(self, shapes: Any) -> None:
@@ -26,19 +26,12 @@ class Packing:
         self._ends = np.cumsum(sizes).tolist()
 
     def pack(self, tree: Any) -> Packed:
-        """The packed arrays.
-
-        - `tree`: of JAX's arrays.
-        """
         leaves = list(zip(jax.tree.leaves(tree), self._real, strict=True))
         numbers = jnp.concatenate([jnp.ravel(leaf) for leaf, real in leaves if real])
         return numbers, *(leaf for leaf, real in leaves if not real)
 
     def unpack(self, packed: Packed) -> Any:
-        """The tree.
-
-        - `packed`: JAX's arrays or NumPy's, also with more axes in front.
-        """
+        """Return the tree; the packed arrays may have more axes in front."""
         numbers, *others = packed
         starts = [0, *self._ends]
         real = (numbers[..., start:end] for start, end in zip(starts, self._ends, strict=False))

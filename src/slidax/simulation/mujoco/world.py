@@ -15,13 +15,12 @@ from .needed import mujoco
 
 
 class World:
-    """The arm and all that is about it, at one time.
+    """The arm and its surroundings at one time.
 
-    What is carried is taken up and let go by going over to another model, in which it is a part of the last link or a
-    body of its own: exact, and as stiff as the link. Weld constraints, which MuJoCo can switch, are springs: the arm
-    would feel the load only as far as they are stiff, and every step would solve for six more forces.
+    To attach or release a payload, the world changes to another model, in which the payload is part of the last link
+    or a body of its own: exact, and as stiff as the link. Weld constraints, which MuJoCo can switch, are springs: they
+    transmit the payload only as far as they are stiff, and add six unknown forces to every step.
 
-    - `plant`: what there is.
     - `timestep`: of MuJoCo [s].
     - `state`: of the arm, at t = 0.
     """
@@ -38,21 +37,21 @@ class World:
         if load is not None and float(load.payload.mass) > 0:
             self._changes = [float(load.attached), float(load.released)]
         self._enter(0)
-        self.arrive(0.0)
+        self.advance_to(0.0)
 
     @property
     def model(self) -> Any:
-        """MuJoCo's model, as it is now."""
+        """MuJoCo's present model."""
         return self._built.model
 
     @property
     def places(self) -> np.ndarray:
-        """Of the joints among the model's positions [n]."""
+        """Indices of the joints among MuJoCo's positions [n]."""
         return self._built.places
 
     @property
     def dofs(self) -> np.ndarray:
-        """Of the joints among its velocities [n]."""
+        """Indices of the joints among MuJoCo's velocities [n]."""
         return self._built.dofs
 
     @property
@@ -62,36 +61,30 @@ class World:
 
     @property
     def body(self) -> np.ndarray | None:
-        """Place and quaternion of what was let go [7]; None as long as nothing is."""
+        """Position and quaternion of the released payload [7]; None before the release."""
         if self._built.body is None:
             return None
         at = self._built.body[0]
         return self._data.qpos[at : at + 7].copy()
 
-    def arrive(self, time: float) -> None:
-        """Takes up and lets go what is due.
-
-        - `time`: now [s].
-        """
+    def advance_to(self, time: float) -> None:
+        """Attach or release the payload if that is due at this time [s]."""
         while self._changes and time >= self._changes[0]:
             self._changes.pop(0)
             self._enter(self._phase + 1)
 
     def step(self, time: float) -> None:
-        """One step of MuJoCo under `force`; moves `q` and `dq`.
-
-        - `time`: at its start [s].
-        """
-        self.arrive(time)
+        """Take one step of MuJoCo from this time [s] under `force`, and update `q` and `dq`."""
+        self.advance_to(time)
         built = self._built
         self._applied[built.dofs] = self.force
         self._mujoco.mj_step(built.model, self._data)
-        # Not "raise", which would go by a copy.
+        # The mode "raise" would need a copy.
         self._positions.take(built.places, out=self.q, mode="clip")
         self._velocities.take(built.dofs, out=self.dq, mode="clip")
 
     def _enter(self, phase: int) -> None:
-        """Goes over to the model before a load (0), with it (1), or with it as a body of its own (2)."""
+        """Change to the model without the payload (0), with it attached (1), or with it released (2)."""
         plant, load = self._plant, self._plant.load
         robot = plant.robot
         assert isinstance(robot, Articulated)
@@ -108,11 +101,11 @@ class World:
             at, by = built.body
             data.qpos[at : at + 7], data.qvel[by : by + 6] = self._tip()
         self._phase, self._built, self._data = phase, built, data
-        # MuJoCo's own memory; to ask for it costs as much as to copy it.
+        # Views of MuJoCo's memory: each access to the attributes costs as much as a copy.
         self._positions, self._velocities, self._applied = data.qpos, data.qvel, data.qfrc_applied
 
     def _tip(self) -> tuple[np.ndarray, np.ndarray]:
-        """Pose of the tip, and its velocity as MuJoCo has that of a free body: linear here, angular in its own axes."""
+        """Pose and velocity of the tip, as of MuJoCo's free bodies: linear in the base frame, angular in its own."""
         mj, model, data, tip = self._mujoco, self._built.model, self._data, self._built.tip
         mj.mj_forward(model, data)
         pose, motion = np.empty(7), np.empty(6)
