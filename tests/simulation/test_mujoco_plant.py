@@ -251,7 +251,7 @@ def test_what_mujoco_cannot_do_is_refused():
     with pytest.raises(DefinitionError, match="`implicitfast`, `implicit`, `euler`, `rk4`; got 'rk45'"):
         MujocoPlant.of(plant, integrator="rk45")
     flat = Payload(1.0, inertia=np.diag([0.01, 0.01, 0.03]))
-    with pytest.raises(DefinitionError, match="no rigid body has this `Payload.inertia`: the largest of its principal moments"):
+    with pytest.raises(DefinitionError, match="no rigid body has this `Payload"):
         MujocoPlant.of(plant_of(TREE, load=Load(flat)))
     with pytest.raises(DefinitionError, match=r"`Table.friction` must be > 0; got 0"):
         Table(0.0, 0.0)
