@@ -225,7 +225,7 @@ def test_the_same_arm_can_be_moved_by_mujoco_beside_a_table() -> None:
         ({"surroundings": {"wall": {}}}, "surroundings: unknown key `wall`; there are: `table`"),
         (
             {"simulation__plant": "mujoco", "robot__plant__load__inertia": [0.01, 0.02, 0.04]},
-            "simulation.plant: `Payload.inertia` is of no rigid body",
+            "simulation.plant: no rigid body has this `Payload.inertia`",
         ),
     ],
 )
