@@ -231,7 +231,7 @@ def test_in_real_time_the_log_has_each_tick_and_gives_the_same_bits(tmp_path):
     assert said["log"] == {"bytes": log.stat().st_size, "recorder_us": said["log"]["recorder_us"], "rows_lost": 0}
     for shares in said["latency_us"].values():
         assert 0 <= shares["p50"] <= shares["p99"] <= shares["p99.9"] <= shares["max"]
-    assert "measurement to command" in picture.read_text()
+    assert picture.read_text().count("<path") > 10
     read = read_mcap(log)
     assert read.whole and read.arm["true_k"].tolist() == list(range(ticks))
     again = replay(read)
