@@ -81,7 +81,9 @@ def fine(trials: Trials, best: Worst, aim: Aim) -> Worst:
         judged = trials.judged([item.choice for item in top], many)
         result += judged
         start = aim.best(result)
-        share = float(np.median([few.step / more.step for few, more in zip(top, judged, strict=True)]))
+        # A run that ends at once has no torque step.
+        shares = [few.step / more.step for few, more in zip(top, judged, strict=True) if more.step > 0.0]
+        share = float(np.median(shares or [1.0]))
         hard = [item.case for item in sorted(judged, key=lambda item: item.margin) if item.margin < aim.room]
         if hard and many:
             rows = list(dict.fromkeys(hard))[:HARD]
