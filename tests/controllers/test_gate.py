@@ -78,6 +78,14 @@ def test_a_frozen_sensor_is_rejected_from_the_third_sample_on_while_the_law_pred
     assert judged(samples, moving=0.0) == [(True, False)] * 5
 
 
+def test_a_joint_that_rests_while_the_drives_could_explain_the_prediction_is_not_frozen():
+    """A certified run had a true encoder that gave the same position four times, to the last bit."""
+    gate = eqx.tree_at(lambda part: part.acceleration, GATE, jnp.asarray(100.0))
+    samples = [(k * H, state([0, 0])) for k in range(1, 4)]
+    assert judged(samples, gate, moving=0.9 * 100.0 * H**2) == [(True, False)] * 3
+    assert judged(samples, gate, moving=1.1 * 100.0 * H**2)[2] == (False, False)
+
+
 def test_a_blocked_arm_restarts_the_law_after_the_patience():
     samples = [(k * H, state([0, 0])) for k in range(1, 10)]
     assert judged(samples, moving=1e-3)[7] == (True, True)

@@ -105,6 +105,7 @@ def of_the_middle() -> Assumption:
 def of_the_law(assembly: Setting, certified: Certified, chance: float) -> list[Assumption]:
     """Return the assumptions that the law keeps s and compensates its estimate, and others of the bound."""
     listed = [_covered(assembly, certified), _followed(assembly, certified), _computed(assembly)]
+    listed.append(Assumption("the measurement gate rejects no sample of the arm itself", "assumed"))
     if assembly.ideal is None:
         listed += [
             Assumption("torque and torque rate stay within their limits (see `torque_budget`)", "assumed"),

@@ -80,10 +80,11 @@ class MeasurementGate(AbstractPart):
         |q' - q - T (dq' + dq)/2| <= T (acceleration (T + 4 h) + 0.02 speed) + 2 spread,
 
     the last two only if the estimator uses velocities, and if `0.1 h <= T <= 100 h`. From the third sample in a row on
-    whose positions are the same to the last bit, while the law predicts that a joint has moved by more than `2 spread`,
-    the sensor is frozen and the sample is rejected, too. A rejected sample is treated as a lost one: the last torque
-    stands, and the law's memory does not change. The windows grow with T, so that the gate opens again by itself after
-    any motion that the arm is capable of.
+    whose positions are the same to the last bit, while the law predicts that a joint has moved by more than
+    `2 spread + acceleration T h`, the sensor is frozen and the sample is rejected, too. Below that way a joint that
+    rests against friction or a push looks the same. A rejected sample is treated as a lost one: the last torque stands,
+    and the law's memory does not change. The windows grow with T, so that the gate opens again by itself after any
+    motion that the arm is capable of.
 
     A sensor or a clock can jump for good. After more than `patience` samples in a row that are consistent with each
     other (two, if only the time stamp is implausible) the law accepts them and restarts: it keeps its disturbance
@@ -200,7 +201,9 @@ class MeasurementGate(AbstractPart):
         reachable = self._reachable(state, accepted, jnp.where(elapsed > 0, elapsed, period), period, velocity)
         inside = self.in_range(state.q)
         same = jnp.where(jnp.all(state.q == memory.q), memory.same + 1.0, 0.0)
-        frozen = (same > FROZEN) & jnp.any(jnp.abs(predicted - memory.q) > 2.0 * self.spread)
+        # The prediction of a joint at rest may be wrong by what the drives can do within the estimator's lag.
+        unexplained = 2.0 * self.spread + self.acceleration * jnp.maximum(elapsed, 0.0) * period
+        frozen = (same > FROZEN) & jnp.any(jnp.abs(predicted - memory.q) > unexplained)
         plausible = inside & timely & reachable & ~frozen
 
         since = t - memory.suspect_t
