@@ -118,12 +118,12 @@ BAD_ARMS = {
     "unknown parent": (
         [SHOULDER, a_joint(parent="sholder"), FLANGE],
         TIP,
-        "joint `elbow` is carried by joint `sholder`, which there is not; did you mean `shoulder`?",
+        "joint `elbow` has the parent joint `sholder`, which does not exist; did you mean `shoulder`?",
     ),
     "parent unlike any other": (
         [SHOULDER, a_joint(parent="x")],
         TIP,
-        "joint `elbow` is carried by joint `x`, which there is not; there are: `shoulder`, `elbow`",
+        "joint `elbow` has the parent joint `x`, which does not exist; there are: `shoulder`, `elbow`",
     ),
     "circle": (
         [SHOULDER, a_joint(name="left", link="left link", parent="right"), a_joint(name="right", parent="left")],

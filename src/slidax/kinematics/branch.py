@@ -12,10 +12,10 @@ from .series import Array
 from .task import Task, curvature, linearised
 
 FAR = 0.05
-"""The next posture may be off what the slope foretells by this much, rad or m; else it may belong to another branch."""
+"""Largest deviation of the next posture from its prediction, rad or m; beyond it may be another branch."""
 
 SHORTEST = 1e-5
-"""Steps along a curve that are shorter than this part of it say that it goes no further."""
+"""Shortest step along a curve, as a part of the curve; the branch ends if a step must be shorter."""
 
 
 class Stuck(Exception):
@@ -47,7 +47,7 @@ def continued(task: Task, curve: AbstractCurve, z: Array, s: Array) -> Array:
     Raises Stuck where the search finds no next posture.
     """
     n = task.posture.size
-    found, here, now = [], 0.0, z
+    postures, here, now = [], 0.0, z
     slope = slopes(task, curve, now[None], np.array([here]))
     for point in s:
         step = float(point) - here
@@ -56,18 +56,18 @@ def continued(task: Task, curve: AbstractCurve, z: Array, s: Array) -> Array:
             # The last step ends at the point itself.
             there = float(point) if float(point) - here - step < 1e-12 else here + step
             x = there - here
-            foretold = now + x * slope.first[0] + 0.5 * x * x * slope.second[0]
-            found_there = converged(task, curve, foretold[None], np.array([there]))
-            if found_there is None or np.abs(found_there[0, :n] - foretold[:n]).max() > FAR:
+            predicted = now + x * slope.first[0] + 0.5 * x * x * slope.second[0]
+            solution = converged(task, curve, predicted[None], np.array([there]))
+            if solution is None or np.abs(solution[0, :n] - predicted[:n]).max() > FAR:
                 step = 0.5 * x
                 if step < SHORTEST:
                     raise Stuck(here, now)
                 continue
-            here, now = there, found_there[0]
+            here, now = there, solution[0]
             slope = slopes(task, curve, now[None], np.array([here]))
             step = 2.0 * x
-        found.append(now)
-    return np.array(found)
+        postures.append(now)
+    return np.array(postures)
 
 
 def slopes(task: Task, curve: AbstractCurve, z: Array, s: Array) -> Slopes:

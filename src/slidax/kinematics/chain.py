@@ -70,7 +70,7 @@ class Chain:
         ):
             place = total(place, _combined(columns, translation))
             x, y, z = (_combined(columns, column) for column in rotation.T)
-            own = [None if one is None else one[..., joint] for one in q]
+            own = [None if coefficient is None else coefficient[..., joint] for coefficient in q]
             axes.append(Axis(joint, turns, z, place))
             if turns:
                 c, s = cosine_and_sine(own)

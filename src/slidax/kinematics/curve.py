@@ -56,7 +56,7 @@ class Helix(AbstractCurve):
 
     def aim(self, s: Series) -> Aim:
         arm = _turned(self.axis, scaled(s, self.angle), self.place - self.center)
-        shift = [None if one is None else one[..., None] * self.shift for one in s]
+        shift = [None if coefficient is None else coefficient[..., None] * self.shift for coefficient in s]
         place = total(constant(self.center, len(s)), arm, shift)
         x, y, z = (_turned(self.spin_axis, scaled(s, self.spin), column) for column in self.rotation.T)
         return Aim(x, y, z, place)
@@ -88,7 +88,7 @@ class Spline(AbstractCurve):
             bent = None if s[1] is None else own[2] * (s[1] ** 2)[..., None]
             more = None if s[2] is None else own[1] * s[2][..., None]
             value.append(bent if more is None else more if bent is None else bent + more)
-        place = [None if one is None else one[..., :3] for one in value]
+        place = [None if value is None else value[..., :3] for value in value]
         size = product(value, value, lambda a, b: np.sum(a[..., 3:] * b[..., 3:], axis=-1))
         unit = product(inverse_root(size), value, lambda a, b: a[..., None] * b[..., 3:])
         x, y, z = _axes(unit)
@@ -129,5 +129,5 @@ def _axes(quaternion: Series) -> tuple[Series, Series, Series]:
         )
 
     matrix = product(quaternion, quaternion, columns)
-    x, y, z = ([None if one is None else one[k] for one in matrix] for k in range(3))
+    x, y, z = ([None if value is None else value[k] for value in matrix] for k in range(3))
     return x, y, z

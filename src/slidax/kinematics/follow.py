@@ -105,7 +105,7 @@ def follow(
     task = task_of(chain, q if posture is None else numbers("posture", posture, n), hold, damping)
     here = Pose.of_tip(robot, q)
     z = _begun(task, here, q)
-    found: list[JointPath] = []
+    paths: list[JointPath] = []
     ends: list[float] = []
     now = begin
     for number, move in enumerate(moves):
@@ -118,11 +118,11 @@ def follow(
             path = _paced(path, bound, fastest, strongest)
             beyond_limits(chain, bound, path, now)
             too_fast(chain, path, fastest, strongest, now)
-        found.append(path)
+        paths.append(path)
         z, here = path.branch.z[-1], bound.end
         now += float(path.times[-1])
         ends.append(now)
-    return _joined(task, found, np.array(ends), begin)
+    return _joined(task, paths, np.array(ends), begin)
 
 
 def _require_numbers(damping: float, tolerance: float, begin: float) -> None:

@@ -17,10 +17,10 @@ from .series import Array, cross
 from .task import HOLDS, Hold, Task, apart, least_motion, ways
 
 TRIES, START_SEED = 16, 0
-"""Starts of a search that has not found the pose from where it was told to."""
+"""Starts of a search, and the seed of all but the first."""
 
 AT_LIMIT = 1e-5
-"""A joint that is no further from the end of its range, as a part of it, is there."""
+"""A joint within this part of its range from a limit counts as at the limit."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,11 +78,11 @@ def at_pose(chain: Chain, pose: Pose, begin: Array, liked: Array, hold: Hold) ->
     generator = np.random.default_rng(START_SEED)
     best: tuple[float, Array] | None = None
     nearest: tuple[float, Array] = (np.inf, begin)
-    tried = 0
+    start = 0
     span = np.where(np.isfinite(upper - lower), upper - lower, 2 * np.pi)
     low = np.where(np.isfinite(lower), lower, begin - np.pi)
-    for tried in range(1, TRIES + 1):
-        guess = begin if tried == 1 else low + span * generator.random(chain.size)
+    for start in range(1, TRIES + 1):
+        guess = begin if start == 1 else low + span * generator.random(chain.size)
         q = _searched(chain, pose, guess, hold)
         off = float(np.hypot(*_apart(chain, pose, q, hold)))
         if off < nearest[0]:
@@ -91,13 +91,13 @@ def at_pose(chain: Chain, pose: Pose, begin: Array, liked: Array, hold: Hold) ->
             away = float(np.linalg.norm((q - begin) / span))
             if best is None or away < best[0]:
                 best = (away, q)
-            if tried == 1 or tried >= TRIES // 4:
+            if start == 1 or start >= TRIES // 4:
                 break
     if best is None:
         raise DefinitionError(_refused(chain, pose, nearest[1], hold))
     task = task_of(chain, liked, hold)
     q = _polished(task, pose, best[1])
-    return Solution(q, *_apart(chain, pose, q, hold), float(least_motion(task, q)), tried)
+    return Solution(q, *_apart(chain, pose, q, hold), float(least_motion(task, q)), start)
 
 
 def require_hold(hold: str) -> None:
@@ -142,17 +142,17 @@ def _searched(chain: Chain, pose: Pose, guess: Array, hold: Hold) -> Array:
 
     def slope(q: Array) -> Array:
         tool = chain.tool([q])
-        found = np.zeros((3 + 3 * len(kept), chain.size))
+        jacobian = np.zeros((3 + 3 * len(kept), chain.size))
         axes = (tool.x[0], tool.y[0], tool.z[0])
-        for one in tool.axes:
-            direction = one.direction[0]
-            found[:3, one.joint] = cross(direction, tool.place[0] - one.place[0]) if one.turns else direction
+        for axis in tool.axes:
+            direction = axis.direction[0]
+            jacobian[:3, axis.joint] = cross(direction, tool.place[0] - axis.place[0]) if axis.turns else direction
             for row, k in enumerate(kept):
-                if one.turns:
-                    found[3 * row + 3 : 3 * row + 6, one.joint] = cross(direction, axes[k]) / np.sqrt(2.0)
-        return found
+                if axis.turns:
+                    jacobian[3 * row + 3 : 3 * row + 6, axis.joint] = cross(direction, axes[k]) / np.sqrt(2.0)
+        return jacobian
 
-    found = least_squares(
+    result = least_squares(
         error,
         np.clip(guess, chain.lower + room, chain.upper - room),
         jac=slope,
@@ -162,7 +162,7 @@ def _searched(chain: Chain, pose: Pose, guess: Array, hold: Hold) -> Array:
         gtol=1e-14,
         max_nfev=100,
     )
-    return np.asarray(found.x)
+    return np.asarray(result.x)
 
 
 def _apart(chain: Chain, pose: Pose, q: Array, hold: Hold) -> tuple[float, float]:
@@ -174,11 +174,11 @@ def _polished(task: Task, pose: Pose, q: Array) -> Array:
     """Refine a solution to the last digits, and for a redundant arm towards the preferred posture."""
     room = 1e-3 * task.widths
     begin = np.clip(q, task.lower + room, task.upper - room)
-    found = liked_most(replace(task, posture=begin), pose, begin, task.posture)
-    q_found = None if found is None else found[: q.size]
-    if q_found is None or np.hypot(*_apart(task.chain, pose, q_found, task.hold)) > 1e-6:
+    refined = liked_most(replace(task, posture=begin), pose, begin, task.posture)
+    q_refined = None if refined is None else refined[: q.size]
+    if q_refined is None or np.hypot(*_apart(task.chain, pose, q_refined, task.hold)) > 1e-6:
         return q
-    return q_found
+    return q_refined
 
 
 def liked_most(task: Task, pose: Pose, q: Array, liked: Array) -> Array | None:
@@ -188,13 +188,13 @@ def liked_most(task: Task, pose: Pose, q: Array, liked: Array) -> Array | None:
     done, step = 0.0, 1.0 if (liked == q).all() else 0.25
     while done < 1.0:
         goal = min(done + step, 1.0)
-        found = converged(replace(task, posture=q + goal * (liked - q)), curve, z[None], at)
-        if found is None or np.abs(found[0, : q.size] - z[: q.size]).max() > 0.5:
+        solution = converged(replace(task, posture=q + goal * (liked - q)), curve, z[None], at)
+        if solution is None or np.abs(solution[0, : q.size] - z[: q.size]).max() > 0.5:
             step *= 0.5
             if step < 1e-4:
                 return None
             continue
-        z, done = found[0], goal
+        z, done = solution[0], goal
     return z
 
 
@@ -208,7 +208,7 @@ def _refused(chain: Chain, pose: Pose, q: Array, hold: Hold) -> str:
         if abs(q[i] - bound) < AT_LIMIT * span[i]
     ]
     where = f"[{', '.join(f'{x:.4g}' for x in pose.place)}] m"
-    asked = {"place": where, "axis": f"{where} with this direction", "pose": f"{where} in this orientation"}[hold]
+    target = {"place": where, "axis": f"{where} with this direction", "pose": f"{where} in this orientation"}[hold]
     near = f"{place:.3g} m" + ("" if hold == "place" else f" and {np.rad2deg(turn):.3g} degrees")
     why = f", with {' and '.join(ends)}" if ends else ""
-    return f"no posture was found that brings the tool to {asked}: the nearest is {near} off{why}"
+    return f"no posture was found that brings the tool to {target}: the nearest is {near} off{why}"

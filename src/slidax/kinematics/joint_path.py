@@ -18,13 +18,13 @@ from .task import Task, tool_errors
 from .time_law import TimeLaw
 
 FIRST = 4
-"""Pieces of each phase of a time law, before any is halved."""
+"""Pieces of each phase of a time law before halving."""
 
 MOST = 4000
 """Pieces of one move."""
 
 BETWEEN = (0.15, 0.3, 0.5, 0.7, 0.85)
-"""Where in each piece the tool's error is measured."""
+"""Points in each piece at which the tool's error is measured."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,13 +80,13 @@ def joint_path(task: Task, move: Bound, z: Array, tolerance: float) -> JointPath
             break
         inside = times[left, None] + width[left, None] * np.array(BETWEEN)
         q = _evaluated(coefficients[:, left], inside - times[left, None])
-        found = tool_errors(task, move.curve, q.reshape(-1, n), law.at(inside.ravel())[0])
+        tool_error = tool_errors(task, move.curve, q.reshape(-1, n), law.at(inside.ravel())[0])
         bad = np.zeros(len(left), dtype=bool)
         worst = []
-        for errors, knots in zip(found, at_knots, strict=True):
-            beside = np.maximum(knots[left], knots[left + 1])
+        for errors, knots in zip(tool_error, at_knots, strict=True):
+            at_ends = np.maximum(knots[left], knots[left + 1])
             errors = errors.reshape(len(left), -1).max(axis=1)
-            bad |= errors > tolerance + 1.05 * beside
+            bad |= errors > tolerance + 1.05 * at_ends
             worst.append(errors)
         good = left[~bad]
         checked |= {(times[k], width[k]) for k in good}

@@ -229,11 +229,11 @@ def _helix(
 
 
 def _direction(owner: str, axis: object) -> Array:
-    found = numbers(f"{owner}.axis", axis, 3)
-    size = float(np.linalg.norm(found))
+    direction = numbers(f"{owner}.axis", axis, 3)
+    size = float(np.linalg.norm(direction))
     if size < 1e-9:
-        raise DefinitionError(f"`{owner}.axis` must have a direction; got {found.tolist()}", where="axis")
-    return found / size
+        raise DefinitionError(f"`{owner}.axis` must have a direction; got {direction.tolist()}", where="axis")
+    return direction / size
 
 
 def _orthonormal(rotation: Array) -> Array:

@@ -9,14 +9,13 @@ from .series import Array
 from .task import Task, linearised
 
 TURNS = 15
-"""Newton steps before it is given up; near a solution three are enough."""
+"""Limit of Newton steps; near a solution three are enough."""
 
 SMALL = 1e-9
-"""A step that is no longer than this is the last one: the next would be rounding."""
+"""A shorter step is the last one: the next would be rounding."""
 
 EMPTY = 1e-11
-"""Ways in which the tool cannot move at all, as a planar arm's across its plane, have singular values below this part
-of the largest."""
+"""Smaller singular values, relative to the largest, are directions in which the tool can never move."""
 
 
 def converged(task: Task, curve: AbstractCurve, z: Array, s: Array) -> Array | None:
@@ -29,19 +28,19 @@ def converged(task: Task, curve: AbstractCurve, z: Array, s: Array) -> Array | N
     lower, upper = task.lower, task.upper
     last = False
     for _ in range(TURNS):
-        found = linearised(task, curve, z, s)
-        if not (np.isfinite(found.residual).all() and np.isfinite(found.by_z).all()):
+        equations = linearised(task, curve, z, s)
+        if not (np.isfinite(equations.residual).all() and np.isfinite(equations.by_z).all()):
             return None
         if last:
-            return z if np.abs(found.residual).max() < SMALL else None
-        step = -solved(found.by_z, found.residual)
+            return z if np.abs(equations.residual).max() < SMALL else None
+        step = -solved(equations.by_z, equations.residual)
         # Not through the wall at a joint's limit, where the equations end.
         with np.errstate(divide="ignore", invalid="ignore"):
             q, dq = z[:, :n], step[:, :n]
             room = np.where(dq > 0, (upper - q) / dq, np.where(dq < 0, (lower - q) / dq, np.inf))
         share = np.minimum(1.0, 0.9 * room.min(axis=1))
         z = z + share[:, None] * step
-        # Of the forces alone the size says nothing: they are large near a singularity.
+        # Forces do not count: they are large near a singularity.
         last = bool(np.abs(step[:, :n]).max() < SMALL and (share == 1.0).all())
     return None
 

@@ -67,12 +67,12 @@ def numbers(owner: str, value: object, size: int) -> Array:
     Raises DefinitionError for anything else.
     """
     try:
-        found = np.asarray(value, dtype=float)
+        array = np.asarray(value, dtype=float)
     except (TypeError, ValueError):
-        found = np.empty(0)
-    if found.shape != (size,) or not np.isfinite(found).all():
+        array = np.empty(0)
+    if array.shape != (size,) or not np.isfinite(array).all():
         raise DefinitionError(f"`{owner}` must be {size} finite numbers; got {shown(value)}")
-    return found
+    return array
 
 
 def unit_quaternion(owner: str, value: object) -> Array:
@@ -82,8 +82,8 @@ def unit_quaternion(owner: str, value: object) -> Array:
 
     Raises DefinitionError for another form, or a length of zero.
     """
-    found = numbers(owner, value, 4)
-    size = float(np.linalg.norm(found))
+    quaternion = numbers(owner, value, 4)
+    size = float(np.linalg.norm(quaternion))
     if size < 1e-6:
-        raise DefinitionError(f"`{owner}` must have a length > 0; got {shown(found)}")
-    return found / size
+        raise DefinitionError(f"`{owner}` must have a length > 0; got {shown(quaternion)}")
+    return quaternion / size

@@ -32,8 +32,8 @@ def quaternion_of(rotation: Array) -> Array:
         ]
     )
     row = squares[int(np.argmax(np.diag(squares)))]
-    found: Array = row / np.linalg.norm(row)
-    return found if found[0] >= 0 else -found
+    quaternion = row / np.linalg.norm(row)
+    return quaternion if quaternion[0] >= 0 else -quaternion
 
 
 def axis_and_angle(rotation: Array) -> tuple[Array, float]:
@@ -45,8 +45,8 @@ def axis_and_angle(rotation: Array) -> tuple[Array, float]:
     return np.asarray(vector) / size, 2.0 * float(np.arctan2(size, w))
 
 
-def angle_between(one: Array, other: Array) -> Array:
+def angle_between(first: Array, second: Array) -> Array:
     """Return the angle of the rotation between two orientations [... 3 3], rad."""
     # By the difference, which keeps the digits of a small angle: |R - S|² = 8 sin²(a/2) in the sum of squares.
-    apart = np.sqrt(np.sum((one - other) ** 2, axis=(-2, -1)) / 8.0)
+    apart = np.sqrt(np.sum((first - second) ** 2, axis=(-2, -1)) / 8.0)
     return 2.0 * np.arcsin(np.minimum(apart, 1.0))

@@ -16,13 +16,13 @@ from .series import Array
 from .task import Task, jacobian, ways
 
 NEAR_SINGULAR = 0.02
-"""A tool that moves by less than this in its worst direction, for each rad of the joints, is near a singularity."""
+"""Least singular value of the Jacobian below which a posture is near a singularity."""
 
 NEAR_LIMIT = 0.01
-"""A redundant arm's joint that is this part of its range from a limit is held back by it."""
+"""Distance from a limit, as a part of the range, within which the limit stops a redundant arm's joint."""
 
-LOOKED_AT = 40
-"""Times in a piece at which it is looked when a joint passes its limit."""
+CHECKED_TIMES = 40
+"""Times in a piece at which the joint limits are checked."""
 
 
 def stuck(task: Task, move: Bound, caught: Stuck, now: float) -> str:
@@ -54,13 +54,13 @@ def beyond_limits(chain: Chain, move: Bound, path: JointPath, now: float) -> Non
     if not ((reach.least < lower - room) | (reach.largest > upper + room)).any():
         return
     width = np.diff(path.times)
-    times = (path.times[:-1, None] + width[:, None] * np.linspace(0.0, 1.0, LOOKED_AT)).ravel()
+    times = (path.times[:-1, None] + width[:, None] * np.linspace(0.0, 1.0, CHECKED_TIMES)).ravel()
     coefficients = path.coefficients
-    x = (width[:, None] * np.linspace(0.0, 1.0, LOOKED_AT))[:, :, None]
-    looked = np.zeros((len(width), LOOKED_AT, path.joints))
+    x = (width[:, None] * np.linspace(0.0, 1.0, CHECKED_TIMES))[:, :, None]
+    sampled = np.zeros((len(width), CHECKED_TIMES, path.joints))
     for power in coefficients:
-        looked = looked * x + power[:, None, :]
-    q = looked.reshape(-1, path.joints)
+        sampled = sampled * x + power[:, None, :]
+    q = sampled.reshape(-1, path.joints)
     outside = (q < lower) | (q > upper)
     row = int(np.argmax(outside.any(axis=1)))
     joint = (
@@ -85,16 +85,16 @@ def too_fast(chain: Chain, path: JointPath, fastest: Array, strongest: Array, no
     """
     motion = Tabulated(times=as_array(path.times), coefficients=as_array(path.coefficients))
     for order, name, limits in ((1, "velocity", fastest), (2, "acceleration", strongest)):
-        found = motion.extremes(order)
-        over = found.size / limits
+        extremes = motion.extremes(order)
+        over = extremes.size / limits
         if (over > 1 + 1e-9).any():
             joint = int(np.argmax(over))
-            forward = found.largest[joint] >= -found.least[joint]
-            when = now + float((found.when_largest if forward else found.when_least)[joint])
+            forward = extremes.largest[joint] >= -extremes.least[joint]
+            when = now + float((extremes.when_largest if forward else extremes.when_least)[joint])
             unit = chain.units[joint] + ("/s" if order == 1 else "/s²")
             slower = float(over[joint]) ** (1.0 / order)
             raise DefinitionError(
-                f"{chain.names[joint]} would need {found.size[joint]:.4g} {unit} at t = {when:.4g} s, over its "
+                f"{chain.names[joint]} would need {extremes.size[joint]:.4g} {unit} at t = {when:.4g} s, over its "
                 f"limit of {limits[joint]:g} for {name}: make the move {slower:.3g} times as long"
             )
 
@@ -125,13 +125,13 @@ def _stretched(task: Task, move: Bound, weak: Array) -> str:
 
 def _near_limits(chain: Chain, q: Array) -> list[str]:
     lower, upper = chain.lower, chain.upper
-    found = []
+    messages = []
     for joint, name in enumerate(chain.names):
         span = upper[joint] - lower[joint]
         for side, bound in (("lower", lower[joint]), ("upper", upper[joint])):
             if np.isfinite(span) and abs(q[joint] - bound) < NEAR_LIMIT * span:
-                found.append(f"{name} is at its {side} limit of {bound:.4g}")
-    return found
+                messages.append(f"{name} is at its {side} limit of {bound:.4g}")
+    return messages
 
 
 def _can_reach_end(task: Task, move: Bound, q: Array) -> str:

@@ -27,16 +27,16 @@ def total(*terms: Series) -> Series:
 
 def scaled(series: Series, factor: Any) -> Series:
     """Return a series times a constant number or array."""
-    return [None if one is None else factor * one for one in series]
+    return [None if coefficient is None else factor * coefficient for coefficient in series]
 
 
 def product(a: Series, b: Series, bilinear: Callable[[Any, Any], Any] = np.multiply) -> Series:
     """Return the product of two series, by a bilinear product of their coefficients."""
-    found: Series = []
+    coefficients: Series = []
     for k in range(len(a)):
         parts = [(a[i], b[k - i]) for i in range(k + 1)]
-        found.append(_sum([bilinear(x, y) for x, y in parts if x is not None and y is not None]))
-    return found
+        coefficients.append(_sum([bilinear(x, y) for x, y in parts if x is not None and y is not None]))
+    return coefficients
 
 
 def cosine_and_sine(angle: Series) -> tuple[Series, Series]:
@@ -56,8 +56,8 @@ def inverse_root(series: Series) -> Series:
     x = series[0]
     root = x**-0.5
     first, second = (*series[1:], None, None)[:2]
-    found: Series = [root, None if first is None else -0.5 * root / x * first]
-    found.append(
+    coefficients: Series = [root, None if first is None else -0.5 * root / x * first]
+    coefficients.append(
         _sum(
             [
                 None if second is None else -0.5 * root / x * second,
@@ -65,7 +65,7 @@ def inverse_root(series: Series) -> Series:
             ]
         )
     )
-    return found[: len(series)]
+    return coefficients[: len(series)]
 
 
 def cross(a: Array, b: Array) -> Array:
@@ -89,7 +89,7 @@ def _sum(terms: list[Any]) -> Any:
     known = [term for term in terms if term is not None]
     if not known:
         return None
-    found = known[0]
+    result = known[0]
     for term in known[1:]:
-        found = found + term
-    return found
+        result = result + term
+    return result

@@ -14,13 +14,13 @@ from .series import Array, Series, cross, dot, product, scaled, total, wide
 Hold = Literal["place", "axis", "pose"]
 
 HOLDS = {"place": 3, "axis": 5, "pose": 6}
-"""What is asked of the tool, and how many numbers that are: its place, also where its z axis points, also its turn."""
+"""Held coordinates of the tool and their number: position, also direction of the z axis, or the whole pose."""
 
 BARRIER = 0.02
-"""Weight of the limits of a redundant arm's joints, beside that of the posture."""
+"""Weight of the limits of a redundant arm's joints, relative to that of the posture."""
 
 SEED, DRAWN = 0, 8
-"""Postures at which it is seen how many ways a tool can move."""
+"""Seed and number of random postures for the Jacobian's rank."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,26 +71,28 @@ class Task:
 
     def _pulled(self, tool: Tool, force: Series, aim: Aim) -> Series:
         """Joint forces from a force on the tool, a series [... n]."""
-        pull = [None if one is None else one[..., :3] for one in force]
+        pull = [None if c is None else c[..., :3] for c in force]
         moment: Series = scaled(pull, 0.0)
         if self.hold == "pose":
-            moment = [None if one is None else one[..., 3:] for one in force]
+            moment = [None if c is None else c[..., 3:] for c in force]
         if self.hold == "axis":
-            first, second = ([None if one is None else one[..., k] for one in force] for k in (3, 4))
+            first, second = ([None if c is None else c[..., k] for c in force] for k in (3, 4))
             about = total(product(first, aim.y, wide), scaled(product(second, aim.x, wide), -1.0))
             moment = product(tool.z, about, cross)
-        found: dict[int, Series] = {}
+        torques: dict[int, Series] = {}
         for axis in tool.axes:
             if axis.turns:
                 arm = total(tool.place, scaled(axis.place, -1.0))
                 about = product(arm, pull, cross)
-                found[axis.joint] = product(axis.direction, total(about, moment), dot)
+                torques[axis.joint] = product(axis.direction, total(about, moment), dot)
             else:
-                found[axis.joint] = product(axis.direction, pull, dot)
+                torques[axis.joint] = product(axis.direction, pull, dot)
         zero = np.zeros(force[0].shape[:-1])
         each = range(self.posture.size)
         return [
-            np.stack([zero if j not in found or found[j][k] is None else found[j][k] + zero for j in each], axis=-1)
+            np.stack(
+                [zero if j not in torques or torques[j][k] is None else torques[j][k] + zero for j in each], axis=-1
+            )
             for k in range(len(force))
         ]
 
@@ -98,16 +100,16 @@ class Task:
         """Gradient of the minimised function, a series [... n]."""
         slope = (q[0] - self.posture) / self.widths**2
         slope = slope + BARRIER * (self._wall(q[0])[0] - self._wall(self.posture)[0])
-        found: Series = [slope]
+        series: Series = [slope]
         if len(q) > 1:
             _, once, twice = self._wall(q[0])
             stiffness = 1.0 / self.widths**2 + BARRIER * once
             with np.errstate(invalid="ignore"):
-                found.append(None if q[1] is None else stiffness * q[1])
+                series.append(None if q[1] is None else stiffness * q[1])
             if len(q) > 2:
                 bent = 0.0 if q[1] is None else 0.5 * BARRIER * twice * q[1] ** 2
-                found.append(bent + (0.0 if q[2] is None else stiffness * q[2]))
-        return found
+                series.append(bent + (0.0 if q[2] is None else stiffness * q[2]))
+        return series
 
     def _wall(self, q: Array) -> tuple[Array, Array, Array]:
         """Slope of the barrier `-log((q - lower)(upper - q))`, with its first and second derivative."""

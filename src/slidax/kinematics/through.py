@@ -20,11 +20,11 @@ from .quaternion import angle_between, matrix_of
 from .series import Array
 from .time_law import linear
 
-APART = np.deg2rad(120.0)
-"""The orientations of two poses in a row may differ by this much: the curve between them is then near the slerp."""
+LARGEST_ROTATION = np.deg2rad(120.0)
+"""Largest rotation between neighbouring poses, rad: up to this the spline stays near the slerp."""
 
 NEAR = 1e-4
-"""The first row of a table may be off where the tool is by this much, m or rad; it is then moved there."""
+"""Largest distance of a table's first row from the tool, m or rad; the row is then moved to the tool."""
 
 MOST_POSES = 100_000
 """Rows of a table."""
@@ -68,12 +68,12 @@ class Through(AbstractMove):
         named = [unit_of(title) for title in titles]
         header = [title.casefold() for title, _ in named]
         wanted = COLUMNS if "qw" in header else COLUMNS[:3]
-        said = [f"`{column}` is missing" for column in wanted if column not in header]
-        said += [f"`{plain(title)}` is none of them" for title in header if title not in (*wanted, "time")]
-        said += [f"`{title}` is there twice" for title in header if header.count(title) > 1]
-        if said:
+        mistakes = [f"`{column}` is missing" for column in wanted if column not in header]
+        mistakes += [f"`{plain(title)}` is none of them" for title in header if title not in (*wanted, "time")]
+        mistakes += [f"`{title}` is there twice" for title in header if header.count(title) > 1]
+        if mistakes:
             raise DefinitionError(
-                f"{where}: the columns must be x, y, z, perhaps qw, qx, qy, qz, and perhaps time: {said[0]}"
+                f"{where}: the columns must be x, y, z, perhaps qw, qx, qy, qz, and perhaps time: {mistakes[0]}"
             )
         values, rows = numbers_in(name, titles, lines, MOST_POSES)
         if not len(rows):
@@ -82,7 +82,7 @@ class Through(AbstractMove):
             kind = header[column]
             known = TIME_UNITS if kind == "time" else LENGTHS if kind in COLUMNS[:3] else {"": 1.0, "1": 1.0}
             if unit is not None and unit not in known:
-                words = ", ".join(one for one in known if one)
+                words = ", ".join(unit_name for unit_name in known if unit_name)
                 raise DefinitionError(f"{where}, column `{plain(titles[column])}`: the unit must be one of {words}")
             values[:, column] *= 1.0 if unit is None else known[unit]
         times = values[:, header.index("time")] if "time" in header else None
@@ -117,7 +117,7 @@ class Through(AbstractMove):
         turned = float(angle_between(first.rotation, pose.rotation))
         if off > NEAR or turned > NEAR:
             raise DefinitionError(
-                f"`Through.poses` 1 must be where the tool is when the move begins, {_said(pose)}; it is "
+                f"`Through.poses` 1 must be where the tool is when the move begins, {_position_text(pose)}; it is "
                 f"{off:.3g} m and {np.rad2deg(turned):.3g} degrees off: put a `Line` to it before"
             )
         rows = _aligned(np.concatenate([own[None], rows[1:]]), first=1)
@@ -151,10 +151,10 @@ def _aligned(rows: Array, first: int) -> Array:
         if rows[row, 3:] @ rows[row - 1, 3:] < 0:
             rows[row, 3:] *= -1
         cosine = min(float(rows[row, 3:] @ rows[row - 1, 3:]), 1.0)
-        if 2 * np.arccos(cosine) > APART:
+        if 2 * np.arccos(cosine) > LARGEST_ROTATION:
             raise DefinitionError(
                 f"`Through.poses` {row - first + 1} is turned by {np.rad2deg(2 * np.arccos(cosine)):.0f} degrees from "
-                f"the one before: at most {np.rad2deg(APART):.0f}; add a pose between them"
+                f"the one before: at most {np.rad2deg(LARGEST_ROTATION):.0f}; add a pose between them"
             )
     return rows
 
@@ -170,5 +170,5 @@ def _pose(row: Array) -> Pose:
     return Pose(row[:3], matrix_of(row[3:] / np.linalg.norm(row[3:])))
 
 
-def _said(pose: Pose) -> str:
+def _position_text(pose: Pose) -> str:
     return f"[{', '.join(f'{x:.4g}' for x in pose.place)}] m"

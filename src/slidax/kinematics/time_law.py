@@ -26,15 +26,15 @@ class TimeLaw(NamedTuple):
         """Return s with its first and second derivative at times [m], s."""
         piece = np.clip(np.searchsorted(self.times, t, side="right") - 1, 0, len(self.coefficients) - 1)
         x = t - self.times[piece]
-        found = []
+        values = []
         coefficients = self.coefficients
         for order in range(3):
             value = np.zeros_like(x)
             for column in coefficients.T[::-1]:
                 value = value * x + column[piece]
-            found.append(value)
+            values.append(value)
             coefficients = coefficients[:, 1:] * np.arange(1, coefficients.shape[1]) if order < 2 else coefficients
-        s, rate, curvature = found
+        s, rate, curvature = values
         return np.clip(s, 0.0, 1.0), rate, curvature
 
     def stretched(self, factor: float) -> TimeLaw:

@@ -19,15 +19,15 @@ from .robot import AbstractRobot
 
 
 class Articulated(AbstractRobot):
-    """A tree of rigid links, `M(q) q̈ + C(q,q̇) q̇ + G(q) + F(q̇) = τ + τ_d`, with what it carries at its tip.
+    """A tree of rigid links, `M(q) q̈ + C(q,q̇) q̇ + G(q) + F(q̇) = τ + τ_d`, with a payload at its tip.
 
-    Each joint turns about, or slides along, the z axis of its own frame; the frame stands in that of the joint before
-    it at `rotations`, `translations` while its position is 0. M is by composite rigid bodies with the rotors' armature
-    on its diagonal, the bias by recursive Newton-Euler (Featherstone, 2008), and
-    `F = f_c tanh(q̇/v_s) + f_v q̇` with `coulomb`, `smoothing` and `viscous`.
+    Each joint turns about, or slides along, the z axis of its frame; `rotations` and `translations` give that frame in
+    its parent's frame at position 0. M comes from composite rigid bodies, with the rotors' armature on its diagonal,
+    and the bias from recursive Newton-Euler (Featherstone, 2008). Friction is `F = f_c tanh(q̇/v_s) + f_v q̇` with
+    `coulomb`, `smoothing` and `viscous`.
 
-    Made by `slidax.robots.panda()` and its like, `from_urdf`, `from_mjcf`, or `assemble` of joints. Every number is a
-    leaf, so that a batch can vary it; `Mismatch` makes the true arm of a nominal one.
+    `slidax.robots.panda()` and the other built-in arms, `from_urdf`, `from_mjcf` and `assemble` make it. Every number
+    is a leaf, so that a batch can vary it; `Mismatch` makes the true arm from a nominal one.
     """
 
     rotations: Float[Array, "n 3 3"] = parameter("each joint's axes in its parent's frame, as columns")
@@ -55,68 +55,43 @@ class Articulated(AbstractRobot):
 
     def __check_init__(self) -> None:
         n = self.joints
-        for one in parameters_of(type(self)):
-            if not one.piece and one.shape != "one number":
-                size = tuple(n if entry == "n" else int(entry) for entry in one.shape.strip("[]").split())
-                require_shape(self, size, one.name)
+        for declared in parameters_of(type(self)):
+            if not declared.piece and declared.shape != "one number":
+                size = tuple(n if entry == "n" else int(entry) for entry in declared.shape.strip("[]").split())
+                require_shape(self, size, declared.name)
         for field in ("joint_names", "link_names", "parents"):
-            given = getattr(self, field)
-            if len(given) != n:
-                raise DefinitionError(f"`{field}` of {self.name} must be {n}, as many as `joint_units`; got {given}")
+            entries = getattr(self, field)
+            if len(entries) != n:
+                raise DefinitionError(f"`{field}` of {self.name} must be {n}, as many as `joint_units`; got {entries}")
         if any(not -1 <= parent < i for i, parent in enumerate(self.parents)):
             raise DefinitionError(f"`parents` of {self.name} must each be before their joint; got {self.parents}")
 
     def mass(self, q: Vector) -> Matrix:
-        """The inertia matrix `M(q)`, [n n], kg m², kg m, kg.
-
-        - `q`: positions [n].
-        """
         return _inertia(*_links(self, self._frames(q)), self.armature, self.parents)
 
     def bias(self, q: Vector, dq: Vector) -> Vector:
-        """`C(q,q̇) q̇ + G(q)`, [n], N m or N; friction is not in it.
-
-        - `q`, `dq`: positions and velocities [n].
-        """
         return _bias(*_links(self, self._frames(q)), dq, self.gravity_vector, self.parents)
 
     def friction(self, dq: Vector) -> Vector:
-        """`F(q̇) = f_c tanh(q̇/v_s) + f_v q̇`, [n], N m or N.
-
-        - `dq`: velocities [n].
-        """
+        """Return `F(q̇) = f_c tanh(q̇/v_s) + f_v q̇`, [n], N m or N."""
         return self.coulomb * jnp.tanh(dq / self.smoothing) + self.viscous * dq
 
     def potential(self, q: Vector) -> Scalar:
-        """The potential energy, J.
-
-        - `q`: positions [n].
-        """
         moment = jnp.sum(from_the_base(self._bodies(), self._frames(q)).moment, axis=1)
         return -jnp.sum(self.gravity_vector * moment)
 
     def tip(self, q: Vector) -> Float[Array, "3"]:
-        """The tip's place in the base frame, [3], m.
-
-        - `q`: positions [n].
-        """
         return self.tip_frame(q)[1]
 
     def tip_frame(self, q: Vector) -> tuple[Float[Array, "3 3"], Float[Array, "3"]]:
-        """The tip's axes, as columns, and its place in the base frame, [3 3] and [3], m.
-
-        - `q`: positions [n].
-        """
+        """Return the tip's axes, as columns, and its position in the base frame, [3 3] and [3], m."""
         at = self._frames(q)
         rotation, place = at.rotation[..., self.tip_joint], at.place[:, self.tip_joint]
         turned = jnp.sum(rotation[:, :, None] * self.tip_rotation[None], axis=1)
         return turned, place + jnp.sum(rotation * self.tip_translation[None], axis=1)
 
     def frames(self, q: Vector) -> tuple[Float[Array, "n 3 3"], Float[Array, "n 3"]]:
-        """Each joint's axes, as columns, and its place in the base frame, [n 3 3] and [n 3], m.
-
-        - `q`: positions [n].
-        """
+        """Return each joint's axes, as columns, and its position in the base frame, [n 3 3] and [n 3], m."""
         at = self._frames(q)
         return jnp.moveaxis(at.rotation, -1, 0), at.place.T
 
@@ -128,7 +103,7 @@ class Articulated(AbstractRobot):
         return _frames(self.rotations, self.translations, q, self.parents, self._revolute)
 
     def _bodies(self) -> Bodies:
-        """The links about their joints' origins, with the payload as part of the link that carries the tip."""
+        """The links about their joints' origins; the payload is part of the link that carries the tip."""
         links = _about_the_origin(self.masses, self.centers, self.inertias)
         r, load = self.tip_rotation, self.payload
         center = self.tip_translation + jnp.sum(r * load.center[None], axis=1)
@@ -139,8 +114,8 @@ class Articulated(AbstractRobot):
         return Bodies(*(link + jnp.where(at_tip, extra, 0.0) for link, extra in zip(links, carried, strict=True)))
 
 
-# A law asks for these several times at each sample, and they are long: jit's memory saves tracing them anew, and in
-# exported C each stays a function. What both need in one posture is then computed once.
+# A law calls these several times at each sample: jit's cache saves tracing them anew, and in exported C each stays a
+# function. Common results of one posture are computed once.
 @functools.partial(jax.jit, static_argnames=("parents", "revolute"))
 def _frames(
     rotations: Float[Array, "n 3 3"],

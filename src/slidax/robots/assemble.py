@@ -1,4 +1,4 @@
-"""From described joints to an arm: fixed joints go, frames are turned so that each axis is z."""
+"""Assemble an arm from joints: remove fixed joints, and turn frames so that each axis is z."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ from .regular import require_regular
 from .turn import about
 
 SMOOTHING = 0.01
-"""Velocity within which the Coulomb friction of a new arm turns, rad/s or m/s."""
+"""Velocity within which the Coulomb friction of a new arm changes sign, rad/s or m/s."""
 
 
 @dataclasses.dataclass
 class _Moved:
-    """A joint that stays, with all that is fixed to its link, in the link's frame."""
+    """A joint that remains, with the mass of everything fixed to its link, in the link's frame."""
 
     joint: Joint
     mass: float
@@ -36,7 +36,7 @@ class _Moved:
 
 @dataclasses.dataclass(frozen=True)
 class _Placed:
-    """Where a link's frame is on the moving link that carries it; None for the base."""
+    """A link's frame relative to the moving link that carries it; `carrier` is None for the base."""
 
     carrier: str | None
     rotation: np.ndarray
@@ -51,19 +51,18 @@ def assemble(
     gravity: Sequence[float] = (0.0, 0.0, -9.81),
     name: str = "robot",
 ) -> Articulated:
-    """An arm made of joints.
+    """Return an arm made of joints.
 
-    What is behind a fixed or a locked joint becomes part of the link that carries it; what is fixed to the base is
-    dropped. The joints that are left keep their order, as far as each comes after the one that carries it.
+    Links behind a fixed or a locked joint become part of the link that carries them; links fixed to the base are
+    dropped. The remaining joints keep their order, except that each comes after its parent.
 
     - `joints`: in any order.
-    - `tip`: name of the link whose frame is the tip, also of one behind fixed joints.
-    - `locked`: joints that do not move, with their positions, rad or m.
-    - `gravity`: its acceleration in the base frame [3], m/s².
-    - `name`: of the arm.
+    - `tip`: name of the link whose frame is the tip, also one behind fixed joints.
+    - `locked`: positions of joints that do not move, rad or m.
+    - `gravity`: acceleration in the base frame [3], m/s².
 
-    Raises DefinitionError, naming joint or link, if the joints are no tree, a name is not known, or a link that moves
-    has no mass.
+    Raises DefinitionError, naming joint or link, if the joints are no tree, a name is unknown, or a moving link has no
+    mass.
     """
     locked = dict(locked or {})
     ordered = _in_order(joints)
@@ -95,7 +94,7 @@ def assemble(
 
 
 def _in_order(joints: Sequence[Joint]) -> list[Joint]:
-    """Each after the one that carries it."""
+    """Sort joints so that each comes after its parent."""
     by_name: dict[str, Joint] = {}
     links: dict[str, str] = {}
     for joint in joints:
@@ -110,20 +109,20 @@ def _in_order(joints: Sequence[Joint]) -> list[Joint]:
     for joint in joints:
         if joint.parent is not None and joint.parent not in by_name:
             raise DefinitionError(
-                f"joint `{joint.name}` is carried by joint `{joint.parent}`, which there is not; "
+                f"joint `{joint.name}` has the parent joint `{joint.parent}`, which does not exist; "
                 f"{nearest(joint.parent, by_name)}"
             )
     ordered: list[Joint] = []
     done: set[str | None] = {None}
     left = list(joints)
     while left:
-        ready = next((joint for joint in left if joint.parent in done), None)
-        if ready is None:
+        placeable = next((joint for joint in left if joint.parent in done), None)
+        if placeable is None:
             names = ", ".join(f"`{joint.name}`" for joint in left)
             raise DefinitionError(f"the joints {names} carry each other in a circle; an arm is a tree")
-        left.remove(ready)
-        ordered.append(ready)
-        done.add(ready.name)
+        left.remove(placeable)
+        ordered.append(placeable)
+        done.add(placeable.name)
     return ordered
 
 
@@ -141,7 +140,7 @@ def _check_locked(locked: Mapping[str, float], joints: Sequence[Joint]) -> None:
 
 
 def _onto_z(axis: np.ndarray) -> np.ndarray:
-    """Axes of a frame, as columns, whose z is along the given one; the given frame's own where they are."""
+    """Axes of a frame, as columns, whose z is along an axis; the identity if that axis is z."""
     z = axis / np.linalg.norm(axis)
     if z[2] == 1.0:
         return np.eye(3)
@@ -153,7 +152,7 @@ def _onto_z(axis: np.ndarray) -> np.ndarray:
 
 
 def _at(joint: Joint, position: float, rotation: np.ndarray, translation: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """A frame behind a joint that stands at a position."""
+    """A frame behind a joint at a fixed position."""
     if joint.kind == "fixed":
         return rotation, translation
     axis = np.asarray(joint.axis, float) / np.linalg.norm(joint.axis)
@@ -163,10 +162,10 @@ def _at(joint: Joint, position: float, rotation: np.ndarray, translation: np.nda
 
 
 def _add(carrier: _Moved, joint: Joint, here: _Placed) -> None:
-    """A link's mass to what moves with it."""
+    """Add a link's mass to the body that moves with it."""
     center = here.translation + here.rotation @ np.asarray(joint.center, float)
     turned = here.rotation @ np.asarray(joint.inertia, float) @ here.rotation.T
-    # What comes first, mostly the only one, keeps its numbers as they are printed.
+    # The first body, mostly the only one, keeps its printed numbers.
     total = carrier.mass + joint.mass
     share = joint.mass / total if total > 0 else 0.0
     between = center - carrier.center
@@ -176,7 +175,7 @@ def _add(carrier: _Moved, joint: Joint, here: _Placed) -> None:
 
 
 def _check_masses(moved: Mapping[str, _Moved], name: str) -> None:
-    """A link may be without mass between two joints that meet, but not where nothing heavy follows."""
+    """Require mass behind each joint; a link between two joints that meet may have none."""
     if moved and not any(body.mass > 0 or body.joint.armature > 0 for body in moved.values()):
         raise DefinitionError(
             f"no link that a joint of {name} moves has a mass, as in files that are for drawing alone: take a file "

@@ -1,4 +1,4 @@
-"""An arm some of whose joints follow others, as by a belt, a parallelogram or a screw."""
+"""An arm in which some joints follow others, as by a belt, a parallelogram or a screw."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from .robot import AbstractRobot
 
 
 class Coupled(AbstractRobot):
-    """An arm in which some joints follow others: its joints are at `q_a = S q + s₀`, where q are those that lead.
+    """An arm in which some joints follow others: `q_a = S q + s₀`, where q are the leaders' positions.
 
-    S is constant, with one entry in each row: the ratio of a joint's velocity to its leader's, 1 for a leader. So
-    `M = Sᵀ M_a(S q + s₀) S`, and `C q̇ + G` and F are `Sᵀ` times those of all joints at `S q + s₀`, `S q̇`. The torque
-    of a coordinate is its leader's, with the followers' reactions through their ratios; followers have no drives.
+    S is constant with one entry in each row: the ratio of a joint's velocity to its leader's, 1 for a leader. So `M =
+    Sᵀ M_a(S q + s₀) S`, and `C q̇ + G` and F are `Sᵀ` times those of all joints at `S q + s₀`, `S q̇`. A torque acts on
+    its leader, with the followers' reactions through their ratios; followers have no drives.
 
-    Made by `from_urdf` of a file with `<mimic>`, or by `couple`.
+    `from_urdf` makes it from a file with `<mimic>`, and `couple` from an articulated arm.
     """
 
     arm: Articulated = piece("the arm in which each joint moves by itself")
@@ -49,7 +49,7 @@ class Coupled(AbstractRobot):
 
     @property
     def name(self) -> str:
-        """Of the arm."""
+        """Name of the arm."""
         return self.arm.name
 
     @property
@@ -59,75 +59,49 @@ class Coupled(AbstractRobot):
 
     @property
     def armature(self) -> Vector:
-        """Inertia of the rotors, seen from the leaders [n], kg m² or kg."""
+        """Rotor inertia at the leaders [n], kg m² or kg."""
         return jnp.sum(self._selection() ** 2 * self.arm.armature[:, None], axis=0)
 
     @property
     def viscous(self) -> Vector:
-        """Viscous friction, seen from the leaders [n], N m s/rad or N s/m."""
+        """Viscous friction at the leaders [n], N m s/rad or N s/m."""
         return jnp.sum(self._selection() ** 2 * self.arm.viscous[:, None], axis=0)
 
     @property
     def coulomb(self) -> Vector:
-        """Coulomb friction while all of a leader's joints move, seen from the leaders [n], N m or N."""
+        """Coulomb friction at the leaders while all of a leader's joints move [n], N m or N."""
         return jnp.sum(jnp.abs(self._selection()) * self.arm.coulomb[:, None], axis=0)
 
     def positions(self, q: Vector) -> Float[Array, " m"]:
-        """Positions of all joints of the arm, `S q + s₀`, rad or m.
-
-        - `q`: those of the leaders [n].
-        """
+        """Return the positions of all joints, `S q + s₀`, rad or m, from those of the leaders [n]."""
         return self.ratios * q[np.asarray(self.leaders)] + self.offsets
 
     def velocities(self, dq: Vector) -> Float[Array, " m"]:
-        """Velocities of all joints of the arm, `S q̇`, rad/s or m/s.
-
-        - `dq`: those of the leaders [n].
-        """
+        """Return the velocities of all joints, `S q̇`, rad/s or m/s, from those of the leaders [n]."""
         return self.ratios * dq[np.asarray(self.leaders)]
 
     def mass(self, q: Vector) -> Matrix:
-        """`Sᵀ M_a S`, [n n], kg m², kg m, kg.
-
-        - `q`: positions [n].
-        """
+        """Return `Sᵀ M_a S`, [n n], kg m², kg m, kg."""
         s = self._selection()
         half = jnp.sum(s[:, :, None] * self.arm.mass(self.positions(q))[:, None, :], axis=0)
         return jnp.sum(half[:, :, None] * s[None], axis=1)
 
     def bias(self, q: Vector, dq: Vector) -> Vector:
-        """`Sᵀ (C_a S q̇ + G_a)`, [n], N m or N.
-
-        - `q`, `dq`: positions and velocities [n].
-        """
+        """Return `Sᵀ (C_a S q̇ + G_a)`, [n], N m or N."""
         return self._onto_leaders(self.arm.bias(self.positions(q), self.velocities(dq)))
 
     def friction(self, dq: Vector) -> Vector:
-        """`Sᵀ F_a(S q̇)`, [n], N m or N.
-
-        - `dq`: velocities [n].
-        """
+        """Return `Sᵀ F_a(S q̇)`, [n], N m or N."""
         return self._onto_leaders(self.arm.friction(self.velocities(dq)))
 
     def potential(self, q: Vector) -> Scalar:
-        """The potential energy, J.
-
-        - `q`: positions [n].
-        """
         return self.arm.potential(self.positions(q))
 
     def tip(self, q: Vector) -> Float[Array, "3"]:
-        """The tip's place in the base frame, [3], m.
-
-        - `q`: positions [n].
-        """
         return self.arm.tip(self.positions(q))
 
     def tip_frame(self, q: Vector) -> tuple[Float[Array, "3 3"], Float[Array, "3"]]:
-        """The tip's axes, as columns, and its place in the base frame, [3 3] and [3], m.
-
-        - `q`: positions [n].
-        """
+        """Return the tip's axes, as columns, and its position in the base frame, [3 3] and [3], m."""
         return self.arm.tip_frame(self.positions(q))
 
     def _selection(self) -> Float[Array, "m n"]:
@@ -141,13 +115,12 @@ class Coupled(AbstractRobot):
 def couple(arm: Articulated, following: Mapping[str, tuple[str, float, float]]) -> Coupled:
     """Let joints of an arm follow others.
 
-    The range of a leader is what is left of its own by those of its followers, and its velocity likewise; its torque is
-    its own drive's.
+    A leader's range and velocity limit are those that its followers leave; its torque limit is its own drive's.
 
-    - `arm`: in which each joint moves by itself.
-    - `following`: by the name of a follower its leader's name, its ratio, and its position while the leader's is 0.
+    - `following`: by follower name, the leader's name, the ratio, and the follower's position at leader position 0.
 
-    Raises DefinitionError if a name is not a joint of the arm, a leader follows itself, or the ranges leave nothing.
+    Raises DefinitionError if a name is no joint of the arm, a leader follows itself, or the ranges have nothing in
+    common.
     """
     names = arm.joint_names
     for follower, (leader, ratio, offset) in following.items():

@@ -1,4 +1,4 @@
-"""Which inertias a rigid body can have, and the nearest of them to one that none can have."""
+"""Inertias that rigid bodies can have, and the nearest of them to an impossible one."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ POINT = 1e-15
 
 
 def require_rigid(inertia: np.ndarray, what: str, *, moves: bool, setting: Setting | None = None) -> None:
-    """Raises DefinitionError unless a rigid body can have this inertia.
+    """Raise DefinitionError unless a rigid body can have this inertia.
 
-    A principal moment may be 0, as of a thin rod, or less by rounding, which counts relative to the largest.
+    A principal moment may be 0, as of a thin rod, or negative within rounding relative to the largest.
 
     - `inertia`: about the centre of mass, symmetric [3 3], kg m².
-    - `what`: whose, for the message.
-    - `moves`: whether a joint moves the body; then it may not be a point, for which an inertia was mostly forgotten.
-    - `setting`: by which the user takes the nearest that a body can have, for the message.
+    - `what`: name of the inertia, for the message.
+    - `moves`: True if a joint moves the body; then an inertia of 0 is rejected, as it is mostly a forgotten one.
+    - `setting`: the setting that selects the nearest possible inertia, for the message.
     """
     moments = np.linalg.eigvalsh(inertia)
     listed = ", ".join(f"{moment:.3g}" for moment in moments)
@@ -45,18 +45,12 @@ def require_rigid(inertia: np.ndarray, what: str, *, moves: bool, setting: Setti
 
 
 def is_point(inertia: np.ndarray) -> bool:
-    """True if an inertia is 0, but for rounding.
-
-    - `inertia`: about the centre of mass, symmetric [3 3], kg m².
-    """
+    """True if an inertia [3 3] is 0 within rounding."""
     return bool(np.linalg.norm(inertia, 2) < POINT)
 
 
 def is_rigid(inertia: np.ndarray) -> bool:
-    """Whether no principal moment is negative, nor more than the sum of the others, but for rounding.
-
-    - `inertia`: about the centre of mass, symmetric [3 3], kg m².
-    """
+    """True if, within rounding, no principal moment is negative or greater than the sum of the others."""
     if is_point(inertia):
         return True
     moments = np.linalg.eigvalsh(inertia)
@@ -64,16 +58,14 @@ def is_rigid(inertia: np.ndarray) -> bool:
 
 
 def nearest_rigid(inertia: np.ndarray) -> np.ndarray:
-    """The nearest inertia that a rigid body can have [3 3], kg m².
+    """Return the nearest inertia [3 3] that a rigid body can have, kg m².
 
-    A body of mass density ρ has the second moments `Σ = ∫ρ x xᵀ dV`, which are positive semi-definite, and
-    `I = tr(Σ) 1 - Σ`, so `Σ = ½ tr(I) 1 - I`. Each positive semi-definite Σ is that of some body. So the nearest, in
-    the Frobenius norm of Σ, is the projection on these matrices: the negative eigenvalues of Σ become 0 (Higham,
-    *Computing a nearest symmetric positive semidefinite matrix*, 1988). The axes stay, and with mass and centre of mass
-    as they are this is the projection of the pseudo-inertia `[Σ 0; 0 m]`, too (Wensing, Kim and Slotine, *Linear matrix
-    inequalities for physically consistent inertial parameter identification*, RA-L 2018).
-
-    - `inertia`: about the centre of mass, symmetric [3 3], kg m².
+    A body of mass density ρ has the second moments `Σ = ∫ρ x xᵀ dV`, which are positive semi-definite, and `I = tr(Σ) 1
+    - Σ`, so `Σ = ½ tr(I) 1 - I`. Each positive semi-definite Σ belongs to some body. The nearest Σ in the Frobenius
+    norm is the projection on these matrices: its negative eigenvalues become 0 (Higham, *Computing a nearest symmetric
+    positive semidefinite matrix*, 1988). The axes stay. With unchanged mass and centre of mass this is also the
+    projection of the pseudo-inertia `[Σ 0; 0 m]` (Wensing, Kim and Slotine, *Linear matrix inequalities for physically
+    consistent inertial parameter identification*, RA-L 2018).
     """
     moments, axes = np.linalg.eigh(0.5 * np.trace(inertia) * np.eye(3) - inertia)
     kept = np.maximum(moments, 0.0)

@@ -19,24 +19,23 @@ def _zeros() -> np.ndarray:
 
 @dataclass(frozen=True, eq=False)
 class Joint:
-    """One joint and its link, in the link's frame, which is the joint's own.
+    """One joint and its link, in the link's frame, which is the joint's frame.
 
-    - `name`: of the joint.
-    - `kind`: "revolute", "prismatic" or "fixed"; one that turns without end is revolute with infinite limits.
+    - `kind`: "revolute", "prismatic" or "fixed"; a continuous joint is revolute with infinite limits.
     - `parent`: name of the joint before it; None for the base.
     - `link`: name of the link that it moves.
     - `rotation`, `translation`: the link's frame in that of the link before it, at position 0 [3 3], [3], m.
-    - `axis`: in the link's frame [3]; not used by a fixed joint.
+    - `axis`: in the link's frame [3]; unused for a fixed joint.
     - `mass`: of the link, kg.
-    - `center`: its centre of mass [3], m.
+    - `center`: centre of mass [3], m.
     - `inertia`: about the centre of mass, in the link's axes [3 3], kg m².
-    - `lower`, `upper`: positions, rad or m.
-    - `velocity`, `torque`, `torque_rate`: the largest, rad/s or m/s, N m or N, N m/s or N/s.
-    - `armature`: inertia of the rotor, seen from the joint, kg m² or kg.
+    - `lower`, `upper`: position limits, rad or m.
+    - `velocity`, `torque`, `torque_rate`: limits, rad/s or m/s, N m or N, N m/s or N/s.
+    - `armature`: rotor inertia at the joint, kg m² or kg.
     - `viscous`, `coulomb`: friction, N m s/rad or N s/m, N m or N.
 
-    Raises DefinitionError, naming joint or link, if something is invalid. A link without mass is refused by `assemble`,
-    and only if nothing that has mass moves with it.
+    Raises DefinitionError, naming joint or link, for an invalid value. `assemble` rejects a link without mass if
+    nothing with mass moves with it.
     """
 
     name: str

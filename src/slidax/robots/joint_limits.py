@@ -1,4 +1,4 @@
-"""What the joints of an arm can do, by its data sheet."""
+"""Joint limits from a data sheet."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from slidax.parts import AbstractPart, Vector, parameter
 
 
 class JointLimits(AbstractPart):
-    """The range of each joint; infinite where there is no limit, or where none is known."""
+    """Limits of each joint; infinite where there is none or none is known."""
 
     lower: Vector = parameter("least positions", "rad or m", "[-inf, inf)")
     upper: Vector = parameter("largest positions", "rad or m", "(lower, inf]")

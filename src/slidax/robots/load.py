@@ -1,4 +1,4 @@
-"""A payload that is taken up at one time and let go at another."""
+"""A payload that the tip carries for part of a run."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from .robot import AbstractRobot
 class Load(AbstractPart):
     """The tip carries `payload` for `attached <= t < released`.
 
-    The joints' velocities do not jump: the body has the tip's velocity when it is taken up, as it has when both rest,
-    and keeps it when it is let go.
+    Joint velocities are continuous: at pick-up the body has the tip's velocity, as when both rest, and keeps it at
+    release.
     """
 
     payload: Payload = piece("what is carried")
@@ -26,15 +26,12 @@ class Load(AbstractPart):
     released: Scalar = parameter("until when it is carried", "s", "(attached, inf]", default=float("inf"))
 
     def on(self, robot: AbstractRobot, t: Scalar) -> AbstractRobot:
-        """The arm as it is at a time: with what it carries then beside what it carries always.
+        """Return the arm at time t [s], with this payload in addition to its permanent one.
 
-        - `robot`: an `Articulated` arm.
-        - `t`: time [s].
-
-        Raises DefinitionError for an arm that cannot carry anything.
+        Raises DefinitionError for an arm without a tip frame.
         """
         if isinstance(robot, Coupled):
-            return eqx.tree_at(lambda one: one.arm, robot, self.on(robot.arm, t))
+            return eqx.tree_at(lambda coupled: coupled.arm, robot, self.on(robot.arm, t))
         if not isinstance(robot, Articulated):
             raise DefinitionError(f"a {type(robot).__name__} has no tip to carry a load; only an articulated arm has")
         carried = jnp.where((t >= self.attached) & (t < self.released), 1.0, 0.0)

@@ -1,4 +1,4 @@
-"""How a true arm differs from the nominal one that its law knows."""
+"""Differences between the true arm and its nominal model."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ Arm = TypeVar("Arm", bound=Articulated | Coupled)
 
 
 class Mismatch(AbstractPart):
-    """The true arm: the nominal one with other masses, other friction, and something at its tip.
+    """The true arm: the nominal one with other masses, other friction, and a payload at its tip.
 
-    A `mass_factor` of .85 is an arm 15 % lighter than its law believes. Friction and rotors take the place of the
-    nominal arm's; what is not given stays as it is there.
+    With a `mass_factor` of 0.85 the arm is 15 % lighter than its model. Friction and rotor inertia replace those of the
+    nominal arm; fields that are None keep its values.
     """
 
     mass_factor: PerJoint = parameter("factor on the links' masses", "", "> 0", default=1.0)
@@ -36,14 +36,12 @@ class Mismatch(AbstractPart):
     load: Load | None = piece("what the tip carries, and when; None for nothing", default=None)
 
     def applied(self, nominal: Arm) -> Arm:
-        """The true arm, without the load.
+        """Return the true arm, without the payload.
 
-        - `nominal`: as the law knows it.
-
-        Raises DefinitionError if a list has another length than the arm has joints, followers among them.
+        Raises DefinitionError for a list whose length differs from the number of joints, including followers.
         """
         if isinstance(nominal, Coupled):
-            return eqx.tree_at(lambda one: one.arm, nominal, self._true(nominal.arm))
+            return eqx.tree_at(lambda coupled: coupled.arm, nominal, self._true(nominal.arm))
         return self._true(nominal)  # type: ignore[return-value]  # the same class, which mypy does not see
 
     def _true(self, nominal: Articulated) -> Articulated:
@@ -59,7 +57,7 @@ class Mismatch(AbstractPart):
         )
 
     def _each(self, field: str, nominal: Articulated, otherwise: PerJoint) -> Vector:
-        """One number for each joint: the field's, or what is there if it is not given."""
+        """One number for each joint: the field's, or `otherwise` if it is None."""
         value = getattr(self, field)
         if value is None:
             return otherwise

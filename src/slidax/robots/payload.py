@@ -1,4 +1,4 @@
-"""What an arm carries at its tip."""
+"""The payload at an arm's tip."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from slidax.parts import AbstractPart, Scalar, as_array, is_traced, known, param
 
 
 def _moments(value: Any) -> Array:
-    """A converter: one number stands for the same moment about every axis, as of a ball."""
-    given = as_array(value)
-    if given.shape not in ((), (3, 3)):
-        raise DefinitionError(f"`Payload.inertia` must be one number or 3 x 3; got {list(given.shape)}")
-    return given if given.shape else given * jnp.eye(3)
+    """Convert one number to equal moments about every axis, as of a ball."""
+    moments = as_array(value)
+    if moments.shape not in ((), (3, 3)):
+        raise DefinitionError(f"`Payload.inertia` must be one number or 3 x 3; got {list(moments.shape)}")
+    return moments if moments.shape else moments * jnp.eye(3)
 
 
 class Payload(AbstractPart):
-    """A rigid body that is held by the tip, in the tip's frame. Without mass it is no payload."""
+    """A rigid body held by the tip, in the tip's frame; a mass of 0 is no payload."""
 
     mass: Scalar = parameter("mass", "kg", ">= 0", default=0.0)
     center: Float[Array, "3"] = parameter("centre of mass", "m", default=(0.0, 0.0, 0.0))
@@ -39,17 +39,11 @@ class Payload(AbstractPart):
         require(self, "mass", scale == 0 or known(self.mass) > 0, "must be > 0 kg where there is inertia", finite=False)
 
     def times(self, share: Scalar) -> Payload:
-        """The same body with another density: mass and inertia times a factor.
-
-        - `share`: 0 for nothing, 1 for all of it.
-        """
+        """Return the body with mass and inertia times a factor: 0 for nothing, 1 for all of it."""
         return Payload(mass=share * self.mass, center=self.center, inertia=share * self.inertia)
 
     def joined(self, other: Payload) -> Payload:
-        """Both as one body.
-
-        - `other`: in the same frame.
-        """
+        """Return both payloads, in one frame, as one body."""
         mass = self.mass + other.mass
         share = other.mass / jnp.where(mass > 0, mass, 1.0)
         between = other.center - self.center

@@ -1,4 +1,4 @@
-"""Whether an arm's joints can be told apart by the mass that they move."""
+"""Check of the inertia matrix: each joint must move some mass that no other joint accounts for."""
 
 from __future__ import annotations
 
@@ -17,11 +17,9 @@ LEAST = 1e-12
 
 
 def require_regular(arm: Articulated) -> None:
-    """Raises DefinitionError if M is singular everywhere, naming a joint that moves nothing which another does not.
+    """Raise DefinitionError, naming a joint that can move without moving mass, if M is singular in all tested postures.
 
-    That is so where two joints have the same axis and nothing between them has mass.
-
-    - `arm`: with known numbers.
+    M is singular, for example, if two joints have one axis and nothing between them has mass.
     """
     least, joint = 0.0, 0
     for q in np.random.default_rng(0).uniform(-1.0, 1.0, (POSTURES, arm.joints)):
@@ -40,27 +38,27 @@ def require_regular(arm: Articulated) -> None:
 
 
 def _inertia_matrix(arm: Articulated, q: np.ndarray) -> np.ndarray:
-    """`Σ m Jᵥᵀ Jᵥ + J_ωᵀ I J_ω` in NumPy, since JAX would compile a program for each operation of a new arm."""
+    """`Σ m Jᵥᵀ Jᵥ + J_ωᵀ I J_ω` in NumPy: JAX would compile a program for each operation of a new arm."""
     rotations, translations = np.asarray(arm.rotations), np.asarray(arm.translations)
     centers, inertias, masses = np.asarray(arm.centers), np.asarray(arm.inertias), np.asarray(arm.masses)
-    seen: list[tuple[np.ndarray, np.ndarray]] = []
+    placed: list[tuple[np.ndarray, np.ndarray]] = []
     mass = np.diag(np.asarray(arm.armature))
     for i, parent in enumerate(arm.parents):
-        before, at = seen[parent] if parent >= 0 else (np.eye(3), np.zeros(3))
+        before, at = placed[parent] if parent >= 0 else (np.eye(3), np.zeros(3))
         rotation, place = before @ rotations[i], at + before @ translations[i]
         if arm.joint_units[i] == "rad":
             c, s = math.cos(q[i]), math.sin(q[i])
             rotation = rotation @ np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
         else:
             place = place + q[i] * rotation[:, 2]
-        seen.append((rotation, place))
+        placed.append((rotation, place))
         center = place + rotation @ centers[i]
         linear, angular = np.zeros((3, arm.joints)), np.zeros((3, arm.joints))
         j = i
         while j >= 0:
-            axis = seen[j][0][:, 2]
+            axis = placed[j][0][:, 2]
             if arm.joint_units[j] == "rad":
-                angular[:, j], linear[:, j] = axis, np.cross(axis, center - seen[j][1])
+                angular[:, j], linear[:, j] = axis, np.cross(axis, center - placed[j][1])
             else:
                 linear[:, j] = axis
             j = arm.parents[j]

@@ -1,9 +1,9 @@
-"""The equations of a tree of rigid links: frames, composite inertia, Newton-Euler forces.
+"""Equations of a tree of rigid links: frames, composite inertia, Newton-Euler forces.
 
-Everything is seen from the base and about its origin, so that no number is rotated from link to link: what adds up
-along the tree is added, and the rest is the same arithmetic for all joints side by side. (Featherstone, *Rigid Body
-Dynamics Algorithms*, 2008, gives both algorithms in link coordinates.) Vectors have their component as the first axis
-and the joint as the last.
+All quantities are in the base frame and about its origin, so no vector is rotated from link to link: sums run along
+the tree, and all other arithmetic runs over all joints at once. (Featherstone, *Rigid Body Dynamics Algorithms*,
+2008, gives both algorithms in link coordinates.) Vectors have their component as the first axis and the joint as the
+last.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ PLACES = ((0, 3, 4), (3, 1, 5), (4, 5, 2))
 
 
 class Bodies(NamedTuple):
-    """The inertia of each link about an origin; bodies that move together add up.
+    """Inertia of each link about an origin; the values of bodies that move together add up.
 
     - `mass`: [n], kg.
     - `moment`: mass times centre [3 n], kg m.
@@ -40,18 +40,14 @@ class Bodies(NamedTuple):
 
 
 class JointFrames(NamedTuple):
-    """Where the joints are.
-
-    - `rotation`: axes of each joint's frame as columns [3 3 n].
-    - `place`: its origin [3 n], m.
-    """
+    """Axes of each joint's frame as columns [3 3 n], and its origin [3 n], m."""
 
     rotation: Float[Array, "3 3 n"]
     place: Float[Array, "3 n"]
 
 
 class Axes(NamedTuple):
-    """The velocity of each link for a unit velocity of its joint.
+    """Velocity of each link for a unit velocity of its joint.
 
     - `angular`: [3 n]; 0 for a prismatic joint.
     - `linear`: of the point that passes through the base's origin [3 n].
@@ -68,37 +64,36 @@ def frames(
     revolute: Sequence[bool],
     q: Vector,
 ) -> JointFrames:
-    """Where the joints are in a posture: each turns about, or slides along, the z axis of its own frame.
+    """Return the joint frames in a posture: each joint turns about, or slides along, the z axis of its frame.
 
-    - `rotations`, `translations`: of each frame in its parent's, at position 0.
-    - `parents`: number of each joint's parent, less than its own; -1 for the base.
-    - `revolute`: whether each joint turns.
+    - `rotations`, `translations`: each frame in its parent's frame, at position 0.
+    - `parents`: index of each joint's parent, less than its own; -1 for the base.
     - `q`: positions [n], rad or m.
     """
     turns = np.asarray(revolute)
     cosine, sine = once((jnp.where(turns, jnp.cos(q), 1.0), jnp.where(turns, jnp.sin(q), 0.0)))
     slide = jnp.where(turns, 0.0, q)
-    seen: list[tuple[Any, Any]] = []
+    placed: list[tuple[Any, Any]] = []
     for i, parent in enumerate(parents):
         own = rotations[i], translations[i]
         moved = (cosine[i], sine[i]) if revolute[i] else (slide[i],)
-        seen.append(_moved(own, moved) if parent < 0 else _behind(*seen[parent], own, moved))
+        placed.append(_moved(own, moved) if parent < 0 else _behind(*placed[parent], own, moved))
     return JointFrames(
-        rotation=jnp.stack([rotation for rotation, _ in seen], axis=-1),
-        place=jnp.stack([place for _, place in seen], axis=-1),
+        rotation=jnp.stack([rotation for rotation, _ in placed], axis=-1),
+        place=jnp.stack([place for _, place in placed], axis=-1),
     )
 
 
 # Traced once for all joints of a kind, and a function in exported C.
 @jax.jit
 def _behind(before: Any, at: Any, own: tuple[Any, Any], moved: tuple[Any, ...]) -> tuple[Any, Any]:
-    """The frame of a joint from that of its parent."""
+    """Frame of a joint from its parent's frame."""
     rotation, place = own
     return _moved((_product(before, rotation), at + _image(before, place)), moved)
 
 
 def _moved(frame: tuple[Any, Any], moved: tuple[Any, ...]) -> tuple[Any, Any]:
-    """A frame that has turned, by a cosine and a sine, or has slid."""
+    """Rotate a frame, by a cosine and a sine, or slide it."""
     rotation, place = frame
     x, y, z = rotation[:, 0], rotation[:, 1], rotation[:, 2]
     if len(moved) == 2:
@@ -111,21 +106,13 @@ def _moved(frame: tuple[Any, Any], moved: tuple[Any, ...]) -> tuple[Any, Any]:
 
 
 def axes(at: JointFrames, revolute: Sequence[bool]) -> Axes:
-    """How each joint moves its link.
-
-    - `at`: where the joints are.
-    - `revolute`: whether each turns.
-    """
+    """Return the velocity that each joint gives its link."""
     z, turns = at.rotation[:, 2], np.asarray(revolute)
     return Axes(angular=jnp.where(turns, z, 0.0), linear=jnp.where(turns, cross(at.place, z), z))
 
 
 def from_the_base(bodies: Bodies, at: JointFrames) -> Bodies:
-    """The links' inertia about the base's origin and along its axes.
-
-    - `bodies`: about each joint's origin and along its frame's axes.
-    - `at`: where the joints are.
-    """
+    """Transform the links' inertia from each joint's frame to the base frame and its origin."""
     r, p, m = at.rotation, at.place, bodies.mass
     h = jnp.sum(r * bodies.moment[None], axis=1)
     full = bodies.inertia[np.asarray(PLACES)]
@@ -140,11 +127,12 @@ def from_the_base(bodies: Bodies, at: JointFrames) -> Bodies:
 
 
 def inertia_matrix(bodies: Bodies, s: Axes, parents: Sequence[int]) -> Matrix:
-    """`M`, [n n], by composite rigid bodies: `M_ij = S_i · I_j S_j`, where i carries j and I_j is all that j moves.
+    """Return `M`, [n n], by composite rigid bodies: `M_ij = S_i · I_j S_j`.
+
+    Joint i carries joint j, and I_j is the inertia of all links that j moves.
 
     - `bodies`: about the base's origin.
-    - `s`: how each joint moves its link.
-    - `parents`: number of each joint's parent.
+    - `s`: velocity of each link for a unit velocity of its joint.
     """
     carried = Bodies(*(_down_to_the_base(part, parents) for part in once(bodies)))
     force, torque = once(_momentum(carried, s.linear, s.angular))
@@ -157,13 +145,11 @@ def inertia_matrix(bodies: Bodies, s: Axes, parents: Sequence[int]) -> Matrix:
 
 
 def bias_forces(bodies: Bodies, s: Axes, parents: Sequence[int], dq: Vector, gravity: Float[Array, "3"]) -> Vector:
-    """`C q̇ + G`, [n], by recursive Newton-Euler: the torques that keep the joints from accelerating.
+    """Return `C q̇ + G`, [n], by recursive Newton-Euler: the torques for zero joint acceleration.
 
     - `bodies`: about the base's origin.
-    - `s`: how each joint moves its link.
-    - `parents`: number of each joint's parent.
-    - `dq`: velocities [n].
-    - `gravity`: its acceleration [3], m/s².
+    - `s`: velocity of each link for a unit velocity of its joint.
+    - `gravity`: acceleration [3], m/s².
     """
     own_w, own_v = s.angular * dq, s.linear * dq
     w, v = once((_along_the_tree(own_w, parents), _along_the_tree(own_v, parents)))
@@ -179,22 +165,19 @@ def bias_forces(bodies: Bodies, s: Axes, parents: Sequence[int], dq: Vector, gra
 
 
 def cross(a: Float[Array, "3 ..."], b: Float[Array, "3 ..."]) -> Float[Array, "3 ..."]:
-    """`a × b`, component by component.
-
-    - `a`, `b`: vectors with the component as the first axis.
-    """
+    """Return `a × b` for vectors with the component as the first axis."""
     return jnp.stack([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
 
 
 def _momentum(bodies: Bodies, linear: Any, angular: Any) -> tuple[Any, Any]:
-    """Linear and angular momentum about the base's origin [3 n], of links with these velocities there."""
+    """Linear and angular momentum about the base's origin [3 n]."""
     full = bodies.inertia[np.asarray(PLACES)]
     momentum = bodies.mass * linear + cross(angular, bodies.moment)
     return momentum, jnp.sum(full * angular[None], axis=1) + cross(bodies.moment, linear)
 
 
 def _along_the_tree(own: Float[Array, "k n"], parents: Sequence[int]) -> Float[Array, "k n"]:
-    """For each joint the sum over itself and all that carry it."""
+    """For each joint, the sum over the joint and all its ancestors."""
     sums: list[Any] = []
     for i, parent in enumerate(parents):
         sums.append(own[:, i] + sums[parent] if parent >= 0 else own[:, i])
@@ -202,7 +185,7 @@ def _along_the_tree(own: Float[Array, "k n"], parents: Sequence[int]) -> Float[A
 
 
 def _down_to_the_base(own: Float[Array, "... n"], parents: Sequence[int]) -> Float[Array, "... n"]:
-    """For each joint the sum over itself and all that it carries."""
+    """For each joint, the sum over the joint and all its descendants."""
     sums: list[Any] = [own[..., i] for i in range(len(parents))]
     for i, parent in reversed(list(enumerate(parents))):
         if parent >= 0:
@@ -211,7 +194,7 @@ def _down_to_the_base(own: Float[Array, "... n"], parents: Sequence[int]) -> Flo
 
 
 def _carries(parents: Sequence[int]) -> np.ndarray:
-    """[n n], whether the first joint carries the second or is it."""
+    """Matrix [n n], True where the first joint is the second or one of its ancestors."""
     carries = np.eye(len(parents), dtype=bool)
     for i, parent in enumerate(parents):
         if parent >= 0:

@@ -34,10 +34,6 @@ class Scara(AbstractRobot):
     joint_names: ClassVar[tuple[str, ...]] = ("joint 1", "joint 2", "joint 3")  # type: ignore[misc]
 
     def mass(self, q: Vector) -> Matrix:
-        """`M(q)`, [3 3], kg m² and, for the last joint, kg.
-
-        - `q`: positions [3], rad, rad, m.
-        """
         m1, m2, m3 = self.masses
         l1, l2 = self.lengths
         a = (m1 + m2 + m3) * l1 * l1
@@ -47,44 +43,27 @@ class Scara(AbstractRobot):
         return jnp.array([[a + 2.0 * c + b, b + c, zero], [b + c, b, zero], [zero, zero, m3]])
 
     def bias(self, q: Vector, dq: Vector) -> Vector:
-        """`C(q,q̇) q̇ + G(q)`, [3], N m, N m, N.
-
-        - `q`, `dq`: positions and velocities [3].
-        """
         _, m2, m3 = self.masses
         l1, l2 = self.lengths
         h = (m2 + m3) * l1 * l2 * once(jnp.sin(q[1]))
         return jnp.array([-h * dq[1] * (2.0 * dq[0] + dq[1]), h * dq[0] * dq[0], -m3 * self.gravity_acceleration])
 
     def friction(self, dq: Vector) -> Vector:
-        """None, [3].
-
-        - `dq`: velocities [3].
-        """
         return jnp.zeros_like(dq)
 
     def potential(self, q: Vector) -> Scalar:
-        """Potential energy, J: the last link falls as q3 grows.
-
-        - `q`: positions [3], rad, rad, m.
-        """
+        """Return the potential energy, J: the last link falls as q3 grows."""
         return -self.masses[2] * self.gravity_acceleration * q[2]
 
     def tip(self, q: Vector) -> Float[Array, "3"]:
-        """`x = l1 cos q1 + l2 cos(q1+q2)`, `y = l1 sin q1 + l2 sin(q1+q2)`, `z = -q3`, [3], m.
-
-        - `q`: positions [3], rad, rad, m.
-        """
+        """Return `x = l1 cos q1 + l2 cos(q1+q2)`, `y = l1 sin q1 + l2 sin(q1+q2)`, `z = -q3`, [3], m."""
         l1, l2 = self.lengths
         x = l1 * jnp.cos(q[0]) + l2 * jnp.cos(q[0] + q[1])
         y = l1 * jnp.sin(q[0]) + l2 * jnp.sin(q[0] + q[1])
         return jnp.array([x, y, -q[2]])
 
     def tip_frame(self, q: Vector) -> tuple[Float[Array, "3 3"], Float[Array, "3"]]:
-        """The tip's axes, as columns, x along the second link, and its place, [3 3] and [3], m.
-
-        - `q`: positions [3], rad, rad, m.
-        """
+        """Return the tip's axes, as columns, x along the second link, and its position, [3 3] and [3], m."""
         c, s = jnp.cos(q[0] + q[1]), jnp.sin(q[0] + q[1])
-        zero, one = jnp.zeros_like(c), jnp.ones_like(c)
-        return jnp.array([[c, -s, zero], [s, c, zero], [zero, zero, one]]), self.tip(q)
+        zero, unit = jnp.zeros_like(c), jnp.ones_like(c)
+        return jnp.array([[c, -s, zero], [s, c, zero], [zero, zero, unit]]), self.tip(q)

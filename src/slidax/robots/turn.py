@@ -1,4 +1,4 @@
-"""Rotations by angles, as matrices."""
+"""Rotation matrices from angles."""
 
 from __future__ import annotations
 
@@ -9,10 +9,7 @@ import numpy as np
 
 
 def by_roll_pitch_yaw(turn: Sequence[float | int]) -> np.ndarray:
-    """The axes of a frame that is turned about x, y and z of the frame before it, in this order [3 3].
-
-    - `turn`: the three angles, rad.
-    """
+    """Return the axes [3 3] of a frame rotated about the fixed axes x, y and z, in this order, by angles in rad."""
     roll, pitch, yaw = (float(angle) for angle in turn)
     cr, sr, cp, sp, cy, sy = (f(angle) for angle in (roll, pitch, yaw) for f in (math.cos, math.sin))
     return np.array(
@@ -25,10 +22,6 @@ def by_roll_pitch_yaw(turn: Sequence[float | int]) -> np.ndarray:
 
 
 def about(axis: np.ndarray, angle: float) -> np.ndarray:
-    """The rotation about an axis [3 3], by Rodrigues' formula.
-
-    - `axis`: of length 1 [3].
-    - `angle`: rad.
-    """
+    """Return the rotation [3 3] about a unit axis [3] by an angle [rad], by Rodrigues' formula."""
     cross = np.array([[0.0, -axis[2], axis[1]], [axis[2], 0.0, -axis[0]], [-axis[1], axis[0], 0.0]])
     return np.eye(3) + math.sin(angle) * cross + (1.0 - math.cos(angle)) * (cross @ cross)

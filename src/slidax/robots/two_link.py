@@ -37,10 +37,6 @@ class TwoLink(AbstractRobot):
     joint_names: ClassVar[tuple[str, ...]] = ("joint 1", "joint 2")  # type: ignore[misc]
 
     def mass(self, q: Vector) -> Matrix:
-        """`M(q)`, [2 2], kg m².
-
-        - `q`: positions [2], rad.
-        """
         m1, m2 = self.masses
         l1, l2 = self.lengths
         i1, i2 = self.inertias
@@ -50,10 +46,6 @@ class TwoLink(AbstractRobot):
         return jnp.array([[m11, b + c], [b + c, b + i2]])
 
     def bias(self, q: Vector, dq: Vector) -> Vector:
-        """`C(q,q̇) q̇ + G(q)`, [2], N m.
-
-        - `q`, `dq`: positions and velocities [2], rad, rad/s.
-        """
         m1, m2 = self.masses
         l1, l2 = self.lengths
         g = self.gravity_acceleration
@@ -66,37 +58,23 @@ class TwoLink(AbstractRobot):
         return jnp.array([g1 - h * dq[1] * (2.0 * dq[0] + dq[1]), g2 + h * dq[0] * dq[0]])
 
     def friction(self, dq: Vector) -> Vector:
-        """None, [2].
-
-        - `dq`: velocities [2].
-        """
         return jnp.zeros_like(dq)
 
     def potential(self, q: Vector) -> Scalar:
-        """Potential energy, J.
-
-        - `q`: positions [2], rad.
-        """
         m1, m2 = self.masses
         l1, l2 = self.lengths
         height1 = l1 * jnp.sin(q[0])
         return self.gravity_acceleration * ((m1 + m2) * height1 + m2 * l2 * jnp.sin(q[0] + q[1]))
 
     def tip(self, q: Vector) -> Float[Array, "3"]:
-        """The end of the second link, [3], m; the arm moves in the x-y plane, y up.
-
-        - `q`: positions [2], rad.
-        """
+        """Return the end of the second link, [3], m; the arm moves in the x-y plane, y up."""
         l1, l2 = self.lengths
         x = l1 * jnp.cos(q[0]) + l2 * jnp.cos(q[0] + q[1])
         y = l1 * jnp.sin(q[0]) + l2 * jnp.sin(q[0] + q[1])
         return jnp.array([x, y, jnp.zeros_like(x)])
 
     def tip_frame(self, q: Vector) -> tuple[Float[Array, "3 3"], Float[Array, "3"]]:
-        """The tip's axes, as columns, x along the second link, and its place, [3 3] and [3], m.
-
-        - `q`: positions [2], rad.
-        """
+        """Return the tip's axes, as columns, x along the second link, and its position, [3 3] and [3], m."""
         c, s = jnp.cos(q[0] + q[1]), jnp.sin(q[0] + q[1])
-        zero, one = jnp.zeros_like(c), jnp.ones_like(c)
-        return jnp.array([[c, -s, zero], [s, c, zero], [zero, zero, one]]), self.tip(q)
+        zero, unit = jnp.zeros_like(c), jnp.ones_like(c)
+        return jnp.array([[c, -s, zero], [s, c, zero], [zero, zero, unit]]), self.tip(q)

@@ -1,4 +1,4 @@
-"""What the joints should do: a time becomes a desired position, velocity and acceleration."""
+"""Reference motions: a time becomes desired positions, velocities and accelerations of the joints."""
 
 from .constant import Constant as Constant
 from .exponential_sum import ExponentialSum as ExponentialSum

@@ -16,12 +16,7 @@ class Constant(AbstractTrajectory):
 
     @property
     def until(self) -> float:
-        """It stands still from the start on."""
         return 0.0
 
     def position(self, t: Scalar) -> Vector:
-        """`c` at any time.
-
-        - `t`: time [s].
-        """
         return self.value + 0.0 * t * jnp.zeros_like(self.value)

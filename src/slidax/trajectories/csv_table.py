@@ -1,4 +1,4 @@
-"""A table from a CSV file."""
+"""Tables of motions from CSV files."""
 
 from __future__ import annotations
 
@@ -20,16 +20,15 @@ from slidax._tables import Form, form_of, is_number, lines_of, rows_of
 from .table import TIME_UNITS, UNITS, Table, columns_of
 
 ANGLES = ("rad", "deg", "°", "rpm")
-"""How a unit of an angle, or of its rate, begins."""
+"""Beginnings of units of angles and of their rates."""
 
 KINDS = {"": "positions", "velocity": "velocities", "acceleration": "accelerations"}
-"""What stands after the dot in the name of a column, and what the column then is."""
+"""Kind of a column by the suffix after the dot in its name."""
 
 TITLE = re.compile(
     r"(?P<name>.*?)(?:\.(?P<kind>velocity|acceleration))?\s*(?:\[(?P<unit>.*)\]|\((?P<round>.*)\))?", re.I | re.S
 )
 """Of a column."""
-
 
 MOST_ROWS = 1_000_000
 """Of a motion."""
@@ -37,11 +36,11 @@ MOST_ROWS = 1_000_000
 
 @dataclass(frozen=True)
 class Column:
-    """One column of a table.
+    """A column of a table.
 
-    - `place`: its number from 0.
+    - `place`: index from 0.
     - `factor`: its unit in SI.
-    - `unit`: rad or m; empty if its title has none.
+    - `unit`: rad or m; empty if the title has none.
     """
 
     place: int
@@ -52,14 +51,14 @@ class Column:
 def csv_table(
     source: str | Path, joints: Sequence[str] | None = None, time_unit: str | None = None, units: Sequence[str] = ()
 ) -> Table:
-    """The table in a CSV file: see `Tabulated.from_csv` for its form.
+    """Read the table in a CSV file, in the form of `Tabulated.from_csv`.
 
     - `source`: path, or the text itself, which has a line break in it.
-    - `joints`: names of the robot's joints in its order; all columns in their order if not given.
-    - `time_unit`: of the times; the title's, or s, if not given.
-    - `units`: of the robot's joints, rad or m; not checked if not given.
+    - `joints`: the robot's joint names in its order; by default all columns in their order.
+    - `time_unit`: unit of the times; by default the title's, or s.
+    - `units`: of the robot's joints, rad or m, for a check.
 
-    Raises DefinitionError, with line and column, if it has not that form.
+    Raises DefinitionError, with line and column, for another form.
     """
     name, form, lines = csv_lines(source, "time,shoulder,elbow")
     header, where = form.titles, f"{name}, line {form.header}"
@@ -79,18 +78,22 @@ def csv_table(
         if all(joint in columns[kind] for joint in chosen)
     }
     factor = time.factor if time_unit is None else TIME_UNITS[time_unit]
-    said = time_unit is not None or bool(time.unit)
+    unit_is_known = time_unit is not None or bool(time.unit)
     lines_of = [f"line {line}" for line in rows]
-    return Table(name, tuple(joints or chosen), lines_of, factor * values[:, time.place], **parts, unit_is_known=said)
+    return Table(
+        name, tuple(joints or chosen), lines_of, factor * values[:, time.place], **parts, unit_is_known=unit_is_known
+    )
 
 
 def csv_lines(source: str | Path, example: str) -> tuple[str, Form, Iterator[tuple[int, list[str]]]]:
-    """Return the name of a CSV file for messages, its form, and the numbers and entries of its other lines.
+    """Return a CSV file's name for messages, its form, and numbers and entries of its other lines.
+
+    Blank lines and lines that begin with `#` are skipped.
 
     - `source`: path, or the text itself, which has a line break in it.
-    - `example`: of the first line, for a message.
+    - `example`: an example of the first line, for a message.
 
-    Blank lines and those that begin with `#` are left out. Raises DefinitionError if there is no line, or it is no CSV.
+    Raises DefinitionError for an empty file, or one that is no CSV.
     """
     if isinstance(source, str) and ("\n" in source or "\r" in source):
         name, body = "the text", source.encode("utf-8", "surrogatepass")
@@ -107,11 +110,10 @@ def numbers_in(
     """Return the numbers of a table [rows, columns], and the line of each row.
 
     - `name`: of the table, for messages.
-    - `header`: names of the columns.
     - `lines`: entries of each line, with its number.
-    - `most`: rows that are read.
+    - `most`: largest number of rows.
 
-    Raises DefinitionError, with line and column, for an entry that is no finite number, and if there are more rows.
+    Raises DefinitionError, with line and column, for an entry that is no finite number, and for too many rows.
     """
     # Row by row, so that the texts of all entries are never in memory together.
     numbers, rows = array("d"), array("q")
@@ -125,13 +127,10 @@ def numbers_in(
 
 
 def unit_of(title: str) -> tuple[str, str | None]:
-    """The name of a column and what its title has in brackets; None without.
-
-    - `title`: of the column.
-    """
-    found = re.fullmatch(r"(.*?)\s*(?:\[(.*)\])?", title, re.S)
-    assert found is not None
-    return found[1], None if found[2] is None else _plain_unit(found[2])
+    """Split a column's title into its name and its unit in brackets; None without."""
+    parts = re.fullmatch(r"(.*?)\s*(?:\[(.*)\])?", title, re.S)
+    assert parts is not None
+    return parts[1], None if parts[2] is None else _plain_unit(parts[2])
 
 
 def _plain_unit(unit: str) -> str:
@@ -150,8 +149,8 @@ def _number(cell: str, where: str) -> float:
 
 
 def _columns(header: list[str], where: str) -> tuple[dict[str, dict[str, Column]], Column]:
-    """Of positions, velocities and accelerations, the column of each joint; and that of the time."""
-    found: dict[str, dict[str, Column]] = {kind: {} for kind in ("time", *KINDS.values())}
+    """Each joint's columns of positions, velocities and accelerations; and the time's column."""
+    columns: dict[str, dict[str, Column]] = {kind: {} for kind in ("time", *KINDS.values())}
     for place, title in enumerate(header):
         joint, suffix, unit = _parts_of(title)
         if not joint:
@@ -163,24 +162,24 @@ def _columns(header: list[str], where: str) -> tuple[dict[str, dict[str, Column]
             raise DefinitionError(f"{where}, column `{title}`: the unit must be one of {', '.join(known)}")
         si = "" if key is None else "s" if kind == "time" else "rad" if key.startswith(ANGLES) else "m"
         joint = "time" if kind == "time" else joint
-        if joint in found[kind]:
+        if joint in columns[kind]:
             raise DefinitionError(f"{where}: the column `{title}` is there twice")
-        found[kind][joint] = Column(place, 1.0 if key is None else known[key], si)
-    if not found["time"]:
+        columns[kind][joint] = Column(place, 1.0 if key is None else known[key], si)
+    if not columns["time"]:
         near = next((title for title in header if title.lower() in ("t", "times", "seconds", "stamp")), None)
         hint = f"; is it `{near}`? Then call it `time`" if near else ""
         raise DefinitionError(f"{where}: there must be a column `time` [s]{hint}")
-    if not found["positions"]:
+    if not columns["positions"]:
         raise DefinitionError(f"{where}: there must be a column per joint besides `time`, with its positions")
     for suffix, kind in KINDS.items():
-        for joint in found[kind]:
-            if joint not in found["positions"]:
+        for joint in columns[kind]:
+            if joint not in columns["positions"]:
                 raise DefinitionError(f"{where}: there is `{joint}.{suffix}`, but no column `{joint}` with positions")
-    return found, found["time"]["time"]
+    return columns, columns["time"]["time"]
 
 
 def _parts_of(title: str) -> tuple[str, str, str | None]:
-    """Name, kind and unit of a column. What stands in round brackets is a unit only if it is a known one."""
+    """Name, kind and unit of a column. Text in round brackets is a unit only if it is a known one."""
     matched = TITLE.fullmatch(title)
     assert matched is not None
     unit, other = matched["unit"], matched["round"]
@@ -191,10 +190,10 @@ def _parts_of(title: str) -> tuple[str, str, str | None]:
     return matched["name"].strip(), (matched["kind"] or "").lower(), unit
 
 
-def _require_all_or_none(found: dict[str, dict[str, Column]], chosen: list[str], where: str) -> None:
-    """Velocities, and accelerations, for all joints or for none."""
+def _require_all_or_none(columns: dict[str, dict[str, Column]], chosen: list[str], where: str) -> None:
+    """Require velocities, and accelerations, for all joints or for none."""
     for suffix, kind in KINDS.items():
-        absent = [joint for joint in chosen if joint not in found[kind]]
+        absent = [joint for joint in chosen if joint not in columns[kind]]
         if absent and len(absent) < len(chosen):
             raise DefinitionError(
                 f"{where}: the column `{absent[0]}.{suffix}` is missing: give {kind} for all joints, or for none"
@@ -208,7 +207,7 @@ def _require_units(
     units: Sequence[str],
     where: str,
 ) -> None:
-    """Raise a DefinitionError if a joint that turns is in m, one that slides in rad, or a derivative lacks its unit."""
+    """Raise DefinitionError if a unit does not fit its joint, or a derivative lacks one that its position has."""
     for place, name in enumerate(chosen):
         position = columns["positions"][name]
         for suffix, kind in KINDS.items():

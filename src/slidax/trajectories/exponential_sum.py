@@ -33,8 +33,4 @@ class ExponentialSum(AbstractTrajectory):
             )
 
     def position(self, t: Scalar) -> Vector:
-        """`c + Σ_k a_k exp(-λ_k t)`.
-
-        - `t`: time [s].
-        """
         return self.offset + jnp.sum(self.amplitudes * jnp.exp(-self.rates * t)[:, None], axis=0)

@@ -1,4 +1,4 @@
-"""The extremes of piecewise polynomials."""
+"""Extremes of piecewise polynomials."""
 
 from __future__ import annotations
 
@@ -8,15 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 NEGLIGIBLE = 1e-13
-"""A power that adds less than this part of its piece is rounding, and roots of rounding are no roots."""
+"""A power that adds less than this part of its piece is rounding, and gives no roots."""
 
 
 class Extremes(NamedTuple):
-    """The least and the largest value of each joint, and when.
-
-    - `least`, `largest`: [n].
-    - `when_least`, `when_largest`: [n], s.
-    """
+    """Least and largest value of each joint [n], and their times [n], s."""
 
     least: NDArray[np.float64]
     largest: NDArray[np.float64]
@@ -25,15 +21,14 @@ class Extremes(NamedTuple):
 
     @property
     def size(self) -> NDArray[np.float64]:
-        """The largest absolute value of each joint [n]."""
+        """Largest absolute value of each joint [n]."""
         return np.maximum(-self.least, self.largest)
 
 
 def derived(coefficients: NDArray[np.float64], order: int) -> NDArray[np.float64]:
-    """The coefficients of a derivative, at least one power of them.
+    """Return the coefficients of a derivative, at least one power.
 
     - `coefficients`: highest power first, [powers pieces n].
-    - `order`: how many times to differentiate.
     """
     for _ in range(order):
         degree = len(coefficients) - 1
@@ -44,31 +39,31 @@ def derived(coefficients: NDArray[np.float64], order: int) -> NDArray[np.float64
 
 
 def extremes(times: NDArray[np.float64], coefficients: NDArray[np.float64], order: int) -> Extremes:
-    """The extremes of a derivative between the first and the last knot: at ends of pieces, or where its slope is zero.
+    """Return the extremes of a derivative between the first and the last knot.
 
     - `times`: knots [k], s.
     - `coefficients`: highest power first, [powers k-1 n].
-    - `order`: of the derivative; 0 for the polynomials themselves.
+    - `order`: order of the derivative; 0 for the polynomials themselves.
     """
     from scipy.interpolate import PPoly
 
-    wanted = derived(coefficients, order)
+    derivative = derived(coefficients, order)
     widths = np.diff(times)[:, None]
-    ends = wanted[0]
-    for power in wanted[1:]:
+    ends = derivative[0]
+    for power in derivative[1:]:
         ends = ends * widths + power
-    slope = derived(wanted, 1)
+    slope = derived(derivative, 1)
     degrees = np.arange(len(slope) - 1, -1, -1)[:, None, None]
     share = np.abs(slope) * widths**degrees
     slope = np.where(share <= NEGLIGIBLE * share.max(axis=0), 0.0, slope)
-    found = []
-    for joint in range(wanted.shape[2]):
+    rows = []
+    for joint in range(derivative.shape[2]):
         turns = PPoly(slope[:, :, joint], times).roots(discontinuity=False, extrapolate=False)
         # A piece with slope zero throughout is reported as NaN: its ends say all.
         turns = turns[np.isfinite(turns)]
         when = np.concatenate([times[:-1], times[1:], turns])
-        there = PPoly(wanted[:, :, joint], times)(turns)
-        value = np.concatenate([wanted[-1, :, joint], ends[:, joint], there])
+        there = PPoly(derivative[:, :, joint], times)(turns)
+        value = np.concatenate([derivative[-1, :, joint], ends[:, joint], there])
         low, high = int(np.argmin(value)), int(np.argmax(value))
-        found.append((value[low], value[high], when[low], when[high]))
-    return Extremes(*np.array(found).T)
+        rows.append((value[low], value[high], when[low], when[high]))
+    return Extremes(*np.array(rows).T)

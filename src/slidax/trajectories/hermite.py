@@ -1,4 +1,4 @@
-"""Polynomials through what is given at both ends of each piece."""
+"""Hermite interpolation by cubics and quintics."""
 
 from __future__ import annotations
 
@@ -9,14 +9,10 @@ from numpy.typing import NDArray
 def cubic_hermite(
     times: NDArray[np.float64], positions: NDArray[np.float64], velocities: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """The cubics with these positions and velocities at the knots, [4 k-1 n], highest power first.
-
-    - `times`: [k], s, increasing.
-    - `positions`, `velocities`: [k n].
-    """
+    """Return the cubics with given positions and velocities [k n] at the knots [k], [4 k-1 n], highest power first."""
     h = np.diff(times)[:, None]
     p, v = positions[:-1], velocities[:-1]
-    # What is missing at the right end from a straight line on.
+    # Differences at the right end from a straight line.
     dp, dv = positions[1:] - p - v * h, velocities[1:] - v
     return np.stack([(dv * h - 2 * dp) / h**3, (3 * dp - dv * h) / h**2, v, p])
 
@@ -27,14 +23,10 @@ def quintic_hermite(
     velocities: NDArray[np.float64],
     accelerations: NDArray[np.float64],
 ) -> NDArray[np.float64]:
-    """The quintics with these positions, velocities and accelerations at the knots, [6 k-1 n], highest power first.
-
-    - `times`: [k], s, increasing.
-    - `positions`, `velocities`, `accelerations`: [k n].
-    """
+    """Return the quintics with given positions, velocities and accelerations [k n], [6 k-1 n], highest power first."""
     h = np.diff(times)[:, None]
     p, v, a = positions[:-1], velocities[:-1], accelerations[:-1]
-    # What is missing at the right end from a parabola on, in units of position.
+    # Differences at the right end from a parabola, in units of position.
     dp = positions[1:] - p - v * h - a * h**2 / 2
     dv = (velocities[1:] - v - a * h) * h
     da = (accelerations[1:] - a) * h**2

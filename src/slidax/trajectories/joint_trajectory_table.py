@@ -1,4 +1,4 @@
-"""A table from a ROS message."""
+"""Tables of motions from ROS messages."""
 
 from __future__ import annotations
 
@@ -27,13 +27,9 @@ WRAPPERS = ("trajectory", "joint_trajectory")
 def joint_trajectory_table(
     source: str | Path | Mapping[str, Any], joints: Sequence[str] | None = None, time_unit: str | None = None
 ) -> Table:
-    """The table in a trajectory_msgs/JointTrajectory.
+    """Read the table in a trajectory_msgs/JointTrajectory; arguments as in `Tabulated.from_joint_trajectory`.
 
-    - `source`: path of a JSON file; or the text itself, which begins with a brace; or the mapping.
-    - `joints`: names of the robot's joints in its order; those of the message in its order if not given.
-    - `time_unit`: of times that are plain numbers; s if not given.
-
-    Raises DefinitionError, with the point and the joint, if it is none.
+    Raises DefinitionError, with point and joint, for another form.
     """
     if isinstance(source, Mapping):
         name, message = "the message", source
@@ -53,17 +49,17 @@ def joint_trajectory_table(
     for row, point in zip(rows, points, strict=True):
         if not isinstance(point, Mapping):
             raise DefinitionError(f"{name}, {row}: must be a mapping with `positions` and `time_from_start`")
-    given = [point.get("time_from_start") for point in points]
-    times = [_seconds(time, f"{name}, {row}", time_unit) for row, time in zip(rows, given, strict=True)]
+    durations = [point.get("time_from_start") for point in points]
+    times = [_seconds(time, f"{name}, {row}", time_unit) for row, time in zip(rows, durations, strict=True)]
     parts = {
         field: _numbers(points, field, names, name)[:, columns]
         for field in ("positions", "velocities", "accelerations")
         if field == "positions" or _has(points, field, name)
     }
     # A message in parts of its own says what they are.
-    said = time_unit is not None or any(isinstance(time, Mapping) for time in given)
+    unit_is_known = time_unit is not None or any(isinstance(time, Mapping) for time in durations)
     order = tuple(joints or names)
-    return Table(name, order, rows, np.array(times, dtype=float), **parts, unit_is_known=said)
+    return Table(name, order, rows, np.array(times, dtype=float), **parts, unit_is_known=unit_is_known)
 
 
 def _parts(message: Mapping[str, Any], name: str) -> tuple[tuple[str, ...], list[Any]]:
@@ -81,45 +77,45 @@ def _parts(message: Mapping[str, Any], name: str) -> tuple[tuple[str, ...], list
 
 
 def _has(points: list[Any], field: str, name: str) -> bool:
-    """Whether the points have it: all of them, or none; an empty list is none, as ROS has it."""
-    given = [bool(point.get(field)) for point in points]
-    if any(given) and not all(given):
-        with_it, without = given.index(True), given.index(False)
+    """True if all points have the field, False if none has it; an empty list counts as none, as in ROS."""
+    present = [bool(point.get(field)) for point in points]
+    if any(present) and not all(present):
+        with_it, without = present.index(True), present.index(False)
         raise DefinitionError(
             f"{name}: points[{with_it}] has `{field}`, but points[{without}] has not: give them for all, or for none"
         )
-    return any(given)
+    return any(present)
 
 
 def _numbers(points: list[Any], field: str, joints: tuple[str, ...], name: str) -> NDArray[np.float64]:
     values = np.empty((len(points), len(joints)))
     for row, point in enumerate(points):
-        given = point.get(field)
+        row_values = point.get(field)
         where = f"{name}, points[{row}]"
-        if not isinstance(given, (list, tuple)) or len(given) != len(joints):
-            what = f"{len(given)} of them" if isinstance(given, (list, tuple)) else "none"
+        if not isinstance(row_values, (list, tuple)) or len(row_values) != len(joints):
+            what = f"{len(row_values)} of them" if isinstance(row_values, (list, tuple)) else "none"
             raise DefinitionError(
                 f"{where}: `{field}` must have one number for {each_of(len(joints), 'joint')}; got {what}"
             )
-        for joint, number in enumerate(given):
+        for joint, number in enumerate(row_values):
             if isinstance(number, bool) or not isinstance(number, (int, float)):
                 raise DefinitionError(f"{where}: `{field}` of `{joints[joint]}` must be a number; got {shown(number)}")
             values[row, joint] = number
     return values
 
 
-def _seconds(given: Any, where: str, unit: str | None) -> float:
+def _seconds(duration: Any, where: str, unit: str | None) -> float:
     """A ROS duration in seconds."""
-    if isinstance(given, (int, float)) and not isinstance(given, bool):
-        return float(given) * TIME_UNITS[unit or "s"]
-    if isinstance(given, Mapping):
+    if isinstance(duration, (int, float)) and not isinstance(duration, bool):
+        return float(duration) * TIME_UNITS[unit or "s"]
+    if isinstance(duration, Mapping):
         if unit is not None:
             raise DefinitionError(f"{where}: `time_from_start` says its own unit, so that `time_unit` cannot be given")
         for seconds, billionths in NANOSECONDS.items():
-            parts = (given.get(seconds), given.get(billionths, 0))
-            if set(given) <= {seconds, billionths} and all(
+            parts = (duration.get(seconds), duration.get(billionths, 0))
+            if set(duration) <= {seconds, billionths} and all(
                 isinstance(part, (int, float)) and not isinstance(part, bool) for part in parts
             ):
                 return float(parts[0] + parts[1] * 1e-9)
     rule = "must be {sec, nanosec}, {secs, nsecs} or a number of seconds"
-    raise DefinitionError(f"{where}: `time_from_start` {rule}; got {shown(given)}")
+    raise DefinitionError(f"{where}: `time_from_start` {rule}; got {shown(duration)}")

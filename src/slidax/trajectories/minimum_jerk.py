@@ -1,4 +1,4 @@
-"""The smoothest motion through waypoints."""
+"""Minimum-jerk motion through waypoints."""
 
 from __future__ import annotations
 
@@ -17,19 +17,19 @@ MOST_TIMED_WAYPOINTS = 100
 
 
 class MinimumJerk(AbstractPiecewisePolynomial):
-    """The curve through all waypoints at their times that has the least `∫ ‖d³q_d/dt³‖² dt`, at rest at both ends.
+    """The curve through all waypoints at their times with the least `∫ ‖d³q_d/dt³‖² dt`, at rest at both ends.
 
-    It is the quintic spline with four continuous derivatives, with zero velocity and acceleration at the first and the
-    last waypoint; between two waypoints only, it is `q_0 + (q_1 - q_0)(10 z³ - 15 z⁴ + 6 z⁵)`,
-    `z = (t - t_0)/(t_1 - t_0)` (Flash and Hogan, 1985). Before the first waypoint and after the last it stands still.
+    It is the quintic spline with four continuous derivatives and with zero velocity and acceleration at both ends.
+    Between two waypoints only, it is `q_0 + (q_1 - q_0)(10 z³ - 15 z⁴ + 6 z⁵)`, `z = (t - t_0)/(t_1 - t_0)` (Flash and
+    Hogan, 1985). It stands still before the first waypoint and after the last.
 
-    Made by `MinimumJerk.through(times, waypoints)`; where the times are to be the shortest that limits allow, by
-    `MinimumJerk.within(waypoints, velocity=..., acceleration=...)`.
+    `MinimumJerk.through(times, waypoints)` makes it; `MinimumJerk.within(waypoints, velocity=..., acceleration=...)`
+    finds the shortest times within limits.
     """
 
     @staticmethod
     def through(times: object, waypoints: object) -> MinimumJerk:
-        """The motion through the given waypoints.
+        """Return the motion through waypoints at given times.
 
         - `times`: [k], s, strictly increasing, at least two.
         - `waypoints`: positions [k n], rad or m.
@@ -58,19 +58,17 @@ class MinimumJerk(AbstractPiecewisePolynomial):
         jerk: object = None,
         start: float = 0.0,
     ) -> MinimumJerk:
-        """The motion through the waypoints at the shortest times for which no joint passes a limit anywhere.
+        """Return the motion through waypoints at the shortest times for which no joint passes a limit.
+
+        The limits hold exactly, since the extremes of the polynomials are compared, and one joint reaches one of its
+        limits. The times are the shortest for two waypoints; for more, they are those that a local search finds.
 
         - `waypoints`: positions [k n], rad or m, no two in a row the same.
-        - `velocity`: largest speed, [n] or one number, rad/s or m/s; infinite for none.
-        - `acceleration`: the same in rad/s² or m/s².
-        - `jerk`: the same in rad/s³ or m/s³; no limit if not given.
+        - `velocity`, `acceleration`, `jerk`: limits, [n] or one number, rad/s, rad/s², rad/s³ or m/s, m/s², m/s³;
+          infinite, or for the jerk None, for no limit.
         - `start`: time of the first waypoint [s].
 
-        That the limits hold is exact: it is the extremes of the polynomials that are compared, and one joint reaches
-        one of its limits. That the times are the shortest is exact for two waypoints; for more, it is what a local
-        search finds.
-
-        Raises DefinitionError if the waypoints are no path or a limit is not positive.
+        Raises DefinitionError for invalid waypoints or a limit that is not positive.
         """
         name = "MinimumJerk"
         q = distinct_waypoints(name, waypoints)

@@ -1,4 +1,4 @@
-"""What a motion must keep to, and the check that it does."""
+"""Limits of a motion, and their check."""
 
 from __future__ import annotations
 
@@ -13,16 +13,13 @@ from slidax._errors import DefinitionError, each_of, shown
 from .piecewise_polynomial import AbstractPiecewisePolynomial
 
 ROUNDING = 1e-9
-"""A limit that is reached exactly is passed by rounding, and may be by this part."""
+"""Relative tolerance of limits, for rounding."""
 
 
 def limit(owner: str, name: str, value: object, joints: int, names: Sequence[str] = ()) -> NDArray[np.float64]:
-    """A limit as one number per joint, [n]; infinite for none.
+    """Return a limit as one number > 0 per joint, [n]; infinite for none.
 
-    - `owner`: whose it is, for the message.
-    - `name`: what it is called there.
-    - `value`: one number or one per joint, > 0.
-    - `joints`: n.
+    - `owner`, `name`: class and field, for the message.
     - `names`: of the joints, if they have any.
 
     Raises DefinitionError if it is not positive or does not fit the joints.
@@ -35,14 +32,11 @@ def limit(owner: str, name: str, value: object, joints: int, names: Sequence[str
 
 
 def one_per_joint(owner: str, name: str, value: object, joints: int) -> NDArray[np.float64]:
-    """One number per joint, [n].
+    """Return one number per joint, [n], from one number or a list.
 
-    - `owner`: whose it is, for the message.
-    - `name`: what it is called there.
-    - `value`: one number or one per joint.
-    - `joints`: n.
+    - `owner`, `name`: class and field, for the message.
 
-    Raises DefinitionError if it is neither.
+    Raises DefinitionError for anything else.
     """
     try:
         numbers = np.asarray(value, dtype=float)
@@ -59,21 +53,17 @@ def one_per_joint(owner: str, name: str, value: object, joints: int) -> NDArray[
 
 
 def called(joint: int, names: Sequence[str]) -> str:
-    """A joint by its name, or by its number from 1.
-
-    - `joint`: its number from 0.
-    - `names`: of all joints, or none.
-    """
+    """Return a joint's name, or its number from 1, for messages."""
     return f"joint `{names[joint]}`" if names else f"joint {joint + 1}"
 
 
 @dataclass(frozen=True)
 class MotionLimits:
-    """The limits of a motion, each one number or one per joint; infinite where there is none.
+    """Limits of a motion, each one number or one per joint; infinite where there is none.
 
     - `lower`, `upper`: positions, rad or m.
-    - `velocity`: largest speed, rad/s or m/s.
-    - `acceleration`: largest acceleration, rad/s² or m/s².
+    - `velocity`: rad/s or m/s.
+    - `acceleration`: rad/s² or m/s².
     """
 
     lower: object = -np.inf
@@ -84,12 +74,11 @@ class MotionLimits:
     def require(
         self, motion: AbstractPiecewisePolynomial, source: str, names: Sequence[str], place: str, rate: str
     ) -> None:
-        """Raises a DefinitionError if the motion leaves a limit anywhere, with the joint, the value and the time.
+        """Raise DefinitionError, with joint, value and time, if the motion leaves a limit anywhere.
 
-        - `motion`: the motion.
-        - `source`: what it was read from, for the message.
+        - `source`: origin of the motion, for the message.
         - `names`: of the joints, if they have any.
-        - `place`, `rate`: the likely cause where a position, or a velocity or acceleration, is beyond its limit.
+        - `place`, `rate`: likely cause for a position, and for a velocity or acceleration, outside its limit.
         """
         owner, joints = type(motion).__name__, motion.coefficients.shape[2]
         position = motion.extremes(0)
@@ -108,12 +97,12 @@ class MotionLimits:
                 )
         for order, name, units in ((1, "velocity", "rad/s (or m/s)"), (2, "acceleration", "rad/s² (or m/s²)")):
             bound = limit(owner, name, getattr(self, name), joints, names)
-            found = motion.extremes(order)
-            if np.any(found.size > bound * (1 + ROUNDING)):
-                joint = int(np.argmax(found.size / bound))
-                forward = found.largest[joint] >= -found.least[joint]
-                when = (found.when_largest if forward else found.when_least)[joint]
+            extremes = motion.extremes(order)
+            if np.any(extremes.size > bound * (1 + ROUNDING)):
+                joint = int(np.argmax(extremes.size / bound))
+                forward = extremes.largest[joint] >= -extremes.least[joint]
+                when = (extremes.when_largest if forward else extremes.when_least)[joint]
                 raise DefinitionError(
-                    f"{source}: {called(joint, names)} would need {found.size[joint]:.4g} {units} at t = {when:.6g} s, "
-                    f"over its limit of {bound[joint]:g} for {name}{rate}"
+                    f"{source}: {called(joint, names)} would need {extremes.size[joint]:.4g} {units} "
+                    f"at t = {when:.6g} s, over its limit of {bound[joint]:g} for {name}{rate}"
                 )

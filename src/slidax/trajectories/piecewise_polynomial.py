@@ -1,4 +1,4 @@
-"""What every motion of polynomials in time is."""
+"""Base class of motions that are polynomials in time."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from .trajectory import AbstractTrajectory
 
 
 class AbstractPiecewisePolynomial(AbstractTrajectory):
-    """One polynomial in time per joint between two knots; before the first knot and after the last it stands still.
+    """One polynomial in time per joint between two knots, and rest before the first knot and after the last.
 
-    A knot belongs to the piece that begins there, and the last one to the rest after it: where the acceleration jumps,
-    the reference has the value from the knot on. Members see to it that position and velocity do not jump.
+    A knot belongs to the piece that begins there, the last knot to the rest after it: where the acceleration jumps, the
+    reference has the value after the knot. Subclasses ensure that position and velocity do not jump.
     """
 
     times: Float[Array, " knots"] = parameter("knots, increasing", "s")
@@ -41,10 +41,6 @@ class AbstractPiecewisePolynomial(AbstractTrajectory):
         return self.times[-1]
 
     def position(self, t: Scalar) -> Vector:
-        """The position on the piece that holds `t`.
-
-        - `t`: time [s].
-        """
         first, last = self.times[0], self.times[-1]
         # Not `clip`: at a tie its derivative is one half, and so neither that of the motion nor that of the rest.
         t = jnp.where(t < first, first, jnp.where(t < last, t, last))
@@ -58,7 +54,7 @@ class AbstractPiecewisePolynomial(AbstractTrajectory):
         return value
 
     def extremes(self, order: int) -> Extremes:
-        """The least and the largest value that a derivative of the position takes, exactly: where its slope is zero.
+        """Return the exact extremes of a derivative of the position.
 
         - `order`: 0 for the position, 1 for the velocity, 2 for the acceleration, 3 for the jerk.
         """

@@ -9,11 +9,7 @@ from numpy.typing import NDArray
 
 
 def quintic_spline(times: NDArray[np.float64], waypoints: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Its coefficients, highest power of `t - times[i]` first, [6 k-1 n].
-
-    - `times`: [k], s, increasing.
-    - `waypoints`: positions [k n].
-    """
+    """Return the coefficients through waypoints [k n], highest power of `t - times[i]` first, [6 k-1 n]."""
     from scipy.interpolate import make_interp_spline
 
     rest = np.zeros(waypoints.shape[1])

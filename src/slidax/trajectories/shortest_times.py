@@ -11,32 +11,32 @@ from .extremes import derived, extremes
 from .quintic_spline import quintic_spline
 
 SAMPLES = 16
-"""Parts of a piece between which the search looks for its peaks; what it finds is then scaled by the exact extremes."""
+"""Samples of a piece in the search for its peaks; the exact extremes then scale the result."""
 
 SHORTEST = 0.02
-"""The search shortens no piece below this part of what it was at first."""
+"""Least duration of a piece in the search, as a part of its first duration."""
 
 AT_REST = {1: 15 / 8, 2: 10 / math.sqrt(3), 3: 60.0}
 """The largest velocity, acceleration and jerk of the quintic from 0 to 1 in unit time, at rest at both ends."""
 
 
 def shortest_times(waypoints: NDArray[np.float64], limits: dict[int, NDArray[np.float64]]) -> NDArray[np.float64]:
-    """When to pass each waypoint, [k], from 0 on, so that all limits hold and one is reached.
+    """Return the times of the waypoints, [k], from 0 on, so that all limits hold and one is reached.
+
+    Stretching all times by c divides the derivative of order i by c^i, so for given proportions the shortest times are
+    known. Sequential quadratic programming finds the proportions, starting at those of the separate pieces. The search
+    is local; the shorter of its start and its result is taken.
 
     - `waypoints`: positions [k n], no two in a row the same.
-    - `limits`: of each joint [n], by the order of the derivative: 1, 2, 3; infinite for none.
-
-    Stretching all times by c divides the derivative of order i by c^i, so that for given proportions the shortest
-    times are known. The proportions are found by sequential quadratic programming from those that the pieces would
-    have on their own; it is a local search, and of what it found and where it began the shorter is taken.
+    - `limits`: limits of the joints [n] by order of the derivative, 1, 2, 3; infinite for none.
     """
     steps = np.abs(np.diff(waypoints, axis=0))
     least = np.stack([(AT_REST[order] * steps / bound) ** (1 / order) for order, bound in limits.items()])
     begin = _stretched(np.asarray(least.max(axis=(0, 2)), dtype=float), waypoints, limits)
     if len(begin) == 1:
         return _times(begin)
-    found = _stretched(_proportions(begin, waypoints, limits), waypoints, limits)
-    best = min(begin, found, key=np.sum)
+    searched = _stretched(_proportions(begin, waypoints, limits), waypoints, limits)
+    best = min(begin, searched, key=np.sum)
     return _times(best)
 
 
@@ -47,7 +47,7 @@ def _times(durations: NDArray[np.float64]) -> NDArray[np.float64]:
 def _stretched(
     durations: NDArray[np.float64], waypoints: NDArray[np.float64], limits: dict[int, NDArray[np.float64]]
 ) -> NDArray[np.float64]:
-    """The durations, all longer or shorter by the same factor, so that the tightest limit is reached exactly."""
+    """Durations times one factor, so that the tightest limit is reached exactly."""
     times = _times(durations)
     coefficients = quintic_spline(times, waypoints)
     ratios = [np.max(extremes(times, coefficients, i).size / bound) ** (1 / i) for i, bound in limits.items()]
@@ -55,10 +55,7 @@ def _stretched(
 
 
 def _peak(samples: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The top of the parabola through the largest sample and its neighbours, [pieces n].
-
-    - `samples`: [samples pieces n].
-    """
+    """Top of the parabola through the largest sample and its neighbours, [pieces n]."""
     top = np.argmax(samples, axis=0)[None]
     before, at, after = (
         np.take_along_axis(samples, np.clip(top + step, 0, len(samples) - 1), axis=0)[0] for step in (-1, 0, 1)
@@ -72,13 +69,13 @@ def _peak(samples: NDArray[np.float64]) -> NDArray[np.float64]:
 def _proportions(
     begin: NDArray[np.float64], waypoints: NDArray[np.float64], limits: dict[int, NDArray[np.float64]]
 ) -> NDArray[np.float64]:
-    """Durations with the least sum for which no limit is passed at the sampled points, as well as the search can."""
+    """Durations with the least sum for which the sampled points keep the limits."""
     from scipy.optimize import minimize
 
     z = np.linspace(0.0, 1.0, SAMPLES + 1)
 
     def left(durations: NDArray[np.float64]) -> NDArray[np.float64]:
-        """How much of each limit is left, per piece and joint: 1 at rest, 0 where it is reached."""
+        """Remaining part of each limit, per piece and joint: 1 at rest, 0 at the limit."""
         coefficients = quintic_spline(_times(durations), waypoints)
         parts = []
         for order, bound in limits.items():

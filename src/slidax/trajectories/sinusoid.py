@@ -18,8 +18,4 @@ class Sinusoid(AbstractTrajectory):
     phase: PerJoint = parameter("φ, phase at t = 0", "rad", default=0.0)
 
     def position(self, t: Scalar) -> Vector:
-        """`c + a sin(ω t + φ)`.
-
-        - `t`: time [s].
-        """
         return self.offset + self.amplitude * jnp.sin(self.frequency * t + self.phase)

@@ -1,4 +1,4 @@
-"""A motion as rows of numbers, checked: what a file says before it is a trajectory."""
+"""A motion as a checked table of numbers, before it is a trajectory."""
 
 from __future__ import annotations
 
@@ -34,17 +34,17 @@ CLOCK = 1e6
 
 @dataclass(frozen=True)
 class Table:
-    """Positions over time, perhaps with velocities, perhaps with accelerations too.
+    """Positions over time, optionally with velocities and accelerations.
 
-    - `source`: what it was read from, for messages.
-    - `joints`: names of the joints; none for a table of numbers alone.
-    - `rows`: what each row is called in messages, such as `line 7`.
+    - `source`: origin of the data, for messages.
+    - `joints`: names; empty for a table of numbers alone.
+    - `rows`: label of each row in messages, such as `line 7`.
     - `times`: [k], s.
     - `positions`: [k n], rad or m.
     - `velocities`, `accelerations`: [k n], or None.
-    - `unit_is_known`: whether the data, or the user, says in which unit the times are.
+    - `unit_is_known`: True if the data or the user gives the unit of the times.
 
-    Raises DefinitionError if there are fewer than two rows, the times do not increase or something is not finite.
+    Raises DefinitionError for fewer than two rows, times that do not increase, or numbers that are not finite.
     """
 
     source: str
@@ -79,16 +79,11 @@ class Table:
             raise DefinitionError(f"{self.source} has accelerations but no velocities: give both, or neither")
 
     def at(self, row: int) -> str:
-        """A row with where it stands.
-
-        - `row`: its number from 0.
-        """
+        """Return source and label of a row, by its index from 0."""
         return f"{self.source}, {self.rows[row]}"
 
     def starting(self, start: float | None) -> Table:
-        """The table with its first row at a time.
-
-        - `start`: [s]; None leaves the times as they are.
+        """Return the table with its first row at a time [s]; None keeps the times.
 
         Raises DefinitionError if the motion would begin before 0 or far after.
         """
@@ -112,14 +107,14 @@ class Table:
 
 
 def columns_of(source: str, names: Sequence[str], joints: Sequence[str] | None) -> list[int]:
-    """The columns of a table in the order of a robot's joints, found by their names.
+    """Return the indices of a table's columns in the order of a robot's joints, matched by names.
 
-    - `source`: what the table was read from, for messages.
-    - `names`: of its columns.
-    - `joints`: the robot's names; None for all columns in the order of the table.
+    - `source`: origin of the table, for messages.
+    - `names`: of the columns.
+    - `joints`: the robot's names; None for all columns in their order.
 
-    Columns of joints that the robot does not have are left out, with a DefinitionWarning. Raises DefinitionError if a
-    joint is missing, or a name stands there twice.
+    Columns of other joints are dropped with a DefinitionWarning. Raises DefinitionError for a missing joint, or a name
+    that occurs twice.
     """
     _require_distinct(names, f"{source} has")
     if joints is None:
@@ -145,18 +140,18 @@ def columns_of(source: str, names: Sequence[str], joints: Sequence[str] | None) 
 
 
 def _in_their_order(source: str, names: Sequence[str], joints: Sequence[str]) -> list[int]:
-    """Columns for joints that have no names of their own."""
+    """Columns for joints without names of their own."""
     if len(names) != len(joints):
         raise DefinitionError(
             f"{source} moves {counted(len(names), 'joint')}, {quoted(names)}, but the robot has {len(joints)}, "
             f"which have no names of their own: list the names in the file that move them, in their order, as {JOINTS}"
         )
     if len(joints) > 1:
-        said = (
+        warning = (
             f"{source}: the robot's joints have no names of their own, so that the columns {quoted(names)} move "
             f"{quoted(joints)} in this order; to say so, or another order, list the names as {JOINTS}"
         )
-        warnings.warn(DefinitionWarning(said), stacklevel=2)
+        warnings.warn(DefinitionWarning(warning), stacklevel=2)
     return list(range(len(names)))
 
 

@@ -1,4 +1,4 @@
-"""What makes a table's motion impossible: jumps of its velocity, and limits that it passes."""
+"""Checks of a table's motion: velocity jumps, limits, and likely mistakes in its units."""
 
 from __future__ import annotations
 
@@ -15,24 +15,22 @@ from .table import Table
 from .velocity_jumps import LEAST, velocity_jump
 
 NO_ARM = 200.0
-"""More than any arm does, rad/s² or m/s²: a table that asks for more has a jump in it."""
+"""Acceleration beyond any arm, rad/s² or m/s²: a table with more has a jump."""
 
 RESTING = 1e-6
-"""Velocities at the ends of a table that are no larger, in rad/s or m/s, are the rounding of a file."""
+"""Velocities at the ends of a table up to this, rad/s or m/s, are the rounding of a file."""
 
 DENSE, SLOW = 20, 0.02
-"""So many rows or more are samples of a motion, of which one whose joints all stay below 0.02 rad/s is odd."""
+"""A table with this many rows, whose joints all stay below 0.02 rad/s, probably has another unit of time."""
 
 TWO_TURNS = 4 * np.pi
 """Positions beyond two turns [rad] are rare for an arm and common for degrees."""
 
 
 def at_rest_outside(table: Table) -> Table:
-    """The table, with velocities that are exactly zero at its ends if it has any.
+    """Return the table with velocities of exactly zero at its ends, if it has any.
 
-    - `table`: the table.
-
-    Raises DefinitionError if they are not zero there, with the joint, the time, the size and the remedy.
+    Raises DefinitionError, with joint, time, value and remedy, if they are not zero there.
     """
     if table.velocities is None:
         return table
@@ -51,11 +49,7 @@ def at_rest_outside(table: Table) -> Table:
 
 
 def require_no_jump(motion: AbstractPiecewisePolynomial, table: Table) -> None:
-    """Raises a DefinitionError if the velocity jumps, with the joint, the time, the size and the remedy.
-
-    - `motion`: the motion through the table.
-    - `table`: the table; one with velocities says itself how they change.
-    """
+    """Raise DefinitionError, with joint, time, value and remedy, if a table without velocities jumps."""
     jump = None if table.velocities is not None else velocity_jump(table.times, table.positions)
     if jump is None:
         return
@@ -71,11 +65,7 @@ def require_no_jump(motion: AbstractPiecewisePolynomial, table: Table) -> None:
 
 
 def warn_of_slow_times(motion: AbstractPiecewisePolynomial, table: Table) -> None:
-    """Warns where rows are so far apart in time, and the motion so slow, that the times may not be in seconds.
-
-    - `motion`: the motion through the table.
-    - `table`: the table; one that says the unit of its times is believed.
-    """
+    """Warn if, by spacing and speed, times of an unknown unit may not be in seconds."""
     spacing = float(np.median(np.diff(table.times)))
     fastest = float(motion.extremes(1).size.max())
     if table.unit_is_known or len(table.times) < DENSE or spacing < 0.5 or not 0.0 < fastest < SLOW:
@@ -91,27 +81,22 @@ def warn_of_slow_times(motion: AbstractPiecewisePolynomial, table: Table) -> Non
 
 
 def require_within(motion: AbstractPiecewisePolynomial, table: Table, limits: MotionLimits) -> None:
-    """Raises a DefinitionError if the motion passes a limit, with the likely cause.
-
-    - `motion`: the motion through the table.
-    - `table`: the table.
-    - `limits`: the limits.
-    """
+    """Raise DefinitionError, with the likely cause, if the motion passes a limit."""
     largest = float(np.abs(table.positions).max())
     degrees = f"; positions go to {largest:.4g}: are they degrees? They must be rad or m" if largest > TWO_TURNS else ""
     limits.require(motion, table.source, table.joints, degrees, degrees or _about_rates(table))
 
 
 def _about_rates(table: Table) -> str:
-    """What may be wrong with velocities or times."""
+    """Likely mistake in velocities or times."""
     rates = np.abs(np.diff(table.positions, axis=0) / np.diff(table.times)[:, None])
     if table.velocities is not None:
-        given = float(np.abs((table.velocities[1:] + table.velocities[:-1]) / 2).mean())
+        mean_speed = float(np.abs((table.velocities[1:] + table.velocities[:-1]) / 2).mean())
         implied = float(rates.mean())
-        if min(given, implied) > LEAST and not 0.1 * implied <= given <= 10 * implied:
+        if min(mean_speed, implied) > LEAST and not 0.1 * implied <= mean_speed <= 10 * implied:
             return (
-                f"; the velocities are {given / implied:.3g} times what positions and times say: are they in rad/s "
-                "or m/s?"
+                f"; the velocities are {mean_speed / implied:.3g} times what positions and times say: are they in "
+                "rad/s or m/s?"
             )
     row = int(np.argmax(rates.max(axis=1)))
     return (

@@ -26,21 +26,21 @@ TimeUnit = Literal["s", "ms", "us", "ns"]
 
 
 class Tabulated(AbstractPiecewisePolynomial):
-    """Through the rows of a table, each at its time; before the first row and after the last it stands still.
+    """Through the rows of a table, each at its time; at rest before the first row and after the last.
 
     Between two rows it is
 
-    - a cubic, where the table has velocities: continuous velocity, as ROS's joint trajectory controller does it;
-    - a quintic, where it has accelerations too: continuous acceleration, as that controller does it;
-    - a piece of the quintic spline at rest at both ends (`MinimumJerk`), where it has positions only: continuous
+    - a cubic, if the table has velocities: continuous velocity, as in ROS's joint trajectory controller;
+    - a quintic, if it also has accelerations: continuous acceleration, as in that controller;
+    - a piece of the quintic spline at rest at both ends (`MinimumJerk`), if it has positions only: continuous
       acceleration. ROS takes straight lines there, whose velocity jumps at every row.
 
-    Since it stands still outside of the table, velocities must be zero in the first and the last row. A table whose
-    positions jump in velocity is refused: one that shows steady motion on both sides of a row, or rest before the first
-    or after the last, and nothing of the change from one to the other. Where `acceleration` is given, that limit
-    decides instead. Without it no table may ask for more than 200 rad/s² (or m/s²), which no arm does.
+    Velocities must be zero in the first and the last row. A table whose velocity jumps is an error: it shows steady
+    motion on both sides of a row, or rest before the first or after the last row, but not the change between them. If
+    `acceleration` is given, that limit decides instead. Without it the limit is 200 rad/s² (or m/s²), more than any arm
+    reaches.
 
-    Made by `Tabulated.from_csv`, `Tabulated.from_joint_trajectory` or `Tabulated.through`.
+    `Tabulated.from_csv`, `Tabulated.from_joint_trajectory` and `Tabulated.through` make it.
     """
 
     joint_names: tuple[str, ...] = piece("of the joints, as the data has them", default=(), static=True)
@@ -58,22 +58,22 @@ class Tabulated(AbstractPiecewisePolynomial):
         velocity: object = np.inf,
         acceleration: object = None,
     ) -> Tabulated:
-        """The motion in a CSV file.
+        """Read the motion in a CSV file.
 
-        - `source`: its path; or the text itself, which has a line break in it.
-        - `joints`: names of the robot's joints in its order, `robot.joint_names`; the order of the columns if not
-          given. Columns of other joints are left out, with a DefinitionWarning.
-        - `units`: of the robot's joints, `robot.joint_units`, for a check; not checked if not given.
-        - `time_unit`: of the times; the title's, or s, if not given.
-        - `start`: time of the first row [s]; as the file has it if not given.
+        The first line names the columns: `time`, one column per joint, in any order, optionally one `NAME.velocity` per
+        joint, and with these optionally one `NAME.acceleration`. Units are SI unless another one is given in brackets:
+        `elbow [deg]`, `time [ms]`. Case, spaces and punctuation of the names do not matter.
+
+        - `source`: path, or the text itself, which has a line break in it.
+        - `joints`: the robot's joint names in its order, `robot.joint_names`; by default the order of the columns.
+          Columns of other joints are dropped with a DefinitionWarning.
+        - `units`: of the robot's joints, `robot.joint_units`, for a check.
+        - `time_unit`: unit of the times; by default the title's, or s.
+        - `start`: time of the first row [s]; by default as in the file.
         - `lower`, `upper`: position limits, [n] or one number, rad or m.
         - `velocity`, `acceleration`: limits, [n] or one number, rad/s and rad/s², or m/s and m/s².
 
-        The first line names the columns: `time`, and a column per joint, in any order, and perhaps one
-        `NAME.velocity` per joint, and with these perhaps one `NAME.acceleration`. Units are SI where no other is given
-        in brackets: `elbow [deg]`, `time [ms]`. Case, spaces and punctuation of the names do not matter.
-
-        Raises DefinitionError, with line and column, if the table makes no sense, jumps or passes a limit.
+        Raises DefinitionError, with line and column, if the table is invalid, jumps or passes a limit.
         """
         table = csv_table(source, joints, _time_unit(time_unit), units)
         return _interpolated(table, start, MotionLimits(lower, upper, velocity, acceleration))
@@ -90,21 +90,16 @@ class Tabulated(AbstractPiecewisePolynomial):
         velocity: object = np.inf,
         acceleration: object = None,
     ) -> Tabulated:
-        """The motion in a ROS message, trajectory_msgs/JointTrajectory, as JSON.
-
-        - `source`: path of a JSON file; or the text itself, which begins with a brace; or the mapping that it stands
-          for.
-        - `joints`: names of the robot's joints in its order, `robot.joint_names`; the order of the message if not
-          given. Other joints of the message are left out, with a DefinitionWarning.
-        - `time_unit`: of times that are plain numbers; s if not given.
-        - `start`: time of the first point [s]; as the message has it if not given.
-        - `lower`, `upper`: position limits, [n] or one number, rad or m.
-        - `velocity`, `acceleration`: limits, [n] or one number, rad/s and rad/s², or m/s and m/s².
+        """Read the motion in a ROS message, trajectory_msgs/JointTrajectory, as JSON.
 
         `time_from_start` may be `{sec, nanosec}` (ROS 2), `{secs, nsecs}` (ROS 1) or a number of seconds. `effort` and
-        `header` are not used.
+        `header` are ignored.
 
-        Raises DefinitionError, with the point and the joint, if the message makes no sense, jumps or passes a limit.
+        - `source`: path of a JSON file, the text itself, which begins with a brace, or the mapping.
+        - `time_unit`: unit of times that are plain numbers; s by default.
+        - `joints`, `start`, `lower`, `upper`, `velocity`, `acceleration`: as in `from_csv`.
+
+        Raises DefinitionError, with point and joint, if the message is invalid, jumps or passes a limit.
         """
         limits = MotionLimits(lower, upper, velocity, acceleration)
         return _interpolated(joint_trajectory_table(source, joints, _time_unit(time_unit)), start, limits)
@@ -121,19 +116,18 @@ class Tabulated(AbstractPiecewisePolynomial):
         velocity: object = np.inf,
         acceleration: object = None,
     ) -> Tabulated:
-        """The motion through arrays, such as a log's.
+        """Return the motion through arrays, such as a log's.
 
         - `times`: [k], s, increasing.
         - `positions`: [k n], rad or m.
         - `velocities`, `accelerations`: [k n], or None.
-        - `lower`, `upper`: position limits, [n] or one number, rad or m.
-        - `velocity`, `acceleration`: limits, [n] or one number, rad/s and rad/s², or m/s and m/s².
+        - `lower`, `upper`, `velocity`, `acceleration`: limits as in `from_csv`.
 
-        Raises DefinitionError, with row and joint, if the table makes no sense, jumps or passes a limit.
+        Raises DefinitionError, with row and joint, if the table is invalid, jumps or passes a limit.
         """
         t, q = np.asarray(times, dtype=float), np.asarray(positions, dtype=float)
-        given = {"velocities": velocities, "accelerations": accelerations}
-        more = {name: np.asarray(value, dtype=float) for name, value in given.items() if value is not None}
+        optional = {"velocities": velocities, "accelerations": accelerations}
+        more = {name: np.asarray(value, dtype=float) for name, value in optional.items() if value is not None}
         if t.ndim != 1 or q.ndim != 2 or any(rows.shape != (len(t), q.shape[1]) for rows in (q, *more.values())):
             shapes = [list(q.shape), *(list(rows.shape) for rows in more.values())]
             raise DefinitionError(

@@ -1,4 +1,4 @@
-"""A motion of the joints that leads a tool along a path."""
+"""A joint motion that moves a tool along a path."""
 
 from __future__ import annotations
 
@@ -6,7 +6,4 @@ from .piecewise_polynomial import AbstractPiecewisePolynomial
 
 
 class ToolMotion(AbstractPiecewisePolynomial):
-    """As `slidax.kinematics.follow` finds it; what counts is the tool, so that a run with it tallies the tool's error.
-
-    Before the first knot and after the last it stands still.
-    """
+    """A joint motion by `slidax.kinematics.follow`, at rest before and after; runs also record the tool's error."""

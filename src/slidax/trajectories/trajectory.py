@@ -1,4 +1,4 @@
-"""What every trajectory is."""
+"""Base class of all trajectories."""
 
 from __future__ import annotations
 
@@ -11,24 +11,18 @@ from slidax.parts import AbstractPart, Scalar, Vector
 
 
 class AbstractTrajectory(AbstractPart):
-    """A desired motion `q_d(t)`. A member gives the position; velocity and acceleration follow by differentiation."""
+    """A desired motion `q_d(t)`. Subclasses define the position; velocity and acceleration are its derivatives."""
 
     @property
     def until(self) -> Scalar | float:
-        """The time from which on it stands still [s]; infinite for a motion without an end."""
+        """Time after which the motion stands still [s]; infinite for an endless motion."""
         return math.inf
 
     @abstractmethod
     def position(self, t: Scalar) -> Vector:
-        """`q_d(t)`, [n], rad or m.
-
-        - `t`: time [s].
-        """
+        """Return `q_d(t)`, [n], rad or m, at time t [s]."""
 
     def reference(self, t: Scalar) -> Reference:
-        """`q_d`, `q̇_d`, `q̈_d` at one time.
-
-        - `t`: time [s].
-        """
+        """Return `q_d`, `q̇_d`, `q̈_d` at time t [s]."""
         q, dq, ddq = value_rate_curvature(self.position, t)
         return Reference(q=q, dq=dq, ddq=ddq)

@@ -1,4 +1,4 @@
-"""As fast as the limits allow, from rest to rest."""
+"""Trapezoidal velocity profiles: as fast as the limits allow, from rest to rest."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ SAME_KNOT = 1e-12
 
 
 class Trapezoidal(AbstractPiecewisePolynomial):
-    """From waypoint to waypoint in the shortest time that velocity and acceleration limits allow, at rest at each.
+    """From waypoint to waypoint in the shortest time within limits of velocity and acceleration, at rest at each.
 
-    The velocity of the joint that needs longest is a trapezoid over time (or a triangle, where it does not reach its
-    limit); the acceleration jumps between 0 and its limit. With a limit of jerk, it is a ramp and the velocity an
+    The slowest joint's velocity is a trapezoid over time, or a triangle if it does not reach its limit; its
+    acceleration jumps between 0 and its limit. With a jerk limit the acceleration is a ramp and the velocity an
     S-curve. The other joints take the same time: all start and arrive together, on a straight line in joint space where
-    that is no slower.
+    that is not slower.
 
-    Made by `Trapezoidal.through(waypoints, velocity=..., acceleration=...)`. A motion that does not stop at its
-    waypoints is `MinimumJerk.within`.
+    `Trapezoidal.through(waypoints, velocity=..., acceleration=...)` makes it. `MinimumJerk.within` does not stop at its
+    waypoints.
     """
 
     @staticmethod
@@ -40,15 +40,15 @@ class Trapezoidal(AbstractPiecewisePolynomial):
         jerk: object = math.inf,
         start: float = 0.0,
     ) -> Trapezoidal:
-        """The motion through the given waypoints, computed by Ruckig (Berscheid and Kröger, 2021).
+        """Return the motion through waypoints, computed by Ruckig (Berscheid and Kröger, 2021).
 
         - `waypoints`: positions [k n], rad or m, no two in a row the same.
-        - `velocity`: largest speed, [n] or one number, rad/s or m/s; infinite for none.
-        - `acceleration`: largest acceleration, [n] or one number, rad/s² or m/s², finite.
-        - `jerk`: largest jerk, [n] or one number, rad/s³ or m/s³; infinite for none.
+        - `velocity`: limit, [n] or one number, rad/s or m/s; infinite for none.
+        - `acceleration`: limit, [n] or one number, rad/s² or m/s², finite.
+        - `jerk`: limit, [n] or one number, rad/s³ or m/s³; infinite for none.
         - `start`: time of the first waypoint [s].
 
-        Raises DefinitionError if the waypoints are no path, a limit is not positive, or ruckig is not installed.
+        Raises DefinitionError for invalid waypoints, a limit that is not positive, or if ruckig is not installed.
         """
         name = "Trapezoidal"
         q = distinct_waypoints(name, waypoints)
@@ -69,7 +69,7 @@ class Trapezoidal(AbstractPiecewisePolynomial):
 def _segment(
     here: NDArray[np.float64], there: NDArray[np.float64], bounds: dict[str, NDArray[np.float64]]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """One motion from rest to rest: its knots from 0 on, and its coefficients [4 pieces n]."""
+    """A motion from rest to rest: its knots from 0 on, and its coefficients [4 pieces n]."""
     profiles = _profiles(here, there, bounds)
     ends = [np.cumsum([0.0, *profile.t]) for profile in profiles]
     duration = max(end[-1] for end in ends)
@@ -93,7 +93,7 @@ def _segment(
 
 
 def _profiles(here: NDArray[np.float64], there: NDArray[np.float64], bounds: dict[str, NDArray[np.float64]]) -> Any:
-    """Of each joint, phases of constant jerk: durations `t`, and jerk, acceleration, velocity and position at each."""
+    """Phases of constant jerk per joint: durations, and jerk, acceleration, velocity and position at each."""
     try:
         import ruckig
     except ImportError:

@@ -1,4 +1,4 @@
-"""Jumps of the velocity in a table of positions."""
+"""Velocity jumps in a table of positions."""
 
 from __future__ import annotations
 
@@ -8,22 +8,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 SIDE = 5
-"""Rows on each side of a jump that must show what the velocity was before and is after it."""
+"""Rows on each side of a jump that determine the velocities before and after."""
 
 CLEAR = 12.0
-"""A change of velocity is a jump if it is this many times what the rows around it leave unexplained."""
+"""A velocity change is a jump if it is this many times the residual of the rows around it."""
 
 PART, LEAST = 0.1, 0.01
-"""Of the joint's top speed, and in rad/s or m/s: smaller changes are no jumps, but the rounding of a file."""
+"""Smaller changes, as a part of the joint's top speed and in rad/s or m/s, are the rounding of a file."""
 
 
 class VelocityJump(NamedTuple):
-    """Where a table of positions jumps in velocity.
+    """A velocity jump.
 
-    - `joint`: its number from 0.
-    - `row`: of the interval in which it jumps, the row at its left end, from 0.
-    - `before`, `after`: the velocities, rad/s or m/s.
-    - `end`: -1 if it is at the start of the table, 1 at its end, 0 within.
+    - `joint`: index from 0.
+    - `row`: index from 0 of the row at the left end of the interval.
+    - `before`, `after`: velocities, rad/s or m/s.
+    - `end`: -1 at the start of the table, 1 at its end, 0 inside.
     """
 
     joint: int
@@ -34,15 +34,15 @@ class VelocityJump(NamedTuple):
 
 
 def velocity_jump(times: NDArray[np.float64], positions: NDArray[np.float64]) -> VelocityJump | None:
-    """The largest jump in velocity, or None.
+    """Return the largest velocity jump, or None.
+
+    Before the first row and after the last one the joints stand still. There is a jump if the velocities of the rows
+    before lie on one straight line over time, those of the rows after on another, and within one interval the two lines
+    differ much more than a jump in acceleration and the lines' residuals explain. A table of a few waypoints has no
+    jump, since it does not define the motion between them.
 
     - `times`: [k], s, increasing.
     - `positions`: [k n].
-
-    Before the first row and after the last one the joints stand still. A jump is where the velocities of the rows
-    before lie on one straight line over time, those of the rows after on another, and in between, within one interval,
-    the two lines are far apart: much more than a jump in acceleration would make them, or what the lines leave over.
-    So a table of a few waypoints has none, whatever they are: it does not say how they are to be reached.
     """
     width = np.diff(times)
     velocity = np.diff(positions, axis=0) / width[:, None]
@@ -68,7 +68,7 @@ def velocity_jump(times: NDArray[np.float64], positions: NDArray[np.float64]) ->
 
 
 class _Line(NamedTuple):
-    """Straight lines through some velocities: their value where asked, their slope, and what they leave over."""
+    """Straight lines through some velocities: value at a time, slope, and largest residual."""
 
     value: NDArray[np.float64]
     slope: NDArray[np.float64]

@@ -1,4 +1,4 @@
-"""Waypoints as a person gives them."""
+"""Checks of waypoints."""
 
 from __future__ import annotations
 
@@ -14,12 +14,11 @@ MOST_WAYPOINTS = 10_000
 
 
 def positions(owner: str, waypoints: object) -> NDArray[np.float64]:
-    """The positions [k n], of equally many joints and finite.
+    """Return the positions [k n], finite and with equally many joints.
 
-    - `owner`: whose they are, for the message.
-    - `waypoints`: rows of joint positions, at least two.
+    - `owner`: class of the motion, for the message.
 
-    Raises DefinitionError if they are not.
+    Raises DefinitionError for anything else.
     """
     if isinstance(waypoints, Sequence) and len(waypoints) > MOST_WAYPOINTS:
         raise DefinitionError(f"`{owner}.waypoints` must be at most {MOST_WAYPOINTS}; got {len(waypoints)}")
@@ -38,13 +37,7 @@ def positions(owner: str, waypoints: object) -> NDArray[np.float64]:
 
 
 def distinct_waypoints(owner: str, waypoints: object) -> NDArray[np.float64]:
-    """The positions [k n], checked.
-
-    - `owner`: whose they are, for the message.
-    - `waypoints`: rows of joint positions, at least two, no two in a row the same.
-
-    Raises DefinitionError if they are not.
-    """
+    """Return the positions [k n]; raise DefinitionError also if two in a row are the same."""
     q = positions(owner, waypoints)
     same = np.all(np.diff(q, axis=0) == 0, axis=1)
     if same.any():

@@ -1,4 +1,4 @@
-"""Which joints of a robot file make its arm: the longest chain, without fingers, cameras, heads and wheels."""
+"""Find the arm in a robot file: the longest chain of joints, without fingers, cameras, heads and wheels."""
 
 from __future__ import annotations
 
@@ -38,12 +38,7 @@ ARM = 3
 
 @dataclass(frozen=True)
 class Chain:
-    """The joints that move, from the base to the tip, and those that are held.
-
-    - `joints`: names, in order.
-    - `tip`: the link, or the body, at the end.
-    - `locked`: positions of the others [rad or m].
-    """
+    """Moving joints in order from the base, the link or body at the end, and positions of held joints, rad or m."""
 
     joints: tuple[str, ...]
     tip: str
@@ -52,7 +47,7 @@ class Chain:
 
 @dataclass(frozen=True)
 class _Hinge:
-    """A joint between two links; `held` is where it stays if it does not move, None for a fixed one."""
+    """A joint between two links; `held` is its position if it does not move, None for a fixed joint."""
 
     name: str
     parent: str
@@ -62,20 +57,20 @@ class _Hinge:
 
     @property
     def is_of_a_hand(self) -> bool:
-        """True if it follows another one, leads one, or is called a finger."""
+        """True if it follows or leads another joint, or has the name of a finger."""
         return self.follows or FINGER.search(self.name) is not None
 
 
 def chain_of(source: str | Path, tip: str | None = None) -> Chain:
-    """The arm in a robot file, URDF or MJCF.
+    """Return the arm in a robot file, URDF or MJCF.
 
-    A joint that follows another one, and one that is called a finger, is held where it is nearest to 0. So is what
-    branches off: at each branch the longest chain goes on, and where only fingers are left it ends.
+    Followers and joints with names of fingers are held at the position nearest to 0, and so are side branches: at each
+    branch the longest chain continues, and it ends where only fingers remain.
 
     - `source`: path of the file.
-    - `tip`: the link or body at its end; else found, at the last link that moves or fixed to it.
+    - `tip`: the link or body at the end; by default the last moving link, or a tool's link fixed to it.
 
-    Raises DefinitionError if the file is not to be read, has no arm, or has several of one length.
+    Raises DefinitionError if the file is not readable, has no arm, or has several arms of one length.
     """
     is_urdf = Path(source).suffix.lower() != ".xml" or "<robot" in _beginning(source)
     with located(str(source)):
@@ -102,11 +97,11 @@ class _Tree:
             raise DefinitionError("no joint moves the tip" if tip else f"there is no joint of an arm{self._left_out()}")
         end = tip if tip is not None else self._tip(moving[-1].child)
         names = tuple(hinge.name for hinge in moving)
-        held = {one.name: one.held for one in self._hinges if one.held is not None and one.name not in names}
+        held = {each.name: each.held for each in self._hinges if each.held is not None and each.name not in names}
         return Chain(names, end, held)
 
     def _left_out(self) -> str:
-        """The joints that are taken for those of a hand, with the remedy."""
+        """Joints that count as those of a hand, with the remedy."""
         names = [hinge.name for hinge in self._hinges if hinge.held is not None and hinge.is_of_a_hand]
         reason = "follow or lead others, or have names of fingers; name the arm's end by `--tip LINK`"
         return f": {quoted(names)} {reason}" if names else ""
@@ -114,31 +109,31 @@ class _Tree:
     def _to(self, tip: str) -> list[_Hinge]:
         if tip not in self._carrier:
             raise DefinitionError(f"`tip` names `{tip}`, which no joint carries; {nearest(tip, self._carrier)}")
-        found: list[_Hinge] = []
+        hinges: list[_Hinge] = []
         while tip in self._carrier:
             hinge = self._carrier[tip]
             if hinge.held is not None:
-                found.append(hinge)
+                hinges.append(hinge)
             tip = hinge.parent
-        return found[::-1]
+        return hinges[::-1]
 
     def _longest(self) -> list[_Hinge]:
         roots = [hinge.parent for hinge in self._hinges if hinge.parent not in self._carrier]
-        link, found = roots[0], list[_Hinge]()
+        link, hinges = roots[0], list[_Hinge]()
         while True:
             ways = sorted(self._below.get(link, ()), key=self._length, reverse=True)
             ways = [hinge for hinge in ways if self._length(hinge) > 0]
-            if not ways or (len(found) >= ARM and len(ways) > 1 and self._length(ways[0]) <= SHORT):
-                return found
+            if not ways or (len(hinges) >= ARM and len(ways) > 1 and self._length(ways[0]) <= SHORT):
+                return hinges
             if len(ways) > 1 and self._length(ways[0]) == self._length(ways[1]) and self._length(ways[0]) >= ARM:
                 ends = ", ".join(f"`{self._tip(self._end(way))}`" for way in ways if self._length(way) >= ARM)
                 raise DefinitionError(f"there are several arms; say which by its tip (`--tip`): {ends}")
             if ways[0].held is not None:
-                found.append(ways[0])
+                hinges.append(ways[0])
             link = ways[0].child
 
     def _end(self, hinge: _Hinge) -> str:
-        """The last link that moves, by the longest way."""
+        """The last moving link on the longest branch."""
         last = hinge.child
         while True:
             ways = sorted(self._below.get(hinge.child, ()), key=self._length, reverse=True)
@@ -148,17 +143,17 @@ class _Tree:
             last = hinge.child if hinge.held is not None else last
 
     def _length(self, hinge: _Hinge) -> int:
-        """How many joints of an arm are one after the other, from this one on."""
+        """Number of an arm's joints in series from this joint on."""
         if hinge.held is not None and hinge.is_of_a_hand:
             return 0
-        further = max((self._length(one) for one in self._below.get(hinge.child, ())), default=0)
+        further = max((self._length(branch) for branch in self._below.get(hinge.child, ())), default=0)
         return further + (hinge.held is not None)
 
     def _tip(self, link: str) -> str:
-        """The last link that moves, or one fixed to it that is called a tool's."""
+        """The last moving link, or a link fixed to it that has a tool's name."""
         fixed = [link]
         for place in fixed:
-            fixed += [one.child for one in self._below.get(place, ()) if one.held is None]
+            fixed += [hinge.child for hinge in self._below.get(place, ()) if hinge.held is None]
         for word in TIP:
             for name in fixed:
                 if re.search(rf"(^|[_\-/]){word}([_\-/]|\d|$)", name, re.IGNORECASE):
@@ -173,8 +168,8 @@ def _of_urdf(source: str | Path) -> list[_Hinge]:
     follows = {name for name in moving if tree.joints[name].find("mimic") is not None}
     for name in follows:
         with contextlib.suppress(LostError):
-            found = resolved(tree, name, {})
-            at = found if isinstance(found, float) else found.ratio * held[found.leader] + found.offset
+            motion = resolved(tree, name, {})
+            at = motion if isinstance(motion, float) else motion.ratio * held[motion.leader] + motion.offset
             with contextlib.suppress(DefinitionError):
                 limits = limits_of(tree.joints[name])[0]
                 held[name] = float(np.clip(at, limits.get("lower"), limits.get("upper")))
@@ -191,8 +186,8 @@ def _of_mjcf(source: str | Path, tip: str | None) -> list[_Hinge]:
         spec = library.MjSpec.from_file(str(source))
         name_all(spec)
         leave_out_objects(spec, tip)
-        found = []
-        coupled = {name for one in spec.equalities for name in (one.name1, one.name2)}
+        hinges = []
+        coupled = {name for equality in spec.equalities for name in (equality.name1, equality.name2)}
         for body in spec.bodies:
             if body is spec.worldbody:
                 continue
@@ -202,7 +197,7 @@ def _of_mjcf(source: str | Path, tip: str | None) -> list[_Hinge]:
                 degrees = spec.compiler.degree and joint.type == library.mjtJoint.mjJNT_HINGE
                 limited = limits["lower"] < limits["upper"]
                 value = _nearest_to_zero(limits if limited else {})
-                found.append(
+                hinges.append(
                     _Hinge(
                         joint.name,
                         parent,
@@ -213,8 +208,8 @@ def _of_mjcf(source: str | Path, tip: str | None) -> list[_Hinge]:
                 )
                 parent = body.name
             if not body.joints:
-                found.append(_Hinge("", parent, body.name, None))
-        return found
+                hinges.append(_Hinge("", parent, body.name, None))
+        return hinges
 
 
 def _nearest_to_zero(limits: Mapping[str, Any]) -> float:

@@ -1,4 +1,4 @@
-"""Expressions of xacro files, evaluated without Python's own evaluator: a file cannot run code by them."""
+"""Expressions of xacro files, evaluated without Python's own evaluator, so that a file cannot run code."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ SIGNS: Mapping[type, Callable[[Any], Any]] = {ast.USub: operator.neg, ast.UAdd: 
 
 
 class ExpressionError(ValueError):
-    """An expression has something that is not evaluated."""
+    """An expression has a part that is not supported."""
 
 
 class Budget:
@@ -71,12 +71,7 @@ class Budget:
         self.left = MOST_STEPS
 
     def spend(self, steps: int) -> None:
-        """Count steps.
-
-        - `steps`: of about a microsecond each.
-
-        Raises ExpressionError if none are left.
-        """
+        """Count steps, of about a microsecond each; raise ExpressionError if none are left."""
         self.left -= steps
         if self.left < 0:
             raise ExpressionError(
@@ -85,10 +80,7 @@ class Budget:
             )
 
     def spend_on(self, value: Any) -> None:
-        """Count a value with all that is in it, each time that it occurs.
-
-        - `value`: of an expression.
-        """
+        """Count a value with all its entries, each time that it occurs."""
         waiting = [value]
         while waiting:
             entry = waiting.pop()
@@ -100,10 +92,7 @@ class Budget:
 
 
 def limited_range(*ends: int) -> range:
-    """Return a range that is not longer than a file needs.
-
-    - `ends`: as of `range`.
-    """
+    """Return a range; raise ExpressionError if it is longer than a file needs."""
     steps = range(*ends)
     if len(steps) > LONGEST:
         raise ExpressionError(f"a range of {len(steps)} is longer than {LONGEST}")
@@ -111,20 +100,14 @@ def limited_range(*ends: int) -> range:
 
 
 def limited_round(number: Any, digits: int | None = None) -> Any:
-    """Return a rounded number; rounding an integer to -10⁹ digits would compute the power.
-
-    - `number`, `digits`: as of `round`.
-    """
+    """Return a rounded number; rounding an integer to -10⁹ digits would compute the power."""
     if digits is not None and abs(digits) > MOST_BITS:
         raise ExpressionError(f"a number is not rounded to {digits} digits")
     return round(number, digits)
 
 
 def limited_sum(numbers: Iterable[Any], start: Any = 0) -> Any:
-    """Return a sum of numbers; that of many lists would copy each of them many times.
-
-    - `numbers`, `start`: as of `sum`.
-    """
+    """Return a sum of numbers; a sum of many lists would copy each of them many times."""
     terms = [start, *numbers]
     if not all(isinstance(term, int | float) for term in terms):
         raise ExpressionError("only numbers are summed")
@@ -143,10 +126,9 @@ def evaluate(
     """Return the value of an expression.
 
     - `text`: numbers, texts, lists, arithmetic, comparisons, conditions, indices, comprehensions and calls.
-    - `names`: values by name; a mapping among them has its entries as attributes.
-    - `functions`: what may be called by name, also in a namespace such as `xacro`, in addition to `math` and some of
-      Python's own.
-    - `budget`: of the expansion; one of its own if not given.
+    - `names`: values by name; entries of a mapping are attributes.
+    - `functions`: callable names, also in a namespace such as `xacro`, in addition to `math` and some of Python's own.
+    - `budget`: of the expansion; a new one by default.
 
     Raises ExpressionError for anything else.
     """

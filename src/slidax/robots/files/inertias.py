@@ -1,4 +1,4 @@
-"""Inertias in robot files that no rigid body can have: refused, or replaced by the nearest that a body can have."""
+"""Inertias in robot files that no rigid body can have: rejected, or replaced by the nearest possible one."""
 
 from __future__ import annotations
 
@@ -27,11 +27,10 @@ of E is at most `0.005 √2 I₃`. So the projection changes no principal moment
 
 
 class Feasible:
-    """Checks the inertias of a file, and remembers the replaced ones.
+    """Checks the inertias of a file and records the replaced ones.
 
-    - `how`: "strict" refuses each inertia that no body can have, and "nearest" replaces it by the nearest that a body
-      can have. "given" replaces it if no principal moment is negative and none changes by more than `PRINTED` of the
-      largest.
+    - `how`: "strict" rejects each inertia that no body can have, "nearest" replaces it by the nearest possible one, and
+      "given" replaces it if no principal moment is negative and none changes by more than `PRINTED` of the largest.
 
     Raises DefinitionError for another word.
     """
@@ -50,7 +49,7 @@ class Feasible:
 
         - `inertia`: about the centre of mass, symmetric [3 3], kg m².
         - `owner`: its link or body, such as "link `forearm`".
-        - `moves`: whether a joint moves it by itself.
+        - `moves`: True if a joint moves it by itself.
 
         Raises DefinitionError, naming the owner, if there is none.
         """
@@ -68,9 +67,7 @@ class Feasible:
         return close
 
     def of_bodies(self, spec: Any) -> None:
-        """The same for the bodies of an MJCF file, in their place.
-
-        - `spec`: as MuJoCo has read it.
+        """Check and replace the inertias of an MJCF file's bodies in place.
 
         Raises DefinitionError naming the body.
         """
@@ -90,10 +87,7 @@ class Feasible:
                     body.fullinertia = rigid[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
 
     def add_to(self, notes: Notes) -> None:
-        """Note the replaced inertias and their changes, the largest first.
-
-        - `notes`: of the reading.
-        """
+        """Note the replaced inertias and their changes, the largest first."""
         strict = '; inertias="strict" refuses them' if self._how == "given" else ""
         for owner in sorted(self._changes, key=lambda name: -self._changes[name]):
             notes.add(

@@ -1,4 +1,4 @@
-"""MuJoCo's own reader of robot files, its errors and warnings turned into ours."""
+"""MuJoCo's reader of robot files, with its errors and warnings converted to ours."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from slidax._errors import DefinitionError
 
 
 def mujoco() -> Any:
-    """The package, or a DefinitionError that says how to get it."""
+    """Return the package; raise DefinitionError, with the way to install it, if it is missing."""
     try:
         import mujoco
     except ImportError as error:
@@ -21,19 +21,19 @@ def mujoco() -> Any:
 
 @contextmanager
 def reading() -> Iterator[list[str]]:
-    """While MuJoCo reads: what it refuses is a DefinitionError, and its warnings go into the list.
+    """Convert MuJoCo's errors into DefinitionError, and collect its warnings in the yielded list.
 
-    Unless they are taken from it, it prints them and writes a log into the working directory.
+    By default MuJoCo prints warnings and writes a log into the working directory.
     """
     library = mujoco()
-    said: list[str] = []
+    messages: list[str] = []
     before = library.get_mju_user_warning()
     try:
-        library.set_mju_user_warning(said.append)
+        library.set_mju_user_warning(messages.append)
         with warnings.catch_warnings(record=True) as raised:
             warnings.simplefilter("always")
-            yield said
-        said.extend(str(warning.message) for warning in raised)
+            yield messages
+        messages.extend(str(warning.message) for warning in raised)
     except DefinitionError:
         raise
     # Its errors are of several kinds, and what they are is not documented.
@@ -44,6 +44,6 @@ def reading() -> Iterator[list[str]]:
 
 
 def _one_line(error: Exception) -> str:
-    """Its message, without MuJoCo's word "Error" and without line ends."""
+    """The message without MuJoCo's word "Error" and without line ends."""
     lines = [line.strip() for line in str(error).splitlines()]
     return "; ".join(line for line in lines if line).removeprefix("Error: ").removeprefix("XML Error: ")

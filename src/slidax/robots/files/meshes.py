@@ -1,4 +1,4 @@
-"""Where mesh files are; they are not read."""
+"""Places of mesh files; the files are not read."""
 
 from __future__ import annotations
 
@@ -15,15 +15,13 @@ PACKAGE = re.compile(r"(?:package|model):///?([^/]+)/(.+)")
 
 
 def require_mesh(owner: str, name: str, folder: Path, packages: Packages = (), instead: str = WITHOUT) -> None:
-    """Looks whether a mesh is there.
+    """Raise DefinitionError, with the searched places, if a mesh file does not exist.
 
-    - `owner`: whose it is: "link `forearm`".
+    - `owner`: its owner, for the message: "link `forearm`".
     - `name`: path or address, as the robot file has it.
     - `folder`: of the robot file.
-    - `packages`: folders of packages by name, or folders in which packages are.
-    - `instead`: what else can be done, for the message.
-
-    Raises DefinitionError naming the owner and the places that were looked at.
+    - `packages`: folders of packages by name, or folders that contain packages.
+    - `instead`: the alternative, for the message.
     """
     places = mesh_places(name, folder, packages)
     if any(place.is_file() for place in places):
@@ -35,12 +33,7 @@ def require_mesh(owner: str, name: str, folder: Path, packages: Packages = (), i
 
 
 def mesh_places(name: str, folder: Path, packages: Packages = ()) -> list[Path]:
-    """Where a mesh may be, the likeliest first.
-
-    - `name`: path or address, as the robot file has it.
-    - `folder`: of the robot file.
-    - `packages`: folders of packages by name, or folders in which packages are.
-    """
+    """Return the possible places of a mesh, the likeliest first; arguments as in `require_mesh`."""
     package = PACKAGE.match(name)
     if package:
         return _in_package(package[1], package[2], folder, packages)
@@ -53,10 +46,10 @@ def _in_package(package: str, rest: str, folder: Path, packages: Packages) -> li
     if isinstance(packages, Mapping):
         if package in packages:
             return [Path(packages[package]) / rest]
-        given = []
+        in_packages = []
     else:
-        given = [Path(place) / package / rest for place in packages]
+        in_packages = [Path(place) / package / rest for place in packages]
     # A description package mostly holds the robot file itself, or stands beside the one that does.
     around = [above / rest for above in (folder, *folder.parents) if above.name == package]
-    beside = [above / package / rest for above in (folder, *folder.parents) if (above / package).is_dir()]
-    return [*given, *around, *beside] or [folder / package / rest]
+    siblings = [above / package / rest for above in (folder, *folder.parents) if (above / package).is_dir()]
+    return [*in_packages, *around, *siblings] or [folder / package / rest]

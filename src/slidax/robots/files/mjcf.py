@@ -35,46 +35,44 @@ def from_mjcf(
     meshes: bool = False,
     inertias: Inertias = "given",
 ) -> Articulated:
-    """An arm from an MJCF file, read and compiled by MuJoCo (`pip install 'slidax[robots]'`).
+    """Read an arm from an MJCF file, by MuJoCo (`pip install 'slidax[robots]'`).
 
-    Positions are MuJoCo's, with `ref` in them. Damping is read as viscous friction, `frictionloss` as Coulomb friction,
-    and the torque limits come from `actuatorfrcrange` and from the joints' actuators, of a range that is not symmetric
-    the smaller side. Contacts are not read. Objects of a scene that are not fixed to the arm, such as a box on a
-    table, are left out with a DefinitionWarning. What else acts on the joints by itself is refused: springs, tendons,
-    equalities, compensated gravity.
+    Positions are MuJoCo's and include `ref`. Damping is viscous friction, `frictionloss` is Coulomb friction. Torque
+    limits come from `actuatorfrcrange` and from the joints' actuators; for an asymmetric range the smaller side counts.
+    Contacts are ignored. Objects of a scene that are not fixed to the arm, such as a box on a table, are dropped with a
+    DefinitionWarning. Other forces on the joints are errors: springs, tendons, equalities, compensated gravity.
 
     - `source`: path of the file, or its text.
-    - `tip`: name of the body or site whose frame is the tip; may be left out if of those that move only one carries
-      no other.
-    - `locked`: joints that do not move, such as a gripper's, with their positions, rad or m.
-    - `gravity`: its acceleration in the world's frame [3], m/s²; by default the file's.
-    - `meshes`: whether every mesh must be there. Only those are read that a body's inertia comes from.
-    - `inertias`: for an inertia that no rigid body can have, such as one with a principal moment greater than the sum
-      of the others. "given" replaces it by the nearest that a body can have if no principal moment is negative and none
-      changes by more than 1 % of the largest, and refuses it otherwise; "nearest" replaces it always, "strict" never.
-      A replacement is a DefinitionWarning with its size.
+    - `tip`: name of the body or site whose frame is the tip; optional if only one moving body carries no other.
+    - `locked`: positions of joints that do not move, such as a gripper's, rad or m.
+    - `gravity`: acceleration in the world's frame [3], m/s²; by default the file's.
+    - `meshes`: True if every mesh must exist. Only meshes that define a body's inertia are read.
+    - `inertias`: treatment of an inertia that no rigid body can have, such as one with a principal moment greater than
+      the sum of the others. "given" replaces it by the nearest possible one if no principal moment is negative and none
+      changes by more than 1 % of the largest, and is an error otherwise; "nearest" replaces it always, "strict" never.
+      A DefinitionWarning states the size of a replacement.
 
-    Raises DefinitionError, naming body, joint or what it is about, if the file is not one arm on a fixed base, or has
-    something that such an arm cannot have.
+    Raises DefinitionError, naming the element, if the file is not one arm on a fixed base, or has a feature that such
+    an arm cannot have.
     """
-    given = read(source, "mujoco", "from_urdf reads <robot>")
+    file = read(source, "mujoco", "from_urdf reads <robot>")
     notes = Notes()
-    with located(str(given.path or "")):
+    with located(str(file.path or "")):
         held = dict(locked or {})
         feasible = Feasible(inertias)
-        _refuse_nan(given.root)
-        with reading() as said:
-            spec = _spec(given)
+        _refuse_nan(file.root)
+        with reading() as messages:
+            spec = _spec(file)
             # The names are for all bodies: MuJoCo would join what is fixed to each other.
             spec.compiler.fusestatic = False
             name_all(spec)
             objects = leave_out_objects(spec, tip)
             check_spec(spec)
-            attached = given.root.find(".//attach") is not None
-            drop_what_has_no_weight(spec, given.folder, meshes, attached)
+            attached = file.root.find(".//attach") is not None
+            drop_what_has_no_weight(spec, file.folder, meshes, attached)
             feasible.of_bodies(spec)
             model = spec.compile()
-            if any("NaN" in line for line in said):
+            if any("NaN" in line for line in messages):
                 raise DefinitionError("a file that this one includes has a number that is NaN")
             check_compiled(model, held)
             joints = joints_of(model, tip)
@@ -82,38 +80,38 @@ def from_mjcf(
             end = tip if tip is not None else _only_leaf(model)
             _check_tip(model, joints, end)
             down = _gravity(model) if gravity is None else gravity
-        name = given.root.get("model") or "robot"
+        name = file.root.get("model") or "robot"
         arm = assemble(joints, tip=end, locked=held, gravity=down, name=name)
-    for line in said:
+    for line in messages:
         notes.add(f"MuJoCo says: {line}")
     feasible.add_to(notes)
     if objects:
         notes.add(f"{quoted(objects)} {'is' if len(objects) == 1 else 'are'} no part of the arm and left out")
-    notes.warn(str(given.path or name), 2)
+    notes.warn(str(file.path or name), 2)
     return arm
 
 
-def _spec(given: Source) -> Any:
-    has_parts = any(given.root.find(f".//{tag}") is not None for tag in ("include", "model"))
+def _spec(file: Source) -> Any:
+    has_parts = any(file.root.find(f".//{tag}") is not None for tag in ("include", "model"))
     try:
-        require_named_files(given.root, given.folder)
-        if given.path is not None and has_parts:
-            return mujoco().MjSpec.from_file(str(given.path))
+        require_named_files(file.root, file.folder)
+        if file.path is not None and has_parts:
+            return mujoco().MjSpec.from_file(str(file.path))
         # From a file MuJoCo takes nothing but UTF-8 under a name that ends with .xml.
-        spec = mujoco().MjSpec.from_string(given.text)
-        spec.modelfiledir = f"{given.folder}/"
+        spec = mujoco().MjSpec.from_string(file.text)
+        spec.modelfiledir = f"{file.folder}/"
         return spec
     except ValueError as error:
         # It has the line only, and if files are included, it does not say of which.
         place = re.search(r"Element '(\w+)', line (\d+)", str(error))
         if place is None or has_parts:
             raise
-        owner = owner_at(given.text, place[1], int(place[2]))
+        owner = owner_at(file.text, place[1], int(place[2]))
         raise ValueError(f"{error} in {owner}" if owner else str(error)) from error
 
 
 def _refuse_nan(root: ET.Element) -> None:
-    """MuJoCo takes NaN for a number that is not given, and goes on with another."""
+    """Reject NaN, which MuJoCo takes for a missing number."""
     for where, element in elements(root):
         for name, text in element.attrib.items():
             if name not in ("name", "file", "content") and "nan" in text.lower().split():

@@ -1,4 +1,4 @@
-"""What a MuJoCo model can have and an arm of rigid links cannot, each thing by its name."""
+"""Checks of a MuJoCo model: each feature that an arm of rigid links cannot have is rejected by its name."""
 
 from __future__ import annotations
 
@@ -15,13 +15,10 @@ MOST_BODIES = 1000
 
 
 def name_all(spec: Any) -> None:
-    """Gives a name to each body and joint that has none, so that every message has one.
-
-    - `spec`: as it was read.
-    """
+    """Name all bodies and joints without a name, so that every message has one."""
     taken = {element.name for kind in (spec.bodies, spec.joints, spec.sites) for element in kind}
-    for kind, found in (("body", spec.bodies), ("joint", spec.joints)):
-        for number, element in enumerate(found):
+    for kind, elements in (("body", spec.bodies), ("joint", spec.joints)):
+        for number, element in enumerate(elements):
             name = element.name or f"{kind} {number}"
             while not element.name and name in taken:
                 name += "'"
@@ -30,9 +27,7 @@ def name_all(spec: Any) -> None:
 
 
 def check_spec(spec: Any) -> None:
-    """Refuses what MuJoCo would leave out when it compiles, and what it cannot name.
-
-    - `spec`: as it was read, with all names.
+    """Reject features that MuJoCo would drop at compilation, and those that it cannot name.
 
     Raises DefinitionError naming joint or body.
     """
@@ -55,18 +50,17 @@ def check_spec(spec: Any) -> None:
 
 
 def check_compiled(model: Any, locked: Mapping[str, float]) -> None:
-    """Refuses numbers that are not finite, springs, couplings and what else acts on the joints by itself.
+    """Reject numbers that are not finite, springs, couplings and other forces on the joints.
 
-    - `model`: compiled.
-    - `locked`: positions of the joints that do not move, by name.
+    - `locked`: positions of joints that do not move, by name.
 
-    Raises DefinitionError naming what it is about.
+    Raises DefinitionError naming the element.
     """
     free = {j for j in range(model.njnt) if model.joint(j).name not in locked}
     names = [model.joint(j).name for j in range(model.njnt)]
     for name in locked:
         if name not in names:
-            raise DefinitionError(f"`locked` names joint `{name}`, which there is not; {nearest(name, names)}")
+            raise DefinitionError(f"`locked` names joint `{name}`, which does not exist; {nearest(name, names)}")
     _check_finite(model)
     _check_options(model)
     _check_joints(model, free)
@@ -157,7 +151,7 @@ def _check_equalities(model: Any, free: set[int]) -> None:
             held, between = False, []
         if not held:
             raise DefinitionError(
-                f"the equality `{name}` ties {' and '.join(f'`{one}`' for one in between) or 'bodies'}; an arm here "
+                f"the equality `{name}` ties {' and '.join(f'`{end}`' for end in between) or 'bodies'}; an arm here "
                 f"has no closed loops and no coupled joints: lock the joints, or remove it"
             )
 
@@ -180,7 +174,7 @@ def _check_tendons(model: Any, free: set[int]) -> None:
 
 
 def _moved_by(model: Any, tendon: int, free: set[int]) -> bool:
-    """Whether a joint that moves changes a tendon's length; of one in space that is assumed."""
+    """True if a joint that moves changes a tendon's length; assumed for a spatial tendon."""
     first = int(model.tendon_adr[tendon])
     for k in range(first, first + int(model.tendon_num[tendon])):
         if model.wrap_type[k] != int(mujoco().mjtWrap.mjWRAP_JOINT) or int(model.wrap_objid[k]) in free:
@@ -189,7 +183,7 @@ def _moved_by(model: Any, tendon: int, free: set[int]) -> bool:
 
 
 def _carrier(model: Any, body: int, free: set[int]) -> int:
-    """Number of the body with a joint that moves which carries a body, or is it; 0 if it stands still."""
+    """Index of the body with a moving joint that carries this body, or is it; 0 if it stands still."""
     while body:
         first = int(model.body_jntadr[body])
         if free & set(range(first, first + int(model.body_jntnum[body]))):

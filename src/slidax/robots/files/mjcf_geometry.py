@@ -1,4 +1,4 @@
-"""The shapes of an MJCF file: most have no part in the motion, and need not be read."""
+"""Shapes of an MJCF file: most do not influence the motion and need not be read."""
 
 from __future__ import annotations
 
@@ -12,16 +12,12 @@ WEIGHS = "the body's inertia comes from it, so give the body an <inertial>"
 
 
 def drop_what_has_no_weight(spec: Any, folder: Path, meshes: bool, attached: bool) -> None:
-    """Leaves out shapes from files, but those that a body's inertia comes from.
+    """Replace shapes from files by a small ball, except those that define a body's inertia.
 
-    In their place is a small ball, so that whatever names them finds something.
+    - `meshes`: True if the dropped meshes must exist as well.
+    - `attached`: True if parts come from other files. Only MuJoCo then knows the folders of meshes.
 
-    - `spec`: as it was read.
-    - `folder`: of the robot file.
-    - `meshes`: whether those that are left out must be there as well.
-    - `attached`: whether parts are of other files. MuJoCo alone knows then in which folders meshes are.
-
-    Raises DefinitionError, naming the body, if a mesh is not there.
+    Raises DefinitionError, naming the body, if a mesh is missing.
     """
     files = {mesh.name: mesh for mesh in spec.meshes}
     needed: set[str] = set()
@@ -48,10 +44,7 @@ def drop_what_has_no_weight(spec: Any, folder: Path, meshes: bool, attached: boo
 
 
 def by_shape(body: Any) -> bool:
-    """Whether a body's inertia comes from its shapes.
-
-    - `body`: of what was read.
-    """
+    """True if a body's inertia comes from its shapes."""
     kinds = mujoco().mjtInertiaFromGeom
     way = body.compiler.inertiafromgeom
     if way == kinds.mjINERTIAFROMGEOM_AUTO:

@@ -1,4 +1,4 @@
-"""A compiled MuJoCo model as joints and links."""
+"""Joints and links of a compiled MuJoCo model."""
 
 from __future__ import annotations
 
@@ -16,13 +16,12 @@ HINGE = 3
 
 
 def joints_of(model: Any, tip: str | None) -> list[Joint]:
-    """The bodies as links, and how they move.
+    """Return the bodies as links, with their joints.
 
-    A body may have several joints, anywhere in it: each gets a link of its own without mass, in which the next one
-    stands, and the last of them carries the body.
+    A body may have several joints at different points. Each gets a massless link of its own that carries the next
+    joint, and the last link carries the body.
 
-    - `model`: compiled and checked.
-    - `tip`: name of the tip; a site of this name becomes a link too.
+    - `tip`: name of the tip; a site with this name becomes a link too.
     """
     torques = torque_limits(model)
     carrying: list[str | None] = [None]
@@ -83,7 +82,7 @@ def _chain(model: Any, body: int, parent: str | None, torques: np.ndarray) -> li
 
 
 def _weight(model: Any, body: int) -> dict[str, Any]:
-    """Mass, centre and inertia of a body; none of what stands still with the world, which may have any."""
+    """Mass, centre and inertia of a body; nothing for one fixed to the world, which may have any."""
     if model.body_weldid[body] == 0:
         return {}
     turned = matrix_of(model.body_iquat[body])
@@ -95,7 +94,7 @@ def _weight(model: Any, body: int) -> dict[str, Any]:
 
 
 def _motion(model: Any, joint: int) -> dict[str, Any]:
-    """Limits and friction of a joint, and its rotor, with those of the actuators that are geared to it."""
+    """Limits, friction and rotor inertia of a joint, including those of its actuators."""
     dof = int(model.jnt_dofadr[joint])
     actuators = geared(model, joint)
     squares = model.actuator_gear[actuators, 0] ** 2

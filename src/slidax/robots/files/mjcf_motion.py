@@ -1,4 +1,4 @@
-"""Whether a model moves as its joints and links say: checked by MuJoCo itself."""
+"""Check, by MuJoCo, that a model moves as its joints and links state."""
 
 from __future__ import annotations
 
@@ -19,13 +19,9 @@ SINGULAR = 1e-12
 
 
 def check_motion(model: Any, joints: Sequence[Joint], locked: Mapping[str, float]) -> None:
-    """Refuses a model in which more than viscous friction acts on a joint by itself, or one moves without inertia.
+    """Reject forces other than viscous friction on a joint, and joints that move without inertia.
 
-    Such forces come from plugins, flexible bodies and what else MuJoCo may have that `check_compiled` does not name.
-
-    - `model`: compiled.
-    - `joints`: as they were read from it.
-    - `locked`: positions of those that do not move, by name.
+    Such forces come from plugins, flexible bodies and other features of MuJoCo that `check_compiled` does not name.
 
     Raises DefinitionError naming the joint.
     """

@@ -1,4 +1,4 @@
-"""Objects of a scene that stand or lie beside the arm."""
+"""Objects of a scene that are not part of the arm."""
 
 from __future__ import annotations
 
@@ -8,13 +8,12 @@ from .loader import mujoco
 
 
 def leave_out_objects(spec: Any, tip: str | None) -> list[str]:
-    """Deletes what is no part of the arm, and returns the names of these bodies.
+    """Delete bodies that are not part of the arm, and return their names.
 
-    - `spec`: as it was read, with all names.
-    - `tip`: name of the body or site at the arm's end; None if not known.
+    The bodies of the world are trees. With a tip, all moving trees without it are objects. Without one, trees with a
+    free or a ball joint are objects, if another tree can be an arm. A body that an equality ties is no object.
 
-    The bodies of the world are trees. With a tip, all trees that move and do not hold it are objects. Without one,
-    trees with a free or a ball joint are objects, if another could be an arm. What an equality ties is no object.
+    - `tip`: name of the body or site at the arm's end; None if unknown.
     """
     trees = [body for body in spec.bodies if body.parent is not None and body.parent.name == spec.worldbody.name]
     moving = {tree.name: kinds for tree in trees if (kinds := _kinds(tree))}
@@ -24,7 +23,7 @@ def leave_out_objects(spec: Any, tip: str | None) -> list[str]:
     else:
         holding = [tree.name for tree in trees if tip in _names(tree)]
         objects = [name for name in moving if name not in holding] if holding and holding[0] in moving else []
-    tied = {name for one in spec.equalities if one.active for name in (one.name1, one.name2)}
+    tied = {name for equality in spec.equalities if equality.active for name in (equality.name1, equality.name2)}
     objects = [tree.name for tree in trees if tree.name in objects and not tied & _names(tree)]
     for tree in trees:
         if tree.name in objects:
@@ -41,10 +40,10 @@ def _bodies(tree: Any) -> list[Any]:
 
 
 def _kinds(tree: Any) -> set[Any]:
-    """The kinds of joints in a tree."""
+    """Kinds of joints in a tree."""
     return {joint.type for body in _bodies(tree) for joint in body.joints}
 
 
 def _names(tree: Any) -> set[str]:
-    """The names of a tree's bodies, sites and joints."""
+    """Names of a tree's bodies, sites and joints."""
     return {element.name for body in _bodies(tree) for element in (body, *body.sites, *body.joints)}

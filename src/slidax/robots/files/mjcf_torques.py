@@ -1,4 +1,4 @@
-"""The torque that a MuJoCo model's joints can have."""
+"""Torque limits of a MuJoCo model's joints."""
 
 from __future__ import annotations
 
@@ -13,22 +13,16 @@ from .loader import mujoco
 
 
 def geared(model: Any, joint: int) -> list[int]:
-    """The numbers of the actuators that drive a joint.
-
-    - `model`: compiled.
-    - `joint`: its number.
-    """
+    """Return the indices of the actuators that drive a joint."""
     kinds = mujoco().mjtTrn
     direct = (int(kinds.mjTRN_JOINT), int(kinds.mjTRN_JOINTINPARENT))
     return [i for i in range(model.nu) if model.actuator_trntype[i] in direct and model.actuator_trnid[i, 0] == joint]
 
 
 def torque_limits(model: Any) -> np.ndarray:
-    """The largest torque of each joint in either direction, N m or N; infinite where nothing says it.
+    """Return the torque limit of each joint, the same in both directions, N m or N; infinite where none is given.
 
-    - `model`: compiled.
-
-    Raises DefinitionError, naming the joint, if it cannot be pushed in both directions.
+    Raises DefinitionError, naming the joint, if its range does not contain both directions.
     """
     limits = []
     for joint in range(model.njnt):
@@ -46,7 +40,7 @@ def torque_limits(model: Any) -> np.ndarray:
 
 
 def _by_actuators(model: Any, joint: int) -> tuple[float, float]:
-    """What all actuators of a joint give together; without any, a law's torque acts on it all the same."""
+    """Sum of the ranges of a joint's actuators; unlimited without any, since a law's torque acts all the same."""
     ranges = [_range(model, actuator) for actuator in geared(model, joint)]
     if not ranges:
         return -math.inf, math.inf

@@ -1,4 +1,4 @@
-"""Files that a robot file names, which MuJoCo opens by itself: looked at before it does."""
+"""Check of the files that a robot file names and MuJoCo opens by itself."""
 
 from __future__ import annotations
 
@@ -21,13 +21,9 @@ PARTS = ("include", "model")
 def require_named_files(root: ET.Element, folder: Path) -> None:
     """Check the files that a MuJoCo file names, and those that its parts name.
 
-    A pipe or a device would never end. Files that are not there are left to MuJoCo's reader, which knows where else to
-    look for them.
+    Reading a pipe or a device would never end. Missing files are left to MuJoCo's reader, which knows other places.
 
-    - `root`: the outermost element.
-    - `folder`: of the file.
-
-    Raises DefinitionError if a file is there and is no regular file, or too large.
+    Raises DefinitionError if a file exists but is no regular file, or is too large.
     """
     waiting, known = [root], set[Path]()
     while waiting:
@@ -58,7 +54,7 @@ def _exists(path: Path) -> bool:
 
 
 def _parsed_part(path: Path) -> list[ET.Element]:
-    """The outermost element of a part; none if MuJoCo's reader will refuse it."""
+    """Outermost element of a part; none if MuJoCo's reader will reject it."""
     content = read_bytes(path, "the included file", most=MOST_BYTES)
     if b"<!DOCTYPE" in content:
         raise DefinitionError(f"the included file `{path}` has a DOCTYPE, which may define entities; remove it")

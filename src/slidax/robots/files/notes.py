@@ -1,4 +1,4 @@
-"""Assumptions made while a robot file is read: each is a warning that names file, element and remedy."""
+"""Assumptions of a reader as warnings that name file, element and remedy."""
 
 from __future__ import annotations
 
@@ -12,10 +12,7 @@ MOST = 4
 
 
 class Notes:
-    """Collects the assumptions of one reading.
-
-    The same assumption for several links or joints is one warning, which lists them.
-    """
+    """Assumptions of one reading; the same assumption for several links or joints is one warning, which lists them."""
 
     def __init__(self) -> None:
         self._owners: dict[tuple[str, str], list[str]] = {}
@@ -33,14 +30,11 @@ class Notes:
 
     @property
     def sentences(self) -> list[str]:
-        """The assumptions in the order in which they were made."""
+        """The assumptions in their order."""
         return [f"{before}{_listed(owners)}{after}" for (before, after), owners in self._owners.items()]
 
     def explain(self, error: DefinitionError) -> DefinitionError:
-        """Return the error with those notes that are about a link or joint which it names; with all if it names none.
-
-        - `error`: raised after the notes were made.
-        """
+        """Return the error with the notes about links or joints that it names, or with all if it names none."""
         named = set(re.findall(r"`[^`]*`", error.message))
         hints = [
             f"{before}{_listed(owners)}{after}"
@@ -54,7 +48,7 @@ class Notes:
         """Raise one `DefinitionWarning` for each assumption.
 
         - `source`: path of the file, or the robot's name.
-        - `stacklevel`: of `warnings.warn`, seen from the caller.
+        - `stacklevel`: of `warnings.warn`, relative to the caller.
         """
         for sentence in self.sentences:
             warnings.warn(f"{source}: {sentence}", DefinitionWarning, stacklevel=stacklevel + 1)

@@ -1,4 +1,4 @@
-"""Where a robot file's text comes from, and its XML, guarded."""
+"""Text and XML of a robot file, read with limits."""
 
 from __future__ import annotations
 
@@ -26,10 +26,9 @@ DEEPEST = 300
 class Source:
     """A robot file.
 
-    - `text`: of the file.
-    - `path`: of the file; None if the text itself was given.
+    - `path`: None for a text.
     - `root`: the XML's outermost element.
-    - `prefixed`: an element's name for each prefix that the file uses and does not declare.
+    - `prefixed`: the name of one element for each undeclared prefix.
     """
 
     text: str
@@ -39,7 +38,7 @@ class Source:
 
     @property
     def folder(self) -> Path:
-        """Where its relative paths begin: the file's folder, or for a text the working directory."""
+        """Base of its relative paths: the file's folder, or for a text the working directory."""
         return self.path.parent.resolve() if self.path else Path.cwd()
 
 
@@ -51,13 +50,13 @@ def read(
     arguments: Mapping[str, str] | None = None,
     packages: Packages = (),
 ) -> Source:
-    """A robot file, from its path or its text. A URDF file that ends in `.xacro` is expanded.
+    """Read a robot file from its path or its text; a URDF file that ends in `.xacro` is expanded.
 
     - `source`: a path, or the XML itself: a text with `<` in it.
-    - `root`: the name of its outermost element.
-    - `other`: what to do if it is another, as a sentence that follows a semicolon.
+    - `root`: name of its outermost element.
+    - `other`: the remedy for another element, as a clause after a semicolon.
     - `arguments`: of a xacro file, by name.
-    - `packages`: where a xacro file finds packages, as of `from_urdf`.
+    - `packages`: as in `from_urdf`.
 
     Raises DefinitionError if there is no such file, or no such XML in it.
     """
@@ -81,10 +80,10 @@ def read(
 
 
 class _Guarded:
-    """Builds a tree, but of no document that defines entities, and of none that is nested without end.
+    """Build a tree, but reject documents that define entities or are nested too deeply.
 
-    Names are read with their prefixes as they stand: other readers of robot files know no namespaces either, and old
-    files for Gazebo have prefixes that nothing declares.
+    Prefixes stay in the names: other readers of robot files know no namespaces, and old files for Gazebo have prefixes
+    without declarations.
     """
 
     def __init__(self) -> None:
@@ -112,7 +111,7 @@ class _Guarded:
 
 
 def _parsed(text: str | bytes) -> tuple[ET.Element, dict[str, str]]:
-    """The tree, and an element's name for each prefix that nothing declares."""
+    """The tree, and one element's name for each undeclared prefix."""
     guarded, parser = _Guarded(), expat.ParserCreate()
     parser.buffer_text = True
     parser.StartElementHandler, parser.EndElementHandler = guarded.start, guarded.end
@@ -140,10 +139,7 @@ def _decoded(text: str | bytes, tree: ET.Element) -> str:
 
 
 def elements(root: ET.Element) -> Iterator[tuple[str, ET.Element]]:
-    """Every element with how to find it: the nearest one around it that has a name, or it itself.
-
-    - `root`: the outermost.
-    """
+    """Yield every element with its nearest named ancestor, or its own name."""
     stack = [(f"<{root.tag}>", root)]
     while stack:
         where, element = stack.pop()
@@ -154,24 +150,22 @@ def elements(root: ET.Element) -> Iterator[tuple[str, ET.Element]]:
 
 
 def owner_at(text: str, tag: str, line: int) -> str:
-    """How to find the element that begins in a line, as `elements` says it; empty if there is none.
+    """Return the owner, in the form of `elements`, of the element that begins in a line; empty if there is none.
 
-    - `text`: of the file, which is XML.
-    - `tag`: of the element.
     - `line`: counted from 1.
     """
-    parser, around, found = expat.ParserCreate(), [""], [""]
+    parser, around, owners = expat.ParserCreate(), [""], [""]
 
     def start(name: str, attributes: dict[str, str]) -> None:
         own = attributes.get("name")
         around.append(f"{name} `{own}`" if own else around[-1])
         if parser.CurrentLineNumber == line and name == tag:
-            found.append(around[-1])
+            owners.append(around[-1])
 
     parser.StartElementHandler = start
     parser.EndElementHandler = lambda name: around.pop()
     parser.Parse(text, True)
-    return found[-1]
+    return owners[-1]
 
 
 def _refuse_xacro(root: ET.Element) -> None:

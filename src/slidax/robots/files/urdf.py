@@ -43,48 +43,47 @@ def from_urdf(
     mimics: Mimics = "held",
     arguments: Mapping[str, str] | None = None,
 ) -> Articulated | Coupled:
-    """An arm from a URDF file, read by MuJoCo (`pip install 'slidax[robots]'`).
+    """Read an arm from a URDF file, by MuJoCo (`pip install 'slidax[robots]'`).
 
-    A limit that the file does not give, or gives as 0, is infinite. Each assumption is a warning, a
-    `DefinitionWarning`, that names file, element and remedy.
+    A limit that is missing or 0 is infinite. Each assumption is a `DefinitionWarning` that names file, element and
+    remedy.
 
-    - `source`: path of the file, or its text.
-    - `tip`: name of the link whose frame is the tip; may be left out if of those that move only one carries
-      no other.
-    - `locked`: joints that do not move, such as a gripper's, with their positions, rad or m.
-    - `gravity`: its acceleration in the base link's frame [3], m/s².
-    - `armature`: inertia of the rotors, seen from the joints: one number, one for each joint that moves, or by joint
-      name with 0 for the others, kg m² or kg. URDF has no place for it.
-    - `packages`: where `package://NAME/...` is: folders by name, or folders in which packages are. The folders around
-      the file are tried by themselves.
-    - `meshes`: whether every mesh must be there. None is read: nothing of the motion depends on them.
-    - `limits`: whether to read limits of positions, velocity and effort. Without them all are infinite.
-    - `inertias`: for an inertia that no rigid body can have, such as one with a principal moment greater than the sum
-      of the others. "given" replaces it by the nearest that a body can have if no principal moment is negative and none
-      changes by more than 1 % of the largest, and refuses it otherwise; "nearest" replaces it always, "strict" never.
-      A replacement is a DefinitionWarning with its size.
+    - `source`: path of the file, or its text. A file that ends in `.xacro` is expanded by xacrodoc.
+    - `tip`: name of the link whose frame is the tip; optional if only one moving link carries no other.
+    - `locked`: positions of joints that do not move, such as a gripper's, rad or m.
+    - `gravity`: acceleration in the base link's frame [3], m/s².
+    - `armature`: rotor inertia at the joints: one number, one per moving joint, or by joint name with 0 for the others,
+      kg m² or kg. URDF has no element for it.
+    - `packages`: folders for `package://NAME/...`: by name, or folders that contain packages. The folders around the
+      file are searched as well.
+    - `meshes`: True if every mesh must exist. None is read, since the motion does not depend on them.
+    - `limits`: True to read limits of position, velocity and effort. Otherwise all are infinite.
+    - `inertias`: treatment of an inertia that no rigid body can have, such as one with a principal moment greater than
+      the sum of the others. "given" replaces it by the nearest possible one if no principal moment is negative and none
+      changes by more than 1 % of the largest, and is an error otherwise; "nearest" replaces it always, "strict" never.
+      A DefinitionWarning states the size of a replacement.
     - `mimics`: "held" holds a joint that follows another, unless it is between base and tip; "followed" lets each move
       with its leader.
-    - `arguments`: values of a xacro file's `<xacro:arg>` by name. A file that ends in `.xacro` is expanded by xacrodoc.
+    - `arguments`: values of a xacro file's `<xacro:arg>` by name.
 
     Raises DefinitionError, naming link or joint, if the file is not one arm on a fixed base, or has a value that is
     missing, misspelled or invalid.
     """
-    given = read(source, "robot", "from_mjcf reads <mujoco>", arguments=arguments, packages=packages)
+    file = read(source, "robot", "from_mjcf reads <mujoco>", arguments=arguments, packages=packages)
     notes = Notes()
-    for prefix, tag in given.prefixed.items():
+    for prefix, tag in file.prefixed.items():
         notes.add(f"<{tag}> has a prefix that nothing declares: it is not read; write xmlns:{prefix} into <robot>")
-    with located(str(given.path or "")):
+    with located(str(file.path or "")):
         try:
-            arm, name = _arm(given, tip, locked, gravity, armature, packages, meshes, limits, inertias, mimics, notes)
+            arm, name = _arm(file, tip, locked, gravity, armature, packages, meshes, limits, inertias, mimics, notes)
         except DefinitionError as error:
             raise notes.explain(error) from error
-    notes.warn(str(given.path or name), 2)
+    notes.warn(str(file.path or name), 2)
     return arm
 
 
 def _arm(
-    given: Source,
+    file: Source,
     tip: str | None,
     locked: Mapping[str, float] | None,
     gravity: Sequence[float],
@@ -96,11 +95,11 @@ def _arm(
     mimics: Mimics,
     notes: Notes,
 ) -> tuple[Articulated | Coupled, str]:
-    tree = tree_of(given.root, notes)
+    tree = tree_of(file.root, notes)
     if not tree.joints:
         raise DefinitionError("the robot has no <joint>")
     if meshes:
-        _require_meshes(tree, given.folder, packages)
+        _require_meshes(tree, file.folder, packages)
     end = tip if tip is not None else _only_leaf(tree)
     if end == tree.root:
         raise DefinitionError(f"`tip` names link `{end}`, which is the base")
@@ -111,14 +110,16 @@ def _arm(
     moving = [name for name in tree.order if tree.moves(name) and name not in mimicry.held]
     by_joint = _limits(tree, moving, locked or {}, mimicry, notes) if limits else {}
     joints = _joints(tree, by_joint, _armatures(moving, mimicry, armature), feasible)
-    name = given.root.get("name") or "robot"
+    name = file.root.get("name") or "robot"
     arm = assemble(joints, tip=end, locked=mimicry.held, gravity=gravity, name=name)
     feasible.add_to(notes)
     return (_coupled(arm, mimicry, notes) if mimicry.following else arm), name
 
 
 def _coupled(arm: Articulated, mimicry: Mimicry, notes: Notes) -> Coupled:
-    following = {name: (one.leader, one.ratio, one.offset) for name, one in mimicry.following.items()}
+    following = {
+        name: (follower.leader, follower.ratio, follower.offset) for name, follower in mimicry.following.items()
+    }
     coupled = couple(arm, following)
     for name, (leader, ratio, offset) in following.items():
         at, own = coupled.joint_names.index(leader), arm.joint_names.index(leader)
@@ -133,19 +134,19 @@ def _coupled(arm: Articulated, mimicry: Mimicry, notes: Notes) -> Coupled:
     return coupled
 
 
-def _drop_ranges_apart(found: dict[str, dict[str, float]], mimicry: Mimicry, notes: Notes) -> None:
-    """A follower's range that leaves its leader nothing is not read."""
-    left = {one.leader: _range(found[one.leader]) for one in mimicry.following.values()}
-    for name, one in mimicry.following.items():
-        first, last = sorted((end - one.offset) / one.ratio for end in _range(found[name]))
-        lower, upper = left[one.leader]
+def _drop_ranges_apart(limits: dict[str, dict[str, float]], mimicry: Mimicry, notes: Notes) -> None:
+    """Ignore a follower's range that has nothing in common with its leader's."""
+    left = {follower.leader: _range(limits[follower.leader]) for follower in mimicry.following.values()}
+    for name, follower in mimicry.following.items():
+        first, last = sorted((end - follower.offset) / follower.ratio for end in _range(limits[name]))
+        lower, upper = left[follower.leader]
         if max(lower, first) < min(upper, last):
-            left[one.leader] = max(lower, first), min(upper, last)
+            left[follower.leader] = max(lower, first), min(upper, last)
             continue
-        found[name] = {key: value for key, value in found[name].items() if key not in ("lower", "upper")}
+        limits[name] = {key: value for key, value in limits[name].items() if key not in ("lower", "upper")}
         notes.add(
-            f"the range of {{}}, {first:g} to {last:g} at its leader `{one.leader}`, has nothing in common with that "
-            f"one's, {lower:g} to {upper:g}: it is not read; correct the <limit> of one of them",
+            f"the range of {{}}, {first:g} to {last:g} at its leader `{follower.leader}`, has nothing in common with "
+            f"that one's, {lower:g} to {upper:g}: it is not read; correct the <limit> of one of them",
             f"joint `{name}`",
         )
 
@@ -157,22 +158,22 @@ def _range(limits: Mapping[str, float]) -> tuple[float, float]:
 def _limits(
     tree: Tree, moving: Sequence[str], locked: Mapping[str, float], mimicry: Mimicry, notes: Notes
 ) -> dict[str, dict[str, float]]:
-    """Limits by joint: of those that move, and of those that the user holds as far as they are valid."""
-    found, missing = dict[str, dict[str, float]](), dict[str, list[str]]()
+    """Limits by joint: of moving joints, and of those that the user holds, as far as they are valid."""
+    by_joint, missing = dict[str, dict[str, float]](), dict[str, list[str]]()
     for name in moving:
-        found[name], without = limits_of(tree.joints[name], notes)
+        by_joint[name], without = limits_of(tree.joints[name], notes)
         # A follower is driven by its leader, and needs no limits of its own.
         for limit in without if name not in mimicry.following else ():
             missing.setdefault(limit, []).append(name)
     for name in locked:
         if name in tree.joints and tree.moves(name):
             with contextlib.suppress(DefinitionError):
-                found[name] = limits_of(tree.joints[name])[0]
-    _drop_ranges_apart(found, mimicry, notes)
+                by_joint[name] = limits_of(tree.joints[name])[0]
+    _drop_ranges_apart(by_joint, mimicry, notes)
     if missing:
         listed = ", ".join(f"no limit of {limit} for {', '.join(names)}" for limit, names in missing.items())
         notes.add(f"the file gives {listed}, or 0 for it; it is taken as infinite")
-    return found
+    return by_joint
 
 
 def _require_meshes(tree: Tree, folder: Path, packages: Packages) -> None:
@@ -184,14 +185,14 @@ def _require_meshes(tree: Tree, folder: Path, packages: Packages) -> None:
             require_mesh(f"link `{name}`", path, folder, packages)
 
 
-def _armatures(joints: Sequence[str], mimicry: Mimicry, given: Armature) -> dict[str, float]:
+def _armatures(joints: Sequence[str], mimicry: Mimicry, armature: Armature) -> dict[str, float]:
     moving = [name for name in joints if name not in mimicry.following]
-    if isinstance(given, Mapping):
-        for name in given:
+    if isinstance(armature, Mapping):
+        for name in armature:
             if name not in joints:
                 raise DefinitionError(f"`armature` names joint `{name}`, which does not move; {nearest(name, joints)}")
-        return {name: float(value) for name, value in given.items()}
-    values = known(as_array(given))
+        return {name: float(value) for name, value in armature.items()}
+    values = known(as_array(armature))
     if values.shape not in ((), (len(moving),)):
         raise DefinitionError(
             f"`armature` must be one number, or one for {each_of(len(moving), 'joint')} that move, "
@@ -236,7 +237,7 @@ def _joint(
             "armature": armatures.get(name, 0.0),
             **limits,
         }
-    # What stands still with the base may have any mass, and often has an impossible one.
+    # A link fixed to the base may have any inertia, and often has an impossible one.
     if link not in tree.standing and body.explicitinertial:
         # Of an inertia that is 0 MuJoCo makes one that is not defined.
         xx, yy, zz, xy, xz, yz = np.nan_to_num(body.fullinertia)
@@ -257,9 +258,9 @@ def _joint(
 
 
 def _skeleton(tree: Tree, numbers: Mapping[str, str]) -> str:
-    """The file with what makes the motion only, and numbers for names.
+    """The file with only the elements of the motion, and numbers for names.
 
-    So nothing that does not matter can be in MuJoCo's way, and no name means anything to it, as `world` would.
+    Other elements cannot disturb MuJoCo then, and no name, such as `world`, has a meaning for it.
     """
     robot = ET.Element("robot", name="robot")
     for link, number_ in numbers.items():

@@ -1,4 +1,4 @@
-"""What a URDF file has to be seen: its links' places in a posture, and the shapes that are on them."""
+"""Shapes of a URDF file and their places in a posture, for drawing."""
 
 from __future__ import annotations
 
@@ -23,13 +23,12 @@ SIZES = {"box": ("size",), "cylinder": ("radius", "length"), "sphere": ("radius"
 class Shape:
     """One shape on a link.
 
-    - `link`: its name.
     - `kind`: "box", "cylinder", "sphere" or "mesh".
-    - `at`: its place in the link's frame [4 4].
-    - `numbers`: sides, radius and length, or radius, m; of a mesh the scale along its axes [3].
+    - `at`: pose in the link's frame [4 4].
+    - `numbers`: sides, radius and length, or radius, m; for a mesh the scale along its axes [3].
     - `colour`: red, green, blue, opacity, 0 to 1; None if the file gives none.
-    - `file`: of a mesh as the URDF has it; empty for others.
-    - `path`: of a mesh; None if it is not there.
+    - `file`: mesh file as the URDF names it; empty for others.
+    - `path`: mesh file; None if it does not exist.
     """
 
     link: str
@@ -43,11 +42,10 @@ class Shape:
 
 @dataclass(frozen=True)
 class Drawn:
-    """A URDF file as it is to be seen.
+    """A URDF file for drawing.
 
-    - `tree`: its links and joints.
-    - `root`: its outermost element.
-    - `folder`: where its relative paths begin.
+    - `root`: outermost element.
+    - `folder`: base of its relative paths.
     """
 
     tree: Tree
@@ -55,12 +53,12 @@ class Drawn:
     folder: Path
 
     def places(self, q: Mapping[str, float]) -> dict[str, np.ndarray]:
-        """The frame of each link in that of the base link [4 4].
+        """Return each link's frame in the base link's frame [4 4].
 
-        - `q`: positions of joints by name, rad or m; 0 for those that are not among them.
+        - `q`: joint positions by name, rad or m; 0 for others.
         """
         tree = self.tree
-        found = {tree.root: np.eye(4)}
+        frames = {tree.root: np.eye(4)}
         for name in tree.order:
             joint, moved = tree.joints[name], np.eye(4)
             axis = np.array(_numbers(joint.find("axis"), "xyz", "1 0 0"))
@@ -68,16 +66,16 @@ class Drawn:
                 moved[:3, 3] = axis / np.linalg.norm(axis) * q.get(name, 0.0)
             elif joint.get("type") != "fixed":
                 moved[:3, :3] = about(axis / np.linalg.norm(axis), q.get(name, 0.0))
-            found[tree.children[name]] = found[tree.parents[name]] @ _origin(joint) @ moved
-        return found
+            frames[tree.children[name]] = frames[tree.parents[name]] @ _origin(joint) @ moved
+        return frames
 
     def shapes(self) -> Iterator[Shape]:
-        """The visual shapes of all links, also those whose mesh is not there."""
+        """Yield the visual shapes of all links, also those whose mesh is missing."""
         colours = {element.get("name", ""): _colour(element) for element in self.root.findall("material")}
         for link, element in self.tree.links.items():
             for visual in element.findall("visual"):
-                given = visual.find("material")
-                colour = None if given is None else _colour(given) or colours.get(given.get("name", ""))
+                material = visual.find("material")
+                colour = None if material is None else _colour(material) or colours.get(material.get("name", ""))
                 for shape in visual.iterfind("geometry/*"):
                     yield from self._shape(link, shape, _origin(visual), colour)
 
@@ -93,15 +91,13 @@ class Drawn:
 
 
 def drawn(path: Path) -> Drawn:
-    """A URDF file as it is to be seen.
+    """Read a URDF file for drawing.
 
-    - `path`: of the file.
-
-    Raises DefinitionError if it cannot be read, or its links are no tree.
+    Raises DefinitionError if it is not readable, or its links are no tree.
     """
-    given = read(path, "robot", "a URDF file is needed")
+    file = read(path, "robot", "a URDF file is needed")
     with located(str(path)):
-        return Drawn(tree_of(given.root), given.root, given.folder)
+        return Drawn(tree_of(file.root), file.root, file.folder)
 
 
 def _origin(element: ET.Element) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""Joints of a URDF file that are held: followers that are no part of the arm, and those that move no mass."""
+"""Mimic joints of a URDF file: followers that are held because they are not in the arm, and joints without mass."""
 
 from __future__ import annotations
 
@@ -24,12 +24,7 @@ MOST_NAMES = 3
 
 @dataclass(frozen=True)
 class Following:
-    """Position of a joint that follows another: `ratio` times the leader's, plus `offset`.
-
-    - `leader`: name of a joint that moves by itself.
-    - `ratio`: of the positions and of the velocities.
-    - `offset`: position of the follower while the leader's is 0, rad or m.
-    """
+    """A joint that follows another: its position is `ratio` times the leader's, plus `offset` [rad or m]."""
 
     leader: str
     ratio: float
@@ -38,33 +33,27 @@ class Following:
 
 @dataclass(frozen=True)
 class Mimicry:
-    """The followers of a file.
-
-    - `held`: positions of joints that do not move, by name; those that the user holds are among them.
-    - `following`: the followers that move.
-    """
+    """Mimic joints: positions of held joints by name, including the user's, and followers that move."""
 
     held: dict[str, float]
     following: dict[str, Following]
 
 
 class LostError(Exception):
-    """A follower has no leader that could be found."""
+    """A follower has no valid leader."""
 
 
 def mimicry_of(tree: Tree, tip: str, locked: Mapping[str, float], mimics: str, notes: Notes) -> Mimicry:
-    """Which followers are held, and which follow.
+    """Decide which followers are held and which follow.
 
-    A follower is held if a joint that it follows, also through others, is held or fixed. Those that are not between the
-    base and the tip are held where their leader is nearest to 0, and so is a leader without any part in the arm.
+    A follower is held if a joint that it follows, also through others, is held or fixed. Followers outside the path
+    from base to tip are held where their leader is nearest to 0, and so is a leader that is not needed for the arm.
 
-    - `tree`: of the file.
-    - `tip`: name of the link at the end of the arm.
     - `locked`: positions of the joints that the user holds.
-    - `mimics`: "held" as above, or "followed" to let followers move with their leader wherever they are.
-    - `notes`: gets what is held.
+    - `mimics`: "held" as above, or "followed" to let all followers move with their leader.
+    - `notes`: receives the held joints.
 
-    Raises DefinitionError, naming the joint, if one between base and tip follows a joint that is not there, or itself.
+    Raises DefinitionError, naming the joint, if one between base and tip follows an unknown joint or itself.
     """
     if mimics not in get_args(Mimics):
         raise DefinitionError(f"`mimics` must be `held` or `followed`; got `{mimics}`")
@@ -75,7 +64,7 @@ def mimicry_of(tree: Tree, tip: str, locked: Mapping[str, float], mimics: str, n
         if joint.find("mimic") is None or not tree.moves(name) or name in locked:
             continue
         try:
-            found = resolved(tree, name, locked)
+            leader_motion = resolved(tree, name, locked)
         except LostError as error:
             place = position_near_zero(tree, name)
             if name in between:
@@ -85,29 +74,26 @@ def mimicry_of(tree: Tree, tip: str, locked: Mapping[str, float], mimics: str, n
             held[name] = place
             notes.add(f"{error}: {{}} is held at {place:g}; locked={{'{name}': POSITION}} holds it elsewhere", _j(name))
             continue
-        if isinstance(found, float):
-            held[name] = found
+        if isinstance(leader_motion, float):
+            held[name] = leader_motion
             leader = _leader(tree, name)
             notes.add(
-                f"{{}} mimics joint `{leader}`, which does not move: it is held at {found:g}; "
+                f"{{}} mimics joint `{leader}`, which does not move: it is held at {leader_motion:g}; "
                 f"locked={{'{name}': POSITION}} holds it elsewhere",
                 _j(name),
             )
         else:
-            following[name] = found
+            following[name] = leader_motion
     if mimics == "held":
         _hold(tree, tip, between, held, following, notes)
     return Mimicry(held, following)
 
 
 def hold_massless(tree: Tree, tip: str, mimicry: Mimicry, rotors: Iterable[str], notes: Notes) -> None:
-    """Hold the joints that move no mass and are not between the base and the tip: they have no part in the motion.
+    """Hold joints without mass behind them outside the path from base to tip: they do not influence the motion.
 
-    - `tree`: of the file.
-    - `tip`: name of the link at the end of the arm.
-    - `mimicry`: gets the joints that are held.
-    - `rotors`: names of joints with rotors of their own, which move without a mass.
-    - `notes`: gets what is held.
+    - `mimicry`: receives the held joints.
+    - `rotors`: names of joints with rotor inertia, which move without a mass.
     """
     between = tree.path_to(tip)
     if not any(_mass(tree, name) for name in between):
@@ -118,7 +104,7 @@ def hold_massless(tree: Tree, tip: str, mimicry: Mimicry, rotors: Iterable[str],
         carried[name] = carried.get(name, 0.0) + _mass(tree, name)
         if parent is not None:
             carried[parent] = carried.get(parent, 0.0) + carried[name]
-    coupled = {*mimicry.following, *(one.leader for one in mimicry.following.values())}
+    coupled = {*mimicry.following, *(follower.leader for follower in mimicry.following.values())}
     for name in tree.order:
         if carried[name] == 0.0 and tree.moves(name) and name not in {*between, *coupled, *mimicry.held, *rotors}:
             mimicry.held[name] = position_near_zero(tree, name)
@@ -132,11 +118,7 @@ def _mass(tree: Tree, joint: str) -> float:
 
 
 def position_near_zero(tree: Tree, name: str) -> float:
-    """The position nearest to 0 that a joint can have; 0 for one that is fixed.
-
-    - `tree`: of the file.
-    - `name`: of the joint.
-    """
+    """Return the position nearest to 0 within a joint's limits; 0 for a fixed joint."""
     try:
         limits = limits_of(tree.joints[name])[0] if tree.moves(name) else {}
     except DefinitionError:
@@ -174,15 +156,11 @@ def _hold(
 
 
 def resolved(tree: Tree, name: str, locked: Mapping[str, float]) -> Following | float:
-    """How a joint follows the first one that moves by itself, or its position if there is none.
+    """Return how a joint follows the first joint that moves by itself, or its position if there is none.
 
-    - `tree`: of the file.
-    - `name`: of the joint.
-    - `locked`: positions of the joints that are held.
-
-    Raises LostError if it follows a joint that is not there, or itself.
+    Raises LostError if it follows an unknown joint or itself.
     """
-    ratio, offset, at, seen = 1.0, 0.0, name, [name]
+    ratio, offset, at, passed = 1.0, 0.0, name, [name]
     while True:
         mimic = tree.joints[at].find("mimic")
         if at in locked:
@@ -199,9 +177,9 @@ def resolved(tree: Tree, name: str, locked: Mapping[str, float]) -> Following | 
         multiplier = number(mimic, "multiplier")
         offset += ratio * (number(mimic, "offset") or 0.0)
         ratio *= 1.0 if multiplier is None else multiplier
-        if leader in seen:
+        if leader in passed:
             raise LostError(f"joint `{at}` mimics joint `{leader}`, which follows it in turn")
-        seen.append(leader)
+        passed.append(leader)
         at = leader
 
 

@@ -1,4 +1,4 @@
-"""The links and joints of a URDF file as one tree."""
+"""Links and joints of a URDF file as one tree."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ MOST_LINKS = 1000
 
 @dataclass(frozen=True)
 class Tree:
-    """What is in the file, checked.
+    """The checked content of a file.
 
     - `links`, `joints`: elements by name.
     - `parents`, `children`: names of each joint's links.
-    - `carriers`: name of the joint that moves each link; the root is not among them.
+    - `carriers`: name of the joint that moves each link; the root has none.
     - `root`: name of the link that no joint moves.
-    - `order`: names of the joints, each after the one that carries it.
+    - `order`: names of the joints, each after its parent.
     """
 
     links: Mapping[str, ET.Element]
@@ -37,15 +37,12 @@ class Tree:
 
     @property
     def leaves(self) -> list[str]:
-        """The links that carry no other."""
+        """Links that carry no other."""
         carrying = set(self.parents.values())
         return [link for link in self.links if link not in carrying]
 
     def path_to(self, link: str) -> set[str]:
-        """The joints between the base and a link.
-
-        - `link`: its name; for one that is not there the set is empty.
-        """
+        """Return the joints between the base and a link; the empty set for an unknown link."""
         joints: set[str] = set()
         while link in self.carriers:
             joints.add(self.carriers[link])
@@ -53,15 +50,12 @@ class Tree:
         return joints
 
     def moves(self, joint: str) -> bool:
-        """True if a joint is not fixed.
-
-        - `joint`: its name.
-        """
+        """True if a joint is not fixed."""
         return self.joints[joint].get("type") != "fixed"
 
     @cached_property
     def standing(self) -> set[str]:
-        """The links that do not move: the root, and what is fixed to it."""
+        """Links that do not move: the root, and all links fixed to it."""
         links = {self.root}
         for joint in self.order:
             if self.joints[joint].get("type") == "fixed" and self.parents[joint] in links:
@@ -70,12 +64,12 @@ class Tree:
 
 
 def tree_of(robot: ET.Element, notes: Notes | None = None) -> Tree:
-    """The links and joints of a file.
+    """Return the links and joints of a file.
 
     - `robot`: its outermost element.
-    - `notes`: gets what had to be assumed.
+    - `notes`: receives the assumptions.
 
-    Raises DefinitionError naming link or joint unless all that moves it is complete, and they are one tree.
+    Raises DefinitionError, naming link or joint, if an element is incomplete or they are not one tree.
     """
     notes = Notes() if notes is None else notes
     check("the robot", robot, notes)
@@ -103,9 +97,9 @@ def tree_of(robot: ET.Element, notes: Notes | None = None) -> Tree:
 
 
 def _add_base(links: dict[str, ET.Element], joints: Mapping[str, ET.Element], notes: Notes) -> None:
-    """Take a link that is named and not described as the base, if every described link is carried by a joint.
+    """Take a named link without description as the base, if a joint carries every described link.
 
-    So it is in parts that are meant to be fixed to another robot, and in files that count on a link `world`.
+    Parts that are meant to be fixed to another robot are like this, and files that rely on a link `world`.
     """
     ends = [{_end(joint, end) for joint in joints.values()} for end in ("parent", "child")]
     described = set(links) <= ends[1]
@@ -126,21 +120,21 @@ def _end(joint: ET.Element, end: str) -> str:
 
 
 def _named(robot: ET.Element, tag: str, notes: Notes) -> dict[str, ET.Element]:
-    found: dict[str, ET.Element] = {}
+    elements: dict[str, ET.Element] = {}
     for element in robot.findall(tag):
         name = element.get("name", "").strip()
         if not name:
             child = element.find("child")
-            after = f" (it comes after `{list(found)[-1]}`)" if found else ""
+            after = f" (it comes after `{list(elements)[-1]}`)" if elements else ""
             which = f" to link `{child.get('link')}`" if child is not None else after
             raise DefinitionError(f"a <{tag}>{which} has no name")
-        if name in found and same(found[name], element):
+        if name in elements and same(elements[name], element):
             notes.add("{} is there twice, with the same values, and is read once; remove the second", f"{tag} `{name}`")
             continue
-        if name in found:
+        if name in elements:
             raise DefinitionError(f"there are two <{tag}> named `{name}`; give one another name")
-        found[name] = element
-    return found
+        elements[name] = element
+    return elements
 
 
 def _check_kind(name: str, joint: ET.Element) -> None:
@@ -161,7 +155,7 @@ def _link(name: str, joint: ET.Element, end: str, links: Mapping[str, ET.Element
         raise DefinitionError(f'joint `{name}` has no <{end} link="...">')
     if link not in links:
         raise DefinitionError(
-            f"the {end} of joint `{name}` is link `{link}`, which there is not; {nearest(link, links)}"
+            f"the {end} of joint `{name}` is link `{link}`, which does not exist; {nearest(link, links)}"
         )
     return link
 
@@ -181,7 +175,7 @@ def _root(links: Mapping[str, ET.Element], carriers: Mapping[str, str]) -> str:
 def _order(
     root: str, links: Mapping[str, ET.Element], parents: Mapping[str, str], children: Mapping[str, str]
 ) -> tuple[str, ...]:
-    """The joints as they are reached from the root, each branch to its end."""
+    """Joints in depth-first order from the root."""
     carried: dict[str, list[str]] = {link: [] for link in links}
     for joint, parent in parents.items():
         carried[parent].append(joint)

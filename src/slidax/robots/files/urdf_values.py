@@ -31,7 +31,7 @@ NUMBERS: Mapping[str, Mapping[str, int]] = {
     "limit": {"lower": 1, "upper": 1, "effort": 1, "velocity": 1},
     "mimic": {"multiplier": 1, "offset": 1},
 }
-"""How many numbers each attribute has."""
+"""Number of values of each attribute."""
 
 REQUIRED: Mapping[str, tuple[str, ...]] = {
     "axis": ("xyz",),
@@ -53,11 +53,11 @@ MOTION = ("axis", "dynamics", "limit", "mimic")
 
 
 def check(owner: str, element: ET.Element, notes: Notes) -> None:
-    """Refuse an element, or one inside of it, that is misspelled, contradicts itself, or is not complete.
+    """Reject an element, or one inside it, that is misspelled, contradictory or incomplete.
 
-    - `owner`: whose element it is: "link `forearm`".
-    - `element`: of the motion: `CHILDREN` and `NUMBERS` have those that are looked at.
-    - `notes`: gets what is passed over.
+    - `owner`: its owner: "link `forearm`".
+    - `element`: one of those in `CHILDREN` and `NUMBERS`.
+    - `notes`: receives the ignored elements.
 
     Raises DefinitionError naming the owner.
     """
@@ -88,22 +88,19 @@ def check(owner: str, element: ET.Element, notes: Notes) -> None:
         _turn_by_angles(owner, element)
 
 
-def same(one: ET.Element, other: ET.Element) -> bool:
-    """True if two elements say the same.
-
-    - `one`, `other`: any elements.
-    """
+def same(first: ET.Element, second: ET.Element) -> bool:
+    """True if two elements have the same content."""
     return (
-        one.tag == other.tag
-        and one.attrib == other.attrib
-        and (one.text or "").strip() == (other.text or "").strip()
-        and len(one) == len(other)
-        and all(map(same, one, other))
+        first.tag == second.tag
+        and first.attrib == second.attrib
+        and (first.text or "").strip() == (second.text or "").strip()
+        and len(first) == len(second)
+        and all(map(same, first, second))
     )
 
 
 def _turn_by_angles(owner: str, origin: ET.Element) -> None:
-    """Write a quaternion, as newer versions of URDF have it, as roll, pitch and yaw."""
+    """Convert a quaternion, from newer versions of URDF, to roll, pitch and yaw."""
     x, y, z, w = (float(word) for word in origin.attrib.pop("quat_xyzw").split())
     size = math.hypot(x, y, z, w)
     if "rpy" in origin.attrib or size == 0.0:
@@ -123,7 +120,7 @@ def _turn_by_angles(owner: str, origin: ET.Element) -> None:
 
 
 def _pass_over(owner: str, element: ET.Element, notes: Notes) -> None:
-    """An element of a fixed joint means nothing, so that nothing in it can be wrong."""
+    """Ignore an element of a fixed joint, since it means nothing."""
     try:
         check(owner, element, Notes())
     except DefinitionError as error:
@@ -143,9 +140,9 @@ def _check_attributes(owner: str, element: ET.Element, notes: Notes) -> None:
 
 
 def _check_unknown(owner: str, element: ET.Element, name: str, known: tuple[str, ...]) -> bool:
-    """True if a name is like a known one that is there, too; refuses it if that one is not, as its value would be lost.
+    """True if a name is similar to a known one that is also there; raise an error if the known one is missing.
 
-    A name that is like none is some program's extension.
+    A name that is similar to none is some program's extension.
     """
     close = [] if "_" in name or ":" in name else get_close_matches(name.lower(), known, n=1, cutoff=0.66)
     if close and element.get(close[0]) is None and element.find(close[0]) is None:
@@ -167,34 +164,29 @@ def _numbers(owner: str, tag: str, name: str, text: str, count: int) -> tuple[fl
 
 
 def number(element: ET.Element | None, name: str) -> float | None:
-    """A number in a checked element; None if it is not given.
-
-    - `element`: None if it is not there.
-    - `name`: of the attribute.
-    """
+    """Return a number from a checked element, or None if it is missing."""
     text = element.get(name) if element is not None else None
     return None if text is None else float(text)
 
 
 def limits_of(joint: ET.Element, notes: Notes | None = None) -> tuple[dict[str, float], list[str]]:
-    """`lower`, `upper`, `velocity` and `torque` of a joint that moves, and the names of those that are not given.
+    """Return `lower`, `upper`, `velocity` and `torque` of a moving joint, and the names of missing limits.
 
-    A velocity or an effort of 0 is not given, and so are ends of the range that are both 0: programs that export robot
-    files write so, and a joint that cannot move is "fixed". An effort or a velocity of -1 is not given either. If one
-    end is given, the other is 0 by the standard. A range whose ends are exchanged and which then has 0 in it is turned
-    round.
+    A velocity or an effort of 0 or -1 counts as missing, and so does a range whose ends are both 0: programs that
+    export robot files write these values, and a joint that cannot move is "fixed". If one end is given, the other is 0
+    by the standard. A range with exchanged ends that then contains 0 is corrected.
 
     - `joint`: checked; "revolute", "continuous" or "prismatic".
-    - `notes`: gets what had to be assumed.
+    - `notes`: receives the assumptions.
 
-    Raises DefinitionError, naming the joint, if one is invalid.
+    Raises DefinitionError, naming the joint, for an invalid limit.
     """
     notes = Notes() if notes is None else notes
-    name, given = joint.get("name", "").strip(), joint.find("limit")
+    name, limit_element = joint.get("name", "").strip(), joint.find("limit")
     endless = joint.get("type") == "continuous"
-    found: dict[str, float] = {}
+    limits: dict[str, float] = {}
     for attribute, field in (("velocity", "velocity"), ("effort", "torque")):
-        value = number(given, attribute) or 0.0
+        value = number(limit_element, attribute) or 0.0
         if value == -1.0:
             notes.add(
                 f"{attribute} -1 in <limit> of {{}} is read as not given; write the {attribute} > 0 there",
@@ -206,17 +198,17 @@ def limits_of(joint: ET.Element, notes: Notes | None = None) -> tuple[dict[str, 
                 f"to read no limits"
             )
         elif value > 0:
-            found[field] = value
+            limits[field] = value
     if not endless:
-        found |= _range_of(name, given, notes)
+        limits |= _range_of(name, limit_element, notes)
     # A joint without end needs no limits at all, but if it has some they should be complete.
     needed = (("upper", "position"), ("velocity", "velocity"), ("torque", "effort"))
-    missing = [shown for field, shown in needed if field not in found and not (endless and field == "upper")]
-    return found, [] if endless and given is None else missing
+    missing = [shown for field, shown in needed if field not in limits and not (endless and field == "upper")]
+    return limits, [] if endless and limit_element is None else missing
 
 
-def _range_of(name: str, given: ET.Element | None, notes: Notes) -> dict[str, float]:
-    ends = number(given, "lower"), number(given, "upper")
+def _range_of(name: str, limit_element: ET.Element | None, notes: Notes) -> dict[str, float]:
+    ends = number(limit_element, "lower"), number(limit_element, "upper")
     lower, upper = ends[0] or 0.0, ends[1] or 0.0
     if (lower, upper) == (0.0, 0.0):
         return {}

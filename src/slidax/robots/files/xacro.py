@@ -44,16 +44,14 @@ _ONE_AT_A_TIME = threading.Lock()
 def expand(path: Path, arguments: Mapping[str, str], packages: Packages = (), *, most: int) -> str:
     """Return the URDF text of a xacro file.
 
-    Its expressions are evaluated by `expression.evaluate`, so that a file cannot run code; it may include and read
-    other files, by relative paths and by `$(find PACKAGE)`. A package is looked for in `packages`, around the file, and
-    where ROS has it.
+    `expression.evaluate` evaluates its expressions, so a file cannot run code. It may include and read other files, by
+    relative paths and by `$(find PACKAGE)`. Packages are searched in `packages`, around the file, and where ROS has
+    them.
 
-    - `path`: of the file.
     - `arguments`: values of its `<xacro:arg>` by name.
-    - `packages`: as of `from_urdf`.
-    - `most`: bytes of the file, of each file that it includes, and of the text.
+    - `most`: limit in bytes for the file, for each included file, and for the text.
 
-    Raises DefinitionError if xacrodoc is not installed, or the file cannot be expanded within `most` and the steps of a
+    Raises DefinitionError if xacrodoc is not installed, or the expansion needs more than `most` or the steps of a
     `Budget`.
     """
     try:
@@ -138,7 +136,7 @@ class _LimitedText(io.StringIO):
 
 
 def _nodes_in(element: Any) -> int:
-    """The number of elements and attributes in an element, itself among them."""
+    """Number of elements and attributes in an element, including itself."""
     number, waiting = 0, [element]
     while waiting:
         node = waiting.pop()
@@ -148,7 +146,7 @@ def _nodes_in(element: Any) -> int:
 
 
 def _one_line(error: Exception) -> str:
-    """The message, with that of the error behind it, without line ends."""
+    """The message, with that of the underlying error, without line ends."""
     cause: BaseException | None = error
     while cause is not None:
         if isinstance(cause, RecursionError):
@@ -162,9 +160,9 @@ def _one_line(error: Exception) -> str:
 
 @contextlib.contextmanager
 def _replaced(swaps: tuple[tuple[Any, str, Any], ...]) -> Iterator[None]:
-    """Replace names in modules, while a file is expanded, by our own: evaluation, the opening of files and the limits.
+    """Replace evaluation, file access and limits in xacro's modules by our own, for one expansion.
 
-    Raises DefinitionError if a version of xacro has none of that name, and so may evaluate in another way.
+    Raises DefinitionError if a version of xacro lacks one of the names, since it may evaluate in another way.
     """
     for module, name, _ in swaps:
         if not hasattr(module, name):
@@ -205,7 +203,7 @@ def _functions(xacro: Any) -> dict[str, Callable[..., Any]]:
 
 
 def _yaml(path: Path) -> Any:
-    """A YAML file of plain data, with the units of xacro."""
+    """Read a YAML file of plain data, with xacro's units."""
     import yaml
 
     factors = {"radians": 1.0, "degrees": math.pi / 180.0, "meters": 1.0, "millimeters": 1e-3}
@@ -222,7 +220,7 @@ def _yaml(path: Path) -> Any:
 
 
 def _package(name: str, path: Path, packages: Packages) -> str | None:
-    """The folder of a package: a given one, or one of this name around the file."""
+    """Folder of a package: from `packages`, or one with its name around the file."""
     if isinstance(packages, Mapping):
         places = [Path(packages[name])] if name in packages else []
     else:

@@ -1,4 +1,4 @@
-"""From one of our description files to an arm."""
+"""Built-in arms, each read from a YAML file in this folder."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ FILES = resources.files("slidax.robots") / "ready"
 
 @dataclass(frozen=True)
 class BuiltInArm:
-    """An arm, and what its maker says of it.
+    """An arm with the facts that its maker gives.
 
-    - `robot`: the arm, without friction.
-    - `title`: its full name.
-    - `rate`: samples per second at which its interface takes commands, 1/s.
+    - `robot`: without friction.
+    - `title`: full name.
+    - `rate`: sampling rate of its command interface, 1/s.
     - `home`: a usual posture [n], rad.
-    - `sources`: where each group of numbers comes from.
+    - `sources`: source of each group of numbers.
     """
 
     robot: Articulated
@@ -41,15 +41,12 @@ class BuiltInArm:
 
 
 def built_in_names() -> tuple[str, ...]:
-    """The arms there are: the names of the files."""
+    """Return the names of the built-in arms, which are those of the files."""
     return tuple(sorted(file.name.removesuffix(".yaml") for file in FILES.iterdir() if file.name.endswith(".yaml")))
 
 
 def built_in_title(name: str) -> str:
-    """What an arm is, in a few words: "Franka Emika Panda, 7 joints".
-
-    - `name`: one of `built_in_names()`.
-    """
+    """Return an arm's title: "Franka Emika Panda, 7 joints"."""
     # Not by reading all of it, which takes a hundred times as long.
     text = (FILES / f"{name}.yaml").read_text(encoding="utf-8")
     (called,) = re.findall(r"^title: (.+)$", text, re.MULTILINE)
@@ -57,11 +54,9 @@ def built_in_title(name: str) -> str:
 
 
 def built_in_arm(name: str) -> BuiltInArm:
-    """An arm by its name.
+    """Return a built-in arm by its name.
 
-    - `name`: one of `built_in_names()`.
-
-    Raises DefinitionError if there is none of that name.
+    Raises DefinitionError for an unknown name.
     """
     data = _data(name)
     tip = data["tip"]
