@@ -125,7 +125,7 @@ def test_a_planar_arm_follows_with_its_place():
         follow(PLANAR, [Line(by=[0, 0, 0.1], duration=1.0)], start=[0.3, 1.2], hold="place")
 
 
-def test_damping_gives_up_a_little_of_the_pose_at_a_singularity_and_says_how_much():
+def test_damping_reports_the_pose_error_at_a_singularity():
     """Straight out to where the arm is stretched, and a millimetre beyond."""
     from tests.kinematics.test_inverse import PLANAR
 
@@ -166,12 +166,12 @@ def test_damping_gives_up_a_little_of_the_pose_at_a_singularity_and_says_how_muc
         ("inside of the limits", [Pause(duration=1.0)], {"posture": [9, 0, 0, -1, 0, 1, 0]}),
     ],
 )
-def test_what_cannot_be_is_refused_with_the_reason(said, moves, more):
+def test_impossible_moves_are_errors_with_the_reason(said, moves, more):
     with pytest.raises(DefinitionError, match=said.replace("by 140", "by 1[0-9]+")):
         follow(robots.panda(), moves, start=home("panda"), **more)
 
 
-def test_half_a_turn_has_two_ways_and_is_refused():
+def test_half_a_turn_is_ambiguous_and_an_error():
     arm, start = robots.panda(), home("panda")
     end = Pose.of_tip(arm, start).rotation @ np.diag([-1.0, -1.0, 1.0])
     with pytest.raises(DefinitionError, match="half a turn"):
@@ -206,6 +206,6 @@ def test_columns_come_in_any_order_and_in_their_units():
         ("x,y,z\n1,2,nan\n", "line 2, column `z`: `nan` is not a finite number"),
     ],
 )
-def test_tables_that_cannot_be_read_are_said_by_line(text, said):
+def test_invalid_tables_are_errors_that_name_the_line(text, said):
     with pytest.raises(DefinitionError, match=said):
         Through.from_csv(text)

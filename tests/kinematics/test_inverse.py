@@ -22,7 +22,7 @@ SCARA = Scara(lengths=[0.4, 0.3], masses=[1.0, 1.0, 0.5])
 
 
 @pytest.mark.parametrize("name", READY)
-def test_the_chain_of_an_arm_has_its_tip_where_the_arm_has_it(name):
+def test_chain_and_arm_agree_on_the_tip(name):
     arm = getattr(robots, name)()
     for q in drawn(arm, 1, 3):
         rotation, place = chain_of(arm).frame(q)
@@ -32,7 +32,7 @@ def test_the_chain_of_an_arm_has_its_tip_where_the_arm_has_it(name):
 
 
 @pytest.mark.parametrize("arm", [PLANAR, SCARA], ids=["two_link", "scara"])
-def test_so_have_the_arms_of_the_paper_and_they_reach_where_their_tips_were(arm):
+def test_paper_arms_agree_with_their_chain_and_reach_their_tips(arm):
     q = np.random.default_rng(2).uniform(0.2, 1.2, arm.joints)
     rotation, place = chain_of(arm).frame(q)
     there, tip = arm.tip_frame(jnp.asarray(q))
@@ -43,7 +43,7 @@ def test_so_have_the_arms_of_the_paper_and_they_reach_where_their_tips_were(arm)
     np.testing.assert_allclose(found.q, q, atol=1e-10)
 
 
-def test_the_jacobian_is_the_tips_slope():
+def test_jacobian_is_the_derivative_of_the_tip():
     arm = robots.panda()
     q = home("panda")
     found = jacobian(task_of(chain_of(arm), q, "pose"), q)
@@ -56,7 +56,7 @@ def test_the_jacobian_is_the_tips_slope():
 
 
 @pytest.mark.parametrize("name", READY)
-def test_a_pose_that_a_posture_has_is_found_again_within_the_limits(name):
+def test_inverse_reaches_the_pose_of_a_random_posture_within_limits(name):
     arm = getattr(robots, name)()
     for q in drawn(arm, 3, 5):
         found = inverse(arm, Pose.of_tip(arm, q), start=home(name))
@@ -74,7 +74,7 @@ def test_the_same_arguments_give_the_same_bits():
     assert one.tobytes() == other.tobytes()
 
 
-def test_a_redundant_arm_takes_the_posture_that_is_liked_most():
+def test_redundant_arm_takes_the_preferred_posture():
     """At the posture that is found, what is left to choose is level: along the null space the slope is 0."""
     arm = robots.panda()
     start = home("panda")
@@ -92,7 +92,7 @@ def test_a_redundant_arm_takes_the_posture_that_is_liked_most():
         assert np.isfinite(cost).all()
 
 
-def test_the_place_alone_and_the_axis_alone_ask_less():
+def test_position_alone_and_axis_alone_leave_more_freedom():
     arm = robots.panda()
     start = home("panda")
     pose = Pose.of_tip(arm, start)
@@ -106,7 +106,7 @@ def test_the_place_alone_and_the_axis_alone_ask_less():
     assert np.linalg.norm(place.q - start) <= np.linalg.norm(axis.q - start)
 
 
-def test_what_is_out_of_reach_is_said_with_how_far():
+def test_unreachable_pose_is_an_error_with_the_distance():
     arm = robots.panda()
     pose = Pose.of_tip(arm, home("panda"))
     with pytest.raises(DefinitionError, match=r"brings the tool to \[2, 0, 0.5\] m: the nearest is .* m off"):
@@ -123,7 +123,7 @@ def test_what_is_out_of_reach_is_said_with_how_far():
         ('hold: must be "place"', {"start": home("panda"), "hold": "everything"}),
     ],
 )
-def test_mistakes_are_said(said, how):
+def test_invalid_arguments_are_errors(said, how):
     arm = robots.panda()
     with pytest.raises(DefinitionError, match=said):
         inverse(arm, Pose.of_tip(arm, home("panda")), **how)

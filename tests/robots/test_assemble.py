@@ -17,7 +17,7 @@ LOCKED = {"finger": 0.1}
 
 
 @pytest.mark.parametrize(("changes", "said"), BAD_JOINTS.values(), ids=BAD_JOINTS)
-def test_a_joint_that_cannot_be_is_refused_by_its_name_or_its_links(changes, said):
+def test_invalid_joints_are_errors_that_name_joint_or_link(changes, said):
     with pytest.raises(DefinitionError, match=said):
         a_joint(**changes)
 
@@ -32,7 +32,7 @@ def test_a_joint_of_an_unknown_kind_is_refused_by_its_name():
 
 
 @pytest.mark.parametrize(("joints", "how", "said"), BAD_ARMS.values(), ids=BAD_ARMS)
-def test_joints_that_are_no_arm_are_refused_by_name(joints, how, said):
+def test_invalid_trees_of_joints_are_errors_that_name_them(joints, how, said):
     with pytest.raises(DefinitionError, match=said):
         assemble(joints, name="arm", **how)
 
@@ -43,7 +43,7 @@ def test_rounded_numbers_pass():
     a_joint(rotation=rotation, inertia=np.diag([0.01, 0.02, 0.03000001]))
 
 
-def test_what_does_not_move_needs_no_axis_and_no_limits():
+def test_fixed_joints_need_no_axis_and_no_limits():
     assert Joint("flange", "fixed", None, "tool", axis=np.zeros(3), lower=0.0, upper=0.0, torque=0.0).mass == 0
 
 
@@ -66,7 +66,7 @@ def test_points_and_thin_rods_can_be_fixed_to_a_link():
     np.testing.assert_allclose(arm.inertias, [np.diag([0.03, 0.14 + across, 0.15 + across])], atol=1e-17)
 
 
-def test_what_the_joints_say_is_in_the_arm():
+def test_assembled_arm_has_the_numbers_of_its_joints():
     numbers = {"lower": -0.5, "upper": 0.7, "velocity": 2.0, "torque": 9.0, "torque_rate": 800.0}
     rubbing = {"armature": 0.1, "viscous": 0.3, "coulomb": 0.4}
     slide = a_joint(name="slide", link="sledge", kind="prismatic", parent="elbow", axis=np.array([1.0, 0.0, 0.0]))
@@ -91,7 +91,7 @@ def test_a_link_with_nothing_fixed_to_it_keeps_its_numbers_to_the_last_digit():
     np.testing.assert_array_equal(arm.inertias, [skew])
 
 
-def test_joints_keep_their_order_but_for_those_that_come_before_what_carries_them():
+def test_joints_keep_their_order_except_before_their_parents():
     names = ["wrist", "waist", "finger", "left", "lift", "camera", "right", "mount"]
     by_name = {joint.name: joint for joint in tree_joints()}
     arm = assemble([by_name[name] for name in names], tip="camera_link")
@@ -157,7 +157,7 @@ def merged_by_hand(joints: list[Joint], locked: dict[str, float]) -> dict[str, t
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2])
-def test_what_is_behind_fixed_and_locked_joints_is_part_of_the_link_that_carries_it(seed):
+def test_links_behind_fixed_joints_merge_with_their_carrier(seed):
     rng = np.random.default_rng(100 + seed)
     tool = random_joint(rng, "tool", "camera", "fixed")
     stand = random_joint(rng, "stand", None, "fixed", mass=50.0)
@@ -177,7 +177,7 @@ def test_what_is_behind_fixed_and_locked_joints_is_part_of_the_link_that_carries
     np.testing.assert_allclose(place + rotation @ arm.tip_translation, tip[1], atol=1e-14)
 
 
-def test_a_joint_is_locked_where_it_is_turned_to():
+def test_locked_joints_stay_at_their_position():
     """By a quarter turn: what was along x is along y."""
     elbow = a_joint(parent="shoulder", center=np.array([0.3, 0.0, 0.0]), translation=np.array([0.4, 0.0, 0.0]))
     arm = assemble(
@@ -191,7 +191,7 @@ def test_a_joint_is_locked_where_it_is_turned_to():
 
 # The others are alike but for their numbers.
 @pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.full) for seed in (1, 2))])
-def test_a_random_tree_with_skew_axes_moves_as_pinocchio_says(seed):
+def test_random_tree_with_skew_axes_agrees_with_pinocchio(seed):
     pytest.importorskip("pinocchio")
     from tests.peers.assembled import for_pinocchio
     from tests.peers.by_pinocchio import by_pinocchio

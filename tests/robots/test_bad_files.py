@@ -21,7 +21,7 @@ GOOD = [pytest.param(from_urdf, bad_urdf.GOOD, id="URDF"), pytest.param(from_mjc
 
 
 @pytest.mark.parametrize(("read", "case"), CASES)
-def test_a_bad_file_is_refused_by_the_name_of_what_is_wrong(read, case, tmp_path, monkeypatch, capfd):
+def test_invalid_files_are_errors_that_name_the_element(read, case, tmp_path, monkeypatch, capfd):
     # MuJoCo would write a log into the working directory.
     monkeypatch.chdir(tmp_path)
     source = case.source(tmp_path)
@@ -37,14 +37,14 @@ def test_a_bad_file_is_refused_by_the_name_of_what_is_wrong(read, case, tmp_path
 
 
 @pytest.mark.parametrize(("read", "text"), GOOD)
-def test_the_file_that_they_differ_from_is_good(read, text):
+def test_base_file_of_the_invalid_ones_is_valid(read, text):
     assert read(text).joint_names == ("shoulder", "elbow")
 
 
 @pytest.mark.parametrize(("read", "text"), GOOD)
 @pytest.mark.parametrize("count", [100, pytest.param(5000, marks=pytest.mark.full)])
 @pytest.mark.filterwarnings("ignore::slidax.DefinitionWarning")
-def test_whatever_is_damaged_in_a_file_it_is_an_arm_or_a_definition_error(read, text, count):
+def test_damaged_files_give_an_arm_or_a_definition_error(read, text, count):
     refused = []
     for seed in range(count):
         bad = damaged(text, np.random.default_rng(seed))
@@ -71,7 +71,7 @@ def test_an_error_begins_with_the_path_of_the_file(read, text, tmp_path):
 
 
 @pytest.mark.parametrize(("read", "text"), GOOD)
-def test_a_tip_or_a_locked_joint_that_is_not_there_is_named_with_its_nearest(read, text):
+def test_unknown_tip_or_locked_joint_is_named_with_its_nearest(read, text):
     with pytest.raises(DefinitionError, match=r"`tip` names .*`toll`.* did you mean `tool`"):
         read(text, tip="toll")
     with pytest.raises(DefinitionError, match=r"`locked` names joint `elbov`.* did you mean `elbow`"):

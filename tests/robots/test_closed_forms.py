@@ -41,7 +41,7 @@ ARMS = [
 
 
 @pytest.mark.parametrize(("robot", "printed"), ARMS)
-def test_inertia_coriolis_and_gravity_are_the_printed_ones(robot, printed):
+def test_inertia_coriolis_and_gravity_agree_with_the_printed_formulas(robot, printed):
     for q, dq in STATES[:, :, : robot.joints]:
         mass, coriolis, gravity = printed(q, dq)
         np.testing.assert_allclose(robot.mass(jnp.asarray(q)), mass, rtol=1e-13, atol=1e-13)
@@ -51,17 +51,17 @@ def test_inertia_coriolis_and_gravity_are_the_printed_ones(robot, printed):
         np.testing.assert_allclose(robot.bias(jnp.asarray(q), jnp.asarray(dq)), bias, rtol=1e-12, atol=1e-12)
 
 
-def test_the_tip_of_the_two_link_arm_is_where_geometry_puts_it():
+def test_two_link_tip_agrees_with_geometry():
     np.testing.assert_allclose(TWO_LINK.tip(jnp.array([0.0, 0.0])), [1.8, 0.0, 0.0], atol=1e-15)
     np.testing.assert_allclose(TWO_LINK.tip(jnp.array([np.pi / 2, -np.pi / 2])), [0.8, 1.0, 0.0], atol=1e-15)
 
 
-def test_the_tip_of_the_scara_arm_is_where_geometry_puts_it_and_sinks_with_the_last_joint():
+def test_scara_tip_agrees_with_geometry_and_sinks_with_the_last_joint():
     np.testing.assert_allclose(SCARA.tip(jnp.array([0.0, 0.0, 0.25])), [0.7, 0.0, -0.25], atol=1e-15)
     np.testing.assert_allclose(SCARA.tip(jnp.array([np.pi / 2, np.pi / 2, 0.0])), [-0.4, 0.3, 0.0], atol=1e-15)
 
 
-def test_the_eigenvalues_of_the_inverse_inertia_are_where_table_1_has_its_bounds():
+def test_inverse_inertia_eigenvalues_agree_with_table_1():
     angles = jnp.stack([jnp.zeros(721), jnp.linspace(-np.pi, np.pi, 721)], axis=1)
     eigenvalues = 1.0 / np.linalg.eigvalsh(jax.vmap(TWO_LINK.mass)(angles))
     assert eigenvalues.min() == pytest.approx(0.089, abs=5e-4)

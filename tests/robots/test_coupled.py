@@ -39,7 +39,7 @@ def test_a_joint_between_base_and_tip_that_mimics_another_follows_it(pair):
     np.testing.assert_allclose(arm.velocities(jnp.array([2.0])), [2.0, -1.0])
 
 
-def test_the_warning_says_what_follows_what_and_what_becomes_of_the_range():
+def test_warning_names_follower_leader_and_the_new_range():
     with pytest.warns(DefinitionWarning) as caught:
         from_urdf(FOLLOWED)
     (warning,) = caught
@@ -49,7 +49,7 @@ def test_the_warning_says_what_follows_what_and_what_becomes_of_the_range():
     )
 
 
-def test_the_matrices_are_those_of_all_joints_seen_from_the_leader(pair):
+def test_coupled_matrices_are_projections_of_those_of_all_joints(pair):
     arm, every = pair
     s = np.array([1.0, -0.5])
 
@@ -76,7 +76,7 @@ def test_the_limits_are_the_leaders_within_those_of_the_followers(pair):
     assert float(slow.limits.velocity[0]) == 2.0
 
 
-def test_a_range_of_a_follower_that_leaves_nothing_is_not_read():
+def test_incompatible_range_of_a_follower_is_ignored():
     text = changed(GOOD, LIMIT, FOLLOWS.replace('lower="-1" upper="1.5"', 'lower="2" upper="3"'))
     with pytest.warns(DefinitionWarning) as caught:
         arm = from_urdf(text)
@@ -85,7 +85,7 @@ def test_a_range_of_a_follower_that_leaves_nothing_is_not_read():
     assert (float(arm.limits.lower[0]), float(arm.limits.upper[0])) == (-2.0, 2.5)
 
 
-def test_rotors_and_friction_are_seen_from_the_leader():
+def test_rotor_inertia_and_friction_act_on_the_leader():
     arm = read(FOLLOWED, armature={"shoulder": 0.1, "elbow": 0.4})
     np.testing.assert_allclose(arm.armature, [0.1 + 0.25 * 0.4])
     np.testing.assert_allclose(arm.viscous, [0.5])
@@ -98,7 +98,7 @@ def test_a_follower_is_held_by_locked(pair):
     assert from_urdf(FOLLOWED, locked={"elbow": 0.5}).joint_names == ("shoulder",)
 
 
-def test_a_follower_beside_the_arm_follows_if_asked_to():
+def test_follower_outside_the_arm_follows_on_request():
     text = changed(GOOD, END, SPARE_FOLLOWS + END)
     arm = read(text, tip="tool", limits=False, mimics="followed")
     assert isinstance(arm, Coupled)
@@ -117,7 +117,7 @@ def test_a_ratio_of_0_holds_the_joint():
     np.testing.assert_allclose(arm.inertias, held.inertias, rtol=1e-14, atol=1e-16)
 
 
-def test_a_leader_beside_the_arm_is_a_joint_of_it_if_a_follower_carries_the_tip():
+def test_leader_outside_the_arm_is_a_joint_if_a_follower_carries_the_tip():
     text = changed(GOOD, END, SPARE + joint("revolute", "spare", "base", "spare", '<axis xyz="0 1 0"/>') + END)
     text = changed(text, LIMIT, LIMIT + '<mimic joint="spare" multiplier="2"/>')
     arm = read(text, tip="tool", limits=False)
@@ -135,7 +135,7 @@ def test_followers_of_followers_have_the_product_of_the_ratios():
     np.testing.assert_allclose(arm.positions(jnp.array([0.4])), [0.4, 0.0, 1.0], atol=1e-15)
 
 
-def test_a_mismatch_and_a_load_change_the_joints_behind():
+def test_mismatch_and_payload_change_the_coupled_joints():
     arm = couple(small_tree(), {"arm": ("waist", 0.5, 0.1)})
     true = Mismatch(mass_factor=jnp.array(0.5)).applied(arm)
     np.testing.assert_allclose(true.arm.masses, 0.5 * arm.arm.masses)
@@ -154,7 +154,7 @@ def test_a_mismatch_and_a_load_change_the_joints_behind():
         ({"arm": ("waist", np.nan, 0.0)}, "must be finite and not 0"),
     ],
 )
-def test_what_cannot_follow_is_refused(following, named):
+def test_invalid_followers_are_errors(following, named):
     with pytest.raises(DefinitionError, match=named):
         couple(small_tree(), following)
 

@@ -71,7 +71,7 @@ def by_search(tensor: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize("seed", range(8))
-def test_it_is_a_bodys_and_none_that_a_search_finds_is_nearer(seed):
+def test_nearest_inertia_is_rigid_and_no_search_finds_a_nearer_one(seed):
     given = of_no_body(np.random.default_rng(seed))
     assert not is_rigid(given)
     found = nearest_rigid(given)
@@ -80,7 +80,7 @@ def test_it_is_a_bodys_and_none_that_a_search_finds_is_nearer(seed):
 
 
 @pytest.mark.parametrize("seed", range(8))
-def test_it_is_the_projection(seed):
+def test_nearest_inertia_is_the_projection(seed):
     """What is cut off is at right angles to what is left, and to every body points away from it (Moreau)."""
     rng = np.random.default_rng(seed)
     given = of_no_body(rng)
@@ -94,13 +94,13 @@ def test_it_is_the_projection(seed):
     np.testing.assert_allclose(nearest_rigid(nearest_rigid(given)), nearest_rigid(given), rtol=0, atol=1e-15)
 
 
-def test_the_one_of_a_plate_that_is_too_heavy_at_its_rim():
+def test_nearest_inertia_of_a_plate_with_a_heavy_rim():
     """By hand: Σ = diag(.055, .045, -.035), so the nearest is diag(.055, .045, 0), a plate."""
     np.testing.assert_allclose(nearest_rigid(FLAT), np.diag([0.045, 0.055, 0.1]), rtol=0, atol=1e-16)
 
 
 @pytest.mark.parametrize(("read", "text", "owner"), READERS)
-def test_a_file_with_such_an_inertia_is_refused_unless_the_nearest_is_asked_for(read, text, owner):
+def test_impossible_inertia_is_an_error_unless_nearest_is_set(read, text, owner):
     with pytest.raises(DefinitionError, match=rf'{owner} is of no rigid body.*; inertias="nearest" takes the nearest'):
         read(text)
     with pytest.warns(DefinitionWarning) as caught:
@@ -114,12 +114,12 @@ def test_a_file_with_such_an_inertia_is_refused_unless_the_nearest_is_asked_for(
     np.testing.assert_array_equal(arm.inertias[0], read(GOOD if read is from_urdf else bad_mjcf.GOOD).inertias[0])
 
 
-def test_another_word_is_refused():
+def test_unknown_choice_of_inertias_is_an_error():
     with pytest.raises(DefinitionError, match="must be `given`, `nearest` or `strict`; got `neerest`; did you mean"):
         Feasible("neerest")
 
 
-def test_a_link_that_is_fixed_gets_the_nearest_too():
+def test_fixed_link_gets_the_nearest_inertia_too():
     text = changed(GOOD, TOOL, FLAT_TOOL)
     with pytest.warns(DefinitionWarning, match=r"link `tool` \(17 %\)"):
         arm = from_urdf(text, inertias="nearest")
@@ -129,11 +129,11 @@ def test_a_link_that_is_fixed_gets_the_nearest_too():
 
 
 @pytest.mark.parametrize(("read", "text"), [(from_urdf, bad_urdf.GOOD), (from_mjcf, bad_mjcf.GOOD)])
-def test_where_every_inertia_is_a_bodys_nothing_changes(read, text):
+def test_possible_inertias_stay_unchanged(read, text):
     np.testing.assert_array_equal(read(text, inertias="nearest").inertias, read(text).inertias)
 
 
-def test_what_mujoco_balances_itself_is_left_to_it():
+def test_balanceinertia_is_left_to_mujoco():
     text = changed(
         bad_mjcf.GOOD,
         bad_mjcf.INERTIAL,
@@ -202,7 +202,7 @@ def test_a_negative_moment_is_refused_however_small_the_change_is(moments):
         from_urdf(changed(GOOD, INERTIA, inertia(*moments.split())))
 
 
-def test_a_link_beyond_the_bound_is_refused_beside_one_within_it():
+def test_link_beyond_the_bound_is_an_error_next_to_one_within_it():
     text = changed(GOOD, INERTIA, inertia("0.04901", "0.04901", "0.1"), TOOL, FLAT_TOOL)
     with pytest.raises(DefinitionError, match="link `tool` is of no rigid body"):
         from_urdf(text)

@@ -55,11 +55,11 @@ def random_payload(rng) -> Payload:
     return Payload(rng.uniform(0.5, 3.0), rng.normal(size=3) * 0.1, axes @ np.diag(rng.uniform(0.01, 0.02, 3)) @ axes.T)
 
 
-def test_without_anything_given_the_true_arm_is_the_nominal_one():
+def test_default_mismatch_leaves_the_nominal_arm():
     assert eqx.tree_equal(Mismatch().applied(arm()), arm())
 
 
-def test_a_factor_on_the_masses_is_one_on_the_inertias_too_unless_that_is_given():
+def test_mass_factor_scales_inertias_by_default():
     lighter = Mismatch(mass_factor=0.85).applied(arm())
     np.testing.assert_allclose(lighter.masses, 0.85 * arm().masses, rtol=1e-15)
     np.testing.assert_allclose(lighter.inertias, 0.85 * arm().inertias, rtol=1e-15)
@@ -69,7 +69,7 @@ def test_a_factor_on_the_masses_is_one_on_the_inertias_too_unless_that_is_given(
         np.testing.assert_allclose(both.inertias[i], factor * arm().inertias[i], rtol=1e-15)
 
 
-def test_what_is_not_given_stays_as_it_is():
+def test_fields_of_none_keep_the_nominal_values():
     lighter = Mismatch(mass_factor=0.85).applied(arm())
     changed = (lighter.masses, lighter.inertias)
     assert eqx.tree_equal(eqx.tree_at(lambda a: (a.masses, a.inertias), arm(), changed), lighter)
@@ -77,7 +77,7 @@ def test_what_is_not_given_stays_as_it_is():
 
 @pytest.mark.parametrize("field", ["viscous", "coulomb", "armature"])
 @pytest.mark.parametrize("value", [0.7, [0.1, 0.0, 0.3]])
-def test_friction_and_rotors_are_put_in_the_place_of_the_nominal_ones(field, value):
+def test_friction_and_rotors_replace_the_nominal_ones(field, value):
     true = Mismatch(**{field: value}).applied(arm())
     np.testing.assert_array_equal(getattr(true, field), np.broadcast_to(value, 3))
     assert eqx.tree_equal(eqx.tree_at(lambda a: getattr(a, field), arm(), getattr(true, field)), true)
@@ -127,7 +127,7 @@ def test_a_list_of_another_length_is_refused_by_its_field(field):
         ({"inertia": 0.1}, "`Payload.mass` must be > 0 kg where there is inertia; got 0"),
     ],
 )
-def test_a_payload_that_cannot_be_is_refused_by_its_field(given, said):
+def test_impossible_payloads_are_errors_that_name_the_field(given, said):
     with pytest.raises(DefinitionError, match=said):
         Payload(**given)
 
@@ -150,7 +150,7 @@ def test_two_payloads_together_are_one_body_as_pinocchio_adds_them():
         np.testing.assert_allclose(both.inertia, expected.inertia, rtol=0, atol=1e-15)
 
 
-def test_nothing_joined_to_a_payload_leaves_it_as_it_is():
+def test_empty_payload_changes_nothing_when_joined():
     for both in (PAYLOAD.joined(Payload()), Payload().joined(PAYLOAD), PAYLOAD.joined(PAYLOAD.times(jnp.zeros(())))):
         np.testing.assert_allclose(both.mass, PAYLOAD.mass)
         np.testing.assert_allclose(both.center, PAYLOAD.center)
@@ -182,7 +182,7 @@ def test_a_factor_on_all_masses_is_one_on_inertia_matrix_and_bias():
     assert_same(light, expected)
 
 
-def test_a_load_is_there_from_when_it_is_taken_up_until_it_is_let_go():
+def test_timed_payload_acts_from_pick_up_to_release():
     own, load = Payload(0.7, (0.0, 0.0, 0.05), 0.001), Load(PAYLOAD, 0.5, 2.0)
     robot = carrying(own, arm())
     times = [0.0, np.nextafter(0.5, 0.0), 0.5, 1.2, np.nextafter(2.0, 0.0), 2.0, 9.0]
@@ -196,23 +196,23 @@ def test_a_load_is_there_from_when_it_is_taken_up_until_it_is_let_go():
         assert eqx.tree_equal(jax.tree.map(np.asarray, robot), carrying(jax.tree.map(np.asarray, own), now))
 
 
-def test_a_load_is_there_from_the_start_and_for_ever_unless_times_are_given():
+def test_timed_payload_acts_always_by_default():
     load = Load(PAYLOAD)
     assert (float(load.attached), float(load.released)) == (0.0, np.inf)
 
 
 @pytest.mark.parametrize("released", [1.0, 0.5])
-def test_a_load_that_is_not_let_go_after_it_is_taken_up_is_refused(released):
+def test_release_before_pick_up_is_an_error(released):
     with pytest.raises(DefinitionError, match=r"`Load.released` must be .*`attached` = 1.0.*; got"):
         Load(PAYLOAD, 1.0, released)
 
 
-def test_an_arm_of_a_printed_formula_carries_nothing():
+def test_paper_arms_carry_no_payload():
     with pytest.raises(DefinitionError, match="a TwoLink has no tip to carry a load; only an articulated arm has"):
         Load(PAYLOAD).on(TWO_LINK, jnp.asarray(0.0))
 
 
-def test_what_is_carried_has_the_energy_of_a_body_that_moves_with_the_tip():
+def test_payload_has_the_energy_of_a_body_at_the_tip():
     pinocchio = pytest.importorskip("pinocchio")
     body = pinocchio.Inertia(float(PAYLOAD.mass), np.array(PAYLOAD.center), np.array(PAYLOAD.inertia))
 
@@ -243,7 +243,7 @@ def moved(plant: Plant, state: State, periods: int, *, log_every: int | None = N
     return simulate(plant, law, Still([0.3, -0.1, 0.5]), state, log_every=log_every, **how)
 
 
-def test_a_run_with_a_load_for_some_time_is_three_runs_glued_together():
+def test_run_with_a_timed_payload_equals_three_joined_runs():
     """Without it, with it, and without it again: positions and velocities do not jump."""
     start = State(q=jnp.zeros(3), dq=jnp.asarray([0.5, -0.2, 1.0]))
     push = Constant([1.0, -2.0, 0.5])
@@ -263,7 +263,7 @@ def test_a_run_with_a_load_for_some_time_is_three_runs_glued_together():
     assert np.abs(np.asarray(without.q) - np.asarray(whole.state.q)).max() > 1e-3
 
 
-def test_the_plant_of_a_nominal_arm_has_all_that_the_mismatch_says():
+def test_plant_of_a_nominal_arm_has_the_mismatch():
     load = Load(PAYLOAD, 0.5)
     mismatch, push = Mismatch(mass_factor=0.9, armature=0.2, load=load), Constant([0.0, 0.0, 1.0])
     plant = Plant.of_nominal(arm(), mismatch, push)

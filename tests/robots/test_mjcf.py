@@ -48,7 +48,7 @@ def by_mujoco(text: str, joint_names: tuple[str, ...], states: States) -> Motion
 
 
 @pytest.mark.parametrize(("seed", "joints", "count"), TREES)
-def test_a_random_tree_moves_as_mujoco_says(seed, joints, count):
+def test_random_tree_agrees_with_mujoco(seed, joints, count):
     text = random_mjcf(seed, joints)
     arm = from_mjcf(text, tip="tip", locked=HELD)
     assert arm.joints >= 4 and "locked" not in arm.joint_names
@@ -57,7 +57,7 @@ def test_a_random_tree_moves_as_mujoco_says(seed, joints, count):
 
 
 @pytest.mark.parametrize("seed", [0, 1])
-def test_the_friction_of_a_random_tree_is_mujocos(seed):
+def test_friction_of_a_random_tree_agrees_with_mujoco(seed):
     text = random_mjcf(seed, 4)
     arm = from_mjcf(text, tip="tip", locked=HELD)
     model = mujoco.MjModel.from_xml_string(text)
@@ -77,7 +77,7 @@ def test_the_two_link_arm_of_the_paper_is_the_same_as_mjcf():
         np.testing.assert_allclose(one, other, rtol=1e-12, atol=1e-12)
 
 
-def test_what_the_file_says_is_in_the_arm():
+def test_arm_has_the_numbers_of_the_file():
     arm = from_mjcf(GOOD)
     assert arm.name == "arm" and arm.link_names == ("upper", "fore")
     np.testing.assert_allclose(arm.limits.lower, np.deg2rad([-100.0, -60.0]), rtol=1e-14)
@@ -118,7 +118,7 @@ def test_gravity_is_the_files_unless_another_is_given():
     np.testing.assert_array_equal(from_mjcf(off).gravity_vector, [0.0, 0.0, 0.0])
 
 
-def test_what_only_joints_that_are_held_have_is_no_matter():
+def test_unsupported_features_of_held_joints_are_ignored():
     spring = changed(GOOD, ELBOW, ELBOW.replace("/>", ' stiffness="3"/>'))
     tied = changed(spring, END, '<equality><joint joint1="elbow"/></equality>' + END)
     arm = from_mjcf(tied, locked={"elbow": 0.5})
@@ -149,7 +149,7 @@ def with_mesh(where: str, name: str) -> str:
     return changed(text, SITE, SITE + shape) if where == "beside" else changed(text, INERTIAL, shape)
 
 
-def test_a_mesh_that_has_no_weight_need_not_be_there_and_is_not_read(tmp_path):
+def test_weightless_mesh_is_neither_required_nor_read(tmp_path):
     (tmp_path / "shapes").mkdir()
     (tmp_path / "shapes" / "hull.stl").write_text("no mesh at all")
     path = tmp_path / "arm.mjcf"
@@ -163,7 +163,7 @@ def test_a_mesh_that_has_no_weight_need_not_be_there_and_is_not_read(tmp_path):
     np.testing.assert_array_equal(from_mjcf(path).inertias, from_mjcf(GOOD).inertias)
 
 
-def test_a_mesh_that_the_inertia_comes_from_is_read(tmp_path):
+def test_mesh_that_defines_an_inertia_is_read(tmp_path):
     (tmp_path / "shapes").mkdir()
     (tmp_path / "shapes" / "hull.obj").write_text(TETRAHEDRON)
     path = tmp_path / "arm.xml"
@@ -214,7 +214,7 @@ def test_bodies_keep_their_names_where_mujoco_would_join_them():
     np.testing.assert_allclose(arm.tip_translation, arm.tip_rotation @ jnp.array([0.2, 0.0, 0.0]))
 
 
-def test_the_tip_is_the_only_body_that_moves_and_carries_none():
+def test_default_tip_is_the_only_moving_body_that_carries_none():
     beside = from_mjcf(changed(GOOD, WORLD, WORLD + '<body name="table"><geom size="0.1"/></body>'))
     np.testing.assert_array_equal(beside.tip_translation, from_mjcf(GOOD, tip="fore").tip_translation)
 

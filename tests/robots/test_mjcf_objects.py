@@ -42,7 +42,7 @@ def same(arm, alone) -> None:
         ([BOX], '<actuator><motor joint="loose" gear="1 0 0 0 0 0"/></actuator>', None, "`box` is"),
     ],
 )
-def test_objects_beside_the_arm_are_left_out_with_a_warning(objects, more, tip, named):
+def test_objects_next_to_the_arm_are_dropped_with_a_warning(objects, more, tip, named):
     alone = from_mjcf(GOOD, tip=tip)
     with pytest.warns(DefinitionWarning, match=f"{named} no part of the arm and left out"):
         same(from_mjcf(scene(*objects, more=more), tip=tip), alone)

@@ -83,7 +83,7 @@ ARMS = {"panda", "ur5e", "iiwa14", "xarm7", "gen3"}
 """One word here enrols a new file."""
 
 
-def test_every_file_is_an_arm_that_python_knows_by_its_name():
+def test_every_file_has_a_function_of_its_name():
     assert set(FILES) == ARMS == set(robots.built_in_names())
     for name in ARMS:
         make = getattr(robots, name)
@@ -104,7 +104,7 @@ def test_a_further_file_is_a_further_arm(tmp_path, monkeypatch):
     assert arm.name == "scratch"
 
 
-def test_an_arm_that_there_is_not_is_named_with_its_nearest():
+def test_unknown_arm_is_an_error_with_the_nearest_name():
     with pytest.raises(DefinitionError, match="no built-in arm `pandas`; did you mean `panda`"):
         robots.built_in_arm("pandas")
 
@@ -134,7 +134,7 @@ def test_the_joints_are_one_chain_from_the_base_to_the_tip(name):
 
 
 @every_arm
-def test_every_link_is_a_body_that_can_exist(name):
+def test_every_link_has_a_possible_inertia(name):
     for joint in FILES[name]["joints"]:
         smallest, middle, largest = np.linalg.eigvalsh(tensor(joint["link"]["inertia"]))
         assert joint["link"]["mass"] > 0
@@ -186,7 +186,7 @@ def loaded(text):
 
 
 @pytest.mark.parametrize(("name", "path"), SAME_ARM)
-def test_the_tip_is_where_another_description_of_the_arm_has_it(name, path):
+def test_tip_agrees_with_another_description_of_the_arm(name, path):
     pinocchio, model, data = loaded(other_file(path))
     description = FILES[name]
     tip = model.getFrameId(description["tip"]["name"])
@@ -201,7 +201,7 @@ def test_the_tip_is_where_another_description_of_the_arm_has_it(name, path):
 
 
 @pytest.mark.parametrize(("name", "path"), SAME_ARM)
-def test_links_and_limits_are_those_of_another_description_of_the_arm(name, path):
+def test_links_and_limits_agree_with_another_description(name, path):
     tree = ElementTree.fromstring(other_file(path))
     for joint in FILES[name]["joints"]:
         inertial = tree.find(f"./link[@name='{joint['link']['name']}']/inertial")

@@ -26,7 +26,7 @@ MIMIC = '<mimic joint="shoulder" multiplier="2" offset="0.5"/>'
 
 
 @pytest.mark.parametrize(("file", "arguments", "printed"), PAPER)
-def test_the_arms_of_the_paper_are_the_same_as_urdf(file, arguments, printed):
+def test_paper_arms_agree_with_their_urdf(file, arguments, printed):
     arm = from_urdf(EXAMPLES / file, **arguments)
     assert arm.joint_units == printed.joint_units
     q, dq = STATES[:, :, : printed.joints]
@@ -39,7 +39,7 @@ def test_the_arms_of_the_paper_are_the_same_as_urdf(file, arguments, printed):
         np.testing.assert_allclose(one, other, rtol=1e-12, atol=1e-12)
 
 
-def test_what_the_file_says_is_in_the_arm():
+def test_arm_has_the_numbers_of_the_file():
     arm = from_urdf(GOOD)
     assert arm.name == "arm"
     assert arm.joint_names == ("shoulder", "elbow")
@@ -132,7 +132,7 @@ def test_one_warning_names_all_joints_without_a_limit_and_the_file(tmp_path):
         assert words in str(warning.message)
 
 
-def test_the_limits_of_a_joint_that_is_locked_are_of_no_account():
+def test_limits_of_a_locked_joint_are_ignored():
     assert from_urdf(changed(GOOD, LIMIT, ""), locked={"elbow": 0.3}).joints == 1
 
 
@@ -166,12 +166,12 @@ def test_armature_is_one_number_or_one_for_each_joint_or_by_name():
     ("armature", "named"),
     [([1.0], "shoulder, elbow"), ({"elbov": 1.0}, "did you mean `elbow`"), (-1.0, "armature of joint `shoulder`")],
 )
-def test_an_armature_that_cannot_be_is_refused(armature, named):
+def test_invalid_armatures_are_errors(armature, named):
     with pytest.raises(DefinitionError, match=named):
         from_urdf(GOOD, armature=armature)
 
 
-def test_what_stands_on_the_base_may_have_any_mass():
+def test_links_fixed_to_the_base_may_have_any_mass():
     mount = GOOD.replace('<parent link="base"/>', '<parent link="mount"/>').replace(
         '<link name="base"/>',
         '<link name="base"/><joint name="bolts" type="fixed"><parent link="base"/><child link="mount"/></joint>'
@@ -185,7 +185,7 @@ def test_a_link_named_world_is_a_link_as_any_other():
     np.testing.assert_array_equal(from_urdf(named).inertias, from_urdf(GOOD).inertias)
 
 
-def test_elements_of_other_programs_are_passed_over():
+def test_elements_of_other_programs_are_ignored():
     more = changed(
         GOOD,
         "</robot>",
@@ -218,7 +218,7 @@ def test_a_mesh_is_found_beside_the_file_and_in_packages_and_is_not_read(tmp_pat
     assert from_urdf(path, meshes=True).joints == 2
 
 
-def test_a_mesh_that_is_not_there_does_not_stop_an_arm():
+def test_missing_mesh_is_no_error_by_default():
     assert from_urdf(with_mesh("package://lost/fore.dae")).joints == 2
 
 

@@ -102,7 +102,7 @@ def test_another_negative_limit_is_refused(velocity):
         from_urdf(changed(GOOD, LIMIT, limit(velocity=velocity)))
 
 
-def test_exchanged_ends_of_a_range_around_0_are_turned_round():
+def test_exchanged_ends_of_a_range_around_0_are_corrected():
     with pytest.warns(
         DefinitionWarning, match="`elbow` has lower 1.5 > upper -1: they are read as exchanged, -1 to 1.5"
     ):
@@ -194,14 +194,14 @@ def test_a_finger_that_mimics_a_locked_one_is_held_at_its_ratio():
     np.testing.assert_allclose(arm.inertias, held.inertias, rtol=1e-14, atol=1e-16)
 
 
-def test_a_cylinder_beside_the_arm_is_held_and_its_leader_moves():
+def test_cylinder_next_to_the_arm_is_held_and_its_leader_moves():
     with pytest.warns(DefinitionWarning, match=r"`shoulder` leads `cylinder`.*locked=\{'cylinder': 0\} is assumed"):
         arm = from_urdf(CYLINDER, tip="tool", limits=False)
     assert arm.joint_names == ("shoulder", "elbow")
 
 
 @pytest.mark.parametrize("leader", ["nobody", "cylinder"])
-def test_outside_of_the_arm_a_mimic_that_leads_nowhere_is_held(leader):
+def test_invalid_mimic_outside_the_arm_is_held(leader):
     with pytest.warns(DefinitionWarning, match=r"`cylinder` is held at 0; locked=\{'cylinder': POSITION\}"):
         arm = from_urdf(CYLINDER.replace('joint="shoulder"', f'joint="{leader}"'), tip="tool", limits=False)
     assert arm.joint_names == ("shoulder", "elbow")
@@ -218,7 +218,7 @@ def test_a_mimic_of_a_fixed_joint_is_held_at_its_offset():
         )
 
 
-def test_a_refusal_is_told_with_the_notes_on_what_it_names():
+def test_error_includes_the_notes_on_the_elements_that_it_names():
     text = changed(
         GOOD, END, '<RefLink ref="fore"/>' + END, CENTER, CENTER + '<Mass value="2"/>', MASS, '<mass value="-1"/>'
     )

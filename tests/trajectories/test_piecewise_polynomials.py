@@ -72,7 +72,7 @@ def test_the_extremes_are_those_of_a_dense_search(motion, order):
 
 
 @every("motion", PIECEWISE)
-def test_an_extreme_is_where_it_is_said_to_be(motion):
+def test_extremes_occur_at_their_reported_times(motion):
     position = motion.extremes(0)
     for value, when in ((position.least, position.when_least), (position.largest, position.when_largest)):
         there = derivative(motion, 0, when)
@@ -92,7 +92,7 @@ def test_powers_that_are_only_rounding_hide_no_extreme():
         assert np.all(extremes.least <= dense.min(axis=0) + 1e-12)
 
 
-def test_a_motion_says_when_it_is_over():
+def test_until_is_the_end_of_the_motion():
     assert float(MinimumJerk.through([0.5, 2.0], [[0.0], [1.0]]).until) == 2.0
     ends = {name: float(np.asarray(motion.until)) for name, motion in TRAJECTORIES}
     assert ends["constant"] == 0.0

@@ -61,7 +61,7 @@ def test_the_joint_that_needs_longest_sets_the_time_of_all():
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2])
-def test_no_other_division_of_the_time_is_shorter(seed):
+def test_no_perturbed_division_of_the_time_is_shorter(seed):
     """Three waypoints have one free number, the share of the first piece: all of its values are tried."""
     generator = np.random.default_rng(seed)
     path = generator.normal(size=(3, 2))
@@ -115,6 +115,6 @@ def test_a_joint_without_a_limit_may_be_as_fast_as_the_others_need():
         ),
     ],
 )
-def test_what_is_no_path_and_what_is_no_limit_is_refused(waypoints, limits, words):
+def test_invalid_waypoints_and_limits_are_errors(waypoints, limits, words):
     with pytest.raises(DefinitionError, match=words):
         MinimumJerk.within(waypoints, **({"velocity": 1.0, "acceleration": 1.0} | limits))

@@ -160,7 +160,7 @@ def test_times_in_another_unit_are_suspected_where_the_motion_is_too_slow_and_re
     np.testing.assert_allclose(Tabulated.from_joint_trajectory(given, time_unit=unit).times, t, rtol=1e-12)
 
 
-def test_a_unit_that_contradicts_the_data_or_is_none_is_refused():
+def test_contradictory_or_unknown_unit_is_an_error():
     with pytest.raises(DefinitionError, match="the times cannot also be in ms"):
         Tabulated.from_csv("time [s],a\n0,1\n1,2\n", time_unit="ms")
     with pytest.raises(DefinitionError, match="`time_unit` must be one of s, ms, us, ns; got 'min'"):
@@ -249,7 +249,7 @@ def test_empty_lists_in_a_message_mean_that_there_is_nothing():
         ("time,a,a.velocity\n0,1,0\n1,2,0.4\n", "line 3: joint `a` has a velocity of 0.4 rad/s .* at its end, t = 1 s"),
     ],
 )
-def test_what_is_wrong_in_a_csv_file_is_named_with_line_and_column(text, words):
+def test_csv_errors_name_line_and_column(text, words):
     with pytest.raises(DefinitionError, match=words):
         Tabulated.from_csv(text)
 
@@ -311,12 +311,12 @@ def changed(**changes):
         ),
     ],
 )
-def test_what_is_wrong_in_a_ros_message_is_named_with_the_point(given, words):
+def test_ros_message_errors_name_the_point(given, words):
     with pytest.raises(DefinitionError, match=words):
         Tabulated.from_joint_trajectory(given)
 
 
-def test_a_file_that_is_not_there_or_no_text_is_named(tmp_path):
+def test_missing_or_binary_file_is_an_error_that_names_it(tmp_path):
     with pytest.raises(DefinitionError, match=r"cannot read the file `.*gone.csv`: No such file"):
         Tabulated.from_csv(tmp_path / "gone.csv")
     picture = tmp_path / "picture.json"

@@ -88,7 +88,7 @@ def test_a_table_whose_velocity_jumps_is_refused(shape, where, rows):
         Tabulated.through(t, q)
 
 
-def test_the_refusal_names_row_joint_time_size_and_remedy():
+def test_jump_error_names_row_joint_time_size_and_remedy():
     t = np.linspace(1.0, 3.0, 101)
     with pytest.raises(DefinitionError) as refused:
         Tabulated.through(t, np.stack([np.zeros(101), 0.5 * np.sin(2 * (t - 1.0))], axis=1))
@@ -98,7 +98,7 @@ def test_the_refusal_names_row_joint_time_size_and_remedy():
     assert "add rows in which it changes" in sentence and "`MinimumJerk.within`" in sentence
 
 
-def test_whoever_says_what_the_arm_can_do_is_believed():
+def test_acceleration_limit_decides_if_given():
     t = np.linspace(0.0, 2.0, 41)
     q = 0.2 * np.sin(2 * t)[:, None]
     with pytest.raises(DefinitionError, match=r"if the arm can do ([0-9.]+) rad/s²") as refused:
@@ -127,14 +127,14 @@ def test_a_motion_that_does_not_jump_is_not_refused(seed, rows):
 
 
 @pytest.mark.parametrize("seed", range(20))
-def test_waypoints_that_a_person_taught_are_no_jumps(seed):
+def test_taught_waypoints_have_no_jumps(seed):
     generator = np.random.default_rng(seed)
     stays = generator.integers(1, 4, 15)
     path = np.repeat(generator.normal(size=(15, 6)), stays, axis=0)
     Tabulated.through(np.arange(len(path)) * 1.5, path)
 
 
-def test_a_step_of_position_is_refused_by_what_it_would_ask_for():
+def test_position_step_is_an_error_with_its_acceleration():
     t = np.arange(0.0, 1.0, 0.01)
     q = np.where(t < 0.5, 0.0, 0.3)[:, None]
     with pytest.raises(
@@ -178,7 +178,7 @@ def test_limits_are_checked_everywhere(limits, words):
         Tabulated.through(TIMES, PLACES, **limits)
 
 
-def test_limits_that_are_just_kept_are_kept():
+def test_limits_reached_exactly_pass():
     motion = Tabulated.through(TIMES, PLACES)
     Tabulated.through(
         TIMES,
@@ -213,12 +213,12 @@ def test_degrees_and_wrong_speeds_are_suspected_where_a_limit_is_passed():
         ({"accelerations": CURVES}, "has accelerations but no velocities"),
     ],
 )
-def test_a_table_that_makes_no_sense_is_refused(change, words):
+def test_invalid_tables_are_errors(change, words):
     given = {"times": TIMES, "positions": PLACES} | change
     with pytest.raises(DefinitionError, match=words):
         Tabulated.through(**given)
 
 
-def test_one_row_alone_says_not_where_the_motion_starts():
+def test_table_with_one_row_is_an_error():
     with pytest.raises(DefinitionError, match="the table has 1 row: a motion needs two or more"):
         Tabulated.through([0.0], [[1.0, 2.0]])

@@ -68,7 +68,7 @@ def test_alike_limits_lead_along_a_straight_line():
 
 
 @pytest.mark.parametrize("jerk", [math.inf, JERK])
-def test_it_is_ruckigs_motion_at_every_time(jerk):
+def test_trapezoidal_motion_agrees_with_ruckig(jerk):
     motion = Trapezoidal.through(PATH, velocity=SPEED, acceleration=ACCELERATION, jerk=jerk, start=0.4)
     begin = 0.4
     for here, there in pairwise(PATH):
@@ -131,7 +131,7 @@ def test_a_speed_without_a_limit_gives_the_triangle():
         ({"waypoints": [[0.0], [0.0]]}, "`Trapezoidal.waypoints` 1 and 2 are the same"),
     ],
 )
-def test_what_is_no_path_and_what_is_no_limit_is_refused(changes, words):
+def test_invalid_waypoints_and_limits_are_errors(changes, words):
     given = {"waypoints": PATH, "velocity": 1.0, "acceleration": 1.0} | changes
     with pytest.raises(DefinitionError, match=words):
         Trapezoidal.through(given.pop("waypoints"), **given)
