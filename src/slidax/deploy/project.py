@@ -120,7 +120,7 @@ def project(
         golden=golden(scenario, guard, dialect.real, same=same) if with_golden else None,
         period=scenario.period,
         t1=scenario.t1,
-        delay=round(described.sensor.delay + described.actuator.dead_time),
+        delay=described.timing.whole_periods,
         start=(scenario.state0.q.tolist(), scenario.state0.dq.tolist()),
     )
 

@@ -9,6 +9,7 @@ from typing import Any, Literal
 import numpy as np
 
 from slidax._errors import DefinitionError
+from slidax._timing import Timing
 from slidax.certificates import Verdict
 from slidax.certificates.extent import starts_of
 from slidax.certificates.statistical import tried
@@ -149,7 +150,7 @@ def _begin(problem: DesignProblem) -> tuple[Frame, Choice]:
         (np.asarray(starts.lower), np.asarray(starts.upper)),
         np.asarray(shape, float),
         period=h,
-        delay=problem.sensor.delay + problem.actuator.dead_time,
+        delay=Timing(h, problem.sensor.delay, problem.actuator.dead_time).total_delay,
         has_velocity=problem.sensor.has_velocity,
     )
     if (frame.shape >= LARGEST * frame.initial).any() and requirements.accuracy != "best":

@@ -12,6 +12,7 @@ from jaxtyping import Array
 from pydantic import Field, ValidationError
 
 from slidax._errors import DefinitionError, as_array, counted, each_of, located, require_joints
+from slidax._timing import Timing
 from slidax._types import State
 from slidax.controllers import AbstractController
 from slidax.numerics import runge_kutta_4, semi_implicit_euler
@@ -219,6 +220,11 @@ class ScenarioDescription(AbstractDescription):
             except ValidationError as error:
                 raise translated(error, data) from None
 
+    @property
+    def timing(self) -> Timing:
+        """Sample time and delays of the loop."""
+        return Timing(self.simulation.period, self.sensor.delay, self.actuator.dead_time)
+
     def moving(self) -> Moving:
         """All but the law.
 
@@ -266,8 +272,8 @@ class ScenarioDescription(AbstractDescription):
             if self.scheme.sampled_data is not None:
                 sampling = Sampling(
                     period=self.simulation.period,
-                    delay=self.sensor.delay + self.actuator.dead_time,
-                    dead_time=self.actuator.dead_time,
+                    delay=self.timing.total_delay,
+                    dead_time=self.timing.dead_time,
                     limits=drive.limits(),
                     variance=self.sensor.variance(),
                     has_velocity=self.sensor.has_velocity,

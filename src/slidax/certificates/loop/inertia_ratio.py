@@ -40,8 +40,7 @@ def inertia_ratio(scenario: Scenario, demand: Demand) -> Verdict:
     if isinstance(problem, str):
         return Verdict(NAME, TITLE, None, None, {}, [], f"not applicable: {problem}")
     law, _, loops = problem
-    description = scenario.description
-    delay = description.sensor.delay + description.actuator.dead_time
+    delay = scenario.description.timing.total_delay
     ranges = np.array([loop.stable_range(delay) for loop in loops]).T
     low, high = np.asarray(demand.kappa)
     radius = np.array(

@@ -52,12 +52,13 @@ class Subject:
             return "jitter and lost samples are not covered"
         if np.any(np.asarray(actuator.time_constant)):
             return "a drive with a first-order lag is not covered"
-        true = sensor.delay + actuator.dead_time
+        timing = scenario.description.timing
+        true = timing.total_delay
         if abs(true - law.delay) > 1e-9:
             return f"the law assumes a delay of {law.delay:g} periods, and the true delay is {true:g}"
-        if abs(sensor.delay - round(sensor.delay)) > 1e-9:
+        if abs(timing.delay - round(timing.delay)) > 1e-9:
             return "measurements delayed by a fraction of a period are not covered"
-        return cls(scenario, law, step, step.transformation, loops, round(sensor.delay), actuator.dead_time)
+        return cls(scenario, law, step, step.transformation, loops, round(timing.delay), timing.dead_time)
 
     @property
     def surface(self) -> Any:
