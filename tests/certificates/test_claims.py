@@ -10,7 +10,7 @@ import pytest
 
 import slidax
 from slidax.certificates import CERTIFICATES, admissibility
-from slidax.certificates.arm import demand, robust_torque
+from slidax.certificates.arm import compute_demand, robust_torque
 from slidax.certificates.continuous.law import PrintedLaw
 from slidax.certificates.continuous.premises import continuous_premises
 from slidax.certificates.loop import inertia_ratio, loop_rate
@@ -42,7 +42,9 @@ def test_a_path_that_a_certificate_does_not_cover_makes_it_not_applicable_by_nam
 ) -> None:
     scenario = load(NAME, {block: {path: one if block == "uncertainty" else value}, "simulation.t1": 3.0})
     for certificate in (inertia_ratio, loop_rate):
-        verdict = certificate(scenario, demand(scenario)) if certificate is inertia_ratio else certificate(scenario)
+        verdict = (
+            certificate(scenario, compute_demand(scenario)) if certificate is inertia_ratio else certificate(scenario)
+        )
         assert verdict.holds is None and verdict.grade is None
         assert f"`{path}`" in verdict.statement and f"`{block}`" in verdict.statement
 
@@ -65,12 +67,12 @@ def test_a_pulse_between_all_other_times_is_found_and_one_without_an_effect_is_n
     pulse = {"kind": "step", "value": [0.0, 0.0], "start": 1.2345, "end": 1.2365}
     sets = {"disturbance.terms.0.value": {"between": [-12.0, 12.0], "each": "joint"}}
     changes = {"disturbance.terms": [pulse], "uncertainty": sets, "simulation.t1": 3.0, **WITHOUT}
-    asked = demand(load(NAME, changes))
+    asked = compute_demand(load(NAME, changes))
     assert asked.effects is not None
     inside = (asked.times >= 1.2345) & (asked.times < 1.2365)
     assert (np.abs(asked.effects).sum(axis=1)[:, inside].min() > 0.1) and inside.sum() == 2
     late = {**pulse, "start": 50.0, "end": 51.0}
-    asked = demand(load(NAME, {**changes, "disturbance.terms": [late]}))
+    asked = compute_demand(load(NAME, {**changes, "disturbance.terms": [late]}))
     assert any("no torque depends on it" in one.text and one.status == "tested" for one in asked.assumptions)
 
 
@@ -101,9 +103,9 @@ def test_a_contact_of_a_few_samples_counts_with_its_uncertain_stiffness(position
     sets: dict[str, Any] = {"disturbance.terms.0.stiffness": {"between": [0.0, 40000.0]}}
     if position:
         sets["disturbance.terms.0.position.0"] = position
-    touched = demand(load(NAME, {**BRIEF, "disturbance.terms": [stop], "uncertainty": sets}))
+    touched = compute_demand(load(NAME, {**BRIEF, "disturbance.terms": [stop], "uncertainty": sets}))
     # The stiffest surface presses with 20 N m.
-    pressed = demand(load(NAME, {**BRIEF, "disturbance.terms": [{"kind": "constant", "value": [-20.0, 0.0]}]}))
+    pressed = compute_demand(load(NAME, {**BRIEF, "disturbance.terms": [{"kind": "constant", "value": [-20.0, 0.0]}]}))
     k = round(0.25 * np.pi / 0.001)
     assert touched.effects is not None
     bound = np.abs(touched.push[:, k]).max(axis=0) + np.abs(touched.effects[:, :, k]).sum(axis=1).max(axis=0)
@@ -120,10 +122,10 @@ def test_a_ripple_that_vanishes_at_each_sample_counts_between_them() -> None:
 
 def test_a_step_between_two_samples_counts_in_full() -> None:
     push = {"kind": "step", "value": [3.0, 0.0], "start": 1.0004, "end": 1.0008}
-    asked = demand(load(NAME, {"disturbance.terms": [push], "simulation.t1": 3.0, **WITHOUT}))
+    asked = compute_demand(load(NAME, {"disturbance.terms": [push], "simulation.t1": 3.0, **WITHOUT}))
     assert asked.jumps is not None
     k = round(1.0 / 0.001)
-    bare = demand(load(NAME, {"disturbance.terms": [], "simulation.t1": 3.0, **WITHOUT}))
+    bare = compute_demand(load(NAME, {"disturbance.terms": [], "simulation.t1": 3.0, **WITHOUT}))
     assert asked.jumps[k].max() > 0.3 and np.array_equal(asked.push[:, k], bare.push[:, k])
     assert not asked.jumps[k + 2 :].any() and not asked.jumps[: k - 1].any()
 
@@ -154,7 +156,7 @@ def test_the_grade_says_how_many_lines_are_proved() -> None:
 @pytest.mark.parametrize("name", ["panda-payload", "ur5e-payload"])
 def test_loops_that_are_stable_alone_and_not_together_get_no_yes(name: str) -> None:
     scenario = load(name)
-    verdict = inertia_ratio(scenario, demand(scenario))
+    verdict = inertia_ratio(scenario, compute_demand(scenario))
     assert np.max(verdict.bound["radius"]) < 1.0 < verdict.bound["radius_together"]
     assert verdict.holds is False and "together" in verdict.statement
 

@@ -12,7 +12,7 @@ from slidax.numerics import require_64_bits
 from slidax.scenarios import Scenario
 
 from .admissibility import admissibility
-from .arm import demand, robust_torque, torque_budget, uncertainty_bound
+from .arm import compute_demand, robust_torque, torque_budget, uncertainty_bound
 from .certificate import Certificate
 from .continuous import printed_period, settling_time, ultimate_bound
 from .demand import Demand
@@ -24,7 +24,7 @@ from .verdict import Assumption, Verdict
 
 @lru_cache(maxsize=2)
 def _demand(scenario: Scenario) -> Demand:
-    return demand(scenario)
+    return compute_demand(scenario)
 
 
 def _with_demand(certificate: Certificate[...]) -> Certificate[...]:

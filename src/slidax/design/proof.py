@@ -8,8 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from slidax._errors import DefinitionError
-from slidax.certificates.arm import demand as demand_of
-from slidax.certificates.arm import robust_torque
+from slidax.certificates.arm import compute_demand, robust_torque
 from slidax.certificates.arm.members import Members
 from slidax.certificates.arm.torque_budget import along_the_motion, limits_of
 from slidax.certificates.demand import Demand
@@ -54,7 +53,7 @@ def asked_of(scenario: Scenario) -> Asked:
 
     Raises DefinitionError if there is no such bound for it.
     """
-    demand = demand_of(scenario)
+    demand = compute_demand(scenario)
     members = Members.of(scenario, None)
     torque, _ = along_the_motion(scenario, demand, members)
     limit, _ = limits_of(scenario, members.plant.robot.joints)

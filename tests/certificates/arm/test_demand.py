@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from slidax.certificates.arm import demand
+from slidax.certificates.arm import compute_demand
 from slidax.scenarios import load
 
 from .sets import asked_by, member, with_set
@@ -56,7 +56,7 @@ ALL = [pytest.param(name, id=name) for name in SETS] + [
 def test_no_member_asks_for_more_than_the_demand_says(name):
     base, uncertainty, changes = (SETS | SLOW)[name]
     scenario, family = with_set(load(base), uncertainty, changes)
-    found = demand(scenario, family)
+    found = compute_demand(scenario, family)
     asked = asked_by(scenario)
     random = np.random.default_rng(5)
     shape = found.push.shape[1:]

@@ -4,7 +4,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from slidax.certificates.arm import demand, robust_torque, torque_budget, uncertainty_bound
+from slidax.certificates.arm import compute_demand, robust_torque, torque_budget, uncertainty_bound
 from slidax.certificates.arm.members import Members
 from slidax.certificates.arm.torque_budget import along_the_motion
 from slidax.certificates.arm.uncertainty_bound import Samples, samples_of, used
@@ -30,7 +30,7 @@ def two_links():
 
 @pytest.fixture(scope="module")
 def asked_of_two_links(two_links):
-    return demand(*two_links)
+    return compute_demand(*two_links)
 
 
 @MEANT

@@ -31,7 +31,7 @@ def begun(monkeypatch):
         monkeypatch.setattr(proved, "approached", lambda _: approach)
         monkeypatch.setattr(proved, "_narrow", lambda *_: 100)
         monkeypatch.setattr(proved, "ideal_of", lambda *_: SimpleNamespace(motion=None))
-        monkeypatch.setattr(proved, "demand_of", lambda *_, **__: None)
+        monkeypatch.setattr(proved, "compute_demand", lambda *_, **__: None)
         monkeypatch.setattr(proved, "_bounded", bounded)
         subject = SimpleNamespace(law=SimpleNamespace(joints=2), scenario=None)
         return proved.proved(subject).entry, asked

@@ -2,7 +2,7 @@
 
 from .constants import ArmConstants as ArmConstants
 from .constants import arm_constants as arm_constants
-from .demand import demand as demand
+from .demand import compute_demand as compute_demand
 from .robust_torque import robust_torque as robust_torque
 from .torque_budget import torque_budget as torque_budget
 from .uncertainty_bound import uncertainty_bound as uncertainty_bound

@@ -16,7 +16,7 @@ from ..each import Floats
 from ..verdict import Assumption
 from .beside import beside_of
 from .hull import Hull, hull_of
-from .learnt import Asked, after_learning, as_seen, held, learns
+from .learnt import Asked, after_learning, as_seen, held_torque_error, learns
 from .members import MOST_ENDS, Members
 from .misread import Misread
 from .motion import Belief, Motion, kinds_of, needed, outer
@@ -25,7 +25,7 @@ from .ratios import INSTANTS, ratios
 from .width import speed_within, width_along
 
 
-def demand(
+def compute_demand(
     scenario: Scenario,
     family: Family | None = None,
     *,
@@ -102,7 +102,7 @@ def _before(members: Members, belief: Belief, hull: Hull, plants: list[Plant], m
         deviation=beside_of(belief, motion, plants, hull, push),
         arms=len(arms),
         lacking=hull.merged(which).largest(np.eye(motion.joints) - np.linalg.solve(mass[None], masses)),
-        held=held(belief, motion, hull.largest(push)),
+        held=held_torque_error(belief, motion, hull.largest(push)),
         beliefs=[belief],
         relearning=None,
         matrices=matrices,

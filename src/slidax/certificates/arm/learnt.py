@@ -117,7 +117,7 @@ def after_learning(members: Members, belief: Belief, hull: Hull, plants: list[Pl
         deviation=beside_of(belief, motion, plants, hull, largest[None], beliefs),
         arms=len(arms),
         lacking=lacking,
-        held=np.array([held(model, motion, largest) for model in beliefs]).max(axis=0),
+        held=np.array([held_torque_error(model, motion, largest) for model in beliefs]).max(axis=0),
         beliefs=beliefs,
         relearning=None,
         matrices=matrices,
@@ -125,7 +125,7 @@ def after_learning(members: Members, belief: Belief, hull: Hull, plants: list[Pl
     )
 
 
-def held(belief: Belief, motion: Motion, push: Floats) -> Floats:
+def held_torque_error(belief: Belief, motion: Motion, push: Floats) -> Floats:
     """`|M̂⁻¹ Δ(M̂ (q̈ - w*) + C0 q̇ + G0 + F̂)|` from each sample to the next [N n], because the torque is held.
 
     - `push`: bounds of |w*| [N n], which the torque compensates.
@@ -202,7 +202,7 @@ def as_seen(
         deviation=beside_of(belief, motion, plants, hull, largest[None], beliefs),
         arms=len(arms),
         lacking=lacking,
-        held=np.array([held(model, motion, largest) for model in beliefs]).max(axis=0),
+        held=np.array([held_torque_error(model, motion, largest) for model in beliefs]).max(axis=0),
         beliefs=beliefs,
         relearning=np.array([_relearnt(model, motion, largest) for model in beliefs]).max(axis=0),
         matrices=matrices,

@@ -19,7 +19,7 @@ from ..certificate import ARM, certificate
 from ..demand import Demand
 from ..each import Floats
 from ..verdict import Assumption, Verdict
-from .demand import demand as demand_of
+from .demand import compute_demand
 from .members import Members
 from .motion import Belief, Motion
 
@@ -43,7 +43,7 @@ def robust_torque(
     bound = bound_of(scenario)
     if bound is None:
         return Verdict(*ROBUST_TORQUE, None, None, {}, (), f"`{scenario.scheme}` has no robust torque")
-    demand = demand_of(scenario) if demand is None else demand
+    demand = compute_demand(scenario) if demand is None else demand
     belief, motion = Belief.of(scenario, Members.of(scenario, None).plant), Motion.of(scenario)
     mass, bias = belief.mass_and_bias(motion.t, motion.q, motion.dq)
 

@@ -19,7 +19,7 @@ from ..each import Flags, Floats
 from ..verdict import Assumption, Verdict
 from .approach import Approach, approach_of
 from .braking import room_to_brake
-from .demand import demand as demand_of
+from .demand import compute_demand
 from .members import Members
 from .motion import Belief, Motion
 
@@ -50,7 +50,7 @@ def torque_budget(scenario: Scenario, demand: Demand | None = None, family: Fami
     if not np.isfinite(limit).any() and not np.isfinite(rate).any():
         text = "the drives have no limits: set `actuator.torque`, `actuator.rate`"
         return Verdict(*TORQUE_BUDGET, None, None, {}, (), text)
-    demand = demand_of(scenario, family) if demand is None else demand
+    demand = compute_demand(scenario, family) if demand is None else demand
     torque, step = along_the_motion(scenario, demand, members)
     change = rate * scenario.period
     approach = approach_of(members)

@@ -124,20 +124,20 @@ def _together(scenario: Scenario, loops: Sequence[LinearLoop], demand: Demand, d
 
 def _learning(law: SampledData, stable: bool) -> list[Assumption]:
     """Assumptions of a law that learns, before and after learning."""
-    learns = law.adaptation
-    if not isinstance(learns, JointLearning):
+    learning = law.adaptation
+    if not isinstance(learning, JointLearning):
         return []
     before = Assumption(
         "before learning the loop is stable with the initial model, for the whole set",
         "tested" if stable else "assumed",
     )
     # Information grows with the square of the acceleration above the gate, until it outweighs the prior.
-    prior, gate = np.asarray(learns.prior), np.asarray(learns.gate)
+    prior, gate = np.asarray(learning.prior), np.asarray(learning.gate)
     time = float(np.max(prior / gate**2))
     afterwards = Assumption(
         f"afterwards κ is nearer to 1: the joint must accelerate by more than {np.max(gate):.2g} rad/s² between "
-        f"{float(learns.low):.3g} and {float(learns.high):.3g} rad/s, coherently with its torque, until ∫φ² dt exceeds "
-        f"the prior's {np.max(prior):.2g} (rad/s²)² s: {time:.2g} s at the gate, less at larger accelerations",
+        f"{float(learning.low):.3g} and {float(learning.high):.3g} rad/s, coherently with its torque, until ∫φ² dt "
+        f"exceeds the prior's {np.max(prior):.2g} (rad/s²)² s: {time:.2g} s at the gate, less at larger accelerations",
         "assumed",
         time,
     )

@@ -9,7 +9,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ..arm.demand import demand as demand_of
+from ..arm.demand import compute_demand
 from ..arm.part import Part
 from ..demand import Demand
 from ..verdict import Assumption
@@ -85,7 +85,7 @@ def proved(
         sample = approach.late + round(share * (narrow - approach.late))
         entry = approach.entry(sample, None if middle is None else middle.trace)
         ideal = ideal_of(subject, entry) if middle is None else middle.ideal(entry)
-        demand = demand_of(subject.scenario, along=ideal.motion, cases=entry.arms)
+        demand = compute_demand(subject.scenario, along=ideal.motion, cases=entry.arms)
         return _bounded(subject, entry, ideal, demand, chance, enough=enough, fineness=fineness)
 
     *earlier, latest = beginnings if subject.law.joints < JOINTS else BEGINNINGS[-1:]
