@@ -1,4 +1,4 @@
-"""Scenarios that the certificates are tried on: the paper's, and arms whose inertia is the same in every posture."""
+"""A scenario with a constant inertia, for certificates of the printed law."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ INERTIA = 6.0
 
 
 def constant(seed: int, **changes: Any) -> Scenario:
-    """A law whose hypotheses are all met: M0 = M = 6 I, the unit vector, continuous time, a bounded disturbance.
+    """A law that meets all assumptions: M0 = M = 6 I, the unit vector, continuous time, a bounded disturbance.
 
     - `seed`: of gains, envelope, start and disturbance.
     - `changes`: on top, by path.
@@ -22,7 +22,7 @@ def constant(seed: int, **changes: Any) -> Scenario:
     sign = rng.choice([-1.0, 1.0], 2)
     error = sign * radius * rng.uniform(1e-3, 0.95, 2)
     arm = {"lengths": [1.0, 1e-13], "masses": [0.5, 0.5], "inertias": [INERTIA - 1.0, INERTIA]}
-    said = {
+    changes_of_seed = {
         "robot": {"kind": "two_link", "plant": arm, "nominal": {}},
         "trajectory": {"kind": "sinusoid", "offset": [0.0, 0.5], "amplitude": [0.3, 0.2], "frequency": [1.0, 1.5]},
         "disturbance.terms": [{"kind": "harmonic", "amplitude": rng.uniform(0, 3, 2).tolist(), "frequency": 3.0}],
@@ -58,4 +58,4 @@ def constant(seed: int, **changes: Any) -> Scenario:
         },
         "simulation": {"mode": "continuous", "period": 1e-4, "t1": 12.0, "log_every": 10},
     }
-    return load("example-4.1", {**said, **changes})
+    return load("example-4.1", {**changes_of_seed, **changes})

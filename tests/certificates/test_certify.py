@@ -1,4 +1,4 @@
-"""All certificates of a scenario together, and what runs drawn by chance say."""
+"""All certificates of a scenario together, and the statistical one."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from slidax.scenarios import Scenario, load
 SHORT = {"simulation.t1": 0.05}
 
 
-def test_one_certificate_that_refuses_takes_no_other_with_it(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_refusal_of_one_certificate_does_not_affect_others(monkeypatch: pytest.MonkeyPatch) -> None:
     import importlib
 
     module = importlib.import_module("slidax.certificates.certify")
@@ -34,28 +34,28 @@ def test_one_certificate_that_refuses_takes_no_other_with_it(monkeypatch: pytest
 
     scenario = load("example-4.1", SHORT)
     monkeypatch.setattr(module, "CERTIFICATES", (refuses, fine))
-    found = certify(scenario, runs=0)
-    assert [one.holds for one in found] == [False, True] and not found.holds
-    assert found.failing == ["refuses"] and "no such thing" in found["refuses"].statement
-    assert found["fine"].bound == {"x": 1.0}
+    certified = certify(scenario, runs=0)
+    assert [verdict.holds for verdict in certified] == [False, True] and not certified.holds
+    assert certified.failing == ["refuses"] and "no such thing" in certified["refuses"].statement
+    assert certified["fine"].bound == {"x": 1.0}
     monkeypatch.setattr(module, "CERTIFICATES", (broken,))
     with pytest.raises(ZeroDivisionError):
         certify(scenario, runs=0)
 
 
-def test_a_scenario_that_no_file_says_is_refused() -> None:
+def test_scenario_changed_in_python_is_refused() -> None:
     with pytest.raises(DefinitionError, match="t1"):
         slidax.certify(load("example-4.1", SHORT).replace(t1=0.1))
     assert slidax.certify is certify_module
 
 
-def test_a_wrong_set_is_a_mistake_of_the_scenario() -> None:
+def test_invalid_set_raises() -> None:
     with pytest.raises(DefinitionError, match="uncertainty"):
         certify(load("example-4.1", {"uncertainty": {"robot.plant.masses": {"between": [-1.0, 1.0]}}, **SHORT}))
 
 
 @pytest.mark.full
-def test_runs_that_all_hold_bound_the_probability_exactly() -> None:
+def test_failure_rate_bound_is_exact_if_all_runs_hold() -> None:
     calm = {"uncertainty": {"disturbance.scale": {"between": [0, 1]}}, **SHORT}
     verdict = statistical(load("example-4.1-1khz", calm), runs=64)
     assert verdict.holds and verdict.bound["failures"] == 0
@@ -64,7 +64,7 @@ def test_runs_that_all_hold_bound_the_probability_exactly() -> None:
     assert verdict.bound["steady_error"] > 0 and verdict.bound["steady_torque_step"] > 0
 
 
-def test_runs_that_leave_are_counted_and_the_search_finds_worse() -> None:
+def test_failures_are_counted_and_the_search_finds_a_violation() -> None:
     wild = {"uncertainty": {"start.q": {"around": 0.15, "each": "joint"}}, **SHORT}
     verdict = statistical(load("example-4.1-1khz", wild), runs=32)
     assert verdict.holds is False and 0 < verdict.bound["failures"] < 32
@@ -73,6 +73,6 @@ def test_runs_that_leave_are_counted_and_the_search_finds_worse() -> None:
     assert verdict.margin is not None and verdict.margin < 0
 
 
-def test_without_a_set_or_an_envelope_nothing_is_said_by_runs() -> None:
+def test_statistical_does_not_apply_without_set_or_runs() -> None:
     assert statistical(load("example-4.1", SHORT)).holds is None
     assert statistical(load("example-4.1", SHORT), runs=0).holds is None

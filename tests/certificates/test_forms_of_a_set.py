@@ -1,4 +1,4 @@
-"""A verdict is about a set, not about how it is written: permuted, split into equal terms, padded with nothing."""
+"""Verdicts depend on a set and not on its form: order, equal terms, padding."""
 
 from __future__ import annotations
 
@@ -31,17 +31,17 @@ NOTHING: dict[str, Any] = {
 }
 
 SLOW = ("loop_rate", "torque_budget")
-"""Certificates that simulate, or need seconds."""
+"""Certificates that simulate, or take seconds."""
 
-QUICK = [one for one in CERTIFICATES if one.name not in SLOW]
+QUICK = [item for item in CERTIFICATES if item.name not in SLOW]
 
 once = settings(max_examples=1, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck), database=None)
 some = settings(max_examples=4, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck), database=None)
 
 
 def written(sets: dict[str, Any], terms: int = 1, name: str = SAMPLED, **more: Any) -> Scenario:
-    """The scenario with its disturbance in so many equal terms, the amplitude of each of which is uncertain."""
-    each = {**TERM, "amplitude": [one / terms for one in TERM["amplitude"]]}
+    """The scenario with its disturbance split into equal terms, each with an uncertain amplitude."""
+    each = {**TERM, "amplitude": [value / terms for value in TERM["amplitude"]]}
     ends = [end / terms for end in AMPLITUDES["between"]]
     split = {f"disturbance.terms.{k}.amplitude": {"between": ends} for k in range(terms)}
     if name == PRINTED:
@@ -50,27 +50,27 @@ def written(sets: dict[str, Any], terms: int = 1, name: str = SAMPLED, **more: A
     return load(name, {**changes, "scheme.sampled_data.adaptation": None, **more})
 
 
-def near(one: Any, other: Any, within: float) -> bool:
-    """Whether two answers of a certificate are the same, but for rounding of their numbers."""
-    if isinstance(one, dict):
-        return one.keys() == other.keys() and all(near(one[key], other[key], within) for key in one)
-    if isinstance(one, list):
-        return len(one) == len(other) and all(near(a, b, within) for a, b in zip(one, other, strict=True))
-    if isinstance(one, float) and isinstance(other, float):
-        return bool(np.isclose(one, other, rtol=within, atol=1e-12))
-    return bool(one == other)
+def near(verdict: Any, other: Any, within: float) -> bool:
+    """True if two verdicts are the same up to rounding."""
+    if isinstance(verdict, dict):
+        return verdict.keys() == other.keys() and all(near(verdict[key], other[key], within) for key in verdict)
+    if isinstance(verdict, list):
+        return len(verdict) == len(other) and all(near(a, b, within) for a, b in zip(verdict, other, strict=True))
+    if isinstance(verdict, float) and isinstance(other, float):
+        return bool(np.isclose(verdict, other, rtol=within, atol=1e-12))
+    return bool(verdict == other)
 
 
 def numbers(verdict: Verdict) -> dict[str, Any]:
-    """Its answer without its texts, which name the numbers of the set."""
-    said = verdict.as_json()
-    statuses = sorted(one["status"] for one in said["assumptions"])
-    return {**{key: said[key] for key in ("holds", "grade", "margin", "bound", "since")}, "statuses": statuses}
+    """A verdict without its texts, which name the values of the set."""
+    answer = verdict.as_json()
+    statuses = sorted(line["status"] for line in answer["assumptions"])
+    return {**{key: answer[key] for key in ("holds", "grade", "margin", "bound", "since")}, "statuses": statuses}
 
 
 @st.composite
 def permuted(draw: st.DrawFn, sets: dict[str, Any]) -> dict[str, Any]:
-    """A set in another order, with values that are none among it."""
+    """A set in another order, with single values as padding."""
     padding = draw(st.lists(st.sampled_from(sorted(NOTHING)), unique=True))
     items = draw(st.permutations([*sets.items(), *((path, NOTHING[path]) for path in padding)]))
     return dict(items)
@@ -78,7 +78,7 @@ def permuted(draw: st.DrawFn, sets: dict[str, Any]) -> dict[str, Any]:
 
 @once
 @given(permuted(SET))
-def test_order_and_padding_change_no_bit_of_a_quick_certificate(sets: dict[str, Any]) -> None:
+def test_quick_certificates_do_not_depend_on_order_and_padding_of_a_set(sets: dict[str, Any]) -> None:
     plain, other = written(SET), written(dict(reversed(sets.items())))
     for certificate in QUICK:
         assert certificate(plain).as_json() == certificate(other).as_json(), certificate.name
@@ -86,7 +86,7 @@ def test_order_and_padding_change_no_bit_of_a_quick_certificate(sets: dict[str, 
 
 @once
 @given(st.integers(2, 3))
-def test_equal_terms_add_up_in_a_quick_certificate(terms: int) -> None:
+def test_quick_certificates_do_not_depend_on_splitting_into_equal_terms(terms: int) -> None:
     plain, other = written(SET), written(SET, terms)
     for certificate in QUICK:
         assert near(numbers(certificate(plain)), numbers(certificate(other)), 1e-6), certificate.name
@@ -95,12 +95,12 @@ def test_equal_terms_add_up_in_a_quick_certificate(terms: int) -> None:
 @pytest.mark.full
 @some
 @given(permuted(SET))
-def test_order_and_padding_change_no_bit_of_any_certificate(sets: dict[str, Any]) -> None:
+def test_all_certificates_do_not_depend_on_order_and_padding_of_a_set(sets: dict[str, Any]) -> None:
     plain, other = written(SET), written(sets)
-    for certificate in (*CERTIFICATES, lambda one: statistical(one, 40)):
+    for certificate in (*CERTIFICATES, lambda item: statistical(item, 40)):
         assert certificate(plain).as_json() == certificate(other).as_json()
-    heavy = {path: one for path, one in SET.items() if path.startswith("robot.plant.masses")}
-    plain, other = (written(one, name=PRINTED) for one in (heavy, {**NOTHING_PRINTED, **heavy}))
+    heavy = {path: item for path, item in SET.items() if path.startswith("robot.plant.masses")}
+    plain, other = (written(item, name=PRINTED) for item in (heavy, {**NOTHING_PRINTED, **heavy}))
     for certificate in CERTIFICATES:
         assert certificate(plain).as_json() == certificate(other).as_json(), certificate.name
 
@@ -111,21 +111,21 @@ NOTHING_PRINTED = {"start.q": {"around": 0.0, "each": "joint"}, "disturbance.sca
 @pytest.mark.full
 @settings(some, max_examples=2)
 @given(st.integers(2, 8), st.booleans())
-def test_equal_terms_and_terms_of_nothing_change_no_certificate(terms: int, learns: bool) -> None:
+def test_all_certificates_do_not_depend_on_equal_or_zero_terms(terms: int, learns: bool) -> None:
     more = {"scheme.sampled_data.adaptation": {"kind": "joint_learning"}} if learns else {}
     plain, other = written(SET, **more), written(SET, terms, **more)
     nothing = [{**TERM, "amplitude": [0.0, 0.0]}, {"kind": "step", "value": [0.0, 0.0], "start": 1.0, "end": 1.1}]
     silent = {f"disturbance.terms.{k + 1}.{name}": {"around": 0.0} for k, name in enumerate(("amplitude", "value"))}
     padded = written({**silent, **SET}, **more, **{"disturbance.terms": [TERM, *nothing]})
     for certificate in CERTIFICATES:
-        asked = numbers(certificate(plain))
-        assert near(asked, numbers(certificate(other)), 1e-4), certificate.name
-        assert near(asked, numbers(certificate(padded)), 1e-4), certificate.name
+        expected = numbers(certificate(plain))
+        assert near(expected, numbers(certificate(other)), 1e-4), certificate.name
+        assert near(expected, numbers(certificate(padded)), 1e-4), certificate.name
 
 
 @pytest.mark.full
 @pytest.mark.parametrize("learns", [False, True])
-def test_a_larger_set_has_no_smaller_bounds(learns: bool) -> None:
+def test_larger_set_has_no_smaller_bounds(learns: bool) -> None:
     more = {"scheme.sampled_data.adaptation": {"kind": "joint_learning"}} if learns else {}
     sizes = []
     for part in (0.25, 0.5, 1.0):
@@ -135,7 +135,7 @@ def test_a_larger_set_has_no_smaller_bounds(learns: bool) -> None:
             "disturbance.terms.0.amplitude": {"around": 0.4 * part, "each": "joint"},
         }
         scenario = written(sets, **more)
-        verdicts = {one.name: one(scenario).bound for one in CERTIFICATES}
+        verdicts = {item.name: item(scenario).bound for item in CERTIFICATES}
         sizes.append(
             {
                 "start": verdicts["admissibility"]["start_error"],

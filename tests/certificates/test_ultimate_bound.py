@@ -1,4 +1,4 @@
-"""Where the layer of (51) leaves the error, and for how long the printed law may be held, against runs."""
+"""The final error with the layer of (51), and the longest period of the printed law, compared with runs."""
 
 from __future__ import annotations
 
@@ -46,35 +46,30 @@ def scara(seed: int) -> Scenario:
     return load("example-4.2", changes)
 
 
-def test_the_error_ends_below_its_bound() -> None:
-    require_that_the_bound_holds(layered(1))
-
-
 @pytest.mark.full
-def test_the_error_of_the_papers_scara_ends_below_its_bound() -> None:
+def test_final_error_of_the_papers_scara_is_below_its_bound() -> None:
     require_that_the_bound_holds(load("example-4.2", {"simulation.t1": 9.0}))
 
 
-@pytest.mark.full
-@pytest.mark.parametrize("seed", range(60))
-def test_the_error_of_many_ends_below_its_bound(seed: int) -> None:
+@pytest.mark.parametrize("seed", [1, *(pytest.param(k, marks=pytest.mark.full) for k in (0, *range(2, 60)))])
+def test_final_error_is_below_its_bound(seed: int) -> None:
     require_that_the_bound_holds(layered(seed) if seed % 3 else scara(seed))
 
 
 @pytest.mark.full
-def test_a_push_that_u_does_not_cover_is_named_with_what_would_do() -> None:
+def test_disturbance_beyond_u_fails_with_a_remedy_that_holds() -> None:
     verdict = ultimate_bound(load("example-4.2", {"disturbance.scale": 8.0}))
     assert verdict.holds is False and "error" not in verdict.bound
-    failing = [one for one in verdict.assumptions if one.status == "fails"]
+    failing = [line for line in verdict.assumptions if line.status == "fails"]
     assert len(failing) == 1 and "u covers" in failing[0].text and failing[0].value > 1.0
     changes = dict(verdict.remedies[0].changes)
     assert ultimate_bound(load("example-4.2", {"disturbance.scale": 8.0, **changes})).holds
 
 
-def test_a_wrong_model_is_named() -> None:
+def test_wrong_nominal_inertia_fails_with_its_size() -> None:
     verdict = ultimate_bound(load("example-4.1"))
     assert verdict.holds is False
-    assert [one.value for one in verdict.assumptions if one.status == "fails"] == [pytest.approx(0.2)]
+    assert [line.value for line in verdict.assumptions if line.status == "fails"] == [pytest.approx(0.2)]
 
 
 def chatter(period: float) -> float:
@@ -86,7 +81,7 @@ def chatter(period: float) -> float:
     return float(np.abs(np.diff(tau[-len(tau) // 10 :], axis=0)).max())
 
 
-def test_a_sampled_double_integrator_is_unstable_from_the_printed_limit_on() -> None:
+def test_sampled_double_integrator_is_unstable_beyond_the_period_limit() -> None:
     rng = np.random.default_rng(0)
     for _ in range(300):
         surface, layer = np.exp(rng.uniform(-2, 9, 2))
@@ -97,16 +92,16 @@ def test_a_sampled_double_integrator_is_unstable_from_the_printed_limit_on() -> 
 
 
 @pytest.mark.full
-def test_the_printed_law_is_refused_at_1_khz_and_the_remedies_hold() -> None:
+def test_printed_law_fails_at_1_khz_with_remedies_that_hold() -> None:
     verdict = printed_period(load("example-4.1", {"simulation.mode": "held", "simulation.period": 1e-3}))
     assert verdict.holds is False and verdict.bound["limit"] == pytest.approx(1.468e-4, rel=1e-3)
-    first, second = (dict(one.changes) for one in verdict.remedies)
+    first, second = (dict(line.changes) for line in verdict.remedies)
     assert printed_period(load("example-4.1", {"simulation.mode": "held", **first})).holds
     assert printed_period(load("example-4.1", {"simulation.mode": "held", **second})).holds is None
 
 
 @pytest.mark.full
-def test_a_run_chatters_from_the_certified_period_on() -> None:
+def test_run_chatters_beyond_the_certified_period() -> None:
     limit = printed_period(load("example-4.1")).bound["period"]
     calm = chatter(0.5 * limit)
     assert chatter(limit) < 20 * calm < chatter(1.1 * limit)

@@ -1,4 +1,4 @@
-"""Sets of scenarios for the tests, and what is asked of the loops by the plainest way."""
+"""Uncertainty sets for tests, and the demand computed directly."""
 
 from typing import Any
 
@@ -22,7 +22,7 @@ def with_set(scenario: Scenario, uncertainty: dict[str, Any], changes: dict[str,
 
 
 def member(family: Family, seed: int) -> Any:
-    """The plant of one member, drawn at random, as a scenario file would have it."""
+    """The plant of one random member, as a scenario file defines it."""
     cube = np.random.default_rng(seed).uniform(size=(1, family.space.dimensions))
     values = {path: some[0] for path, some in family.space.values(cube).items()}
     plant = family.case(values).as_it_is().moving().plant
@@ -30,7 +30,7 @@ def member(family: Family, seed: int) -> Any:
 
 
 def asked_by(scenario: Scenario) -> Any:
-    """From a member, times and states beside the reference by q and dq to w* [N n]: each by solving once."""
+    """Return a function from a member, times and deviations q and dq from the reference to w* [N n]."""
     law, h = scenario.controller, scenario.period
     robot, rubbed = law.nominal, jnp.zeros(law.joints)
     adaptation = law.adaptation if isinstance(law, SampledData) else None
@@ -38,10 +38,10 @@ def asked_by(scenario: Scenario) -> Any:
 
     @eqx.filter_jit
     def answers(plant: Any, times: Any, q: Any, dq: Any) -> Any:
-        return jax.vmap(lambda *one: at(plant, *one))(times, q, dq)
+        return jax.vmap(lambda *args: at(plant, *args))(times, q, dq)
 
     def at(plant: Any, t: Any, q: Any, dq: Any) -> Any:
-        now, later = (scenario.trajectory.reference(one) for one in (t, t + h))
+        now, later = (scenario.trajectory.reference(args) for args in (t, t + h))
         ddq = (later.dq - now.dq) / h
         believed, friction = robot, rubbed
         if adaptation is not None:

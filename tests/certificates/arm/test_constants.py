@@ -1,4 +1,4 @@
-"""No posture of an arm exceeds its constants, and they are not far from what is attained."""
+"""No posture of an arm exceeds its constants, and the constants are sharp."""
 
 import jax
 import jax.numpy as jnp
@@ -37,28 +37,28 @@ def worst(robot, seed):
 
 
 def require_bounded(robot, seed):
-    found, seen = arm_constants(robot), worst(robot, seed)
-    assert found.inertia_max >= seen["largest"] * (1 - 1e-12)
-    assert 0 <= found.inertia_min <= seen["least"] * (1 + 1e-12)
-    assert (found.weight >= seen["weight"] * (1 - 1e-12) - 1e-12).all()
-    assert found.mass_slope >= seen["mass_slope"] * (1 - 1e-9) - 1e-9
-    assert found.weight_slope >= seen["weight_slope"] * (1 - 1e-9) - 1e-9
-    assert found.coriolis >= seen["coriolis"] * (1 - 1e-9) - 1e-9
-    return found, seen
+    constants, sampled = arm_constants(robot), worst(robot, seed)
+    assert constants.inertia_max >= sampled["largest"] * (1 - 1e-12)
+    assert 0 <= constants.inertia_min <= sampled["least"] * (1 + 1e-12)
+    assert (constants.weight >= sampled["weight"] * (1 - 1e-12) - 1e-12).all()
+    assert constants.mass_slope >= sampled["mass_slope"] * (1 - 1e-9) - 1e-9
+    assert constants.weight_slope >= sampled["weight_slope"] * (1 - 1e-9) - 1e-9
+    assert constants.coriolis >= sampled["coriolis"] * (1 - 1e-9) - 1e-9
+    return constants, sampled
 
 
-def test_two_links_have_their_constants_to_a_thousandth():
+def test_constants_of_two_links_are_exact_to_a_thousandth():
     robot = TwoLink(lengths=[1.0, 0.8], masses=[0.5, 1.5], inertias=[5.0, 5.0], gravity_acceleration=9.8)
-    found, _ = require_bounded(robot, 0)
+    constants, _ = require_bounded(robot, 0)
     mass = np.array([np.asarray(robot.mass(jnp.array([0.0, q]))) for q in np.linspace(0, np.pi, 181)])
     values = np.linalg.eigvalsh(mass)
-    assert found.inertia_max == pytest.approx(values.max(), rel=1e-3)
-    assert found.inertia_min == pytest.approx(values.min(), rel=1e-3)
+    assert constants.inertia_max == pytest.approx(values.max(), rel=1e-3)
+    assert constants.inertia_min == pytest.approx(values.min(), rel=1e-3)
     # G = [(m1 + m2) l1 g cos q1 + m2 l2 g cos(q1 + q2), ...]
-    assert found.weight == pytest.approx([2.0 * 9.8 + 1.2 * 9.8, 1.2 * 9.8], rel=2e-2)
+    assert constants.weight == pytest.approx([2.0 * 9.8 + 1.2 * 9.8, 1.2 * 9.8], rel=2e-2)
 
 
-def test_an_arm_with_a_joint_that_slides_keeps_within_its_constants():
+def test_constants_bound_an_arm_with_a_prismatic_joint():
     robot = Scara(lengths=[1.0, 0.8], masses=[0.5, 1.5, 1.0])
     require_bounded(robot, 1)
 
@@ -66,22 +66,24 @@ def test_an_arm_with_a_joint_that_slides_keeps_within_its_constants():
 @pytest.mark.parametrize(
     "arm", [pytest.param(panda, marks=pytest.mark.full, id="panda"), pytest.param(ur5e, id="ur5e")]
 )
-def test_a_ready_arm_keeps_within_its_constants(arm):
-    found, seen = require_bounded(arm(), 2)
-    assert found.inertia_max < 1.6 * seen["largest"]
+def test_constants_bound_a_built_in_arm(arm):
+    constants, sampled = require_bounded(arm(), 2)
+    assert constants.inertia_max < 1.6 * sampled["largest"]
 
 
-def test_a_gantry_whose_inertia_no_joint_changes_has_its_constants_exactly(tmp_path):
+def test_constants_of_a_gantry_with_constant_inertia_are_exact(tmp_path):
     masses, parts = (8.0, 4.0, 2.0), ['<link name="l0"/>']
     for k, (mass, turn) in enumerate(zip(masses, ("0 1.5708 0", "0 -1.5708 1.5708", "1.5708 0 0"), strict=True), 1):
         parts.append(LINK.format(k=k, c="0 0 0", r="0 0 0", m=mass, i=[0.1] * 3))
         parts.append(JOINT.format(k=k, p=k - 1, kind="prismatic", o="0 0 0", r=turn))
     path = tmp_path / "gantry.urdf"
     path.write_text(f'<robot name="gantry">{"".join(parts)}</robot>')
-    found, _ = require_bounded(from_urdf(path), 3)
-    assert (found.mass_slope, found.weight_slope, found.coriolis) == pytest.approx((0.0, 0.0, 0.0), abs=1e-12)
+    constants, _ = require_bounded(from_urdf(path), 3)
+    assert (constants.mass_slope, constants.weight_slope, constants.coriolis) == pytest.approx(
+        (0.0, 0.0, 0.0), abs=1e-12
+    )
     values = np.linalg.eigvalsh(np.asarray(from_urdf(path).mass(jnp.zeros(3))))
-    assert (found.inertia_min, found.inertia_max) == pytest.approx((values[0], values[-1]))
+    assert (constants.inertia_min, constants.inertia_max) == pytest.approx((values[0], values[-1]))
 
 
 LINK = """<link name="l{k}"><inertial><origin xyz="{c}" rpy="{r}"/><mass value="{m}"/>
@@ -91,7 +93,7 @@ JOINT = """<joint name="j{k}" type="{kind}"><parent link="l{p}"/><child link="l{
 
 
 def random_arm(folder, seed):
-    """A chain of one to seven joints, one in five of which slides."""
+    """A chain of one to seven joints, one in five of them prismatic."""
     random = np.random.default_rng(seed)
     numbers = lambda low, high: " ".join(f"{x:.4f}" for x in random.uniform(low, high, 3))  # noqa: E731
     parts = ['<link name="l0"/>']
@@ -106,5 +108,5 @@ def random_arm(folder, seed):
 
 
 @pytest.mark.parametrize("seed", [1, *(pytest.param(k, marks=pytest.mark.full) for k in range(2, 40))])
-def test_random_chains_keep_within_their_constants(tmp_path, seed):
+def test_constants_bound_random_chains(tmp_path, seed):
     require_bounded(random_arm(tmp_path, seed), seed)

@@ -1,10 +1,11 @@
-"""What a set asks of the loops holds for every member of it, on the reference and beside it."""
+"""The demand of a set bounds every member, on the reference and near it."""
 
 import numpy as np
 import pytest
 from scipy.signal import lfilter
 
 from slidax.certificates.arm import compute_demand
+from slidax.certificates.demand import Demand
 from slidax.scenarios import load
 
 from .sets import asked_by, member, with_set
@@ -53,15 +54,15 @@ ALL = [pytest.param(name, id=name) for name in SETS] + [
 
 
 @pytest.mark.parametrize("name", ALL)
-def test_no_member_asks_for_more_than_the_demand_says(name):
+def test_demand_bounds_every_member(name):
     base, uncertainty, changes = (SETS | SLOW)[name]
     scenario, family = with_set(load(base), uncertainty, changes)
-    found = compute_demand(scenario, family)
-    asked = asked_by(scenario)
+    bounds = compute_demand(scenario, family)
+    exact_demand = asked_by(scenario)
     random = np.random.default_rng(5)
-    shape = found.push.shape[1:]
+    shape = bounds.push.shape[1:]
     radius, speed = 1e-3 * random.uniform(0.1, 3.0, shape[1]), 1e-2 * random.uniform(0.1, 3.0, shape[1])
-    room = found.deviation(radius, speed)
+    room = bounds.deviation(radius, speed)
     assert np.isfinite(room).all()
     # A signal that lies in the hull does so in every direction; the filters are drawn at random.
     filters = random.normal(size=(10, 30))
@@ -69,18 +70,33 @@ def test_no_member_asks_for_more_than_the_demand_says(name):
     close = 0.0
     for seed in range(5 if name in SETS else 20):
         plant = member(family, seed)
-        exact = np.asarray(asked(plant, found.times, still, still))
+        exact = np.asarray(exact_demand(plant, bounds.times, still, still))
         for weights in filters:
 
             def through(w, weights=weights):
                 return lfilter(weights, 1.0, w, axis=-2)
 
-            limit = found.worst(through)
+            limit = bounds.worst(through)
             answer = np.abs(through(exact))
             assert (answer <= limit * (1 + 1e-7) + 1e-9).all()
             close = max(close, float((answer / limit).max()))
         for _ in range(3):
             e, de = (size * random.choice([-1.0, 1.0, 0.3], size=shape) for size in (radius, speed))
-            moved = np.abs(np.asarray(asked(plant, found.times, e, de)) - exact)
+            moved = np.abs(np.asarray(exact_demand(plant, bounds.times, e, de)) - exact)
             assert (moved <= room).all()
     assert close > 0.5
+
+
+def test_boxed_demand_covers_every_member_of_the_set():
+    rng = np.random.default_rng(0)
+    push, effects = rng.normal(size=(2, 5, 3)), rng.normal(size=(2, 4, 5, 3))
+    kappa, coupling = np.ones((2, 3)), np.zeros((3, 3))
+    whole = Demand(np.arange(5.0), push, np.full((5, 3), 0.1), kappa, coupling, [], effects=effects)
+    boxed = whole.boxed()
+    assert boxed.effects is None
+    for _ in range(100):
+        share, x = rng.dirichlet([1.0, 1.0]), rng.choice([-1.0, 1.0], 4)
+        disturbance = np.einsum("m,mkj->kj", share, push + np.einsum("e,mekj->mkj", x, effects))
+        middle = np.einsum("m,mkj->kj", share, push)
+        assert (np.abs(disturbance - middle) + 0.1 <= boxed.stray + 1e-12).all()
+    assert boxed.boxed() is boxed

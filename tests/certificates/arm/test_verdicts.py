@@ -1,4 +1,4 @@
-"""u, the drives and the uncertainty bound: what does not hold is refused, with a remedy that does."""
+"""`robust_torque`, `torque_budget` and `uncertainty_bound` fail with remedies that hold."""
 
 import jax.numpy as jnp
 import numpy as np
@@ -34,7 +34,7 @@ def asked_of_two_links(two_links):
 
 
 @MEANT
-def test_u_that_is_too_small_is_refused_and_the_remedy_covers(two_links, asked_of_two_links):
+def test_robust_torque_fails_for_a_small_u_with_a_remedy_that_holds(two_links, asked_of_two_links):
     scenario, _ = two_links
     good = robust_torque(scenario, asked_of_two_links)
     assert good.holds and good.margin > 0.5
@@ -47,19 +47,19 @@ def test_u_that_is_too_small_is_refused_and_the_remedy_covers(two_links, asked_o
     assert enough.holds
 
 
-def test_what_lies_beside_the_reference_counts_for_u(two_links, asked_of_two_links):
+def test_deviation_from_the_reference_lowers_the_margin_of_u(two_links, asked_of_two_links):
     scenario, _ = two_links
     on_it = robust_torque(scenario, asked_of_two_links)
     beside = robust_torque(scenario, asked_of_two_links, radius=np.full(2, 1e-2), speed=np.full(2, 0.1))
     assert beside.margin < on_it.margin
 
 
-def test_a_law_without_a_robust_torque_is_told_so():
+def test_robust_torque_does_not_apply_to_computed_torque():
     scenario = load("example-4.1-1khz", {"scheme.name": "computed_torque", **SHORT})
     assert robust_torque(scenario).holds is None
 
 
-def test_the_torque_along_the_motion_is_that_of_a_run_of_the_same_arm(two_links, asked_of_two_links):
+def test_torque_along_the_motion_agrees_with_a_run(two_links, asked_of_two_links):
     scenario, _ = two_links
     run = scenario.simulate(log_every=1, progress=False)
     late = np.asarray(run.log.t) > 0.7
@@ -69,7 +69,7 @@ def test_the_torque_along_the_motion_is_that_of_a_run_of_the_same_arm(two_links,
 
 
 @MEANT
-def test_drives_that_are_too_weak_for_the_motion_are_refused_and_the_remedy_is_enough(two_links, asked_of_two_links):
+def test_torque_budget_fails_for_weak_drives_with_a_sufficient_remedy(two_links, asked_of_two_links):
     scenario, family = two_links
     weak = altered(scenario, {"actuator.torque": 30.0})
     refused = torque_budget(weak, asked_of_two_links, family)
@@ -80,7 +80,7 @@ def test_drives_that_are_too_weak_for_the_motion_are_refused_and_the_remedy_is_e
     assert (torque < np.asarray(stronger.plant.actuator.limits.torque)).all()
 
 
-def test_a_start_on_the_reference_reaches_no_limit_and_one_far_from_it_does():
+def test_torque_budget_holds_from_a_time_on_for_a_distant_start():
     far = load("example-4.1-1khz", SHORT)
     reference = far.trajectory.reference(jnp.zeros(()))
     start = {"start.q": np.asarray(reference.q).tolist(), "start.dq": np.asarray(reference.dq).tolist()}
@@ -92,7 +92,7 @@ def test_a_start_on_the_reference_reaches_no_limit_and_one_far_from_it_does():
     assert reached.margin > 0.1
 
 
-def test_a_limit_that_is_still_reached_when_the_way_ends_holds_from_no_time():
+def test_torque_budget_fails_if_a_limit_is_reached_up_to_the_end():
     # The drives can just hold the motion, and chatter at their rate limit to the end.
     scenario = load("example-4.1-1khz", SHORT | {"actuator.rate": 600.0})
     verdict = torque_budget(scenario)
@@ -101,7 +101,7 @@ def test_a_limit_that_is_still_reached_when_the_way_ends_holds_from_no_time():
     assert "up to the end" in verdict.statement
 
 
-def test_zero_bounds_need_no_share_that_is_no_number():
+def test_largest_share_of_zero_bounds_is_infinite_or_zero():
     samples = Samples(*(np.array([1.0, 2.0]) for _ in range(4)))
     assert used(np.zeros(3), 0.0, samples) == np.inf
     assert used(np.zeros(3), 1.0, samples) == 0.0
@@ -109,7 +109,7 @@ def test_zero_bounds_need_no_share_that_is_no_number():
 
 
 @MEANT
-def test_a_law_in_sampled_data_form_shows_no_share_of_bounds_that_it_does_not_use():
+def test_uncertainty_bound_does_not_apply_to_sampled_data_laws():
     verdict = uncertainty_bound(
         load("example-4.1-1khz", SHORT | {f"scheme.bound.{b}": 0.0 for b in ("b0", "b1", "b2")})
     )
@@ -117,20 +117,20 @@ def test_a_law_in_sampled_data_form_shows_no_share_of_bounds_that_it_does_not_us
     assert all(abs(number) < 1e6 for number in verdict.bound.values())
 
 
-def test_drives_without_limits_have_no_budget():
+def test_torque_budget_does_not_apply_without_limits():
     scenario = load("example-4.1", {"simulation.t1": 0.01})
     assert torque_budget(scenario).holds is None
 
 
-def test_the_smallest_bound_covers_fresh_samples_and_the_papers_is_enough():
+def test_smallest_bound_covers_independent_samples_and_the_paper_suffices():
     scenario, family = with_set(load("example-4.1"), {"robot.plant.masses": {"around": "20 %"}}, {"simulation.t1": 2.0})
-    found = uncertainty_bound(scenario, family)
-    assert found.holds
+    verdict = uncertainty_bound(scenario, family)
+    assert verdict.holds
     fresh = samples_of(Members.of(scenario, family), 16, seed=99)
-    b0, b1, b2, gamma = (found.bound[name] for name in ("b0", "b1", "b2", "gamma"))
+    b0, b1, b2, gamma = (verdict.bound[name] for name in ("b0", "b1", "b2", "gamma"))
     covered = b0 + b1 * fresh.position + b2 * fresh.speed + gamma * fresh.torque
     assert np.mean(fresh.lumped > covered * (1 + 1e-9)) < 1e-3
-    half = {f"scheme.bound.{name}": 0.3 * found.bound[name] for name in ("b0", "b1", "b2")}
+    half = {f"scheme.bound.{name}": 0.3 * verdict.bound[name] for name in ("b0", "b1", "b2")}
     refused = uncertainty_bound(altered(scenario, half), family)
     assert refused.holds is False
     assert uncertainty_bound(altered(scenario, dict(refused.remedies[0].changes)), family).holds

@@ -1,4 +1,4 @@
-"""An arm whose inertia is the same everywhere, the law itself on it, and pushes that change from period to period."""
+"""An arm of constant inertia, a law on it, and disturbances that change each period."""
 
 from __future__ import annotations
 
@@ -75,13 +75,11 @@ def scenario(
 ) -> Scenario:
     """A random law on a random arm that it knows.
 
-    - `rng`: the chance.
     - `delay`: of the sensor [periods].
-    - `kalman`: whether velocities are estimated from positions.
+    - `kalman`: if True, velocities are estimated from positions.
     - `resolution`: of the encoders [rad].
     - `samples`: of the run.
-    - `joints`: of the arm.
-    - `period`: h [s]; drawn if not given.
+    - `period`: h [s]; random by default.
     """
     h = float(10 ** rng.uniform(-3.3, -2.4)) if period is None else period
     horizon = h * rng.uniform(2.0, 8.0)
@@ -100,28 +98,32 @@ def scenario(
     measured = Measured.critical(min(0.5, 2.0 * h / horizon), delay + 1.0)
     density = (0.3 / horizon) ** 6 * 1e-10 * h
     estimator = Kalman.steady(density=density, variance=1e-10, period=h) if kalman else measured
-    made = sampled_data(law, period=h, horizon=horizon, estimator=estimator, delay=float(delay))
+    controller = sampled_data(law, period=h, horizon=horizon, estimator=estimator, delay=float(delay))
     changes = {"sensor.delay": delay, "actuator": {}, "sensor.resolution": resolution, "simulation.period": h}
     base = load("example-4.1-1khz", changes)
     arm = Plant(LinearArm(inertia), Changing(np.zeros((1, joints)), h), base.plant.sensor)
     start = State(q=error, dq=np.zeros(joints))
     return base.replace(
-        plant=arm, controller=made, trajectory=Constant(np.zeros(joints)), state0=start, t1=samples * h, limits="ignore"
+        plant=arm,
+        controller=controller,
+        trajectory=Constant(np.zeros(joints)),
+        state0=start,
+        t1=samples * h,
+        limits="ignore",
     )
 
 
 def demand(
-    one: Scenario, *, stray: float | np.ndarray, kappa: tuple[float, float], coupling: float | np.ndarray
+    case: Scenario, *, stray: float | np.ndarray, kappa: tuple[float, float], coupling: float | np.ndarray
 ) -> Demand:
-    """Any push within a bound, and an inertia that is wrong by so much.
+    """The demand of any disturbance within a bound, and of an inertia error.
 
-    - `one`: the scenario.
     - `stray`: w̄ [n], or of all joints [rad/s²].
     - `kappa`: least and largest, of all joints.
     - `coupling`: |K_ij/K_jj| [n n], or of all.
     """
-    times = np.arange(round(one.t1 / one.period) + 1) * one.period
-    n = one.controller.joints
+    times = np.arange(round(case.t1 / case.period) + 1) * case.period
+    n = case.controller.joints
     return Demand(
         times=times,
         push=np.zeros((1, times.size, n)),
@@ -133,25 +135,25 @@ def demand(
 
 
 def errors(ones: Sequence[Scenario], inertias: np.ndarray, pushes: np.ndarray) -> np.ndarray:
-    """e of many runs of each law itself [laws m N n].
+    """e of many runs of each law [laws m N n].
 
-    - `ones`: their scenarios, of one period, delay and kind of estimator.
+    - `ones`: scenarios with one period, delay and kind of estimator.
     - `inertias`: of the true arms [laws m n n].
     - `pushes`: w* in each period [laws m k n], rad/s².
     """
     first = ones[0]
-    believed = np.stack([np.asarray(one.controller.nominal.inertia) for one in ones])
+    believed = np.stack([np.asarray(case.controller.nominal.inertia) for case in ones])
     torques = np.einsum("lij,lmkj->lmki", believed, pushes)
-    starts = np.stack([np.asarray(one.state0.q) for one in ones])
+    starts = np.stack([np.asarray(case.state0.q) for case in ones])
     starts = np.repeat(starts[:, None], inertias.shape[1], axis=1)
 
-    def parts(law, given):
-        inertia, torque, q = given
+    def parts(law, values):
+        inertia, torque, q = values
         plant = Plant(LinearArm(inertia), Changing(torque, first.period), first.plant.sensor)
         return plant, law, first.trajectory, State(q=q, dq=jnp.zeros(law.joints))
 
     stepping = first.replace(outside="recover", substeps=4).stepping
-    laws = [one.controller for one in ones]
+    laws = [case.controller for case in ones]
     run = simulated(laws, (inertias, torques, starts), parts, t1=first.t1, stepping=stepping)
     e = np.asarray(run.log.e)
     return e.reshape(*inertias.shape[:2], *e.shape[1:])

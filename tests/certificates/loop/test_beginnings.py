@@ -1,4 +1,4 @@
-"""From when on a set's bound is told, and how little is computed to find it."""
+"""Initial sets of a bound: the first one that holds, with as little computation as possible."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ proved = sys.modules["slidax.certificates.loop.proved"]
 
 @pytest.fixture
 def begun(monkeypatch):
-    """Which beginning is taken, where some of them hold, and which were tried with how much at most."""
+    """The beginning that is used if some hold, and all that were tried with their limit."""
 
     def of(*holding):
-        asked = []
+        tried = []
 
         def bounded(subject, entry, ideal, demand, chance, *, enough, fineness):
-            asked.append((entry, enough))
+            tried.append((entry, enough))
             return SimpleNamespace(entry=entry, holds=entry in holding, assembly=SimpleNamespace(stable=True))
 
         approach = SimpleNamespace(late=0, samples=200, entry=Sample)
@@ -34,13 +34,13 @@ def begun(monkeypatch):
         monkeypatch.setattr(proved, "compute_demand", lambda *_, **__: None)
         monkeypatch.setattr(proved, "_bounded", bounded)
         subject = SimpleNamespace(law=SimpleNamespace(joints=2), scenario=None)
-        return proved.proved(subject).entry, asked
+        return proved.proved(subject).entry, tried
 
     return of
 
 
 class Sample(int):
-    """The number of an entry, of which nothing was learnt."""
+    """The number of an initial set without learned models."""
 
     arms = ()
 
@@ -48,18 +48,18 @@ class Sample(int):
         return super().__new__(cls, sample)
 
 
-def test_the_first_beginning_that_holds_is_taken(begun):
+def test_first_beginning_that_holds_is_used(begun):
     assert begun(0, 30, 60, 100) == (0, [(0, 1.0)])
     # One may hold where a later one does not: its error has died out when the envelope is narrow.
     assert begun(60) == (60, [(0, 1.0), (30, 1.0), (60, 1.0)])
 
 
-def test_of_a_set_that_holds_from_nowhere_on_the_latest_bound_is_told_in_full(begun):
+def test_latest_bound_is_complete_if_none_holds(begun):
     assert begun() == (100, [(0, 1.0), (30, 1.0), (60, 1.0), (100, np.inf)])
 
 
 class Growing:
-    """Bounds that are larger each round, as they are asked for more."""
+    """Bounds that grow each round with their demand."""
 
     demand = SimpleNamespace(
         push=np.zeros((1, 4, 2)), deviation=lambda *_: np.ones((4, 2)), prediction_error=lambda *_: 0.0
@@ -72,18 +72,18 @@ class Growing:
         self.share *= 2.0
         return SimpleNamespace(share=np.array([self.share]))
 
-    def reach(self, found):
+    def reach(self, bounds):
         return np.zeros((4, 2)), np.zeros((2, 4, 2)), 0.0, 0.0
 
 
-def test_bounds_that_are_too_large_already_are_not_looked_for_any_longer():
+def test_fixed_point_iteration_stops_at_the_given_share():
     soon, late = Growing(), Growing()
     assert at_rest(soon, 1.0) is None
     assert at_rest(late) is None
     assert soon.share < late.share
 
 
-def test_rows_of_any_number_share_one_program_and_their_values():
+def test_rows_of_any_number_share_one_compiled_program():
     traced = []
 
     @eqx.filter_jit

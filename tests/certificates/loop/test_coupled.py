@@ -1,4 +1,4 @@
-"""The joints' loops as one: what they do is what a matrix K that moves makes known, and a push for the rest."""
+"""All joints as one loop: a time-varying matrix K is known, and its uncertainty enters as a disturbance."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ DECISIONS = np.arange(0, COUNT, WIDTH) + WIDTH // 2
 
 
 def told(along, decisions, pushes, states, memory=MEMORY):
-    """What is known of all loops, and how they answer to what is not."""
+    """The known responses of the coupled loop, and its responses to unknown inputs."""
     kernels = CoupledKernels(along, len(decisions), memory)
     known = CoupledKnown(along, decisions, WIDTH, pushes, beginnings(along, LOOPS, np.zeros(2), states), memory)
     for back in carried_back(along, decisions, memory):
@@ -36,27 +36,27 @@ def told(along, decisions, pushes, states, memory=MEMORY):
     return kernels, known
 
 
-def test_joints_that_do_not_move_each_other_have_the_loops_that_each_has_by_itself():
+def test_coupled_responses_without_coupling_equal_single_responses():
     kappa = np.array([0.9, 1.2])
     along = Along(LOOPS, np.repeat(np.diag(kappa)[None], 700, axis=0))
     kernels, _ = told(along, np.array([600]), np.zeros((1, 700, 2)), np.zeros((1, 9, 2)), 512)
     alone = Kernels.of(LOOPS, kappa[:, None])
-    for kind, one in enumerate((alone.of_push, alone.of_place, alone.of_change)):
+    for kind, single in enumerate((alone.of_push, alone.of_place, alone.of_change)):
         whole = (kernels.older[kind, 0].sum(axis=0) + kernels.newest[kind, 0]).reshape(OUTPUTS, 2, 2)
         if kind < 2:
             assert np.abs(whole[:, 0, 1]).max() == np.abs(whole[:, 1, 0]).max() == 0.0
         for i in range(2):
-            sums = one[:, i, 0].sum(axis=1)
+            sums = single[:, i, 0].sum(axis=1)
             # Of the acceleration that a joint commands, and not of what it then does.
             sums[ACCELERATION] /= kappa[i]
             outputs = [k for k in EVERY if kind < 2 or k not in (LED, ERROR)]
             np.testing.assert_allclose(whole[outputs, i, i], sums[outputs], rtol=2e-3)
     for i in range(2):
         for name in ("of_command", "noise"):
-            found, sums = getattr(kernels, name), getattr(alone, name)
-            found, sums = (one if name == "noise" else one[None] for one in (found, sums))
+            whole_sums, sums = getattr(kernels, name), getattr(alone, name)
+            whole_sums, sums = (single if name == "noise" else single[None] for single in (whole_sums, sums))
             np.testing.assert_allclose(
-                found[:, 0].reshape(-1, OUTPUTS, 2, 2)[:, LED, i, i], sums[:, LED, i, 0], rtol=2e-3, atol=2e-3
+                whole_sums[:, 0].reshape(-1, OUTPUTS, 2, 2)[:, LED, i, i], sums[:, LED, i, 0], rtol=2e-3, atol=2e-3
             )
 
 
@@ -67,46 +67,46 @@ def moved():
 
 
 def started(push, beside):
-    """A state in which all loops rest under a push, but for some of each joint's own."""
+    """A state in which all loops rest under a disturbance, plus a deviation of each joint."""
     own = CoupledMaps.of(LOOPS, MATRIX).own
-    found = np.zeros((2, own))
-    found[:, 2], found[:, 5] = -push[0], push[0]
-    return (found + beside).reshape(-1)
+    states = np.zeros((2, own))
+    states[:, 2], states[:, 5] = -push[0], push[0]
+    return (states + beside).reshape(-1)
 
 
 def run_of(matrices, push, start):
-    """The loops with another K in each period: e and each joint's `a + w*` when torques set in [N n]."""
+    """The loops with another K in each period: e and each joint's `a + w*` when torques start [N n]."""
     state, rows = start, []
     for k, matrix in enumerate(matrices):
         maps = CoupledMaps.of(LOOPS, matrix)
         rows.append(maps.rows @ state)
         state = maps.step @ state + maps.enters[3] @ push[k] + maps.enters[4] @ push[k + 1]
-    asked = np.array(rows)
-    command = asked[:-1, 4]
+    outputs = np.array(rows)
+    command = outputs[:-1, 4]
     ends = [command + push[k : k + len(command)] for k in (1, 2)]
-    return asked[1:, 0], np.max(np.abs(ends), axis=0)
+    return outputs[1:, 0], np.max(np.abs(ends), axis=0)
 
 
 @pytest.mark.parametrize("memory", [256, 512])
-def test_what_the_loops_do_under_a_known_push_is_known_exactly_along_a_matrix_that_moves(memory):
+def test_known_disturbance_has_its_exact_response_for_a_varying_coupling(memory):
     matrices, t = moved(), np.arange(COUNT + 8)
     push = 1e-6 * np.stack([np.sin(t / 30.0), np.cos(t / 17.0)], axis=1)
     e, _ = run_of(matrices[: COUNT + 2], push, started(push, 0.0))
     _, known = told(Along(LOOPS, matrices), DECISIONS, push[None], np.zeros((1, 9, 2)), memory)
     sizes, _ = known.told(COUNT, 1, 1, False)
     at = DECISIONS
-    # What is older than the memory counts as it was then.
+    # Inputs beyond the memory count with their last value.
     close = 1e-9 if memory > COUNT else 1e-3
     scale = np.abs(e).max()
     np.testing.assert_allclose(sizes[at, 1, ERROR], e[at], rtol=0.0, atol=close * scale)
     np.testing.assert_allclose(sizes[at, 0, ERROR], -e[at], rtol=0.0, atol=close * scale)
 
 
-def test_no_run_with_a_matrix_that_moves_exceeds_what_is_counted():
+def test_no_run_with_a_varying_coupling_exceeds_its_bound():
     matrices, t = moved(), np.arange(COUNT + 8)
     later = np.maximum(t - 3, 0)
     push = 1e-6 * np.stack([np.cos(later / 30.0), np.sign(np.cos(later / 40.0))], axis=1)
-    # What is taken for K is wrong by more than it moves within a window.
+    # The error of the model's K exceeds its change within a window.
     along = Along(LOOPS, matrices - 0.05)
     beside = np.zeros((1, 9, 2))
     beside[0, 0] = 1e-7
@@ -115,14 +115,14 @@ def test_no_run_with_a_matrix_that_moves_exceeds_what_is_counted():
     for j in range(2):
         column = beginnings(along, LOOPS, np.zeros(2), beside)[0][:, j]
         start.reshape(-1)[along.kept] += column
-    e, asked = run_of(matrices[: COUNT + 1], push, started(push, start))
+    e, accelerations = run_of(matrices[: COUNT + 1], push, started(push, start))
     # A torque sets in one sample after its decision, and the K of a window is up to half of one away.
     around = [np.roll(along.matrices, -1 + k, axis=0)[:COUNT] for k in range(-WIDTH // 2, WIDTH // 2 + 1)]
-    off = np.max([np.abs(matrices[1 : COUNT + 1] - one) for one in around], axis=0)
+    off = np.max([np.abs(matrices[1 : COUNT + 1] - near) for near in around], axis=0)
     off[:WIDTH] = off[-WIDTH:] = off.max()
     together = Together(kernels, WIDTH, np.abs(MATRIX) + off, off, np.zeros((1, 2)))
     nothing = np.zeros((COUNT, 2))
-    before = together.before(asked[:COUNT], nothing, nothing, nothing, 0.0)[:, 0, ERROR]
+    before = together.before(accelerations[:COUNT], nothing, nothing, nothing, 0.0)[:, 0, ERROR]
     sizes, _ = known.told(COUNT, 1, 1, False)
     unknown = np.abs(e[:COUNT] - sizes[:, 1, ERROR])
     bound = before + known.free.reshape(-1, OUTPUTS, 2)[:COUNT, ERROR]
@@ -130,21 +130,21 @@ def test_no_run_with_a_matrix_that_moves_exceeds_what_is_counted():
     assert float(np.max(unknown / bound)) > 0.3
 
 
-def test_loops_that_grow_for_a_while_and_then_settle_are_told_by_how_much():
+def test_loop_memory_reports_temporary_growth():
     wild = 1.0 + 1.5 * (np.abs(np.arange(1200) - 700) < 100)
-    found = forgetting(Along(LOOPS, MATRIX * wild[:, None, None]), 1200)
+    memory = forgetting(Along(LOOPS, MATRIX * wild[:, None, None]), 1200)
     calm = forgetting(Along(LOOPS, np.repeat(MATRIX[None], 1200, axis=0)), 1200)
     assert calm.memory is not None
-    assert calm.grown < 1.0 < found.grown
-    assert 600 <= found.then <= 1199
+    assert calm.grown < 1.0 < memory.grown
+    assert 600 <= memory.then <= 1199
 
 
-def test_the_halves_of_a_set_meet_in_its_middle_and_end_where_it_does():
+def test_halves_of_a_set_share_its_middle_and_its_ends():
     whole = Members.of(subject_of("example-4.1-1khz", SETS["masses"], {}).scenario)
     halves = [whole.within(0, low, low + 0.5) for low in (0.0, 0.5)]
     ends = np.array([[0.0, 0.3], [1.0, 0.3]])
     path = "robot.plant.masses"
-    there = np.concatenate([one.values(ends)[path] for one in halves])
+    there = np.concatenate([half.values(ends)[path] for half in halves])
     np.testing.assert_allclose(
         there[:, 0], whole.values(np.array([[x, 0.3] for x in (0.0, 0.5, 0.5, 1.0)]))[path][:, 0]
     )

@@ -1,4 +1,4 @@
-"""The rule along time is the worst case exactly, also where the closed form's premises fail."""
+"""The worst-case recursion is exact, also where the premises of the closed form fail."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ def narrowing(h, horizon, start, final, deadline, samples=300):
     return Narrowing.of(drawn, sides, period=h, horizon=horizon, times=np.arange(samples) * h)
 
 
-def pushed(seen, surface, w, e, v=0.0):
-    """The law's own steps on one joint under pushes w [N]: e at each sample."""
-    h, horizon, c = seen.period, seen.horizon, seen.lead
-    sides = Sides(jnp.asarray(seen.lower), jnp.asarray(seen.upper))
+def pushed(envelope, surface, w, e, v=0.0):
+    """The law's own steps on one joint under disturbances w [N]: e at each sample."""
+    h, horizon, c = envelope.period, envelope.horizon, envelope.lead
+    sides = Sides(jnp.asarray(envelope.lower), jnp.asarray(envelope.upper))
 
     @jax.jit
     def place(y, radius):
@@ -35,22 +35,22 @@ def pushed(seen, surface, w, e, v=0.0):
         share = aimed(surface, sides, radius, jnp.asarray(horizon), both, jnp.zeros((2, 1)))[1]
         return (share[1] - share[0])[0]
 
-    found = [e]
-    for k in range(seen.times.size - 1):
+    errors = [e]
+    for k in range(envelope.times.size - 1):
         y = e + c * v
-        a = ((seen.ahead[k, 0] * float(place(jnp.asarray(y), seen.now[k])) - y) / horizon - v) / horizon + w[k]
+        a = ((envelope.ahead[k, 0] * float(place(jnp.asarray(y), envelope.now[k])) - y) / horizon - v) / horizon + w[k]
         e, v = e + h * v + 0.5 * h * h * a, v + h * a
-        found.append(e)
-    return np.array(found)
+        errors.append(e)
+    return np.array(errors)
 
 
 @pytest.fixture(scope="module")
 def fast():
-    """A long horizon against a fast narrowing: the closed form allows this push, and the envelope is left."""
+    """A long horizon with a fast narrowing: the closed form allows this disturbance, but the envelope is left."""
     return narrowing(4e-3, 52e-3, 1.1, 6e-4, 0.5)
 
 
-def test_a_long_horizon_against_a_fast_narrowing_leaves_by_as_much_as_the_recursion_says(fast):
+def test_recursion_predicts_the_exit_for_a_long_horizon_and_fast_narrowing(fast):
     w = 0.98 * OVERSHOOT * 6e-4 / fast.horizon**2
     start = (np.array([0.5]), np.array([0.5]))
     bound = reached(fast, SURFACE, w, start)
@@ -61,17 +61,17 @@ def test_a_long_horizon_against_a_fast_narrowing_leaves_by_as_much_as_the_recurs
     np.testing.assert_allclose(np.max(bound.error[1, :, 0] / fast.radius[:, 0]), widths, rtol=1e-6)
 
 
-def test_a_constant_push_outwards_attains_the_bound_on_its_side(fast):
+def test_constant_outward_disturbance_attains_the_bound(fast):
     gentle = narrowing(2e-3, 6e-3, 1.0, 1e-2, 0.4)
-    for seen in (fast, gentle):
+    for envelope in (fast, gentle):
         for surface in (SURFACE, Linear(2.0)):
-            w = 0.5 * OVERSHOOT * seen.radius[-1, 0] / seen.horizon**2
-            bound = reached(seen, surface, w, (np.array([0.1]), np.array([0.1])))
-            e = pushed(seen, surface, np.full(300, w), 0.1)
+            w = 0.5 * OVERSHOOT * envelope.radius[-1, 0] / envelope.horizon**2
+            bound = reached(envelope, surface, w, (np.array([0.1]), np.array([0.1])))
+            e = pushed(envelope, surface, np.full(300, w), 0.1)
             np.testing.assert_allclose(e, bound.error[1, :, 0], rtol=1e-6)
 
 
-def test_no_push_within_the_bound_leads_beyond_it(fast):
+def test_random_disturbances_stay_within_the_bound(fast):
     rng = np.random.default_rng(5)
     w = 0.5 * OVERSHOOT * 6e-4 / fast.horizon**2
     bound = reached(fast, SURFACE, w, (np.array([0.3]), np.array([0.3])))
@@ -81,14 +81,14 @@ def test_no_push_within_the_bound_leads_beyond_it(fast):
         assert np.all(-e <= bound.error[0, :, 0] * (1 + 1e-9) + 1e-15)
 
 
-def test_the_closed_form_is_the_recursion_where_its_premises_hold():
-    seen = narrowing(1e-3, 3e-3, 0.5, 5e-3, 0.25)
-    assert not np.any(seen.slim[:240])
+def test_closed_form_equals_the_recursion_where_its_premises_hold():
+    envelope = narrowing(1e-3, 3e-3, 0.5, 5e-3, 0.25)
+    assert not np.any(envelope.slim[:240])
     # H² w̄ = (ϑ - ψ(ε̄)) ρ∞ with pull(ε̄) = H w̄, by halving.
     eps = np.geomspace(1e-6, 10.0, 20000)
     pull = np.asarray(SURFACE.pull_and_slope(jnp.asarray(eps))[0])
     place = np.asarray(psi(jnp.asarray(eps), Sides(jnp.array([-1.0]), jnp.array([OVERSHOOT]))))
-    limit = float(pull[np.argmin(np.abs(seen.horizon * pull - (OVERSHOOT - place) * 5e-3))]) / seen.horizon
+    limit = float(pull[np.argmin(np.abs(envelope.horizon * pull - (OVERSHOOT - place) * 5e-3))]) / envelope.horizon
     start = (np.array([0.1]), np.array([0.1]))
-    assert reached(seen, SURFACE, 0.99 * limit, start).holds[0]
-    assert not reached(seen, SURFACE, 1.01 * limit, start).holds[0]
+    assert reached(envelope, SURFACE, 0.99 * limit, start).holds[0]
+    assert not reached(envelope, SURFACE, 1.01 * limit, start).holds[0]

@@ -1,4 +1,4 @@
-"""The certificate on whole scenarios: once the arms of a set keep their plans no error of a case exceeds its bound."""
+"""The certificate on whole scenarios: after the initial set no error of a case exceeds its bound."""
 
 from __future__ import annotations
 
@@ -43,13 +43,13 @@ CASES = [
 
 
 def subject_of(name, uncertainty, changes):
-    found = Subject.of(load(name, {"uncertainty": uncertainty, **changes}))
-    assert isinstance(found, Subject)
-    return found
+    subject = Subject.of(load(name, {"uncertainty": uncertainty, **changes}))
+    assert isinstance(subject, Subject)
+    return subject
 
 
 def share_of_the_bound(subject, whole, cases, seed):
-    """The largest share of its bound that the error of any case came to."""
+    """The largest share of its bound that the error of any case reached."""
     members = Members.of(subject.scenario)
     space = members.family.space
     cube = np.random.default_rng(seed).uniform(0.0, 1.0, (cases, space.dimensions))
@@ -65,13 +65,13 @@ def share_of_the_bound(subject, whole, cases, seed):
     return worst
 
 
-def test_the_printed_example_at_one_kilohertz_holds_with_uncertain_masses_and_no_case_exceeds_its_bound(tmp_path):
+def test_paper_example_at_1_khz_holds_with_uncertain_masses(tmp_path):
     name, masses, _ = CASES[0]
     subject = subject_of(name, masses, {"simulation.t1": 3.0})
     whole = proved(subject)
     assert whole.holds
     # The law learns: nothing is proved for more than the arms that were simulated.
-    assert not any(one.status == "proved" for one in [*whole.premises, *whole.demand.assumptions])
+    assert not any(line.status == "proved" for line in [*whole.premises, *whole.demand.assumptions])
     assert whole.assembly.set_in[0] < 2.0
     assert share_of_the_bound(subject, whole, 8, 1) <= 1.0
     if COMPILERS:
@@ -90,14 +90,14 @@ def test_no_case_of_a_set_exceeds_its_bound(case):
 
 @pytest.mark.full
 @pytest.mark.parametrize("name", ["example-4.1-1khz", "example-4.2-1khz"])
-def test_the_built_in_scenarios_hold_and_their_radius_could_be_a_tenth(name):
+def test_built_in_scenarios_hold_with_a_tenth_of_their_radius(name):
     verdict = loop_rate(load(name))
     assert verdict.holds
     assert not verdict.remedies
     assert (np.asarray(verdict.bound["required_radius"]) < 2e-4).all()
 
 
-def test_the_ideal_run_is_that_of_an_arm_that_is_as_its_law_believes():
+def test_nominal_run_is_that_of_an_arm_equal_to_its_model():
     exact = {"robot.plant.masses": [0.6, 1.8], "robot.plant.inertias": [6.0, 6.0], "disturbance.scale": 0.0}
     subject = Subject.of(load("example-4.1-1khz", {**exact, "simulation.t1": 1.5, **WITHOUT}))
     approach = approached(subject)
@@ -108,14 +108,14 @@ def test_the_ideal_run_is_that_of_an_arm_that_is_as_its_law_believes():
     assert np.abs(e - ideal.error[: len(e)]).max() < 1e-3 * np.abs(e).max()
 
 
-def test_a_set_that_is_too_large_is_refused_with_the_reason():
+def test_loop_rate_fails_for_a_large_set_with_a_failing_assumption():
     wild = {"robot.plant.masses": {"between": [0.05, 8.0]}}
     verdict = loop_rate(load("example-4.1-1khz", {"uncertainty": wild, **WITHOUT}), remedies=False)
     assert verdict.holds is False
-    assert any(one.status == "fails" for one in verdict.assumptions)
+    assert any(line.status == "fails" for line in verdict.assumptions)
 
 
-def test_the_slopes_between_two_places_hold_all_slopes_between_them():
+def test_slope_table_bounds_all_slopes_between_two_places():
     subject = subject_of(*CASES[0])
     sides = subject.drawn.init(jnp.zeros(()), jnp.asarray(subject.start()[0]))
     slopes = Slopes.of(subject.surface, sides)
@@ -129,7 +129,7 @@ def test_the_slopes_between_two_places_hold_all_slopes_between_them():
         assert (slope <= np.asarray(most) * (1 + 1e-12)).all()
 
 
-def test_a_plan_beside_the_ideal_one_is_found_between_its_ends():
+def test_plan_deviation_bounds_solutions_for_other_targets():
     subject = subject_of(*CASES[0])
     sides = subject.drawn.init(jnp.zeros(()), jnp.asarray(subject.start()[0]))
     radius, horizon = jnp.array([0.3, 0.002]), jnp.asarray(0.012)
@@ -159,7 +159,7 @@ def test_a_plan_beside_the_ideal_one_is_found_between_its_ends():
         np.testing.assert_allclose(np.abs(moved), below_and_above[k, :, 0], rtol=1e-6, atol=1e-12)
 
 
-def test_what_an_arm_is_off_by_takes_no_acceleration_if_it_moves_as_its_plan_says():
+def test_planned_error_direction_needs_no_acceleration():
     subject = subject_of(*CASES[0])
     loop, follows = subject.loops[0], 0.4
     basis, sizes = entries(loop, follows, np.zeros((1, 9)))

@@ -1,4 +1,4 @@
-"""No certified bound is exceeded: the law itself on random arms, with the worst pushes that are known of."""
+"""No certified bound is exceeded: the law itself on random arms, with the worst known disturbances."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from tests.certificates.soundness.loops import KINDS, judged
 
 
 @pytest.mark.parametrize(("delay", "kalman"), [(0, False), (1, True)])
-def test_no_error_of_the_law_itself_exceeds_its_bound(delay, kalman):
+def test_no_error_exceeds_its_bound_for_random_laws(delay, kalman):
     shares, near = judged(1, delay, kalman, laws=2, runs=100)
     assert shares.max() <= 1.0 + 1e-6
     assert np.median(near) > 1.0 / 3.0
@@ -19,7 +19,7 @@ def test_no_error_of_the_law_itself_exceeds_its_bound(delay, kalman):
 @pytest.mark.full
 @pytest.mark.parametrize("joints", range(1, 8))
 @pytest.mark.parametrize(("delay", "kalman"), KINDS)
-def test_no_error_exceeds_its_bound_in_many_cases(delay, kalman, joints):
+def test_no_error_exceeds_its_bound_for_many_random_laws(delay, kalman, joints):
     count = Counted()
     shares, near = judged(2, delay, kalman, laws=5, runs=500, joints=joints, count=count)
     assert shares.max() <= 1.0 + 1e-6

@@ -1,4 +1,4 @@
-"""The worked example of docs/certificates/loop-rate.md, and what a certificate refuses."""
+"""The worked example of docs/certificates/loop-rate.md, and scenarios that a certificate refuses."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def scenario():
 
 
 @pytest.mark.full
-def test_the_numbers_of_the_page_are_these(scenario):
+def test_worked_example_has_the_numbers_of_the_page(scenario):
     verdict = loop_rate(scenario, demand(scenario))
     assert verdict.holds
     np.testing.assert_allclose(verdict.bound["share"], [0.750, 0.833], rtol=0.01)
@@ -50,24 +50,24 @@ def test_the_numbers_of_the_page_are_these(scenario):
 
 
 @pytest.mark.full
-def test_a_push_that_is_too_large_is_refused_with_a_change_that_would_do(scenario):
-    asked = demand(scenario, until=5.2, ratio=1.04, stray=3.0, coupling=0.0, members=1)
-    verdict = loop_rate(scenario, asked)
+def test_large_disturbance_fails_with_a_remedy_that_holds(scenario):
+    request = demand(scenario, until=5.2, ratio=1.04, stray=3.0, coupling=0.0, members=1)
+    verdict = loop_rate(scenario, request)
     assert verdict.holds is False
-    wider = next(one for one in verdict.remedies if "scheme.performance.final" in one.changes)
+    wider = next(remedy for remedy in verdict.remedies if "scheme.performance.final" in remedy.changes)
     again = load("example-4.1-1khz", dict(wider.changes))
-    assert float(np.max(loop_rate(again, asked, remedies=False).bound["share"])) < 1.0
+    assert float(np.max(loop_rate(again, request, remedies=False).bound["share"])) < 1.0
 
 
-def test_laws_that_are_not_covered_are_not_judged(scenario):
-    asked = demand(scenario, until=0.5)
+def test_loop_rate_does_not_apply_to_uncovered_laws(scenario):
+    request = demand(scenario, until=0.5)
     for changes in ({"sensor.jitter": 0.1}, {"actuator.time_constant": 0.01}, {"scheme.sampled_data.delay": 0.0}):
-        verdict = loop_rate(load("example-4.1-1khz", changes), asked)
+        verdict = loop_rate(load("example-4.1-1khz", changes), request)
         assert verdict.holds is None and verdict.statement.startswith("not applicable")
-    assert loop_rate(load("example-4.1"), asked).holds is None
+    assert loop_rate(load("example-4.1"), request).holds is None
 
 
-def test_a_loop_that_does_not_bear_the_set_is_refused_by_both(scenario):
+def test_unstable_loop_fails_in_both_certificates(scenario):
     wide = replace(demand(scenario, until=0.5), kappa=np.array([[0.2, 0.2], [1.0, 1.0]]))
     assert inertia_ratio(scenario, wide).holds is False
     assert loop_rate(scenario, wide, remedies=False).holds is False
@@ -77,19 +77,19 @@ def test_a_loop_that_does_not_bear_the_set_is_refused_by_both(scenario):
     assert inertia_ratio(scenario, near).holds is None
 
 
-def test_what_is_beyond_the_kernels_is_bounded_by_their_tails(scenario):
+def test_tails_bound_the_responses_beyond_their_length(scenario):
     loops = loops_of(load("panda-payload"))[:2]
     kappa = np.array([[0.8, 1.2], [0.9, 1.1]])
-    found = Kernels.of(loops, kappa)
-    half = found.of_change.shape[-1] // 2
+    responses = Kernels.of(loops, kappa)
+    half = responses.of_change.shape[-1] // 2
     # A change of p that lasts asks for less and less: what is left after L is below its tail.
-    last = found.of_change[2:, ..., -half:].sum(axis=-1)
-    assert np.all(last < found.of_change[2:, ..., :half].sum(axis=-1))
-    assert np.all(found.of_change[2:, ..., -1] <= found.change_tail[2:])
-    assert np.all(found.push_tail >= 0.0) and np.all(np.isfinite(found.noise))
+    last = responses.of_change[2:, ..., -half:].sum(axis=-1)
+    assert np.all(last < responses.of_change[2:, ..., :half].sum(axis=-1))
+    assert np.all(responses.of_change[2:, ..., -1] <= responses.change_tail[2:])
+    assert np.all(responses.push_tail >= 0.0) and np.all(np.isfinite(responses.noise))
 
 
-def test_the_premises_of_the_closed_form_are_told_apart(scenario):
+def test_premises_of_the_closed_form_are_distinguished(scenario):
     law = scenario.controller
     drawn = law.step.transformation
     sides = drawn.init(jnp.zeros(()), jnp.array([0.1, -0.1]))
@@ -99,15 +99,15 @@ def test_the_premises_of_the_closed_form_are_told_apart(scenario):
     assert np.any(hasty.slim) and np.all(hasty.unruly)
 
 
-def test_an_envelope_that_holds_asks_for_none_that_is_wider(scenario, monkeypatch):
-    asked = demand(scenario, until=5.2, ratio=1.04, stray=0.05, coupling=0.0, members=1)
+def test_required_radius_is_no_wider_than_an_envelope_that_holds(scenario, monkeypatch):
+    request = demand(scenario, until=5.2, ratio=1.04, stray=0.05, coupling=0.0, members=1)
     final = np.asarray(scenario.controller.step.transformation.performance.final)
     monkeypatch.setattr(
         importlib.import_module("slidax.certificates.loop.loop_rate"), "_required_radius", lambda _: wide
     )
     wide = np.array([1e-6, 1.0])
-    verdict = loop_rate(scenario, asked, remedies=False)
+    verdict = loop_rate(scenario, request, remedies=False)
     assert verdict.holds
     np.testing.assert_array_equal(verdict.bound["required_radius"], np.broadcast_to(final, 2))
     wide = np.array([1e-6, 1e-6])
-    np.testing.assert_array_equal(loop_rate(scenario, asked, remedies=False).bound["required_radius"], wide)
+    np.testing.assert_array_equal(loop_rate(scenario, request, remedies=False).bound["required_radius"], wide)

@@ -1,4 +1,4 @@
-"""The rule along time, with delay, noise and s⁺: steps of the law's own plan on many pushed joints."""
+"""The worst-case recursion with delay, noise and s⁺: steps of the law's own plan on many disturbed joints."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from .counted import Counted
 
 SAMPLES = 200
 LONGEST = 4
-"""Delay that there is room for [periods]."""
+"""Largest delay [periods]."""
 
 
 def drawn(rng: np.random.Generator, joints: int) -> dict:
-    """Joints with envelopes, surfaces, starts over six decades and bounds of pushes; one h, H, delay and noise."""
+    """Joints with random envelopes, surfaces, starts and disturbance bounds; one h, H, delay and noise."""
     h = float(10 ** rng.uniform(-3.7, -2.0))
     horizon = h * float(rng.uniform(1.5, 12.0))
     overshoot = float(rng.uniform(0.1, 1.0 - 1e-9))
@@ -33,7 +33,7 @@ def drawn(rng: np.random.Generator, joints: int) -> dict:
     envelope = PrescribedPerformance(FixedTime(initial, final, deadline, float(rng.uniform(2.01, 3.0))), overshoot)
     sign = rng.choice([-1.0, 1.0], joints)
     sides = Sides(jnp.asarray(np.where(sign > 0, -overshoot, -1.0)), jnp.asarray(np.where(sign > 0, 1.0, overshoot)))
-    seen = Narrowing.of(envelope, sides, period=h, horizon=horizon, times=np.arange(SAMPLES) * h)
+    sampled = Narrowing.of(envelope, sides, period=h, horizon=horizon, times=np.arange(SAMPLES) * h)
     surface = SmoothFixedTime(
         k1=rng.uniform(0.05, 2.0, joints),
         k2=rng.uniform(0.05, 2.0, joints),
@@ -49,7 +49,7 @@ def drawn(rng: np.random.Generator, joints: int) -> dict:
         noisy * float(np.min(final)) / horizon * 10 ** rng.uniform(-3.0, -1.0),
     )
     return {
-        "seen": seen,
+        "seen": sampled,
         "surface": surface,
         "missed": size * 10 ** rng.uniform(-2.0, 0.5, joints) * np.ones((SAMPLES, 1)),
         "s_next": rng.choice([0.0, 1.0]) * final * 10 ** rng.uniform(-2.0, 0.0, joints) * np.ones((SAMPLES, 1)),
@@ -62,14 +62,14 @@ def drawn(rng: np.random.Generator, joints: int) -> dict:
 
 @functools.partial(jax.jit)
 def _stepped(surface, sides, numbers, each, start):
-    """The errors under given pushes [N n]: the arm is a double integrator whose state is seen late and with noise."""
+    """Errors under given disturbances [N n]: a double integrator with delayed, noisy measurements."""
     h, horizon, part, whole = numbers
     lead = horizon - 0.5 * h
 
     def step(carry, now):
         e, v, eps, before = carry
         radius, ahead, push, s_next, noise_q, noise_v = now
-        # What the last pushes did since the measurement: whole periods, and the rest of an older one.
+        # Effect of the last disturbances since the measurement: whole periods, and the rest of an older one.
         ages = jnp.arange(float(LONGEST))[:, None]
         share = jnp.clip(part + whole - ages, 0.0, 1.0)
         unseen_v = h * jnp.sum(share * before, axis=0)
@@ -90,40 +90,40 @@ def _stepped(surface, sides, numbers, each, start):
 
 
 def courses(rng: np.random.Generator, joints: int, kinds: int) -> np.ndarray:
-    """Signs of what pushes along time [kinds N n]: outwards on either side, by turns, at random, and once reversed."""
-    found = np.empty((kinds, SAMPLES, joints))
+    """Signs of disturbances over time [kinds N n]: outwards on either side, alternating, random, and reversed once."""
+    signs = np.empty((kinds, SAMPLES, joints))
     k = np.arange(SAMPLES)[:, None]
     for kind in range(kinds):
         if kind < 2:
-            found[kind] = 1.0 - 2.0 * kind
+            signs[kind] = 1.0 - 2.0 * kind
         elif kind == 2:
-            found[kind] = np.sign(np.sin(10 ** rng.uniform(-2.0, 0.3, joints) * k + rng.uniform(0.0, 6.0, joints)))
+            signs[kind] = np.sign(np.sin(10 ** rng.uniform(-2.0, 0.3, joints) * k + rng.uniform(0.0, 6.0, joints)))
         elif kind == 3:
-            found[kind] = rng.choice([-1.0, 1.0], (SAMPLES, joints))
+            signs[kind] = rng.choice([-1.0, 1.0], (SAMPLES, joints))
         else:
-            found[kind] = np.where(k < rng.integers(0, SAMPLES, joints), -1.0, 1.0)
-    return found
+            signs[kind] = np.where(k < rng.integers(0, SAMPLES, joints), -1.0, 1.0)
+    return signs
 
 
 def judged(seed: int, groups: int, joints: int, count: Counted, kinds: int = 5) -> None:
-    """Counts the joints of some groups.
+    """Count the joints of some groups.
 
-    - `seed`: of all that is drawn.
-    - `groups`: with a period, a horizon, a delay and noise each.
-    - `joints`: of a group.
-    - `count`: in which they are counted.
-    - `kinds`: of courses of the pushes.
+    - `groups`: each with a period, a horizon, a delay and noise.
+    - `kinds`: number of courses of the disturbance.
     """
     for group in range(groups):
         rng = np.random.default_rng([seed, group])
-        given = drawn(rng, joints)
-        seen, surface, noise = given["seen"], given["surface"], given["noise"]
-        e, v = given["start"], given["speed"]
-        start = (e + seen.lead * v, e)
-        bound = reached(seen, surface, given["missed"], start, given["delay"], noise, given["s_next"])
-        sides = Sides(jnp.asarray(seen.lower), jnp.asarray(seen.upper))
+        joint_data = drawn(rng, joints)
+        envelope, surface, noise = joint_data["seen"], joint_data["surface"], joint_data["noise"]
+        e, v = joint_data["start"], joint_data["speed"]
+        start = (e + envelope.lead * v, e)
+        bound = reached(
+            envelope, surface, joint_data["missed"], start, joint_data["delay"], noise, joint_data["s_next"]
+        )
+        sides = Sides(jnp.asarray(envelope.lower), jnp.asarray(envelope.upper))
         numbers = tuple(
-            jnp.asarray(one) for one in (seen.period, seen.horizon, given["delay"] % 1.0, given["delay"] // 1.0)
+            jnp.asarray(number)
+            for number in (envelope.period, envelope.horizon, joint_data["delay"] % 1.0, joint_data["delay"] // 1.0)
         )
         below, above = bound.error
         nearest = np.zeros(joints)
@@ -132,17 +132,19 @@ def judged(seed: int, groups: int, joints: int, count: Counted, kinds: int = 5) 
             # Noise the other way makes the plan aim outwards; every so often it is anything.
             against = np.where(rng.uniform(size=joints) < 0.5, -signs, rng.choice([-1.0, 1.0], signs.shape))
             each = (
-                seen.now,
-                seen.ahead,
-                signs * given["missed"],
-                signs * given["s_next"],
+                envelope.now,
+                envelope.ahead,
+                signs * joint_data["missed"],
+                signs * joint_data["s_next"],
                 against * noise[0],
                 against * noise[1],
             )
-            found = np.asarray(_stepped(surface, sides, numbers, tuple(map(jnp.asarray, each)), (e, v)))
-            size = np.maximum(np.where(found > 0, above, below), 1e-15)
-            nearest = np.maximum(nearest, np.max(np.abs(found) / size, axis=0))
-            gone |= np.any((found >= seen.upper * seen.radius) | (found <= seen.lower * seen.radius), axis=0)
+            errors = np.asarray(_stepped(surface, sides, numbers, tuple(map(jnp.asarray, each)), (e, v)))
+            size = np.maximum(np.where(errors > 0, above, below), 1e-15)
+            nearest = np.maximum(nearest, np.max(np.abs(errors) / size, axis=0))
+            gone |= np.any(
+                (errors >= envelope.upper * envelope.radius) | (errors <= envelope.lower * envelope.radius), axis=0
+            )
         where = f"seed {seed}, group {group}"
         count.kept(nearest, 1, where)
         wrong = gone & bound.holds

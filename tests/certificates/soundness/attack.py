@@ -1,4 +1,4 @@
-"""Cases of a two-link set that are chosen to break its bound, on a plant that shares nothing with slidax but the law.
+"""Cases of a two-link set that are chosen to break its bound, on a plant that shares only the law with slidax.
 
 The arm, its integrator, encoders and delay are in `attack.c`, around the step that `slidax export c` writes.
 """
@@ -29,7 +29,7 @@ TERM = np.dtype([(name, "f8", (2,)) for name in ("amplitude", "frequency", "phas
 
 @dataclass(frozen=True)
 class Number:
-    """One number of a set: in which array of the arm or of a term it is, and its ends."""
+    """One uncertain value: its array in the arm or in a term, and its ends."""
 
     path: str
     entry: int
@@ -38,7 +38,7 @@ class Number:
 
 
 class Attacked:
-    """A scenario's two links with its exported law, and its set as a box of numbers."""
+    """A scenario's two links with its exported law, and its set as a box of values."""
 
     def __init__(self, scenario: Scenario, folder: Path) -> None:
         write_law(project(scenario, name="law", single=False, with_golden=False), folder)
@@ -48,17 +48,21 @@ class Attacked:
         flags = ("-O2", "-ffp-contract=off", "-shared", "-fPIC", "-o", "attack.so", "-lm")
         compiled(COMPILERS[0], folder, "slidax_law.c", "attack.c", *flags)
         self.library = ctypes.CDLL(str(folder / "attack.so"))
-        self.scenario, self.said = scenario, scenario.description
+        self.scenario, self.description = scenario, scenario.description
         self.samples = round(scenario.t1 / scenario.period)
         self.reference = self._reference()
-        self.numbers = [one for path, given in self.said.uncertainty.items() for one in self._numbers(path, given)]
+        self.numbers = [
+            number
+            for path, uncertainty in self.description.uncertainty.items()
+            for number in self._numbers(path, uncertainty)
+        ]
 
     def errors(self, shares: np.ndarray) -> np.ndarray:
-        """Errors at the samples of each member [cases N 2]; shares of each number's way [cases D]."""
-        found = np.empty((len(shares), self.samples, 2))
-        for case, one in zip(found, shares, strict=True):
+        """Errors at the samples of each member [cases N 2], for shares of each value's range [cases D]."""
+        errors = np.empty((len(shares), self.samples, 2))
+        for case, member in zip(errors, shares, strict=True):
             arm, terms, scale = self._nominal()
-            for number, share in zip(self.numbers, one, strict=True):
+            for number, share in zip(self.numbers, member, strict=True):
                 value = number.low + share * (number.high - number.low)
                 block, *rest = number.path.split(".")
                 if number.path == "disturbance.scale":
@@ -72,13 +76,13 @@ class Attacked:
             terms["amplitude"] *= scale
             period = ctypes.c_double(self.scenario.period)
             self.library.attack(ctypes.c_long(self.samples), period, *map(at, (self.reference, arm, terms, case)))
-        return found
+        return errors
 
     def worst(self, bound: np.ndarray, first: int, cases: int, seed: int) -> float:
-        """The largest share of a bound [K 2 2], below and above zero, that a search finds from a sample on.
+        """The largest share of a bound [K 2 2], below and above zero, that a search reaches from a sample on.
 
-        First corners of the set, as many as half of the cases or all; then the worst one, again and again with some of
-        its numbers at other ends, or anywhere.
+        First corners of the set, half of the cases or all; then variations of the worst one with some values at other
+        ends.
         """
         random = np.random.default_rng(seed)
         count = len(self.numbers)
@@ -87,9 +91,9 @@ class Attacked:
         best, worst = tried[0], 0.0
         left = cases
         while left > 0 and len(tried):
-            for one, error in zip(tried, self.errors(tried), strict=True):
+            for member, error in zip(tried, self.errors(tried), strict=True):
                 share = self.share(error, bound, first)
-                best, worst = (one, share) if share > worst else (best, worst)
+                best, worst = (member, share) if share > worst else (best, worst)
             left -= len(tried)
             tried = np.tile(best, (min(left, 16), 1))
             turned = random.uniform(size=tried.shape) < 1.5 / max(count, 1)
@@ -98,14 +102,14 @@ class Attacked:
 
     @staticmethod
     def share(error: np.ndarray, bound: np.ndarray, first: int) -> float:
-        """The largest share of the bound that an error comes to."""
+        """The largest share of the bound that an error reaches."""
         late = error[first : first + len(bound)]
         side = np.where(late > 0.0, bound[: len(late), 1], bound[: len(late), 0])
         return float(np.max(np.abs(late) / np.maximum(side, 1e-12)))
 
     def _reference(self) -> np.ndarray:
         """q, q̇, q̈ of the sum of exponentials at all samples, and one more [N + 1 6]."""
-        motion: Any = self.said.trajectory
+        motion: Any = self.description.trajectory
         t = self.scenario.period * np.arange(self.samples + 2)
         rates, sizes = np.asarray(motion.rates), np.asarray(motion.amplitudes)
         decay = np.exp(-rates[None] * t[:, None])
@@ -113,35 +117,35 @@ class Attacked:
         return np.ascontiguousarray(np.concatenate([each[0] + np.asarray(motion.offset), *each[1:]], axis=1))
 
     def _nominal(self) -> tuple[np.ndarray, np.ndarray, float]:
-        plant, sensor = self.said.robot.plant, self.said.sensor
+        plant, sensor = self.description.robot.plant, self.description.sensor
         arm = np.zeros(1, ARM)
         for name in ("masses", "inertias", "lengths"):
             arm[name] = getattr(plant, name)
-        arm["gravity"], arm["q"] = plant.gravity_acceleration, self.said.start.q
+        arm["gravity"], arm["q"] = plant.gravity_acceleration, self.description.start.q
         arm["resolution"], arm["delay"], arm["substeps"] = sensor.resolution, round(sensor.delay), SUBSTEPS
         arm["cutoff"] = sensor.cutoff if sensor.velocity == "differenced" else 0.0
-        arm["torque"] = self.said.actuator.torque
-        arm["step"] = float(self.said.actuator.rate) * self.scenario.period
-        arm["terms"] = len(self.said.disturbance.terms)
-        terms = np.zeros(len(self.said.disturbance.terms), TERM)
-        for row, term in zip(terms, self.said.disturbance.terms, strict=True):
+        arm["torque"] = self.description.actuator.torque
+        arm["step"] = float(self.description.actuator.rate) * self.scenario.period
+        arm["terms"] = len(self.description.disturbance.terms)
+        terms = np.zeros(len(self.description.disturbance.terms), TERM)
+        for row, term in zip(terms, self.description.disturbance.terms, strict=True):
             for name in TERM.names or ():
                 row[name] = getattr(term, name, 0.0) if getattr(term, name, None) is not None else 0.0
-        return arm, terms, float(self.said.disturbance.scale)
+        return arm, terms, float(self.description.disturbance.scale)
 
-    def _numbers(self, path: str, given: Any) -> list[Number]:
+    def _numbers(self, path: str, uncertainty: Any) -> list[Number]:
         name, *_ = path.split(".")[-1:]
         if path == "disturbance.scale":
-            own = np.array([self.said.disturbance.scale])
+            own = np.array([self.description.disturbance.scale])
         elif path.startswith("disturbance."):
             own = self._nominal()[1][name][int(path.split(".")[2])]
         else:
             own = self._nominal()[0]["q" if path == "start.q" else name][0]
-        if hasattr(given, "around"):
-            text = given.around
+        if hasattr(uncertainty, "around"):
+            text = uncertainty.around
             reach = np.abs(own) * float(text.rstrip(" %")) / 100.0 if isinstance(text, str) else float(text)
             ends = own - reach, own + reach
         else:
-            ends = tuple(np.broadcast_to(np.asarray(end, float), own.shape) for end in given.between)
-        assert given.each or own.size == 1, "each number by itself"
+            ends = tuple(np.broadcast_to(np.asarray(end, float), own.shape) for end in uncertainty.between)
+        assert uncertainty.each or own.size == 1, "each number by itself"
         return [Number(path, k, float(ends[0][k]), float(ends[1][k])) for k in range(own.size)]

@@ -25,17 +25,17 @@ from .batches import simulated
 from .counted import Counted
 
 PERIOD, END, EVERY = 1e-3, 4.0, 4
-"""Of the integrator, of the runs [s], and of what is logged."""
+"""Integrator period and duration of the runs, s, and log interval."""
 
 FINER = 10
-"""How much finer a law is run again that came beyond a bound: bounds of continuous time are not the integrator's."""
+"""Refinement of a run that exceeds a bound: bounds of continuous time ignore the integrator's error."""
 
 TURNS = 40
-"""How often what pushes turns within a run."""
+"""Changes of the disturbance within a run."""
 
 
 def law_of(rng: np.random.Generator, joints: int, layered: bool) -> Any:
-    """A random law with all hypotheses met: a constant inertia that it knows, and u beyond what pushes by k."""
+    """A random law that meets all assumptions: a constant, known inertia, and u above the disturbance by k."""
     root = rng.normal(size=(joints, joints))
     inertia = np.eye(joints) * 10 ** rng.uniform(-1.0, 0.2)
     if rng.uniform() < 0.5:
@@ -75,16 +75,14 @@ def _parts(law: Any) -> dict[str, Any]:
 def scenario_of(law: Any, start: State, pushes: np.ndarray) -> Scenario:
     """The law on its own arm.
 
-    - `law`: with its nominal arm.
-    - `start`: at t = 0.
-    - `pushes`: from outside, one after the other [k n], N m.
+    - `pushes`: disturbances, one after the other [k n], N m.
     """
     arm = Plant(law.nominal, Changing(pushes, END / len(pushes)))
     return _base().replace(**{**_parts(law), "plant": arm, "state0": start})
 
 
 def starts_and_pushes(rng: np.random.Generator, law: Any, cases: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Errors over six decades, velocities and pushes as large as u allows for: steady ones, and ones that turn."""
+    """Errors over six decades, velocities, and disturbances as large as u allows: constant ones, and changing ones."""
     joints = law.joints
     initial = np.asarray(law.transformation.performance.initial)
     q = rng.choice([-1.0, 1.0], (cases, joints)) * initial * 10 ** rng.uniform(-6.0, -0.03, (cases, joints))
@@ -100,8 +98,8 @@ def starts_and_pushes(rng: np.random.Generator, law: Any, cases: int) -> tuple[n
 class Runs:
     """All cases of one law.
 
-    - `t`: when [K], s.
-    - `e`, `s`: errors and sliding variables [cases K n]; not finite where a run broke off.
+    - `t`: [K], s.
+    - `e`, `s`: errors and sliding variables [cases K n]; not finite after a failure.
     """
 
     t: np.ndarray
@@ -110,10 +108,10 @@ class Runs:
 
 
 def _runs(laws: list[Any], q: np.ndarray, dq: np.ndarray, pushes: np.ndarray, finer: int = 1) -> list[Runs]:
-    """Each law with its own cases: arrays [laws cases ...]."""
+    """Run each law with its own cases: arrays [laws cases ...]."""
 
-    def parts(law: Any, given: Any) -> Any:
-        start, speed, torques = given
+    def parts(law: Any, values: Any) -> Any:
+        start, speed, torques = values
         plant = Plant(law.nominal, Changing(torques, jnp.asarray(END / TURNS)))
         return plant, law, Constant(jnp.zeros(law.joints)), State(q=start, dq=speed)
 
@@ -121,7 +119,7 @@ def _runs(laws: list[Any], q: np.ndarray, dq: np.ndarray, pushes: np.ndarray, fi
     t = np.asarray(run.log.t)[0]
     e = np.asarray(run.log.e).reshape(*q.shape[:2], len(t), -1)
     s = np.asarray(run.log.signals["s"]).reshape(e.shape)
-    return [Runs(t, *one) for one in zip(e, s, strict=True)]
+    return [Runs(t, *item) for item in zip(e, s, strict=True)]
 
 
 def _judged(
@@ -130,37 +128,35 @@ def _judged(
     shares: Callable[[int, Runs], np.ndarray],
     count: Counted,
 ) -> None:
-    """Counts what share of its bound each case comes to; laws that come beyond it are run again, finer."""
+    """Count each case by its share of the bound; laws that exceed it are run again with a finer integrator."""
     for i, run in enumerate(_runs(laws, *drawn)):
         each = shares(i, run)
         if not np.all(each <= 1.0):
-            (run,) = _runs(laws[i : i + 1], *(one[i : i + 1] for one in drawn), finer=FINER)
+            (run,) = _runs(laws[i : i + 1], *(item[i : i + 1] for item in drawn), finer=FINER)
             each = shares(i, run)
             count.again += 1
         count.kept(each, laws[i].joints, f"law {i}, {laws[i].joints} joints")
 
 
 def judged_settling(seed: int, laws: int, cases: int, joints: int, count: Counted, each: int = 4) -> None:
-    """Counts cases of random laws: when |ε1| <= δ for good, over the bound for the start, or that for any start.
+    """Count cases of random laws: the time of final entry into |ε1| <= δ, over the bound for this or any start.
 
-    - `seed`: of all that is drawn.
-    - `laws`, `cases`: how many, and of each.
-    - `joints`: of the arms.
-    - `count`: in which they are counted, where the bound ends within the run.
-    - `each`: of one law, for which the bound of the start is computed; for the others it is that of any start.
+    - `laws`, `cases`: number of laws, and of cases of each.
+    - `count`: counts bounds that end within the run.
+    - `each`: cases of a law with the bound for their start; the others have that for any start.
     """
     rng = np.random.default_rng([seed, joints, 0])
-    made = [law_of(rng, joints, layered=False) for _ in range(laws)]
-    drawn = [starts_and_pushes(rng, law, cases) for law in made]
-    q, dq, pushes = (np.stack(one) for one in zip(*drawn, strict=True))
+    random_laws = [law_of(rng, joints, layered=False) for _ in range(laws)]
+    drawn = [starts_and_pushes(rng, law, cases) for law in random_laws]
+    q, dq, pushes = (np.stack(item) for item in zip(*drawn, strict=True))
 
     def shares(i: int, run: Runs) -> np.ndarray:
-        law = made[i]
+        law = random_laws[i]
         scenarios = [scenario_of(law, State(q=q[i, k], dq=dq[i, k]), pushes[i, k]) for k in range(min(each, cases))]
-        verdicts = [settling_time(one) for one in scenarios]
-        assert all(one.holds for one in verdicts), verdicts[0].assumptions
+        verdicts = [settling_time(item) for item in scenarios]
+        assert all(item.holds for item in verdicts), verdicts[0].assumptions
         supremum = np.asarray(verdicts[0].bound["supremum"])
-        bounds = np.stack([*(np.asarray(one.bound["given_start"]) for one in verdicts), *[supremum] * (cases - each)])
+        bounds = np.stack([*(np.asarray(item.bound["given_start"]) for item in verdicts), *[supremum] * (cases - each)])
         assert np.all(bounds <= supremum * (1 + 1e-9))
         assert np.all(supremum <= np.asarray(verdicts[0].bound["printed"]) * (1 + 1e-9))
         printed = PrintedLaw.of(scenarios[0])
@@ -169,24 +165,21 @@ def judged_settling(seed: int, laws: int, cases: int, joints: int, count: Counte
         # A run that broke off is at no time inside.
         outside = ~((run.e <= sides[0] * radius) & (run.e >= sides[1] * radius))
         last = len(run.t) - 1 - np.argmax(outside[:, ::-1], axis=1)
-        seen = np.where(outside.any(axis=1), run.t[last], 0.0)
-        return (seen / bounds)[bounds < END]
+        times = np.where(outside.any(axis=1), run.t[last], 0.0)
+        return (times / bounds)[bounds < END]
 
-    _judged(made, (q, dq, pushes), shares, count)
+    _judged(random_laws, (q, dq, pushes), shares, count)
 
 
 def judged_ultimate(seed: int, laws: int, cases: int, joints: int, count: Counted) -> None:
-    """Counts cases of random laws with a layer: |e| over its bound, once s and e have been as small as is assumed.
-
-    - `seed`, `laws`, `cases`, `joints`, `count`: as above.
-    """
+    """Count cases of random laws with a layer: |e| over its bound, once s and e are as small as the bound assumes."""
     rng = np.random.default_rng([seed, joints, 1])
-    made = [law_of(rng, joints, layered=True) for _ in range(laws)]
-    drawn = [starts_and_pushes(rng, law, cases) for law in made]
-    q, dq, pushes = (np.stack(one) for one in zip(*drawn, strict=True))
+    random_laws = [law_of(rng, joints, layered=True) for _ in range(laws)]
+    drawn = [starts_and_pushes(rng, law, cases) for law in random_laws]
+    q, dq, pushes = (np.stack(item) for item in zip(*drawn, strict=True))
 
     def shares(i: int, run: Runs) -> np.ndarray:
-        law = made[i]
+        law = random_laws[i]
         verdict = ultimate_bound(scenario_of(law, State(q=q[i, 0], dq=dq[i, 0]), pushes[i, 0]))
         if not verdict.holds:
             return np.zeros(0)
@@ -200,4 +193,4 @@ def judged_ultimate(seed: int, laws: int, cases: int, joints: int, count: Counte
         kept = np.where(np.isfinite(run.e).all(axis=(1, 2)), kept, np.inf)
         return kept[near.any(axis=1) | np.isinf(kept)]
 
-    _judged(made, (q, dq, pushes), shares, count)
+    _judged(random_laws, (q, dq, pushes), shares, count)

@@ -1,4 +1,4 @@
-"""How many cases a certificate was tried on, and what came of them."""
+"""Counts of the cases of a certificate."""
 
 from __future__ import annotations
 
@@ -11,14 +11,12 @@ import numpy as np
 class Counted:
     """Cases of one certificate.
 
-    - `cases`: in which it holds, and a run, a posture or a draw was compared with its bound.
-    - `exceeded`: how many of these came beyond it.
-    - `nearest`: the largest share of a bound that was seen.
-    - `refused`: cases that cannot be promised, for which it does not hold or the definition is refused.
-    - `missed`: such cases for which it holds all the same.
+    - `cases`: cases in which it holds, compared with its bound; `exceeded`: those beyond it.
+    - `nearest`: the largest share of a bound.
+    - `refused`: uncertifiable cases for which it does not hold or the definition is refused; `missed`: those that hold.
     - `joints`: of the arms.
-    - `again`: laws that were run again, finer, since they came beyond a bound of continuous time.
-    - `notes`: what went wrong, a line each.
+    - `again`: laws that were run again with a finer integrator, because they exceeded a bound of continuous time.
+    - `notes`: errors, a line each.
     """
 
     cases: int = 0
@@ -33,13 +31,12 @@ class Counted:
     def kept(
         self, shares: object, joints: int, where: str = "", slack: float = 1e-6, nearest: float | None = None
     ) -> None:
-        """Counts cases by the share of the bound that each came to.
+        """Count cases by the share of the bound that each reached.
 
-        - `shares`: an array of numbers, one per case.
-        - `joints`: of their arm.
-        - `where`: what to say of those that came beyond it.
-        - `slack`: of rounding.
-        - `nearest`: the largest of those that say how sharp the bound is; of all if not given.
+        - `shares`: one number per case.
+        - `where`: name of the cases in a note.
+        - `slack`: for rounding.
+        - `nearest`: the largest share that shows the sharpness; by default of all.
         """
         each = np.ravel(np.asarray(shares, float))
         beyond = ~(each <= 1.0 + slack)
@@ -52,10 +49,9 @@ class Counted:
             self.notes.append(f"{where}: {int(beyond.sum())} of {each.size} beyond, {np.max(each):.6g}")
 
     def row(self, name: str, what: str) -> str:
-        """A line of the table; empty where nothing was tried.
+        """A line of the table; without counts if nothing was tried.
 
-        - `name`: of the certificate.
-        - `what`: is compared.
+        - `what`: the compared quantity.
         """
         joints = f"{min(self.joints)} to {max(self.joints)}" if len(self.joints) > 1 else str(*self.joints)
         compared = f"{self.cases} | {self.exceeded} | {self.nearest:.3f}" if self.cases else " | | "

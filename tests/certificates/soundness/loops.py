@@ -1,4 +1,4 @@
-"""`loop_rate` on linear arms: the law itself under the worst pushes that are known of, against its bound."""
+"""`loop_rate` on linear arms: the law itself under the worst known disturbances, against its bound."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ SAMPLES = 240
 KINDS = [(delay, kalman) for delay in (0, 1, 2) for kalman in (False, True)]
 
 LARGER = 8.0
-"""A push so many times as large as what is certified leaves the envelope, or would not be near the edge."""
+"""Factor by which a disturbance leaves the envelope, if the bound is sharp."""
 
 
 def worst_pushes(rng, assembly, count, stray):
-    """Pushes at the edge: those of the largest e at some time, up to then by the loop's response, and others."""
+    """Disturbances at their bound: those with the largest e at some time, by the loop's response, and others."""
     joints = len(stray)
     pushes = np.empty((count, SAMPLES + 1, joints))
     kernel = assembly.signed_error
@@ -42,7 +42,7 @@ def worst_pushes(rng, assembly, count, stray):
 
 
 def arms(rng, inertia, count, kappa, coupling):
-    """True inertias with κ in a range and couplings at their edge, M⁻¹ M0 = K [m n n]."""
+    """True inertias with κ in a range and couplings at their bound, M⁻¹ M0 = K [m n n]."""
     joints = len(inertia)
     k = rng.choice([kappa[0], kappa[1], np.sqrt(kappa[0] * kappa[1])], (count, joints))
     signs = np.triu(rng.choice([-1.0, 0.0, 1.0], (count, joints, joints)), 1)
@@ -53,73 +53,67 @@ def arms(rng, inertia, count, kappa, coupling):
     return root @ np.linalg.inv(share) @ root
 
 
-def edge(rng, one):
-    """How wrong the inertia may be, how large a push, and couplings as M's symmetry makes them of the arm's inertias.
-
-    κ's range, the couplings before and after they are scaled, and w̄ [n].
-    """
-    joints = one.controller.joints
+def edge(rng, case):
+    """Range of κ, couplings before and after scaling for a symmetric M, and w̄ [n]."""
+    joints = case.controller.joints
     kappa = [(1.0, 1.0), (0.97, 1.03), (0.9, 1.15)][rng.integers(3)]
     coupling = 0.0 if kappa[0] == 1.0 else float(rng.uniform(0.0, 0.05)) / (joints - 1 or 1)
-    root = np.sqrt(np.diagonal(np.asarray(one.controller.nominal.inertia)))
-    final = np.asarray(one.controller.step.transformation.performance.final) * np.ones(joints)
-    return kappa, coupling, coupling * root[None, :] / root[:, None], 0.3 * final / float(one.controller.horizon) ** 2
+    root = np.sqrt(np.diagonal(np.asarray(case.controller.nominal.inertia)))
+    final = np.asarray(case.controller.step.transformation.performance.final) * np.ones(joints)
+    return kappa, coupling, coupling * root[None, :] / root[:, None], 0.3 * final / float(case.controller.horizon) ** 2
 
 
-def shares_of(found: Certified, e: np.ndarray) -> np.ndarray:
-    """The largest share of its bound that each run came to [m].
+def shares_of(bounds: Certified, e: np.ndarray) -> np.ndarray:
+    """The largest share of its bound that each run reached [m].
 
-    - `found`: the bound.
     - `e`: of the runs [m N n].
     """
-    below, above = found.bounds.error[:, 0], found.bounds.error[:, 1]
+    below, above = bounds.bounds.error[:, 0], bounds.bounds.error[:, 1]
     e = e[:, : len(below)]
     share: np.ndarray = np.max(np.abs(e) / np.maximum(np.where(e > 0, above, below), 1e-12), axis=(1, 2))
     return share
 
 
-def left(one, found: Certified, e: np.ndarray) -> np.ndarray:
-    """Which runs left their envelope at some sample that the bound is about [m].
+def left(case, bounds: Certified, e: np.ndarray) -> np.ndarray:
+    """True for runs that left their envelope at some sample of the bound [m].
 
-    - `one`: their scenario.
-    - `found`: the bound, of which only times and sides are used.
+    - `bounds`: only its times and sides are used.
     - `e`: of the runs [m N n].
     """
-    late = round(float(found.narrowing.times[0] - 0.0) / one.period)
-    drawn = one.controller.step.transformation.performance
-    times = jnp.asarray(np.arange(e.shape[1]) * one.period)
+    late = round(float(bounds.narrowing.times[0] - 0.0) / case.period)
+    drawn = case.controller.step.transformation.performance
+    times = jnp.asarray(np.arange(e.shape[1]) * case.period)
     radius = np.asarray(jax.vmap(lambda t: jnp.broadcast_to(drawn.radius(t), e.shape[2]))(times))
-    outside = (e >= found.narrowing.upper * radius) | (e <= found.narrowing.lower * radius)
-    gone: np.ndarray = outside[:, late : late + len(found.share)].any(axis=(1, 2))
+    outside = (e >= bounds.narrowing.upper * radius) | (e <= bounds.narrowing.lower * radius)
+    gone: np.ndarray = outside[:, late : late + len(bounds.share)].any(axis=(1, 2))
     return gone
 
 
 def judged(seed, delay, kalman, laws, runs, joints=2, count=None):
-    """The largest share of its bound that an error came to, and how near the steady one came, for each law.
+    """The largest share of its bound that an error reached, and the sharpness for constant disturbances, for each law.
 
-    With a count the same runs are tried again with pushes that are too large, where the certificate must not hold if
-    one leaves.
+    With a count the runs are repeated with too large disturbances, where the certificate must not hold if a run leaves.
     """
     rng = np.random.default_rng([seed, delay, kalman, joints])
     period, resolution = float(10 ** rng.uniform(-3.3, -2.4)), float(rng.choice([0.0, 1e-6]))
-    given = {"delay": delay, "kalman": kalman, "resolution": resolution, "samples": SAMPLES}
-    ones = [scenario(rng, **given, joints=joints, period=period) for _ in range(laws)]
-    made = [_one(rng, one, runs) for one in ones]
-    members, pushes = (np.stack([one[k] for one in made]) for k in (2, 3))
+    options = {"delay": delay, "kalman": kalman, "resolution": resolution, "samples": SAMPLES}
+    ones = [scenario(rng, **options, joints=joints, period=period) for _ in range(laws)]
+    problems = [_problem(rng, case, runs) for case in ones]
+    members, pushes = (np.stack([case[k] for case in problems]) for k in (2, 3))
     if count is not None:
         members, pushes = np.concatenate([members] * 2, axis=1), np.concatenate([pushes, LARGER * pushes], axis=1)
     e = errors(ones, members, pushes)
     shares, near, late = [], [], slice(SAMPLES * 3 // 4, None)
-    for number, (asked, assembly, _, _) in enumerate(made):
-        found, own = assembly.certified(), e[number, :runs]
-        each = shares_of(found, own)
+    for number, (request, assembly, _, _) in enumerate(problems):
+        bounds, own = assembly.certified(), e[number, :runs]
+        each = shares_of(bounds, own)
         shares.append(float(each.max()))
-        near.append(float(np.max(np.abs(own[:, late])) / np.max(found.bounds.error[late])))
+        near.append(float(np.max(np.abs(own[:, late])) / np.max(bounds.bounds.error[late])))
         if count is not None:
             where = f"seed {seed}, delay {delay}, kalman {kalman}, law {number}, {joints} joints"
             # At its first sample each run is at its bound.
             count.kept(each, joints, where, nearest=near[-1])
-            larger = replace(asked, stray=LARGER * np.asarray(asked.stray))
+            larger = replace(request, stray=LARGER * np.asarray(request.stray))
             beyond = Assembly(assembly.subject, larger).certified()
             gone = int(left(ones[number], beyond, e[number, runs:]).sum())
             if float(np.max(beyond.share)) < 1.0:
@@ -129,12 +123,12 @@ def judged(seed, delay, kalman, laws, runs, joints=2, count=None):
     return np.array(shares), np.array(near)
 
 
-def _one(rng, one, runs):
-    """What is asked of a law's loops, its bounds, and arms and pushes at the edge of that."""
-    kappa, coupling, scaled, stray = edge(rng, one)
-    subject = Subject.of(one)
+def _problem(rng, case, runs):
+    """The demand on a law's loops, its bounds, and arms and disturbances at the edge of the demand."""
+    kappa, coupling, scaled, stray = edge(rng, case)
+    subject = Subject.of(case)
     assert isinstance(subject, Subject)
-    asked = demand(one, stray=stray, kappa=kappa, coupling=scaled)
-    assembly = Assembly(subject, asked)
-    inertia = np.asarray(one.controller.nominal.inertia)
-    return asked, assembly, arms(rng, inertia, runs, kappa, coupling), worst_pushes(rng, assembly, runs, stray)
+    request = demand(case, stray=stray, kappa=kappa, coupling=scaled)
+    assembly = Assembly(subject, request)
+    inertia = np.asarray(case.controller.nominal.inertia)
+    return request, assembly, arms(rng, inertia, runs, kappa, coupling), worst_pushes(rng, assembly, runs, stray)

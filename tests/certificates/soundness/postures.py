@@ -1,4 +1,4 @@
-"""The constants of arms, in every posture that is drawn, of random chains of one to seven joints."""
+"""The constants of random chains of one to seven joints, in random postures."""
 
 from __future__ import annotations
 
@@ -15,21 +15,19 @@ STATES = 4000
 
 
 def judged(folder: Path, seed: int, count: Counted) -> None:
-    """Counts the postures of one chain by the constants that come nearest to being exceeded.
+    """Count the postures of one chain by the constant that is closest to being exceeded.
 
     - `folder`: for its file.
-    - `seed`: of the chain and of its postures.
-    - `count`: in which they are counted.
     """
     robot = random_arm(folder, seed)
-    found, seen = arm_constants(robot), worst(robot, seed)
+    constants, sampled = arm_constants(robot), worst(robot, seed)
     shares = [
-        seen["largest"] / found.inertia_max,
-        found.inertia_min / seen["least"],
-        float(np.max(seen["weight"] / np.maximum(found.weight, 1e-12))),
-        seen["mass_slope"] / max(found.mass_slope, 1e-12),
-        seen["weight_slope"] / max(found.weight_slope, 1e-12),
-        seen["coriolis"] / max(found.coriolis, 1e-12),
+        sampled["largest"] / constants.inertia_max,
+        constants.inertia_min / sampled["least"],
+        float(np.max(sampled["weight"] / np.maximum(constants.weight, 1e-12))),
+        sampled["mass_slope"] / max(constants.mass_slope, 1e-12),
+        sampled["weight_slope"] / max(constants.weight_slope, 1e-12),
+        sampled["coriolis"] / max(constants.coriolis, 1e-12),
     ]
     largest = float(np.max(shares))
     # Those of a chain are compared by their worst.

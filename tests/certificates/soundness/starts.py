@@ -1,4 +1,4 @@
-"""`admissibility`: starts drawn from random sets, and parameters that are out of their ranges."""
+"""`admissibility`: starts drawn from random sets, and parameters outside their ranges."""
 
 from __future__ import annotations
 
@@ -22,16 +22,13 @@ from .continuous import law_of, scenario_of
 from .counted import Counted
 
 ARMS = {2: "example-4.1", 3: "example-4.2", 6: "ur5e-payload", 7: "panda-payload"}
-"""Scenarios by the number of their joints; arms with others have one start each."""
+"""Scenarios by their number of joints; other arms have one start each."""
 
 
 def judged(seed: int, sets: int, draws: int, joints: int, count: Counted) -> None:
-    """Counts starts of random sets: the error over the envelope, where all of the set are said to be inside.
+    """Count starts of random sets by the error over the envelope, if all of the set should be inside.
 
-    - `seed`: of all that is drawn.
-    - `sets`, `draws`: how many sets, and starts of each.
-    - `joints`: of the arm.
-    - `count`: in which they are counted.
+    - `sets`, `draws`: number of sets, and of starts of each.
     """
     for number in range(sets):
         rng = np.random.default_rng([seed, joints, number])
@@ -41,7 +38,7 @@ def judged(seed: int, sets: int, draws: int, joints: int, count: Counted) -> Non
             count.kept(shares, joints, f"set {number}, {joints} joints", slack=0.0)
             count.missed += int(outside.sum())
         else:
-            named = [one.text for one in verdict.assumptions if one.status == "fails"]
+            named = [line.text for line in verdict.assumptions if line.status == "fails"]
             assert any("outside the envelope" in text for text in named), named
             count.refused += int(outside.sum())
 
@@ -57,14 +54,14 @@ def _of_a_set(rng: np.random.Generator, joints: int, draws: int) -> tuple[Any, n
     centre = own + wide * rng.uniform(-0.3, 0.3, joints)
     kind = rng.integers(4)
     if kind == 0:
-        said: dict[str, Any] = {"around": wide, "each": "joint"}
+        uncertainty: dict[str, Any] = {"around": wide, "each": "joint"}
     elif kind == 1:
-        said = {"ball": wide}
+        uncertainty = {"ball": wide}
     elif kind == 2:
-        said = {"between": [(centre - wide).tolist(), (centre + wide).tolist()], "each": "joint"}
+        uncertainty = {"between": [(centre - wide).tolist(), (centre + wide).tolist()], "each": "joint"}
     else:
-        said = {"choice": (centre + wide * rng.uniform(-1.0, 1.0, (5, joints))).tolist()}
-    scenario = load(ARMS[joints], {"simulation.t1": 0.1, "uncertainty": {"start.q": said}})
+        uncertainty = {"choice": (centre + wide * rng.uniform(-1.0, 1.0, (5, joints))).tolist()}
+    scenario = load(ARMS[joints], {"simulation.t1": 0.1, "uncertainty": {"start.q": uncertainty}})
     space = family_of(scenario).space
     cube = rng.uniform(size=(draws, space.dimensions))
     cube[::2] = np.where(cube[::2] < 0.5, 0.0, np.nextafter(1.0, 0.0))
@@ -81,7 +78,7 @@ def _of_one(rng: np.random.Generator, joints: int, _: int) -> tuple[Any, np.ndar
 
 
 def parameters(rng: np.random.Generator) -> dict[str, tuple[Callable[..., Any], dict[str, Any], dict[str, Any]]]:
-    """Parts with numbers in their ranges, and by turns one that is not: what it may be instead, by name."""
+    """Components with values in their ranges, and values outside them, by name."""
     u = lambda low, high: float(rng.uniform(low, high))  # noqa: E731
     beyond = lambda: float(10 ** rng.uniform(-6.0, 2.0))  # noqa: E731
     final = u(1e-4, 0.1)
@@ -95,7 +92,7 @@ def parameters(rng: np.random.Generator) -> dict[str, tuple[Callable[..., Any], 
     return {
         "20": (FixedTime, envelope, {"initial": final - u(0.0, 1.0) * final, "final": none, "deadline": none,
                                      "exponent": 2.0 - rng.choice([0.0, beyond()])}),
-        "13": (lambda **given: PrescribedPerformance(FixedTime(**envelope), **given), {"overshoot": u(0.01, 0.99)},
+        "13": (lambda **values: PrescribedPerformance(FixedTime(**envelope), **values), {"overshoot": u(0.01, 0.99)},
                {"overshoot": rng.choice([none, 1.0 + rng.choice([0.0, beyond()])])}),
         "29": (SmoothFixedTime, surface, {"k1": none, "k2": none, "p": rng.choice([none, 1.0 + beyond(), 1.0]),
                                           "q": 1.0 - rng.choice([0.0, beyond()]),
@@ -108,11 +105,9 @@ def parameters(rng: np.random.Generator) -> dict[str, tuple[Callable[..., Any], 
 
 
 def judged_parameters(seed: int, draws: int, count: Counted) -> None:
-    """Counts parts whose numbers are in their ranges, and ones of which a number is not, which must be refused.
+    """Count components with values in their ranges, and ones with a value outside, which must be refused.
 
-    - `seed`: of all that is drawn.
-    - `draws`: how many of each kind.
-    - `count`: in which they are counted.
+    - `draws`: number for each kind.
     """
     for number in range(draws):
         rng = np.random.default_rng([seed, number])

@@ -1,4 +1,4 @@
-"""No error of two links of our own around the exported law exceeds its bound, in cases that are chosen to break it."""
+"""An independent two-link plant around the exported law does not exceed the bound, in cases chosen to break it."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ INERTIAS = {"robot.plant.inertias": {"around": "8 %", "each": "joint"}}
 RIPPLE = {"kind": "harmonic", "amplitude": [0.0, 0.0], "frequency": 6283.185307179586, "phase": 1.0}
 
 DESIGNED = Path(__file__).with_name("two-link.yaml")
-"""What `slidax design examples/design/two-link.yaml` wrote."""
+"""Written by `slidax design examples/design/two-link.yaml`."""
 
 EXAMPLES: list[tuple[str, str | Path, dict[str, Any]]] = [
     ("masses", NAME, {"uncertainty": MASSES}),
@@ -41,7 +41,7 @@ EXAMPLES: list[tuple[str, str | Path, dict[str, Any]]] = [
 
 
 def attacked(scenario: Scenario, whole: Proved, folder: Path, cases: int, seed: int = 0) -> float:
-    """The largest share of the bound that a search for the worst case comes to."""
+    """The largest share of the bound that a search for the worst case reaches."""
     assert whole.bounds is not None
     first = whole.entry.sample + int(whole.assembly.subject.dead_time)
     return Attacked(scenario, folder).worst(whole.bounds.error, first, cases, seed)
@@ -57,7 +57,7 @@ def bounded(name: str | Path, changes: dict[str, Any]) -> tuple[Scenario, Proved
 
 
 @needs_a_compiler
-def test_the_plant_of_the_attacks_gives_the_errors_of_a_run(tmp_path: Path) -> None:
+def test_independent_plant_reproduces_the_errors_of_a_run(tmp_path: Path) -> None:
     scenario = load(NAME, {"uncertainty": MASSES, "simulation.t1": 0.5})
     other = Attacked(scenario, tmp_path)
     ours = np.asarray(scenario.simulate(log_every=1, progress=False).log.e)[: other.samples]
@@ -66,8 +66,10 @@ def test_the_plant_of_the_attacks_gives_the_errors_of_a_run(tmp_path: Path) -> N
 
 @needs_a_compiler
 @pytest.mark.full
-@pytest.mark.parametrize(("name", "changes"), [one[1:] for one in EXAMPLES], ids=[one[0] for one in EXAMPLES])
-def test_no_case_of_a_thousand_that_are_chosen_to_break_it_exceeds_the_bound(
+@pytest.mark.parametrize(
+    ("name", "changes"), [example[1:] for example in EXAMPLES], ids=[example[0] for example in EXAMPLES]
+)
+def test_no_case_of_a_thousand_attacks_exceeds_the_bound(
     name: str | Path, changes: dict[str, Any], tmp_path: Path
 ) -> None:
     scenario, whole = bounded(name, changes)

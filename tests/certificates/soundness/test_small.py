@@ -1,4 +1,4 @@
-"""The small version of `scripts/measure-soundness`: nothing certified is exceeded, and what cannot be is refused."""
+"""The small version of `scripts/measure-soundness`: no certified bound is exceeded, no uncertifiable case accepted."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from .counted import Counted
 
 
 @pytest.mark.parametrize("groups", [2, pytest.param(8, marks=pytest.mark.full)])
-def test_no_pushed_joint_comes_beyond_the_rule_along_time(groups):
+def test_no_disturbed_joint_exceeds_the_worst_case_recursion(groups):
     count = Counted()
     along_time.judged(1, groups, 400, count)
     assert (count.exceeded, count.missed) == (0, 0), count.notes
     assert count.nearest > 0.99 and count.refused > 50
 
 
-def test_no_number_out_of_its_range_is_taken():
+def test_no_parameter_outside_its_range_is_accepted():
     count = Counted()
     starts.judged_parameters(1, 20, count)
     assert count.missed == 0 and count.refused == 100, count.notes
@@ -38,7 +38,7 @@ def test_no_certified_quantity_of_an_arm_is_exceeded(joints):
 
 @pytest.mark.full
 @pytest.mark.parametrize("joints", range(1, 8))
-def test_no_run_leaves_before_the_monitor_warns_where_the_state_is_measured(joints):
+def test_monitor_warns_before_any_run_leaves_if_the_state_is_measured(joints):
     count = Counted()
     warned.judged(1, 2, 100, joints, count)
     assert count.missed == 0 and count.refused > 0

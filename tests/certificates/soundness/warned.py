@@ -1,4 +1,4 @@
-"""The monitor on linear arms: no run leaves its envelope that was not warned of before."""
+"""The monitor on linear arms: each run that leaves its envelope was warned about before."""
 
 from __future__ import annotations
 
@@ -21,33 +21,31 @@ def _watched(law):
 
 
 def judged(seed: int, laws: int, runs: int, joints: int, count: Counted, *, kalman: bool = False) -> None:
-    """Counts runs that leave by whether they were warned of at an earlier sample, or at the same.
+    """Count runs that leave their envelope by whether a warning came before, or at the same sample.
 
-    - `seed`: of all that is drawn.
-    - `laws`, `runs`: how many, and of each law.
-    - `joints`: of the arms.
-    - `kalman`: whether the state is that of a filter, slower than the horizon, and no measurement.
-    - `count`: in which they are counted: warned as refused, not warned as missed.
+    - `laws`, `runs`: number of laws, and of runs of each.
+    - `kalman`: if True, a filter slower than the horizon estimates the state; else it is measured.
+    - `count`: a run with a warning counts as refused, one without as missed.
     """
     rng = np.random.default_rng([seed, joints, kalman])
     period = float(10 ** rng.uniform(-3.3, -2.4))
-    given = {"delay": 0, "kalman": kalman, "resolution": 0.0, "samples": SAMPLES}
-    ones = [scenario(rng, **given, joints=joints, period=period) for _ in range(laws)]
+    options = {"delay": 0, "kalman": kalman, "resolution": 0.0, "samples": SAMPLES}
+    ones = [scenario(rng, **options, joints=joints, period=period) for _ in range(laws)]
     first = ones[0]
-    watched = [_watched(one.controller) for one in ones]
-    final = np.stack([np.asarray(one.step.transformation.performance.final) * np.ones(joints) for one in watched])
-    horizon = np.array([float(one.horizon) for one in watched])
+    watched = [_watched(item.controller) for item in ones]
+    final = np.stack([np.asarray(item.step.transformation.performance.final) * np.ones(joints) for item in watched])
+    horizon = np.array([float(item.horizon) for item in watched])
     size = final[:, None, None] / horizon[:, None, None, None] ** 2 * 10 ** rng.uniform(-2.0, 2.0, (laws, runs, 1, 1))
     shape = (laws, runs, 1, joints)
     k = np.arange(SAMPLES + 1)[:, None]
     turning = np.sign(np.sin(10 ** rng.uniform(-2.0, 0.3, shape) * k + rng.uniform(0.0, 6.0, shape)))
     kappa = 2.0 ** rng.uniform(-1.0, 1.0, (laws, runs, joints))
-    inertia = np.stack([np.asarray(one.nominal.inertia) for one in watched])
+    inertia = np.stack([np.asarray(item.nominal.inertia) for item in watched])
     torques = np.einsum("lij,lmkj->lmki", inertia, size * turning)
-    starts = np.repeat(np.stack([np.asarray(one.state0.q) for one in ones])[:, None], runs, axis=1)
+    starts = np.repeat(np.stack([np.asarray(item.state0.q) for item in ones])[:, None], runs, axis=1)
 
-    def parts(law, given):
-        mass, torque, q = given
+    def parts(law, options):
+        mass, torque, q = options
         arm = Plant(LinearArm(mass), Changing(torque, first.period))
         return arm, law, first.trajectory, State(q=q, dq=jnp.zeros(law.joints))
 
