@@ -17,7 +17,7 @@ export PIP_NO_INDEX := 1
 export PIP_FIND_LINKS := $(abspath $(WHEELS))
 endif
 
-.PHONY: help venv demo test lint format bench verify figures tables targets benchmark schema docs release lock wheels clean
+.PHONY: help venv demo test lint format bench verify figures tables targets benchmark docs release lock wheels clean
 .DEFAULT_GOAL := help
 
 help: ## Show these targets
@@ -67,9 +67,6 @@ targets: .venv/.installed ## Build and run the exported step on every target tha
 
 benchmark: .venv/.installed ## Benchmark the schemes, and renew the table in docs/benchmark-of-schemes.md and README.md
 	@.venv/bin/python scripts/write-benchmark $(ARGS)
-
-schema: .venv/.installed ## Renew the JSON schema of scenario files
-	@.venv/bin/slidax schema > src/slidax/scenarios/scenario.schema.json
 
 docs: .venv/.installed .venv-docs/.installed ## Run the code of all pages, and build the documentation site, site/
 	@.venv/bin/python scripts/build-site $(ARGS)

@@ -12,5 +12,4 @@ from .portable import brought_back as brought_back
 from .portable import of_log as of_log
 from .portable import portable as portable
 from .scenario import Scenario as Scenario
-from .schema import SCHEMA_FILE as SCHEMA_FILE
 from .schema import schema as schema
