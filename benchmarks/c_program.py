@@ -1,4 +1,4 @@
-"""The hand-written C loops, compiled and run."""
+"""The hand-written C loop, compiled and run."""
 
 from __future__ import annotations
 
@@ -6,28 +6,26 @@ import json
 import subprocess
 from pathlib import Path
 
-HERE = Path(__file__).parent
-FLAGS = ["-O3"]
+SOURCE = Path(__file__).with_name("example_4_1.c")
 
 
-def compiled(name: str, folder: Path) -> Path:
-    """The program made from `benchmarks/<name>.c`.
+def compiled(folder: Path) -> Path:
+    """Compile the program, and return it.
 
-    - `name`: of the source file, without its ending.
     - `folder`: where the program goes.
     """
-    program = folder / name
-    subprocess.run(["gcc", *FLAGS, "-o", str(program), str(HERE / f"{name}.c"), "-lm"], check=True)
+    program = folder / SOURCE.stem
+    subprocess.run(["gcc", "-O3", "-o", str(program), str(SOURCE), "-lm"], check=True)
     return program
 
 
 def nanoseconds_per_step(program: Path, mode: str, steps: int, period: float, repeats: int = 3) -> float:
-    """The least time per step over a few repeats.
+    """Return the least time per step over a few repeats.
 
     - `program`: from `compiled`.
     - `mode`: "held" or "continuous".
     - `steps`, `period`: length of the run and time between samples [s].
-    - `repeats`: how often it is run inside the program.
+    - `repeats`: number of runs inside the program.
     """
     arguments = [str(program), mode, str(steps), str(period), "1", str(repeats)]
     answer = subprocess.run(arguments, capture_output=True, text=True, check=True).stdout

@@ -98,11 +98,10 @@ def control(q: Array, dq: Array, target: tuple[Array, Array, Array], bounds: tup
 
 
 def run(steps: int = 100_000, period: float = 1e-4, disturbance_scale: float = 1.0) -> dict[str, Any]:
-    """Run samples 0 to ``steps`` and return the metrics, one number per joint, and the time one sample took.
+    """Run samples 0 to ``steps``, and return the metrics, one number per joint, and the time per sample.
 
-    The keys are among those of the JSON that ``example_4_1 held`` prints (``ns_per_step`` is one number here), and
-    the rule at the envelope is the same: the run ends at the first sample on or outside it, where the law is
-    undefined; a metric with no sample to go by is then 0.
+    As in ``example_4_1 held``, the run ends at the first sample on or outside the envelope, where the law is
+    undefined; a metric without samples is then 0.
     """
     t = np.arange(steps + 1) * period
     errors, widths, torques = np.empty((steps + 1, 2)), np.empty((steps + 1, 2)), np.empty((steps + 1, 2))
