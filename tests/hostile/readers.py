@@ -81,10 +81,10 @@ def log_of(path: Path) -> Any:
 
 def replayed(path: Path) -> Any:
     from slidax.logs import read_mcap
-    from slidax.scenarios import of_log
+    from slidax.scenarios import brought_back
 
     log = read_mcap(path)
-    return of_log(log)
+    return brought_back(log.scenario, log.files, log.name)
 
 
 def explained(path: Path) -> Any:

@@ -72,6 +72,8 @@ class JointLearning(AbstractAdaptation):
     Adaptive Control, 1995.
     """
 
+    title = "Rotor inertia and Coulomb friction of each joint, learnt in the band of the loop's own crossover."
+
     rotor: PerJoint = parameter("J at the start", "kg m² or kg", ">= 0", default=0.0)
     coulomb: PerJoint = parameter("f at the start", "N m or N", "[0, coulomb_max]", default=0.0)
     rotor_min: PerJoint = parameter("least rotor inertia", "kg m² or kg", ">= 0", default=0.0)

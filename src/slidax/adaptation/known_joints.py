@@ -12,6 +12,8 @@ from .adaptation import AbstractAdaptation, Experience, Learnt
 class KnownJoints(AbstractAdaptation):
     """What was learnt before, or identified: it is used, and nothing is learnt."""
 
+    title = "Rotors and friction that are known, and stay as they are."
+
     rotor: PerJoint = parameter("J, inertia on the diagonal beside that of the links", "kg m² or kg", default=0.0)
     coulomb: PerJoint = parameter("f, Coulomb friction that is compensated", "N m or N", ">= 0", default=0.0)
 

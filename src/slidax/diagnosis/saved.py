@@ -9,7 +9,7 @@ import numpy as np
 
 from slidax._errors import DefinitionError, DefinitionWarning
 from slidax.logs import SavedLog, read_mcap
-from slidax.scenarios import Scenario, load, of_log
+from slidax.scenarios import Scenario, brought_back, load
 from slidax.simulation import read_columns
 
 SCENARIO, LOG = "scenario.yaml", "log.parquet"
@@ -29,7 +29,7 @@ def read_saved(saved: Path) -> tuple[Scenario, dict[str, np.ndarray], bool]:
             warnings.warn(
                 f"`{saved}` has no end or is damaged: it is read as far as it is whole", DefinitionWarning, stacklevel=2
             )
-        return of_log(log), _columns(log), True
+        return brought_back(log.scenario, log.files, log.name), _columns(log), True
     for name in (SCENARIO, LOG):
         if not (saved / name).is_file():
             raise DefinitionError(

@@ -14,6 +14,8 @@ from .disturbance import AbstractDisturbance, Floats, Samples
 class Constant(AbstractDisturbance):
     """`τ_d = c`."""
 
+    title = "A force that does not change."
+
     value: Vector = parameter("c, the force", "N m or N")
 
     def __call__(self, t: Scalar, state: State) -> Vector:

@@ -18,6 +18,8 @@ BEND = 4.0 / (3.0 * 3.0**0.5)
 class Friction(AbstractDisturbance):
     """`τ_d = -(f_c tanh(q̇/v_s) + f_v q̇)`: Coulomb friction, smoothed near rest, and viscous friction."""
 
+    title = "Friction in the joints."
+
     coulomb: PerJoint = parameter("f_c, Coulomb friction", "N m or N", ">= 0", "or it would drive the joint")
     viscous: PerJoint = parameter(
         "f_v, viscous friction", "N m s/rad or N s/m", ">= 0", "or it would drive the joint", default=0.0

@@ -15,6 +15,8 @@ from .disturbance import AbstractDisturbance, Floats, Samples, largest
 class Harmonic(AbstractDisturbance):
     """`τ_d = a sin(ω t + φ)`, per joint. Both examples of the paper are sums of these and a constant."""
 
+    title = "A sinusoidal force."
+
     amplitude: Vector = parameter("a, amplitude", "N m or N")
     frequency: PerJoint = parameter("ω, angular frequency", "rad/s")
     phase: PerJoint = parameter("φ, phase at t = 0", "rad", default=0.0)

@@ -15,6 +15,8 @@ from .disturbance import AbstractDisturbance, Floats, Samples, largest
 class Step(AbstractDisturbance):
     """`τ_d = c` for `start <= t < end`, else 0."""
 
+    title = "A force that sets in at a time, such as a payload's weight or a push."
+
     value: Vector = parameter("c, the force", "N m or N")
     start: Scalar = parameter("when it sets in", "s")
     end: Scalar = parameter("when it ends; infinite if it stays", "s", "(start, inf]", default=float("inf"))

@@ -21,6 +21,8 @@ class FilteredDifference(AbstractEstimator):
     for all `c h` and `0 < g <= 1`.
     """
 
+    title = "The velocity from differences of positions, filtered around the model's prediction."
+
     cutoff: PerJoint = parameter("c, of the filter on the velocity", "rad/s", "> 0")
     gain: PerJoint = parameter(
         "g, of the push; 0 leaves it as it is", "", "[0, 1]", default=0.25, source="critical damping"

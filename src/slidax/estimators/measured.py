@@ -25,6 +25,8 @@ class Measured(AbstractEstimator):
     For sensors with a good velocity.
     """
 
+    title = "Positions and velocities as they are measured."
+
     reads_velocity: ClassVar[bool] = True
 
     gain: PerJoint = parameter("g, of the push; 0 with trend 0 leaves it as it is", "", "[0, 1]", default=WITHOUT_TREND)

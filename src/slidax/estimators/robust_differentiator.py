@@ -32,6 +32,8 @@ class RobustDifferentiator(AbstractEstimator):
     discretization of arbitrary-order robust exact differentiators, 2024.
     """
 
+    title = "Levant's differentiator of second order, implicit in time, around the model's prediction."
+
     lipschitz: PerJoint = parameter("L, how fast the push may change", "rad/s³ or m/s³", "> 0", "(L, Levant, 2003)")
 
     def init(self, measured: State) -> tuple[()]:

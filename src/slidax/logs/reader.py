@@ -35,6 +35,11 @@ class SavedLog:
     whole: bool
 
     @property
+    def name(self) -> str:
+        """Name of the scenario; `log` if the metadata have none."""
+        return self.metadata.get("scenario", "log")
+
+    @property
     def scenario(self) -> str:
         """The scenario as YAML.
 

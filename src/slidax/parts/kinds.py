@@ -30,8 +30,10 @@ def members_of(room: ModuleType, family: type) -> dict[str, Any]:
     - `room`: the package, such as `slidax.surfaces`.
     - `family`: their abstract class.
     """
-    return {
+    members = {
         kind_of(thing): thing
         for thing in vars(room).values()
         if inspect.isclass(thing) and issubclass(thing, family) and not inspect.isabstract(thing)
     }
+    # Sorted, since the order of the exports says nothing.
+    return dict(sorted(members.items()))

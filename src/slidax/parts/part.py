@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import inspect
-from typing import Any
+from typing import Any, ClassVar
 
 import equinox as eqx
 import numpy as np
@@ -22,6 +22,9 @@ class AbstractPart(eqx.Module):
     that no range can say. The docstring of a class gives the formula and its source; a line for each parameter is added
     to it from the declarations.
     """
+
+    # One line without a formula: `slidax list`, the JSON schema and the tables of parameters show it.
+    title: ClassVar[str] = ""
 
     def __init_subclass__(cls, **options: Any) -> None:
         super().__init_subclass__(**options)

@@ -12,6 +12,8 @@ from .performance import AbstractPerformance
 class Exponential(AbstractPerformance):
     """`ρ(t) = (ρ0 - ρ∞) exp(-l t) + ρ∞`. Source: Bechlioulis and Rovithakis, 2008, the paper's [28]."""
 
+    title = "The classical performance function, which settles only in the limit."
+
     rate: PerJoint = parameter("l, how fast it narrows", "1/s", "> 0", "so that the envelope narrows (Definition 4)")
 
     def radius(self, t: Scalar) -> PerJoint:

@@ -13,6 +13,8 @@ from .performance import AbstractPerformance
 class FixedTime(AbstractPerformance):
     """`ρ(t) = (ρ0 - ρ∞)(1 - t/T)^σ + ρ∞` for `t < T`, then `ρ∞`, eq. (20)."""
 
+    title = "The paper's performance function: settled at a time drawn in advance."
+
     deadline: PerJoint = parameter("T, when it is settled", "s", "> 0", "(eq. 20)")
     exponent: PerJoint = parameter(
         "σ, exponent of the decrease", "", "> 2", "so that the second derivative is continuous at T (eq. 20)"

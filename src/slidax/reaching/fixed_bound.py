@@ -10,6 +10,8 @@ from .bound import AbstractBound
 class FixedBound(AbstractBound):
     """`u = const`: for laws that choose the size of their robust torque by hand."""
 
+    title = "A robust torque whose size does not depend on the state."
+
     size: Scalar = parameter("u, size of the robust torque", "N m", ">= 0")
 
     def __call__(self, state: State, tau: Vector) -> Scalar:

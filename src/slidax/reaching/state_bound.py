@@ -13,6 +13,8 @@ from .bound import AbstractBound
 class StateBound(AbstractBound):
     """`b0 + b1‖q‖ + b2‖q̇‖²`: what (19) bounds the lumped uncertainty by, without the share of the torque."""
 
+    title = "How large the uncertainty can be, as far as the state tells."
+
     b0: Scalar = parameter("b0, of all states alike", "N m", ">= 0", "(eq. 19)")
     b1: Scalar = parameter("b1, times ‖q‖", "N m/rad", ">= 0", "(eq. 19)")
     b2: Scalar = parameter("b2, times ‖q̇‖²", "N m s²/rad²", ">= 0", "(eq. 19)")

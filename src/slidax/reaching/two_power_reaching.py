@@ -21,6 +21,8 @@ class TwoPowerReaching(AbstractReaching):
     confidence medium.
     """
 
+    title = "The reaching law with two powers, one for each side of one."
+
     k1: PerJoint = parameter("diagonal of K1", "N m or N", "> 0", "so that K1 is diagonal positive definite ([24])")
     k2: PerJoint = parameter("diagonal of K2", "N m or N", "> 0", "so that K2 is diagonal positive definite ([24])")
     v1: Scalar = parameter("exponent far from the surface", "", "> 1", "([24])")

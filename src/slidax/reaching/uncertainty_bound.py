@@ -17,6 +17,8 @@ class UncertaintyBound(AbstractBound):
     known to be `m1 <= ‖M⁻¹(q)‖ <= m2`, eq. (47).
     """
 
+    title = "How large the robust torque must be."
+
     inverse_inertia_min: Scalar = parameter("m1 <= ‖M⁻¹(q)‖", "1/(kg m²)", "> 0", "(m1, eq. 47)")
     inverse_inertia_max: Scalar = parameter("m2 >= ‖M⁻¹(q)‖", "1/(kg m²)", ">= inverse_inertia_min", "(m2, eq. 47)")
     b0: Scalar = parameter("b0, of all states alike", "N m", ">= 0", "(eq. 19)")

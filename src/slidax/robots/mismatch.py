@@ -24,6 +24,8 @@ class Mismatch(AbstractPart):
     nominal arm; fields that are None keep its values.
     """
 
+    title = "Differences between the true arm and its nominal model."
+
     mass_factor: PerJoint = parameter("factor on the links' masses", "", "> 0", default=1.0)
     inertia_factor: PerJoint | None = parameter(
         "factor on their inertias about the centres of mass, `mass_factor` if not given", "", "> 0", default=None

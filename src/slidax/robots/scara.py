@@ -24,6 +24,8 @@ class Scara(AbstractRobot):
     best among some 35 variants tried.
     """
 
+    title = "The three-joint arm of Example 4.2: two revolute joints and a prismatic one."
+
     lengths: Float[Array, "2"] = parameter("link lengths l1, l2", "m", "> 0")
     masses: Float[Array, "3"] = parameter("masses m1, m2, m3", "kg", "> 0")
     gravity_acceleration: Scalar = parameter(

@@ -26,6 +26,8 @@ class TwoLink(AbstractRobot):
     stand on the diagonal alone, so they act as inertias that turn with their own joint.
     """
 
+    title = "The planar two-link arm of Example 4.1."
+
     lengths: Float[Array, "2"] = parameter("link lengths l1, l2", "m", "> 0")
     masses: Float[Array, "2"] = parameter("link masses m1, m2", "kg", "> 0")
     inertias: Float[Array, "2"] = parameter("link inertias I1, I2", "kg m²", ">= 0")

@@ -9,7 +9,6 @@ from .load import names as names
 from .load import parse as parse
 from .named_robot import named_robot as named_robot
 from .portable import brought_back as brought_back
-from .portable import of_log as of_log
 from .portable import portable as portable
 from .scenario import Scenario as Scenario
 from .schema import schema as schema

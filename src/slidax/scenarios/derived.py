@@ -5,7 +5,6 @@ from __future__ import annotations
 import functools
 import inspect
 import math
-import sys
 import typing
 from collections.abc import Mapping
 from importlib import import_module
@@ -113,11 +112,8 @@ def nameable(part: type, family: type) -> bool:
 
 
 def title_of(part: type) -> str:
-    """What a part is in one line: the first of its module.
-
-    - `part`: its class.
-    """
-    return inspect.cleandoc(sys.modules[part.__module__].__doc__ or "").partition("\n")[0]
+    """Title of a part: its class's `title`, else the first line of its docstring."""
+    return vars(part).get("title") or inspect.cleandoc(part.__doc__ or "").partition("\n")[0]
 
 
 def _model(

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 from slidax._files import read_bytes
-from slidax.logs import SavedLog
 
 from .description import ScenarioDescription
 from .load import parse
@@ -44,10 +43,10 @@ def portable(description: ScenarioDescription) -> tuple[str, dict[str, bytes]]:
 
 
 def brought_back(text: str, files: Mapping[str, bytes], name: str) -> Scenario:
-    """The scenario again.
+    """Build a scenario that `portable` wrote, such as that of a log.
 
     - `text`, `files`: of `portable`.
-    - `name`: what it is called.
+    - `name`: of the scenario.
 
     Raises DefinitionError if something in it is invalid.
     """
@@ -56,13 +55,3 @@ def brought_back(text: str, files: Mapping[str, bytes], name: str) -> Scenario:
             # The name alone: a file from elsewhere writes nowhere else.
             (Path(folder) / Path(file).name).write_bytes(content)
         return parse(text, folder=Path(folder)).build(name)
-
-
-def of_log(log: SavedLog) -> Scenario:
-    """The scenario that a log has in it.
-
-    - `log`: of ours.
-
-    Raises DefinitionError if there is none, or it is invalid here.
-    """
-    return brought_back(log.scenario, log.files, log.metadata.get("scenario", "log"))

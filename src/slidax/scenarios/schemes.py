@@ -10,8 +10,26 @@ import numpy as np
 from jaxtyping import Array
 from pydantic import ConfigDict, Field, create_model, model_validator
 
-from slidax import controllers
-from slidax.controllers import AbstractController, Given, JointPID, Preset
+from slidax.controllers import (
+    AbstractController,
+    Given,
+    JointPID,
+    Preset,
+    anftsmc,
+    cftsmppc,
+    computed_torque,
+    ftsmc,
+    ftsmppc,
+    gravity_pd,
+    nftsmc,
+    pid,
+    sfsmc,
+    sfsmppc,
+    sliding_mode,
+    slotine_li,
+    slotine_li_ppc,
+    super_twisting,
+)
 from slidax.parts import kind_of, parameters_of
 from slidax.reaching import UncertaintyBound
 from slidax.transformations import PrescribedPerformance
@@ -21,9 +39,22 @@ from .derived import PartDescription, built, description_of, hints_of, preset_of
 from .sampled_data import SampledDataDescription
 
 PRESETS: dict[str, Preset] = {
-    name: thing for name, thing in sorted(vars(controllers).items()) if isinstance(thing, Preset)
+    "anftsmc": anftsmc,
+    "cftsmppc": cftsmppc,
+    "computed_torque": computed_torque,
+    "ftsmc": ftsmc,
+    "ftsmppc": ftsmppc,
+    "gravity_pd": gravity_pd,
+    "nftsmc": nftsmc,
+    "pid": pid,
+    "sfsmc": sfsmc,
+    "sfsmppc": sfsmppc,
+    "sliding_mode": sliding_mode,
+    "slotine_li": slotine_li,
+    "slotine_li_ppc": slotine_li_ppc,
+    "super_twisting": super_twisting,
 }
-"""The schemes that a file can name: all that the controllers' room exports."""
+"""The schemes that a file can name."""
 
 ENVELOPE = tuple(one.name for one in parameters_of(PrescribedPerformance))
 """What may stand in a scheme itself: `performance` and `overshoot` make an envelope."""

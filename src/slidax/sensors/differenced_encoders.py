@@ -19,6 +19,8 @@ class DifferencedEncoders(AbstractSensor):
     order, and lags by about `1/c + h/2`. At sample 0 it is the true one, since nothing came before.
     """
 
+    title = "Encoders only: the velocity is a filtered difference of their counts, as drives report it."
+
     resolution: PerJoint = parameter("r, 2π over the counts per turn", "rad or m", ">= 0", "(0 for none)")
     position_noise: PerJoint = parameter(
         "σ, standard deviation before rounding", "rad or m", ">= 0", "(0 for none)", default=0.0

@@ -19,6 +19,8 @@ class Encoders(AbstractSensor):
     `DifferencedEncoders`.
     """
 
+    title = "Encoders for the positions, and velocities that are measured too."
+
     resolution: PerJoint = parameter("r, 2π over the counts per turn", "rad or m", ">= 0", "(0 for none)")
     position_noise: PerJoint = parameter(
         "σ_q, standard deviation before rounding", "rad or m", ">= 0", "(0 for none)", default=0.0

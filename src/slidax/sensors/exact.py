@@ -13,6 +13,8 @@ from .sensor import AbstractSensor, Measurement
 class Exact(AbstractSensor):
     """The state itself, at once and always."""
 
+    title = "A sensor without any fault."
+
     def init(self, state: State) -> tuple[()]:
         """Nothing to keep.
 

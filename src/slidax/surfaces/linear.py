@@ -15,6 +15,8 @@ class Linear(AbstractSurface):
     Source: Slotine and Li, Applied Nonlinear Control, 1991, chapter 7.
     """
 
+    title = "The classical linear surface."
+
     rate: PerJoint = parameter(
         "diagonal of Λ, how fast the error decays on the surface",
         "1/s",

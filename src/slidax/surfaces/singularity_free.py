@@ -16,6 +16,8 @@ class SingularityFree(AbstractSurface):
     medium.
     """
 
+    title = "The surface of the singularity-free fixed-time scheme."
+
     c1: PerJoint = parameter("diagonal of C1", "rad/s or m/s", "> 0", "so that C1 is diagonal positive definite ([24])")
     c2: PerJoint = parameter("diagonal of C2", "rad/s or m/s", "> 0", "so that C2 is diagonal positive definite ([24])")
     alpha: PerJoint = parameter("α, exponent near zero", "", "(0, 1)", "([24])")

@@ -11,6 +11,8 @@ from .surface import AbstractSurface
 class SmoothFixedTime(AbstractSurface):
     """`K1 S^p(ε1) + K2 S^q(ε1)`, eqs. (29)-(40)."""
 
+    title = "The paper's smooth fixed-time terminal surface."
+
     k1: PerJoint = parameter(
         "diagonal of K1", "rad/s or m/s", "> 0", "so that K1 is diagonal positive definite (eq. 40)"
     )

@@ -12,6 +12,8 @@ from .trajectory import AbstractTrajectory
 class Constant(AbstractTrajectory):
     """`q_d(t) = c`."""
 
+    title = "A fixed posture."
+
     value: Vector = parameter("c, the posture", "rad or m")
 
     @property

@@ -16,6 +16,8 @@ MOST_TERMS = 50
 class ExponentialSum(AbstractTrajectory):
     """`q_d(t) = c + Σ_k a_k exp(-λ_k t)`: a smooth move that comes to rest at c. Example 4.1 follows one."""
 
+    title = "A sum of decaying exponentials."
+
     offset: Vector = parameter("c, where it comes to rest", "rad or m")
     amplitudes: Float[Array, "k n"] = parameter("a_k, one row per term", "rad or m")
     rates: Float[Array, " k"] = parameter(

@@ -12,6 +12,8 @@ from .trajectory import AbstractTrajectory
 class Sinusoid(AbstractTrajectory):
     """`q_d(t) = c + a sin(ω t + φ)`, per joint. Example 4.2 follows one."""
 
+    title = "A sinusoid per joint."
+
     offset: Vector = parameter("c, the middle", "rad or m")
     amplitude: PerJoint = parameter("a, amplitude", "rad or m")
     frequency: PerJoint = parameter("ω, angular frequency", "rad/s")

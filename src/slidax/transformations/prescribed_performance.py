@@ -22,6 +22,8 @@ class PrescribedPerformance(AbstractTransformation):
     The side of the envelope towards the initial error has the full width ρ, the other ϑ ρ, eq. (13).
     """
 
+    title = "The logarithmic transformation that turns an envelope into the whole line."
+
     performance: AbstractPerformance = piece("ρ(t), the radius of the envelope")
     overshoot: PerJoint = parameter("ϑ, width of the side away from the initial error over ρ", "", "(0, 1)", "(eq. 13)")
 

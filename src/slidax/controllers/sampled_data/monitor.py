@@ -61,6 +61,8 @@ class Monitor(AbstractPart):
     is not for, `4`: y has no room left.
     """
 
+    title = "Whether a promise still stands: what it was computed for, compared with what is measured, in every sample."
+
     share: PerJoint = parameter(
         "of the envelope's nearer side that may be taken up by what the estimate misses",
         "",

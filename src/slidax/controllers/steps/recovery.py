@@ -54,6 +54,8 @@ class Recovery(AbstractPart):
     next sample is outside, too.
     """
 
+    title = "What a law does outside its envelope: it draws a new one around the error, which narrows into the old."
+
     deadline: Scalar = parameter("least time for the way back", "s", "> 0", default=0.3)
     room: Scalar = parameter(
         "how much wider than needed to brake", "", "> 1", "so that there is room to brake", default=1.6

@@ -10,7 +10,7 @@ import numpy as np
 from slidax._errors import DefinitionError, counted
 from slidax.logs import SavedLog, flags
 from slidax.realtime import Law
-from slidax.scenarios import of_log
+from slidax.scenarios import brought_back
 
 from .law_plan import law_plan
 
@@ -104,7 +104,7 @@ def replay(log: SavedLog) -> Replay:
     Raises DefinitionError if the log has no answers, its scenario is invalid or has other signals, or llvmlite is
     missing.
     """
-    scenario = of_log(log)
+    scenario = brought_back(log.scenario, log.files, log.name)
     plan = law_plan(scenario)
     rows = len(log.law["k"])
     if not rows:

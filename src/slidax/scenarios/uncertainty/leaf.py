@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import dataclasses
 import typing
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -21,7 +21,7 @@ NUMERIC = {float, int, list[float], list[list[float]]}
 ENDS = (("minimum", -np.inf), ("exclusiveMinimum", -np.inf)), (("maximum", np.inf), ("exclusiveMaximum", np.inf))
 
 
-@dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True)
 class Leaf:
     """A number, or some, of a scenario.
 
@@ -46,7 +46,7 @@ class Leaf:
     integer: bool = False
     unit: str = ""
     ends: tuple[float, float] = (-np.inf, np.inf)
-    envelope: Callable[[], tuple[Array, Array]] | None = field(default=None, compare=False)
+    envelope: Callable[[], tuple[Array, Array]] | None = dataclasses.field(default=None, compare=False)
 
     @property
     def each_joint(self) -> bool:
