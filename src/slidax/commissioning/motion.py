@@ -10,6 +10,7 @@ from slidax.robots import Articulated
 from slidax.simulation.states import Numbers, states_of
 
 from .loaded import loaded
+from .posture import TIP_SHARE
 from .ratings import Ratings
 
 AMPLITUDE = {"rad": 0.4, "m": 0.08}
@@ -20,9 +21,6 @@ FREQUENCY = (2.0, 2.4)
 
 RANGE_SHARE, VELOCITY_SHARE, TORQUE_SHARE = 0.5, 0.4, 0.65
 """Of what is left of the range at home, and of the limits, that the motion takes."""
-
-TIP_SHARE = 0.2
-"""Of the moving mass, carried at the tip while the torque is looked at."""
 
 START = 0.2
 """How far from the motion the arm begins, rad; a fifth of it in m."""

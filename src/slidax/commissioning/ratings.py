@@ -15,7 +15,7 @@ from .loaded import loaded
 POSTURES = 256
 """How many are looked at, spread evenly over the joints' ranges."""
 
-TIP_SHARE = 0.3
+SIZING_TIP_SHARE = 0.3
 """Of the moving mass, carried at the tip while the drives are sized."""
 
 ACCELERATION = 5.0
@@ -135,7 +135,7 @@ def _placeholder(given: Numbers, ratio: Numbers, one_for_all: bool) -> str:
 def _needed(arm: Articulated, lower: Numbers, upper: Numbers) -> tuple[Numbers, Numbers]:
     """What each drive must do, and the arm's own weight in the worst posture, [n] and [n], N m or N."""
     places = spread(lower, upper, POSTURES)
-    own, carrying = states_of(arm, places), states_of(loaded(arm, TIP_SHARE), places)
+    own, carrying = states_of(arm, places), states_of(loaded(arm, SIZING_TIP_SHARE), places)
     weight, with_load = np.abs(own.bias).max(axis=0), np.abs(carrying.bias).max(axis=0)
     needed = ROOM * (with_load + ACCELERATION * np.diagonal(carrying.mass, axis1=1, axis2=2).max(axis=0))
     for unit in ("rad", "m"):

@@ -7,7 +7,7 @@ from slidax.parts import Memory, PerJoint, Scalar, State, parameter
 
 from .model_based import AbstractModelBased
 
-STABLE = "so that the posture is stable (Takegaki and Arimoto, 1981)"
+STABLE_POSTURE = "so that the posture is stable (Takegaki and Arimoto, 1981)"
 
 
 class GravityCompensatedPD(AbstractModelBased):
@@ -19,8 +19,8 @@ class GravityCompensatedPD(AbstractModelBased):
     Signals: `e` [n], `de` [n].
     """
 
-    kp: PerJoint = parameter("diagonal of Kp", "N m/rad or N/m", "> 0", STABLE, default=400.0)
-    kd: PerJoint = parameter("diagonal of Kd", "N m s/rad or N s/m", "> 0", STABLE, default=100.0)
+    kp: PerJoint = parameter("diagonal of Kp", "N m/rad or N/m", "> 0", STABLE_POSTURE, default=400.0)
+    kd: PerJoint = parameter("diagonal of Kd", "N m s/rad or N s/m", "> 0", STABLE_POSTURE, default=100.0)
 
     def __call__(
         self, t: Scalar, state: State, reference_now: Reference, reference_next: Reference, memory: Memory
