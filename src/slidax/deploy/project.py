@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from slidax._errors import DefinitionError
 from slidax._writing import reason, write_text
@@ -42,7 +43,10 @@ FILES = {
 }
 """Templates, and the files that they become."""
 
-STEP = ("header.h.j2", "step.c.j2", "wrapper.hpp.j2", "scenario.h.j2", "scenario.c.j2")
+STEP = {
+    template: FILES[template]
+    for template in ("header.h.j2", "step.c.j2", "wrapper.hpp.j2", "scenario.h.j2", "scenario.c.j2")
+}
 """The files that a program needs: all but tests and golden samples."""
 
 
@@ -63,16 +67,27 @@ def export_c(
     return exported
 
 
-def write_files(exported: Project, out: Path, templates: Iterable[str]) -> None:
-    """Write the files of some templates in `FILES`.
+def write_files(exported: Project, out: Path, templates: Mapping[str, str], **values: Any) -> None:
+    """Write files from templates to the folder `out`.
+
+    - `templates`: file names by template; `{prefix}` and `{name}` in them stand for the law's.
+    - `values`: variables of the templates in addition to `x`, the law.
 
     Raises DefinitionError if the folder cannot be written.
     """
+    with writing(out):
+        for template, file in templates.items():
+            path = out / file.format(prefix=exported.prefix, name=exported.name)
+            path.parent.mkdir(parents=True, exist_ok=True)
+            write_text(path, render(template, {"x": exported, **values}))
+
+
+@contextmanager
+def writing(out: Path) -> Iterator[None]:
+    """Create the folder `out`, and raise a DefinitionError where it or a file in it cannot be written."""
     try:
         out.mkdir(parents=True, exist_ok=True)
-        for template in templates:
-            path = out / FILES[template].format(prefix=exported.prefix, name=exported.name)
-            write_text(path, render(template, {"x": exported}))
+        yield
     except OSError as error:
         raise DefinitionError(f"cannot write the project to `{out}`: {reason(error)}") from None
 

@@ -95,7 +95,7 @@ class _Ahead:
         over = np.abs(needed) / limit
         k, joint = np.unravel_index(int(np.argmax(over)), over.shape)
         if over[k, joint] >= 1.0:
-            unit = "N m" if self.nominal.joint_units[joint] == "rad" else "N"
+            unit = self.nominal.torque_units[joint]
             yield (
                 f"the motion needs {abs(needed[k, joint]):.3g} {unit} of `{self.names[joint]}` at t = "
                 f"{self.t[k]:.3g} s, and "

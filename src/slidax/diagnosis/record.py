@@ -255,5 +255,5 @@ class Record:
         return own if self.names[joint] == own else f"{own} (`{self.names[joint]}`)"
 
     def torque_unit(self, joint: int) -> str:
-        """Of a joint's torque."""
-        return "N m" if self.units[joint] == "rad" else "N"
+        """Unit of a joint's torque."""
+        return self.nominal.torque_units[joint]

@@ -49,11 +49,11 @@ def columns_of(run: Run, labels: Sequence[str]) -> dict[str, tuple[np.ndarray, s
         flat = values.reshape(len(values), -1)
         wide = labels if flat.shape[1] == len(labels) else [f"_{k + 1}" for k in range(flat.shape[1])]
         for k, label in enumerate(wide):
-            columns[f"{name}{label}"] = flat[:, k], _unit(name, run.joint_units, k)
+            columns[f"{name}{label}"] = flat[:, k], _unit(name, run, k)
     return columns
 
 
-def _unit(name: str, units: tuple[str, ...], joint: int) -> str:
+def _unit(name: str, run: Run, joint: int) -> str:
     if name == "tau":
-        return "N m" if units[joint] == "rad" else "N"
-    return units[joint] + PER[name] if name in PER else ""
+        return run.torque_units[joint]
+    return run.joint_units[joint] + PER[name] if name in PER else ""

@@ -64,8 +64,8 @@ def table(run: Run) -> Rows:
     if run.has_envelope:
         worst.append(("envelope margin", np.min(np.asarray(tally.margin), axis=many), "of its width"))
     rows = [["worst" if many else "", *(name for name, *_ in worst)]]
-    for joint, (name, unit) in enumerate(zip(run.joint_names, run.joint_units, strict=True)):
-        units = {"": unit, "torque": "N m" if unit == "rad" else "N"}
+    for joint, (name, unit, torque) in enumerate(zip(run.joint_names, run.joint_units, run.torque_units, strict=True)):
+        units = {"": unit, "torque": torque}
         rows.append([name, *(_cell(values[joint], units.get(of, of)) for _, values, of in worst)])
     return rows
 

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 
 from slidax._errors import counted
-from slidax.scenarios.family import Family
 
 from .overview import share
 from .predicate import ENVELOPE, Predicate
@@ -21,22 +20,15 @@ from .table import Columns
 class Compared(AbstractResult):
     """Schemes on the same cases.
 
-    - `of`, `holds`, `confidence`, `seed`: what was asked.
-    - `family`: that of the first scheme.
+    - `of`, `holds`, `confidence`, `seed`: the request; `family` is that of the first scheme.
     - `tables`: the rows of each scheme, by its name; the same row is the same case.
-    - `path`: the folder that has a table for each; None if they were not kept.
-    - `computed`, `seconds`: rows that were not stored before, and the time that they took.
     """
 
     of: tuple[str, ...]
     holds: tuple[str, ...]
     confidence: float
     seed: int
-    family: Family
     tables: dict[str, Columns]
-    path: Any
-    computed: int
-    seconds: float
 
     @property
     def runs(self) -> int:

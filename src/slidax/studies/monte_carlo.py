@@ -68,7 +68,14 @@ class MonteCarlo(AbstractStudy):
         path = None if runner.store is None else runner.store.finish(stop.stored(parts))
         rates = tuple(self._rate(item, table) for item in predicates)
         result = MonteCarloResult(
-            self, family, table, path, runner.computed, runner.seconds, rates, stop.ended(self.runs)
+            study=self,
+            family=family,
+            table=table,
+            path=path,
+            computed=runner.computed,
+            seconds=runner.seconds,
+            rates=rates,
+            ended=stop.ended(self.runs),
         )
         every = rates[0].failures == rates[0].runs
         return replace(result, why=why_it_failed(family, result.case(result.worst))) if every else result
@@ -121,7 +128,6 @@ class Rate:
 class MonteCarloResult(AbstractTableResult):
     """Result of a Monte Carlo study.
 
-    - `study`, `family`, `table`, `path`, `computed`, `seconds`: as in `AbstractTableResult`.
     - `rates`: of each predicate.
     - `ended`: the reason why the study ended.
     - `why`: the likeliest reason in the worst run, if every run failed.

@@ -65,8 +65,19 @@ class Section:
     figures: Sequence[Drawn] = field(default=())
 
 
+@dataclass(frozen=True, kw_only=True)
 class AbstractResult(ABC):
-    """Result of a study."""
+    """Result of a study.
+
+    - `family`: the scenarios of its runs.
+    - `path`: of the rows' file or folder; None if they were not kept.
+    - `computed`, `seconds`: number of rows that were not stored before, and the time that they took.
+    """
+
+    family: Family
+    path: Any
+    computed: int
+    seconds: float
 
     @property
     @abstractmethod
@@ -91,21 +102,16 @@ class AbstractResult(ABC):
         return {}
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class AbstractTableResult(AbstractResult):
     """Result of a study with one table of rows.
 
-    - `study`, `family`: the request.
-    - `table`: the rows; `path`: of their file, None if they were not kept.
-    - `computed`, `seconds`: number of rows that were not stored before, and the time that they took.
+    - `study`: the request.
+    - `table`: the rows.
     """
 
     study: Any
-    family: Family
     table: Columns
-    path: Any
-    computed: int
-    seconds: float
 
     @property
     def runs(self) -> int:

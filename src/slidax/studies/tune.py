@@ -87,13 +87,12 @@ class Tune(AbstractStudy):
             confidence=self.confidence,
             seed=self.seed,
             base=self.described(),
-            family=family,
             front=front,
             gains=self._chosen(family, front),
             before=before.aims[0],
             today=rows_of(today, on.each, None),
             held_out=table,
-            **{name: value for name, value in evaluated.collected().items() if name != "family"},
+            **evaluated.collected(),
         )
 
     def _cases(self, family: Family) -> tuple[Values, Values]:

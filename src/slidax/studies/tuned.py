@@ -10,7 +10,6 @@ import numpy as np
 from slidax._errors import counted
 from slidax.metrics import METRICS
 from slidax.scenarios.description import ScenarioDescription
-from slidax.scenarios.family import Family
 from slidax.scenarios.load import altered_description
 
 from .overview import share
@@ -50,15 +49,13 @@ class Candidate:
 class Tuned(AbstractResult):
     """Result of a search for gains.
 
-    - `aims`, `holds`, `confidence`, `seed`, `base`, `family`: what was asked.
+    - `aims`, `holds`, `confidence`, `seed`, `base`: the request.
     - `front`: the candidates that no other beats, with their aims on the cases of the search.
     - `gains`: of each of them, by path.
     - `before`: the aims of today's gains on the cases of the search.
     - `today`: the rows of today's gains on the held-out cases.
     - `held_out`: those of the front, one candidate after the other; None if there is none.
     - `table`: all rows but today's.
-    - `path`: of the table; None if it was not kept.
-    - `computed`, `seconds`: rows that were not stored before, and the time that they took.
     """
 
     aims: tuple[str, ...]
@@ -66,16 +63,12 @@ class Tuned(AbstractResult):
     confidence: float
     seed: int
     base: ScenarioDescription
-    family: Family
     front: Front
     gains: list[dict[str, Any]]
     before: np.ndarray
     today: Columns
     held_out: Columns | None
     table: Columns
-    path: Any
-    computed: int
-    seconds: float
 
     @property
     def runs(self) -> int:

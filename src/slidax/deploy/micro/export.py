@@ -7,13 +7,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from slidax._errors import DefinitionError
-from slidax._writing import reason, write_bytes, write_text
+from slidax._writing import write_bytes
 
 from ..contents import Project
 from ..members import Member
-from ..project import project
-from ..text import render
+from ..project import project, write_files, writing
 
 if TYPE_CHECKING:
     from slidax.scenarios import Scenario
@@ -22,14 +20,16 @@ TARGETS = ("m4f", "m7", "rv64", "linux")
 STEPS = 200
 """Steps of the closed loop over which instructions are counted."""
 
-LAW = {
+BARE = ("port.h", "bare.c", "cortex_m.c", "riscv.S", "mps2.ld", "virt.ld")
+FILES = {
     "header.h.j2": "{prefix}.h",
     "step.c.j2": "{prefix}.c",
     "scenario.h.j2": "{prefix}_scenario.h",
     "scenario.c.j2": "{prefix}_scenario.c",
+    **{f"micro/{file}.j2": file for file in ("Makefile", "README.md", "test.c", "hosted.c", *BARE)},
 }
-BARE = ("port.h", "bare.c", "cortex_m.c", "riscv.S", "mps2.ld", "virt.ld")
-FILES = ("Makefile", "README.md", "test.c", "hosted.c", *BARE)
+"""Templates, and the files that they become."""
+
 TYPES = {"b1": "?", "u32": "<u4", "i32": "<i4", "i64": "<i8", "u64": "<u8"}
 
 
@@ -46,16 +46,9 @@ def export_micro(
     written.
     """
     exported = project(scenario, name=name, single=single, command=command)
-    values = {"x": exported, "steps": STEPS, "targets": TARGETS}
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-        for template, file in LAW.items():
-            write_text(out / file.format(prefix=exported.prefix), render(template, values))
-        for file in FILES:
-            write_text(out / file, render(f"micro/{file}.j2", values))
+    write_files(exported, out, FILES, steps=STEPS, targets=TARGETS)
+    with writing(out):
         write_bytes(out / "golden.bin", golden_bytes(exported))
-    except OSError as error:
-        raise DefinitionError(f"cannot write the project to `{out}`: {reason(error)}") from None
     return exported
 
 

@@ -12,13 +12,12 @@ from pathlib import Path
 from typing import Any
 
 from slidax._errors import DefinitionError
-from slidax._writing import reason, write_text
+from slidax._writing import write_text
 from slidax.scenarios import Scenario
 
 from ..contents import Project
 from ..members import Member
-from ..project import STEP, export_c, project, write_files
-from ..text import render
+from ..project import STEP, export_c, project, write_files, writing
 from .allowed import Allowed
 from .gravity import weight_by_robot
 from .law import Pilot
@@ -80,12 +79,8 @@ def export_robot(
     weightless = weight_by_robot(scenario)
     exported = write_law(weightless, out / "law", name=name, single=single, command=command, golden=golden)
     limits = Allowed.of(weightless, exported, lost=target.lost, carried=True)
-    try:
-        write_onboard(exported, limits, out, {"program.py": target.program})
-        for template, file in target.files.items():
-            write_text(out / file, render(f"{target.folder}/{template}", {"x": exported, "o": limits}))
-    except OSError as error:
-        raise DefinitionError(f"cannot write the project to `{out}`: {reason(error)}") from None
+    write_onboard(exported, limits, out, {"program.py": target.program})
+    write_files(exported, out, {f"{target.folder}/{name}": file for name, file in target.files.items()}, o=limits)
     return exported
 
 
@@ -109,18 +104,17 @@ def write_onboard(
 
     - `programs`: more Python programs by file name, each by a function or class of its module.
     - `names`: joint names, for programs that address joints by name.
+
+    Raises DefinitionError if the folder cannot be written.
     """
     folder = out / "law"
-    for name in C_FILES:
-        text = render(f"onboard/{name}.j2", {"x": exported, "o": limits})
-        write_text(folder / f"{exported.prefix}_{name}", text)
-    write_text(
-        folder / "law.json",
-        json.dumps(described(exported, limits) | ({"names": list(names)} if names else {}), indent=1) + "\n",
-    )
+    write_files(exported, folder, {f"onboard/{name}.j2": f"{{prefix}}_{name}" for name in C_FILES}, o=limits)
+    law = described(exported, limits) | ({"names": list(names)} if names else {})
     files: dict[str, Any] = {f"{_stem(part)}.py": part for part in (Pilot, Log, loaded, rehearse)}
-    for file, part in {**files, **(programs or {})}.items():
-        write_text(out / file, standalone(part))
+    with writing(out):
+        write_text(folder / "law.json", json.dumps(law, indent=1) + "\n")
+        for file, part in {**files, **(programs or {})}.items():
+            write_text(out / file, standalone(part))
 
 
 def standalone(part: Any) -> str:

@@ -9,25 +9,25 @@ from typing import Any
 import slidax
 from slidax._errors import DefinitionError, shown
 from slidax._names import are_numbered
-from slidax._writing import reason, write_text
+from slidax._writing import write_text
 from slidax.scenarios import Scenario
 
 from ..contents import Project
 from ..onboard import Allowed, weight_by_robot, write_law, write_onboard
 from ..onboard.gravity import own_plant
-from ..text import render
+from ..project import write_files, writing
 from .node import Node
 from .parameters import Declared, as_list, as_text, declared, yaml
 
 FILES = {
-    "controller.hpp.j2": "include/{package}/controller.hpp",
-    "controller.cpp.j2": "src/controller.cpp",
-    "plugin.xml.j2": "{package}.xml",
-    "package.xml.j2": "package.xml",
-    "CMakeLists.txt.j2": "CMakeLists.txt",
-    "controllers.yaml.j2": "config/controllers.yaml",
-    "control.launch.py.j2": "launch/control.launch.py",
-    "README.md.j2": "README.md",
+    "ros2/controller.hpp.j2": "include/slidax_{name}_controller/controller.hpp",
+    "ros2/controller.cpp.j2": "src/controller.cpp",
+    "ros2/plugin.xml.j2": "slidax_{name}_controller.xml",
+    "ros2/package.xml.j2": "package.xml",
+    "ros2/CMakeLists.txt.j2": "CMakeLists.txt",
+    "ros2/controllers.yaml.j2": "config/controllers.yaml",
+    "ros2/control.launch.py.j2": "launch/control.launch.py",
+    "ros2/README.md.j2": "README.md",
 }
 """Templates, and the files that they become."""
 
@@ -64,7 +64,6 @@ def export_ros2(
     names = interface_names(own_plant(scenario).robot.joint_names)
     rows = declared(exported, allowed, names)
     values: dict[str, Any] = {
-        "x": exported,
         "o": allowed,
         "package": package,
         "rows": rows,
@@ -75,15 +74,10 @@ def export_ros2(
         "version": slidax.__version__,
         "signals": _signals(exported),
     }
-    try:
-        write_onboard(exported, allowed, out, {"node.py": Node}, names)
-        for template, file in FILES.items():
-            path = out / file.format(package=package)
-            path.parent.mkdir(parents=True, exist_ok=True)
-            write_text(path, render(f"ros2/{template}", values))
+    write_onboard(exported, allowed, out, {"node.py": Node}, names)
+    write_files(exported, out, FILES, **values)
+    with writing(out):
         write_text(out / "src" / "parameters.yaml", yaml(package, rows))
-    except OSError as error:
-        raise DefinitionError(f"cannot write the project to `{out}`: {reason(error)}") from None
     return exported
 
 

@@ -237,9 +237,8 @@ def _entry(
     carried = len(jax.tree.leaves(native.start[0]))
     names = [output.name for output in native.program.outputs]
     logged = len(jax.tree.leaves(native.log))
-    n = built.plant.robot.joints
-    units = built.plant.robot.joint_units
-    of = {"position": units, "torque": tuple("N m" if unit == "rad" else "N" for unit in units), "": ("",) * n}
+    robot = built.plant.robot
+    of = {"position": robot.joint_units, "torque": robot.torque_units, "": ("",) * robot.joints}
     signals = []
     for name, (_, width, _) in zip(names[:logged], module.outputs[:logged], strict=True):
         short = name.removeprefix("log.")
@@ -268,9 +267,9 @@ def _entry(
         "rows": max(-(-variant.samples // variant.every) for variant in variants),
         "log_every": variants[0].every * built.period,
         "t1": built.t1,
-        "joints": n,
-        "joint_units": units,
-        "joint_names": built.plant.robot.joint_names,
+        "joints": robot.joints,
+        "joint_units": robot.joint_units,
+        "joint_names": robot.joint_names,
         "bands": BANDS,
         "has_envelope": has_envelope,
     }
