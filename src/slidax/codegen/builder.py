@@ -1,4 +1,4 @@
-"""Makes programs: one value for each operation on the same arguments, computed where it is needed and no more often."""
+"""Build programs: equal operations on equal arguments share one value, computed no more often than needed."""
 
 from __future__ import annotations
 
@@ -8,31 +8,30 @@ from typing import Any
 
 import numpy as np
 
-from .fold import folded
+from .fold import fold_operation
 from .ir import FLOATS, Branch, Call, Input, Loop, Number, Output, Program, Region, Type, Value
 from .prune import prune
 
 Values = np.ndarray
-"""An array of `Value`s, with dtype object."""
+"""Array of `Value`s, with dtype object."""
 
 COMMUTATIVE = frozenset({"add", "mul", "min", "max", "and", "or", "xor", "eq", "ne"})
 COMPARISONS = frozenset({"eq", "ne", "lt", "le", "gt", "ge", "isfinite"})
 
-
 LARGEST = 4_000_000
-"""As many values as a program may have; at some 250 bytes each they take 1 GB."""
+"""Largest number of values in a program: about 250 bytes each, 1 GB in all."""
 
 LARGEST_CODE = 400_000
-"""As many of them may be operations; LLVM takes a minute and 2 GB for so many."""
+"""Largest number of operations among them: LLVM then takes a minute and 2 GB."""
 
 
 class Builder:
-    """A program in the making.
+    """Builder of one program.
 
-    A value is made once: asked for again, in the same region or in one inside of it, it is found again. In a loop it is
-    placed outside if nothing that it needs changes there; out of a branch nothing is moved, as it may be expensive.
+    An operation that the same region, or one around it, already has is not built again. In a loop, a value is placed
+    outside if none of its arguments changes there. No value is moved out of a branch, as it may be expensive.
 
-    - `origin`: put on every value made from now on.
+    - `origin`: origin of every value built from now on.
     """
 
     def __init__(self) -> None:
@@ -42,14 +41,10 @@ class Builder:
         self._count = 0
         self._operations = 0
 
-    # ---- numbers ----------------------------------------------------------------------------------------------------
+    # ---- values -----------------------------------------------------------------------------------------------------
 
     def constant(self, number: Number, type: Type) -> Value:
-        """A known number.
-
-        - `number`: Python's or NumPy's.
-        - `type`: of the value.
-        """
+        """Return a constant, from a Python or NumPy number."""
         if type in FLOATS:
             number = float(np.float32(number)) if type == "f32" else float(number)
             key: Any = number.hex()
@@ -59,10 +54,9 @@ class Builder:
         return self._known(self.program.body, ("const", type, key), "const", type, (), number)
 
     def input(self, name: str, type: Type, shape: tuple[int, ...], *, varying: bool = False) -> Values:
-        """A new input, as an array of its elements.
+        """Add an input, and return the array of its elements.
 
-        - `name`, `type`, `shape`: its own.
-        - `varying`: whether each run of a batch has its own.
+        - `varying`: true if each run of a batch has its own.
         """
         which = len(self.program.inputs)
         self.program.inputs.append(Input(name, type, shape, varying))
@@ -72,27 +66,22 @@ class Builder:
         return array.reshape(shape)
 
     def output(self, name: str, type: Type, values: Values) -> None:
-        """Declares what the program returns.
-
-        - `name`, `type`: its own.
-        - `values`: the array.
-        """
+        """Add an output with these elements."""
         self.program.outputs.append(Output(name, type, values.shape, tuple(values.ravel())))
 
     def logged(self, name: str, type: Type, shape: tuple[int, ...]) -> int:
-        """Declares an output that is written row by row; returns its number, for `store`.
+        """Add an output that `store` writes row by row, and return its number.
 
-        - `name`, `type`: its own.
-        - `shape`: of one row.
+        - `shape`: shape of one row.
         """
         self.program.outputs.append(Output(name, type, shape, None))
         return len(self.program.outputs) - 1
 
     def store(self, output: int, row: Value, when: Value, values: Values) -> None:
-        """Writes one row of a logged output.
+        """Write one row of a logged output.
 
-        - `output`: from `logged`.
-        - `row`: its number, i64.
+        - `output`: number of the output, from `logged`.
+        - `row`: number of the row, i64.
         - `when`: b1; nothing is written where it is false.
         - `values`: the row.
         """
@@ -101,7 +90,7 @@ class Builder:
     # ---- operations -------------------------------------------------------------------------------------------------
 
     def apply(self, op: str, *args: Value, type: Type | None = None, data: Any = None) -> Value:
-        """The value of an operation, simplified.
+        """Return the simplified value of an operation.
 
         - `op`, `args`, `data`: see `slidax.codegen.ir`.
         - `type`: of the result; None: that of the last argument, or b1 for comparisons.
@@ -110,7 +99,7 @@ class Builder:
             type = "b1" if op in COMPARISONS else args[-1].type
         if op in COMMUTATIVE and args[0].number > args[1].number:
             args = (args[1], args[0])
-        simpler = folded(self, op, type, args)
+        simpler = fold_operation(self, op, type, args)
         if simpler is not None:
             return simpler
         region = self._place(args)
@@ -124,12 +113,12 @@ class Builder:
         body: Callable[[tuple[Value, ...]], Sequence[Value]],
         turns: Value | None = None,
     ) -> list[Value]:
-        """`while condition(carried): carried = body(carried)`; returns the carried numbers after it.
+        """Add `while condition(carried): carried = body(carried)`, and return the carried values after it.
 
-        - `carried`: the numbers before the first turn.
-        - `condition`: makes a b1 of the carried numbers.
-        - `body`: makes their successors, of the same types.
-        - `turns`: the number of turns if it is known; the first of the carried numbers must then count them from 0.
+        - `carried`: initial values.
+        - `condition`: from the carried values to a b1.
+        - `body`: from the carried values to their successors, of the same types.
+        - `turns`: number of iterations if known; the first carried value must then count them from 0.
         """
         head = Region("head", self.region)
         loop = Loop("loop", "none", tuple(carried), None, self.region, self._next(), self.origin)
@@ -149,10 +138,10 @@ class Builder:
     def branch(
         self, when: Value, then: Callable[[], Sequence[Value]], otherwise: Callable[[], Sequence[Value]]
     ) -> list[Value]:
-        """What `then()` makes where `when` is true, else what `otherwise()` makes; only one of them is computed.
+        """Add `then()` where `when` is true, else `otherwise()`, and return the values; only one side is computed.
 
         - `when`: b1.
-        - `then`, `otherwise`: make numbers, as many and of the same types.
+        - `then`, `otherwise`: return values, as many and of the same types.
         """
         known = when.data if when.op == "const" else self._decided(when)
         if known is not None:
@@ -167,14 +156,14 @@ class Builder:
         _require_types(block.yes, block.no)
         self.region.values.append(block)
         results = self._results(block, block.yes)
-        # What both leave is no matter of the branch.
+        # A value that both sides leave does not depend on the branch.
         return [yes if yes is no else result for yes, no, result in zip(block.yes, block.no, results, strict=True)]
 
     def call(self, program: Program, args: Sequence[Value]) -> list[Value]:
-        """The elements of a function's outputs, one output after the other.
+        """Return the elements of a function's outputs, one output after the other.
 
-        - `program`: the function; it logs nothing.
-        - `args`: the elements of its inputs, one input after the other.
+        - `program`: the function, without logged outputs.
+        - `args`: elements of its inputs, one input after the other.
         """
         region = self._place(tuple(args))
         key = ("call", id(program), *[arg.number for arg in args])
@@ -192,14 +181,14 @@ class Builder:
         return [self._new(region, "result", type, (call,), k) for k, type in enumerate(types)]
 
     def finish(self) -> Program:
-        """The program, without what nothing needs."""
+        """Return the program without unused values."""
         prune(self.program)
         return self.program
 
     # ---- inside -----------------------------------------------------------------------------------------------------
 
     def _decided(self, when: Value) -> bool | None:
-        """What a condition is here, if a branch around has asked it already."""
+        """Value of a condition here, if a surrounding branch has it as its own condition."""
         region: Region | None = self.region
         while region is not None:
             block = region.owner
@@ -227,9 +216,9 @@ class Builder:
     def _known(self, region: Region, key: Any, op: str, type: Type, args: tuple[Value, ...], data: Any) -> Value:
         around: Region | None = region
         while around is not None:
-            found = around.known.get(key)
-            if found is not None:
-                return found
+            value = around.known.get(key)
+            if value is not None:
+                return value
             around = around.parent
         value = self._new(region, op, type, args, data)
         region.known[key] = value
@@ -238,7 +227,7 @@ class Builder:
     def _place(self, args: tuple[Value, ...]) -> Region:
         region = self.region
         while region.kind in ("head", "body"):
-            # What a body computes from the carried numbers alone stays in it: the head runs once more than the body.
+            # A value of the body that depends on carried values stays there: the head runs once more than the body.
             head = region.parent if region.kind == "body" else region
             assert head is not None
             assert head.parent is not None
@@ -249,7 +238,7 @@ class Builder:
         return region
 
     def _results(self, block: Value, like: Sequence[Value]) -> list[Value]:
-        # They come from where the block does, not from where its last value does.
+        # Results have the origin of their block, not of its last value.
         self.origin = block.origin
         return [self._new(self.region, "result", value.type, (block,), k) for k, value in enumerate(like)]
 

@@ -1,4 +1,4 @@
-"""What a program is, in a few bytes: equal for equal programs, whichever process made them."""
+"""Digest of a program: equal for equal programs in every process."""
 
 from __future__ import annotations
 
@@ -10,10 +10,7 @@ from .ir import FLOATS, Branch, Call, Loop, Program, Region, Value
 
 
 def digest(program: Program) -> str:
-    """A sum over all that a program does, and over the sources of whatever prints it.
-
-    - `program`: it.
-    """
+    """Return a SHA-256 digest of a program and of this package's sources."""
     lines = [program.name] if program.name else []
     lines += [f"{entry.name} {entry.type} {entry.shape} {entry.varying}" for entry in program.inputs]
     numbers: dict[Value, int] = {}
@@ -37,12 +34,12 @@ def _describe(region: Region, numbers: dict[Value, int], lines: list[str]) -> No
             _describe(value.head, numbers, lines)
             lines.append(f"while {numbers[value.condition]} {None if value.turns is None else numbers[value.turns]}")
             _describe(value.body, numbers, lines)
-            lines.append(f"again {[numbers[one] for one in value.following]}")
+            lines.append(f"again {[numbers[carried] for carried in value.following]}")
         elif isinstance(value, Branch):
             lines.append(f"if {args}")
             for side, left in ((value.then, value.yes), (value.otherwise, value.no)):
                 _describe(side, numbers, lines)
-                lines.append(f"give {[numbers[one] for one in left]}")
+                lines.append(f"give {[numbers[result] for result in left]}")
         elif isinstance(value, Call):
             lines.append(f"call {args} {digest(value.program)}")
         else:
@@ -52,7 +49,7 @@ def _describe(region: Region, numbers: dict[Value, int], lines: list[str]) -> No
 
 @functools.cache
 def _sources() -> bytes:
-    """A sum over this package's files: what is kept must not outlive the printer that made it."""
+    """Digest of this package's sources: cached code is invalid once its printer changes."""
     whole = hashlib.sha256()
     for path in sorted(Path(__file__).parent.rglob("*.py")):
         whole.update(path.read_bytes())

@@ -1,6 +1,6 @@
-"""What an operation simplifies to: known numbers are computed, and what changes nothing is left out.
+"""Simplify single operations: constants are folded, and operations without effect are removed.
 
-Only what holds for every number is used, NaN, infinities and the sign of zero aside from `x + 0`.
+The rules hold for every number, including NaN and infinities; only `x + 0` may lose the sign of a zero.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ DTYPES: dict[str, Any] = {
     "u32": np.uint32,
     "b1": np.bool_,
 }
-"""NumPy's name of each type."""
+"""NumPy dtype of each type."""
 
-# Not exp, log and their like: NumPy's last digits differ from machine to machine.
+# Without exp, log and other elementary functions: NumPy's last digits differ between machines.
 _COMPUTE: dict[str, Callable[..., Any]] = {
     "add": np.add,
     "sub": np.subtract,
@@ -54,12 +54,8 @@ _COMPUTE: dict[str, Callable[..., Any]] = {
 _EQUAL_GIVES = {"eq": True, "le": True, "ge": True, "ne": False, "lt": False, "gt": False}
 
 
-def folded(builder: Builder, op: str, type: Type, args: tuple[Value, ...]) -> Value | None:
-    """The simpler value, or None if there is none.
-
-    - `builder`: makes it.
-    - `op`, `type`, `args`: of the operation.
-    """
+def fold_operation(builder: Builder, op: str, type: Type, args: tuple[Value, ...]) -> Value | None:
+    """Return the simpler value of an operation, or None if there is none."""
     if op == "select" and args[0].op == "const":
         return args[1] if args[0].data else args[2]
     if args and all(arg.op == "const" for arg in args):
@@ -74,7 +70,7 @@ def _computed(op: str, type: Type, args: tuple[Value, ...]) -> Number | None:
     numbers = [DTYPES[arg.type](arg.data) for arg in args]
     with np.errstate(all="ignore"):
         if op == "convert":
-            return converted(args[0].data, args[0].type, type)
+            return convert_number(args[0].data, args[0].type, type)
         if op == "bitcast":
             return np.asarray(numbers[0]).view(DTYPES[type]).item()
         if op == "not":
@@ -103,15 +99,11 @@ def _shifted(op: str, type: Type, number: int, distance: int) -> Number:
     if not 0 <= distance < bits:
         return -1 if op == "sar" and number < 0 else 0
     whole = number if op == "sar" else number & ((1 << bits) - 1)
-    return converted(whole >> distance if op != "shl" else whole << distance, "u64", type)
+    return convert_number(whole >> distance if op != "shl" else whole << distance, "u64", type)
 
 
-def converted(number: Number, source: Type, target: Type) -> Number:
-    """A number as another type.
-
-    - `number`: as Python's.
-    - `source`, `target`: the types.
-    """
+def convert_number(number: Number, source: Type, target: Type) -> Number:
+    """Return a Python number converted from one IR type to another."""
     if target == "b1":
         return bool(number)
     if target in FLOATS:
@@ -221,7 +213,7 @@ def _select(b: Builder, type: Type, args: tuple[Value, ...]) -> Value | None:
                     return b.apply("or", when, other)
                 if op == "and" and not value.data:
                     return b.apply("and", when, other)
-    # The same question twice has the same answer.
+    # Nested choices on the same condition collapse.
     if yes.op == "select" and yes.args[0] is when:
         return b.apply("select", when, yes.args[1], no)
     if no.op == "select" and no.args[0] is when:
@@ -247,7 +239,7 @@ def _compared(op: str) -> Callable[[Builder, Type, tuple[Value, ...]], Value | N
         if args[0] is args[1] and args[0].type not in FLOATS:
             return b.constant(_EQUAL_GIVES[op], "b1")
         if args[0].type in ("u32", "u64"):
-            # Nothing is below an unsigned zero.
+            # No unsigned number is below zero.
             for k, always, never in ((1, "ge", "lt"), (0, "le", "gt")):
                 if op in (always, never) and _is(args[k], 0):
                     return b.constant(op == always, "b1")

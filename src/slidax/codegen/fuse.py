@@ -1,4 +1,4 @@
-"""Multiply-adds: `a b + c` rounded once, which costs what the sum alone would."""
+"""Fuse multiply-adds: `a b + c` is rounded once, and costs no more than the sum."""
 
 from __future__ import annotations
 
@@ -8,25 +8,22 @@ from .rebuild import Replace, rebuild
 
 
 def fuse(program: Program) -> Program:
-    """The same program with its products fused into the sums that they are for.
-
-    - `program`: stays as it is.
-    """
+    """Return the program with products fused into the sums that use them."""
     return rebuild(program, fused())
 
 
 def fused() -> Replace:
-    """What `rebuild` replaces to fuse: sums and differences with a product in them.
+    """Return the replacement for `rebuild` that fuses products into sums and differences.
 
-    A product is fused if it stands in the sum's own region: one from outside of a loop is there already. What else
-    needs it does not matter, so that a run rounds alike whatever of it is logged. Which of two products is fused
-    depends on their order alone, so that whatever is printed from the program rounds alike.
+    A product is fused if it stands in the region of the sum; one outside the loop is computed already. Other users of
+    the product do not matter, so that a run rounds alike whatever it logs. With two products, their order alone decides
+    which is fused, so that every target rounds alike.
     """
 
     def replace(builder: Builder, value: Value, args: tuple[Value, ...]) -> Value | None:
         if value.op not in ("add", "sub") or value.type not in FLOATS:
             return None
-        # The later product is as a rule the one that the sum waits for.
+        # The sum usually waits for the later product.
         for k in sorted((0, 1), key=lambda k: -value.args[k].number):
             product = args[k]
             if product.op == "mul" and value.args[k].region is value.region:

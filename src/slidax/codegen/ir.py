@@ -1,39 +1,40 @@
-"""The intermediate representation (IR): scalar operations in static single assignment, loops and branches as blocks.
+"""Intermediate representation (IR): scalar operations in static single assignment, loops and branches as blocks.
 
-A program is a tree of regions. Each region is a list of values in an order in which they can be computed; a value's
-arguments stand earlier in its own region or in one around it. All operations are pure, except `store`.
+A program is a tree of regions. A region is a list of values in an order of computation: the arguments of a value stand
+earlier in its own region or in one around it. All operations are pure, except `store`.
 
 | op | args | data | meaning |
 |---|---|---|---|
-| `const` | | number | as a Python float, int or bool |
-| `input` | | (input, element) | one number of an input, its elements counted in C order |
-| `param` | | k | the k-th of the numbers that a loop carries, at the start of a turn; lives in the loop's head |
-| `result` | block | k | the k-th of what a loop, a branch or a call leaves behind |
-| `call` | numbers | | what another program makes of them: its inputs' elements, one input after the other |
-| `load` | index i64 | input | an input's element by a number that is known in range |
-| `store` | row i64, when b1, numbers | output | writes one row of a logged output, where `when` is true |
-| `add sub mul div neg abs min max` | | | of one type; floats: NaN if one of them is; integers: `div` towards zero |
-| `rem` | | | what is left of a division towards zero: integers, and floats as `fmod` |
-| `and or xor not shl shr sar` | | | integers; `and or xor not` also b1; `shr` brings in zeros, `sar` the sign |
+| `const` | | number | a Python float, int or bool |
+| `input` | | (input, element) | one element of an input, counted in C order |
+| `param` | | k | k-th value that a loop carries, at the start of an iteration; lives in the loop's head |
+| `result` | block | k | k-th value that a loop, a branch or a call leaves |
+| `call` | values | | results of another program; the args are its inputs' elements, one input after the other |
+| `load` | index i64 | input | element of an input by a computed index, known to be in range |
+| `store` | row i64, when b1, values | output | writes one row of a logged output, where `when` is true |
+| `add sub mul div neg abs min max` | | | of one type; floats: NaN if an argument is; integers: `div` towards zero |
+| `rem` | | | remainder of a division towards zero: integers, and floats as `fmod` |
+| `and or xor not shl shr sar` | | | integers; `and or xor not` also b1; `shr` shifts in zeros, `sar` the sign |
 | `fma` | a, b, c | | a b + c, rounded once |
 | `sqrt floor ceil rint` | | | `rint`: halves to even |
 | `exp expm1 log log1p pow sin cos tan asin acos atan atan2 sinh cosh tanh erf erf_inv cbrt` | | | as in `math.h` |
 | `eq ne lt le gt ge` | of one type | | b1 |
 | `select` | when b1, yes, no | | |
 | `isfinite` | float | | b1 |
-| `copy` | one | k | the same number, in the k-th of the program's arrays |
-| `convert` | one | | to the value's type; floats to integers towards zero, held at its ends, NaN to 0; b1 to 0 or 1 |
-| `bitcast` | one | | the same bits as another type of the same size |
+| `copy` | value | k | the same number, in the k-th of the program's arrays |
+| `convert` | value | | floats to integers towards zero, clipped to the range, NaN to 0; b1 to 0 or 1 |
+| `bitcast` | value | | the same bits as another type of the same size |
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
 Type = Literal["f64", "f32", "i64", "i32", "u64", "u32", "b1", "none"]
-"""Of a value; `none` for blocks and stores."""
+"""Type of a value; `none` for blocks and stores."""
 
 FLOATS: tuple[Type, ...] = ("f64", "f32")
 INTEGERS: tuple[Type, ...] = ("i64", "i32", "u64", "u32")
@@ -58,7 +59,7 @@ ELEMENTARY = [
     "erf_inv",
     "cbrt",
 ]
-"""Functions that no processor has; printed as calls, or written out beforehand."""
+"""Functions without an instruction on any processor: printed as calls, or lowered beforehand."""
 
 BLOCKS = frozenset({"loop", "branch"})
 """Operations that hold regions."""
@@ -69,11 +70,11 @@ Number = float | int | bool
 class Region:
     """A list of values that are computed one after the other.
 
-    - `kind`: "whole", "head" and "body" (of a loop: computed again and again), or "branch" (perhaps never computed).
-    - `parent`: the region around it; None for the whole.
+    - `kind`: "whole", "head" or "body" of a loop, or a side of a "branch", which may not be computed.
+    - `parent`: surrounding region; None for the whole.
     - `owner`: the block that it belongs to; None for the whole.
     - `values`: in order.
-    - `known`: the builder's memory of them.
+    - `known`: values by operation and arguments, for the builder.
     """
 
     __slots__ = ("kind", "known", "owner", "parent", "values")
@@ -86,7 +87,7 @@ class Region:
         self.known: dict[Any, Value] = {}
 
     def within(self, other: Region) -> bool:
-        """Whether this region is the other one or lies inside of it."""
+        """True if this region is the other one or lies inside it."""
         region: Region | None = self
         while region is not None:
             if region is other:
@@ -96,12 +97,12 @@ class Region:
 
 
 class Value:
-    """One operation and what it gives.
+    """One operation and its result.
 
     - `op`, `type`, `args`, `data`: see the table above.
     - `region`: where it is computed.
-    - `number`: its own, growing in the order of making.
-    - `origin`: whatever tells where in the source it came from.
+    - `number`: unique, increasing in the order of construction.
+    - `origin`: place in the source, in the tracer's own form.
     """
 
     __slots__ = ("args", "data", "number", "op", "origin", "region", "type")
@@ -122,14 +123,14 @@ class Value:
 
 
 class Loop(Value):
-    """`while condition: carried = following`, with `args` the numbers carried into the first turn.
+    """`while condition: carried = following`; `args` are the initial carried values.
 
-    - `head`: the region of the condition; `params` live there.
-    - `params`: the carried numbers at the start of a turn.
-    - `condition`: b1; whether there is another turn.
+    - `head`: region of the condition and of `params`.
+    - `params`: carried values at the start of an iteration.
+    - `condition`: b1; true if another iteration follows.
     - `body`: a region inside the head.
-    - `following`: the carried numbers for the next turn.
-    - `turns`: the number of turns, if it is known and the same for all; `params[0]` then counts them from 0.
+    - `following`: carried values for the next iteration.
+    - `turns`: number of iterations, if known and equal for all runs; `params[0]` then counts them from 0.
     """
 
     __slots__ = ("body", "condition", "following", "head", "params", "turns")
@@ -142,10 +143,10 @@ class Loop(Value):
 
 
 class Branch(Value):
-    """`yes if args[0] else no`, of which only one is computed.
+    """`yes if args[0] else no`; only one side is computed.
 
-    - `then`, `otherwise`: the regions.
-    - `yes`, `no`: the numbers that each leaves.
+    - `then`, `otherwise`: regions of the sides.
+    - `yes`, `no`: values that each side leaves.
     """
 
     __slots__ = ("no", "otherwise", "then", "yes")
@@ -156,10 +157,10 @@ class Branch(Value):
 
 
 class Call(Value):
-    """What a function makes of some numbers: a program of its own, that many calls share.
+    """A call of a function: a program of its own, shared by many calls.
 
-    - `program`: the function; it logs nothing. The call's `args` are the elements of its inputs, one input after the
-      other, and its results the elements of its outputs likewise.
+    - `program`: the function, without logged outputs. The call's `args` are the elements of its inputs, one input after
+      the other, and its results the elements of its outputs likewise.
     """
 
     __slots__ = ("program",)
@@ -168,10 +169,9 @@ class Call(Value):
 
 @dataclass(frozen=True)
 class Input:
-    """An array that a program reads.
+    """Array that a program reads.
 
-    - `name`, `type`, `shape`: its own.
-    - `varying`: whether each run of a batch has its own.
+    - `varying`: true if each run of a batch has its own.
     """
 
     name: str
@@ -181,16 +181,16 @@ class Input:
 
     @property
     def size(self) -> int:
-        """How many numbers."""
-        return _product(self.shape)
+        """Number of elements."""
+        return math.prod(self.shape)
 
 
 @dataclass
 class Output:
-    """An array that a program writes.
+    """Array that a program writes.
 
-    - `name`, `type`, `shape`: its own; `shape` is that of one row if it is logged.
-    - `values`: in C order; None if it is logged, row by row, by `store`.
+    - `shape`: of one row, if it is logged.
+    - `values`: in C order; None if it is logged, written row by row by `store`.
     """
 
     name: str
@@ -200,17 +200,16 @@ class Output:
 
     @property
     def size(self) -> int:
-        """How many numbers, in one row if it is logged."""
-        return _product(self.shape)
+        """Number of elements, in one row if it is logged."""
+        return math.prod(self.shape)
 
 
 @dataclass
 class Program:
     """A pure function of arrays.
 
-    - `inputs`, `outputs`: in order.
-    - `body`: the outermost region.
-    - `name`: what the source calls it; empty for what is no function of the source.
+    - `body`: outermost region.
+    - `name`: name of the function in the source, or empty.
     - `arrays`: values that the source computes as one array, in C order, for printers that have arrays.
     """
 
@@ -221,25 +220,22 @@ class Program:
     arrays: list[tuple[Value, ...]] = field(default_factory=list)
 
     def walk(self) -> Iterator[Value]:
-        """All values, blocks before what is in them, each region in order."""
+        """Iterate over all values, a block before its contents."""
         yield from walk(self.body)
 
 
 def functions(program: Program) -> list[Program]:
-    """The functions that a program calls, and those that they call, each once and after all that it calls itself.
-
-    - `program`: the program.
-    """
-    found: dict[int, Program] = {}
+    """Return all functions that a program calls, directly or indirectly, callees before callers."""
+    programs: dict[int, Program] = {}
     for value in program.walk():
-        if isinstance(value, Call) and id(value.program) not in found:
+        if isinstance(value, Call) and id(value.program) not in programs:
             for inner in (*functions(value.program), value.program):
-                found.setdefault(id(inner), inner)
-    return list(found.values())
+                programs.setdefault(id(inner), inner)
+    return list(programs.values())
 
 
 def walk(region: Region) -> Iterator[Value]:
-    """All values of a region and of the regions inside it, blocks before what is in them."""
+    """Iterate over all values of a region and of the regions inside it, a block before its contents."""
     for value in region.values:
         yield value
         if value.op in BLOCKS:
@@ -248,7 +244,7 @@ def walk(region: Region) -> Iterator[Value]:
 
 
 def regions(value: Value) -> tuple[Region, ...]:
-    """The regions that a block holds; none for other values. A loop's body lies in its head."""
+    """Return the regions of a block, none for other values. A loop's body lies in its head."""
     if isinstance(value, Loop):
         return (value.head, value.body)
     if isinstance(value, Branch):
@@ -257,16 +253,9 @@ def regions(value: Value) -> tuple[Region, ...]:
 
 
 def uses(value: Value) -> tuple[Value, ...]:
-    """All values that a value needs: its arguments, and what its blocks leave behind."""
+    """Return all values that a value needs: its arguments, and the values that its regions leave."""
     if isinstance(value, Loop):
         return (*value.args, value.condition, *value.following)
     if isinstance(value, Branch):
         return (*value.args, *value.yes, *value.no)
     return value.args
-
-
-def _product(shape: tuple[int, ...]) -> int:
-    size = 1
-    for length in shape:
-        size *= length
-    return size

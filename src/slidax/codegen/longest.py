@@ -1,4 +1,4 @@
-"""How long a program can take: the turns of its loops, and its operations, at most."""
+"""Upper bounds on the iterations of a loop and on the operations of a program."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from typing import NamedTuple
 from .ir import ELEMENTARY, Branch, Call, Loop, Program, Region, Value
 
 FREE = frozenset({"const", "input", "param", "result", "copy", "bitcast"})
-"""What stands for no work of its own."""
+"""Operations that cost nothing."""
 
 
 class Longest(NamedTuple):
-    """What a program does at most.
+    """Largest number of operations of a program.
 
     - `operations`: additions, products, comparisons, choices, elementary functions and so on.
-    - `elementary`: those of them that are elementary functions.
+    - `elementary`: elementary functions among them.
     """
 
     operations: int
@@ -29,10 +29,7 @@ class Longest(NamedTuple):
         return Longest(self.operations + other.operations, self.elementary + other.elementary)
 
     def times(self, turns: int) -> Longest:
-        """The same so many times.
-
-        - `turns`: how many.
-        """
+        """Return the count of `turns` repetitions."""
         return Longest(self.operations * turns, self.elementary * turns)
 
 
@@ -40,28 +37,21 @@ NOTHING = Longest(0, 0)
 
 
 def longest(program: Program) -> Longest | None:
-    """What a program does where every loop goes on as long as it can, and every branch is the longer one.
+    """Count the operations if every loop runs as long as it can and every branch takes the longer side.
 
-    - `program`: the program.
-
-    None if a loop does not count its own turns.
+    Returns None if a loop does not count its own iterations.
     """
     return _of_region(program.body)
 
 
 def turns(loop: Loop) -> int | None:
-    """How many turns a loop takes at most: it counts them by ones, and goes on while the count is below a number.
-
-    - `loop`: the loop.
-
-    None if it does not.
-    """
+    """Return the largest number of iterations of a loop that counts by one up to a constant; None for other loops."""
     bounds = [bound for condition in _all_of(loop.condition) if (bound := _count(loop, condition)) is not None]
     return min(bounds, default=None)
 
 
 def _all_of(condition: Value) -> Iterator[Value]:
-    """The conditions that all must hold."""
+    """Conditions that must all hold."""
     if condition.op == "and":
         for part in condition.args:
             yield from _all_of(part)
@@ -78,8 +68,8 @@ def _count(loop: Loop, condition: Value) -> int | None:
     k = loop.params.index(counter)
     start, following = loop.args[k], loop.following[k]
     by_one = following.op == "add" and any(
-        one is counter and other.op == "const" and other.data == 1
-        for one, other in (following.args, following.args[::-1])
+        previous is counter and step.op == "const" and step.data == 1
+        for previous, step in (following.args, following.args[::-1])
     )
     if start.op != "const" or not by_one:
         return None
@@ -89,10 +79,10 @@ def _count(loop: Loop, condition: Value) -> int | None:
 def _of_region(region: Region) -> Longest | None:
     total = NOTHING
     for value in region.values:
-        found = _of_value(value)
-        if found is None:
+        count = _of_value(value)
+        if count is None:
             return None
-        total += found
+        total += count
     return total
 
 
@@ -105,12 +95,12 @@ def _of_value(value: Value) -> Longest | None:
         most, head, body = turns(value), _of_region(value.head), _of_region(value.body)
         if most is None or head is None or body is None:
             return None
-        # The condition is asked once more than there are turns.
+        # The condition is evaluated once more than the body.
         return (head + body).times(most) + head
     if isinstance(value, Branch):
         then, otherwise = _of_region(value.then), _of_region(value.otherwise)
         if then is None or otherwise is None:
             return None
-        # Each part by itself: the side with more operations may have fewer elementary functions.
-        return Longest(1, 0) + Longest(*(max(one, other) for one, other in zip(then, otherwise, strict=True)))
+        # Each count by itself: the side with more operations may have fewer elementary functions.
+        return Longest(1, 0) + Longest(*map(max, then, otherwise))
     return Longest(1, int(value.op in ELEMENTARY))

@@ -1,4 +1,4 @@
-"""The error for a function that cannot become native code, in one line."""
+"""Error for functions that cannot become native code, in one line."""
 
 from __future__ import annotations
 
@@ -9,17 +9,14 @@ from slidax._errors import DefinitionError
 
 
 class NoNativeCodeError(DefinitionError):
-    """A function holds something that there is no native code for; JAX itself may well run it.
-
-    - `message`, `where`: as in `DefinitionError`.
-    """
+    """A function uses an operation without native code; JAX itself may well run it."""
 
 
 @contextmanager
 def in_one_line(what: Callable[[], str]) -> Iterator[None]:
-    """Turns any failure inside into a NoNativeCodeError that names it; a DefinitionError passes as it is.
+    """Turn every failure inside into a NoNativeCodeError; a DefinitionError passes.
 
-    - `what`: says what was being made.
+    - `what`: name of the object, for the message.
 
     Raises NoNativeCodeError.
     """
@@ -28,7 +25,7 @@ def in_one_line(what: Callable[[], str]) -> Iterator[None]:
     except DefinitionError:
         raise
     except Exception as error:
-        said = str(error).strip().partition("\n")[0]
+        reason = str(error).strip().partition("\n")[0]
         if not isinstance(error, NotImplementedError):
-            said = f"{type(error).__name__}{said and ': '}{said}"
-        raise NoNativeCodeError(f"no native code for {what()}: {said}") from error
+            reason = f"{type(error).__name__}{reason and ': '}{reason}"
+        raise NoNativeCodeError(f"no native code for {what()}: {reason}") from error

@@ -1,4 +1,4 @@
-"""Leaves out what nothing needs."""
+"""Remove unused values from a program."""
 
 from __future__ import annotations
 
@@ -8,27 +8,27 @@ from .ir import Branch, Call, Loop, Program, Region, Value, regions
 
 
 def prune(program: Program) -> None:
-    """Removes all values that no output and no store needs, numbers that loops carry and branches leave among them.
+    """Remove all values that no output and no store needs, in place.
 
-    - `program`: changed in place.
+    Carried values of loops and results of branches are removed as well.
     """
     _drop(program.body, _needed(program))
 
 
 def _needed(program: Program) -> set[Value]:
     needed: set[Value] = set()
-    asked: list[Value] = [value for output in program.outputs for value in output.values or ()]
-    asked += [value for value in program.walk() if value.op == "store"]
-    while asked:
-        value = asked.pop()
+    pending: list[Value] = [value for output in program.outputs for value in output.values or ()]
+    pending += [value for value in program.walk() if value.op == "store"]
+    while pending:
+        value = pending.pop()
         if value not in needed:
             needed.add(value)
-            asked += _for(value)
+            pending += _needs_of(value)
     return needed
 
 
-def _for(value: Value) -> Iterable[Value]:
-    """What a needed value needs at once."""
+def _needs_of(value: Value) -> Iterable[Value]:
+    """Direct needs of a needed value."""
     if value.op == "param":
         loop = value.region.owner
         assert isinstance(loop, Loop)

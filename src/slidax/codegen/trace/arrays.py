@@ -1,4 +1,4 @@
-"""Arrays of values: what each rule of a primitive takes and gives."""
+"""Arrays of values: operands and results of the rules of primitives."""
 
 from __future__ import annotations
 
@@ -20,13 +20,11 @@ TYPES: dict[str, Type] = {
     "uint32": "u32",
     "bool": "b1",
 }
-"""The IR's name of each dtype."""
+"""IR type of each dtype."""
 
 
 def type_of(dtype: Any) -> Type:
-    """The IR's name of a dtype.
-
-    - `dtype`: NumPy's.
+    """Return the IR type of a dtype.
 
     Raises NotImplementedError if it has none.
     """
@@ -36,12 +34,8 @@ def type_of(dtype: Any) -> Type:
     return TYPES[name]
 
 
-def of_list(values: Iterable[Value], shape: tuple[int, ...]) -> Values:
-    """An array of values.
-
-    - `values`: in C order.
-    - `shape`: its own.
-    """
+def value_array(values: Iterable[Value], shape: tuple[int, ...]) -> Values:
+    """Return an array of values, listed in C order."""
     listed = list(values)
     array = np.empty(len(listed), object)
     array[:] = listed
@@ -49,59 +43,39 @@ def of_list(values: Iterable[Value], shape: tuple[int, ...]) -> Values:
 
 
 def of_numbers(builder: Builder, numbers: Any) -> Values:
-    """An array of known numbers.
-
-    - `builder`: makes them.
-    - `numbers`: anything that NumPy takes, of a type in `TYPES`.
-    """
+    """Return an array of constants, of a dtype in `TYPES`."""
     array = np.asarray(numbers)
     kind = type_of(array.dtype)
-    return of_list((builder.constant(number, kind) for number in array.ravel().tolist()), array.shape)
+    return value_array((builder.constant(number, kind) for number in array.ravel().tolist()), array.shape)
 
 
 def filled(value: Value, shape: tuple[int, ...]) -> Values:
-    """One value everywhere.
-
-    - `value`: it.
-    - `shape`: of the array.
-    """
+    """Return an array with one value everywhere."""
     array = np.empty(shape, object)
     array[...] = value
     return array
 
 
 def each(function: Callable[..., Value], *arrays: Values) -> Values:
-    """A function of the elements, for arrays of one shape; scalars go with all.
-
-    - `function`: of one value from each.
-    - `arrays`: one shape, or ().
-    """
+    """Apply a function to each element of arrays with one shape; scalars are broadcast."""
     if all(array.ndim == 0 for array in arrays):
-        return of_list([function(*(array.item() for array in arrays))], ())
+        return value_array([function(*(array.item() for array in arrays))], ())
     arrays = tuple(np.broadcast_arrays(*arrays)) if len(arrays) > 1 else arrays
-    return of_list([function(*row) for row in zip(*(array.ravel() for array in arrays), strict=True)], arrays[0].shape)
+    return value_array(
+        [function(*row) for row in zip(*(array.ravel() for array in arrays), strict=True)], arrays[0].shape
+    )
 
 
 def fold(function: Callable[[Value, Value], Value], values: Iterable[Value], empty: Value) -> Value:
-    """`function(... function(v1, v2) ..., vn)`.
-
-    - `function`: of two.
-    - `values`: in order.
-    - `empty`: what none at all gives.
-    """
+    """Return `function(... function(v1, v2) ..., vn)`, or `empty` for no values."""
     result: Value | None = None
     for value in values:
         result = value if result is None else function(result, value)
     return empty if result is None else result
 
 
-def chosen(builder: Builder, values: list[Value], index: Value) -> Value:
-    """The element with a number that is known only at run time; the first or the last for a number out of range.
-
-    - `builder`: makes it.
-    - `values`: the elements.
-    - `index`: an integer.
-    """
+def select_element(builder: Builder, values: list[Value], index: Value) -> Value:
+    """Return the element at a run-time index, an integer; an index out of range is clipped."""
     last = len(values) - 1
     if index.op == "const":
         return values[max(0, min(last, int(index.data)))]
@@ -121,11 +95,11 @@ def chosen(builder: Builder, values: list[Value], index: Value) -> Value:
 
 
 LONG = 16
-"""Arrays with more elements are read from memory, where they are inputs; others by a chain of choices."""
+"""Arrays with more elements are read from memory if they are inputs; others by a chain of choices."""
 
 
 def _computed(builder: Builder, values: list[Value], index: Value) -> Value | None:
-    """By arithmetic if the elements are a progression, else from memory if they lie there evenly."""
+    """Element by arithmetic if the elements are a progression, else from memory if they lie there evenly."""
     numbers = _progression(values)
     if numbers is not None:
         kind, (start, step) = values[0].type, numbers
@@ -143,10 +117,10 @@ def _computed(builder: Builder, values: list[Value], index: Value) -> Value | No
 
 
 def _progression(values: list[Value]) -> tuple[int, int] | None:
-    """Start and step, if the elements are evenly spaced integers, as those of `arange` are."""
+    """Start and step of evenly spaced integer constants, as `arange` gives them."""
     if len(values) < 2 or any(value.op != "const" or value.type not in ("i64", "i32") for value in values):
         return None
     numbers = [int(value.data) for value in values]
     step = numbers[1] - numbers[0]
-    even = all(later - sooner == step for sooner, later in itertools.pairwise(numbers))
+    even = all(after - before == step for before, after in itertools.pairwise(numbers))
     return (numbers[0], step) if even else None

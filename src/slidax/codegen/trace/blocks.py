@@ -1,4 +1,4 @@
-"""Loops and branches. They stay what they are; only what is known to be taken, or taken once, is written out."""
+"""Loops and branches. They stay blocks, unless they run at most once or their condition is known."""
 
 from __future__ import annotations
 
@@ -10,22 +10,22 @@ import numpy as np
 from slidax.codegen.builder import Builder, Values
 from slidax.codegen.ir import Value
 
-from .arrays import chosen, filled, of_list, type_of
+from .arrays import filled, select_element, type_of, value_array
 from .packed import packed, unpacked
 
 Inline = Callable[[Any, Sequence[Values]], list[Values]]
 """From a closed jaxpr and its arguments to its results."""
 
 FEW = 64
-"""A scan that stacks up to so many numbers carries them; one that stacks more is written out turn by turn."""
+"""Largest number of stacked results that a scan carries; a scan with more is unrolled."""
 
 
 def while_loop(b: Builder, equation: Any, arrays: list[Values], inline: Inline) -> list[Values]:
-    """`lax.while_loop`."""
+    """Rule of `lax.while_loop`."""
     params = equation.params
-    of_condition, of_body = params["cond_nconsts"], params["body_nconsts"]
-    condition_shares, shares = arrays[:of_condition], arrays[of_condition : of_condition + of_body]
-    start = arrays[of_condition + of_body :]
+    n_condition, n_body = params["cond_nconsts"], params["body_nconsts"]
+    condition_shares, shares = arrays[:n_condition], arrays[n_condition : n_condition + n_body]
+    start = arrays[n_condition + n_body :]
     shapes = [array.shape for array in start]
 
     def condition(carried: Sequence[Value]) -> Value:
@@ -39,33 +39,32 @@ def while_loop(b: Builder, equation: Any, arrays: list[Values], inline: Inline) 
 
 
 def scan(b: Builder, equation: Any, arrays: list[Values], inline: Inline) -> list[Values]:
-    """`lax.scan`, and `lax.fori_loop` over known numbers."""
+    """Rule of `lax.scan`, and of `lax.fori_loop` over a known range."""
     params = equation.params
     length, reverse = params["length"], params["reverse"]
-    shared, kept = _consts_and_carry(params)
-    shares, carry, rows = arrays[:shared], arrays[shared : shared + kept], arrays[shared + kept :]
-    avals = [var.aval for var in equation.outvars[kept:]]
+    shared, n_carry = _consts_and_carry(params)
+    shares, carry, rows = arrays[:shared], arrays[shared : shared + n_carry], arrays[shared + n_carry :]
+    avals = [var.aval for var in equation.outvars[n_carry:]]
     stacked = sum(int(np.prod(aval.shape, dtype=int)) for aval in avals)
     if length <= 1 or stacked > FEW:
         return _unrolled(params["jaxpr"], shares, carry, rows, (length, reverse), [a.shape for a in avals], inline)
 
     def turn(index: Value, carried: list[Values]) -> list[Values]:
-        # How far from the start this turn's rows are.
         last = b.constant(length - 1, "i64")
         at = b.apply("sub", last, index) if reverse else index
         picked = [_row(b, array, at) for array in rows]
-        results = inline(params["jaxpr"], [*shares, *carried[:kept], *picked])
-        stacks = [_with_row(b, stack, at, row) for stack, row in zip(carried[kept:], results[kept:], strict=True)]
-        return [*results[:kept], *stacks]
+        results = inline(params["jaxpr"], [*shares, *carried[:n_carry], *picked])
+        stacks = [_with_row(b, stack, at, row) for stack, row in zip(carried[n_carry:], results[n_carry:], strict=True)]
+        return [*results[:n_carry], *stacks]
 
-    # What the stacks hold before they are written is never read.
+    # The initial content of the stacks is never read.
     start = [*carry, *(filled(b.constant(0, type_of(aval.dtype)), aval.shape) for aval in avals)]
     shapes = [array.shape for array in start]
-    zero, one, turns = (b.constant(k, "i64") for k in (0, 1, length))
+    zero, unit, turns = (b.constant(k, "i64") for k in (0, 1, length))
     left = b.loop(
         [zero, *packed(start)],
         lambda carried: b.apply("lt", carried[0], turns),
-        lambda carried: [b.apply("add", carried[0], one), *packed(turn(carried[0], unpacked(carried[1:], shapes)))],
+        lambda carried: [b.apply("add", carried[0], unit), *packed(turn(carried[0], unpacked(carried[1:], shapes)))],
         turns,
     )
     return unpacked(left[1:], shapes)
@@ -103,7 +102,7 @@ def _element(array: Values, k: int) -> Values:
 
 def _row(b: Builder, array: Values, at: Value) -> Values:
     flat = array.reshape(array.shape[0], -1)
-    return of_list([chosen(b, list(column), at) for column in flat.T], array.shape[1:])
+    return value_array([select_element(b, list(column), at) for column in flat.T], array.shape[1:])
 
 
 def _with_row(b: Builder, stack: Values, at: Value, row: Values) -> Values:
@@ -116,7 +115,7 @@ def _with_row(b: Builder, stack: Values, at: Value, row: Values) -> Values:
 
 
 def cond(b: Builder, equation: Any, arrays: list[Values], inline: Inline) -> list[Values]:
-    """`lax.cond` and `lax.switch`."""
+    """Rule of `lax.cond` and `lax.switch`."""
     index, operands = arrays[0].item(), arrays[1:]
     branches = equation.params["branches"]
     return _switch(b, index, list(branches), 0, operands, inline)
@@ -125,7 +124,7 @@ def cond(b: Builder, equation: Any, arrays: list[Values], inline: Inline) -> lis
 def _switch(
     b: Builder, index: Value, branches: list[Any], first: int, operands: list[Values], inline: Inline
 ) -> list[Values]:
-    """The branch whose number `index` is, the last for all beyond; `branches` are those from number `first` on."""
+    """Results of the branch with number `index`, the last for all beyond; `branches` begin with number `first`."""
     if len(branches) == 1:
         return inline(branches[0], operands)
     values = b.branch(
@@ -137,7 +136,7 @@ def _switch(
 
 
 def _is_up_to(b: Builder, index: Value, number: int) -> Value:
-    """`index <= number`; a condition that became 0 or 1 is asked itself."""
+    """Condition `index <= number`; a condition that was converted to 0 or 1 is used itself."""
     if index.op == "convert" and index.args[0].type == "b1":
         return b.apply("not", index.args[0])
     if index.type == "b1":

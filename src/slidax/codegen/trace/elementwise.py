@@ -1,4 +1,4 @@
-"""Primitives that work on each element by itself."""
+"""Elementwise primitives."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from slidax.codegen.ir import FLOATS, Type, Value
 
 from .arrays import each, type_of
 
-SAME = {
+OPERATIONS = {
     "add": "add",
     "add_any": "add",
     "sub": "sub",
@@ -57,24 +57,24 @@ SAME = {
     "gt": "gt",
     "ge": "ge",
 }
-"""Primitives that are operations of the IR, by their names."""
+"""IR operation of each primitive that is one."""
 
 Rule = Callable[[Builder, Any, list[Values]], Values]
-"""From a builder, an equation and the arrays it takes to the array that it gives."""
+"""From a builder, an equation and its input arrays to the result array."""
 
 
-def same(builder: Builder, equation: Any, arrays: list[Values]) -> Values:
-    """A primitive that is an operation of the IR."""
-    op = SAME[equation.primitive.name]
+def apply_operation(builder: Builder, equation: Any, arrays: list[Values]) -> Values:
+    """Apply a primitive that is an operation of the IR."""
+    op = OPERATIONS[equation.primitive.name]
     apply = builder.apply
     if arrays[0].size and arrays[0].flat[0].type == "b1" and op in ("lt", "le", "gt", "ge", "max", "min", "mul", "add"):
-        return each(lambda *args: _of_bools(builder, op, args), *arrays)
+        return each(lambda *args: _bool_operation(builder, op, args), *arrays)
     if op == "pow" and arrays[1].size and arrays[1].flat[0].type not in FLOATS:
         raise NotImplementedError("a power with an array of integers as exponent")
     return each(lambda *args: apply(op, *args), *arrays)
 
 
-def _of_bools(b: Builder, op: str, args: tuple[Value, ...]) -> Value:
+def _bool_operation(b: Builder, op: str, args: tuple[Value, ...]) -> Value:
     x, y = args
     if op in ("max", "add"):
         return b.apply("or", x, y)
@@ -117,12 +117,12 @@ def _power(b: Builder, x: Value, exponent: int) -> Value:
 
 
 def _sign(b: Builder, x: Value) -> Value:
-    zero, one, less = b.constant(0, x.type), b.constant(1, x.type), b.constant(-1, x.type)
+    zero, plus, minus = b.constant(0, x.type), b.constant(1, x.type), b.constant(-1, x.type)
     if x.type in ("u32", "u64"):
-        return b.apply("select", b.apply("gt", x, zero), one, zero)
+        return b.apply("select", b.apply("gt", x, zero), plus, zero)
     # Zeros keep their sign, and NaN is NaN.
-    rest = b.apply("select", b.apply("lt", x, zero), less, x if x.type in FLOATS else zero)
-    return b.apply("select", b.apply("gt", x, zero), one, rest)
+    rest = b.apply("select", b.apply("lt", x, zero), minus, x if x.type in FLOATS else zero)
+    return b.apply("select", b.apply("gt", x, zero), plus, rest)
 
 
 def _round(b: Builder, equation: Any, x: Value) -> Value:
@@ -162,13 +162,13 @@ def _clamp(b: Builder, equation: Any, arrays: list[Values]) -> Values:
     return each(lambda low, x, high: b.apply("min", b.apply("max", x, low), high), *arrays)
 
 
-def _half_angle(b: Builder, equation: Any, x: Value) -> Value:
-    one = b.constant(1.0, x.type)
-    return b.apply("div", one, b.apply("add", one, b.apply("exp", b.apply("neg", x))))
+def _logistic(b: Builder, x: Value) -> Value:
+    unit = b.constant(1.0, x.type)
+    return b.apply("div", unit, b.apply("add", unit, b.apply("exp", b.apply("neg", x))))
 
 
-def _in_total_order(op: str) -> Rule:
-    """A comparison in which NaN is larger than all else; zeros are equal whatever their sign."""
+def _total_order_comparison(op: str) -> Rule:
+    """Comparison in which NaN is larger than every number; zeros are equal whatever their sign."""
 
     def rule(b: Builder, equation: Any, arrays: list[Values]) -> Values:
         def compared(x: Value, y: Value) -> Value:
@@ -181,13 +181,13 @@ def _in_total_order(op: str) -> Rule:
 
 
 def _one_minus_square(b: Builder, x: Value) -> Value:
-    """`(1 + x)(1 - x)`, the slope of `tanh` by its value: exact where x is near to 1 or -1."""
-    one = b.constant(1.0, x.type)
-    return b.apply("mul", b.apply("add", one, x), b.apply("sub", one, x))
+    """`(1 + x)(1 - x)`, the derivative of `tanh` from its value: exact near x = ±1."""
+    unit = b.constant(1.0, x.type)
+    return b.apply("mul", b.apply("add", unit, x), b.apply("sub", unit, x))
 
 
-RULES: dict[str, Rule] = {
-    **dict.fromkeys(SAME, same),
+ELEMENTWISE_RULES: dict[str, Rule] = {
+    **dict.fromkeys(OPERATIONS, apply_operation),
     "convert_element_type": _convert,
     "bitcast_convert_type": _bitcast,
     "integer_pow": lambda b, eqn, arrays: each(lambda x: _power(b, x, eqn.params["y"]), arrays[0]),
@@ -197,15 +197,15 @@ RULES: dict[str, Rule] = {
         lambda x: b.apply("div", b.constant(1.0, x.type), b.apply("sqrt", x)), arrays[0]
     ),
     "exp2": lambda b, eqn, arrays: each(lambda x: b.apply("pow", b.constant(2.0, x.type), x), arrays[0]),
-    "logistic": lambda b, eqn, arrays: each(lambda x: _half_angle(b, eqn, x), arrays[0]),
+    "logistic": lambda b, eqn, arrays: each(lambda x: _logistic(b, x), arrays[0]),
     "sign": lambda b, eqn, arrays: each(lambda x: _sign(b, x), arrays[0]),
     "round": lambda b, eqn, arrays: each(lambda x: _round(b, eqn, x), arrays[0]),
     "select_n": _select,
-    "lt_to": _in_total_order("lt"),
-    "le_to": _in_total_order("le"),
+    "lt_to": _total_order_comparison("lt"),
+    "le_to": _total_order_comparison("le"),
     "clamp": _clamp,
     "copy": lambda b, eqn, arrays: arrays[0],
     "copy_p": lambda b, eqn, arrays: arrays[0],
     "stop_gradient": lambda b, eqn, arrays: arrays[0],
 }
-"""The rule of each primitive, by its name."""
+"""Rule of each primitive, by its name."""

@@ -1,4 +1,4 @@
-"""Primitives that JAX itself writes in others."""
+"""Primitives that JAX itself expands into others."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from .blocks import Inline
 
 
 def expanded(b: Builder, equation: Any, arrays: list[Values], inline: Inline) -> list[Values]:
-    """What such a primitive is written in, as `jnp.searchsorted` is in a bisection and `custom_root` in its solver."""
+    """Inline the expansion of a primitive: `jnp.searchsorted` is a bisection, `custom_root` is its solver."""
     primitive = equation.params["_prim"]
     shapes = [jax.ShapeDtypeStruct(atom.aval.shape, atom.aval.dtype) for atom in equation.invars]
 
@@ -24,7 +24,7 @@ def expanded(b: Builder, equation: Any, arrays: list[Values], inline: Inline) ->
 
 
 def linear_solve(b: Builder, equation: Any, arrays: list[Values], inline: Inline) -> list[Values]:
-    """`lax.custom_linear_solve`, by the solver that it was given; its other functions are for derivatives."""
+    """Rule of `lax.custom_linear_solve`: its solver; its other functions are for derivatives."""
     lengths, jaxprs = equation.params["const_lengths"], equation.params["jaxprs"]
     first = lengths.matvec + lengths.vecmat
     right_sides = arrays[sum(lengths) :]
@@ -32,7 +32,7 @@ def linear_solve(b: Builder, equation: Any, arrays: list[Values], inline: Inline
 
 
 def platform_index(b: Builder, equation: Any, arrays: list[Values]) -> Values:
-    """Which of the versions of `lax.platform_dependent` is taken: that for the processor, else the one for all."""
+    """Rule of `lax.platform_dependent`: the version for the CPU, else the default one."""
     platforms = equation.params["platforms"]
     named = [k for k, names in enumerate(platforms) if names is not None and "cpu" in names]
     number = named[0] if named else platforms.index(None)

@@ -1,4 +1,4 @@
-"""Primitives that pick elements by numbers that may be known only at run time."""
+"""Primitives with run-time indices."""
 
 from __future__ import annotations
 
@@ -11,31 +11,27 @@ import numpy as np
 from slidax.codegen.builder import Builder, Values
 from slidax.codegen.ir import FLOATS, Value
 
-from .arrays import chosen, each, of_list
+from .arrays import each, select_element, value_array
 
 
 def window(b: Builder, array: Values, starts: list[Value], sizes: tuple[int, ...]) -> Values:
-    """The part of an array from `starts` on, moved inside where it would reach out.
+    """Return the part of an array from `starts` on, shifted inside where it would leave the array.
 
-    - `b`: makes it.
-    - `array`: the whole.
-    - `starts`: one integer for each axis.
-    - `sizes`: of the part.
+    - `starts`: an integer for each axis.
+    - `sizes`: shape of the part.
     """
     for axis, (start, size) in enumerate(zip(starts, sizes, strict=True)):
         places = array.shape[axis] - size + 1
         parts = [np.take(array, range(k, k + size), axis=axis) for k in range(places)]
-        array = parts[0] if places == 1 else each(lambda *row, at=start: chosen(b, list(row), at), *parts)
+        array = parts[0] if places == 1 else each(lambda *row, at=start: select_element(b, list(row), at), *parts)
     return array
 
 
-def replaced(b: Builder, array: Values, part: Values, starts: list[Value]) -> Values:
-    """The array with a part of it replaced, from `starts` on, moved inside where it would reach out.
+def replace_window(b: Builder, array: Values, part: Values, starts: list[Value]) -> Values:
+    """Return the array with a part replaced from `starts` on, shifted inside where it would leave the array.
 
-    - `b`: makes it.
-    - `array`: the whole.
-    - `part`: with as many axes.
-    - `starts`: one integer for each axis.
+    - `part`: with as many axes as the array.
+    - `starts`: an integer for each axis.
     """
 
     def at(places: tuple[slice, ...], axis: int) -> Values:
@@ -47,7 +43,7 @@ def replaced(b: Builder, array: Values, part: Values, starts: list[Value]) -> Va
         results = [at((*places, slice(k, k + size)), axis + 1) for k in range(array.shape[axis] - size + 1)]
         if len(results) == 1:
             return results[0]
-        return each(lambda *row: chosen(b, list(row), starts[axis]), *results)
+        return each(lambda *row: select_element(b, list(row), starts[axis]), *results)
 
     return at((), 0)
 
@@ -57,7 +53,7 @@ def _dynamic_slice(b: Builder, equation: Any, arrays: list[Values]) -> Values:
 
 
 def _dynamic_update_slice(b: Builder, equation: Any, arrays: list[Values]) -> Values:
-    return replaced(b, arrays[0], arrays[1], [start.item() for start in arrays[2:]])
+    return replace_window(b, arrays[0], arrays[1], [start.item() for start in arrays[2:]])
 
 
 def _inside(b: Builder, starts: list[Value], sizes: tuple[int, ...], shape: tuple[int, ...]) -> Value:
@@ -72,7 +68,7 @@ def _inside(b: Builder, starts: list[Value], sizes: tuple[int, ...], shape: tupl
 def _starts(
     b: Builder, indices: Values, where: tuple[int, ...], axes: Any, rank: int, batching: list[tuple[int, int]]
 ) -> list[Value]:
-    """Of the window that belongs to one entry of the array of indices."""
+    """Start of the window that belongs to one entry of the array of indices."""
     row = indices[where]
     zero = b.constant(0, row[0].type if row.size else "i32")
     starts = [zero] * rank
@@ -124,12 +120,12 @@ def _scatter(combine: str | None) -> Callable[[Builder, Any, list[Values]], Valu
             for axis, k in zip(others, where, strict=True):
                 place[axis] = k
             picked = updates[tuple(place)]
-            part = picked if isinstance(picked, np.ndarray) else of_list([picked], ())
+            part = picked if isinstance(picked, np.ndarray) else value_array([picked], ())
             part = np.expand_dims(part, tuple(sorted(inserted)))
             sizes = part.shape
             if combine is not None:
                 part = each(lambda x, y: b.apply(combine, x, y), window(b, array, starts, sizes), part)
-            changed = replaced(b, array, part, starts)
+            changed = replace_window(b, array, part, starts)
             if _drops(equation):
                 inside = _inside(b, starts, sizes, array.shape)
                 changed = each(lambda new, old, ok=inside: b.apply("select", ok, new, old), changed, array)
@@ -139,7 +135,7 @@ def _scatter(combine: str | None) -> Callable[[Builder, Any, list[Values]], Valu
     return rule
 
 
-RULES: dict[str, Callable[[Builder, Any, list[Values]], Values]] = {
+INDEXING_RULES: dict[str, Callable[[Builder, Any, list[Values]], Values]] = {
     "dynamic_slice": _dynamic_slice,
     "dynamic_update_slice": _dynamic_update_slice,
     "gather": _gather,
@@ -152,4 +148,4 @@ RULES: dict[str, Callable[[Builder, Any, list[Values]], Values]] = {
     "scatter_min": _scatter("min"),
     "scatter_max": _scatter("max"),
 }
-"""The rule of each primitive, by its name."""
+"""Rule of each primitive, by its name."""

@@ -1,4 +1,4 @@
-"""A jaxpr, equation by equation, into a builder."""
+"""Inline a jaxpr into a builder, equation by equation."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from slidax.codegen.no_native_code import NoNativeCodeError, in_one_line
 from . import blocks, elementwise, indexing, random, reductions, shapes
 from .arrays import of_numbers
 from .expanded import expanded, linear_solve, platform_index
-from .library import Library, together
+from .library import Library, place_together
 from .origin import Origin, frames_of
 
 CALLS = {
@@ -30,20 +30,20 @@ CALLS = {
     "custom_vjp_call": "call_jaxpr",
     "custom_vjp_call_jaxpr": "fun_jaxpr",
 }
-"""Primitives that call another jaxpr, with the parameter that holds it."""
+"""Primitives that call another jaxpr, and the parameter that holds it."""
 
 PLAIN: dict[str, Callable[[Builder, Any, list[Values]], Values | list[Values]]] = {
-    **elementwise.RULES,
-    **shapes.RULES,
-    **reductions.RULES,
-    **indexing.RULES,
+    **elementwise.ELEMENTWISE_RULES,
+    **shapes.SHAPE_RULES,
+    **reductions.REDUCTION_RULES,
+    **indexing.INDEXING_RULES,
     "threefry2x32": random.threefry,
     "iota_2x32_shape": random.counters,
     "platform_index": platform_index,
-    "random_wrap": random.same_words,
-    "random_unwrap": random.same_words,
+    "random_wrap": random.key_words,
+    "random_unwrap": random.key_words,
 }
-WITH_INNER: dict[str, Callable[[Builder, Any, list[Values], blocks.Inline], list[Values]]] = {
+WITH_JAXPRS: dict[str, Callable[[Builder, Any, list[Values], blocks.Inline], list[Values]]] = {
     "while": blocks.while_loop,
     "scan": blocks.scan,
     "cond": blocks.cond,
@@ -66,7 +66,7 @@ REMEDIES = {
     "qr": "use `slidax.numerics.solve_symmetric`",
     "pure_callback": "write it in `jax.numpy`",
     "io_callback": "write it in `jax.numpy`",
-    "debug_callback": "take the print out",
+    "debug_callback": "remove the print",
 }
 
 
@@ -79,17 +79,15 @@ def inline(
     named: bool = False,
     library: Library | None = None,
 ) -> list[Values]:
-    """The results of a closed jaxpr, as arrays of values.
+    """Return the results of a closed jaxpr, as arrays of values.
 
-    - `builder`: makes them.
-    - `closed`: the jaxpr.
     - `arrays`: its arguments.
-    - `constants`: what stands for the arrays that it closes over; None: their numbers.
-    - `named`: whether each value is told where in the source it came from; takes time.
-    - `library`: has the functions that stay functions; None: all is written out.
+    - `constants`: values of the arrays that it closes over; None: their numbers.
+    - `named`: true if each value gets its origin in the source; takes time.
+    - `library`: functions that stay functions; None inlines all of them.
 
-    Raises NoNativeCodeError if it holds a primitive that has no rule, or one whose rule fails: its name, where it
-    stands in the source, and the remedy or the failure.
+    Raises NoNativeCodeError, with its name, its place in the source and a remedy, if a primitive has no rule or its
+    rule fails.
     """
     return _Inlining(builder, named, library).run(closed, arrays, constants)
 
@@ -99,11 +97,11 @@ class _Inlining:
         self.builder = builder
         self.named = named
         self.library = library
-        # The function that all this is inside of: who called it is no matter of what is in it.
+        # The surrounding function. Its callers do not matter for origins.
         self.within = within
-        # Inside a called function, the place of the call.
+        # Equation of the call, inside a called function.
         self.call: Any = None
-        # Those whose inner jaxprs are open, the outermost first.
+        # Equations whose inner jaxprs are open, the outermost first.
         self.open: list[Any] = []
 
     def run(self, closed: Any, arrays: Sequence[Values], constants: Sequence[Values] | None = None) -> list[Values]:
@@ -129,7 +127,7 @@ class _Inlining:
                 if shared is not None:
                     return shared
             if name == "optimization_barrier" and self.library is not None:
-                return [together(self.builder, array) for array in arrays]
+                return [place_together(self.builder, array) for array in arrays]
             if name in CALLS:
                 around, self.call = self.call, self.call or equation
                 results = self.run(_closed(equation.params[CALLS[name]]), arrays)
@@ -143,22 +141,22 @@ class _Inlining:
                 if self.named:
                     self._mark(results)
                 return results
-            if name in WITH_INNER:
+            if name in WITH_JAXPRS:
                 around, self.call = self.call, None
-                mine = self.builder.origin
+                origin = self.builder.origin
                 self.open.append(around or equation)
-                results = WITH_INNER[name](self.builder, equation, arrays, self.run)
+                results = WITH_JAXPRS[name](self.builder, equation, arrays, self.run)
                 self.open.pop()
                 self.call = around
                 if self.named:
-                    self.builder.origin = mine
+                    self.builder.origin = origin
                     self._mark(results)
                 return results
         remedy = REMEDIES.get(name, "write it with other operations of `jax.numpy`, or simulate with the engine `xla`")
         raise NoNativeCodeError(f"no native code for the JAX primitive `{name}`{self._where(equation)}: {remedy}")
 
     def _call(self, equation: Any, arrays: list[Values]) -> list[Values] | None:
-        """The results of a function that stays one."""
+        """Results of a call that stays a call; None if it is inlined."""
         assert self.library is not None
 
         def run(builder: Builder, closed: Any, inside: Sequence[Values], name: str) -> list[Values]:
@@ -166,24 +164,24 @@ class _Inlining:
 
         if self.named:
             self.builder.origin = Origin(self.call or equation, within=self.within)
-        mine = self.builder.origin
+        origin = self.builder.origin
         results = self.library.call(self.builder, equation, arrays, run)
         if results is not None and self.named:
-            self.builder.origin = mine
+            self.builder.origin = origin
             self._mark(results)
         return results
 
     def _mark(self, results: list[Values]) -> None:
-        """Tells each new value which element of the result it is."""
-        mine = self.builder.origin
+        """Give each new value its element's number in the origin."""
+        origin = self.builder.origin
         for array in results:
             for k, value in enumerate(array.ravel()):
-                if value.origin is mine:
-                    value.origin = Origin(mine.equation, k, array.shape, mine.within, mine.visit)
+                if value.origin is origin:
+                    value.origin = Origin(origin.equation, k, array.shape, origin.within, origin.visit)
 
     def _where(self, equation: Any) -> str:
-        for made in (self.call or equation, *reversed(self.open)):
-            for frame in frames_of(made)[:1]:
+        for nearest in (self.call or equation, *reversed(self.open)):
+            for frame in frames_of(nearest)[:1]:
                 return f" (line {frame.line} of {frame.file}, in `{frame.function}`)"
         return ""
 

@@ -1,9 +1,10 @@
-"""Where in the source a value came from."""
+"""Origin of a value: its place in the Python source."""
 
 from __future__ import annotations
 
 import functools
 import itertools
+import math
 import os
 from types import CodeType
 from typing import Any, NamedTuple
@@ -15,11 +16,11 @@ LIBRARIES = tuple(f"{os.sep}{name}{os.sep}" for name in ("jax", "equinox", "jaxt
 
 
 class SourceFrame(NamedTuple):
-    """A place in a file: an expression.
+    """An expression in a source file.
 
-    - `file`, `line`: where it begins.
-    - `function`: in which function, by its qualified name.
-    - `column`, `end_line`, `end_column`: where in the line it begins, and where it ends, in bytes as `ast` counts them.
+    - `file`, `line`: start of the expression.
+    - `function`: qualified name of the surrounding function.
+    - `column`, `end_line`, `end_column`: start and end within the lines, in bytes as `ast` counts them.
     """
 
     file: str
@@ -31,13 +32,13 @@ class SourceFrame(NamedTuple):
 
 
 class Origin:
-    """The place in the source that made a value.
+    """Place in the source of a value.
 
-    - `equation`: of the jaxpr.
-    - `element`: which element of the equation's result the value is, in C order; None if it is none.
-    - `shape`: of that result.
+    - `equation`: equation of the jaxpr.
+    - `element`: number of the value in the equation's result, in C order; None if it is no element of it.
+    - `shape`: shape of that result.
     - `visit`: equal for the values of one operation on arrays.
-    - `within`: the function that the place is looked for in, whoever called it; None: anywhere.
+    - `within`: name of the function in which the place is looked for; None: anywhere.
     """
 
     __slots__ = ("element", "equation", "shape", "visit", "within")
@@ -58,15 +59,12 @@ class Origin:
 
     @property
     def size(self) -> int:
-        """How many elements the result has."""
-        size = 1
-        for length in self.shape:
-            size *= length
-        return size
+        """Number of elements of the result."""
+        return math.prod(self.shape)
 
     @property
     def frames(self) -> list[SourceFrame]:
-        """The places in the source, the innermost first, without those in JAX and its kin."""
+        """Places in the source, the innermost first, without JAX and its libraries."""
         frames = frames_of(self.equation)
         for k, frame in enumerate(frames):
             if self.within is not None and frame.function.rpartition(".")[2] == self.within:
@@ -75,15 +73,12 @@ class Origin:
 
 
 def frames_of(equation: Any) -> list[SourceFrame]:
-    """The places in the source of an equation of a jaxpr, the innermost first.
-
-    - `equation`: with its source information.
-    """
+    """Return the places in the source of an equation, the innermost first."""
     traceback = equation.source_info.traceback
     frames: list[SourceFrame] = []
     for code, instruction in zip(*traceback.raw_frames(), strict=True) if traceback is not None else ():
         if code.co_filename.startswith(HERE):
-            # What called the tracing is no part of what was traced.
+            # Callers of the tracer do not belong to the traced function.
             break
         if _ours(code.co_filename):
             frames.append(_place(code, instruction))

@@ -1,4 +1,4 @@
-"""Between arrays and the flat numbers that blocks carry and leave."""
+"""Conversion between arrays and the flat lists of values that blocks carry."""
 
 from __future__ import annotations
 
@@ -9,26 +9,19 @@ import numpy as np
 from slidax.codegen.builder import Values
 from slidax.codegen.ir import Value
 
-from .arrays import of_list
+from .arrays import value_array
 
 
 def packed(arrays: Sequence[Values]) -> list[Value]:
-    """The numbers of arrays, one after the other, each in C order.
-
-    - `arrays`: of any shapes.
-    """
+    """Return the elements of arrays, one array after the other, each in C order."""
     return [value for array in arrays for value in array.ravel()]
 
 
 def unpacked(values: Sequence[Value], shapes: Sequence[tuple[int, ...]]) -> list[Values]:
-    """The arrays with these numbers.
-
-    - `values`: as `packed` gives them.
-    - `shapes`: of the arrays.
-    """
+    """Return the arrays with these shapes, from values as `packed` gives them."""
     arrays, place = [], 0
     for shape in shapes:
         size = int(np.prod(shape, dtype=int))
-        arrays.append(of_list(values[place : place + size], shape))
+        arrays.append(value_array(values[place : place + size], shape))
         place += size
     return arrays

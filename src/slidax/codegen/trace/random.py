@@ -12,7 +12,7 @@ from slidax.codegen.builder import Builder, Values
 from slidax.codegen.fold import DTYPES
 from slidax.codegen.ir import Value
 
-from .arrays import each, of_list, of_numbers
+from .arrays import each, of_numbers, value_array
 
 PARITY = 0x1BD11BDA
 ROTATIONS = ((13, 15, 26, 6), (17, 29, 16, 24))
@@ -21,11 +21,11 @@ Inline = Callable[[Any, Sequence[Values]], list[Values]]
 
 
 def threefry(b: Builder, equation: Any, arrays: list[Values]) -> list[Values]:
-    """Two words from a key of two words and a counter of two words, element by element."""
+    """Rule of threefry: two words from a key of two words and a counter of two words, for each element."""
     arrays = list(np.broadcast_arrays(*arrays))
     pairs = [_threefry(b, *row) for row in zip(*(array.ravel() for array in arrays), strict=True)]
     shape = arrays[0].shape
-    return [of_list([pair[k] for pair in pairs], shape) for k in (0, 1)]
+    return [value_array([pair[k] for pair in pairs], shape) for k in (0, 1)]
 
 
 def _threefry(b: Builder, key0: Value, key1: Value, x0: Value, x1: Value) -> tuple[Value, Value]:
@@ -45,7 +45,7 @@ def _threefry(b: Builder, key0: Value, key1: Value, x0: Value, x1: Value) -> tup
 
 
 def counters(b: Builder, equation: Any, arrays: list[Values]) -> list[Values]:
-    """High and low words of 0, 1, 2, ..., in the shape that is asked for."""
+    """High and low words of 0, 1, 2, ..., in the requested shape."""
     shape = equation.params["shape"]
     low = np.arange(int(np.prod(shape, dtype=int)), dtype=np.uint32).reshape(shape)
     return [of_numbers(b, np.zeros_like(low)), of_numbers(b, low)]
@@ -57,10 +57,7 @@ def _implementation(equation: Any) -> Any:
 
 
 def by_implementation(name: str) -> Callable[[Builder, Any, list[Values], Inline], list[Values]]:
-    """The rule of a primitive on keys: what JAX's generator says of it.
-
-    - `name`: of the generator's function.
-    """
+    """Rule of a primitive on keys: the function `name` of JAX's generator, inlined."""
 
     def rule(b: Builder, equation: Any, arrays: list[Values], inline: Inline) -> list[Values]:
         impl = _implementation(equation)
@@ -85,6 +82,6 @@ def _dtype(array: Values) -> Any:
     return DTYPES[array.flat[0].type]
 
 
-def same_words(b: Builder, equation: Any, arrays: list[Values]) -> Values:
-    """A key is its words."""
+def key_words(b: Builder, equation: Any, arrays: list[Values]) -> Values:
+    """Return a key's words: the key itself."""
     return each(lambda x: x, arrays[0])

@@ -1,4 +1,4 @@
-"""Primitives that make few elements of many."""
+"""Reductions, cumulative operations and products of arrays."""
 
 from __future__ import annotations
 
@@ -10,24 +10,24 @@ import numpy as np
 from slidax.codegen.builder import Builder, Values
 from slidax.codegen.ir import FLOATS, Number, Type, Value
 
-from .arrays import fold, of_list, type_of
+from .arrays import fold, type_of, value_array
 
 
-def _reduced(op: str, empty: Number) -> Callable[[Builder, Any, list[Values]], Values]:
+def _reduction(op: str, empty: Number) -> Callable[[Builder, Any, list[Values]], Values]:
     def rule(b: Builder, equation: Any, arrays: list[Values]) -> Values:
         array, axes = arrays[0], tuple(equation.params["axes"])
         kept = [axis for axis in range(array.ndim) if axis not in axes]
         shape = tuple(array.shape[axis] for axis in kept)
         rows = array.transpose((*kept, *axes)).reshape((_size(shape), _size(array.shape[axis] for axis in axes)))
         kind = type_of(equation.outvars[0].aval.dtype)
-        name = _of_kind(op, kind)
+        name = _typed_operation(op, kind)
         none = b.constant(empty, kind) if np.isfinite(empty) or kind in FLOATS else b.constant(0, kind)
-        return of_list((fold(lambda x, y: b.apply(name, x, y), row, none) for row in rows), shape)
+        return value_array((fold(lambda x, y: b.apply(name, x, y), row, none) for row in rows), shape)
 
     return rule
 
 
-def _of_kind(op: str, kind: Type) -> str:
+def _typed_operation(op: str, kind: Type) -> str:
     return {"max": "or", "add": "or", "min": "and", "mul": "and"}.get(op, op) if kind == "b1" else op
 
 
@@ -35,7 +35,7 @@ def _size(lengths: Any) -> int:
     return int(np.prod(list(lengths), dtype=int))
 
 
-def _cumulated(op: str) -> Callable[[Builder, Any, list[Values]], Values]:
+def _cumulative(op: str) -> Callable[[Builder, Any, list[Values]], Values]:
     def rule(b: Builder, equation: Any, arrays: list[Values]) -> Values:
         axis = equation.params["axis"]
         moved = np.moveaxis(arrays[0], axis, 0)
@@ -52,8 +52,8 @@ def _cumulated(op: str) -> Callable[[Builder, Any, list[Values]], Values]:
     return rule
 
 
-def _place_of(better: str) -> Callable[[Builder, Any, list[Values]], Values]:
-    """The number of the first largest or smallest; NaN counts as such."""
+def _arg_extremum(better: str) -> Callable[[Builder, Any, list[Values]], Values]:
+    """Index of the first largest or smallest element; NaN counts as such."""
 
     def rule(b: Builder, equation: Any, arrays: list[Values]) -> Values:
         (axis,) = equation.params["axes"]
@@ -69,7 +69,7 @@ def _place_of(better: str) -> Callable[[Builder, Any, list[Values]], Values]:
             return place
 
         rows = moved.reshape(-1, moved.shape[-1])
-        return of_list((first(list(row)) for row in rows), moved.shape[:-1])
+        return value_array((first(list(row)) for row in rows), moved.shape[:-1])
 
     return rule
 
@@ -100,23 +100,23 @@ def _dot(b: Builder, equation: Any, arrays: list[Values]) -> Values:
         return fold(lambda u, v: b.apply("add", u, v), products, b.constant(0, kind))
 
     entries = (entry(p, q) for k in range(x.shape[0]) for p in x[k] for q in y[k])
-    return of_list(entries, (*shared_shape, *rows, *columns))
+    return value_array(entries, (*shared_shape, *rows, *columns))
 
 
-RULES: dict[str, Callable[[Builder, Any, list[Values]], Values]] = {
-    "reduce_sum": _reduced("add", 0),
-    "reduce_prod": _reduced("mul", 1),
-    "reduce_max": _reduced("max", -np.inf),
-    "reduce_min": _reduced("min", np.inf),
-    "reduce_and": _reduced("and", True),
-    "reduce_or": _reduced("or", False),
-    "reduce_xor": _reduced("xor", False),
-    "cumsum": _cumulated("add"),
-    "cumprod": _cumulated("mul"),
-    "cummax": _cumulated("max"),
-    "cummin": _cumulated("min"),
-    "argmax": _place_of("gt"),
-    "argmin": _place_of("lt"),
+REDUCTION_RULES: dict[str, Callable[[Builder, Any, list[Values]], Values]] = {
+    "reduce_sum": _reduction("add", 0),
+    "reduce_prod": _reduction("mul", 1),
+    "reduce_max": _reduction("max", -np.inf),
+    "reduce_min": _reduction("min", np.inf),
+    "reduce_and": _reduction("and", True),
+    "reduce_or": _reduction("or", False),
+    "reduce_xor": _reduction("xor", False),
+    "cumsum": _cumulative("add"),
+    "cumprod": _cumulative("mul"),
+    "cummax": _cumulative("max"),
+    "cummin": _cumulative("min"),
+    "argmax": _arg_extremum("gt"),
+    "argmin": _arg_extremum("lt"),
     "dot_general": _dot,
 }
-"""The rule of each primitive, by its name."""
+"""Rule of each primitive, by its name."""

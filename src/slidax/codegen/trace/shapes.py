@@ -1,4 +1,4 @@
-"""Primitives that only move elements about: no operation is left of them."""
+"""Primitives that only move elements; no operation remains of them."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def _pad(b: Builder, equation: Any, arrays: list[Values]) -> Values:
             for lo, length, gap in zip(low, spread, between, strict=True)
         )
     ] = array
-    # A negative padding cuts off.
+    # A negative padding removes elements.
     return result[tuple(slice(max(-lo, 0), n - max(-hi, 0)) for lo, hi, n in zip(low, high, full, strict=True))]
 
 
@@ -66,16 +66,16 @@ def _expand(b: Builder, equation: Any, arrays: list[Values]) -> Values:
 
 
 def _platform(b: Builder, equation: Any, arrays: list[Values]) -> Values:
-    """The number of the branch that JAX itself would take on the processor."""
+    """Index of the branch that JAX itself takes on the CPU."""
     platforms = equation.params["platforms"]
     return of_numbers(b, np.int32(next(k for k, names in enumerate(platforms) if names is None or "cpu" in names)))
 
 
-def _kind_only(b: Builder, equation: Any, arrays: list[Values]) -> Values:
+def _empty(b: Builder, equation: Any, arrays: list[Values]) -> Values:
     return filled(b.constant(0, type_of(equation.outvars[0].aval.dtype)), equation.outvars[0].aval.shape)
 
 
-RULES: dict[str, Callable[[Builder, Any, list[Values]], Values | list[Values]]] = {
+SHAPE_RULES: dict[str, Callable[[Builder, Any, list[Values]], Values | list[Values]]] = {
     "broadcast_in_dim": _broadcast,
     "reshape": _expand,
     "squeeze": _expand,
@@ -89,9 +89,9 @@ RULES: dict[str, Callable[[Builder, Any, list[Values]], Values | list[Values]]] 
     "stack": lambda b, eqn, arrays: np.stack(arrays, axis=eqn.params["axis"]),
     "unstack": _unstack,
     "split": _split,
-    "empty": _kind_only,
+    "empty": _empty,
     "platform_index": _platform,
     "optimization_barrier": lambda b, eqn, arrays: arrays,
     "device_put": lambda b, eqn, arrays: arrays,
 }
-"""The rule of each primitive, by its name."""
+"""Rule of each primitive, by its name."""

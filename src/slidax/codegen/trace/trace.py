@@ -1,4 +1,4 @@
-"""A function of arrays as a program."""
+"""Trace a function of arrays to a program."""
 
 from __future__ import annotations
 
@@ -24,17 +24,17 @@ def trace(
     named: bool = True,
     library: Library | None = None,
 ) -> Program:
-    """`function(*args)` as a program, whose inputs are the arrays in `args` and whose outputs those in its result.
+    """Return `function(*args)` as a program; its inputs are the arrays in `args`, its outputs those in the result.
 
-    An array is named after its argument and its place in it: `parameters.surface.k1`, `state.q`.
+    An array is named after its argument and its path in it: `parameters.surface.k1`, `state.q`.
 
     - `function`: pure, of pytrees of arrays.
-    - `args`: arrays, or shapes with dtypes; their numbers are not looked at.
-    - `names`: of the arguments; None: `arg0`, `arg1`, ...
-    - `named`: whether each value is told where in the source it came from; takes time.
-    - `library`: has the functions that stay functions; None: all is written out.
+    - `args`: arrays, or shapes with dtypes; their numbers are not used.
+    - `names`: names of the arguments; None: `arg0`, `arg1`, ...
+    - `named`: true if each value gets its origin in the source; takes time.
+    - `library`: functions that stay functions; None inlines all of them.
 
-    Raises NoNativeCodeError if it holds a primitive that has no rule, or one whose rule fails.
+    Raises NoNativeCodeError if a primitive has no rule or its rule fails.
     """
     builder = Builder()
     shapes = jax.tree.map(lambda x: jax.ShapeDtypeStruct(np.shape(x), jax.dtypes.canonicalize_dtype(_dtype(x))), args)
@@ -42,7 +42,7 @@ def trace(
     with in_one_line(lambda: "the function"):
         inputs = [
             builder.input(name, ir_type(leaf.dtype, name), leaf.shape)
-            for name, leaf in leaves(shapes, names or _numbered(args))
+            for name, leaf in leaves(shapes, names or [f"arg{k}" for k in range(len(args))])
         ]
         results = inline(builder, closed, inputs, named=named, library=library)
         outputs = [name for name, _ in leaves((result,), ("",))]
@@ -52,23 +52,21 @@ def trace(
 
 
 def leaves(trees: Sequence[Any], names: Sequence[str]) -> list[tuple[str, Any]]:
-    """The arrays in trees, each with its name.
+    """Return the arrays in pytrees, each with its name.
 
-    - `trees`: pytrees.
-    - `names`: one for each tree.
+    - `names`: a name for each tree.
     """
-    found = []
+    arrays = []
     for tree, name in zip(trees, names, strict=True):
         for path, leaf in jax.tree_util.tree_leaves_with_path(tree):
-            found.append(((name + _written(path)).lstrip("."), leaf))
-    return found
+            arrays.append(((name + _path_text(path)).lstrip("."), leaf))
+    return arrays
 
 
 def ir_type(dtype: Any, name: str) -> Any:
-    """The IR's type of a dtype.
+    """Return the IR type of a dtype.
 
-    - `dtype`: NumPy's.
-    - `name`: of the array, for the error.
+    - `name`: name of the array, for the error.
 
     Raises NoNativeCodeError if it has none.
     """
@@ -78,7 +76,7 @@ def ir_type(dtype: Any, name: str) -> Any:
         raise NoNativeCodeError(f"`{name}`: no native code for {error}") from None
 
 
-def _written(path: Sequence[Any]) -> str:
+def _path_text(path: Sequence[Any]) -> str:
     parts = []
     for key in path:
         for field in ("name", "key", "idx"):
@@ -86,10 +84,6 @@ def _written(path: Sequence[Any]) -> str:
                 parts.append(str(getattr(key, field)))
                 break
     return "".join(f".{part}" for part in parts)
-
-
-def _numbered(args: Sequence[Any]) -> list[str]:
-    return [f"arg{k}" for k in range(len(args))]
 
 
 def _dtype(x: Any) -> Any:
