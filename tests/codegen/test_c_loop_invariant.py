@@ -17,7 +17,7 @@ def split(function, *args):
     read = lambda k, e: f"{'pxyz'[k]}[{e}]"  # noqa: E731
     outputs = [(f"out[{k}]", value) for k, value in enumerate(v for o in program.outputs for v in o.values)]
     first = statements(program, [(text, value) for value, text in given.items()], read)
-    return "\n".join(first.lines), "\n".join(statements(program, outputs, read, given=given).lines)
+    return "\n".join(first.lines), "\n".join(statements(program, outputs, read, precomputed=given).lines)
 
 
 def test_what_follows_from_parameters_is_computed_apart():

@@ -149,7 +149,7 @@ class Library:
             [(f"{RESULT}[{k}]", value) for k, value in enumerate(outputs)],
             shared.read,
             dialect=dialect,
-            given=kept,
+            precomputed=kept,
             names=names,
             callees=self.callee,
             loops=True,

@@ -133,7 +133,7 @@ def _body(
         assigned,
         function.read,
         dialect=dialect,
-        given=kept,
+        precomputed=kept,
         names=names,
         callees=None if library is None else library.callee,
         loops=True,

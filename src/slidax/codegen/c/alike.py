@@ -1,4 +1,4 @@
-"""Expressions that differ in their operands alone, and how those are found one after the other."""
+"""Expressions that differ in their operands alone, and the rule by which a loop finds the operands."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 LEAST = 3
-"""As many turns as a loop is worth."""
+"""Smallest number of iterations that is worth a loop."""
 
 WORD = re.compile(
     r"(?<![\w.>])(?:"
@@ -18,7 +18,7 @@ WORD = re.compile(
 ELEMENT = re.compile(r"([A-Za-z_]\w*(?:->\w+)?)\[(\d+)\]")
 
 Stored = dict[str, tuple[str, int]]
-"""By name, the array and the place in it that a number has become."""
+"""Array and index of each value that has become an element, by the value's name."""
 
 Operands = Sequence[str]
 
@@ -27,8 +27,7 @@ Operands = Sequence[str]
 class Piece:
     """An expression.
 
-    - `text`: itself.
-    - `template`: the text with a mark for each operand.
+    - `template`: the text with a mark in place of each operand.
     - `operands`: variables, elements of arrays, and numbers, in order.
     """
 
@@ -36,37 +35,28 @@ class Piece:
     template: str
     operands: tuple[str, ...]
 
-    def filled(self, texts: Sequence[str]) -> str:
-        """The expression with other operands.
-
-        - `texts`: as many.
-        """
+    def fill(self, texts: Sequence[str]) -> str:
+        """Return the expression with other operands."""
         parts = self.template.split("\0")
         return parts[0] + "".join(text + part for text, part in zip(texts, parts[1:], strict=True))
 
-    def written(self, renamed: Callable[[str], str]) -> str:
-        """The expression with its operands renamed.
-
-        - `renamed`: from an operand to another.
-        """
-        return self.filled([renamed(word) for word in self.operands])
+    def with_operands(self, rename: Callable[[str], str]) -> str:
+        """Return the expression with each operand renamed."""
+        return self.fill([rename(word) for word in self.operands])
 
 
-def parsed(text: str) -> Piece:
-    """An expression, or any line of C.
-
-    - `text`: it.
-    """
+def parse(text: str) -> Piece:
+    """Split an expression, or any line of C, into template and operands."""
     return Piece(text, WORD.sub("\0", text), tuple(WORD.findall(text)))
 
 
 @dataclass(frozen=True)
 class Access:
-    """How an operand is found in turn i: `array[start + step i]`.
+    """Rule for an operand in iteration i: `array[start + step i]`.
 
-    - `array`, `start`, `step`: of the element; a step of 0: the same in all turns.
-    - `text`: of what is the same in all turns, and is no element.
-    - `numbers`: known numbers, one for each turn.
+    - `array`, `start`, `step`: the element; step 0: the same in all iterations.
+    - `text`: an operand that is the same in all iterations, and no element.
+    - `numbers`: constants, one for each iteration.
     """
 
     array: str = ""
@@ -76,10 +66,7 @@ class Access:
     numbers: tuple[str, ...] = ()
 
     def element(self, index: str) -> str:
-        """The element in C.
-
-        - `index`: the variable of the loop.
-        """
+        """Return the element as C text; `index` is the variable of the loop."""
         if self.step == 1:
             return f"{self.array}[{index} + {self.start}]" if self.start else f"{self.array}[{index}]"
         if self.step > 0 and not self.start:
@@ -91,20 +78,20 @@ class Access:
         return f"{self.array}[{self.step} * {index} + {self.start}]"
 
     def pointer(self) -> str:
-        """Where the first element lies, in C."""
+        """Return a pointer to the first element, as C text."""
         return f"&{self.array}[{self.start}]" if self.start else self.array
 
 
 def accesses(rows: Sequence[Operands], stored: Stored) -> tuple[int, list[Access]]:
-    """How many of some expressions, from the first on, are the turns of one loop; and how each operand is found.
+    """Count the expressions, from the first on, that one loop can compute, and return the rule for each operand.
 
-    - `rows`: the operands of each expression.
-    - `stored`: numbers that have become elements of arrays.
+    - `rows`: operands of each expression.
+    - `stored`: values that have become elements of arrays.
     """
     count = len(rows)
     columns = list(zip(*rows, strict=True))
     for column in columns:
-        count = min(count, _alike(column[:count], stored))
+        count = min(count, _count_alike(column[:count], stored))
         if count < LEAST:
             return count, []
     return count, [_access(column[:count], stored) for column in columns]
@@ -117,17 +104,17 @@ def _place(word: str, stored: Stored) -> tuple[str, int] | None:
     return None if match is None else (match.group(1), int(match.group(2)))
 
 
-def _alike(column: Sequence[str], stored: Stored) -> int:
-    """How many operands, from the first on, can be found by one rule."""
+def _count_alike(column: Sequence[str], stored: Stored) -> int:
+    """Number of operands, from the first on, that follow one rule."""
     if len(column) < 2:
         return len(column)
     first = column[0]
     if column[1] == first:
         return next((k for k, word in enumerate(column) if word != first), len(column))
-    one, two = _place(first, stored), _place(column[1], stored)
-    if one is not None and two is not None and one[0] == two[0]:
-        step = two[1] - one[1]
-        wanted = ((one[0], one[1] + k * step) for k in range(len(column)))
+    start, second = _place(first, stored), _place(column[1], stored)
+    if start is not None and second is not None and start[0] == second[0]:
+        step = second[1] - start[1]
+        wanted = ((start[0], start[1] + k * step) for k in range(len(column)))
         return next(
             (k for k, (word, place) in enumerate(zip(column, wanted, strict=True)) if _place(word, stored) != place),
             len(column),

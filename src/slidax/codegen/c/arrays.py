@@ -1,4 +1,4 @@
-"""Which statements become one array."""
+"""Choose the statements that become one array."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from .writer import LETTERS
 
 
 class Arrays:
-    """The arrays of a function.
+    """Arrays of a function.
 
-    - `taken`: names that are not free.
+    - `taken`: names in use.
     """
 
     def __init__(self, taken: set[str]) -> None:
@@ -23,19 +23,13 @@ class Arrays:
         self.stored: Stored = {}
         self.single: dict[str, Group] = {}
 
-    def where(self, word: str) -> str:
-        """How an operand is read.
-
-        - `word`: its name before.
-        """
+    def read(self, word: str) -> str:
+        """Return the C text that reads an operand."""
         stored = self.stored.get(word)
         return word if stored is None else f"{stored[0]}[{stored[1]}]"
 
-    def named(self, stem: str) -> str:
-        """A name that is free, for an array.
-
-        - `stem`: that it begins with; numbers behind it are left out.
-        """
+    def new_name(self, stem: str) -> str:
+        """Return a free name for an array, from a stem without its trailing number."""
         stem = re.sub(r"_?\d+[a-z]*$", "", stem) or "v"
         stem = identifier(stem)
         name, letters = stem, iter(LETTERS)
@@ -45,81 +39,74 @@ class Arrays:
         return name
 
     def _place_elements(self, statements: list[Statement]) -> None:
-        """Gives the numbers that the source computes as an array their places in one."""
+        """Place values that the source computes as an array in one array."""
         arrays: defaultdict[tuple[int, str], list[Statement]] = defaultdict(list)
-        for one in statements:
-            if one.line.element is not None:
-                arrays[(one.line.element[0], one.type)].append(one)
+        for statement in statements:
+            if statement.line.element is not None:
+                arrays[(statement.line.element[0], statement.type)].append(statement)
         for those in arrays.values():
             if len(those) >= LEAST:
-                array = self.named(those[0].name)
-                for one in those:
-                    assert one.line.element is not None
-                    self.stored[one.name] = (array, one.line.element[1])
+                array = self.new_name(those[0].name)
+                for statement in those:
+                    assert statement.line.element is not None
+                    self.stored[statement.name] = (array, statement.line.element[1])
 
-    def grouped(self, statements: list[Statement]) -> list[Group]:
-        """The groups that statements make.
-
-        - `statements`: that follow each other.
-        """
+    def groups_of(self, statements: list[Statement]) -> list[Group]:
+        """Return the groups of successive statements."""
         self.single = {}
         self._place_elements(statements)
         alike: defaultdict[tuple[object, ...], list[Statement]] = defaultdict(list)
-        for one in statements:
-            alike[(one.line.visit, one.type, one.piece.template)].append(one)
+        for statement in statements:
+            alike[(statement.line.visit, statement.type, statement.piece.template)].append(statement)
         groups: list[Group] = []
         for (visit, _, _), lanes in alike.items():
             several = visit is not None and len(lanes) >= LEAST
-            made = self._split(lanes) if several else [self._alone(one) for one in lanes]
-            self._know(made)
-            groups += made
-        # What their operands have become is known only now.
-        groups = self._again(groups, lambda one: (one.line.visit, one.type, one.piece.template))
+            parts = self._split(lanes) if several else [self._alone(lane) for lane in lanes]
+            self._know(parts)
+            groups += parts
+        # Only now are the arrays of their operands known.
+        groups = self._again(groups, lambda lane: (lane.line.visit, lane.type, lane.piece.template))
         return self._again(groups, self._arrays_of)
 
     def _know(self, groups: list[Group]) -> None:
         self.single |= {group.lanes[0].name: group for group in groups if group.target is None}
 
     def _again(self, groups: list[Group], kind: Callable[[Statement], object]) -> list[Group]:
-        """The groups, with those that stand alone tried once more.
-
-        - `groups`: all.
-        - `kind`: equal for statements that may be the turns of one loop; None for those that are not.
-        """
+        """Group single statements again; one loop may compute statements with one `kind` other than None."""
         alike: defaultdict[object, list[Statement]] = defaultdict(list)
         for group in groups:
             if group.target is None and kind(group.lanes[0]) is not None:
                 alike[kind(group.lanes[0])].append(group.lanes[0])
         for lanes in alike.values():
             if len(lanes) >= LEAST:
-                made = self._split(lanes)
-                if any(group.target is not None for group in made):
-                    alone = {one.name for one in lanes}
+                parts = self._split(lanes)
+                if any(group.target is not None for group in parts):
+                    alone = {lane.name for lane in lanes}
                     groups = [group for group in groups if group.target is not None or group.lanes[0].name not in alone]
-                    groups += made
-                    self._know(made)
+                    groups += parts
+                    self._know(parts)
         return groups
 
-    def _arrays_of(self, one: Statement) -> object:
-        """Equal for statements on elements of the same arrays, whatever operation they are of."""
-        if one.name not in self.stored:
+    def _arrays_of(self, statement: Statement) -> object:
+        """Equal for statements on elements of the same arrays, from any operation of the source."""
+        if statement.name not in self.stored:
             return None
-        words = (self.where(word) for word in (one.name, *one.piece.operands))
-        return (one.type, one.piece.template, *(word.partition("[")[0] for word in words))
+        words = (self.read(word) for word in (statement.name, *statement.piece.operands))
+        return (statement.type, statement.piece.template, *(word.partition("[")[0] for word in words))
 
-    def _alone(self, one: Statement) -> Group:
-        return Group([one], self.stored[one.name][0] if one.name in self.stored else "")
+    def _alone(self, lane: Statement) -> Group:
+        return Group([lane], self.stored[lane.name][0] if lane.name in self.stored else "")
 
     def _gather(self, lanes: list[Statement]) -> None:
-        """Puts numbers that stand alone into an array, where the turns of a loop would take one after the other."""
-        for column in zip(*(one.piece.operands for one in lanes), strict=True):
+        """Place single values in an array, where a loop would read one in each iteration."""
+        for column in zip(*(lane.piece.operands for lane in lanes), strict=True):
             alone = [word for word in column if word in self.single and word not in self.stored]
             if len(set(column)) < len(column) or not alone:
                 continue
             type = self.single[alone[0]].lanes[0].type
             if any(self.single[word].lanes[0].type != type for word in alone):
                 continue
-            places = self._places_beside(column, alone)
+            places = self._free_places(column, alone)
             if places is None:
                 continue
             for word, place in zip(column, places, strict=True):
@@ -127,10 +114,10 @@ class Arrays:
                     self.stored[word] = place
                     self.single[word].array = place[0]
 
-    def _places_beside(self, column: Sequence[str], alone: list[str]) -> list[tuple[str, int]] | None:
-        """Where the numbers of a column lie once those that stand alone lie beside the others; None if they cannot."""
+    def _free_places(self, column: Sequence[str], alone: list[str]) -> list[tuple[str, int]] | None:
+        """Places for the single values of a column next to its other values; None if there are none."""
         if len(alone) == len(column):
-            array = self.named(column[0])
+            array = self.new_name(column[0])
             return [(array, k) for k in range(len(column))]
         known = [(k, self.stored[word]) for k, word in enumerate(column) if word in self.stored]
         if len(known) < LEAST or len(known) + len(alone) < len(column) or len({array for _, (array, _) in known}) > 1:
@@ -144,23 +131,23 @@ class Arrays:
         return places if not any(place in taken for n, place in enumerate(places) if column[n] in alone) else None
 
     def _split(self, lanes: list[Statement]) -> list[Group]:
-        """The groups that statements of one kind make: each as long as it goes, every so many of them."""
+        """Split statements of one kind into the fewest groups, of every first, second or third statement."""
         self._gather(lanes)
         best: list[Group] = []
         for step in (1, 2, 3):
-            found: list[Group] = []
+            groups: list[Group] = []
             for offset in range(step):
-                found += self._in_runs(lanes[offset::step])
-            if not best or len(found) < len(best):
-                best = found
-        # The rows of a matrix lie one behind the other.
+                groups += self._in_runs(lanes[offset::step])
+            if not best or len(groups) < len(best):
+                best = groups
+        # The rows of a matrix follow each other in its array.
         array, start = "", 0
         for group in best:
             if group.target is not None and not group.array:
-                array = group.array = array or self.named(group.lanes[0].name)
+                array = group.array = array or self.new_name(group.lanes[0].name)
                 group.target = Access(array, start, 1)
-                for k, one in enumerate(group.lanes):
-                    self.stored[one.name] = (array, start + k)
+                for k, lane in enumerate(group.lanes):
+                    self.stored[lane.name] = (array, start + k)
                 start += len(group.lanes)
         return best
 
@@ -168,11 +155,11 @@ class Arrays:
         groups = []
         k = 0
         while k < len(lanes):
-            # Where the numbers go must follow a rule as well, if that is settled.
-            placed = [one.name in self.stored for one in lanes[k:]]
-            alike = next((n for n, one in enumerate(placed) if one != placed[0]), len(placed))
-            names = [(one.name,) if placed[0] else () for one in lanes[k : k + alike]]
-            rows = [(*name, *one.piece.operands) for name, one in zip(names, lanes[k : k + alike], strict=True)]
+            # Places that are chosen already must follow a rule as well.
+            placed = [lane.name in self.stored for lane in lanes[k:]]
+            alike = next((n for n, known in enumerate(placed) if known != placed[0]), len(placed))
+            names = [(lane.name,) if placed[0] else () for lane in lanes[k : k + alike]]
+            rows = [(*name, *lane.piece.operands) for name, lane in zip(names, lanes[k : k + alike], strict=True)]
             count, at = accesses(rows, self.stored)
             if count < LEAST or (placed[0] and not at[0].step):
                 groups.append(self._alone(lanes[k]))

@@ -6,21 +6,21 @@ from collections.abc import Mapping, Sequence
 
 from ..ir import Branch, Loop, Region, Value
 from .calls import CallWriter
-from .expressions import CHOICE, EITHER, UNARY, Written
+from .expressions import CHOICE, EITHER, UNARY, Expression
 from .layout import Line
 from .placement import counts
 from .writer import HEAVY, Rows
 
 
 class BlockWriter(CallWriter):
-    """Writes the values of one function, with its loops and branches."""
+    """Write the values of one function, with its loops and branches."""
 
     rows: Rows | None = None
 
     def assign(self, pairs: Sequence[tuple[str, Value]]) -> None:
-        """Writes assignments that take place at once: none reads what another has written.
+        """Write simultaneous assignments: none reads a value that another has overwritten.
 
-        - `pairs`: where each is written, and what.
+        - `pairs`: targets and values.
         """
         waiting = [
             (target, value) for target, value in pairs if target not in (self.texts[value].text, self.places.get(value))
@@ -30,7 +30,7 @@ class BlockWriter(CallWriter):
                 if not any(pair[0] in self.texts[value].reads for target, value in waiting if target != pair[0]):
                     break
             else:
-                # All wait for each other.
+                # Circular: a copy breaks the circle.
                 pair = waiting[0]
                 self.keep(pair[1])
                 continue
@@ -38,10 +38,6 @@ class BlockWriter(CallWriter):
             self.line(f"{pair[0]} = {self.texts[pair[1]].text};")
 
     def store(self, store: Value) -> None:
-        """Writes the assignments to a row of a logged output.
-
-        - `store`: the store.
-        """
         assert self.rows is not None
         row, when, *values = store.args
         if self.texts[row].weight > 1 and len(values) > 1:
@@ -59,10 +55,7 @@ class BlockWriter(CallWriter):
     # ---- branches ---------------------------------------------------------------------------------------------------
 
     def branch(self, branch: Branch) -> None:
-        """Writes an `if`, or a choice between two expressions where both sides are short.
-
-        - `branch`: the branch.
-        """
+        """Write an `if`, or a choice between two expressions where both sides are short."""
         left = self.placement.left(branch)
         hints = {k: self._hint(branch, k) for k in left}
         into = {k: self.into.pop(result, None) for k, result in left.items()}
@@ -83,14 +76,14 @@ class BlockWriter(CallWriter):
                     if not self.is_inline(result):
                         self.keep(result, hints[k])
                 return
-        # A variable that starts with a number that is there already needs no `else`.
+        # A variable that starts with a known number needs no `else`.
         plain = not otherwise and not any(into.values()) and not any(self.texts[value].weight for value in no.values())
         for k, result in left.items():
             if into[k] is None:
                 start = f" = {self.texts[no[k]].text}" if plain else ""
                 self.line(f"{self.dialect.type(result.type)} {names[k]}{start};", result)
                 self.bytes += self.dialect.size(result.type)
-            self.texts[result] = Written(names[k])
+            self.texts[result] = Expression(names[k])
         self.line(f"if ({condition.text}) {{")
         self._leave(then, [(names[k], value) for k, value in yes.items()])
         if not plain:
@@ -98,13 +91,13 @@ class BlockWriter(CallWriter):
             self._leave(otherwise, [(names[k], value) for k, value in no.items()])
         self.line("}")
 
-    def _choice(self, when: Written, yes: Written, no: Written) -> Written | None:
-        """A choice between expressions, None if it is too long to be read."""
+    def _choice(self, when: Expression, yes: Expression, no: Expression) -> Expression | None:
+        """Choice between expressions; None if it is too long to read."""
         text = f"{when.within(EITHER)} ? {yes.within(EITHER)} : {no.within(CHOICE)}"
         weight = 1 + when.weight + yes.weight + no.weight
         if weight > HEAVY or len(text) > self.room():
             return None
-        return Written(text, CHOICE, weight, when.reads | yes.reads | no.reads)
+        return Expression(text, CHOICE, weight, when.reads | yes.reads | no.reads)
 
     def _hint(self, branch: Branch, k: int) -> str | None:
         for value in (self.placement.left(branch)[k], branch.yes[k], branch.no[k]):
@@ -115,11 +108,11 @@ class BlockWriter(CallWriter):
         return None
 
     def _side(self, region: Region, leaves: Mapping[Value, str]) -> list[Line]:
-        """The lines of one side; an inner block writes at once to where this side leaves what it leaves."""
+        """Lines of one side; inner blocks assign the results of this side directly."""
         around, self.lines = self.lines, []
         self.level += 1
         for value, name in leaves.items():
-            if value.op == "result" and self.placement.alone(value) and value not in self.given:
+            if value.op == "result" and self.placement.alone(value) and value not in self.precomputed:
                 self.into[value] = name
         self.region(region)
         self.level -= 1
@@ -135,10 +128,7 @@ class BlockWriter(CallWriter):
     # ---- loops ------------------------------------------------------------------------------------------------------
 
     def loop(self, loop: Loop) -> None:
-        """Writes a `for` where the number of turns is known, else a `while`.
-
-        - `loop`: the loop.
-        """
+        """Write a `for` where the number of iterations is known, else a `while`."""
         left = self.placement.left(loop)
         names: dict[int, str] = {}
         counted = self._counter(loop, left) if loop.turns is not None else ""
@@ -147,7 +137,7 @@ class BlockWriter(CallWriter):
             if counts(param):
                 continue
             names[k] = self._carried(loop, k, left)
-            self.texts[param] = Written(names[k], reads=frozenset((names[k],)))
+            self.texts[param] = Expression(names[k], reads=frozenset((names[k],)))
         head, condition = self._head(loop)
         if counted:
             self.line(counted)
@@ -166,16 +156,16 @@ class BlockWriter(CallWriter):
         self.level -= 1
         self.line("}")
         for k, result in left.items():
-            self.texts[result] = Written(names[k] if k in names else self.texts[loop.params[0]].text)
+            self.texts[result] = Expression(names[k] if k in names else self.texts[loop.params[0]].text)
 
     def _counter(self, loop: Loop, left: Mapping[int, Value]) -> str:
-        """The head of a `for`."""
+        """Head of a `for`."""
         assert loop.turns is not None
         if self.texts[loop.turns].weight:
             self.keep(loop.turns)
         param = loop.params[0]
         type, name = self.declared(param, self._index())
-        self.texts[param] = Written(name, reads=frozenset((name,)))
+        self.texts[param] = Expression(name, reads=frozenset((name,)))
         start = f"{type} {name} = 0"
         if 0 in left:
             self.line(start + ";")
@@ -186,7 +176,7 @@ class BlockWriter(CallWriter):
         return next((name for name in "ijkmn" if name not in self.taken), "i")
 
     def _carried(self, loop: Loop, k: int, left: Mapping[int, Value]) -> str:
-        """Declares what a loop carries, at its start."""
+        """Declare a carried variable with its initial value."""
         result, param = left.get(k), loop.params[k]
         name = self.into.pop(result, None) if result is not None else None
         start = self.texts[loop.args[k]].text
@@ -200,7 +190,7 @@ class BlockWriter(CallWriter):
         return name
 
     def _head(self, loop: Loop) -> tuple[list[Line], str]:
-        """The lines at the start of a turn; and what makes it the last, or another if there are no such lines."""
+        """Lines at the start of an iteration, and the condition to stop, or to continue if there are no such lines."""
         around, self.lines = self.lines, []
         self.level += 1
         self.region(loop.head)

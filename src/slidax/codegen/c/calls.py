@@ -8,17 +8,16 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 from ..ir import Call, Input, Program, Value
-from .expressions import Written
+from .expressions import Expression
 from .layout import INDENT, WIDTH
 from .writer import Writer
 
 
 class Callee(NamedTuple):
-    """How a function is called in C: `name(shared..., inputs..., results)`.
+    """A C function, called as `name(shared..., inputs..., results)`.
 
-    - `name`: of the function.
     - `shared`: arguments that are the same in all calls.
-    - `passed`: the numbers of the inputs that each call gives, as arrays.
+    - `passed`: numbers of the inputs that each call passes, as arrays.
     """
 
     name: str
@@ -30,34 +29,31 @@ Callees = Callable[[Program], Callee]
 
 
 class CallWriter(Writer, ABC):
-    """Writes calls."""
+    """Write calls."""
 
     callees: Callees | None = None
 
     def call(self, call: Call) -> None:
-        """Writes an array for the results, and the call that fills it.
-
-        - `call`: the call.
-        """
+        """Write an array for the results, and the call that fills it."""
         assert self.callees is not None
         self.called.append(call.program)
         callee = self.callees(call.program)
-        place, given = 0, list(callee.shared)
+        place, arguments = 0, list(callee.shared)
         for k, entry in enumerate(call.program.inputs):
             if k in callee.passed:
                 elements = call.args[place : place + entry.size]
-                given.append(self._array(entry, elements, callee) if entry.shape else self.texts[elements[0]].text)
+                arguments.append(self._array(entry, elements, callee) if entry.shape else self.texts[elements[0]].text)
             place += entry.size
         size = sum(output.size for output in call.program.outputs)
         name = self.fresh(self._hint_of(call) or f"{callee.name}_result")
         self.line(f"{self.dialect.type('f64')} {name}[{size}];", call)
         self.bytes += size * self.dialect.size("f64")
-        self.line(f"{callee.name}({', '.join((*given, name))});", call)
+        self.line(f"{callee.name}({', '.join((*arguments, name))});", call)
         for k, result in self.placement.left(call).items():
-            self.texts[result] = Written(f"{name}[{k}]")
+            self.texts[result] = Expression(f"{name}[{k}]")
 
     def _hint_of(self, call: Call) -> str | None:
-        """What the source calls the results, without the number of one of them."""
+        """Name of the results in the source, without a number."""
         for result in self.placement.left(call).values():
             hint = self.hint(result)
             if hint is not None:
@@ -65,7 +61,7 @@ class CallWriter(Writer, ABC):
         return None
 
     def _array(self, entry: Input, elements: Sequence[Value], callee: Callee) -> str:
-        """An array of values: where they lie, if they lie there in order, else a new one."""
+        """Array of values: in place if they lie there in order, else a new one."""
         texts = [self.places.get(value, self.texts[value].text) for value in elements]
         first = re.fullmatch(r"(.*)\[(\d+)\]", texts[0])
         if first is not None:

@@ -1,4 +1,4 @@
-"""How C writes types, numbers and the names of functions."""
+"""C's types, numbers and function names."""
 
 from __future__ import annotations
 
@@ -21,51 +21,36 @@ SIZES: dict[Type, int] = {"f64": 8, "f32": 4, "i64": 8, "i32": 4, "u64": 8, "u32
 
 @dataclass(frozen=True)
 class Dialect:
-    """C99, or the C++ of CUDA's kernels.
+    """C99, or the C++ of CUDA kernels.
 
-    - `real`: the type that stands for f64; "float" makes all of the program single.
-    - `kernel`: whether it is a CUDA kernel: no headers, and helpers run on the device.
+    - `real`: C type of f64; "float" makes the whole program single precision.
+    - `kernel`: true for a CUDA kernel: no headers, and helpers run on the device.
     """
 
     real: Real = "double"
     kernel: bool = False
 
     def narrowed(self, type: Type) -> Type:
-        """The type that a value really has.
-
-        - `type`: in the IR.
-        """
+        """Return the type of a value in C, in terms of the IR: f32 for f64 in a program of floats."""
         return "f32" if type == "f64" and self.real == "float" else type
 
     def type(self, type: Type) -> str:
-        """The name of a type.
-
-        - `type`: in the IR.
-        """
+        """Return the C name of a type."""
         return (_KERNEL_TYPES if self.kernel else _C_TYPES)[self.narrowed(type)]
 
     def size(self, type: Type) -> int:
-        """Bytes that a value takes.
-
-        - `type`: in the IR.
-        """
+        """Return the bytes of a value."""
         return SIZES[self.narrowed(type)]
 
     def function(self, name: str, type: Type) -> str:
-        """A function of `math.h` for a type.
-
-        - `name`: of the one for doubles.
-        - `type`: f64 or f32.
-        """
+        """Return the name of a function of `math.h`, from its name for doubles."""
         return name + "f" if self.narrowed(type) == "f32" else name
 
     def number(self, number: Number, type: Type) -> str:
-        """A constant, so that it reads back to the same bits; in a program of floats the nearest float.
+        """Return a constant that reads back to the same bits; in a program of floats, the nearest float.
 
-        A number too large or too small for a float becomes the largest or the smallest normal one, not infinity and not
-        zero: such numbers stand for "no limit" and keep divisions from zero.
-
-        - `number`, `type`: its own.
+        A number beyond the range of floats becomes the largest or the smallest normal float, not infinity and not zero:
+        such numbers mean "no limit", or keep a divisor from zero.
         """
         if type == "b1":
             return "true" if number else "false"
@@ -93,10 +78,7 @@ class Dialect:
 
 
 def shortest(number: str) -> str:
-    """A decimal number as few characters as read well: 0.5, 1e-3, 1000.0, 1e6.
-
-    - `number`: as Python writes it.
-    """
+    """Return the shortest readable form of a decimal number in Python's notation: 0.5, 1e-3, 1000.0, 1e6."""
     sign, number = ("-", number[1:]) if number.startswith("-") else ("", number)
     mantissa, _, power = number.partition("e")
     whole, _, part = mantissa.partition(".")
@@ -116,7 +98,7 @@ def shortest(number: str) -> str:
 def _integer(number: int, type: Type) -> str:
     if type in ("u32", "u64"):
         return f"{number}u" if number < 2**16 else f"{number:#x}u"
-    # The most negative number has no literal of its own.
+    # C has no literal for the most negative number.
     if number in (-(2**31), -(2**63)):
         return f"(-{-(number + 1)} - 1)"
     return str(number)

@@ -24,13 +24,12 @@ NOTHING: frozenset[str] = frozenset()
 
 
 @dataclass(frozen=True)
-class Written:
+class Expression:
     """A C expression.
 
-    - `text`: itself.
     - `precedence`: of its outermost operator.
-    - `weight`: how many operations it holds.
-    - `reads`: what it reads that may be overwritten: variables of loops, and inputs.
+    - `weight`: number of operations.
+    - `reads`: variables of loops and inputs that it reads, which may be overwritten.
     """
 
     text: str
@@ -39,30 +38,23 @@ class Written:
     reads: frozenset[str] = NOTHING
 
     def within(self, precedence: int) -> str:
-        """The text as an operand, in parentheses if it binds less tightly.
-
-        - `precedence`: that it needs.
-        """
+        """Return the text as an operand, in parentheses if it binds less tightly than `precedence`."""
         return self.text if self.precedence >= precedence else f"({self.text})"
 
 
-def constant(number: float | int | bool, type: Type, dialect: Dialect) -> Written:
-    """A number as an expression.
-
-    - `number`, `type`: its own.
-    - `dialect`: how it is written.
-    """
+def constant(number: float | int | bool, type: Type, dialect: Dialect) -> Expression:
+    """Return a number as an expression."""
     text = dialect.number(number, type)
-    return Written(text, UNARY if text[0] == "-" or text.startswith("(double)") else PRIMARY)
+    return Expression(text, UNARY if text[0] == "-" or text.startswith("(double)") else PRIMARY)
 
 
 class Expressions:
-    """Writes operations.
+    """Write operations as expressions.
 
-    - `dialect`: how.
     - `helpers`: collects the helpers that they need.
 
-    With `alike`, sums and products of the same operands have the same order, whatever numbers the operands have.
+    With `alike`, sums and products of the same operands have the same order, whatever the numbers in the operands'
+    names.
     """
 
     def __init__(self, dialect: Dialect, helpers: Helpers) -> None:
@@ -70,21 +62,19 @@ class Expressions:
         self.helpers = helpers
         self.alike = False
 
-    def operation(self, op: str, type: Type, of: Type, args: list[Written], *, counts: bool = False) -> Written:
-        """An operation of the IR.
+    def operation(self, op: str, type: Type, of: Type, args: list[Expression], *, counts: bool = False) -> Expression:
+        """Return an operation of the IR as an expression.
 
-        - `op`, `type`: its own.
-        - `of`: the type of its last argument.
-        - `args`: its arguments.
-        - `counts`: whether it is a sum of integers that cannot overflow.
+        - `of`: type of its last argument.
+        - `counts`: true for a sum of integers that cannot overflow.
         """
         if self.alike and op in ("add", "mul") and type in FLOATS:
             args = sorted(args, key=lambda arg: (arg.precedence, re.sub(r"\d+", "", arg.text)))
         text, precedence = _commuted(op, args) if counts else self._text(op, type, of, args)
         weight = 1 + sum(arg.weight for arg in args)
-        return Written(text, precedence, weight, NOTHING.union(*[arg.reads for arg in args]))
+        return Expression(text, precedence, weight, NOTHING.union(*[arg.reads for arg in args]))
 
-    def _text(self, op: str, type: Type, of: Type, args: list[Written]) -> tuple[str, int]:
+    def _text(self, op: str, type: Type, of: Type, args: list[Expression]) -> tuple[str, int]:
         if op in COMPARED:
             return _two(args, *COMPARED[op], each=SHIFT)
         if op in EQUATED:
@@ -93,7 +83,7 @@ class Expressions:
             return _two(args[::-1] if _is_number(args[0]) else args, *EQUATED[op], each=SHIFT)
         if op == "select":
             when, yes, no = args
-            # A choice within a choice reads only as an else-if.
+            # A nested choice is readable only as an else-if.
             return f"{when.within(EITHER)} ? {yes.within(EITHER)} : {no.within(CHOICE)}", CHOICE
         if op == "copy":
             return args[0].text, args[0].precedence
@@ -105,7 +95,7 @@ class Expressions:
             return self._logical(op, args)
         return self._real(op, type, args) if type in FLOATS else self._integer(op, type, args)
 
-    def _real(self, op: str, type: Type, args: list[Written]) -> tuple[str, int]:
+    def _real(self, op: str, type: Type, args: list[Expression]) -> tuple[str, int]:
         if op in ("add", "mul"):
             return _commuted(op, args)
         if op == "sub" and _is_negated(args[1]):
@@ -120,7 +110,7 @@ class Expressions:
             return self._erf_inv(type, args[0])
         return _call(self.dialect.function(CALLED.get(op, op), type), args)
 
-    def _erf_inv(self, type: Type, arg: Written) -> tuple[str, int]:
+    def _erf_inv(self, type: Type, arg: Expression) -> tuple[str, int]:
         if self.dialect.kernel:
             return _call(self.dialect.function("erfinv", type), [arg])
         name = self.helpers.named("erf_inv", "f64")
@@ -128,7 +118,7 @@ class Expressions:
             return f"(float){name}((double){arg.within(UNARY)})", UNARY
         return _call(name, [arg])
 
-    def _integer(self, op: str, type: Type, args: list[Written]) -> tuple[str, int]:
+    def _integer(self, op: str, type: Type, args: list[Expression]) -> tuple[str, int]:
         signed = type in ("i32", "i64")
         if op == "not":
             return f"~{args[0].within(UNARY)}", UNARY
@@ -144,7 +134,7 @@ class Expressions:
             return _two(args, *SUM[op])
         return _call(self.helpers.named(op, type), args)
 
-    def _logical(self, op: str, args: list[Written]) -> tuple[str, int]:
+    def _logical(self, op: str, args: list[Expression]) -> tuple[str, int]:
         if op == "not":
             return f"!{args[0].within(UNARY)}", UNARY
         if op == "isfinite":
@@ -152,26 +142,26 @@ class Expressions:
         if op not in LOGICAL:
             raise NotImplementedError(f"no {op} of truth values")
         sign, precedence = LOGICAL[op]
-        # Compilers warn of && within || without parentheses.
+        # Compilers warn about && within || without parentheses.
         if op == "or":
             sides = [f"({arg.text})" if arg.precedence == BOTH else arg.within(EITHER) for arg in args]
             return f" {sign} ".join(sides), precedence
         return _two(args, sign, precedence, each=BOTH if op == "and" else SHIFT)
 
-    def _converted(self, type: Type, of: Type, arg: Written) -> tuple[str, int]:
+    def _converted(self, type: Type, of: Type, arg: Expression) -> tuple[str, int]:
         type, of = self.dialect.narrowed(type), self.dialect.narrowed(of)
         if type == of:
             return arg.text, arg.precedence
-        zero, one = self.dialect.number(0, of if type == "b1" else type), self.dialect.number(1, type)
+        zero, unit = self.dialect.number(0, of if type == "b1" else type), self.dialect.number(1, type)
         if type == "b1":
             return f"{arg.within(SHIFT)} != {zero}", EQUAL
         if of == "b1":
-            return f"{arg.within(EITHER)} ? {one} : {zero}", CHOICE
+            return f"{arg.within(EITHER)} ? {unit} : {zero}", CHOICE
         if of in FLOATS and type not in FLOATS:
             return _call(self.helpers.named(f"to_{type}", of), [arg])
         return f"({self.dialect.type(type)}){arg.within(UNARY)}", UNARY
 
-    def _bits(self, type: Type, of: Type, arg: Written) -> tuple[str, int]:
+    def _bits(self, type: Type, of: Type, arg: Expression) -> tuple[str, int]:
         if type == of:
             return arg.text, arg.precedence
         text = arg.text
@@ -190,30 +180,30 @@ class Expressions:
         return f"{name}({text})", PRIMARY
 
 
-def _call(name: str, args: list[Written]) -> tuple[str, int]:
+def _call(name: str, args: list[Expression]) -> tuple[str, int]:
     return f"{name}({', '.join(arg.text for arg in args)})", PRIMARY
 
 
-def _two(args: list[Written], sign: str, precedence: int, *, each: int | None = None) -> tuple[str, int]:
-    """Two operands; the operator groups from the left unless each operand has to bind tighter."""
+def _two(args: list[Expression], sign: str, precedence: int, *, each: int | None = None) -> tuple[str, int]:
+    """Two operands; the operator groups from the left unless each operand must bind tighter."""
     left, right = args
     first = left.within(precedence if each is None else each)
     return f"{first} {sign} {right.within(precedence + 1 if each is None else each)}", precedence
 
 
-def _negated(arg: Written) -> tuple[str, int]:
+def _negated(arg: Expression) -> tuple[str, int]:
     if arg.precedence < TIMES or arg.text.startswith("-"):
         return f"-({arg.text})", UNARY
     # -a b is -(a b), to the last bit.
     return f"-{arg.text}", min(UNARY, arg.precedence)
 
 
-def _is_negated(arg: Written) -> bool:
+def _is_negated(arg: Expression) -> bool:
     return arg.text.startswith("-") and arg.precedence >= TIMES
 
 
-def _commuted(op: str, args: list[Written]) -> tuple[str, int]:
-    """A sum or a product, in the order that needs the fewest signs and parentheses: all give the same bits."""
+def _commuted(op: str, args: list[Expression]) -> tuple[str, int]:
+    """A sum or a product in the order with the fewest signs and parentheses: every order gives the same bits."""
     left, right = args
     sign, precedence = SUM[op]
     if op == "add":
@@ -227,5 +217,5 @@ def _commuted(op: str, args: list[Written]) -> tuple[str, int]:
     return f"{left.within(precedence)} {sign} {right.within(precedence + 1)}", precedence
 
 
-def _is_number(arg: Written) -> bool:
+def _is_number(arg: Expression) -> bool:
     return arg.weight == 0 and arg.text.lstrip("-")[:1].isdigit()

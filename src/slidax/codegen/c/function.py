@@ -8,13 +8,12 @@ from .statements import statements
 
 
 def function(program: Program, name: str = "run", *, real: Real = "double") -> str:
-    """The C99 text of `void run(const double *x0, ..., double *y0, ...)`, which needs `math.h` alone.
+    """Return the C99 text of `void run(const double *x0, ..., double *y0, ...)`, which needs `math.h` alone.
 
     The inputs are `x0`, `x1`, ... and the outputs `y0`, `y1`, ..., each an array in C order.
 
-    - `program`: the program; it logs nothing.
-    - `name`: of the function.
-    - `real`: the type of its f64.
+    - `program`: without logged outputs.
+    - `real`: C type of f64.
     """
     dialect = Dialect(real)
     inputs = [f"x{k}" for k in range(len(program.inputs))]

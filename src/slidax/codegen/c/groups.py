@@ -1,20 +1,19 @@
-"""Statements that are alike, and in which order loops of them can be computed."""
+"""Groups of similar statements, and an order in which their loops can be computed."""
 
 from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Sequence
 
-from .alike import Access, Piece, parsed
+from .alike import Access, Piece, parse
 from .layout import Line
 
 
 class Statement:
     """One line.
 
-    - `line`: it.
     - `place`: its number in the function.
-    - `type`, `name`: of what it declares; for an assignment the type is empty, and the name is where it goes.
+    - `type`, `name`: of the declared variable; an assignment has no type, and its target as name.
     - `piece`: its expression.
     """
 
@@ -23,16 +22,16 @@ class Statement:
         self.place = place
         self.type = type
         self.name = name
-        self.piece: Piece = parsed(text)
+        self.piece: Piece = parse(text)
 
 
 class Group:
-    """Statements that are the turns of one loop, or a single one.
+    """Statements that one loop computes, or a single statement.
 
-    - `lanes`: in order.
-    - `array`: where they leave their numbers; empty for a single one that has a name of its own.
-    - `at`: how each operand is found in turn i.
-    - `target`: the same of where the numbers go.
+    - `lanes`: the statements, in order.
+    - `array`: array of their values; empty for a single statement with a variable of its own.
+    - `at`: rule for each operand.
+    - `target`: rule for the values; None for a single statement.
     """
 
     def __init__(self, lanes: list[Statement], array: str = "", at: Sequence[Access] = ()) -> None:
@@ -43,29 +42,26 @@ class Group:
 
     @property
     def turns(self) -> int:
-        """How many turns its loop has."""
+        """Number of iterations of its loop."""
         return 1 if self.target is None else len(self.lanes)
 
     @property
     def looks_back(self) -> bool:
-        """Whether a turn needs what an earlier one has computed."""
-        names = {one.name for one in self.lanes}
-        return any(word in names for one in self.lanes for word in one.piece.operands)
+        """True if an iteration needs the value of an earlier one."""
+        names = {lane.name for lane in self.lanes}
+        return any(word in names for lane in self.lanes for word in lane.piece.operands)
 
 
-def ordered(groups: list[Group]) -> list[Group]:
-    """The groups in an order in which they can be computed; one that cannot is taken apart.
-
-    - `groups`: of statements that follow each other; changed where one is taken apart.
-    """
-    maker = {one.name: group for group in groups for one in group.lanes}
+def order_groups(groups: list[Group]) -> list[Group]:
+    """Return the groups in an order of computation; a group that prevents one is split into statements."""
+    maker = {lane.name: group for group in groups for lane in group.lanes}
     order: list[Group] = []
     while True:
         missing: dict[int, set[int]] = {}
         users: defaultdict[int, list[Group]] = defaultdict(list)
         for group in groups:
-            needs = {id(maker[word]) for one in group.lanes for word in one.piece.operands if word in maker}
-            # The turns keep the order of their statements: one needs none but earlier ones.
+            needs = {id(maker[word]) for lane in group.lanes for word in lane.piece.operands if word in maker}
+            # Iterations keep the order of the statements, which need earlier ones only.
             missing[id(group)] = needs - {id(group)}
             for need in needs:
                 users[need].append(group)
@@ -85,14 +81,14 @@ def ordered(groups: list[Group]) -> list[Group]:
             return order
         broken = min(stuck, key=lambda group: group.lanes[0].place)
         groups.remove(broken)
-        for one in broken.lanes:
-            single = Group([one], broken.array)
+        for lane in broken.lanes:
+            single = Group([lane], broken.array)
             groups.append(single)
-            maker[one.name] = single
+            maker[lane.name] = single
 
 
 def _next(ready: list[Group], order: list[Group]) -> Group:
-    """What goes on best: a loop of as many turns as the last, else what came first."""
+    """Next group: a loop with as many iterations as the last, else the first in the source."""
     if order and order[-1].target is not None:
         same = [group for group in ready if group.turns == order[-1].turns]
         if same:
@@ -100,21 +96,20 @@ def _next(ready: list[Group], order: list[Group]) -> Group:
     return min(ready, key=lambda group: (len(group.lanes) > 1, group.lanes[0].place))
 
 
-def goes_on(group: Group, loop: list[Group]) -> bool:
-    """Whether a group can be part of a loop: of what that computes it takes the number of its own turn.
+def fits_loop(group: Group, loop: list[Group]) -> bool:
+    """True if a group fits into a loop: it reads values of that loop only from the same iteration.
 
-    - `group`: that is to be added.
-    - `loop`: the groups in it.
+    - `loop`: groups of the loop.
     """
     if group.target is None or group.turns != loop[0].turns:
         return False
-    made = {one.target for one in loop}
-    places = {place for one in loop for place in _places(one.target, one.turns)}
-    return all(access in made or not places & _places(access, group.turns) for access in group.at)
+    targets = {other.target for other in loop}
+    places = {place for other in loop for place in _places(other.target, other.turns)}
+    return all(access in targets or not places & _places(access, group.turns) for access in group.at)
 
 
 def _places(access: Access | None, turns: int) -> set[tuple[str, int]]:
-    """The elements that are found in the turns of a loop."""
+    """Elements that the iterations of a loop access."""
     if access is None or not access.array:
         return set()
     return {(access.array, access.start + turn * access.step) for turn in range(turns)}

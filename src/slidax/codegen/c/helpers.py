@@ -9,10 +9,7 @@ BITS: dict[Type, int] = {"i64": 64, "i32": 32, "u64": 64, "u32": 32}
 
 
 class Helpers:
-    """The helpers that a piece of C needs.
-
-    - `dialect`: of the piece.
-    """
+    """Helper functions of a piece of C."""
 
     def __init__(self, dialect: Dialect) -> None:
         self.dialect = dialect
@@ -20,23 +17,19 @@ class Helpers:
 
     @property
     def names(self) -> list[str]:
-        """Their names."""
         return sorted(self._texts)
 
     @property
     def lines(self) -> list[str]:
-        """Their definitions, as lines of C, with an empty line after each."""
+        """Definitions as lines of C, an empty line after each."""
         return [line for name in self.names for line in [*self._texts[name].splitlines(), ""]]
 
     def extend(self, other: Helpers) -> None:
-        """Takes over the helpers of another piece in the same file.
-
-        - `other`: of the same dialect.
-        """
+        """Add the helpers of another piece in the same file and dialect."""
         self._texts.update(other._texts)
 
     def named(self, op: str, type: Type) -> str:
-        """The name of the helper of an operation.
+        """Return the name of an operation's helper.
 
         - `op`: of the IR; `to_...` for a conversion from `type`, `bits_...` for the bits of a `type`, `all_finite`.
         - `type`: of its arguments.
@@ -94,7 +87,7 @@ class Helpers:
         if op == "shr":
             return "", two, f"{count} ? ({own})(({bare})a >> b) : 0"
         if op == "sar":
-            # What C makes of the sign of a shifted number is the compiler's choice.
+            # C leaves the shift of a negative number to the compiler.
             return "", two, f"a < 0 ? ~({count} ? ~a >> b : 0) : ({count} ? a >> b : 0)"
         raise NotImplementedError(f"no helper for {op} of {type}")
 

@@ -1,4 +1,4 @@
-"""Arguments that lie in an array already, in order, are passed as they lie, and not copied to a new array."""
+"""Pass arguments in place if they lie in an array already, in order, instead of a copy."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ OPENED = re.compile(r"const \w+ (\w+)\[(\d+)\] = \{")
 ELEMENT = re.compile(r"([A-Za-z_]\w*(?:->\w+)?)\[(\d+)\]")
 
 
-def passed_in_place(lines: Sequence[Line]) -> list[Line]:
-    """The lines without arrays that are copies of parts of others.
+def pass_in_place(lines: Sequence[Line]) -> list[Line]:
+    """Return the lines without arrays that copy parts of others.
 
-    - `lines`: of a function; an array that is made of elements is read by the next call alone.
+    - `lines`: of a function; only the next call reads an array of elements.
     """
     out: list[Line] = []
     where: dict[str, str] = {}
@@ -42,7 +42,7 @@ def passed_in_place(lines: Sequence[Line]) -> list[Line]:
 
 
 def _pointer(elements: Sequence[str]) -> str | None:
-    """Where elements lie one after the other, if they do."""
+    """Pointer to elements that lie one after the other, else None."""
     first = ELEMENT.fullmatch(elements[0])
     if first is None:
         return None

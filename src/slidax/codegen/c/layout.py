@@ -1,4 +1,4 @@
-"""Lines of C in the making: how they are indented, and where a comment says what they are about."""
+"""Lines of C: indentation, line breaks, and a comment on the values that they compute."""
 
 from __future__ import annotations
 
@@ -10,27 +10,27 @@ from dataclasses import dataclass
 INDENT = "    "
 WIDTH = 100
 MARKS = (", ", " + ", " - ", " * ", " && ", " || ", " ? ", " : ", " = ")
-"""Where a line may be broken."""
+"""Places where a line may be broken."""
 
 JOINTS = (" && ", " || ")
-"""Where it is broken best."""
+"""Preferred places."""
 
 DECLARED = re.compile(r"(double|float|bool|u?int(?:32|64)_t) \w+(?:\[\d+\])?(?:, \w+(?:\[\d+\])?)*;")
-"""Variables of one type that have no value yet."""
+"""Declaration of variables of one type without a value."""
 
 MORE = 10
-"""Letters that a line may have beyond that before it is broken."""
+"""Excess characters up to which a line is not broken."""
 
 
 @dataclass(frozen=True)
 class Line:
     """One line.
 
-    - `level`: how deep it is indented.
-    - `text`: the rest.
-    - `about`: what it computes, as a comment; empty for lines that compute nothing.
+    - `level`: depth of indentation.
+    - `text`: without indentation.
+    - `about`: comment on the computed value; empty for lines without one.
     - `visit`: equal for lines of one operation on arrays; None for others.
-    - `element`: the number of the array, and the place in it, that a declared number should have.
+    - `element`: number of an array, and the index in it, for the declared value.
     """
 
     level: int
@@ -40,34 +40,29 @@ class Line:
     element: tuple[int, int] | None = None
 
 
-def laid_out(lines: list[Line]) -> list[str]:
-    """The lines as text, with a comment before each two or more about the same that differ from those before.
+def format_lines(lines: list[Line]) -> list[str]:
+    """Return the lines as text, with a comment before two or more lines about a new subject.
 
-    What has been said once is then told by its first words, up to the colon.
-
-    - `lines`: in order.
+    A repeated comment is cut after its first words, at the colon.
     """
     texts: list[str] = []
     last = ""
-    told: set[str] = set()
+    commented: set[str] = set()
     for run in _runs(lines):
         about, level = run[0].about, run[0].level
         if about and about != last and len(run) > 1:
             if texts and not texts[-1].endswith("{"):
                 texts.append("")
-            texts += _comment(about.partition(":")[0] if about in told else about, level)
-            told.add(about)
+            texts += _comment(about.partition(":")[0] if about in commented else about, level)
+            commented.add(about)
             last = about
         for line in run:
-            texts += _broken(line)
+            texts += _break_line(line)
     return texts
 
 
-def declared_together(lines: list[Line]) -> list[Line]:
-    """The lines with one declaration for what is declared together, of one type and without a value.
-
-    - `lines`: in order.
-    """
+def join_declarations(lines: list[Line]) -> list[Line]:
+    """Return the lines with adjacent declarations of one type, without a value, joined."""
     out: list[Line] = []
     for line in lines:
         last = out[-1] if out else line
@@ -82,8 +77,8 @@ def declared_together(lines: list[Line]) -> list[Line]:
     return out
 
 
-def _broken(line: Line) -> list[str]:
-    """A line as text, in several where it is too long."""
+def _break_line(line: Line) -> list[str]:
+    """A line as text, broken where it is too long."""
     text, before = line.text, INDENT * line.level
     texts: list[str] = []
     while len(before) + len(text) > WIDTH + MORE:
@@ -111,7 +106,7 @@ def _comment(text: str, level: int) -> list[str]:
 
 
 def _runs(lines: list[Line]) -> Iterator[list[Line]]:
-    """Lines about the same, at the same level, one after the other."""
+    """Adjacent lines with one comment and level."""
     run: list[Line] = []
     for line in lines:
         if run and (line.about, line.level) != (run[-1].about, run[-1].level):

@@ -1,7 +1,7 @@
-"""Which values are printed, and where: in the innermost block around all their uses, but in no loop around them alone.
+"""Placement of values: each in the innermost block around its uses, but outside of loops that do not affect it.
 
-So a value that only one side of a branch needs is computed there, and one that is wanted for itself, out of the branch
-that it was made in. What does not depend on the runs of a loop stays outside of it.
+A value that only one side of a branch needs is computed there, and a value that is needed elsewhere is moved out of the
+branch in which it was built.
 """
 
 from __future__ import annotations
@@ -13,85 +13,72 @@ from ..ir import Branch, Loop, Program, Region, Value, regions, uses, walk
 
 
 class Placement:
-    """Where to compute what some values need.
+    """Places of all values that the requested values need.
 
-    - `program`: that they belong to.
-    - `wanted`: the values; and stores.
-    - `given`: values that are known already.
+    - `wanted`: requested values, and stores.
+    - `precomputed`: values that need no computation.
 
-    `order` has the values of each region, in an order in which they can be computed; `uses` says how often each is an
-    operand, and `assigned` has those that are assigned to something: to an output, a carried number, a branch's result.
+    `order` lists the values of each region in an order of computation; `uses` counts a value's uses as an operand, and
+    `assigned` has the values that are assigned: to an output, a carried variable, a branch's result.
     """
 
-    def __init__(self, program: Program, wanted: Iterable[Value], given: Collection[Value] = ()) -> None:
+    def __init__(self, program: Program, wanted: Iterable[Value], precomputed: Collection[Value] = ()) -> None:
         self.body = program.body
-        self.given = given
+        self.precomputed = precomputed
         self.wanted = list(wanted)
         self.uses: dict[Value, int] = defaultdict(int)
         self.assigned: set[Value] = set()
         self.place: dict[Value, Region] = {}
         self.order: dict[Region, list[Value]] = defaultdict(list)
         self.needed = self._all_needed()
-        # The order of making is one in which all can be computed, if a block comes just before what it leaves.
+        # Construction order is an order of computation if each block comes just before its results.
         keys = {value: self._key(value) for value in self.needed if value.op != "param"}
         self._used_in: dict[Value, Region] = {}
         for value in self.wanted:
             if value.op != "store":
                 self._assign(value, self.body)
         for value in sorted(keys, key=lambda value: -keys[value]):
-            self._put(value)
+            self._place_value(value)
         for value in sorted(keys, key=lambda value: keys[value]):
             self.order[self.place[value]].append(value)
 
     def kept(self, loop: Loop) -> list[int]:
-        """Which of the numbers that a loop carries are needed.
-
-        - `loop`: the loop.
-        """
+        """Return the numbers of the needed carried values of a loop."""
         return [k for k, param in enumerate(loop.params) if param in self.needed]
 
     def left(self, block: Value) -> dict[int, Value]:
-        """What is needed of what a loop or a branch leaves, by number.
-
-        - `block`: the loop or branch.
-        """
+        """Return the needed results of a block, by number."""
         return {value.data: value for value in self.results.get(block, ())}
 
     def parent(self, region: Region) -> Region | None:
-        """The region around another one, as placed.
-
-        - `region`: the inner one.
-        """
+        """Return the region around another one, as placed."""
         if region.kind == "body":
             return region.parent
         return None if region.owner is None else self.place[region.owner]
 
     def alone(self, value: Value) -> bool:
-        """Whether a value has one use, in the block that it is placed in.
-
-        - `value`: a needed one.
-        """
+        """True if a needed value has one use, in the block in which it is placed."""
         return self.uses[value] == 1 and self._used_in[value] is self.place[value]
 
-    # ---- what is needed ---------------------------------------------------------------------------------------------
+    # ---- needed values ----------------------------------------------------------------------------------------------
 
     def _all_needed(self) -> set[Value]:
         needed: set[Value] = set()
-        asked = list(self.wanted)
-        while asked:
-            value = asked.pop()
+        pending = list(self.wanted)
+        while pending:
+            value = pending.pop()
             if value not in needed:
                 needed.add(value)
-                asked += self._for(value)
+                pending += self._needs_of(value)
         self.results: dict[Value, list[Value]] = defaultdict(list)
         for value in sorted(needed, key=lambda value: value.number):
-            if value.op == "result" and value not in self.given:
+            if value.op == "result" and value not in self.precomputed:
                 self.results[value.args[0]].append(value)
         return needed
 
-    def _for(self, value: Value) -> Iterator[Value]:
-        """What a needed value needs at once."""
-        if value in self.given:
+    def _needs_of(self, value: Value) -> Iterator[Value]:
+        """Direct needs of a needed value."""
+        if value in self.precomputed:
             return
         if value.op == "param":
             loop = value.region.owner
@@ -127,18 +114,18 @@ class Placement:
             return min(result.number for result in self.results[value]) - 0.5
         return max(need.number for inner in (value, *_inside(value)) for need in (inner, *uses(inner))) + 0.5
 
-    # ---- where it goes ----------------------------------------------------------------------------------------------
+    # ---- places -----------------------------------------------------------------------------------------------------
 
-    def _put(self, value: Value) -> None:
-        """Places a value all of whose uses are placed, and makes known where it uses others."""
+    def _place_value(self, value: Value) -> None:
+        """Place a value whose uses are all placed, and record its own uses of others."""
         if value.op in ("store", "call") or regions(value):
             self._put_block(value)
             return
-        if value.op == "result" and value not in self.given:
-            # Its block is placed next, and decides.
+        if value.op == "result" and value not in self.precomputed:
+            # Its block is placed next, and determines its place.
             return
         self.place[value] = place = self._outside_loops(value, self._used_in[value])
-        if value not in self.given:
+        if value not in self.precomputed:
             for arg in value.args:
                 self._use(arg, place)
 
@@ -151,8 +138,8 @@ class Placement:
             for result in left[1:]:
                 place = self._around(place, self._used_in[result])
             place = self._outside_loops(value, place)
-        for one in (value, *left):
-            self.place[one] = place
+        for member in (value, *left):
+            self.place[member] = place
         if isinstance(value, Loop):
             for k in self.kept(value):
                 if not counts(value.params[k]):
@@ -172,7 +159,7 @@ class Placement:
                 self._use(arg, place)
 
     def _pass(self, value: Value, region: Region) -> None:
-        """An argument of a call: an input is read where it lies."""
+        """Use as an argument of a call: an input is read in place."""
         self._use(value, region)
         if value.op == "input":
             self.uses[value] -= 1
@@ -186,10 +173,10 @@ class Placement:
         before = self._used_in.get(value)
         self._used_in[value] = region if before is None else self._around(before, region)
 
-    def _around(self, one: Region, other: Region) -> Region:
-        """The innermost region around both."""
-        path = set(self._path(one))
-        return next(region for region in self._path(other) if region in path)
+    def _around(self, first: Region, second: Region) -> Region:
+        """Innermost region around both."""
+        path = set(self._path(first))
+        return next(region for region in self._path(second) if region in path)
 
     def _path(self, region: Region) -> Iterator[Region]:
         around: Region | None = region
@@ -208,19 +195,13 @@ class Placement:
 
 
 def counts(param: Value) -> bool:
-    """Whether a number that a loop carries is the one that counts its turns.
-
-    - `param`: the number.
-    """
+    """True if a carried value counts the iterations of its loop."""
     loop = param.region.owner
     return isinstance(loop, Loop) and loop.turns is not None and param.data == 0
 
 
 def counts_by_little(value: Value) -> bool:
-    """Whether a value is what a loop's 64-bit counter is next: too little more for it ever to overflow.
-
-    - `value`: any.
-    """
+    """True if a value increments a 64-bit counter by too little for an overflow."""
     if value.op != "add" or value.type != "i64":
         return False
     for more, param in (value.args, value.args[::-1]):

@@ -1,50 +1,49 @@
-"""Questions about all elements of arrays: loops and calls of `all_finite` in the place of long rows of `&&`, `||`."""
+"""Conditions on all elements of arrays: loops and calls of `all_finite` in place of long rows of `&&` or `||`."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Callable, Sequence
 
-from .alike import LEAST, Access, Piece, accesses, parsed
+from .alike import LEAST, Access, Piece, accesses, parse
 from .helpers import Helpers
 from .layout import INDENT, WIDTH, Line
 
 ELEMENT = re.compile(r"(.*)\[(\d+)\]")
-ASKED = re.compile(r"((?:const bool )?[\w>\[\]-]+ = |if \(|while \()(.*)(;|\) \{)")
+CONDITION = re.compile(r"((?:const bool )?[\w>\[\]-]+ = |if \(|while \()(.*)(;|\) \{)")
 DECLARED = re.compile(r"const bool (\w+) = ")
 LOOP = 4
-"""Lines of a loop: what it finds, its head, its body, and its end."""
+"""Lines of a loop: its result, its head, its body, and its end."""
 
 Named = Callable[[str], str]
-"""From a stem to a name that is free."""
+"""From a stem to a free name."""
 
 
-def reduced(lines: Sequence[Line], named: Named, index: str, helpers: Helpers) -> list[Line]:
-    """The lines with loops for what they ask of arrays; what is asked, and that it has no effects, stays the same.
+def reduce_conditions(lines: Sequence[Line], named: Named, index: str, helpers: Helpers) -> list[Line]:
+    """Replace long conditions on array elements by loops; the conditions, which have no side effects, keep their value.
 
-    - `lines`: of a function.
-    - `named`: gives names.
-    - `index`: of the loops.
-    - `helpers`: takes what is called.
+    - `named`: returns free names.
+    - `index`: variable of the loops.
+    - `helpers`: collects the called functions.
     """
     out: list[Line] = []
     turning = False
     for line in lines:
-        # The loops that are there already have no others in them.
+        # Existing loops get no loops inside.
         turning = line.text.startswith(f"for (size_t {index} ") or (turning and line.text != "}")
-        asked = ASKED.fullmatch(line.text)
-        if asked is None or not (" && " in line.text or " || " in line.text):
+        match = CONDITION.fullmatch(line.text)
+        if match is None or not (" && " in line.text or " || " in line.text):
             out.append(line)
             continue
-        before, text, after = asked.groups()
-        # What a loop asks before each turn is asked there.
+        before, text, after = match.groups()
+        # The condition of a loop stays in its head.
         reduction = _Reduction(named, index, helpers, line, loops=not turning and before != "while (")
         text = reduction.of(text)
         out += reduction.lines
         declared = DECLARED.fullmatch(before)
-        if declared is not None and reduction.lines and text == reduction.found:
-            # The loop finds just that.
-            out[-LOOP:] = [_renamed(one, text, declared.group(1)) for one in out[-LOOP:]]
+        if declared is not None and reduction.lines and text == reduction.result:
+            # The loop computes just this variable.
+            out[-LOOP:] = [_renamed(each, text, declared.group(1)) for each in out[-LOOP:]]
         else:
             out.append(Line(line.level, before + text + after, line.about))
     return out
@@ -58,39 +57,36 @@ class _Reduction:
         self.line = line
         self.loops = loops
         self.lines: list[Line] = []
-        # What the last loop finds.
-        self.found = ""
+        # Variable of the last loop's result.
+        self.result = ""
 
     def of(self, text: str) -> str:
-        """A question, with its loops in `lines`.
-
-        - `text`: in C.
-        """
-        if _parts(text, " ? ")[1:]:
+        """Return a condition with its loops moved to `lines`."""
+        if _split(text, " ? ")[1:]:
             return text
         for sign in (" || ", " && "):
-            terms = _parts(text, sign)
+            terms = _split(text, sign)
             if len(terms) > 1:
-                return self._joined(terms, sign)
+                return self._join(terms, sign)
         for before in ("!(", "("):
-            if text.startswith(before) and _closes(text, len(before) - 1) == len(text) - 1:
+            if text.startswith(before) and _closing_parenthesis(text, len(before) - 1) == len(text) - 1:
                 inner = self.of(text[len(before) : -1])
                 return before.rstrip("(") + inner if inner.isidentifier() else f"{before}{inner})"
         return text
 
-    def _joined(self, terms: list[str], sign: str) -> str:
-        """Terms with one sign between them, those that are alike by loops."""
+    def _join(self, terms: list[str], sign: str) -> str:
+        """Terms with one operator between them; similar terms become loops."""
         kinds: dict[object, list[tuple[int, Piece]]] = {}
         short: list[str] = []
         for term in dict.fromkeys(terms):
-            piece = parsed(term)
-            found = [ELEMENT.fullmatch(word) for word in piece.operands]
-            places = [(one.group(1), int(one.group(2))) for one in found if one is not None]
+            piece = parse(term)
+            matches = [ELEMENT.fullmatch(word) for word in piece.operands]
+            places = [(match.group(1), int(match.group(2))) for match in matches if match is not None]
             if not places:
                 short.append(self.of(term))
                 continue
             arrays = tuple(
-                word if one is None else one.group(1) for word, one in zip(piece.operands, found, strict=True)
+                word if match is None else match.group(1) for word, match in zip(piece.operands, matches, strict=True)
             )
             kinds.setdefault((piece.template, arrays), []).append((places[0][1], piece))
         loops: dict[int, list[tuple[list[Piece], list[Access]]]] = {}
@@ -110,18 +106,18 @@ class _Reduction:
                 else:
                     loops.setdefault(count, []).append((pieces[k : k + count], at))
                 k += count
-        for count, found_ in loops.items():
-            short.append(self._asked(count, found_, sign))
+        for count, runs in loops.items():
+            short.append(self._loop(count, runs, sign))
         return sign.join(short)
 
-    def _asked(self, count: int, runs: list[tuple[list[Piece], list[Access]]], sign: str) -> str:
-        """The answer of a loop; the question itself where that is shorter."""
+    def _loop(self, count: int, runs: list[tuple[list[Piece], list[Access]]], sign: str) -> str:
+        """The result of a loop; the condition itself where that is shorter."""
         plain = sign.join(piece.text for pieces, _ in runs for piece in pieces)
         if not self.loops or len(plain) < LOOP * (WIDTH - len(INDENT) * self.line.level):
             return plain
         name = self.named("some" if sign == " || " else "every")
-        turn = [pieces[0].filled([_element(access, self.index) for access in at]) for pieces, at in runs]
-        self.found = name
+        turn = [pieces[0].fill([_element(access, self.index) for access in at]) for pieces, at in runs]
+        self.result = name
         level, about, index = self.line.level, self.line.about, self.index
         self.lines += [
             Line(level, f"bool {name} = {'false' if sign == ' || ' else 'true'};", about),
@@ -140,8 +136,8 @@ def _element(access: Access, index: str) -> str:
     return access.element(index) if access.step else access.text
 
 
-def _parts(text: str, sign: str) -> list[str]:
-    """A text at all signs that are in no parentheses."""
+def _split(text: str, sign: str) -> list[str]:
+    """Split a text at all operators outside parentheses."""
     parts, depth, start, k = [], 0, 0, 0
     while k < len(text):
         depth += (text[k] == "(") - (text[k] == ")")
@@ -153,8 +149,8 @@ def _parts(text: str, sign: str) -> list[str]:
     return [*parts, text[start:]]
 
 
-def _closes(text: str, opened: int) -> int:
-    """Where a parenthesis is closed."""
+def _closing_parenthesis(text: str, opened: int) -> int:
+    """Index of the closing parenthesis."""
     depth = 0
     for k in range(opened, len(text)):
         depth += (text[k] == "(") - (text[k] == ")")

@@ -1,8 +1,8 @@
-"""Statements that are alike for all joints, as loops over arrays.
+"""Similar statements for all joints, written as loops over arrays.
 
-What the trace has taken apart into its numbers is put together again at the end: statements of one operation on an
-array that differ in nothing but the elements that they take become the turns of a loop, and what they compute an array.
-No operation is added, left out or reordered within an expression, so that nothing changes in the numbers.
+The tracer takes arrays apart into numbers, and this module puts them together again: statements of one array operation
+that differ only in the elements that they read become the iterations of a loop, and their values an array. No operation
+is added, removed or reordered within an expression, so that no number changes.
 """
 
 from __future__ import annotations
@@ -11,28 +11,27 @@ import re
 from collections import Counter
 from collections.abc import Sequence
 
-from .alike import LEAST, Access, parsed
+from .alike import LEAST, Access, parse
 from .arrays import Arrays
-from .assignments import Run, in_runs
-from .groups import Group, Statement, goes_on, ordered
+from .assignments import Run, runs_of
+from .groups import Group, Statement, fits_loop, order_groups
 from .helpers import Helpers
-from .in_place import passed_in_place
+from .in_place import pass_in_place
 from .layout import Line
-from .reduced import reduced
+from .reduced import reduce_conditions
 
 Local = dict[Access, str]
-"""Numbers that live for a turn, by where they would lie, with their names."""
+"""Name of each value that lives for one iteration, by its place."""
 
 DECLARED = re.compile(r"(const )?(double|float|bool|u?int(?:32|64)_t) (\w+)(?: = (.*))?;")
 ASSIGNED = re.compile(r"([A-Za-z_]\w*(?:->\w+)?(?:\[\d+\])?) = (.*);")
 
 
-def rerolled(lines: Sequence[Line], taken: set[str], helpers: Helpers) -> list[Line]:
-    """The lines with loops in them.
+def reroll(lines: Sequence[Line], taken: set[str], helpers: Helpers) -> list[Line]:
+    """Return the lines of a function with loops.
 
-    - `lines`: of a function.
-    - `taken`: names that are not free.
-    - `helpers`: takes what they call.
+    - `taken`: names in use.
+    - `helpers`: collects the called functions.
     """
     return _Rerolling(lines, taken, helpers).run()
 
@@ -47,30 +46,29 @@ class _Rerolling:
         for line in lines:
             match = DECLARED.fullmatch(line.text)
             text = line.text if match is None else match.group(4) or ""
-            self.used.update(parsed(text).operands)
+            self.used.update(parse(text).operands)
         identifiers = {word for line in lines for word in re.findall(r"[A-Za-z_]\w*", line.text)} | taken
         self.index = next(name for name in ("i", "j", "k", "m", "n", "turn") if name not in identifiers)
         self.arrays = Arrays(identifiers)
 
     def run(self) -> list[Line]:
-        """All lines."""
         k = 0
         while k < len(self.lines):
             end, kind = self._run_of(k)
             if kind == "known":
-                self._known(k, end)
+                self._constants(k, end)
             elif kind == "mutable":
-                self._mutable(k, end)
+                self._variables(k, end)
             elif kind == "assigned":
-                self._assigned(k, end)
+                self._assignments(k, end)
             else:
                 self.out.append(self.lines[k])
             k = end
-        renamed = [Line(line.level, self._renamed(line.text), line.about) for line in self.out]
-        return reduced(passed_in_place(renamed), self.arrays.named, self.index, self.helpers)
+        renamed = [Line(line.level, self._with_arrays(line.text), line.about) for line in self.out]
+        return reduce_conditions(pass_in_place(renamed), self.arrays.new_name, self.index, self.helpers)
 
     def _run_of(self, k: int) -> tuple[int, str]:
-        """Where the lines of one kind that begin here end, and their kind."""
+        """End and kind of the successive lines of one kind that begin here."""
         kind, level = _kind(self.lines[k]), self.lines[k].level
         end = k + 1
         if kind:
@@ -78,71 +76,71 @@ class _Rerolling:
                 end += 1
         return end, kind
 
-    def _renamed(self, text: str) -> str:
-        return parsed(text).written(lambda word: self.arrays.where(word))
+    def _with_arrays(self, text: str) -> str:
+        return parse(text).with_operands(lambda word: self.arrays.read(word))
 
-    # ---- numbers that are computed once -----------------------------------------------------------------------------
+    # ---- constants ---------------------------------------------------------------------------------------------------
 
-    def _known(self, first: int, end: int) -> None:
-        """Declarations of constants, in an order in which what is alike stands together."""
+    def _constants(self, first: int, end: int) -> None:
+        """Print declarations of constants, similar ones next to each other."""
         statements = []
         for k in range(first, end):
             match = DECLARED.fullmatch(self.lines[k].text)
             assert match is not None
             statements.append(Statement(self.lines[k], k, match.group(2), match.group(3), match.group(4)))
-        self._print(ordered(self.arrays.grouped(statements)), self.lines[first].level)
+        self._print(order_groups(self.arrays.groups_of(statements)), self.lines[first].level)
 
     def _print(self, order: list[Group], level: int) -> None:
         k = 0
         while k < len(order):
             group = order[k]
             if group.target is None:
-                one = group.lanes[0]
+                lane = group.lanes[0]
                 if group.array:
-                    self._declare(one.type, group.array, level, one.line)
-                    text = f"{group.array}[{self.arrays.stored[one.name][1]}] = {one.piece.text};"
-                    self.out.append(Line(level, text, one.line.about))
+                    self._declare(lane.type, group.array, level, lane.line)
+                    text = f"{group.array}[{self.arrays.stored[lane.name][1]}] = {lane.piece.text};"
+                    self.out.append(Line(level, text, lane.line.about))
                 else:
-                    self.out.append(one.line)
+                    self.out.append(lane.line)
                 k += 1
                 continue
             together = [group]
-            while k + len(together) < len(order) and goes_on(order[k + len(together)], together):
+            while k + len(together) < len(order) and fits_loop(order[k + len(together)], together):
                 together.append(order[k + len(together)])
             self._loop(together, level)
             k += len(together)
 
     def _declare(self, type: str, array: str, level: int, line: Line) -> None:
-        """Declares an array, unless that was done."""
+        """Declare an array once."""
         if array not in self.declared:
             self.declared.add(array)
             size = 1 + max(at for name, at in self.arrays.stored.values() if name == array)
             self.out.append(Line(level, f"{type} {array}[{size}];", line.about))
 
     def _loop(self, groups: list[Group], level: int) -> None:
-        """Writes groups of as many lanes as the turns of one loop."""
-        inside: Counter[str] = Counter(word for group in groups for one in group.lanes for word in one.piece.operands)
+        """Print groups as one loop."""
+        inside: Counter[str] = Counter(word for group in groups for lane in group.lanes for word in lane.piece.operands)
         local: Local = {}
         for group in groups:
             if (
                 group.lanes[0].line.element is None
                 and not group.looks_back
-                and all(inside[one.name] == self.used[one.name] for one in group.lanes)
+                and all(inside[lane.name] == self.used[lane.name] for lane in group.lanes)
             ):
                 assert group.target is not None
                 whole = len(group.lanes) == sum(array == group.array for array, _ in self.arrays.stored.values())
-                local[group.target] = group.array if whole else self.arrays.named(group.lanes[0].name)
+                local[group.target] = group.array if whole else self.arrays.new_name(group.lanes[0].name)
         body: list[Line] = []
         about = groups[0].lanes[0].line.about
         for group in groups:
-            one = group.lanes[0]
-            texts = [self._operand(access, local, level, one) for access in group.at]
-            text = one.piece.filled(texts)
+            lane = group.lanes[0]
+            texts = [self._operand(access, local, level, lane) for access in group.at]
+            text = lane.piece.fill(texts)
             assert group.target is not None
             if group.target in local:
-                body.append(Line(level + 1, f"const {one.type} {local[group.target]} = {text};"))
+                body.append(Line(level + 1, f"const {lane.type} {local[group.target]} = {text};"))
             else:
-                self._declare(one.type, group.array, level, one.line)
+                self._declare(lane.type, group.array, level, lane.line)
                 body.append(Line(level + 1, f"{group.target.element(self.index)} = {text};"))
         self._turns(groups[0].turns, body, level, about)
 
@@ -151,20 +149,20 @@ class _Rerolling:
         self.out += body
         self.out.append(Line(level, "}", about))
 
-    def _operand(self, access: Access, local: Local, level: int, one: Statement) -> str:
+    def _operand(self, access: Access, local: Local, level: int, lane: Statement) -> str:
         if access.numbers:
-            name = self.arrays.named("table")
+            name = self.arrays.new_name("table")
             numbers = ", ".join(access.numbers)
-            self.out.append(Line(level, f"static const {one.type} {name}[{len(access.numbers)}] = {{{numbers}}};"))
+            self.out.append(Line(level, f"static const {lane.type} {name}[{len(access.numbers)}] = {{{numbers}}};"))
             return f"{name}[{self.index}]"
         if not access.step:
-            return self.arrays.where(access.text)
+            return self.arrays.read(access.text)
         return local[access] if access in local else access.element(self.index)
 
-    # ---- numbers that change ----------------------------------------------------------------------------------------
+    # ---- variables --------------------------------------------------------------------------------------------------
 
-    def _mutable(self, first: int, end: int) -> None:
-        """Declarations of variables: those with one stem become an array."""
+    def _variables(self, first: int, end: int) -> None:
+        """Print declarations of variables; those with one stem become an array."""
         k = first
         while k < end:
             stem = _stem(self.lines[k])
@@ -179,20 +177,20 @@ class _Rerolling:
 
     def _array_of_variables(self, first: int, end: int) -> None:
         matches = [DECLARED.fullmatch(self.lines[k].text) for k in range(first, end)]
-        found = [match for match in matches if match is not None]
-        line, type = self.lines[first], found[0].group(2)
-        array = self.arrays.named(found[0].group(3))
-        for k, match in enumerate(found):
+        variables = [match for match in matches if match is not None]
+        line, type = self.lines[first], variables[0].group(2)
+        array = self.arrays.new_name(variables[0].group(3))
+        for k, match in enumerate(variables):
             self.arrays.stored[match.group(3)] = (array, k)
         self.out.append(Line(line.level, f"{type} {array}[{end - first}];", line.about))
         starts = [
             Statement(self.lines[first + k], first + k, "", f"{array}[{k}]", match.group(4))
-            for k, match in enumerate(found)
+            for k, match in enumerate(variables)
             if match.group(4) is not None
         ]
         self._print_assigned(starts, line.level)
 
-    def _assigned(self, first: int, end: int) -> None:
+    def _assignments(self, first: int, end: int) -> None:
         statements = []
         for k in range(first, end):
             match = ASSIGNED.fullmatch(self.lines[k].text)
@@ -201,32 +199,32 @@ class _Rerolling:
         self._print_assigned(statements, self.lines[first].level)
 
     def _print_assigned(self, statements: list[Statement], level: int) -> None:
-        """Assignments, in an order that leaves each the same."""
-        for run in in_runs(statements, self.arrays.stored, self.arrays.where):
-            one = run.lanes[0]
-            about = one.line.about
+        """Print assignments in an order that keeps the value of each."""
+        for run in runs_of(statements, self.arrays.stored, self.arrays.read):
+            lane = run.lanes[0]
+            about = lane.line.about
             if not run.at:
-                self.out.append(Line(level, f"{one.name} = {one.piece.text};", about))
-            elif run.at_once:
+                self.out.append(Line(level, f"{lane.name} = {lane.piece.text};", about))
+            elif run.is_block_move:
                 self.out.append(Line(level, self._moved(run), about))
             else:
-                texts = [self._operand(access, {}, level, _typed(one)) for access in run.at[1:]]
-                body = [Line(level + 1, f"{run.at[0].element(self.index)} = {one.piece.filled(texts)};")]
+                texts = [self._operand(access, {}, level, _typed(lane)) for access in run.at[1:]]
+                body = [Line(level + 1, f"{run.at[0].element(self.index)} = {lane.piece.fill(texts)};")]
                 self._turns(len(run.lanes), body, level, about)
 
     def _moved(self, run: Run) -> str:
-        """Moves a part of an array to another one, or makes it zero."""
-        target, given = run.at
-        arrays = (target.array, given.array) if given.step else (target.array,)
+        """Copy of a part of an array to another one, or to zero."""
+        target, source = run.at
+        arrays = (target.array, source.array) if source.step else (target.array,)
         size = f"{len(run.lanes)} * sizeof {min(arrays, key=len)}[0]"
-        if given.step:
-            return f"memcpy({target.pointer()}, {given.pointer()}, {size});"
+        if source.step:
+            return f"memcpy({target.pointer()}, {source.pointer()}, {size});"
         return f"memset({target.pointer()}, 0, {size});"
 
 
-def _typed(one: Statement) -> Statement:
-    one.type = one.type or ("float" if re.search(r"\d[\d.e-]*f\b", one.piece.text) else "double")
-    return one
+def _typed(lane: Statement) -> Statement:
+    lane.type = lane.type or ("float" if re.search(r"\d[\d.e-]*f\b", lane.piece.text) else "double")
+    return lane
 
 
 def _kind(line: Line) -> str:

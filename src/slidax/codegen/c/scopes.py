@@ -1,4 +1,4 @@
-"""Blocks around what is needed for a while only, so that a compiler can use its place on the stack again."""
+"""Blocks around variables that are needed for a while only, so that a compiler can reuse their stack."""
 
 from __future__ import annotations
 
@@ -13,19 +13,18 @@ from .layout import Line
 SIZES = {"double": 8, "float": 4, "int64_t": 8, "uint64_t": 8, "int32_t": 4, "uint32_t": 4, "int": 4, "bool": 1}
 DECLARED = re.compile(rf"(const )?({'|'.join(SIZES)}) (\w+)(?:\[(\d+)\])?(?: = (.*)|;)?;?")
 NAME = re.compile(r"[A-Za-z_]\w*")
-GIVEN = re.compile(r"\w+->\w+;?")
-"""Members of what a function is given: they are there from its start."""
+ARGUMENT = re.compile(r"\w+->\w+;?")
+"""Members of a function's arguments, known from its start."""
 
 LEAST = 128
-"""Bytes that another block must save."""
+"""Smallest number of bytes that another block must save."""
 
 
 @dataclass
 class _Item:
     """A line, or a block from its head to its last brace.
 
-    - `lines`: in order.
-    - `names`: all identifiers in it, each as often as it is there.
+    - `names`: number of occurrences of each identifier.
     """
 
     lines: list[Line]
@@ -37,8 +36,7 @@ class _Variable:
     """A variable of a sequence of items.
 
     - `first`, `last`: the items that declare it, and that use it last.
-    - `bytes`: that it takes.
-    - `fixed`: whether it cannot be declared in one place and set in another.
+    - `fixed`: true if its declaration cannot be separated from its values.
     """
 
     first: int
@@ -48,10 +46,7 @@ class _Variable:
 
 
 def scoped(lines: Sequence[Line]) -> list[Line]:
-    """The lines with blocks around parts of them.
-
-    - `lines`: of a function's body.
-    """
+    """Return the lines of a function's body with blocks around parts of them."""
     items = _items(lines)
     if len(items) < 2:
         return list(lines)
@@ -62,33 +57,36 @@ def scoped(lines: Sequence[Line]) -> list[Line]:
         return [line for item in items for line in _inner(item)]
     for start, end in pairwise(cuts):
         inside = [
-            name for name, one in variables.items() if start <= one.first < end and one.last < end and one.bytes > 8
+            name
+            for name, variable in variables.items()
+            if start <= variable.first < end and variable.last < end and variable.bytes > 8
         ]
         if sum(variables[name].bytes for name in inside) < LEAST:
             out += [line for item in items[start:end] for line in _inner(item)]
             continue
         part = [line for item in items[start:end] for line in item.lines]
-        out += _block(part, {name for name, one in variables.items() if start <= one.first < end <= one.last})
+        out += _block(
+            part, {name for name, variable in variables.items() if start <= variable.first < end <= variable.last}
+        )
     return out
 
 
 def stack(lines: Sequence[Line]) -> int:
-    """Bytes that the variables of a function take: arrays as long as their block lasts, numbers while they are needed.
-
-    - `lines`: of its body.
-    """
+    """Return a function's stack in bytes: arrays take it while their block lasts, numbers while they are needed."""
     items = _items(lines)
     variables = _variables(items).values()
-    arrays = sum(one.bytes for one in variables if one.bytes > 8)
+    arrays = sum(variable.bytes for variable in variables if variable.bytes > 8)
     most = 0
     for k, item in enumerate(items):
-        alive = sum(one.bytes for one in variables if one.bytes <= 8 and one.first <= k <= one.last)
+        alive = sum(
+            variable.bytes for variable in variables if variable.bytes <= 8 and variable.first <= k <= variable.last
+        )
         most = max(most, alive + _within(item))
     return arrays + most
 
 
 def _within(item: _Item) -> int:
-    """Bytes that the blocks of an item take: only one of them at a time."""
+    """Bytes of the blocks in an item: only one of them at a time."""
     if len(item.lines) < 3 or DECLARED.match(item.lines[0].text):
         return 0
     level, most = item.lines[0].level, 0
@@ -103,7 +101,7 @@ def _within(item: _Item) -> int:
 
 
 def _inner(item: _Item) -> list[Line]:
-    """The lines of an item, with blocks inside of it."""
+    """Lines of an item, with blocks inside it."""
     if len(item.lines) < 4 or DECLARED.match(item.lines[0].text):
         return item.lines
     out: list[Line] = []
@@ -133,26 +131,26 @@ def _items(lines: Sequence[Line]) -> list[_Item]:
 
 
 def _variables(items: Sequence[_Item]) -> dict[str, _Variable]:
-    found: dict[str, _Variable] = {}
+    variables: dict[str, _Variable] = {}
     for k, item in enumerate(items):
         for name in item.names:
-            if name in found:
-                found[name].last = k
+            if name in variables:
+                variables[name].last = k
         match = DECLARED.match(item.lines[0].text)
         if match is not None:
             size = SIZES[match.group(2)] * int(match.group(4) or 1)
             fixed = match.group(4) is not None and match.group(5) is not None
-            found[match.group(3)] = _Variable(k, k, size, fixed)
-    return found
+            variables[match.group(3)] = _Variable(k, k, size, fixed)
+    return variables
 
 
 def _cuts(items: Sequence[_Item], variables: Mapping[str, _Variable]) -> list[int]:
-    """Where the sequence is best cut into blocks."""
-    arrays = [one for one in variables.values() if one.bytes > 8]
+    """Best places to cut the sequence into blocks."""
+    arrays = [variable for variable in variables.values() if variable.bytes > 8]
     ends = {0, len(items)}
     candidates = {k for k in range(1, len(items)) if items[k].lines[0].about != items[k - 1].lines[0].about}
-    candidates |= {one.first for one in arrays} | {one.last + 1 for one in arrays}
-    candidates -= {k for one in arrays if one.fixed for k in range(one.first + 1, one.last + 1)}
+    candidates |= {array.first for array in arrays} | {array.last + 1 for array in arrays}
+    candidates -= {k for array in arrays if array.fixed for k in range(array.first + 1, array.last + 1)}
     saved = 0
     while True:
         best, most = None, saved + LEAST
@@ -167,20 +165,20 @@ def _cuts(items: Sequence[_Item], variables: Mapping[str, _Variable]) -> list[in
 
 
 def _saved(arrays: Sequence[_Variable], cuts: Sequence[int]) -> int:
-    """Bytes that blocks save: all that is local to one, but for the largest of them."""
+    """Bytes that blocks save: all local variables but those of the largest block."""
     local: defaultdict[int, int] = defaultdict(int)
     block = {}
     for number, (start, end) in enumerate(pairwise(cuts)):
         for k in range(start, end):
             block[k] = number
-    for one in arrays:
-        if block[one.first] == block.get(one.last):
-            local[block[one.first]] += one.bytes
+    for array in arrays:
+        if block[array.first] == block.get(array.last):
+            local[block[array.first]] += array.bytes
     return sum(local.values()) - max(local.values(), default=0)
 
 
 def _block(lines: Sequence[Line], leaving: set[str]) -> list[Line]:
-    """A block, with what is needed after it declared before."""
+    """A block; variables that are needed after it are declared before it."""
     before: list[Line] = []
     inside: list[Line] = []
     level = lines[0].level
@@ -190,7 +188,7 @@ def _block(lines: Sequence[Line], leaving: set[str]) -> list[Line]:
             inside.append(Line(line.level + 1, line.text, line.about))
             continue
         _, type, name, size, value = match.groups()
-        if value is not None and GIVEN.fullmatch(value):
+        if value is not None and ARGUMENT.fullmatch(value):
             before.append(line)
             continue
         before.append(Line(level, f"{type} {name}{f'[{size}]' if size else ''};"))

@@ -11,25 +11,25 @@ from .blocks import BlockWriter
 from .calls import Callees
 from .dialect import Dialect
 from .helpers import Helpers
-from .layout import declared_together, laid_out
+from .layout import format_lines, join_declarations
 from .placement import Placement
-from .rerolled import rerolled
+from .rerolled import reroll
 from .scopes import scoped, stack
 from .writer import Read, Rows
 
 PLACED = frozenset({"const", "input", "param", "result"})
-"""Values that lie somewhere already."""
+"""Operations whose value has a place in memory already."""
 
 
 @dataclass(frozen=True)
 class Statements:
-    """The inside of a C function.
+    """Body of a C function.
 
     - `lines`: of C, indented.
-    - `helpers`: the small functions that it calls.
-    - `reads`: the numbers of the inputs that it reads.
-    - `called`: the functions that it calls, each as often as it does.
-    - `bytes`: what its variables take if each of a block has a place of its own; a compiler needs less.
+    - `helpers`: small functions that it calls.
+    - `reads`: numbers of the inputs that it reads.
+    - `called`: functions that it calls, once for each call.
+    - `bytes`: stack of its variables if all in a block have places of their own; a compiler needs less.
     """
 
     lines: list[str]
@@ -45,57 +45,58 @@ def statements(
     read: Read,
     *,
     dialect: Dialect | None = None,
-    given: Mapping[Value, str] | None = None,
+    precomputed: Mapping[Value, str] | None = None,
     names: Names | None = None,
     rows: Rows | None = None,
     callees: Callees | None = None,
     loops: bool = False,
     taken: Collection[str] = (),
 ) -> Statements:
-    """Statements that compute values and assign them, and no more than they need.
+    """Return statements that compute and assign values, and nothing that these do not need.
 
-    All assignments come last and at once: where an input is read from the very place that an output is written to, the
-    old number is read.
+    All assignments come last and take effect together: an input in the place of an output is read before it is
+    overwritten.
 
-    - `program`: that the values belong to.
-    - `assigned`: where each value is written, as a C lvalue, and the value.
-    - `read`: how an element of an input is read.
+    - `assigned`: C lvalues and their values.
+    - `read`: C text that reads an element of an input.
     - `dialect`: C99 with doubles if None.
-    - `given`: values that are known already, and how they are read.
-    - `names`: preferred names of values; None: as the source calls them.
-    - `rows`: where logged outputs are written; None leaves them out.
-    - `callees`: how functions are called; None where there is none.
-    - `loops`: whether statements that are alike for all elements of an array become a loop.
-    - `taken`: names that local variables must not have, such as those of the function's arguments.
+    - `precomputed`: values that need no computation, and the C text that reads them.
+    - `names`: preferred names of values; None: names of the source.
+    - `rows`: places of logged outputs; None omits these outputs.
+    - `callees`: C functions of the called programs; None if there are none.
+    - `loops`: true to write similar statements for all elements of an array as a loop.
+    - `taken`: names in use, such as those of the function's arguments.
     """
-    given = given or {}
+    precomputed = precomputed or {}
     stores = [value for value in program.walk() if value.op == "store"] if rows is not None else []
-    placement = Placement(program, [*(value for _, value in assigned), *stores], given)
-    writer = BlockWriter(placement, dialect or Dialect(), read, given, names or Names(program), set(taken))
+    placement = Placement(program, [*(value for _, value in assigned), *stores], precomputed)
+    writer = BlockWriter(placement, dialect or Dialect(), read, precomputed, names or Names(program), set(taken))
     writer.rows = rows
     writer.callees = callees
     writer.loops = loops
     writer.expressions.alike = loops
     if loops:
-        # An element of two arrays lies in the longer one.
+        # An element of two arrays is placed in the longer one.
         for which, array in sorted(enumerate(program.arrays), key=lambda pair: -len(pair[1])):
             for k, value in enumerate(array):
-                if value.op not in ("const", "input") and value not in given:
+                if value.op not in ("const", "input") and value not in precomputed:
                     writer.together.setdefault(value, (which, k))
         for number, array in enumerate(_arguments(program), start=len(program.arrays)):
-            if all(value.op not in PLACED and value not in given and value not in writer.together for value in array):
+            if all(
+                value.op not in PLACED and value not in precomputed and value not in writer.together for value in array
+            ):
                 writer.together |= {value: (number, k) for k, value in enumerate(array)}
     writer.region(program.body)
     if writer.lines and assigned:
         writer.line("")
     writer.assign(assigned)
-    lines = scoped(rerolled(writer.lines, writer.taken, writer.helpers)) if loops else writer.lines
-    texts = laid_out(declared_together(lines) if loops else lines)
+    lines = scoped(reroll(writer.lines, writer.taken, writer.helpers)) if loops else writer.lines
+    texts = format_lines(join_declarations(lines) if loops else lines)
     return Statements(texts, writer.helpers, frozenset(writer.reads), stack(lines), writer.called)
 
 
 def _arguments(program: Program) -> Iterator[tuple[Value, ...]]:
-    """The arrays that calls are given."""
+    """Arrays that are arguments of calls."""
     for call in program.walk():
         if isinstance(call, Call):
             place = 0
