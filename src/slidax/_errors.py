@@ -238,10 +238,10 @@ def require_shape(owner: object, shape: tuple[int, ...], *fields: str) -> None:
     - `fields`: their names.
     """
     for field in fields:
-        given = np.shape(getattr(owner, field))
-        if given != shape:
-            wanted = f"{' x '.join(map(str, shape))} numbers" if shape else "one number"
-            raise DefinitionError(f"`{type(owner).__name__}.{field}` must be {wanted}; got shape {list(given)}")
+        got = np.shape(getattr(owner, field))
+        if got != shape:
+            expected = f"{' x '.join(map(str, shape))} numbers" if shape else "one number"
+            raise DefinitionError(f"`{type(owner).__name__}.{field}` must be {expected}; got shape {list(got)}")
 
 
 def require_consistent(owner: object, *fields: str) -> None:

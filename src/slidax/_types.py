@@ -25,14 +25,13 @@ PerJoint = Float[Array, "..."]
 """A parameter: one number for all joints (shape []) or one per joint (shape [n])."""
 
 Memory = Any
-"""What a controller keeps between two samples: any pytree of arrays, also an empty one."""
+"""Controller state between two samples: any pytree of arrays, also an empty one."""
 
 
 def _numbers(value: Any, like: Any = None) -> Any:
-    """Lists and whole numbers as an array of floats, nothing as zeros; what stands for an array stays as it is.
+    """Convert lists and integers to an array of floats, and None to zeros shaped like `like`.
 
-    - `value`: what was given.
-    - `like`: of what shape the zeros are.
+    Tracers and other stand-ins for an array are returned unchanged.
     """
     if value is None and like is not None:
         return np.zeros(np.shape(like)) if isinstance(like, np.ndarray) else jnp.zeros_like(like)
@@ -59,7 +58,7 @@ class State(eqx.Module):
 
 
 class Reference(eqx.Module):
-    """What the joints should do at one time.
+    """Reference motion at one time.
 
     - `q`, `dq`, `ddq`: desired position, velocity and acceleration [n] in rad, rad/s, rad/s² (m for a prismatic joint);
       standing still if only the position is given.
@@ -88,7 +87,7 @@ class Envelope(eqx.Module):
 
 
 class Command(eqx.Module):
-    """What a controller returns at one sample.
+    """Controller output at one sample.
 
     - `tau`: joint torques [n], N m (N for a prismatic joint).
     - `memory`: the controller's memory after this sample; the same tree as before it.

@@ -69,7 +69,7 @@ def test_a_search_that_was_stopped_goes_on_where_it_was(tmp_path):
 
     study = asked("falsify", runs=160)
     with pytest.raises(KeyboardInterrupt):
-        study.run(How(tmp_path / "study", seen=stopped))
+        study.run(How(tmp_path / "study", progress=stopped))
     resumed = study.run(How(tmp_path / "study", resume=True))
     assert 0 < resumed.computed < whole.runs
     for name, column in whole.table.items():

@@ -27,7 +27,7 @@ from slidax.studies import How, study_of
 from slidax.studies import runner
 runner.LEAST = runner.MOST = 64
 print("begin", flush=True)
-study_of(json.loads(sys.argv[1])).run(How(Path(sys.argv[2]), True, seen=lambda rows: print(rows, flush=True)))
+study_of(json.loads(sys.argv[1])).run(How(Path(sys.argv[2]), True, progress=lambda rows: print(rows, flush=True)))
 """
 
 
@@ -87,7 +87,7 @@ def test_a_study_that_was_killed_goes_on_and_ends_with_the_same_file(tmp_path: P
             raise Stopped
 
     with pytest.raises(Stopped):
-        study().run(How(out, seen=stop))
+        study().run(How(out, progress=stop))
     assert not (out / "rows.parquet").exists() and len(list((out / "parts").iterdir())) == 2
     # A part that was being written is no part, and a damaged one is computed again.
     (out / "parts" / "000000000128-64.tmp77").write_bytes(b"half of a file")

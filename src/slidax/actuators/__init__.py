@@ -1,4 +1,4 @@
-"""How a commanded torque is delivered: limited in size and rate, late, and through a lag."""
+"""Actuators: torque and torque-rate limits, delay, and lag."""
 
 from .actuator import Actuator as Actuator
 from .torque_limits import TorqueLimits as TorqueLimits

@@ -1,4 +1,4 @@
-"""How large a torque may be, and how fast it may change."""
+"""Torque and torque-rate limits."""
 
 from __future__ import annotations
 

@@ -74,7 +74,7 @@ def study(
         started = time.perf_counter()
         with _with_saved_rows(out), Lines() if progress else Bar() as bar, suppress(KeyboardInterrupt):
             share = None if part is None else Part.parsed(part)
-            how = How(out, resume, begin=bar.begin, seen=bar.advance, made_by=_made_by(), part=share)
+            how = How(out, resume, begin=bar.begin, progress=bar.advance, made_by=_made_by(), part=share)
             try:
                 result = _run(study_, how, cluster)
             except PartDone as done:

@@ -51,13 +51,13 @@ Proof = Literal["bound", "tested"]
 
 @dataclass(frozen=True)
 class Designed:
-    """A law that does what is asked.
+    """A law that meets the requirements.
 
     - `description`: the scenario with it.
     - `proof`: `bound` where `loop_rate` holds for its envelope, else `tested`: in simulated cases alone.
     - `frame`, `choice`: its numbers; `worst`: what the worst common case makes of them.
-    - `asked`: of the drives and of u; None where no bound was found.
-    - `rate`: what `loop_rate` says; None where it has no answer.
+    - `demand`: on the drives and on u; None where no bound was found.
+    - `rate`: verdict of `loop_rate`; None where it has no answer.
     - `check`: of random cases and a search, as the certificate `statistical`.
     - `runs`: that were simulated to find it.
     """
@@ -67,7 +67,7 @@ class Designed:
     frame: Frame
     choice: Choice
     worst: Worst
-    asked: Asked | None
+    demand: Asked | None
     rate: Verdict | None
     check: Verdict
     runs: int

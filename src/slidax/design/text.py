@@ -98,7 +98,7 @@ def _comments(result: Designed) -> Iterator[tuple[tuple[str, ...], str, str]]:
     )
     yield ("scheme",), "surface", "Steeper or flatter surfaces were not better."
     if choice.margin is not None:
-        lacks = "" if result.asked is None else f", {result.asked.needed:.3g} N m"
+        lacks = "" if result.demand is None else f", {result.demand.needed:.3g} N m"
         times = f"{U_AMPLE:g} times" if frame.least_margin is None else f"at least {U_OVER:g} times"
         yield ("scheme",), "bound", f"u: {times} the largest model error{lacks}, (44), (45)."
     else:

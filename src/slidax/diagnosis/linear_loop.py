@@ -14,7 +14,7 @@ INPUTS = ("position noise", "velocity noise", "place", "push", "push at the end"
 """Inputs: noise of a measurement, the target `A ψ(ε)` of a plan, and an acceleration disturbance of
 the arm, linear over the period."""
 
-ASKED = ("error", "velocity", "led", "predicted velocity", "command", "planned", "estimate")
+OUTPUTS = ("error", "velocity", "led", "predicted velocity", "command", "planned", "estimate")
 """Outputs: e and ė of the arm when the period's new torque sets in or, with a fractional delay, so long
 after a sample; the led error ŷ and the velocity that are predicted; the acceleration that is commanded, with and
 without the estimate's compensation; and the estimate ŵ after this sample."""
@@ -22,16 +22,16 @@ without the estimate's compensation; and the estimate ŵ after this sample."""
 
 @dataclass(frozen=True)
 class LoopMaps:
-    """One period of a joint's loop: `x⁺ = step x + enters u`, `asked x + direct u`; u are `INPUTS`, rows are `ASKED`.
+    """One period of a joint's loop: `x⁺ = step x + enters u`, `y = outputs x + direct u`; u: `INPUTS`, y: `OUTPUTS`.
 
     The unit of time is the period. The first two entries of x are e and ė of the arm.
 
-    - `step`: [m m]; `enters`: [m 5]; `asked`: [7 m]; `direct`: [7 5].
+    - `step`: [m m]; `enters`: [m 5]; `outputs`: [7 m]; `direct`: [7 5].
     """
 
     step: np.ndarray
     enters: np.ndarray
-    asked: np.ndarray
+    outputs: np.ndarray
     direct: np.ndarray
 
 
@@ -139,14 +139,14 @@ class LinearLoop:
             return math.inf, math.inf
         covariance = solve_discrete_lyapunov(matrix, variance * np.outer(enters, enters))
         # The step is the difference of this command and the last, which the noise of this sample enters as well.
-        row, own = maps.asked[4], float(maps.direct[4, 0])
+        row, own = maps.outputs[4], float(maps.direct[4, 0])
         step = row.copy()
         step[2] -= 1.0
         spread = step @ covariance @ step + variance * own * own
         return math.sqrt(max(covariance[0, 0], 0.0)), math.sqrt(max(spread, 0.0)) / self.h**2
 
     def maps(self, kappa: float = 1.0, delay: float | None = None) -> LoopMaps:
-        """One period of the loop, with all that comes in from outside and what is asked of it.
+        """One period of the loop, with its inputs and outputs.
 
         - `kappa`: κ, nominal over true inertia.
         - `delay`: the true one [periods]; as believed if None.
@@ -199,8 +199,8 @@ class LinearLoop:
         q, v = self._moved(q, v, kappa * sent[whole], 1.0 - part)
         q, v = q + 0.5 * pushed + change / 6.0, v + 0.5 * (pushed + pushed_next)
         after = np.array([q, v, *sent[:queue], *following, push, rate, last_q, last_v])
-        asked = np.array([within_q, within_v, led, now_v, command, planned, push])
-        return LoopMaps(after[:, :size], after[:, size:], asked[:, :size], asked[:, size:])
+        outputs = np.array([within_q, within_v, led, now_v, command, planned, push])
+        return LoopMaps(after[:, :size], after[:, size:], outputs[:, :size], outputs[:, size:])
 
     def _estimated(
         self,

@@ -1,4 +1,4 @@
-"""What every disturbance is, and how two become one."""
+"""Base class, sum and scaling of disturbances."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class Samples:
 
     @property
     def way(self) -> Floats:
-        """How far a joint moves at most in each period [N n], rad or m."""
+        """Largest distance that a joint moves in each period [N n], rad or m."""
         return (np.abs(self.dq) + self.turn) * self.period
 
     def jumps(self, first: Any, last: Any) -> NDArray[np.bool_]:
@@ -92,7 +92,7 @@ class AbstractDisturbance(AbstractPart):
 
 
 MOST_TERMS = 50
-"""Of a sum: each is compiled by itself."""
+"""Largest number of terms in a sum: each term is compiled separately."""
 
 
 class Sum(AbstractDisturbance):
@@ -113,7 +113,7 @@ class Sum(AbstractDisturbance):
         return sum((term(t, state) for term in self.terms), start=0.0 * state.q)
 
     def breakpoints(self) -> tuple[float, ...]:
-        """Those of all terms."""
+        """Breakpoints of all terms [s]."""
         return tuple(time for term in self.terms for time in term.breakpoints())
 
     def off_chord(self, upper: Any, samples: Samples) -> Floats:
@@ -141,7 +141,7 @@ class Scaled(AbstractDisturbance):
         return self.factor * self.disturbance(t, state)
 
     def breakpoints(self) -> tuple[float, ...]:
-        """Those of what is scaled."""
+        """Breakpoints of the scaled disturbance [s]."""
         return self.disturbance.breakpoints()
 
     def off_chord(self, upper: Any, samples: Samples) -> Floats:

@@ -35,6 +35,6 @@ class Harmonic(AbstractDisturbance):
         - `upper`: has the largest value of each number.
         - `samples`: a period apart.
         """
-        turned = largest(self.frequency, upper.frequency) * samples.period
-        found: Floats = largest(self.amplitude, upper.amplitude) * np.minimum(turned**2 / 8.0, 2.0)
-        return np.broadcast_to(found, samples.q.shape)
+        angle = largest(self.frequency, upper.frequency) * samples.period
+        bound: Floats = largest(self.amplitude, upper.amplitude) * np.minimum(angle**2 / 8.0, 2.0)
+        return np.broadcast_to(bound, samples.q.shape)

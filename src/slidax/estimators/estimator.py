@@ -1,4 +1,4 @@
-"""What every estimator is, and what it says."""
+"""Base class of the estimators, and the estimate."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from slidax.parts import AbstractPart, Memory, Scalar, State, Vector
 
 
 class Estimate(eqx.Module):
-    """What a law uses at one sample.
+    """Estimated state and unmodelled acceleration at one sample.
 
     - `state`: estimated positions and velocities.
     - `push`: estimated acceleration that the nominal model does not explain [n], rad/s² or m/s².
@@ -24,9 +24,9 @@ class Estimate(eqx.Module):
 
 
 class AbstractEstimator(AbstractPart):
-    """Corrects the prediction of the nominal model by what is measured.
+    """Corrects the nominal model's prediction with a measurement.
 
-    It is to be called at each measurement that arrives, and not at one that is lost.
+    Call the estimator at each measurement that arrives, and not at a lost one.
     """
 
     reads_velocity: ClassVar[bool] = False
@@ -34,9 +34,9 @@ class AbstractEstimator(AbstractPart):
 
     @abstractmethod
     def init(self, measured: State) -> Memory:
-        """What is kept between two measurements, from the first one: any pytree of arrays, also an empty one.
+        """Estimator state after the first measurement: any pytree of arrays, also an empty one.
 
-        The first estimate is that measurement, and no push.
+        The first estimate is that measurement, with `push = 0`.
 
         - `measured`: the first measurement.
         """
@@ -50,13 +50,13 @@ class AbstractEstimator(AbstractPart):
         - `measured`: measured positions and velocities.
         - `prior`: the last estimate, moved by the nominal model and with its push to the time of this measurement.
         - `elapsed`: time since the last measurement [s], > 0.
-        - `missed`: whether that is more than one period. The push then stays as it was, for over a long time other
-          errors add up to it.
+        - `missed`: True if that is more than one period. The push then stays as it was, because other errors add up to
+          it over a long time.
         - `memory`: what `init` returned, or the call at the last measurement.
         """
 
     def for_inertia(self, inertia: Vector) -> AbstractEstimator:
-        """The same estimator for joints of another inertia; itself where it does not depend on that.
+        """Return the estimator for joints of another inertia; `self` if the estimator does not depend on inertia.
 
         - `inertia`: the diagonal of M̂ [n], kg m² or kg.
         """
@@ -73,8 +73,8 @@ def reseated(
     - `measured`: measured positions; velocities are not used.
     - `prior`: q and q̇, the prediction.
     - `elapsed`: T, time since the last measurement [s], > 0.
-    - `missed`: whether samples were missed.
-    - `usual`: the estimate if none was.
+    - `missed`: True if samples were missed.
+    - `usual`: the estimate without missed samples.
     """
     dq = prior.state.dq + 2.0 * (measured.q - prior.state.q) / elapsed
     return Estimate(

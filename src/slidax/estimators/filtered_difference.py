@@ -13,9 +13,9 @@ from .estimator import AbstractEstimator, Estimate
 class FilteredDifference(AbstractEstimator):
     """`q = q'`, `q̇ = q̇_predicted + a d`, `push⁺ = push + g a² d/h`, with `a = 1 - e^{-c h}`.
 
-    What the model missed is `d = (q' - q'₋)/h - (q̇_predicted + q̇₋)/2`. A complementary filter: slow changes of
-    the velocity come from the measured positions, fast ones from the model, so that the filter lags only behind what
-    the model does not know. Measured velocities are not used.
+    The model's velocity error is `d = (q' - q'₋)/h - (q̇_predicted + q̇₋)/2`. A complementary filter: slow changes of
+    the velocity come from the measured positions, and fast changes from the model. The filter therefore lags only
+    behind unmodelled motion. Measured velocities are not used.
 
     For `c h << 1` the errors decay as `λ² + c λ + g c²`: a damping of `1/(2 √g)`, critical for g = 1/4; they decay
     for all `c h` and `0 < g <= 1`.

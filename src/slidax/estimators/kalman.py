@@ -82,7 +82,7 @@ class Kalman(AbstractEstimator):
             raise DefinitionError(
                 f"`torque_density` of a Kalman filter must be > 0 (N m/s)² s and finite; got {torque_density}"
             )
-        inertia, density, pace = _paces(*(as_array(one) for one in (mass, torque_density, variance, period)))
+        inertia, density, pace = _paces(*(as_array(value) for value in (mass, torque_density, variance, period)))
         if fastest is not None:
             variance = jnp.maximum(as_array(variance), density * as_array(period) ** 5 / as_array(fastest) ** 6)
             pace = jnp.minimum(pace, fastest)

@@ -29,18 +29,18 @@ def steady_gains(density: Any, variance: Any, period: Any) -> Float[Array, "..."
 
     Raises DefinitionError if one of them is out of its range.
     """
-    given = [as_array(value) for value in (density, variance, period)]
-    for name, value, unit in zip(("density", "variance", "period"), given, ("rad²/s⁵", "rad²", "s"), strict=True):
+    values = [as_array(value) for value in (density, variance, period)]
+    for name, value, unit in zip(("density", "variance", "period"), values, ("rad²/s⁵", "rad²", "s"), strict=True):
         if not is_traced(value) and not np.all((np.asarray(value) > 0) & np.isfinite(value)):
             raise DefinitionError(f"`{name}` of a Kalman filter must be > 0 {unit} and finite; got {value}")
-    spread, noise, h = jnp.broadcast_arrays(*given)
+    spread, noise, h = jnp.broadcast_arrays(*values)
     return _steady(spread, noise, h)
 
 
 # As one program: JAX would compile each of its operations alone, which takes a second.
 @jax.jit
 def _steady(spread: Any, noise: Any, h: Any) -> Any:
-    # The far ends are out of reach of any arm; they keep the matrices apart from singular ones.
+    # No arm reaches the ends of this range; they keep the matrices regular.
     ratio = jnp.clip(spread / noise * h * h * h * h * h, 1e-42, 1e24)
     gains = jax.vmap(_gains)(ratio.reshape(-1)).T.reshape(3, *ratio.shape)
     return gains / jnp.stack([jnp.ones_like(h), h, h * h])
@@ -53,12 +53,12 @@ def _gains(ratio: Scalar) -> Float[Array, "3"]:
     is: a step is then `d = ratio^(1/6)`, or 1 for a fast one.
     """
     d = jnp.minimum(ratio ** (1.0 / 6.0), 1.0)
-    one, nil = jnp.ones_like(d), jnp.zeros_like(d)
-    moved = _matrix([one, d, 0.5 * d * d], [nil, one, d], [nil, nil, one])
+    unit, nil = jnp.ones_like(d), jnp.zeros_like(d)
+    moved = _matrix([unit, d, 0.5 * d * d], [nil, unit, d], [nil, nil, unit])
     d2, d3 = d * d, d * d * d
     drift = _matrix([d2 * d3 / 20, d2 * d2 / 8, d3 / 6], [d2 * d2 / 8, d3 / 3, d2 / 2], [d3 / 6, d2 / 2, d])
     covariance = _steady_covariance(moved, drift * (ratio / (d2 * d3)))
-    return covariance[0] / (covariance[0, 0] + 1.0) * jnp.stack([one, d, d2])
+    return covariance[0] / (covariance[0, 0] + 1.0) * jnp.stack([unit, d, d2])
 
 
 def _steady_covariance(f: Three, q: Three) -> Three:

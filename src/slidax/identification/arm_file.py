@@ -84,7 +84,7 @@ def arm_as_yaml(identification: Identification, robot: Mapping[str, Any], folder
 
 
 def _line(parameter: Estimated) -> str:
-    is_seen = "true" if parameter.seen else "false"
+    is_seen = "true" if parameter.identifiable else "false"
     error = _flow(_rounded(parameter.standard_error, 4))
     return f'  robot.{parameter.path}: {{standard_error: {error}, unit: "{parameter.unit}", seen: {is_seen}}}'
 

@@ -89,7 +89,7 @@ def estimates_of(robot: Articulated, unknowns: Unknowns, fitted: Fit, theta: np.
                 unit=UNITS[name][robot.joint_units[joint] == "m"],
                 value=float(theta[i]),
                 standard_error=float(errors[i]),
-                seen=bool(errors[i] < SEEN * unknowns.scale[i]),
+                identifiable=bool(errors[i] < SEEN * unknowns.scale[i]),
             )
         )
     return tuple(listed)
@@ -128,7 +128,7 @@ def _of_body(
                 unit=unit,
                 value=float(values[i]),
                 standard_error=float(errors[i]),
-                seen=bool(errors[i] < SEEN * believed[i]),
+                identifiable=bool(errors[i] < SEEN * believed[i]),
             )
         )
     return listed

@@ -23,7 +23,7 @@ class Estimated:
     - `unit`: of the value.
     - `value`: what fits best.
     - `standard_error`: of the value.
-    - `seen`: whether the log says more of it than was believed before.
+    - `identifiable`: True if the log determines it more closely than the prior.
     """
 
     name: str
@@ -32,7 +32,7 @@ class Estimated:
     unit: str
     value: float
     standard_error: float
-    seen: bool
+    identifiable: bool
 
     @property
     def title(self) -> str:
@@ -88,7 +88,7 @@ class Identification:
     @property
     def unseen(self) -> tuple[Estimated, ...]:
         """The numbers of which this log says nothing, or too little."""
-        return tuple(parameter for parameter in self.parameters if not parameter.seen)
+        return tuple(parameter for parameter in self.parameters if not parameter.identifiable)
 
     def values(self, name: str) -> np.ndarray:
         """All numbers of a name, in the order of the joints.
@@ -115,7 +115,7 @@ class Identification:
                     "unit": parameter.unit,
                     "value": parameter.value,
                     "standard_error": parameter.standard_error,
-                    "seen": parameter.seen,
+                    "seen": parameter.identifiable,
                 }
                 for parameter in self.parameters
             ],
@@ -133,7 +133,7 @@ class Identification:
         lines = [f"{self.robot.name} from {self.log.source}: {len(self.log.t)} samples, band {self.cut_off:.3g} Hz"]
         for parameter in self.parameters:
             half = 0.5 * (parameter.interval()[1] - parameter.interval()[0])
-            end = "" if parameter.seen else "  not seen in this log"
+            end = "" if parameter.identifiable else "  not seen in this log"
             lines.append(f"{parameter.title:<{width}}  {parameter.value:>10.4g} ± {half:<8.2g} {parameter.unit}{end}")
         lines.append(f"torque [rms] measured     {_listed(self.measured_rms)}")
         lines.append(f"             error, fit   {_listed(self.fit_rms)}")

@@ -20,13 +20,13 @@ def value_rate_curvature(
     - `t`: time [s].
     """
     t = as_array(t)
-    one = jnp.ones_like(t)
+    unit = jnp.ones_like(t)
 
     def value_and_rate(t: Scalar) -> tuple[PerJoint, PerJoint]:
         value: PerJoint
         rate: PerJoint
-        value, rate = jax.jvp(function, (t,), (one,))
+        value, rate = jax.jvp(function, (t,), (unit,))
         return value, rate
 
-    (value, rate), (_, curvature) = jax.jvp(value_and_rate, (t,), (one,))
+    (value, rate), (_, curvature) = jax.jvp(value_and_rate, (t,), (unit,))
     return value, rate, curvature

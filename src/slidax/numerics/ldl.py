@@ -71,7 +71,7 @@ def _substituted(upper: Matrix, inverses: Vector, b: Vector) -> Vector:
 
 
 def is_positive_definite(a: np.ndarray) -> bool:
-    """Whether a matrix of known numbers is symmetric and positive definite.
+    """True if a matrix of known numbers is symmetric and positive definite.
 
     - `a`: matrix [n n].
     """

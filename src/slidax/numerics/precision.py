@@ -1,4 +1,4 @@
-"""How many bits numbers have."""
+"""Check for 64-bit numbers."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from slidax._errors import DefinitionError
 
 
 def require_64_bits() -> None:
-    """Raises DefinitionError where JAX cuts numbers to 32 bits."""
+    """Raise DefinitionError if JAX computes with 32-bit numbers."""
     if not jax.config.read("jax_enable_x64"):
         raise DefinitionError(
             'slidax needs 64-bit numbers: call jax.config.update("jax_enable_x64", True) before anything else'

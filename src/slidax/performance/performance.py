@@ -1,4 +1,4 @@
-"""What every performance function is."""
+"""Base class of the performance functions."""
 
 from __future__ import annotations
 

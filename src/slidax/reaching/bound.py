@@ -1,4 +1,4 @@
-"""What every bound of the robust torque is."""
+"""Base class for the size of the robust torque."""
 
 from __future__ import annotations
 

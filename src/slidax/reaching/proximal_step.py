@@ -20,12 +20,12 @@ PRECISION = 2e-13
 
 
 TINY = 1e-150
-"""Keeps a division by a length from being one by zero; its square is still a number."""
+"""Smallest divisor of a division by a length; its square does not underflow."""
 
 
 @runtime_checkable
 class Reaching(Protocol):
-    """What of a reaching law is needed here: a power that acts on each joint alone, and the width of the layer."""
+    """Reaching law with a power that acts on each joint alone, and a boundary layer."""
 
     layer: Scalar
 
@@ -36,7 +36,7 @@ class Reaching(Protocol):
         """
 
     def moved(self, s: Vector, step: Vector) -> Vector:
-        """Where a Newton step leads, in coordinates in which the continuous term is nearly straight, [n].
+        """Point after a Newton step, in coordinates in which the continuous term is nearly linear, [n].
 
         - `s`: sliding variable [n].
         - `step`: of it [n].
@@ -57,9 +57,9 @@ def proximal_step(reaching: Reaching, metric: Matrix, s: Vector, u: Scalar) -> V
 
     The right-hand side is minus a monotone map, and A is positive definite: there is exactly one such s⁺. With s0 = 0
     it is exactly zero where `‖A s‖ <= u`. Else Newton's steps lead to it, from the root without P; one that does not
-    halve what is left is taken again with the chords of P, and then shorter until it is better. What is left of the
-    equation, r, never grows, and tells how far s⁺ is: no more than ‖r‖ over A's least eigenvalue, as the right-hand
-    side is monotone. The derivative is that of the solution, by the implicit function theorem.
+    halve the residual r is taken again with the chords of P, and then shorter until it is better. The residual never
+    grows. The distance to s⁺ is at most ‖r‖ over A's least eigenvalue, as the right-hand side is monotone. The
+    derivative is that of the solution, by the implicit function theorem.
     Source: Acary, Brogliato and Orlov, IEEE Transactions on Automatic Control 57 (2012), 1087-1101.
 
     - `reaching`: P and s0.
@@ -73,10 +73,10 @@ def proximal_step(reaching: Reaching, metric: Matrix, s: Vector, u: Scalar) -> V
 def _residual_and_jacobian(
     reaching: Any, metric: Matrix, push: Vector, u: Scalar, s: Vector, careful: Any = False
 ) -> tuple[Vector, Matrix]:
-    """What is left of the equation at s, and its derivative there.
+    """Residual of the equation at s, and its derivative.
 
-    Where an exponent is less than one Newton steps jump to and fro over zero. Carefully taken, the slope of a power is
-    no less than its chord from zero, which converges from everywhere.
+    For exponents below one, Newton steps oscillate around zero. With `careful`, the slope of a power is at least its
+    chord from zero, and the steps converge from everywhere.
     """
     power, slope = reaching.continuous_term_and_slope(s)
     chord = power / jnp.where(jnp.abs(s) > TINY, s, 1.0)
@@ -94,7 +94,7 @@ def _residual_and_jacobian(
 def _direction(
     reaching: Any, metric: Matrix, push: Vector, u: Scalar, s: Vector, careful: Bool[Array, ""]
 ) -> tuple[Vector, Scalar]:
-    """Newton's step from s, and the size of what is left of the equation there."""
+    """Newton's step from s, and the residual's length there."""
     residual, jacobian = _residual_and_jacobian(reaching, metric, push, u, s, careful)
     return -solve_symmetric(jacobian, residual), vector_norm(residual)
 
@@ -155,11 +155,11 @@ def _step(reaching: Any, metric: Matrix, s: Vector, u: Scalar) -> Vector:
 @_step.def_jvp  # type: ignore[untyped-decorator]
 def _step_jvp(primals: Any, tangents: Any) -> tuple[Vector, Vector]:
     moving, still = eqx.partition(primals, tangent_mask(primals, tangents))
-    found = _step(*primals)
+    root = _step(*primals)
 
     def residual(moving: Any) -> Vector:
         reaching, metric, s, u = eqx.combine(moving, still)
-        return _residual_and_jacobian(reaching, metric, matvec(metric, s), u, found)[0]
+        return _residual_and_jacobian(reaching, metric, matvec(metric, s), u, root)[0]
 
     _, change = jax.jvp(residual, (moving,), (eqx.filter(tangents, tangent_mask(primals, tangents)),))
     reaching, metric, _, u = primals

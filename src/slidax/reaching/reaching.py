@@ -1,4 +1,4 @@
-"""What every reaching law is."""
+"""Base class of the reaching laws."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class AbstractReaching(AbstractPart):
 
     @abstractmethod
     def switching_direction(self, s: Vector) -> Vector:
-        """Against where the switching part points, [n], no longer than 1, along s; 0 at s = 0.
+        """Negative direction of the switching part, [n], along s, no longer than 1; 0 at s = 0.
 
         - `s`: sliding variable [n], rad/s or m/s.
         """

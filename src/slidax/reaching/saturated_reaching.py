@@ -103,11 +103,11 @@ def _step(law: Any, metric: Matrix, s: Vector, u: Scalar) -> Vector:
 def _step_jvp(primals: Any, tangents: Any) -> tuple[Vector, Vector]:
     mask = tangent_mask(primals, tangents)
     moving, still = eqx.partition(primals, mask)
-    found = _step(*primals)
+    root = _step(*primals)
 
     def residual(moving: Any) -> Vector:
         law, metric, s, u = eqx.combine(moving, still)
-        return matvec(metric, found - s) + law.continuous_term(found) + u * law.switching_direction(found)
+        return matvec(metric, root - s) + law.continuous_term(root) + u * law.switching_direction(root)
 
     _, change = jax.jvp(residual, (moving,), (eqx.filter(tangents, mask),))
     law, metric, _, u = primals

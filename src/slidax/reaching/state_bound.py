@@ -1,4 +1,4 @@
-"""How large the uncertainty can be, as far as the state tells."""
+"""Bound of the state-dependent uncertainty."""
 
 from __future__ import annotations
 

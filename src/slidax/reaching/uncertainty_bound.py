@@ -1,4 +1,4 @@
-"""How large the robust torque must be."""
+"""Robust torque that covers the lumped uncertainty."""
 
 from __future__ import annotations
 

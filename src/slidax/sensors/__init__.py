@@ -1,4 +1,4 @@
-"""What is measured of the true state: a sample of it becomes a measurement, exact, rounded, noisy, late or lost."""
+"""Sensors: measurements of the true state that are exact, rounded, noisy, delayed or lost."""
 
 from .delayed import Delayed as Delayed
 from .differenced_encoders import DifferencedEncoders as DifferencedEncoders

@@ -29,9 +29,9 @@ class History(eqx.Module):
 
 
 class Delayed(AbstractSensor):
-    """What `sensor` measures of the state that was `periods + jitter U` sampling periods ago, but not of one to come.
+    """Measurement of `sensor`, delayed by `max(periods + jitter U, 0)` sampling periods.
 
-    U is uniform in [-1/2, 1/2) and drawn anew for each sample: the instants of sampling are uneven. Between two samples
+    U is uniform in [-1/2, 1/2) and drawn anew for each sample: the sampling instants are uneven. Between two samples
     the state follows the cubic polynomial that has both positions and velocities there (Hermite), an error of `h⁴` in
     the position and `h³` in the velocity; before sample 0 the velocity was constant.
     """
@@ -73,10 +73,10 @@ class Delayed(AbstractSensor):
         )
 
     def __call__(self, k: Int[Array, ""], state: State, period: Scalar, memory: History) -> tuple[Measurement, History]:
-        """What is measured of the old state.
+        """Measurement of the delayed state.
 
         - `k`: number of the sample.
-        - `state`: true positions and velocities at it.
+        - `state`: true positions and velocities at sample k.
         - `period`: time between two samples [s].
         - `memory`: the states before.
         """

@@ -25,9 +25,9 @@ class Arrived(eqx.Module):
 
 
 class Lossy(AbstractSensor):
-    """What `sensor` measures, unless it is lost: by chance, and always for `start <= k < start + count`.
+    """Measurement of `sensor`, lost at random, and always for `start <= k < start + count`.
 
-    Sample 0 always arrives. A lost sample is not fresh, and repeats the last that arrived; the sensor itself goes on
+    Sample 0 always arrives. A lost sample is not fresh, and repeats the last sample that arrived. The sensor goes on
     measuring.
     """
 
@@ -54,12 +54,12 @@ class Lossy(AbstractSensor):
         return Arrived(last=state, inner=self.sensor.init(state))
 
     def __call__(self, k: Int[Array, ""], state: State, period: Scalar, memory: Arrived) -> tuple[Measurement, Arrived]:
-        """What is measured, or the last that arrived.
+        """Measurement at sample k, or the last one that arrived.
 
         - `k`: number of the sample.
-        - `state`: true positions and velocities at it.
+        - `state`: true positions and velocities at sample k.
         - `period`: time between two samples [s].
-        - `memory`: with the last that arrived.
+        - `memory`: contains the last state that arrived.
         """
         measurement, inner = self.sensor(k, state, period, memory.inner)
         by_chance = uniform(self.seed, LOSSY, k) < self.probability

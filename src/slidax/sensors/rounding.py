@@ -1,4 +1,4 @@
-"""What an encoder counts."""
+"""Rounding to an encoder's resolution."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from slidax.parts import PerJoint, Vector
 def rounded(q: Vector, resolution: PerJoint) -> Vector:
     """`r round(q/r)`, the nearest multiple of the resolution, [n]; q itself for `r = 0`.
 
-    Its derivative is that of q, "straight through": a staircase is flat between its steps, so that its own
-    derivative would say that no motion is ever measured. So a gradient through encoders is that of the loop without
-    their rounding, along the motion with it; by the resolution it is 0.
+    Its derivative is that of q (a straight-through estimator): the staircase itself is flat between its steps, and
+    would give a gradient of 0. A gradient through encoders is therefore that of the loop without rounding, along the
+    motion with it; with respect to the resolution it is 0.
 
     - `q`: positions [n].
     - `resolution`: r, in the unit of q, one number or [n], >= 0.

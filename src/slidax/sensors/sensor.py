@@ -1,4 +1,4 @@
-"""What every sensor is, and what it says."""
+"""Base class of the sensors, and the measurement."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from slidax.parts import AbstractPart, Memory, Scalar, State
 
 
 class Measurement(eqx.Module):
-    """What a sensor says at one sample.
+    """Measurement at one sample.
 
     - `state`: measured positions and velocities.
     - `fresh`: False if this sample was lost; `state` is then the last that arrived.
@@ -22,15 +22,15 @@ class Measurement(eqx.Module):
 
 
 class AbstractSensor(AbstractPart):
-    """From the true state at a sample to what is measured.
+    """Map from the true state at a sample to a measurement.
 
-    Pure: chance comes from a seed and the number of the sample only, and the same two give the same bits. A sensor is
-    to be called at every sample, in order, from number 0 on.
+    Pure: random numbers depend on a seed and the sample's number only. Call a sensor at every sample, in order, from
+    number 0 on.
     """
 
     @abstractmethod
     def init(self, state: State) -> Memory:
-        """What is kept between two samples, before the first one: any pytree of arrays, also an empty one.
+        """Sensor state before the first sample: any pytree of arrays, also an empty one.
 
         - `state`: true positions and velocities at sample 0.
         """

@@ -17,9 +17,9 @@ from .table import Columns
 
 
 class OnCases:
-    """Judges points of the gains' cube, all on the same cases.
+    """Evaluates points of the gains' cube on the same cases.
 
-    - `asked`: runs rows.
+    - `request`: runs rows.
     - `gains`: turns points into gains.
     - `cases`: values by path of each case.
     - `aims`: keys of metrics, the lower the better; of a candidate their mean over the cases counts.
@@ -36,7 +36,7 @@ class OnCases:
         holds: Sequence[Predicate],
         margin: float,
     ) -> None:
-        self.asked = request
+        self.evaluator = request
         self.gains = gains
         self.cases = cases
         self.aims = tuple(aims)
@@ -65,7 +65,7 @@ class OnCases:
         each = len(next(iter(cases.values()))) if cases else 1
         wide = {path: np.repeat(array, each, axis=0) for path, array in gains.items()}
         same = {path: np.concatenate([array] * len(cube)) for path, array in cases.items()}
-        return self.asked.values({**same, **wide})
+        return self.evaluator.values({**same, **wide})
 
 
 def judged(columns: Columns, each: int, aims: Sequence[str], holds: Sequence[Predicate], margin: float) -> Judged:

@@ -115,7 +115,7 @@ class Runner:
     - `chunk`: rows that are computed, and kept, together.
     - `store`: where they are kept; None keeps them in memory alone.
     - `pool`: where they are computed.
-    - `seen`: called with the number of rows that are new, after each chunk.
+    - `progress`: called with the number of new rows, after each chunk.
     - `part`: the chunks that are computed here; None for all.
     """
 
@@ -123,7 +123,7 @@ class Runner:
     chunk: int
     store: Store | None = None
     pool: AbstractPool = field(default_factory=Here)
-    seen: Callable[[int], None] = _unheard
+    progress: Callable[[int], None] = _unheard
     part: Part | None = None
     computed: int = 0
     seconds: float = 0.0
@@ -175,7 +175,7 @@ class Runner:
             columns = None if first in done else store.read(first, sizes[first])
             if columns is not None:
                 _require_same(first, flat(values), columns)
-                self.seen(sizes[first])
+                self.progress(sizes[first])
                 done[first] = columns
         missing = sum(size for first, size in sizes.items() if first not in done)
         if missing:
@@ -202,14 +202,14 @@ class Runner:
             self.computed += len(columns["row"])
             self.seconds = time.perf_counter() - started
             yield from self._told(stored)
-            self.seen(len(columns["row"]))
+            self.progress(len(columns["row"]))
             yield first, columns
         yield from self._told(stored)
 
     def _told(self, stored: list[tuple[int, Columns]]) -> Iterator[tuple[int, Columns]]:
         while stored:
             first, columns = stored.pop(0)
-            self.seen(len(columns["row"]))
+            self.progress(len(columns["row"]))
             yield first, columns
 
 

@@ -24,14 +24,11 @@ from .store import Store
 from .table import COLUMNS
 from .task import Task
 
-Seen = Callable[[int], None]
+Progress = Callable[[int], None]
 
 
 def _unheard(rows: int) -> None:
-    """Nobody is told.
-
-    - `rows`: how many.
-    """
+    """Ignore the progress."""
 
 
 @dataclass
@@ -39,10 +36,10 @@ class How:
     """Options for running a study.
 
     - `out`: folder of its rows; None keeps them in memory.
-    - `resume`: whether to go on with rows that are there.
+    - `resume`: True to continue with the rows in `out`.
     - `pool`: where rows are computed.
-    - `begin`: called with the number of rows there will be at most.
-    - `seen`: called with the number of new rows.
+    - `begin`: called with the largest number of rows.
+    - `progress`: called with the number of new rows.
     - `made_by`: software and machine, for the folder.
     - `part`: the chunks that are computed here, into a folder that several processes share; None for all.
     """
@@ -50,8 +47,8 @@ class How:
     out: Path | None = None
     resume: bool = False
     pool: AbstractPool = field(default_factory=Here)
-    begin: Seen = _unheard
-    seen: Seen = _unheard
+    begin: Progress = _unheard
+    progress: Progress = _unheard
     made_by: dict[str, Any] = field(default_factory=dict)
     part: Part | None = None
 
@@ -60,7 +57,7 @@ class AbstractStudy(AbstractDescription):
     """Base of all studies."""
 
     of_rows: ClassVar[tuple[str, ...]] = ("seed",)
-    """Fields that the values of rows depend on, beside the scenario and its sets."""
+    """Fields that the values of rows depend on, in addition to the scenario and its sets."""
     in_parts: ClassVar[bool] = False
     """True if all rows are known beforehand, so that several processes can share them."""
     study: Any
@@ -79,9 +76,9 @@ class AbstractStudy(AbstractDescription):
 
     @abstractmethod
     def run(self, how: How) -> AbstractResult:
-        """Runs it.
+        """Run the study.
 
-        - `how`: where, and what is told on the way.
+        - `how`: options.
         """
 
     def described(self) -> ScenarioDescription:
@@ -123,10 +120,10 @@ class AbstractStudy(AbstractDescription):
         store = None
         if how.out is not None:
             text = self.model_dump(mode="json", include={"study", *self.of_rows})
-            identity = {**text, **task.said, "chunk": chunk, "made_by": how.made_by}
+            identity = {**text, **task.content, "chunk": chunk, "made_by": how.made_by}
             # Who computes a part joins the others.
             store = Store(how.out, identity, resume=how.resume or how.part is not None, notes=COLUMNS)
-        return Runner(task, chunk, store, how.pool, how.seen, how.part)
+        return Runner(task, chunk, store, how.pool, how.progress, how.part)
 
     def require_parts(self, how: How) -> None:
         """Raise DefinitionError if a part is to be computed of a study that cannot be shared, or without a folder.

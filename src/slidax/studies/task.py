@@ -46,13 +46,13 @@ class Task:
         return cls(json.dumps(text, sort_keys=False, ensure_ascii=False))
 
     @property
-    def said(self) -> dict[str, Any]:
-        """The values in the text."""
+    def content(self) -> dict[str, Any]:
+        """Values in the text."""
         return json.loads(self.text)
 
     @property
     def digest(self) -> str:
-        """A short name of all that the rows depend on, but for their values."""
+        """Hash of all that the rows depend on, except their values."""
         return hashlib.sha256(self.text.encode()).hexdigest()[:16]
 
     def cases(self, threads: int | None = None) -> Cases:

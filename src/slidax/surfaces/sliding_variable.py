@@ -1,4 +1,4 @@
-"""The sliding variable, and what it takes to keep it as it is."""
+"""The sliding variable, and the acceleration that keeps it constant."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ class SlidingVariable(eqx.Module):
     """`s = ė + A e + pull(ε1)`, eq. (40), and the acceleration `q̈_d - Ȧ e - A ė - slope(ε1) ε2` that keeps it. All [n].
 
     - `s`: sliding variable, rad/s or m/s.
-    - `error`: the transformed error that it is made of.
-    - `feedforward`: `q̈_d - Ȧ e - A ė`, what the reference and the envelope ask for, rad/s² or m/s².
-    - `descent`: `slope(ε1) ε2`, how fast the pull changes, rad/s² or m/s².
+    - `error`: the transformed error.
+    - `feedforward`: `q̈_d - Ȧ e - A ė`, the acceleration of the reference and the envelope, rad/s² or m/s².
+    - `descent`: `slope(ε1) ε2`, the rate of the pull, rad/s² or m/s².
     """
 
     s: Vector
@@ -28,12 +28,12 @@ class SlidingVariable(eqx.Module):
 
     @property
     def equivalent(self) -> Vector:
-        """The acceleration that keeps s as it is, [n], rad/s² or m/s²."""
+        """The acceleration that keeps s constant, [n], rad/s² or m/s²."""
         return self.feedforward - self.descent
 
     @property
     def signals(self) -> dict[str, Vector]:
-        """What a law shows of it: `s`, `eps1`, `eps2`."""
+        """Logged quantities: `s`, `eps1`, `eps2`."""
         return {"s": self.s, "eps1": self.error.eps1, "eps2": self.error.eps2}
 
 

@@ -1,4 +1,4 @@
-"""What every sliding surface is."""
+"""Base class of the sliding surfaces."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ class AbstractSurface(AbstractPart):
 
     @abstractmethod
     def pull_and_slope(self, eps: Vector) -> tuple[Vector, Vector]:
-        """How hard the surface pulls an error back [n], rad/s or m/s, odd and increasing; and its derivative [n], >= 0.
+        """The pull towards zero error [n], rad/s or m/s, odd and increasing; and its derivative [n], >= 0.
 
-        Both at once, since they share their powers.
+        One method for both, since they share their powers.
 
         - `eps`: transformed error ε1 [n].
         """

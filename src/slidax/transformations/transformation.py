@@ -1,4 +1,4 @@
-"""What every error transformation is."""
+"""Base class of the error transformations."""
 
 from __future__ import annotations
 
@@ -30,11 +30,11 @@ class TransformedError(eqx.Module):
 
 
 class AbstractTransformation(AbstractPart):
-    """A map from error and time to the transformed error, fixed at the start by the error it finds there."""
+    """A map from error and time to the transformed error, fixed by the error at the start."""
 
     @abstractmethod
     def init(self, t: Scalar, e: Vector) -> Memory:
-        """What the transformation keeps from the start: any pytree.
+        """State of the transformation, from the error at the start: any pytree.
 
         - `t`: time at the start [s].
         - `e`: error at the start [n].
@@ -59,7 +59,7 @@ class AbstractTransformation(AbstractPart):
 
     @abstractmethod
     def frame(self, t: Scalar, lead: Scalar, horizon: Scalar, memory: Memory) -> Frame:
-        """Where the led error `y = e + c ė` may be now and one horizon later, for a law that plans in discrete time.
+        """Interval of the led error `y = e + c ė`, now and one horizon later, for a law that plans in discrete time.
 
         - `t`: time [s].
         - `lead`: c [s].

@@ -48,5 +48,5 @@ class Unconstrained(AbstractTransformation):
         - `lead`, `horizon`: c and H [s].
         - `memory`: empty.
         """
-        one = jnp.ones(())
-        return Frame(now=one, ahead=one, sides=None)
+        half_width = jnp.ones(())
+        return Frame(now=half_width, ahead=half_width, sides=None)

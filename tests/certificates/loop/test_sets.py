@@ -164,10 +164,10 @@ def test_planned_error_direction_needs_no_acceleration():
     loop, follows = subject.loops[0], 0.4
     basis, sizes = entries(loop, follows, np.zeros((1, 9)))
     maps = loop.maps(1.1)
-    led = maps.asked[2] @ basis[:, 0]
+    led = maps.outputs[2] @ basis[:, 0]
     held = np.zeros(5)
     held[2] = follows * led
-    command = maps.asked[4] @ basis[:, 0] + maps.direct[4] @ held
+    command = maps.outputs[4] @ basis[:, 0] + maps.direct[4] @ held
     # The delay moves e a little further before the plan begins.
     assert abs(command) < 0.1 * abs((1 - follows) * led / loop.horizon**2)
     assert (sizes == 0.0).all()

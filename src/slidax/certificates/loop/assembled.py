@@ -62,7 +62,7 @@ class Assembly(Setting):
             state = maps.enters[:, 3] + maps.enters[:, 4]
             errors = []
             for _ in range(length):
-                errors.append(maps.asked[0] @ state)
+                errors.append(maps.outputs[0] @ state)
                 state = maps.step @ state
             responses.append(errors)
         return np.array(responses)

@@ -46,14 +46,14 @@ class CoupledMaps:
         step, rows = np.zeros((n, own, n, own)), np.zeros((7, n, n, own))
         enters, direct = np.zeros((5, n, own, n)), np.zeros((5, 7, n, n))
         for i in range(n):
-            step[i, :, i], rows[:, i, i] = still[i].step, still[i].asked
+            step[i, :, i], rows[:, i, i] = still[i].step, still[i].outputs
             enters[:3, i, :, i] = still[i].enters.T[:3]
             direct[:3, :, i, i] = still[i].direct.T[:3]
             for j in range(n):
                 # Joint j's command moves joint i.
                 share = matrix[i, j]
                 step[i, :, j] += share * (moved[j].step - still[j].step)
-                rows[:, i, j] += share * (moved[j].asked - still[j].asked)
+                rows[:, i, j] += share * (moved[j].outputs - still[j].outputs)
                 enters[:3, i, :, j] += share * (moved[j].enters - still[j].enters).T[:3]
                 direct[:3, :, i, j] += share * (moved[j].direct - still[j].direct).T[:3]
                 enters[3:, i, :, j] = share * still[i].enters.T[3:]

@@ -107,7 +107,7 @@ def _of_one(loop: LinearLoop, kappa: float, length: int) -> dict[str, Floats]:
     for i in range(1, steps):
         powers[i] = maps.step @ powers[i - 1]
     # raw[row, k, source]: k periods after it came; at 0 what goes through at once.
-    raw = np.concatenate([np.zeros((7, 1, 6)), np.einsum("rm,kms->rks", maps.asked, powers)], axis=1)
+    raw = np.concatenate([np.zeros((7, 1, 6)), np.einsum("rm,kms->rks", maps.outputs, powers)], axis=1)
     raw[:, 0, 2], raw[:, 0, 3], raw[:, 0, 4] = maps.direct[:, 2], maps.direct[:, 0], maps.direct[:, 1]
 
     shifted = np.arange(length) - whole
@@ -187,7 +187,7 @@ class _Beyond:
     """
 
     def __init__(self, maps: LoopMaps, loop: LinearLoop, kappa: float, length: int) -> None:
-        step, outputs = maps.step, maps.asked
+        step, outputs = maps.step, maps.outputs
         lead, r, whole = loop.horizon - 0.5, 1.0 / loop.horizon, int(loop.believed)
         later = np.linalg.matrix_power(step, whole)
         rows = np.empty((OUTPUTS, step.shape[0]))

@@ -52,7 +52,7 @@ def followed(
     held = np.zeros((5, members))
     held[2] = place
     for k in range(quiet):
-        rows[:, k] = maps.asked @ state + maps.direct @ held
+        rows[:, k] = maps.outputs @ state + maps.direct @ held
         state = maps.step @ state + maps.enters @ held
     for i in range(blocks):
         inputs = np.concatenate([state, padded[:, i * BLOCK : (i + 1) * BLOCK + 1].T, np.full((1, members), place)])
@@ -122,7 +122,7 @@ class _Lifted:
             inputs[2, -1] = 1.0
             inputs[3, size + k] = kappa
             inputs[4, size + k + 1] = kappa
-            rows.append(maps.asked @ state + maps.direct @ inputs)
+            rows.append(maps.outputs @ state + maps.direct @ inputs)
             state = maps.step @ state + maps.enters @ inputs
         self.outputs = np.stack(rows, axis=1).reshape(7 * BLOCK, width)
         self.state = state

@@ -74,7 +74,7 @@ def lowest(
                 break
             refine(known, points[place])
         stop = known.over or stop
-    return known.found(keep, distance, stop)
+    return known.result(keep, distance, stop)
 
 
 def _by_islands(

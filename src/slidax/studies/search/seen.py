@@ -16,12 +16,11 @@ Objective = Callable[[np.ndarray], np.ndarray]
 
 
 class Seen:
-    """Asks, and remembers.
+    """Evaluates the objective, and records every point and value.
 
-    - `objective`: what is asked.
-    - `evaluations`: at most so many points.
+    - `evaluations`: largest number of points.
     - `seconds`: no batch begins after so many; None: any number.
-    - `enough`: a value below which there is nothing more to look for; None: there is none.
+    - `enough`: value below which the search ends; None: no such value.
     """
 
     def __init__(self, objective: Objective, evaluations: int, seconds: float | None, enough: float | None) -> None:
@@ -75,12 +74,12 @@ class Seen:
         """Every point [points dimension] and its value [points]."""
         return np.concatenate(self._points), np.concatenate(self._values)
 
-    def found(self, keep: int, distance: float, stop: Stop) -> Found:
-        """The lowest of them.
+    def result(self, keep: int, distance: float, stop: Stop) -> Found:
+        """The lowest points.
 
-        - `keep`: how many at most.
-        - `distance`: by which they differ.
-        - `stop`: what ended the search.
+        - `keep`: their largest number.
+        - `distance`: their smallest distance from each other.
+        - `stop`: reason for the end of the search.
         """
         points, values = self.all
         chosen = apart(points, values, keep, distance)
@@ -89,11 +88,7 @@ class Seen:
 
 
 def require_budget(dimension: int, evaluations: int) -> None:
-    """Raises DefinitionError unless there is something to search, and something to search it with.
-
-    - `dimension`: of the cube.
-    - `evaluations`: of the search.
-    """
+    """Raise DefinitionError if the cube's dimension or the number of evaluations is less than 1."""
     if dimension < 1:
         raise DefinitionError(f"a search needs at least one number that is uncertain; got {shown(dimension)}")
     if evaluations < 1:
