@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from slidax.codegen import cuda
-from slidax.codegen.cuda.arrays import collected, dtype_on_card, laid_out
+from slidax.codegen.cuda.arrays import dtype_on_card, pack_inputs, unpack_outputs
 
 THREADS = 4
 """Of a block, so that some of the last one have no run."""
@@ -48,7 +48,7 @@ class CardOnTheProcessor(cuda.Kernel):
         self.code = ctypes.CDLL(str(library))
 
     def batch(self, inputs, runs, rows=0):
-        given = laid_out(self.program, inputs, runs, self.real)
+        given = pack_inputs(self.program, inputs, runs, self.real)
         left = [
             np.zeros((rows if entry.values is None else 1, entry.size, runs), dtype_on_card(entry.type, self.real))
             for entry in self.program.outputs
@@ -57,4 +57,4 @@ class CardOnTheProcessor(cuda.Kernel):
         for run in range(-(-runs // THREADS) * THREADS):
             self.code.choose(*[ctypes.c_longlong(k) for k in (run // THREADS, THREADS, run % THREADS)])
             self.code.run_all(*places, ctypes.c_longlong(runs))
-        return collected(self.program, left)
+        return unpack_outputs(self.program, left)

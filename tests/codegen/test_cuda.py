@@ -10,7 +10,7 @@ import pytest
 from slidax import DefinitionError
 from slidax.codegen import cuda
 from slidax.codegen.builder import Builder
-from slidax.codegen.cuda.arrays import laid_out
+from slidax.codegen.cuda.arrays import pack_inputs
 
 from .card_on_the_processor import CardOnTheProcessor, needs_gxx
 from .random_programs import RandomProgram, random_arrays
@@ -119,11 +119,11 @@ def test_a_wrong_array_is_told_by_its_name():
     program = pendulum()
     start, *shared = pendulum_arrays()
     with pytest.raises(DefinitionError, match=r"`state.start` must be float64 of shape \[5, 2\]; got float64 of shape"):
-        laid_out(program, [start.T, *shared], RUNS, "double")
+        pack_inputs(program, [start.T, *shared], RUNS, "double")
     with pytest.raises(DefinitionError, match="`steps` must be int64"):
-        laid_out(program, [start, shared[0], np.array(3.0), shared[2]], RUNS, "double")
+        pack_inputs(program, [start, shared[0], np.array(3.0), shared[2]], RUNS, "double")
     with pytest.raises(DefinitionError, match="has 4 inputs; got 1"):
-        laid_out(program, [start], RUNS, "double")
+        pack_inputs(program, [start], RUNS, "double")
 
 
 def test_without_a_card_the_remedy_is_told():

@@ -156,14 +156,14 @@ def test_a_file_under_the_name_of_another_is_not_run(folder, compilations):
 
 @pytest.mark.parametrize("what", ["another program's code", "no code at all"])
 def test_kept_code_that_does_not_fit_is_named_and_compiled_anew(folder, compilations, monkeypatch, what):
-    keys, keep = [], cache.keep
-    monkeypatch.setattr(cache, "keep", lambda key, body: (keys.append(key), keep(key, body)))
+    keys, store = [], cache.store
+    monkeypatch.setattr(cache, "store", lambda key, body: (keys.append(key), store(key, body)))
     llvm.compile(scaled())
     (kept,) = folder.iterdir()
     body = kept.read_bytes()[cache.DIGEST :].replace(b"runs_", b"walk_") if what.startswith("another") else b"nothing"
     # With the right checksum.
     (key,) = keys
-    keep(key, body)
-    with pytest.warns(UserWarning, match=f"`{kept}` holds other code than that of this program .* compiled anew"):
+    store(key, body)
+    with pytest.warns(UserWarning, match=f"`{kept}` is not the code of this program .* compiled again"):
         assert computed(scaled()) == [3.0, 6.0]
     assert len(compilations) == 2

@@ -209,9 +209,9 @@ def test_a_vector_that_is_only_taken_apart_again_is_not_made():
     b.output("norm", "f64", np.array(b.apply("add", *squares), object))
     b.output("first", "f64", np.array(b.apply("sub", *squares), object))
     bundles = Bundles(b.finish())
-    assert tuple(squares) in bundles.made
+    assert tuple(squares) in bundles.vectors
     keep_profitable(bundles)
-    assert tuple(squares) not in bundles.made
+    assert tuple(squares) not in bundles.vectors
 
 
 def test_what_a_loop_carries_side_by_side_stays_in_one_vector():

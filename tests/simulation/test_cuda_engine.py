@@ -83,7 +83,7 @@ def test_a_single_run_goes_by_the_processor_and_says_so():
 def test_without_a_card_a_batch_says_what_is_missing():
     if cuda.available():
         pytest.skip("there is a card")
-    with pytest.raises(DefinitionError, match=r"slidax\[cuda\]|driver|no NVIDIA card"):
+    with pytest.raises(DefinitionError, match=r"slidax\[cuda\]|driver|no NVIDIA GPU"):
         simulate_batch(shifted, VARIED, t1=0.1, period=1e-3, engine="cuda")
 
 

@@ -1,4 +1,4 @@
-"""Programs as CUDA kernels: one run of a batch in each thread."""
+"""Compile programs to CUDA kernels that compute one run of a batch in each thread."""
 
 from .kernel import kernel as kernel
 from .launch import Kernel as Kernel

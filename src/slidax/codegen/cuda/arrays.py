@@ -1,4 +1,4 @@
-"""How arrays lie on the card: element by element, in each the runs of the batch side by side."""
+"""Array layout on the GPU: element by element, with the runs of a batch contiguous."""
 
 from __future__ import annotations
 
@@ -16,15 +16,13 @@ from ..ir import FLOATS, Program, Type
 Arrays = list[np.ndarray]
 
 
-def laid_out(program: Program, inputs: Sequence[Any], runs: int, real: Real) -> Arrays:
-    """Inputs as the kernel reads them.
+def pack_inputs(program: Program, inputs: Sequence[Any], runs: int, real: Real) -> Arrays:
+    """Arrange inputs as the kernel reads them.
 
-    - `program`: that reads them.
-    - `inputs`: of the shapes and dtypes that the program says; those that vary have a first axis for the runs.
-    - `runs`: how many.
-    - `real`: the type of f64 on the card.
+    - `inputs`: in the program's shapes and dtypes; those that vary have a first axis for the runs.
+    - `real`: the type of f64 on the GPU.
 
-    Raises DefinitionError if one has another shape or dtype.
+    Raises DefinitionError if an input has another shape or dtype.
     """
     if len(inputs) != len(program.inputs):
         raise DefinitionError(f"the program has {len(program.inputs)} inputs; got {len(inputs)}")
@@ -42,11 +40,10 @@ def laid_out(program: Program, inputs: Sequence[Any], runs: int, real: Real) -> 
     return arrays
 
 
-def collected(program: Program, outputs: Arrays) -> Arrays:
-    """Outputs as the kernel wrote them, with the runs first and rows second, in the program's own dtypes.
+def unpack_outputs(program: Program, outputs: Arrays) -> Arrays:
+    """Arrange the kernel's outputs with runs first and rows second, in the program's dtypes.
 
-    - `program`: that wrote them.
-    - `outputs`: of shape [rows size runs], with one row if they are not logged.
+    - `outputs`: shape [rows size runs], with one row if they are not logged.
     """
     results = []
     for array, entry in zip(outputs, program.outputs, strict=True):
@@ -57,9 +54,5 @@ def collected(program: Program, outputs: Arrays) -> Arrays:
 
 
 def dtype_on_card(type: Type, real: Real) -> Any:
-    """NumPy's name of a type on the card.
-
-    - `type`: in the program.
-    - `real`: the type of f64 on the card.
-    """
+    """NumPy dtype on the GPU of a type in the program, where `real` is the type of f64 on the GPU."""
     return np.float32 if type in FLOATS and real == "float" else DTYPES[type]

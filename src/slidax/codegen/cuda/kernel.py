@@ -1,4 +1,4 @@
-"""A program as the text of a CUDA kernel."""
+"""Generate a CUDA kernel from a program."""
 
 from __future__ import annotations
 
@@ -11,14 +11,13 @@ NAME = "run_all"
 
 
 def kernel(program: Program, *, real: Real = "double") -> str:
-    """The text of `run_all(inputs..., outputs..., runs)`, in which each thread computes one run.
+    """Generate `run_all(inputs..., outputs..., runs)`, in which each thread computes one run.
 
-    The arrays of a batch lie element by element: `x[element * runs + run]`, and a row of a log
-    `y[(row * size + element) * runs + run]`, so that neighbouring threads read and write neighbouring numbers. Inputs
-    that do not vary are `x[element]`. All that a time loop carries stays in registers.
+    The arrays of a batch are stored element by element, `x[element * runs + run]`, and a row of a log as
+    `y[(row * size + element) * runs + run]`: neighbouring threads access neighbouring addresses. Inputs that do not
+    vary are `x[element]`. The state of a time loop stays in registers.
 
-    - `program`: the program.
-    - `real`: the type of its f64; "float" is up to 64 times as fast on cards for games, with 7 digits.
+    - `real`: the type of f64 on the GPU; "float" is up to 64 times as fast on consumer GPUs, with 7 digits.
     """
     names = _names(program)
     inputs, outputs = names[: len(program.inputs)], names[len(program.inputs) :]
@@ -29,8 +28,8 @@ def kernel(program: Program, *, real: Real = "double") -> str:
 
     def row_of(k: int, row: str, element: int) -> str:
         size = program.outputs[k].size
-        place = _factor(row) if size == 1 else f"({_factor(row)} * {size} + {element})"
-        return f"{outputs[k]}[{place} * runs + run]"
+        index = _factor(row) if size == 1 else f"({_factor(row)} * {size} + {element})"
+        return f"{outputs[k]}[{index} * runs + run]"
 
     assigned = [
         (f"{outputs[k]}[{_of_run(element)}]", value)
@@ -65,7 +64,7 @@ def kernel(program: Program, *, real: Real = "double") -> str:
 
 
 def _names(program: Program) -> list[str]:
-    """Names of the arguments, all different."""
+    """Distinct names of the arguments."""
     names: list[str] = []
     entries: list[Input | Output] = [*program.inputs, *program.outputs]
     for entry in entries:

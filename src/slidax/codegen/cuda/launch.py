@@ -1,4 +1,4 @@
-"""A program on an NVIDIA card, as a function of NumPy arrays."""
+"""Run a program on an NVIDIA GPU, as a function of NumPy arrays."""
 
 from __future__ import annotations
 
@@ -11,23 +11,22 @@ from slidax._errors import DefinitionError
 
 from ..c.dialect import Real
 from ..ir import Program
-from .arrays import Arrays, collected, dtype_on_card, laid_out
+from .arrays import Arrays, dtype_on_card, pack_inputs, unpack_outputs
 from .kernel import NAME, kernel
 
 THREADS = 128
-"""Of a block: few, as a law fills many registers."""
+"""Threads per block: few, as a controller needs many registers."""
 
 OPTIONS = ("--std=c++17", "--fmad=false")
-"""Products and sums are fused where the program says so and nowhere else, as on the processor."""
+"""NVRTC options: products and sums are fused only where the program fuses them, as on the CPU."""
 
 
 class Kernel:
-    """A program compiled for the card.
+    """A program compiled for the GPU.
 
-    - `program`: what it computes.
-    - `real`: the type of its f64 on the card; arrays of f64 stay so outside.
+    - `real`: the type of f64 on the GPU; NumPy arrays remain f64.
 
-    Raises DefinitionError if CuPy or a card is missing.
+    Raises DefinitionError if CuPy or a GPU is missing.
     """
 
     def __init__(self, program: Program, real: Real = "double") -> None:
@@ -38,37 +37,36 @@ class Kernel:
         self._run: Any = self._cupy.RawModule(code=self.text, options=OPTIONS).get_function(NAME)
 
     def batch(self, inputs: Sequence[Any], runs: int, rows: int = 0) -> Arrays:
-        """Many runs; returns their outputs, with a first axis for the runs.
+        """Compute many runs, and return the outputs with a first axis for the runs.
 
-        - `inputs`: of the shapes and dtypes that the program says; those that vary have a first axis for the runs.
-        - `runs`: how many, > 0.
-        - `rows`: of each logged output, as its second axis; those that are not written are 0.
+        - `inputs`: in the program's shapes and dtypes; those that vary have a first axis for the runs.
+        - `runs`: number of runs, > 0.
+        - `rows`: number of rows of each logged output, its second axis; rows that are not written are 0.
 
         Raises DefinitionError if an input has another shape or dtype.
         """
         cp = self._cupy
-        given = [cp.asarray(array) for array in laid_out(self.program, inputs, runs, self.real)]
-        left = [
+        arguments = [cp.asarray(array) for array in pack_inputs(self.program, inputs, runs, self.real)]
+        outputs = [
             cp.zeros((rows if entry.values is None else 1, entry.size, runs), dtype_on_card(entry.type, self.real))
             for entry in self.program.outputs
         ]
-        self._run((-(-runs // THREADS),), (THREADS,), (*given, *left, np.int64(runs)))
-        return collected(self.program, [cp.asnumpy(array) for array in left])
+        self._run((-(-runs // THREADS),), (THREADS,), (*arguments, *outputs, np.int64(runs)))
+        return unpack_outputs(self.program, [cp.asnumpy(array) for array in outputs])
 
 
 def compile(program: Program, real: Real = "double") -> Kernel:
-    """A program for the card, compiled by NVRTC; no CUDA toolkit is needed.
+    """Compile a program for the GPU with NVRTC, which needs no CUDA toolkit.
 
-    - `program`: stays as it is.
-    - `real`: the type of its f64 on the card.
+    - `real`: the type of f64 on the GPU.
 
-    Raises DefinitionError if CuPy or a card is missing.
+    Raises DefinitionError if CuPy or a GPU is missing.
     """
     return Kernel(program, real)
 
 
 def available() -> bool:
-    """Whether there is CuPy, and a card."""
+    """True if CuPy is installed and a GPU can be used."""
     try:
         require_card()
     except DefinitionError:
@@ -77,7 +75,7 @@ def available() -> bool:
 
 
 def require_card() -> None:
-    """Raises DefinitionError, which says what to install, unless there is CuPy, and a card."""
+    """Raise DefinitionError, with the remedy, if CuPy or a GPU is missing."""
     _cupy()
 
 
@@ -85,15 +83,11 @@ def _cupy() -> Any:
     try:
         import cupy
     except ImportError:
-        raise DefinitionError(
-            'runs on a card need CuPy, which is not installed: run `pip install "slidax[cuda]"`'
-        ) from None
+        raise DefinitionError('GPU runs need CuPy, which is not installed: run `pip install "slidax[cuda]"`') from None
     try:
         count = cupy.cuda.runtime.getDeviceCount()
     except cupy.cuda.runtime.CUDARuntimeError as error:
-        raise DefinitionError(
-            f"no NVIDIA card can be used ({error}): install its driver, or compute on the CPU"
-        ) from None
+        raise DefinitionError(f"no usable NVIDIA GPU ({error}): install its driver, or compute on the CPU") from None
     if count == 0:
-        raise DefinitionError("there is no NVIDIA card here: compute on the CPU")
+        raise DefinitionError("no NVIDIA GPU: compute on the CPU")
     return cupy

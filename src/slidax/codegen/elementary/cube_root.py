@@ -5,7 +5,7 @@ from __future__ import annotations
 from .expression import Expression, fma, polynomial, select
 from .logarithm import SMALLEST_NORMAL
 
-# A third of the upper bits of a number is nearly its cube root's; in 2^52 + b an integer b stands in the lowest bits.
+# A third of a number's upper bits approximates its cube root's; 2^52 + b has the integer b in its lowest bits.
 _INTEGER = 0x4330000000000000
 _THIRD_OF_BITS = 6004800933347025.0
 
@@ -21,10 +21,7 @@ _INVERSE = (
 
 
 def cbrt(x: Expression) -> Expression:
-    """The cube root of x, by way of `|x|^(-1/3)`, which needs no division, and one of Newton's steps.
-
-    - `x`: f64.
-    """
+    """The cube root of x, from `|x|^(-1/3)`, which needs no division, and one Newton step."""
     magnitude = abs(x)
     small = magnitude < SMALLEST_NORMAL
     a = select(small, magnitude * 2.0**54, magnitude)
@@ -38,6 +35,6 @@ def cbrt(x: Expression) -> Expression:
     excess = fma(fma(root, root, -square), root, fma(square, root, -a))
     root = fma(inverse_square * excess, -1.0 / 3.0, root)
     root = root * select(small, root.constant(2.0**-18), 1.0)
-    # Zero comes out right; infinity and NaN would not.
+    # The formula is right for zero, but not for infinity and NaN.
     root = select(magnitude < float("inf"), root, magnitude)
     return root.signed_as(x)

@@ -97,10 +97,7 @@ _INVERSE_FAR = (
 
 
 def erf(x: Expression) -> Expression:
-    """`erf x`; for |x| > 1 as `1 - e^P(|x|)`.
-
-    - `x`: f64.
-    """
+    """`erf x`; for |x| > 1 as `1 - e^P(|x|)`."""
     magnitude = abs(x)
     near = fma(magnitude, polynomial(x * x, _NEAR), magnitude)
     far = 1.0 - exp(polynomial(magnitude.at_most(6.0), _FAR))
@@ -108,10 +105,7 @@ def erf(x: Expression) -> Expression:
 
 
 def erf_inv(x: Expression) -> Expression:
-    """The y with `erf y = x`, as x times a polynomial in `w = -log(1 - x²)`, the idea of M. Giles (2010).
-
-    - `x`: f64.
-    """
+    """The y with `erf y = x`, as x times a polynomial in `w = -log(1 - x²)` (M. Giles, 2010)."""
     w = -log((1.0 - x) * (x + 1.0))
     near = polynomial(w, _INVERSE_NEAR)
 

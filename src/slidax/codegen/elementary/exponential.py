@@ -5,10 +5,10 @@ from __future__ import annotations
 from .expression import Expression, fma, polynomial
 
 INTEGER = 1.5 * 2.0**52 + 2046.0
-"""Added to a number, it leaves in the lowest bits the nearest integer, plus 2046 so that no sign is in the way."""
+"""A number plus this has the nearest integer in its lowest bits, plus 2046, which makes the integer positive."""
 
 _LOG2_E = 1.4426950408889634
-# ln 2 in two parts, of which the first has so few bits that its product with an exponent is exact.
+# ln 2 in two parts; the first has so few bits that its product with an exponent is exact.
 _LN2_HIGH = float.fromhex("0x1.62e42fefa3800p-1")
 _LN2_LOW = float.fromhex("0x1.ef35793c76730p-45")
 
@@ -28,7 +28,7 @@ _TAIL = (
 
 
 def powers_of_two(shifted: Expression) -> tuple[Expression, Expression]:
-    """Two numbers with the product `2^n`, for n from -2044 to 2046: one alone has not the range.
+    """Two factors of `2^n` for n from -2044 to 2046, which one f64 cannot represent.
 
     - `shifted`: n + INTEGER.
     """
@@ -51,34 +51,25 @@ def _parts(x: Expression) -> tuple[Expression, Expression, Expression]:
 
 
 def exp(x: Expression) -> Expression:
-    """`e^x`.
-
-    - `x`: f64.
-    """
+    """`e^x`."""
     q, a, b = _parts(x)
     return fma(a, q, a) * b
 
 
 def half_expm1(x: Expression) -> Expression:
-    """`(e^x - 1)/2` as `(a q + (a - 1/b)) b/2`, which does not overflow before `sinh` does.
-
-    - `x`: f64.
-    """
+    """`(e^x - 1)/2` as `(a q + (a - 1/b)) b/2`, which does not overflow before `sinh` does."""
     q, a, b = _parts(x)
     return _less_one(q, a, b) * (b * 0.5)
 
 
 def expm1(x: Expression) -> Expression:
-    """`e^x - 1` as `(a q + (a - 1/b)) b`.
-
-    - `x`: f64.
-    """
+    """`e^x - 1` as `(a q + (a - 1/b)) b`."""
     q, a, b = _parts(x)
-    # A negative result is so already; only of a zero the sign is lost.
+    # Only a zero has the wrong sign before.
     return (_less_one(q, a, b) * b).signed_as(x)
 
 
 def _less_one(q: Expression, a: Expression, b: Expression) -> Expression:
     """`(1 + q) a - 1/b`."""
-    # Twice the bits of 1, less those of a power of two, are those of its inverse.
+    # Twice the bits of 1, minus the bits of a power of two, are the bits of its inverse.
     return fma(a, q, a - (0x7FE0000000000000 - b.bits()).number())

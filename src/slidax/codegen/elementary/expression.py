@@ -1,4 +1,4 @@
-"""Formulas: operators that make a program's values."""
+"""Expressions: Python operators that build a program's values."""
 
 from __future__ import annotations
 
@@ -8,15 +8,11 @@ from slidax.codegen.builder import Builder
 from slidax.codegen.ir import Number, Type, Value
 
 SIGN = 1 << 63
-"""The bit of the sign."""
+"""The sign bit."""
 
 
 class Expression:
-    """A value that can be written in formulas; numbers in them become constants of its type.
-
-    - `builder`: makes the values.
-    - `value`: its own.
-    """
+    """A value with operators; numbers become constants of its type."""
 
     __slots__ = ("builder", "value")
 
@@ -25,7 +21,7 @@ class Expression:
         self.value = value
 
     def constant(self, number: Number) -> Expression:
-        """A number, as a value of this one's type."""
+        """A constant of this value's type."""
         return Expression(self.builder, self.builder.constant(number, self.value.type))
 
     def _operand(self, other: Expression | Number) -> Value:
@@ -93,15 +89,15 @@ class Expression:
         return self._apply("ge", other)
 
     def equals(self, other: Expression | Number) -> Expression:
-        """Whether they are equal, b1."""
+        """True if both are equal, b1."""
         return self._apply("eq", other)
 
     def differs(self, other: Expression | Number) -> Expression:
-        """Whether they are not equal, b1; true if one is NaN."""
+        """True if both are not equal, b1; also true for NaN."""
         return self._apply("ne", other)
 
     def rounded(self) -> Expression:
-        """The nearest integer, halves to even."""
+        """The nearest integer; halves are rounded to even."""
         return self._apply("rint")
 
     def root(self) -> Expression:
@@ -117,31 +113,27 @@ class Expression:
         return self.cast("bitcast", "f64")
 
     def signed_as(self, other: Expression) -> Expression:
-        """This number, which is not negative, with the sign of another."""
+        """This number, >= 0, with the sign of another."""
         return (self.bits() | (other.bits() & SIGN)).number()
 
     def flipped(self, sign: Expression) -> Expression:
-        """This number, negated where the bit of the sign is set in a u64 with no other bits."""
+        """This number, negated where the sign bit is set in a u64 with no other bits."""
         return (self.bits() ^ sign).number()
 
     def cast(self, op: str, type: Type) -> Expression:
-        """As another type.
-
-        - `op`: `bitcast` or `convert`.
-        - `type`: of the result.
-        """
+        """Convert to another type; `op` is `bitcast` or `convert`."""
         return Expression(self.builder, self.builder.apply(op, self.value, type=type))
 
     def at_most(self, limit: float) -> Expression:
-        """The smaller of both; NaN stays NaN."""
+        """The minimum of both; NaN stays NaN."""
         return select(self > limit, limit, self)
 
     def at_least(self, limit: float) -> Expression:
-        """The larger of both; NaN stays NaN."""
+        """The maximum of both; NaN stays NaN."""
         return select(self < limit, limit, self)
 
     def within(self, limit: float) -> Expression:
-        """Held between -limit and limit; NaN becomes one of them."""
+        """This number, limited to ±limit; NaN becomes a limit."""
         upper = select(self < limit, self, limit)
         return select(upper > -limit, upper, -limit)
 
@@ -152,11 +144,7 @@ def fma(a: Expression, b: Expression | Number, c: Expression | Number) -> Expres
 
 
 def select(when: Expression, yes: Expression | Number, no: Expression | Number) -> Expression:
-    """`yes` where `when` holds, else `no`; one of them an expression, which tells the type.
-
-    - `when`: b1.
-    - `yes`, `no`: of one type.
-    """
+    """`yes` where `when` is true, else `no`; one of them must be an expression, which defines the type."""
     like = yes if isinstance(yes, Expression) else no
     assert isinstance(like, Expression)
     builder = when.builder
@@ -166,30 +154,26 @@ def select(when: Expression, yes: Expression | Number, no: Expression | Number) 
 def rarely(
     when: Expression, then: Callable[[], tuple[Expression, ...]], else_these: tuple[Expression, ...]
 ) -> tuple[Expression, ...]:
-    """What `then()` makes where `when` holds, else values that are there already, by a branch; made once, like a value.
+    """Branch to the values of `then()` where `when` is true, else to existing values; built once for equal arguments.
 
-    - `when`: b1, of the same numbers as those values.
-    - `then`: makes as many values, of the same types.
-    - `else_these`: the values, all computed in one place; the branch stands there too.
+    - `when`: b1, a function of the same numbers as the existing values.
+    - `then`: builds as many values, of the same types.
+    - `else_these`: the existing values, all in one region, which the branch is added to.
     """
     builder, place = when.builder, else_these[0].value.region
     keys = [("rarely", when.value.number, value.value.number) for value in else_these]
     if keys[0] not in place.known:
         around, builder.region = builder.region, place
-        left = builder.branch(
+        results = builder.branch(
             when.value, lambda: [value.value for value in then()], lambda: [value.value for value in else_these]
         )
         builder.region = around
-        place.known.update(zip(keys, left, strict=True))
+        place.known.update(zip(keys, results, strict=True))
     return tuple(Expression(builder, place.known[key]) for key in keys)
 
 
 def polynomial(x: Expression, coefficients: tuple[float, ...]) -> Expression:
-    """`c0 + c1 x + c2 x² + ...` by Estrin's scheme, whose parts do not wait for each other.
-
-    - `x`: the argument.
-    - `coefficients`: c0, c1, ...
-    """
+    """`c0 + c1 x + c2 x² + ...` by Estrin's scheme, whose parts are independent of each other."""
     terms: list[Expression] = [x.constant(c) for c in coefficients]
     power = x
     while len(terms) > 1:

@@ -1,4 +1,4 @@
-"""Angles far beyond any that a robot turns: their place in a quarter turn, exactly."""
+"""Exact reduction of huge angles to a quarter turn."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ _PI_2_HIGH = float.fromhex("0x1.921fb54442d18p+0")
 _PI_2_LOW = float.fromhex("0x1.1a62633145c07p-54")
 _LOW_32 = 0xFFFFFFFF
 
-# The binary digits of 2/pi after 31 zeros.
+# Binary digits of 2/pi, after 31 zeros.
 _TWO_OVER_PI = (
     0x0000000145F306DC,
     0x9C882A53F84EAFA3,
@@ -38,16 +38,16 @@ _TWO_OVER_PI = (
 def reduced(x: Expression) -> tuple[Expression, Expression, Expression]:
     """Three numbers: r, r' and n with `x = n pi/2 + r - r'`, |r| <= pi/4, r' a rounding error, n an u64 mod 4.
 
-    Payne and Hanek's reduction: of 2/pi only those digits are multiplied by the mantissa that give neither whole turns
-    nor anything below 2^-117.
+    Payne and Hanek's reduction: the mantissa is multiplied only by those digits of 2/pi that give neither whole turns
+    nor fractions below 2^-117.
 
-    - `x`: f64, 2^23 <= |x|; NaN comes of infinities.
+    - `x`: f64, 2^23 <= |x|; the result is NaN for infinities.
     """
     magnitude = abs(x).bits()
     mantissa = (magnitude & 0x000FFFFFFFFFFFFF) | 0x0010000000000000
     words = _digits((magnitude >> 52) - 1046)
     upper, lower = _product(mantissa, words)
-    # Two bits of whole quarters, then the fraction, of two's complement after the rounding of n.
+    # Two bits of quarter turns, then the fraction, in two's complement after the rounding of n.
     high = (upper << 2) | (lower >> 62)
     low = lower << 2
     n = (upper >> 62) + (high >> 63)
@@ -72,10 +72,7 @@ def reduced(x: Expression) -> tuple[Expression, Expression, Expression]:
 
 
 def _digits(first: Expression) -> tuple[Expression, Expression, Expression]:
-    """192 digits of 2/pi.
-
-    - `first`: how many are left out, u64, less than 1024.
-    """
+    """192 digits of 2/pi after the first `first`, u64, less than 1024."""
     words = [first.constant(word) for word in _TWO_OVER_PI]
     for bit in (8, 4, 2, 1):
         skip = (first & (64 * bit)).differs(0)
@@ -86,7 +83,7 @@ def _digits(first: Expression) -> tuple[Expression, Expression, Expression]:
 
 
 def _product(mantissa: Expression, words: tuple[Expression, Expression, Expression]) -> tuple[Expression, Expression]:
-    """The upper 128 bits of 192, of the product's last 192 before the point; but for a carry from the last word."""
+    """Upper 128 of the product's last 192 bits before the point, without a carry from the last word."""
     a, b, c = words
     lower = mantissa * b
     total = lower + _upper_half(mantissa, c)

@@ -48,7 +48,7 @@ _ARCTANGENT = (
 
 
 def _arc(x: Expression) -> tuple[Expression, Expression]:
-    """Whether |x| > 1/2, and `asin |x|`, or then `asin sqrt((1 - |x|)/2)`, which is half of `acos |x|`."""
+    """True if |x| > 1/2, and then `asin sqrt((1 - |x|)/2)`, which is half of `acos |x|`; else `asin |x|`."""
     magnitude = abs(x)
     large = magnitude > 0.5
     z = select(large, 0.5 - 0.5 * magnitude, x * x)
@@ -57,19 +57,13 @@ def _arc(x: Expression) -> tuple[Expression, Expression]:
 
 
 def asin(x: Expression) -> Expression:
-    """`asin x`; for |x| > 1/2 as `pi/2 - 2 asin sqrt((1 - |x|)/2)`.
-
-    - `x`: f64.
-    """
+    """`asin x`; for |x| > 1/2 as `pi/2 - 2 asin sqrt((1 - |x|)/2)`."""
     large, arc = _arc(x)
     return select(large, _PI_2_HIGH - fma(arc, 2.0, -_PI_2_LOW), arc).signed_as(x)
 
 
 def acos(x: Expression) -> Expression:
-    """`acos x = k pi/2 ± arc`, with the arc of `asin`; k = 0, 1, 2.
-
-    - `x`: f64.
-    """
+    """`acos x = k pi/2 ± arc`, with the arc of `asin`; k = 0, 1, 2."""
     large, arc = _arc(x)
     arc = select(large, arc + arc, -arc).flipped(x.bits() & SIGN)
     quarters = select(large, select(x < 0.0, x.constant(2.0), 0.0), 1.0)
@@ -83,10 +77,7 @@ def _arctangent(t: Expression) -> Expression:
 
 
 def atan(x: Expression) -> Expression:
-    """Arc tangent, `atan x`; beyond 1 it is `pi/2` less that of `1/|x|`.
-
-    - `x`: f64.
-    """
+    """Arc tangent; for |x| > 1 it is `pi/2` minus the arc tangent of `1/|x|`."""
     magnitude = abs(x)
     steep = magnitude > 1.0
     arc = _arctangent(select(steep, 1.0 / magnitude, magnitude))
@@ -94,14 +85,11 @@ def atan(x: Expression) -> Expression:
 
 
 def atan2(y: Expression, x: Expression) -> Expression:
-    """The angle of (x, y), `k pi/2 ± atan(min/max)` of |x| and |y|, with the sign of y.
-
-    - `y`, `x`: f64.
-    """
+    """The angle of (x, y), `k pi/2 ± atan(min/max)` of |x| and |y|, with the sign of y."""
     rise, run = abs(y), abs(x)
     steep = rise > run
     less, more = select(steep, run, rise), select(steep, rise, run)
-    # Of two zeros the quotient is 0, of two infinities 1.
+    # The quotient of two zeros is 0, of two infinities 1.
     both_infinite = less.equals(float("inf")) & more.equals(float("inf"))
     quotient = select(both_infinite, 1.0, less / more.at_least(5e-324))
     backwards = (x.bits() >> 63).differs(0)

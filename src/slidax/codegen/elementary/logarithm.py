@@ -1,4 +1,4 @@
-"""`log`, `log1p`, and the logarithm to base 2 in two parts that powers need."""
+"""`log`, `log1p`, and the logarithm to base 2 in two parts, for powers."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ from .expression import Expression, fma, polynomial, select
 
 SMALLEST_NORMAL = 2.0**-1022
 
-# Bits of sqrt(1/2): mantissas are taken between it and sqrt(2).
+# Bits of sqrt(1/2): mantissas are between it and sqrt(2).
 _ROOT_HALF = 0x3FE6A09E667F3BCD
 _ONE = 0x3FF0000000000000
 _MANTISSA = 0x000FFFFFFFFFFFFF
-# Of 2^52, in whose lowest bits an integer stands.
+# Bits of 2^52: added to an integer, they are the bits of a f64 with that integer in the lowest bits.
 _INTEGER = 0x4330000000000000
 
 _LN2_HIGH = float.fromhex("0x1.62e42fefa39efp-1")
@@ -32,10 +32,7 @@ _TAIL = (
 
 
 def _split(x: Expression) -> tuple[Expression, Expression]:
-    """Exponent e and mantissa m of `x = 2^e m`, 1/2 <= m² < 2; e is inf or NaN where x is, -inf where it is 0.
-
-    - `x`: f64.
-    """
+    """Exponent e and mantissa m of `x = 2^e m`, 1/2 <= m² < 2; e is inf or NaN where x is, and -inf for x = 0."""
     small = x < SMALLEST_NORMAL
     bits = select(small, x * 2.0**54, x).bits() + (_ONE - _ROOT_HALF)
     e = ((bits >> 52) | _INTEGER).number() - select(small, x.constant(2.0**52 + 1077.0), 2.0**52 + 1023.0)
@@ -62,29 +59,23 @@ class _Artanh:
 
 
 def log(x: Expression) -> Expression:
-    """`ln x`.
-
-    - `x`: f64.
-    """
+    """`ln x`."""
     return _log(x, None)
 
 
 def log1p(x: Expression) -> Expression:
-    """`ln(1 + x) = ln u + c/u`, u the rounded sum and c its error.
-
-    - `x`: f64.
-    """
+    """`ln(1 + x) = ln u + c/u`, with u the rounded sum and c its error."""
     u = x + 1.0
     added = u - 1.0
     error = (1.0 - (u - added)) + (x - added)
-    # At -1 and at infinity the quotient is NaN, and must not be in the way.
+    # The limit replaces the quotient's NaN at -1 and at infinity.
     result = _log(u, (error / u).within(2.0**-50))
-    # A negative result is so already; only of a zero the sign is lost.
+    # Only a zero has the wrong sign before.
     return result.signed_as(x)
 
 
 def _log(x: Expression, addend: Expression | None) -> Expression:
-    """`ln x = e ln 2 + f - (f²/2 - s (f²/2 + 2/3 (z + z² W)))`, and a small number added to it."""
+    """`ln x = e ln 2 + f - (f²/2 - s (f²/2 + 2/3 (z + z² W)))`, plus a small addend."""
     e, m = _split(x)
     e = select(x < 0.0, float("nan"), e)
     parts = _Artanh(m)
@@ -95,14 +86,11 @@ def _log(x: Expression, addend: Expression | None) -> Expression:
 
 
 def log2_in_two_parts(x: Expression) -> tuple[Expression, Expression]:
-    """`log2 x` as a number and its rest, relative error 2^-63; the rest is NaN where x is 0 or infinite.
-
-    - `x`: f64, not negative.
-    """
+    """`log2 x` for x >= 0 as a sum of two numbers, relative error 2^-63; the second is NaN where x is 0 or infinite."""
     e, m = _split(x)
     parts = _Artanh(m)
     s, z, d = parts.s, parts.z, parts.d
-    # What the roundings left out.
+    # Rounding errors.
     s_low = fma(-s, m - (d - 1.0), fma(-s, d, parts.f)) * parts.reciprocal
     z_low = fma(s + s, s_low, fma(s, s, -z))
     series = z + parts.tail

@@ -1,4 +1,4 @@
-"""From an elementary function to what it is written out as."""
+"""Expand elementary functions."""
 
 from __future__ import annotations
 
@@ -40,11 +40,9 @@ _LOWERED: dict[str, Callable[..., Expression]] = {
 
 
 def lower(builder: Builder, op: str, args: tuple[Value, ...]) -> Value | None:
-    """The value that replaces `builder.apply(op, *args)`; None for what is not an elementary function.
+    """Build the expansion of `builder.apply(op, *args)`; None if `op` is not an elementary function.
 
-    - `builder`: makes it.
-    - `op`: the function.
-    - `args`: f64; or f32, which are computed as f64.
+    Computes in f64, also for arguments of type f32.
     """
     function = _LOWERED.get(op)
     if function is None:

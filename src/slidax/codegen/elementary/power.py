@@ -28,10 +28,7 @@ _TAIL = (
 
 
 def power(x: Expression, y: Expression) -> Expression:
-    """`x^y = 2^(y log2 |x|)`, with the sign of x if y is odd, NaN for x < 0 if y is not an integer.
-
-    - `x`, `y`: f64.
-    """
+    """`x^y = 2^(y log2 |x|)`, with the sign of x if y is odd, NaN for x < 0 if y is not an integer."""
     if _known_not_negative(x.value):
         return _of_magnitude(x, y)
     magnitude = _of_magnitude(abs(x), y)
@@ -46,7 +43,7 @@ def _of_magnitude(x: Expression, y: Expression) -> Expression:
     """`x^y` for x >= 0."""
     high, low = log2_in_two_parts(x)
     product = y * high
-    # Where the product is infinite or NaN its rest is NaN, and must not be in the way.
+    # The limit replaces NaN, where the product is infinite or NaN.
     rest = fma(y, low, fma(y, high, -product)).within(1.0)
     product = product.at_most(1100.0).at_least(-1100.0)
     shifted = product + INTEGER

@@ -6,7 +6,7 @@ from . import huge_angle
 from .expression import Expression, fma, polynomial, rarely, select
 
 _HUGE = 1e7
-# Added to a number, it leaves in the lowest bits the nearest integer.
+# A number plus this has the nearest integer in its lowest bits.
 _INTEGER = 1.5 * 2.0**52
 _TWO_OVER_PI = float.fromhex("0x1.45f306dc9c883p-1")
 # pi/2 in three parts; the second has so few bits that its product with n < 2^23 is exact.
@@ -37,7 +37,7 @@ _COSINE = (
 def _reduced(x: Expression) -> tuple[Expression, ...]:
     """Three numbers: r, r' and n with `x = n pi/2 + r - r'`, |r| <= pi/4, r' a rounding error, n an u64 mod 4.
 
-    Cody and Waite's reduction, whose products and sums are exact but for the last, to |x| = 1e7; beyond it by a branch.
+    Cody and Waite's reduction up to |x| = 1e7, exact except for the last sum; beyond it a branch.
     """
     shifted = fma(x, _TWO_OVER_PI, _INTEGER)
     n = shifted - _INTEGER
@@ -51,7 +51,7 @@ def _sine_and_cosine(x: Expression) -> tuple[Expression, Expression, Expression]
     """`sin r`, `cos r` and n."""
     r, rest, n = _reduced(x)
     z = r * r
-    # As differences, so that a sine of -0 is -0.
+    # A difference, so that the sine of -0 is -0.
     sine = r - fma(r * z, polynomial(z, _SINE), rest)
     square = fma(r, r, r * (rest * -2.0))
     cosine = fma(square, fma(z, polynomial(z, _COSINE), -0.5), 1.0)
@@ -59,28 +59,19 @@ def _sine_and_cosine(x: Expression) -> tuple[Expression, Expression, Expression]
 
 
 def sin(x: Expression) -> Expression:
-    """`sin x`.
-
-    - `x`: f64.
-    """
+    """`sin x`."""
     sine, cosine, n = _sine_and_cosine(x)
     return select((n & 1).equals(0), sine, cosine).flipped((n & 2) << 62)
 
 
 def cos(x: Expression) -> Expression:
-    """`cos x`.
-
-    - `x`: f64.
-    """
+    """`cos x`."""
     sine, cosine, n = _sine_and_cosine(x)
     return select((n & 1).equals(0), cosine, sine).flipped(((n + 1) & 2) << 62)
 
 
 def tan(x: Expression) -> Expression:
-    """`tan x`.
-
-    - `x`: f64.
-    """
+    """`tan x`."""
     sine, cosine, n = _sine_and_cosine(x)
     even = (n & 1).equals(0)
     return (select(even, sine, cosine) / select(even, cosine, sine)).flipped((n & 1) << 63)

@@ -1,4 +1,4 @@
-"""Machine code from programs, by LLVM."""
+"""Compile programs to machine code with LLVM."""
 
 from .by_demand import ByDemand as ByDemand
 from .kernel import LANES as LANES

@@ -1,8 +1,9 @@
-"""Loops and branches, and the values in them, as the body of one LLVM function.
+"""Generate the body of one LLVM function: values, loops and branches.
 
-What is the same in all runs of a group is computed once, as one number, and spread over the lanes where it meets what
-differs. A loop that the runs leave at different times goes on until none wants more, and holds the numbers of those
-that are done; of a branch that they take differently both sides are computed, each only if some run wants it.
+A uniform value, the same in all runs of a group, is computed once as a scalar, and broadcast over the lanes where it
+meets a varying value. A loop that the runs leave at different times continues until the last run has left, and holds
+the values of the others. For a branch that the runs take differently, both sides are computed, each only if a run takes
+it.
 """
 
 from __future__ import annotations
@@ -12,23 +13,22 @@ from collections.abc import Sequence
 from slidax.codegen.ir import ELEMENTARY, Branch, Loop, Program, Region, Value
 
 from . import memory, rearranged
-from .called import Called
+from .called import ElementaryFunction
 from .operations import operation
 from .uniformity import varying
 from .vectorise import Vector
 from .words import literal, typed
 
-DEAR = frozenset({*ELEMENTARY, "load", "store", "loop", "branch", "div", "rem", "sqrt"})
+EXPENSIVE = frozenset({*ELEMENTARY, "load", "store", "loop", "branch", "div", "rem", "sqrt"})
 FEW = 12
-"""Both sides of a branch are computed and one is selected, if they hold so few operations and no expensive one."""
+"""A branch with at most so many operations, none of them expensive, becomes a selection between both sides."""
 
 
 class Blocks:
-    """The lines of the function, as they are written.
+    """The function's lines, as they are written.
 
-    - `program`: to be printed.
-    - `lanes`: as many runs are computed side by side.
-    - `own`: whether elementary functions are ours, and called, and not those of libm.
+    - `lanes`: number of runs that are computed in parallel.
+    - `own`: True if elementary functions are calls of our own functions; False for libm's.
     """
 
     def __init__(self, program: Program, lanes: int, *, own: bool = False) -> None:
@@ -37,28 +37,28 @@ class Blocks:
         self.own = own
         self.lines: list[str] = []
         self.declarations: set[str] = set()
-        self.called: set[Called] = set()
+        self.called: set[ElementaryFunction] = set()
         self._write = self.lines.append
         self._differs = varying(program) if lanes > 1 else set()
         self._names: dict[Value, str] = {}
-        self._spread: list[dict[Value, str]] = [{}]  # uniform values as vectors, by the regions that are open
-        self._label, self._mask = "entry", ""  # the mask: the lanes that want what is being computed; "" for all
+        self._spread: list[dict[Value, str]] = [{}]  # vectors of uniform values, by open region
+        self._label, self._mask = "entry", ""  # the mask: the active lanes; "" for all
 
     def print(self) -> None:
-        """Writes the whole body."""
-        memory.addresses(self.program, self._write)
-        memory.spare(self.program, self.lanes, self._write)
+        """Write the whole body."""
+        memory.load_addresses(self.program, self._write)
+        memory.allocate_spare(self.program, self.lanes, self._write)
         self._region(self.program.body)
-        for which, output in enumerate(self.program.outputs):
+        for index, output in enumerate(self.program.outputs):
             for element, value in enumerate(output.values or ()):
                 word = self._word(value, self.lanes)
-                self.declarations |= memory.leave(self.program, which, element, word, self.lanes, self._write)
+                self.declarations |= memory.write_output(self.program, index, element, word, self.lanes, self._write)
         self._write("ret void")
 
     def print_function(self, whole: str) -> None:
-        """Writes the whole body as that of a function of numbers, the program's inputs `%x0`, `%x1`, to its output.
+        """Write the body of a function with the program's inputs as its arguments `%x0`, `%x1`.
 
-        - `whole`: the type of its result.
+        - `whole`: type of the function's result.
         """
         self._names = {value: f"%x{value.data[0]}" for value in self.program.walk() if value.op == "input"}
         self._region(self.program.body)
@@ -68,9 +68,10 @@ class Blocks:
     # ---- words ------------------------------------------------------------------------------------------------------
 
     def _width(self, value: Value) -> int:
-        """How many numbers a value is here."""
-        alone = self.lanes if value in self._differs else 1
-        return value.lanes if isinstance(value, Vector) else alone
+        """Number of lanes of a value."""
+        if isinstance(value, Vector):
+            return value.lanes
+        return self.lanes if value in self._differs else 1
 
     def _own(self, value: Value) -> str:
         if value.op == "const":
@@ -78,13 +79,13 @@ class Blocks:
         return self._names.get(value) or f"%v{value.number}"
 
     def _word(self, value: Value, width: int) -> str:
-        """A value as so many numbers: its own, or one in all lanes."""
+        """A value with so many lanes: as it is, or broadcast."""
         if width == self._width(value):
             return self._own(value)
         if value.op == "const":
             return literal(value.data, value.type, width)
-        if known := next((words[value] for words in reversed(self._spread) if value in words), ""):
-            return known
+        if name := next((words[value] for words in reversed(self._spread) if value in words), ""):
+            return name
         name = f"%s{value.number}x{len(self.lines)}"
         rearranged.spread(name, value.type, self._own(value), width, self._write)
         self._spread[-1][value] = name
@@ -99,7 +100,7 @@ class Blocks:
         return name
 
     def _both(self, mask: str, name: str) -> str:
-        """Those lanes of a mask that want anything."""
+        """The active lanes of a mask."""
         if not self._mask:
             return mask
         self._write(f"{name} = and <{self.lanes} x i1> {self._mask}, {mask}")
@@ -138,8 +139,8 @@ class Blocks:
             width = self._width(value)
             words = [self._word(arg, width) for arg in value.args]
             if self.own and op in ELEMENTARY:
-                self.called.add(function := Called.by(value, width))
-                self._write(f"%v{value.number} = {function.called(words)}")
+                self.called.add(function := ElementaryFunction.of(value, width))
+                self._write(f"%v{value.number} = {function.call(words)}")
             else:
                 self.declarations |= operation(value, words, width, self._write)
 
@@ -163,23 +164,23 @@ class Blocks:
         row, when, *numbers = value.args
         name = f"%v{value.number}"
         certain = when.op == "const" and when.data
-        wanted = self._mask
+        mask = self._mask
         if not certain:
             if when in self._differs:
-                wanted = self._both(self._word(when, self.lanes), f"{name}m")
-                asked = self._any(wanted, f"{name}y")
+                mask = self._both(self._word(when, self.lanes), f"{name}m")
+                condition = self._any(mask, f"{name}y")
             else:
-                asked = self._own(when)
-            self._write(f"br i1 {asked}, label %write{value.number}, label %after{value.number}")
+                condition = self._own(when)
+            self._write(f"br i1 {condition}, label %write{value.number}, label %after{value.number}")
             self._open(f"write{value.number}")
         self._spread.append({})
         words = [self._word(number, self.lanes) for number in numbers]
-        places = [self._own(row)] * self.lanes
+        rows = [self._own(row)] * self.lanes
         if row in self._differs:
-            places = [f"{name}p{lane}" for lane in range(self.lanes)]
-            for lane, place in enumerate(places):
-                self._write(f"{place} = extractelement <{self.lanes} x i64> {self._own(row)}, i32 {lane}")
-        memory.rows(self.program, value, places, wanted, words, self.lanes, self._write)
+            rows = [f"{name}p{lane}" for lane in range(self.lanes)]
+            for lane, number in enumerate(rows):
+                self._write(f"{number} = extractelement <{self.lanes} x i64> {self._own(row)}, i32 {lane}")
+        memory.write_row(self.program, value, rows, mask, words, self.lanes, self._write)
         self._spread.pop()
         if not certain:
             self._write(f"br label %after{value.number}")
@@ -193,15 +194,15 @@ class Blocks:
         first, before = self._words(loop.args, widths), self._label
         self._write(f"br label %head{n}")
         self._open(f"head{n}")
-        place = len(self.lines)
-        self.lines += [""] * len(loop.params)  # for the phis: what they bring is known at the end
+        line = len(self.lines)
+        self.lines += [""] * len(loop.params)  # for the phis, whose arguments are known at the end
         self._spread.append({})
         self._region(loop.head)
-        asked = self._own(loop.condition)
+        condition = self._own(loop.condition)
         if loop.condition in self._differs:
-            self._mask = self._both(asked, f"%v{n}m")
-            asked = self._any(self._mask, f"%v{n}y")
-        self._write(f"br i1 {asked}, label %body{n}, label %after{n}")
+            self._mask = self._both(condition, f"%v{n}m")
+            condition = self._any(self._mask, f"%v{n}y")
+        self._write(f"br i1 {condition}, label %body{n}, label %after{n}")
         self._open(f"body{n}")
         self._spread.append({})
         self._region(loop.body)
@@ -216,23 +217,23 @@ class Blocks:
         self._write(f"br label %head{n}")
         for k, param in enumerate(loop.params):
             phi = f"phi {typed(param.type, widths[k])} [ {first[k]}, %{before} ], [ {following[k]}, %{self._label} ]"
-            self.lines[place + k] = f"%v{param.number} = {phi}"
+            self.lines[line + k] = f"%v{param.number} = {phi}"
         self._spread[-2:] = []
         self._mask = around
         self._open(f"after{n}")
 
     def _branch(self, branch: Branch) -> None:
         n, when = branch.number, branch.args[0]
-        apart = when in self._differs
+        divergent = when in self._differs
         widths = [
-            self.lanes if apart or yes in self._differs or no in self._differs else 1
+            self.lanes if divergent or yes in self._differs or no in self._differs else 1
             for yes, no in zip(branch.yes, branch.no, strict=True)
         ]
         if is_cheap(branch):
             self._region(branch.then)
             self._region(branch.otherwise)
             self._select(branch, widths)
-        elif apart:
+        elif divergent:
             mask, around = self._own(when), self._mask
             self._write(f"%v{n}n = xor <{self.lanes} x i1> {mask}, {literal(1, 'b1', self.lanes)}")
             then = self._side(branch.then, branch.yes, mask, f"{n}t")
@@ -252,7 +253,7 @@ class Blocks:
     def _jumped(
         self, region: Region, leaves: Sequence[Value], widths: Sequence[int], label: str, after: str
     ) -> tuple[list[str], str]:
-        """One side of a branch that all runs take alike; its words, and the label that it ends under."""
+        """Write one side of a branch; return its values and its last label."""
         self._open(label)
         self._spread.append({})
         self._region(region)
@@ -262,16 +263,16 @@ class Blocks:
         return words, self._label
 
     def _side(self, region: Region, leaves: Sequence[Value], mask: str, name: str) -> list[str]:
-        """One side of a branch that the runs take differently, jumped over if none takes it; its words after that."""
+        """Write one side of a divergent branch, skipped if no run takes it; return its values."""
         if not region.values:
             return [self._word(value, self.lanes) for value in leaves]
         self._mask = self._both(mask, f"%v{name}m")
-        asked, before = self._any(self._mask, f"%v{name}y"), self._label
-        self._write(f"br i1 {asked}, label %side{name}, label %after{name}")
+        condition, before = self._any(self._mask, f"%v{name}y"), self._label
+        self._write(f"br i1 {condition}, label %side{name}, label %after{name}")
         words, end = self._jumped(region, leaves, [self.lanes] * len(leaves), f"side{name}", f"after{name}")
         self._open(f"after{name}")
         for k, value in enumerate(leaves):
-            # Not poison: lanes that are done with may come to ask it where to go.
+            # Not poison: a later branch may depend on the values of inactive lanes.
             phi = f"[ {words[k]}, %{end} ], [ zeroinitializer, %{before} ]"
             self._write(f"%v{name}{k} = phi {typed(value.type, self.lanes)} {phi}")
             words[k] = f"%v{name}{k}"
@@ -285,16 +286,13 @@ class Blocks:
         otherwise = otherwise or self._words(branch.no, widths)
         for k, value in enumerate(branch.yes):
             whole = typed(value.type, widths[k])
-            # One number chooses between vectors too.
+            # A scalar condition also selects between vectors.
             mask = typed("b1", self._width(when))
             chosen = f"{whole} {then[k]}, {whole} {otherwise[k]}"
             self._write(f"%v{branch.number}r{k} = select {mask} {self._own(when)}, {chosen}")
 
 
 def is_cheap(branch: Branch) -> bool:
-    """Whether both sides of a branch cost less than a jump that is foretold wrongly.
-
-    - `branch`: of the program that is printed.
-    """
+    """True if both sides of a branch cost less than a mispredicted jump."""
     values = [*branch.then.values, *branch.otherwise.values]
-    return len(values) <= FEW and not any(value.op in DEAR for value in values)
+    return len(values) <= FEW and not any(value.op in EXPENSIVE for value in values)

@@ -1,4 +1,4 @@
-"""Code that is made quickly at first, and well once much is asked of it."""
+"""Compile quickly at first, and with optimisation once a program has run for long."""
 
 from __future__ import annotations
 
@@ -11,57 +11,57 @@ from . import cache, machine
 from .kernel import Kernel, identity
 
 WORTH = {1: 200_000, 8: 100_000}
-"""Turns of a loop, by lanes, that are worth the time that good code takes to make.
+"""Loop turns, by lanes, from which on optimised code saves time.
 
-For the loop of seven joints, good code takes 7 s longer to make, and then saves 14 us a turn, with eight lanes 9 s and
-70 us. Both grow as the program does, so that the number of turns does not depend on its size. Whoever asks again and
-again pays at most about twice what he would have, had he known.
+For a loop with seven joints, optimised code takes 7 s longer to compile, and then saves 14 µs per turn; with eight
+lanes, 9 s and 70 µs. Both grow with the program, so the number of turns does not depend on its size. The total time is
+at most about twice that of the better choice.
 """
 
 STACK = 2_500_000
-"""Bytes that the values of quick code may have. They lie on the stack, where they take about half of that; threads have
-8 MB, on Windows 2."""
+"""Largest size of the values in quick code, in bytes. The values take about half of that on the stack. A thread's stack
+has 8 MB, on Windows 2 MB."""
 
 NUMBER = 8
 """Bytes of one value in one lane."""
 
 
 class ByDemand:
-    """A program's code in two forms, which give the same bits.
+    """Quick and optimised code of a program; both give the same bits.
 
-    - `program`: what it computes; what takes time in it is a loop.
-    - `lanes`: as many runs are computed side by side in vectors.
+    - `program`: a program whose time is spent in a loop.
+    - `lanes`: number of runs that are computed in parallel.
     """
 
     def __init__(self, program: Program, lanes: int = 1) -> None:
         self.program, self.lanes = program, lanes
-        self._asked = 0
+        self._turns = 0
         self._identity: str | None = None
         self._kernel: Kernel | None = None
 
     def kernel(self, turns: int) -> Kernel:
-        """The form that goes best with what is asked, now and before.
+        """Return the code that fits the number of turns so far.
 
-        - `turns`: how many turns of the loop, those of the runs in one vector counted once.
+        - `turns`: next turns of the loop; the runs in one vector count once.
 
-        Raises DefinitionError if llvmlite is missing, or the program asks for what there is no code for.
+        Raises DefinitionError if llvmlite is missing, or an operation of the program has no code.
         """
         first = self._kernel is None
-        self._asked += turns
-        worth = self._asked >= WORTH.get(self.lanes, 0)
+        self._turns += turns
+        worth = self._turns >= WORTH.get(self.lanes, 0)
         if self._kernel is None or (worth and self._kernel.quick):
             with in_one_line(lambda: "the program"):
                 self._identity = self._identity or identity(self.program, self.lanes)
-            well = worth or (first and (self._made(self._identity) or self._large()))
-            self._kernel = Kernel(self.program, self.lanes, quick=not well, known=self._identity)
+            optimised = worth or (first and (self._is_cached(self._identity) or self._is_large()))
+            self._kernel = Kernel(self.program, self.lanes, quick=not optimised, known=self._identity)
         return self._kernel
 
-    def _made(self, identity: str) -> bool:
-        """Whether good code is on the disk from another time."""
+    def _is_cached(self, identity: str) -> bool:
+        """True if the cache has optimised code."""
         key = machine.host().key_of(identity, machine.OPTIMISED)
         # Not `Path.is_file`, which raises where the folder is closed to this user.
         return os.path.isfile(cache.path_of(key))
 
-    def _large(self) -> bool:
-        """Whether quick code might take more of the stack than there is."""
+    def _is_large(self) -> bool:
+        """True if quick code might overflow the stack."""
         return sum(1 for _ in self.program.walk()) * NUMBER * self.lanes > STACK

@@ -1,7 +1,7 @@
-"""Object code kept on disk, so that the same loop is compiled once on a machine.
+"""Cache of object code on disk, so that a machine compiles each program once.
 
-What is kept is run. So the folder is for its owner alone, and nothing is taken from a folder or a file that another
-user owns or may write, nor through a symbolic link.
+Cached code is executed. The folder is therefore for its owner alone. Nothing is loaded through a symbolic link, or from
+a folder or file that another user owns or may write.
 """
 
 from __future__ import annotations
@@ -15,29 +15,23 @@ from collections.abc import Callable
 from pathlib import Path
 
 DIGEST = 32
-"""Bytes of the checksum that a file begins with."""
+"""Bytes of the checksum at the beginning of a file."""
 
 
 def folder() -> Path:
-    """Where the files are."""
+    """Return the folder of the cache."""
     from platformdirs import user_cache_path
 
     return user_cache_path("slidax") / "native"
 
 
 def path_of(key: str) -> Path:
-    """The file for a key.
-
-    - `key`: all that the object code depends on.
-    """
+    """Return the file for a key, which contains all that the object code depends on."""
     return folder() / f"{hashlib.sha256(key.encode()).hexdigest()}.o"
 
 
-def kept(key: str) -> bytes | None:
-    """What was kept for a key; None if there is nothing, or nothing that may be trusted.
-
-    - `key`: as in `path_of`.
-    """
+def load(key: str) -> bytes | None:
+    """Return the object code for a key; None if there is none, or none that can be trusted."""
     path = path_of(key)
     try:
         if not path.parent.is_dir() or not _is_private(path.parent):
@@ -46,25 +40,21 @@ def kept(key: str) -> bytes | None:
         with os.fdopen(handle, "rb") as file:
             if _fault(os.fstat(file.fileno()), stat.S_ISREG):
                 return None
-            held = file.read()
+            data = file.read()
     except OSError:
         return None
-    body = held[DIGEST:]
-    return body if _checksum(key, body) == held[:DIGEST] else None
+    body = data[DIGEST:]
+    return body if _checksum(key, body) == data[:DIGEST] else None
 
 
-def keep(key: str, body: bytes) -> None:
-    """Keeps object code for a key, if the disk lets it.
-
-    - `key`: as in `path_of`.
-    - `body`: the object code.
-    """
+def store(key: str, body: bytes) -> None:
+    """Store object code for a key, if the disk can be written."""
     path = path_of(key)
     try:
         path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
         if not _is_private(path.parent):
             return
-        # Under another name first, so that no reader finds a part of it.
+        # Written under another name first, so that no process reads an incomplete file.
         handle, name = tempfile.mkstemp(dir=path.parent)
         try:
             with os.fdopen(handle, "wb") as file:
@@ -73,7 +63,7 @@ def keep(key: str, body: bytes) -> None:
         except OSError:
             Path(name).unlink(missing_ok=True)
     except OSError:
-        pass  # a full or locked disk costs the next process a compilation, no more
+        pass  # the next process compiles again
 
 
 _NOT_THROUGH_LINKS = getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
@@ -81,32 +71,32 @@ _BINARY = getattr(os, "O_BINARY", 0)
 
 
 def _checksum(key: str, body: bytes) -> bytes:
-    """Of the key too: a file under another's name is not taken for it."""
+    """Checksum of key and code, which also rejects a file under another key's name."""
     return hashlib.sha256(f"{key}\n".encode() + body).digest()
 
 
-def _is_private(place: Path) -> bool:
-    """Whether a folder may be used; one of the user's own that others may enter is closed to them."""
-    found = os.lstat(place)
-    own = hasattr(os, "getuid") and stat.S_ISDIR(found.st_mode) and found.st_uid == os.getuid()
-    if own and stat.S_IMODE(found.st_mode) != 0o700:
-        os.chmod(place, 0o700)
-        found = os.lstat(place)
-    fault = _fault(found, stat.S_ISDIR)
+def _is_private(folder: Path) -> bool:
+    """True if the folder can be used. Closes the user's own folder to others first."""
+    status = os.lstat(folder)
+    own = hasattr(os, "getuid") and stat.S_ISDIR(status.st_mode) and status.st_uid == os.getuid()
+    if own and stat.S_IMODE(status.st_mode) != 0o700:
+        os.chmod(folder, 0o700)
+        status = os.lstat(folder)
+    fault = _fault(status, stat.S_ISDIR)
     if fault:
-        warnings.warn(f"native code is not kept on disk, as `{place}` {fault}", stacklevel=2)
+        warnings.warn(f"native code is not cached on disk, because `{folder}` {fault}", stacklevel=2)
     return not fault
 
 
-def _fault(found: os.stat_result, is_kind: Callable[[int], bool]) -> str:
-    """What speaks against using a folder or a file."""
-    if stat.S_ISLNK(found.st_mode):
+def _fault(status: os.stat_result, is_kind: Callable[[int], bool]) -> str:
+    """Reason not to use a folder or file; empty if there is none."""
+    if stat.S_ISLNK(status.st_mode):
         return "is a symbolic link"
-    if not is_kind(found.st_mode):
-        return "is something else"
+    if not is_kind(status.st_mode):
+        return "is of another kind"
     if not hasattr(os, "getuid"):
-        # Windows: the folder lies in the user's profile, which is closed to others by default.
+        # Windows: the folder is in the user's profile, which is closed to others by default.
         return ""
-    if found.st_uid != os.getuid():
+    if status.st_uid != os.getuid():
         return "belongs to another user"
-    return "may be written by other users" if found.st_mode & (stat.S_IWGRP | stat.S_IWOTH) else ""
+    return "may be written by other users" if status.st_mode & (stat.S_IWGRP | stat.S_IWOTH) else ""

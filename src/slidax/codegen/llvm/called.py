@@ -1,4 +1,4 @@
-"""Elementary functions that are written out once, and called."""
+"""Elementary functions that a module defines once and calls."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from .words import typed
 
 
 @dataclass(frozen=True)
-class Called:
-    """One of them.
+class ElementaryFunction:
+    """An elementary function of scalars or vectors.
 
-    - `op`: the function.
-    - `type`: of its arguments and of its result.
-    - `arguments`: how many.
-    - `width`: as many numbers are computed side by side.
+    - `op`: its operation.
+    - `type`: of the arguments and the result.
+    - `arguments`: number of arguments.
+    - `width`: number of lanes.
     """
 
     op: str
@@ -29,31 +29,24 @@ class Called:
     width: int
 
     @classmethod
-    def by(cls, value: Value, width: int) -> Called:
-        """What computes a value.
-
-        - `value`: an elementary function of something.
-        - `width`: as in the class.
-        """
+    def of(cls, value: Value, width: int) -> ElementaryFunction:
+        """Return the function that computes a value."""
         return cls(value.op, value.type, len(value.args), width)
 
     @property
     def head(self) -> str:
-        """Type and name, as LLVM writes them before the arguments."""
+        """Result type and name in LLVM IR."""
         return f"{typed(self.type, self.width)} @own_{self.op}_{self.type}_{self.width}"
 
     @property
     def program(self) -> Program:
-        """It in operations that are all exactly rounded."""
+        """The function in correctly rounded operations."""
         builder = Builder()
-        given = [builder.input(f"x{k}", self.type, (), varying=True).item() for k in range(self.arguments)]
-        builder.output("y", self.type, np.array(builder.apply(self.op, *given, type=self.type), object))
+        arguments = [builder.input(f"x{k}", self.type, (), varying=True).item() for k in range(self.arguments)]
+        builder.output("y", self.type, np.array(builder.apply(self.op, *arguments, type=self.type), object))
         return lowered_and_fused(builder.finish())
 
-    def called(self, words: list[str]) -> str:
-        """The call, as LLVM writes it.
-
-        - `words`: its arguments.
-        """
+    def call(self, words: list[str]) -> str:
+        """Return a call with these arguments in LLVM IR."""
         whole = typed(self.type, self.width)
         return f"call {self.head}({', '.join(f'{whole} {word}' for word in words)})"

@@ -1,4 +1,4 @@
-"""Which vectors pay: what they save against what it costs to put them together and to take them apart."""
+"""Cost model of vectors: saved operations against the cost of gathering and extracting elements."""
 
 from __future__ import annotations
 
@@ -9,102 +9,87 @@ from slidax.codegen.ir import Loop, Value, uses
 from .slp import Bundles, Members
 
 SAVED = {"div": 4.0, "sqrt": 4.0}
-"""Instructions' worth of an operation; 1 for all others."""
+"""Cost of an operation in instructions; 1 for all others."""
 
 
 def keep_profitable(bundles: Bundles) -> None:
-    """Takes apart what costs more than it saves.
-
-    - `bundles`: changed in place.
-    """
+    """Dissolve, in place, the bundles that cost more than they save."""
     costs = _CostModel(bundles)
     while True:
-        losing = [members for members in bundles.slots if members in bundles.made and costs.lost(members) < 0.0]
-        if not losing:
+        costly = [members for members in bundles.slots if members in bundles.vectors and costs.gain(members) < 0.0]
+        if not costly:
             return
-        for members in losing:
-            if costs.lost(members) < 0.0:
+        for members in costly:
+            if costs.gain(members) < 0.0:
                 costs.dissolve(members)
 
 
 class _CostModel:
-    """Which values use which.
-
-    - `bundles`: what is computed side by side at the moment.
-    """
+    """Users of each value and vector."""
 
     def __init__(self, bundles: Bundles) -> None:
         self.bundles = bundles
-        self.alone: defaultdict[Value, int] = defaultdict(int)  # by number, how many take it alone
-        self.takers: defaultdict[Members, set[Members]] = defaultdict(set)  # by vector, the vectors that take it
+        self.scalar_uses: defaultdict[Value, int] = defaultdict(int)
+        self.users: defaultdict[Members, set[Members]] = defaultdict(set)  # by vector, the vectors that use it
         self.slots: dict[Members, list[Members]] = dict(bundles.slots)
         for value in bundles.program.walk():
             if isinstance(value, Loop):
                 self._loop(value)
-            elif not bundles.is_made(value):
+            elif not bundles.is_vectorised(value):
                 for arg in uses(value):
-                    self.alone[arg] += 1
+                    self.scalar_uses[arg] += 1
         for output in bundles.program.outputs:
             for value in output.values or ():
-                self.alone[value] += 1
-        for members in bundles.made:
+                self.scalar_uses[value] += 1
+        for members in bundles.vectors:
             for slot in self.slots.get(members, ()):
-                self.takers[slot].add(members)
+                self.users[slot].add(members)
 
     def _loop(self, loop: Loop) -> None:
-        self.alone[loop.condition] += 1
+        self.scalar_uses[loop.condition] += 1
         for k, param in enumerate(loop.params):
-            if not self.bundles.is_made(param):
-                self.alone[loop.args[k]] += 1
-                self.alone[loop.following[k]] += 1
+            if not self.bundles.is_vectorised(param):
+                self.scalar_uses[loop.args[k]] += 1
+                self.scalar_uses[loop.following[k]] += 1
                 continue
-            members, place = self.bundles.place[param]
-            if place == 0:
+            members, lane = self.bundles.place[param]
+            if lane == 0:
                 self.slots[members] = [loop.args[k : k + len(members)], loop.following[k : k + len(members)]]
 
-    def lost(self, members: Members) -> float:
-        """What is lost if a vector is taken apart; less than 0 if something is won.
-
-        - `members`: of the vector.
-        """
-        lost = (len(members) - 1) * SAVED.get(members[0].op, 1.0)
+    def gain(self, members: Members) -> float:
+        """Instructions that a vector saves; negative if it costs more than it saves."""
+        gain = (len(members) - 1) * SAVED.get(members[0].op, 1.0)
         for value in members:
-            if self._is_picked(value):
-                lost -= _pick(self.bundles, value)
-        if self.takers[members]:
-            lost += len(members) - 1
+            if self.scalar_uses[value]:
+                gain -= _extraction_cost(self.bundles, value)
+        if self.users[members]:
+            gain += len(members) - 1
         for slot in set(self.slots[members]):
-            if slot in self.bundles.made:
-                lost += sum(_pick(self.bundles, value) for value in slot if not self._is_picked(value))
-            elif len(self.takers[slot]) == 1:
-                lost -= self._gather(slot)
-        return lost
+            if slot in self.bundles.vectors:
+                gain += sum(_extraction_cost(self.bundles, value) for value in slot if not self.scalar_uses[value])
+            elif len(self.users[slot]) == 1:
+                gain -= self._gather_cost(slot)
+        return gain
 
     def dissolve(self, members: Members) -> None:
-        """Takes a vector apart.
-
-        - `members`: of the vector.
-        """
+        """Replace a vector by its members."""
         self.bundles.dissolve(members)
         for slot in set(self.slots[members]):
-            self.takers[slot].discard(members)
+            self.users[slot].discard(members)
         for value in members:
             for arg in value.args:
-                self.alone[arg] += 1
+                self.scalar_uses[arg] += 1
 
-    def _is_picked(self, value: Value) -> bool:
-        return self.alone[value] > 0
-
-    def _gather(self, slot: Members) -> float:
-        """What it costs to put a vector together: an instruction for each further piece, half of one to cut it out."""
+    def _gather_cost(self, slot: Members) -> float:
+        """Cost of assembling a vector: one instruction per further piece, and half of one to extract each."""
         if len(set(slot)) == 1:
             return 0.0 if slot[0].op == "const" else 1.0
-        pieces = {self.bundles.place[value][0] if self.bundles.is_made(value) else (value,) for value in slot}
+        pieces = {self.bundles.place[value][0] if self.bundles.is_vectorised(value) else (value,) for value in slot}
         return max(len(pieces) - 1.0, 0.0) + sum(0.5 for piece in pieces if len(piece) > 1)
 
 
-def _pick(bundles: Bundles, value: Value) -> float:
-    """What it costs to take a number out: the first one is in place, and inputs are in memory."""
+def _extraction_cost(bundles: Bundles, value: Value) -> float:
+    """Cost of extracting an element: the first lane is cheaper, and inputs are in memory."""
     if value.op == "input":
         return 0.0
     return 1.0 if bundles.place[value][1] else 0.5

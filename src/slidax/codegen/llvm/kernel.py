@@ -1,4 +1,4 @@
-"""A program as a function of NumPy arrays."""
+"""Compile a program to a function of NumPy arrays."""
 
 from __future__ import annotations
 
@@ -25,19 +25,18 @@ from .prepare import prepared
 Arrays = list[np.ndarray]
 
 LANES = 8
-"""As many runs side by side as go best through the vector units."""
+"""Number of lanes that uses the vector units best."""
 
 CHUNKS = 8
-"""Pieces of a batch for each thread: so many that none waits long for the last."""
+"""Pieces of a batch per thread: so many that no thread waits long for the last piece."""
 
 
 class Kernel:
     """A compiled program.
 
-    - `program`: what it computes.
-    - `lanes`: as many runs are computed side by side in vectors.
-    - `quick`: whether the code is made in a fraction of the time, and takes 2 to 5 times as long for the same bits.
-    - `known`: the program's `identity`, if it is known.
+    - `lanes`: number of runs that are computed in parallel.
+    - `quick`: True for code that compiles in a fraction of the time, and runs 2 to 5 times as long for the same bits.
+    - `known`: the program's `identity`, if it was computed before.
     """
 
     def __init__(self, program: Program, lanes: int, *, quick: bool = False, known: str | None = None) -> None:
@@ -45,19 +44,19 @@ class Kernel:
         self.inputs, self.outputs = program.inputs, program.outputs
         self.program = program
         with in_one_line(lambda: "the program"):
-            what = (known or identity(program, lanes)) + " quick" * quick
-            # A name of its own: code of another program does not have it.
-            self._entry = f"runs_{hashlib.sha256(what.encode()).hexdigest()[:32]}"
+            source = (known or identity(program, lanes)) + " quick" * quick
+            # A unique name, which the code of another program does not have.
+            self._entry = f"runs_{hashlib.sha256(source.encode()).hexdigest()[:32]}"
             level = machine.QUICK if quick else machine.OPTIMISED
-            self._code = machine.host().code_of(what, self._entry, lambda: self.text, level)
+            self._code = machine.host().code_of(source, self._entry, lambda: self.text, level)
         signature = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_int64, ctypes.c_int64)
         self._run: Any = signature(self._code.address)
 
     @property
     def function(self) -> Any:
-        """The code itself, called with the address of a table, the number of its lines, and how many rows are logged.
+        """The machine code, called with a table's address, its number of lines, and the number of logged rows.
 
-        A line of the table holds the addresses of all inputs and then of all outputs. Nothing is checked.
+        A line of the table contains the addresses of all inputs and then of all outputs. Nothing is checked.
         """
         return self._run
 
@@ -68,20 +67,20 @@ class Kernel:
 
     @property
     def entry(self) -> str:
-        """What its function is called there."""
+        """Name of the function in the object file."""
         return self._code.entry
 
     @property
     def text(self) -> str:
-        """LLVM's text of it."""
+        """LLVM IR of the program."""
         ready = prepared(self.program, self.lanes, quick=self.quick)
         return module(ready, self.lanes, self._entry, own=self.quick)
 
     def __call__(self, inputs: Sequence[Any], rows: int = 0) -> Arrays:
-        """One run; returns its outputs.
+        """Compute one run, and return its outputs.
 
-        - `inputs`: of the shapes and dtypes that the program says.
-        - `rows`: of each logged output, which has them as its first axis; those that are not written are 0.
+        - `inputs`: in the program's shapes and dtypes.
+        - `rows`: number of rows of each logged output, its first axis; rows that are not written are 0.
 
         Raises DefinitionError if an input has another shape or dtype.
         """
@@ -91,31 +90,31 @@ class Kernel:
                 for array, entry in zip(inputs, self.inputs, strict=True)
             ]
             return [array[0] for array in self.batch(spread, 1, rows, threads=1)]
-        given = self._checked(inputs, None)
+        arrays = self._checked(inputs, None)
         outputs = self._empty(None, rows)
-        table = np.array([array.ctypes.data for array in (*given, *outputs)], np.uintp)
+        table = np.array([array.ctypes.data for array in (*arrays, *outputs)], np.uintp)
         self._run(table.ctypes.data, 1, rows)
         return outputs
 
     def batch(self, inputs: Sequence[Any], runs: int, rows: int = 0, threads: int | None = None) -> Arrays:
-        """Many runs; returns their outputs, with a first axis for the runs.
+        """Compute many runs, and return the outputs with a first axis for the runs.
 
-        - `inputs`: of the shapes and dtypes that the program says; those that vary have a first axis for the runs.
-        - `runs`: how many, > 0.
-        - `rows`: of each logged output, as its second axis; those that are not written are 0.
-        - `threads`: as many share the runs; None: one for each processor. They change nothing in the numbers.
+        - `inputs`: in the program's shapes and dtypes; those that vary have a first axis for the runs.
+        - `runs`: number of runs, > 0.
+        - `rows`: number of rows of each logged output, its second axis; rows that are not written are 0.
+        - `threads`: number of threads; None: one per processor. The results do not depend on it.
 
         Raises DefinitionError if an input has another shape or dtype.
         """
-        given = self._checked(inputs, runs)
+        arrays = self._checked(inputs, runs)
         outputs = self._empty(runs, rows)
         whole = runs // self.lanes
-        table = self._table(given, outputs, whole)
-        # The last group is filled up by repeating the last run, in arrays of its own.
+        table = self._table(arrays, outputs, whole)
+        # The last group repeats the last run in the remaining lanes, in arrays of its own.
         filled: Arrays = []
         if runs > whole * self.lanes:
             chosen = np.minimum(np.arange(whole * self.lanes, (whole + 1) * self.lanes), runs - 1)
-            last = [array[chosen] if entry.varying else array for array, entry in zip(given, self.inputs, strict=True)]
+            last = [array[chosen] if entry.varying else array for array, entry in zip(arrays, self.inputs, strict=True)]
             filled = self._empty(self.lanes, rows)
             table = np.concatenate([table, self._table(last, filled, 1)])
         self._share(table, rows, threads or _processors())
@@ -177,25 +176,20 @@ def _pieces(groups: int, pieces: int) -> Iterator[slice]:
 
 
 def _processors() -> int:
-    """Those that this process may use."""
+    """Number of processors that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def identity(program: Program, lanes: int) -> str:
-    """All that the code of a program depends on, but for the machine.
-
-    - `program`, `lanes`: as for `Kernel`.
-    """
+    """Return all that a program's code depends on, except the machine."""
     return f"{digest(program)} {lanes}"
 
 
 def compile(program: Program, lanes: int = 1) -> Kernel:
-    """Machine code for a program.
+    """Compile a program, which is not changed.
 
-    - `program`: stays as it is.
-    - `lanes`: as many runs are computed side by side in vectors, a power of two; 1: no vectors. A run's numbers do not
-      depend on it.
+    - `lanes`: number of runs that are computed in parallel, a power of two. A run's results do not depend on it.
 
-    Raises DefinitionError if llvmlite is missing, or the program asks for what there is no code for.
+    Raises DefinitionError if llvmlite is missing, or an operation of the program has no code.
     """
     return Kernel(program, lanes)

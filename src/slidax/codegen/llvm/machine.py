@@ -1,4 +1,4 @@
-"""From LLVM's text to code that runs, for the processor at hand."""
+"""Compile LLVM IR for the processor of this machine."""
 
 from __future__ import annotations
 
@@ -14,20 +14,19 @@ from slidax._errors import DefinitionError
 from . import cache
 
 QUICK, OPTIMISED = 0, 2
-"""LLVM's levels for instruction selection, scheduling and registers. They change no bit of a result."""
+"""LLVM's optimisation levels for instruction selection, scheduling and registers. Results do not depend on them."""
 
 
 def available() -> bool:
-    """Whether llvmlite is installed, which brings LLVM."""
+    """True if llvmlite is installed, which contains LLVM."""
     return find_spec("llvmlite") is not None
 
 
 class Code:
-    """Machine code in memory, as long as this object lives.
+    """Machine code in memory, valid as long as this object exists.
 
-    - `machine`: what it is for.
     - `object`: an object file.
-    - `entry`: the name of its function.
+    - `entry`: name of its function.
 
     Raises RuntimeError or IndexError if the object file has no such function.
     """
@@ -41,7 +40,7 @@ class Code:
 
 
 class Machine:
-    """The processor that this process runs on, with what it can do."""
+    """The processor of this process, and its features."""
 
     def __init__(self) -> None:
         if not available():
@@ -58,47 +57,42 @@ class Machine:
         self.jit: Any = llvm.create_lljit_compiler(self._target(OPTIMISED), use_jit_link=True)
         self.numbers = itertools.count()
 
-    def key_of(self, what: str, level: int) -> str:
-        """What code on the disk is found by: all that it depends on.
+    def key_of(self, source: str, level: int) -> str:
+        """Return the cache key of a module's code.
 
-        - `what`: all that the module depends on; printing it would take as long as compiling it.
-        - `level`: LLVM's.
+        - `source`: all that the module depends on; its IR would take as long to generate as to compile.
+        - `level`: LLVM's optimisation level.
         """
-        return "\n".join([self.version, self.cpu, self.features, str(level), what])
+        return "\n".join([self.version, self.cpu, self.features, str(level), source])
 
-    def code_of(self, what: str, entry: str, text: Callable[[], str], level: int) -> Code:
-        """A module's code, from the disk if the same was compiled before.
+    def code_of(self, source: str, entry: str, text: Callable[[], str], level: int) -> Code:
+        """Return a module's code, from the cache if possible.
 
-        - `what`: as in `key_of`.
-        - `entry`: the name of its function.
-        - `text`: gives the module.
-        - `level`: LLVM's.
+        - `source`, `level`: as in `key_of`.
+        - `entry`: name of its function.
+        - `text`: generates the module's IR.
         """
-        key = self.key_of(what, level)
-        kept = cache.kept(key)
-        if kept is not None:
+        key = self.key_of(source, level)
+        object = cache.load(key)
+        if object is not None:
             try:
-                return Code(self, kept, entry)
+                return Code(self, object, entry)
             except Exception as error:
-                said = f"{type(error).__name__}: {error}".partition("\n")[0]
+                reason = f"{type(error).__name__}: {error}".partition("\n")[0]
                 warnings.warn(
-                    f"`{cache.path_of(key)}` holds other code than that of this program ({said}); it is compiled anew",
+                    f"`{cache.path_of(key)}` is not the code of this program ({reason}); it is compiled again",
                     stacklevel=2,
                 )
-        made = self.compiled(text(), level)
-        cache.keep(key, made)
-        return Code(self, made, entry)
+        object = self.compiled(text(), level)
+        cache.store(key, object)
+        return Code(self, object, entry)
 
     def compiled(self, text: str, level: int) -> bytes:
-        """An object file made anew; what LLVM's passes could do is done beforehand.
-
-        - `text`: of the module.
-        - `level`: LLVM's.
-        """
+        """Compile a module's IR to an object file, without LLVM's passes, which the IR does not need."""
         return bytes(self._target(level).emit_object(self.llvm.parse_assembly(text)))
 
     def _target(self, level: int) -> Any:
-        # Not the model for JITs, which spells out the address of every constant.
+        # Not the code model for JITs, which writes out the address of every constant.
         return self.llvm.Target.from_default_triple().create_target_machine(
             cpu=self.cpu, features=self.features, opt=level, reloc="pic", codemodel="small"
         )
@@ -106,5 +100,5 @@ class Machine:
 
 @functools.cache
 def host() -> Machine:
-    """The machine, looked at once."""
+    """Return the machine, inspected once."""
     return Machine()

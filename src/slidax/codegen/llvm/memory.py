@@ -1,7 +1,10 @@
-"""Inputs, outputs and the rows of logs, where they lie in memory.
+"""Generate memory access: inputs, outputs and the rows of logs.
 
-A run's table holds the addresses of its inputs and then of its outputs. Each run's arrays are in C order; those of the
-runs of one group follow each other, so lane k of element j is at `k size + j`.
+A run's table contains the addresses of its inputs and then of its outputs. A run's arrays are in C order, and the
+arrays of the runs in one group follow each other: lane k of element j is at `k size + j`.
+
+In all functions, `write` takes a line, and `lanes` is the number of runs in a group. Functions that write calls return
+the declarations of the functions that they call.
 """
 
 from __future__ import annotations
@@ -15,38 +18,29 @@ from .words import BYTES, STORED, literal, suffix, typed
 Write = Callable[[str], None]
 
 
-def addresses(program: Program, write: Write) -> None:
-    """Writes the loads of all addresses: `%in0`, `%in1`, ..., `%out0`, ...
-
-    - `program`: whose inputs and outputs they are.
-    - `write`: takes a line.
-    """
+def load_addresses(program: Program, write: Write) -> None:
+    """Write the loads of all addresses: `%in0`, `%in1`, ..., `%out0`, ..."""
     names = [f"%in{k}" for k in range(len(program.inputs))] + [f"%out{k}" for k in range(len(program.outputs))]
     for k, name in enumerate(names):
         write(f"{name}a = getelementptr ptr, ptr %table, i64 {k}")
         write(f"{name} = load ptr, ptr {name}a, !invariant.load !0")
 
 
-def spare(program: Program, lanes: int, write: Write) -> None:
-    """Writes where the lanes put the rows that they do not want.
-
-    - `program`, `write`: as in `addresses`.
-    - `lanes`: of the program.
-    """
+def allocate_spare(program: Program, lanes: int, write: Write) -> None:
+    """Write the allocation of a spare row, to which inactive lanes write."""
     sizes = [output.size * BYTES[output.type] for output in program.outputs if output.values is None]
     if lanes > 1 and sizes:
         write(f"%spare = alloca [{max(*sizes, 8)} x i8], align 8")
 
 
 def read(program: Program, value: Value, index: str, lanes: int, wide: bool, mask: str, write: Write) -> set[str]:
-    """Writes what reads one element of an input; returns the declarations of what it calls.
+    """Write the read of one element of an input.
 
-    - `program`, `write`: as in `addresses`.
     - `value`: an `input` or a `load`.
-    - `index`: the element's number: one word, or one for each lane.
-    - `lanes`: as many runs are in a group; 1: one number is read.
-    - `wide`: whether `index` has as many lanes.
-    - `mask`: the lanes that want it, whose index alone is known to be in range; "" for all.
+    - `index`: the element's index, a scalar or a vector.
+    - `lanes`: 1 reads one number.
+    - `wide`: True if `index` is a vector.
+    - `mask`: active lanes, the only ones whose index is in range; "" for all.
     """
     which = value.data[0] if value.op == "input" else value.data
     entry = program.inputs[which]
@@ -84,12 +78,7 @@ def read(program: Program, value: Value, index: str, lanes: int, wide: bool, mas
 
 
 def read_vector(value: Value, lanes: int, write: Write) -> None:
-    """Writes what reads elements of one run's input that follow each other.
-
-    - `value`: the `input`, with the first as its element.
-    - `lanes`: how many.
-    - `write`: as in `addresses`.
-    """
+    """Write the read of `lanes` consecutive elements of an input, beginning with the element of `value`."""
     (which, element), name, stored = value.data, f"%v{value.number}", STORED[value.type]
     loaded = f"{name}i" if value.type == "b1" else name
     write(f"{name}p = getelementptr {stored}, ptr %in{which}, i64 {element}")
@@ -98,14 +87,8 @@ def read_vector(value: Value, lanes: int, write: Write) -> None:
         write(f"{name} = icmp ne <{lanes} x i8> {loaded}, zeroinitializer")
 
 
-def leave(program: Program, which: int, element: int, word: str, lanes: int, write: Write) -> set[str]:
-    """Writes what puts one element into an output; returns the declarations of what it calls.
-
-    - `program`, `write`: as in `addresses`.
-    - `which`, `element`: of the output.
-    - `word`: the number; of all lanes.
-    - `lanes`: as many runs are in a group.
-    """
+def write_output(program: Program, which: int, element: int, word: str, lanes: int, write: Write) -> set[str]:
+    """Write one element, `word`, of all lanes to output number `which`."""
     output = program.outputs[which]
     name, stored = f"%out{which}e{element}", STORED[output.type]
     whole = stored if lanes == 1 else f"<{lanes} x {stored}>"
@@ -124,17 +107,14 @@ def leave(program: Program, which: int, element: int, word: str, lanes: int, wri
     return {f"declare {full}({whole}, <{lanes} x ptr>, <{lanes} x i1>)"}
 
 
-def rows(
-    program: Program, store: Value, row: Sequence[str], wanted: str, words: Sequence[str], lanes: int, write: Write
+def write_row(
+    program: Program, store: Value, row: Sequence[str], mask: str, words: Sequence[str], lanes: int, write: Write
 ) -> None:
-    """Writes what puts the numbers of a row into a log, each lane's into its own.
+    """Write a row to the log of each lane.
 
-    - `program`, `write`: as in `addresses`.
-    - `store`: the `store`.
     - `row`: the row's number in each lane.
-    - `wanted`: the lanes that want it, "" for all.
-    - `words`: the numbers, of all lanes.
-    - `lanes`: as many runs are in a group.
+    - `mask`: active lanes; "" for all.
+    - `words`: the row's elements, of all lanes.
     """
     output = program.outputs[store.data]
     name, stored, log = f"%w{store.number}", STORED[output.type], f"%out{store.data}"
@@ -144,9 +124,9 @@ def rows(
         write(f"{at}a = mul i64 %rows, {lane}")
         write(f"{at}b = add i64 {at}a, {row[lane]}")
         write(f"{at}c = mul i64 {at}b, {output.size}")
-        write(f"{at}{'d' if wanted else ''} = getelementptr {stored}, ptr {log}, i64 {at}c")
-        if wanted:
-            write(f"{at}w = extractelement <{lanes} x i1> {wanted}, i32 {lane}")
+        write(f"{at}{'d' if mask else ''} = getelementptr {stored}, ptr {log}, i64 {at}c")
+        if mask:
+            write(f"{at}w = extractelement <{lanes} x i1> {mask}, i32 {lane}")
             write(f"{at} = select i1 {at}w, ptr {at}d, ptr %spare")
         places.append(at)
     numbers = list(words)
@@ -172,23 +152,23 @@ def rows(
 def _put_block(
     name: str, stored: Type | str, places: Sequence[str], numbers: Sequence[str], first: int, write: Write
 ) -> None:
-    """As many numbers as there are lanes, turned into one contiguous piece for each lane."""
+    """Write a block of as many elements as lanes, transposed to one contiguous piece per lane."""
     lanes = len(places)
     whole = f"<{lanes} x {stored}>"
-    block, apart = list(numbers), lanes // 2
-    # A transposition by halves: swaps the off-diagonal quarters of ever smaller squares.
-    while apart:
+    block, half = list(numbers), lanes // 2
+    # Transposition by halves: swap the off-diagonal quarters of ever smaller squares.
+    while half:
         turned = list(block)
-        low = [k if not k & apart else lanes + (k ^ apart) for k in range(lanes)]
-        high = [k ^ apart if not k & apart else lanes + k for k in range(lanes)]
+        low = [k if not k & half else lanes + (k ^ half) for k in range(lanes)]
+        high = [k ^ half if not k & half else lanes + k for k in range(lanes)]
         for k in range(lanes):
-            if not k & apart:
-                for to, picked in ((k, low), (k | apart, high)):
-                    turned[to] = f"{name}t{first}a{apart}k{to}"
-                    chosen = ", ".join(f"i32 {p}" for p in picked)
-                    write(f"{turned[to]} = shufflevector {whole} {block[k]}, {whole} {block[k | apart]}, "
-                          f"<{lanes} x i32> <{chosen}>")  # fmt: skip
-        block, apart = turned, apart // 2
+            if not k & half:
+                for to, lanes_of in ((k, low), (k | half, high)):
+                    turned[to] = f"{name}t{first}a{half}k{to}"
+                    mask = ", ".join(f"i32 {lane}" for lane in lanes_of)
+                    write(f"{turned[to]} = shufflevector {whole} {block[k]}, {whole} {block[k | half]}, "
+                          f"<{lanes} x i32> <{mask}>")  # fmt: skip
+        block, half = turned, half // 2
     for lane, (place, piece) in enumerate(zip(places, block, strict=True)):
         write(f"{name}q{first}l{lane} = getelementptr {stored}, ptr {place}, i64 {first}")
         write(f"store {whole} {piece}, ptr {name}q{first}l{lane}, align {1}")

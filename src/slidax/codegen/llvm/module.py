@@ -1,4 +1,4 @@
-"""A program as an LLVM module."""
+"""Generate an LLVM module from a program."""
 
 from __future__ import annotations
 
@@ -6,25 +6,24 @@ from slidax._errors import DefinitionError
 from slidax.codegen.ir import Program
 
 from .blocks import Blocks
-from .called import Called
+from .called import ElementaryFunction
 from .words import typed
 
 
 def module(program: Program, lanes: int = 1, entry: str = "runs", *, own: bool = False) -> str:
-    """The program's text in LLVM's language.
+    """Generate the LLVM IR of a program.
 
-    Its one function is `void runs(ptr tables, i64 groups, i64 rows)`: `tables` holds the addresses of the inputs and
+    Its function is `void runs(ptr tables, i64 groups, i64 rows)`: `tables` contains the addresses of the inputs and
     outputs, group after group; `rows` is the number of rows of each log.
 
-    - `program`: its functions that no processor has are called from libm, or are ours.
-    - `lanes`: as many runs are computed side by side in vectors, a power of two; 1: no vectors.
-    - `entry`: the name of the function.
-    - `own`: whether functions that no processor has are ours, written out once and called.
+    - `lanes`: number of runs that are computed in parallel, a power of two.
+    - `entry`: name of the function.
+    - `own`: True if elementary functions are defined in the module; False for libm's.
 
     Raises DefinitionError for another number of lanes.
     """
     if lanes < 1 or lanes & (lanes - 1):
-        raise DefinitionError(f"`lanes` must be a power of two, as vectors are so long; got {lanes}")
+        raise DefinitionError(f"`lanes` must be a power of two; got {lanes}")
     blocks = Blocks(program, lanes, own=own)
     blocks.print()
     functions = [
@@ -55,9 +54,9 @@ def module(program: Program, lanes: int = 1, entry: str = "runs", *, own: bool =
             "after:",
             "  ret void",
             "}",
-            # Vectors as wide as the processor has, though some of them clock down for it.
+            # The processor's widest vectors, although some processors reduce their clock rate for them.
             'attributes #0 = { nounwind noinline "prefer-vector-width"="512" "min-legal-vector-width"="512" }',
-            # libm's functions as they are: not LLVM's idea of them, which would round otherwise in vectors.
+            # libm's functions, not LLVM's builtins, which round differently in vectors.
             "attributes #1 = { nounwind willreturn nobuiltin memory(none) }",
             "!0 = !{}",
             "",
@@ -65,11 +64,11 @@ def module(program: Program, lanes: int = 1, entry: str = "runs", *, own: bool =
     )
 
 
-def _defined(function: Called, declarations: set[str]) -> list[str]:
-    """The lines of an elementary function; what it calls itself is added to the declarations."""
+def _defined(function: ElementaryFunction, declarations: set[str]) -> list[str]:
+    """LLVM IR of an elementary function; the functions that it calls are added to the declarations."""
     blocks = Blocks(function.program, function.width)
     whole = typed(function.type, function.width)
     blocks.print_function(whole)
     declarations |= blocks.declarations
-    given = ", ".join(f"{whole} %x{k}" for k in range(function.arguments))
-    return [f"define internal {function.head}({given}) #0 {{", "entry:", *blocks.lines, "}"]
+    arguments = ", ".join(f"{whole} %x{k}" for k in range(function.arguments))
+    return [f"define internal {function.head}({arguments}) #0 {{", "entry:", *blocks.lines, "}"]

@@ -1,4 +1,4 @@
-"""One operation in LLVM's words, on one number or on a vector of them."""
+"""Generate LLVM IR of single operations on scalars or vectors."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ NOT_IN_LIBM = ("erf_inv",)
 
 
 def operation(value: Value, words: Sequence[str], lanes: int, write: Write) -> set[str]:
-    """Writes what computes a value; returns the functions that it calls, as declarations.
+    """Write the computation of a value; return the declarations of the functions that it calls.
 
-    Nothing of it is undefined, whatever the numbers: in lanes that do not want a value, it is computed of anything.
+    The result is defined for all arguments, because inactive lanes compute with arbitrary numbers.
 
-    - `value`: neither a block nor a part of one, nor anything that touches memory.
-    - `words`: its arguments, of as many lanes.
-    - `lanes`: 1 for one number.
+    - `value`: not a block or a part of one, and no memory access.
+    - `words`: its arguments, with as many lanes.
+    - `lanes`: 1 for a scalar.
     - `write`: takes a line.
 
-    Raises DefinitionError for a function that is neither in libm nor written out.
+    Raises DefinitionError for a function that is not in libm and was not lowered.
     """
     op, name = value.op, f"%v{value.number}"
     source = value.args[0].type if value.args else value.type
@@ -88,7 +88,7 @@ def _extreme(value: Value, words: Sequence[str], lanes: int, write: Write) -> No
     a, b = words
     name, whole, mask = f"%v{value.number}", typed(value.type, lanes), typed("b1", lanes)
     if value.args[1].op == "const":
-        a, b = b, a  # a comparison with NaN is false and leaves b, so only a has to be looked at
+        a, b = b, a  # a comparison with NaN is false and gives b, so that only a must be checked for NaN
     first = value.args[1] if value.args[1].op == "const" else value.args[0]
     known = value.type not in FLOATS or (first.op == "const" and first.data == first.data)
     better = name if known else f"{name}m"
@@ -113,16 +113,16 @@ def _integer(value: Value, words: Sequence[str], lanes: int, write: Write) -> No
     elif op in SHIFTS:
         _shift(value, words, lanes, write)
     elif op in ("div", "rem"):
-        # As XLA has it: x / 0 is -1, the remainder then x; the least number over -1 is itself.
+        # As in XLA: x / 0 is -1, and the remainder is x; the least integer over -1 is itself.
         word = f"{'s' if signed else 'u'}{op}"
-        one, minus = literal(1, value.type, lanes), literal(-1, value.type, lanes)
+        unit, minus = literal(1, value.type, lanes), literal(-1, value.type, lanes)
         write(f"{name}z = icmp eq {whole} {words[1]}, {literal(0, value.type, lanes)}")
         unsafe = f"{name}z"
         if signed:
             write(f"{name}m = icmp eq {whole} {words[1]}, {minus}")
             write(f"{name}u = or {mask} {name}z, {name}m")
             unsafe = f"{name}u"
-        write(f"{name}y = select {mask} {unsafe}, {whole} {one}, {whole} {words[1]}")
+        write(f"{name}y = select {mask} {unsafe}, {whole} {unit}, {whole} {words[1]}")
         write(f"{name}q = {word} {whole} {words[0]}, {name}y")
         by_zero = minus if op == "div" else words[0]
         last = f"{name}q"
@@ -132,7 +132,7 @@ def _integer(value: Value, words: Sequence[str], lanes: int, write: Write) -> No
             last = f"{name}r"
         write(f"{name} = select {mask} {name}z, {whole} {by_zero}, {whole} {last}")
     else:
-        raise DefinitionError(f"`{op}` of {value.type} numbers is no operation of the IR")
+        raise DefinitionError(f"unknown operation `{op}` of {value.type} numbers")
 
 
 def _shift(value: Value, words: Sequence[str], lanes: int, write: Write) -> None:
@@ -142,7 +142,7 @@ def _shift(value: Value, words: Sequence[str], lanes: int, write: Write) -> None
     if by.op == "const" and 0 <= int(by.data) < bits:
         write(f"{name} = {word} {whole} {words[0]}, {words[1]}")
         return
-    # A shift by more than there are bits is left undefined by LLVM.
+    # LLVM leaves a shift by more than the number of bits undefined.
     last = literal(bits - 1, value.type, lanes)
     write(f"{name}c = icmp ugt {whole} {words[1]}, {last}")
     write(f"{name}b = select {mask} {name}c, {whole} {last}, {whole} {words[1]}")
@@ -160,8 +160,8 @@ def _convert(value: Value, word: str, lanes: int, write: Write) -> set[str]:
     if target == "b1":
         write(f"{name} = {'fcmp une' if source in FLOATS else 'icmp ne'} {before} {word}, {zero}")
     elif source == "b1":
-        one, none = literal(1, target, lanes), literal(0, target, lanes)
-        write(f"{name} = select {before} {word}, {after} {one}, {after} {none}")
+        true, false = literal(1, target, lanes), literal(0, target, lanes)
+        write(f"{name} = select {before} {word}, {after} {true}, {after} {false}")
     elif source in FLOATS and target in FLOATS:
         write(f"{name} = {'fpext' if target == 'f64' else 'fptrunc'} {before} {word} to {after}")
     elif source in FLOATS:
@@ -181,9 +181,9 @@ def _convert(value: Value, word: str, lanes: int, write: Write) -> set[str]:
 
 
 def _call_libm(value: Value, words: Sequence[str], lanes: int, write: Write) -> set[str]:
-    """Calls the C library's function, lane by lane: it has none for vectors that rounds alike everywhere."""
+    """Call the C library's function, lane by lane: no vector version rounds alike everywhere."""
     if value.op in NOT_IN_LIBM:
-        raise DefinitionError(f"`{value.op}` has to be written out in simpler operations before it is printed")
+        raise DefinitionError(f"`{value.op}` is not in libm: lower it to simpler operations first")
     name, number, whole = f"%v{value.number}", typed(value.type, 1), typed(value.type, lanes)
     full = f"{number} @{value.op}{'f' if value.type == 'f32' else ''}"
     if lanes == 1:

@@ -1,9 +1,9 @@
-"""The order of the operations: long chains of dependants come first, other work fills the waiting time.
+"""Schedule operations: long dependency chains first, with other work in their latencies (list scheduling).
 
-A processor looks a few hundred operations ahead, and one turn of a control loop has thousands: left in the order of the
-formulas, it computes one function after the other, each waiting for itself at every operation. Here the operations of a
-region are dealt out, turn by turn of an imagined processor, in the order of how long a chain still hangs on each (list
-scheduling). What a loop carries hangs on what the next turn does with it, so that the state comes before the records.
+A processor looks a few hundred operations ahead, and one turn of a control loop has thousands. In the order of the
+formulas, it would compute one function after the other, and wait for almost every operation. Here the operations of a
+region are issued to a model processor by the length of the chain that depends on each. For values that a loop carries,
+that chain includes the next turn, so that the state comes before the logs.
 """
 
 from __future__ import annotations
@@ -24,55 +24,48 @@ CYCLES = {
     "branch": 30,
     "loop": 100,
 }
-"""How long each operation takes until its result is there, on processors of these years; 1 for all others."""
+"""Latency of each operation in cycles on current processors; 1 for all others."""
 
 STARTED = 2.0
-"""Operations that the imagined processor starts in a cycle. Found by measurement: with more, too much is begun at once
-and has to be put aside."""
+"""Operations that the model processor starts per cycle. A measured optimum: with more, too many values are live at once
+and spill."""
 
 Heights = Mapping[Value, int]
-"""By value, the cycles until all is done that hangs on it."""
+"""Length of the dependency chain from each value on, in cycles."""
 
 
 def put_in_order(program: Program) -> None:
-    """Orders the values of each region.
-
-    - `program`: changed in place; only of stores, and of blocks with stores, does the order matter that it has.
-    """
+    """Order the values of each region, in place; stores, and blocks with stores, keep their order."""
     _order(program.body, {})
 
 
 def _order(region: Region, after: Heights) -> None:
-    region.values = _dealt(region.values, after)
+    region.values = _schedule(region.values, after)
     for value in region.values:
         if isinstance(value, Loop):
             turn = [*value.params, *value.head.values, *value.body.values]
-            heights = _heights(waiting(turn), {})
-            again: dict[Value, int] = {}
+            heights = _heights(dependants(turn), {})
+            next_turn: dict[Value, int] = {}
             for param, following in zip(value.params, value.following, strict=True):
-                again[following] = max(again.get(following, 0), heights[param])
+                next_turn[following] = max(next_turn.get(following, 0), heights[param])
             _order(value.head, {})
-            _order(value.body, again)
+            _order(value.body, next_turn)
         elif isinstance(value, Branch):
             _order(value.then, {})
             _order(value.otherwise, {})
 
 
-def _dealt(values: Sequence[Value], after: Heights) -> list[Value]:
-    """The values in their new order.
-
-    - `values`: of one region.
-    - `after`: the cycles that hang on some of them beside.
-    """
-    users = waiting(values)
+def _schedule(values: Sequence[Value], after: Heights) -> list[Value]:
+    """Return a region's values in their new order; `after`: chains outside the region."""
+    users = dependants(values)
     heights = _heights(users, after)
-    missing = awaited(users)
+    missing = dependency_counts(users)
     known_at = dict.fromkeys(values, 0.0)
     place = {value: k for k, value in enumerate(values)}
     coming = [(0.0, place[value], value) for value in values if not missing[value]]
     heapq.heapify(coming)
     ready: list[tuple[int, int, Value]] = []
-    dealt: list[Value] = []
+    scheduled: list[Value] = []
     now = 0.0
     while coming or ready:
         while coming and coming[0][0] <= now:
@@ -82,7 +75,7 @@ def _dealt(values: Sequence[Value], after: Heights) -> list[Value]:
             now = coming[0][0]
             continue
         value = heapq.heappop(ready)[2]
-        dealt.append(value)
+        scheduled.append(value)
         cycles = CYCLES.get(value.op, 1)
         done = now + cycles
         if cycles:
@@ -92,14 +85,14 @@ def _dealt(values: Sequence[Value], after: Heights) -> list[Value]:
             missing[user] -= 1
             if not missing[user]:
                 heapq.heappush(coming, (known_at[user], place[user], user))
-    assert len(dealt) == len(values), "a value waits for itself"
-    return dealt
+    assert len(scheduled) == len(values), "a value depends on itself"
+    return scheduled
 
 
 def _heights(users: Mapping[Value, Sequence[Value]], after: Heights) -> Heights:
-    missing = awaited(users)
+    missing = dependency_counts(users)
     ready = [value for value, count in missing.items() if not count]
-    # The list grows while it is gone through, and ends as an order in which all can be computed.
+    # The list grows during the iteration, and ends in topological order.
     for value in ready:
         for user in users[value]:
             missing[user] -= 1
@@ -115,23 +108,17 @@ def _heights(users: Mapping[Value, Sequence[Value]], after: Heights) -> Heights:
     return heights
 
 
-def awaited(users: Mapping[Value, Sequence[Value]]) -> dict[Value, int]:
-    """By value, how many of the others it has to wait for.
-
-    - `users`: from `waiting`.
-    """
+def dependency_counts(users: Mapping[Value, Sequence[Value]]) -> dict[Value, int]:
+    """Return the number of dependencies of each value, from the result of `dependants`."""
     missing = dict.fromkeys(users, 0)
-    for those in users.values():
-        for user in those:
+    for dependants_of_value in users.values():
+        for user in dependants_of_value:
             missing[user] += 1
     return missing
 
 
-def waiting(values: Sequence[Value]) -> dict[Value, list[Value]]:
-    """By value, those of the others that have to come after it.
-
-    - `values`: of one region.
-    """
+def dependants(values: Sequence[Value]) -> dict[Value, list[Value]]:
+    """Return, for each value of a region, the values that must come after it."""
     users: dict[Value, list[Value]] = {value: [] for value in values}
     last_store: Value | None = None
     for value in values:
@@ -139,9 +126,8 @@ def waiting(values: Sequence[Value]) -> dict[Value, list[Value]]:
         if value.op in BLOCKS:
             args, stores = _used_inside(value)
         for other in set(args) if len(args) > 1 else args:
-            those = users.get(other)
-            if those is not None:
-                those.append(value)
+            if other in users:
+                users[other].append(value)
         if stores:
             if last_store is not None and last_store not in args:
                 users[last_store].append(value)
@@ -150,7 +136,7 @@ def waiting(values: Sequence[Value]) -> dict[Value, list[Value]]:
 
 
 def _used_inside(block: Value) -> tuple[tuple[Value, ...], bool]:
-    """All that a block uses, in the blocks inside it too, what is inside of them among it; and whether it stores."""
+    """All values that a block uses, including inner blocks and their own values; and True if it stores."""
     used, stores = set(uses(block)), False
     for region in regions(block):
         for inner in walk(region):

@@ -1,4 +1,4 @@
-"""A program as the processor's own operations, in its order: sums with products fused, functions written out."""
+"""Prepare a program for printing: expand functions, fuse products and sums, vectorise, and schedule."""
 
 from __future__ import annotations
 
@@ -13,22 +13,21 @@ from slidax.codegen.rebuild import rebuild
 from .order import put_in_order
 from .vectorise import vectorise
 
-ASKED = frozenset(ELEMENTARY)
+FUNCTIONS = frozenset(ELEMENTARY)
 
-CALLED = ASKED - {"exp", "erf_inv"}
-"""Functions that quick code calls. The others end with a product, which a sum around it may take in."""
+CALLED = FUNCTIONS - {"exp", "erf_inv"}
+"""Functions that quick code calls. The others end with a product, which may be fused with a sum around it."""
 
 
 def prepared(program: Program, lanes: int = 1, *, quick: bool = False) -> Program:
-    """The same program, to be printed.
+    """Return a copy of a program that is ready to be printed.
 
-    - `program`: stays as it is.
-    - `lanes`: as many runs are computed side by side; for a single one vectors are made of what its joints do alike.
-    - `quick`: whether it may stay in the order in which it was written, with elementary functions that are called,
-      which takes less time to make.
+    - `lanes`: number of runs that are computed in parallel. With 1, operations that are alike for all joints become
+      vectors.
+    - `quick`: True to keep the program's order, and to call elementary functions, which takes less time.
     """
     if quick:
-        return lowered_and_fused(program, ASKED - CALLED)
+        return lowered_and_fused(program, FUNCTIONS - CALLED)
     ready = lowered_and_fused(program)
     if lanes == 1:
         vectorise(ready)
@@ -36,16 +35,15 @@ def prepared(program: Program, lanes: int = 1, *, quick: bool = False) -> Progra
     return ready
 
 
-def lowered_and_fused(program: Program, lowered: Set[str] = ASKED) -> Program:
-    """The same program in operations that are all exactly rounded, but for functions that have no expansion.
+def lowered_and_fused(program: Program, lowered: Set[str] = FUNCTIONS) -> Program:
+    """Return a copy of a program in correctly rounded operations.
 
-    - `program`: stays as it is.
-    - `lowered`: the functions that are written out; of numbers that are known, all are.
+    - `lowered`: the functions that are expanded; those of constants always are.
     """
     fuse = fused()
 
     def replace(builder: Builder, value: Value, args: tuple[Value, ...]) -> Value | None:
-        if value.op in ASKED:
+        if value.op in FUNCTIONS:
             known = all(arg.op == "const" for arg in args)
             return lower(builder, value.op, args) if known or value.op in lowered else None
         return fuse(builder, value, args)

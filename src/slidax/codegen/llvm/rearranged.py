@@ -1,4 +1,4 @@
-"""Vectors put together and taken apart."""
+"""Assemble vectors, and extract their elements. In all functions, `write` takes a line."""
 
 from __future__ import annotations
 
@@ -12,24 +12,14 @@ Write = Callable[[str], None]
 
 
 def spread(name: str, type: Type, word: str, lanes: int, write: Write) -> None:
-    """Writes a vector that has one number in all lanes.
-
-    - `name`: of the vector.
-    - `type`, `word`: of the number.
-    - `lanes`: how many.
-    - `write`: takes a line.
-    """
+    """Write a vector with the number `word` in all lanes."""
     whole = typed(type, lanes)
     write(f"{name}i = insertelement {whole} poison, {TYPES[type]} {word}, i32 0")
     write(f"{name} = shufflevector {whole} {name}i, {whole} poison, <{lanes} x i32> zeroinitializer")
 
 
 def gather(name: str, type: Type, words: Sequence[str], write: Write) -> None:
-    """Writes a vector of numbers.
-
-    - `name`, `write`: as in `spread`.
-    - `type`, `words`: of the numbers.
-    """
+    """Write a vector of the numbers `words`."""
     whole, before = typed(type, len(words)), "poison"
     for k, word in enumerate(words):
         after = name if k == len(words) - 1 else f"{name}g{k}"
@@ -38,11 +28,5 @@ def gather(name: str, type: Type, words: Sequence[str], write: Write) -> None:
 
 
 def pick(name: str, type: Type, word: str, lanes: int, k: int, write: Write) -> None:
-    """Writes a number of a vector.
-
-    - `name`, `type`: of the number.
-    - `word`, `lanes`: of the vector.
-    - `k`: its place there.
-    - `write`: as in `spread`.
-    """
+    """Write the extraction of lane `k` from the vector `word`."""
     write(f"{name} = extractelement {typed(type, lanes)} {word}, i32 {k}")

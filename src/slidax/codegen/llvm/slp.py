@@ -1,8 +1,8 @@
-"""Superword-level parallelism: operations that are alike for all joints are found and done at once.
+"""Superword-level parallelism: find operations that are alike for all joints, and compute them as vectors.
 
-From what lies side by side, the elements of an input or of what a loop carries, the search goes forward: where
-operations of one kind take such elements one after the other, and beside them the same numbers, their results lie side
-by side too. Each operation keeps its own rounding, so that nothing changes in the numbers.
+The search goes forward from contiguous values: the elements of an input, or the values that a loop carries. Where
+operations of one kind use consecutive elements of such a bundle, and otherwise the same values, their results form a
+bundle too. Each operation keeps its own rounding, so that no result changes.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from itertools import product
 
 from slidax.codegen.ir import BLOCKS, Branch, Loop, Program, Region, Value, regions
 
-from .order import awaited, waiting
+from .order import dependants, dependency_counts
 
 Members = tuple[Value, ...]
 
@@ -24,39 +24,33 @@ ALIKE = frozenset(
         *("and", "or", "xor", "not", "shl", "shr", "sar"),
     )
 )
-"""Operations that processors have for vectors."""
+"""Operations with vector instructions."""
 
 COMMUTATIVE = frozenset({"add", "mul", "min", "max", "and", "or", "xor", "eq", "ne"})
 
 WIDEST = 8
-"""Longest vector that is looked for."""
+"""Largest number of lanes of a vector."""
 
 
 class Bundles:
-    """Which values lie side by side.
-
-    - `program`: is searched, and stays as it is.
-    """
+    """Bundles of values that can be lanes of one vector; the program is not changed."""
 
     def __init__(self, program: Program) -> None:
         self.program = program
         self.place: dict[Value, tuple[Members, int]] = {}
-        self.made: dict[Members, None] = {}  # those that are computed as one; of the others the elements are just known
-        self.slots: dict[Members, list[Members]] = {}  # of each that is computed, by argument, what its members take
+        self.vectors: dict[Members, None] = {}  # bundles computed as one vector; the others are only contiguous
+        self.slots: dict[Members, list[Members]] = {}  # the arguments of each vector's members, by argument
         self._table: dict[tuple[object, ...], Value] = {}
         self._users: defaultdict[Value, list[Value]] = defaultdict(list)
         self._row_of = {value: row for row in _rows_of_outputs(program) for value in row}
         self._index(program.body)
         self._inputs()
         self._search(program.body)
-        self._make_possible(program.body)
+        self._dissolve_cycles(program.body)
 
     def dissolve(self, members: Members) -> None:
-        """Takes a bundle apart.
-
-        - `members`: of the bundle.
-        """
-        self.made.pop(members, None)
+        """Remove a bundle."""
+        self.vectors.pop(members, None)
         for value in members:
             if self.place.get(value, (None,))[0] == members:
                 del self.place[value]
@@ -73,11 +67,11 @@ class Bundles:
                 for inner in regions(value):
                     self._index(inner)
 
-    def _put(self, members: Members, *, made: bool = True) -> None:
+    def _put(self, members: Members, *, computed: bool = True) -> None:
         for k, value in enumerate(members):
             self.place[value] = members, k
-        if made:
-            self.made[members] = None
+        if computed:
+            self.vectors[members] = None
 
     def _inputs(self) -> None:
         elements: dict[tuple[int, int], Value] = {
@@ -85,8 +79,7 @@ class Bundles:
         }
         for which, entry in enumerate(self.program.inputs):
             for row in _rows(range(entry.size), entry.shape):
-                found = [elements.get((which, k)) for k in row]
-                members = tuple(value for value in found if value is not None)
+                members = tuple(elements[which, k] for k in row if (which, k) in elements)
                 if len(members) == len(row):
                     self._put(members)
 
@@ -97,28 +90,28 @@ class Bundles:
             elif isinstance(value, Branch):
                 self._search(value.then)
                 self._search(value.otherwise)
-                self._extend(value, made=False)
+                self._extend(value, computed=False)
             elif value.op in ALIKE:
-                self._extend(value, made=True)
+                self._extend(value, computed=True)
             elif value.op == "result" and isinstance(value.args[0], Branch):
-                self._extend(value, made=False)
+                self._extend(value, computed=False)
 
     def _search_loop(self, loop: Loop) -> None:
         left = {value.data: value for value in loop.region.values if value.op == "result" and value.args[0] is loop}
-        k = 1  # the first may be counted by, and stays alone
+        k = 1  # the first may be the loop's counter, and stays a scalar
         while k < len(loop.params):
             size = self._carried_with(loop, k, left)
             if size > 1:
                 self._put(loop.params[k : k + size])
                 members = tuple(left[i] for i in range(k, k + size) if i in left)
                 if len(members) == size:
-                    self._put(members, made=False)
+                    self._put(members, computed=False)
             k += size
         self._search(loop.head)
         self._search(loop.body)
 
     def _carried_with(self, loop: Loop, k: int, left: Mapping[int, Value]) -> int:
-        """How many numbers, from the k-th on, a loop carries side by side: a row when it ends, or when it begins."""
+        """Number of values, from the k-th on, that form a row when the loop ends, or when it begins."""
         row = self._row_of.get(left[k]) if k in left else None
         if row is not None and [value.data for value in row] == list(range(k, k + len(row))):
             return len(row)
@@ -127,31 +120,31 @@ class Bundles:
             return len(first[0])
         return 1
 
-    def _extend(self, value: Value, *, made: bool) -> None:
-        """Looks for those that are to their arguments' neighbours what a value is to its arguments."""
+    def _extend(self, value: Value, *, computed: bool) -> None:
+        """Search for the same operation on the neighbours of a value's arguments."""
         if value in self.place:
             return
         places = [self.place.get(arg) for arg in value.args]
         moving = [k for k, place in enumerate(places) if place is not None and place[1] + 1 < len(place[0])]
-        # Rather all arguments move on together; some may stand still.
+        # Prefer that all arguments move on together; some may stay.
         for choice in sorted(product((True, False), repeat=len(moving)), key=lambda c: -sum(c)):
             steps = [k for k, chosen in zip(moving, choice, strict=True) if chosen]
             if steps:
-                slots = self._beside(value, steps)
-                members = self._taking(value, slots)
+                slots = self._neighbours(value, steps)
+                members = self._operations_on(value, slots)
                 if len(members) > 1:
-                    self._put(members, made=made)
+                    self._put(members, computed=computed)
                     self.slots[members] = slots
                     return
-        if made and moving:
-            self._extend_by_one(value, moving[0])
+        if computed and moving:
+            self._extend_by_users(value, moving[0])
 
-    def _extend_by_one(self, value: Value, k: int) -> None:
-        """The same where only the k-th argument has neighbours, if there is no doubt who belongs together."""
-        those, first = self.place[value.args[k]]
+    def _extend_by_users(self, value: Value, k: int) -> None:
+        """Search for like operations if only the k-th argument has neighbours, each with a single candidate."""
+        bundle, first = self.place[value.args[k]]
         members: list[Value] = []
         slots: list[Members] = []
-        for arg in those[first:]:
+        for arg in bundle[first:]:
             users = [user for user in self._users[arg] if user not in self.place and _is_like(user, value)]
             alike = [user for user in users if _rest(user, arg) == _rest(value, value.args[k])]
             if len(alike) != 1 or alike[0] in members:
@@ -160,7 +153,7 @@ class Bundles:
             members.append(user)
             at = user.args.index(arg)
             if at != k:
-                # Only of sums and products may arguments change places.
+                # Only commutative operations may swap their arguments.
                 if value.op not in COMMUTATIVE:
                     return
                 slots.append(user.args[::-1])
@@ -173,19 +166,19 @@ class Bundles:
         self.slots[tuple(members)] = columns
         for column in columns:
             if len(set(column)) == len(column) and not any(arg in self.place for arg in column):
-                self._put(column, made=False)
+                self._put(column, computed=False)
 
-    def _beside(self, value: Value, steps: Sequence[int]) -> list[Members]:
-        """By argument, what a value takes and what those beside it would."""
+    def _neighbours(self, value: Value, steps: Sequence[int]) -> list[Members]:
+        """By argument, the value's argument and its neighbours, or the argument repeated."""
         places = {k: self.place[value.args[k]] for k in steps}
-        size = min(len(those) - first for those, first in places.values())
+        size = min(len(bundle) - first for bundle, first in places.values())
         slots = [(arg,) * size for arg in value.args]
-        for k, (those, first) in places.items():
-            slots[k] = those[first : first + size]
+        for k, (bundle, first) in places.items():
+            slots[k] = bundle[first : first + size]
         return slots
 
-    def _taking(self, value: Value, slots: Sequence[Members]) -> Members:
-        """Those that take the members of the slots; none if one is missing."""
+    def _operations_on(self, value: Value, slots: Sequence[Members]) -> Members:
+        """The operations like `value` on the members of the slots; empty if one is missing."""
         members = [value]
         for args in list(zip(*slots, strict=True))[1:]:
             other = self._table.get(_key(value, [arg.number for arg in args]))
@@ -194,31 +187,31 @@ class Bundles:
             members.append(other)
         return tuple(members)
 
-    # ---- what can be ------------------------------------------------------------------------------------------------
+    # ---- cycles -----------------------------------------------------------------------------------------------------
 
-    def _make_possible(self, region: Region) -> None:
-        """Goes through all operations, and takes a bundle apart where none of the rest can be computed as a whole."""
-        users = waiting(region.values)
-        missing = awaited(users)
-        bundles = [members for members in self.made if members[0] in missing]
+    def _dissolve_cycles(self, region: Region) -> None:
+        """Dissolve bundles that depend on each other or on themselves, until all operations can be ordered."""
+        users = dependants(region.values)
+        missing = dependency_counts(users)
+        bundles = [members for members in self.vectors if members[0] in missing]
         unfit = {members: sum(missing[value] > 0 for value in members) for members in bundles}
-        ready = [value for value in missing if not self.is_made(value) and not missing[value]]
+        ready = [value for value in missing if not self.is_vectorised(value) and not missing[value]]
         ready += [value for members in bundles if not unfit[members] for value in members]
         while True:
-            # The list grows while it is gone through.
+            # The list grows during the iteration.
             for value in ready:
                 for user in users[value]:
                     missing[user] -= 1
                     if missing[user]:
                         continue
-                    if not self.is_made(user):
+                    if not self.is_vectorised(user):
                         ready.append(user)
                         continue
                     members = self.place[user][0]
                     unfit[members] -= 1
                     if not unfit[members]:
                         ready += members
-            stuck = next((those for those in bundles if 0 < unfit[those] < len(those) and those in self.made), None)
+            stuck = next((b for b in bundles if 0 < unfit[b] < len(b) and b in self.vectors), None)
             if stuck is None:
                 break
             self.dissolve(stuck)
@@ -226,12 +219,12 @@ class Bundles:
         for value in region.values:
             if value.op in BLOCKS:
                 for inner in regions(value):
-                    self._make_possible(inner)
+                    self._dissolve_cycles(inner)
 
-    def is_made(self, value: Value) -> bool:
-        """Whether a value is computed together with others."""
+    def is_vectorised(self, value: Value) -> bool:
+        """True if a value is computed as a vector's lane."""
         place = self.place.get(value)
-        return place is not None and place[0] in self.made
+        return place is not None and place[0] in self.vectors
 
 
 def _key(value: Value, numbers: Sequence[int]) -> tuple[object, ...]:
@@ -252,30 +245,30 @@ def _is_like(value: Value, other: Value) -> bool:
 
 
 def _rest(value: Value, arg: Value) -> list[str]:
-    """Of what types all is that a value takes beside one of its arguments."""
+    """Types of a value's other arguments."""
     return sorted(other.type for other in value.args if other is not arg)
 
 
 def _rows(numbers: Sequence[int], shape: tuple[int, ...]) -> Iterator[Sequence[int]]:
-    """The rows of an array, if they are vectors that are worth it."""
+    """The rows of an array, if they are as long as a vector."""
     if shape and 2 <= shape[-1] <= WIDEST:
         for first in range(0, len(numbers), shape[-1]):
             yield numbers[first : first + shape[-1]]
 
 
 def _rows_of_outputs(program: Program) -> Iterable[Members]:
-    """Rows of outputs that loops leave behind, each value once."""
-    seen: set[Value] = set()
+    """Rows of outputs that are results of a loop, each value once."""
+    used: set[Value] = set()
     for output in program.outputs:
         values = output.values or ()
         for row in _rows(range(len(values)), output.shape):
             members = tuple(values[k] for k in row)
-            if _left_by_one_loop(members) and not seen & set(members):
-                seen |= set(members)
+            if _are_results_of_one_loop(members) and not used & set(members):
+                used |= set(members)
                 yield members
 
 
-def _left_by_one_loop(values: Members) -> bool:
+def _are_results_of_one_loop(values: Members) -> bool:
     first = values[0]
     return (
         first.type != "b1"

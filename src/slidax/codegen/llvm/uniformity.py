@@ -1,4 +1,4 @@
-"""Which values differ from run to run of a batch."""
+"""Find the values that differ between the runs of a batch."""
 
 from __future__ import annotations
 
@@ -6,50 +6,47 @@ from slidax.codegen.ir import Branch, Loop, Program, Region, Value
 
 
 def varying(program: Program) -> set[Value]:
-    """All values that depend on an input of which each run has its own, by their numbers or by how often they are made.
+    """Return all values that depend on a varying input, directly or by the number of loop turns.
 
-    What a loop carries from turn to turn is found by a fixed point: it is taken for the same in all runs until the
-    contrary shows.
-
-    - `program`: is only looked at.
+    Values that a loop carries need a fixed-point iteration: they count as uniform until a pass shows the contrary.
     """
-    found: set[Value] = set()
-    known = -1
-    while len(found) > known:
-        known = len(found)
-        _look(program, program.body, found)
-    return found
+    differing: set[Value] = set()
+    count = -1
+    while len(differing) > count:
+        count = len(differing)
+        _visit(program, program.body, differing)
+    return differing
 
 
-def _look(program: Program, region: Region, found: set[Value]) -> None:
+def _visit(program: Program, region: Region, differing: set[Value]) -> None:
     for value in region.values:
         if isinstance(value, Loop):
-            _look_at_loop(program, value, found)
+            _visit_loop(program, value, differing)
         elif isinstance(value, Branch):
-            _look(program, value.then, found)
-            _look(program, value.otherwise, found)
-        elif value not in found and _differs(program, value, found):
-            found.add(value)
+            _visit(program, value.then, differing)
+            _visit(program, value.otherwise, differing)
+        elif value not in differing and _differs(program, value, differing):
+            differing.add(value)
 
 
-def _look_at_loop(program: Program, loop: Loop, found: set[Value]) -> None:
+def _visit_loop(program: Program, loop: Loop, differing: set[Value]) -> None:
     for param, first, next in zip(loop.params, loop.args, loop.following, strict=True):
         # Runs that take different numbers of turns hold what others still change.
-        if first in found or next in found or (loop.condition in found and next is not param):
-            found.add(param)
-    _look(program, loop.head, found)
-    _look(program, loop.body, found)
+        if first in differing or next in differing or (loop.condition in differing and next is not param):
+            differing.add(param)
+    _visit(program, loop.head, differing)
+    _visit(program, loop.body, differing)
 
 
-def _differs(program: Program, value: Value, found: set[Value]) -> bool:
+def _differs(program: Program, value: Value, differing: set[Value]) -> bool:
     if value.op == "input":
         return bool(program.inputs[value.data[0]].varying)
     if value.op == "result":
         block = value.args[0]
         if isinstance(block, Loop):
-            return block.params[value.data] in found
+            return block.params[value.data] in differing
         assert isinstance(block, Branch)
-        return any(leaf in found for leaf in (block.args[0], block.yes[value.data], block.no[value.data]))
+        return any(leaf in differing for leaf in (block.args[0], block.yes[value.data], block.no[value.data]))
     if value.op == "load" and program.inputs[value.data].varying:
         return True
-    return any(arg in found for arg in value.args)
+    return any(arg in differing for arg in value.args)

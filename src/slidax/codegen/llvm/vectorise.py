@@ -1,4 +1,4 @@
-"""A program with vectors in it, in place of what lies side by side."""
+"""Replace bundles of values in a program by vectors."""
 
 from __future__ import annotations
 
@@ -12,12 +12,10 @@ from .slp import Bundles, Members
 
 
 class Vector(Value):
-    """Numbers computed by one instruction.
+    """Values that one instruction computes.
 
-    Beside the IR's operations, its `op` is `gather`, of as many numbers as there are lanes, or `spread`, of one. A
-    number is taken from it by a `pick`, with its place as `data`.
-
-    - `lanes`: how many.
+    In addition to the IR's operations, `op` can be `gather`, a vector of scalars, or `spread`, a broadcast scalar. The
+    operation `pick` extracts the lane `data`.
     """
 
     __slots__ = ("lanes",)
@@ -30,9 +28,9 @@ class Vector(Value):
 
 
 def vectorise(program: Program) -> None:
-    """Puts a vector into the place of all numbers of one run that can be computed side by side, where that pays.
+    """Vectorise the operations of one run, in place, where that saves time.
 
-    - `program`: changed in place. Its values are in no order then: `put_in_order` has to follow.
+    The values are then unordered: call `put_in_order` next.
     """
     bundles = Bundles(program)
     keep_profitable(bundles)
@@ -40,27 +38,23 @@ def vectorise(program: Program) -> None:
 
 
 class _Vectoriser:
-    """The vectors made so far.
-
-    - `program`: is changed.
-    - `bundles`: what lies side by side in it.
-    """
+    """Replaces the bundles of a program, in place."""
 
     def __init__(self, program: Program, bundles: Bundles) -> None:
         self.program = program
         self.bundles = bundles
         self.numbers = count(1 + max((value.number for value in _all(program.body)), default=0))
         self.vectors: dict[Members, Vector] = {}
-        self.left: dict[Members, Vector] = {}  # by what a loop carries, the same after it
+        self.results: dict[Members, Vector] = {}  # results of loops, by their parameters
         self.picks: dict[Value, Value] = {}
         self.added: list[Value] = []
 
     def run(self) -> None:
-        for members in self.bundles.made:
+        for members in self.bundles.vectors:
             first = members[0]
             self.vectors[members] = self._vector(first.op, first, (), first.data, len(members))
         for members, slots in self.bundles.slots.items():
-            if members in self.bundles.made:
+            if members in self.bundles.vectors:
                 self.vectors[members].args = tuple(self._argument(slot) for slot in slots)
         self._region(self.program.body)
         for output in self.program.outputs:
@@ -75,62 +69,59 @@ class _Vectoriser:
         return Vector(op, like.type, args, data, like.region, next(self.numbers), lanes)
 
     def _scalar(self, value: Value) -> Value:
-        """A number that stands alone, or is taken from its vector."""
-        if not self.bundles.is_made(value):
+        """A value as a scalar, extracted from its vector if necessary."""
+        if not self.bundles.is_vectorised(value):
             return value
         if value not in self.picks:
             members, k = self.bundles.place[value]
             vector = self.vectors[members]
-            # What lies in memory can be read once more.
-            picked = value
+            # An input is read from memory again.
+            scalar = value
             if value.op != "input":
-                picked = Value("pick", value.type, (vector,), k, vector.region, next(self.numbers), None)
-            self.picks[value] = picked
-            self.added.append(picked)
+                scalar = Value("pick", value.type, (vector,), k, vector.region, next(self.numbers), None)
+            self.picks[value] = scalar
+            self.added.append(scalar)
         return self.picks[value]
 
     def _argument(self, members: Members) -> Value:
-        """The vector of some numbers, or one number if it is the same in all lanes and known."""
+        """The vector of some values, or the constant that they are."""
         if members in self.vectors:
             return self.vectors[members]
         first = members[0]
-        alike = all(value is first for value in members)
-        if alike and first.op == "const":
+        uniform = all(value is first for value in members)
+        if uniform and first.op == "const":
             return first
         scalars = tuple(self._scalar(value) for value in members)
-        where = max(scalars, key=lambda value: _depth(value.region))
+        innermost = max(scalars, key=lambda value: _depth(value.region))
         vector = self._vector(
-            "spread" if alike else "gather", where, scalars[:1] if alike else scalars, None, len(members)
+            "spread" if uniform else "gather", innermost, scalars[:1] if uniform else scalars, None, len(members)
         )
         self.vectors[members] = vector
         self.added.append(vector)
         return vector
 
-    def _several(self, values: Sequence[Value]) -> tuple[Value, ...]:
-        """Numbers with vectors in place of those that are one: what a loop carries."""
-        some: list[Value] = []
+    def _grouped(self, values: Sequence[Value]) -> tuple[Value, ...]:
+        """A loop's parameters, with bundles replaced by their vectors."""
+        grouped: list[Value] = []
         k = 0
         while k < len(values):
-            place = self.bundles.place.get(values[k])
-            if place is not None and place[0] in self.bundles.made:
-                some.append(self.vectors[place[0]])
-                k += len(place[0])
-            else:
-                some.append(values[k])
-                k += 1
-        return tuple(some)
+            vectorised = self.bundles.is_vectorised(values[k])
+            value = self.vectors[self.bundles.place[values[k]][0]] if vectorised else values[k]
+            grouped.append(value)
+            k += value.lanes if isinstance(value, Vector) else 1
+        return tuple(grouped)
 
     # ---- regions ----------------------------------------------------------------------------------------------------
 
     def _region(self, region: Region) -> None:
-        kept: list[Value] = []
+        values: list[Value] = []
         for value in region.values:
-            if self.bundles.is_made(value):
+            if self.bundles.is_vectorised(value):
                 members, k = self.bundles.place[value]
                 if k == 0:
-                    kept.append(self.vectors[members])
+                    values.append(self.vectors[members])
                 continue
-            kept.append(value)
+            values.append(value)
             if isinstance(value, Loop):
                 self._loop(value)
             elif isinstance(value, Branch):
@@ -141,13 +132,13 @@ class _Vectoriser:
                 value.no = tuple(self._scalar(leaf) for leaf in value.no)
             else:
                 value.args = tuple(self._scalar(arg) for arg in value.args)
-        region.values = kept
+        region.values = values
 
     def _loop(self, loop: Loop) -> None:
         self._region(loop.head)
         self._region(loop.body)
         before = loop.params
-        loop.params = self._several(before)
+        loop.params = self._grouped(before)
         places: dict[int, int] = {}
         k = 0
         args: list[Value] = []
@@ -170,24 +161,24 @@ class _Vectoriser:
                 self._result(loop, value, before[value.data], places)
 
     def _result(self, loop: Loop, value: Value, param: Value, places: dict[int, int]) -> None:
-        if not self.bundles.is_made(param):
+        if not self.bundles.is_vectorised(param):
             value.data = places[value.data]
             return
         members, k = self.bundles.place[param]
-        vector = self.left.get(members)
+        vector = self.results.get(members)
         if vector is None:
             vector = self._vector("result", value, (loop,), places[value.data - k], len(members))
-            self.left[members] = vector
+            self.results[members] = vector
             self.added.append(vector)
         value.op, value.args, value.data = "pick", (vector,), k
 
     def _full(self, members: Members) -> Value:
-        """The same as an argument, but a vector in any case."""
-        found = self._argument(members)
-        if not isinstance(found, Vector):
-            found = self.vectors[members] = self._vector("spread", found, (found,), None, len(members))
-            self.added.append(found)
-        return found
+        """The vector of some values, also if they are one constant."""
+        value = self._argument(members)
+        if not isinstance(value, Vector):
+            value = self.vectors[members] = self._vector("spread", value, (value,), None, len(members))
+            self.added.append(value)
+        return value
 
 
 def _all(region: Region) -> list[Value]:

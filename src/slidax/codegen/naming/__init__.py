@@ -1,4 +1,4 @@
-"""Names and comments for generated code, taken from the Python source."""
+"""Take names and comments for generated code from the Python source."""
 
 from .identifiers import identifier as identifier
 from .names import Name as Name

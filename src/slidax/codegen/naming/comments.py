@@ -1,4 +1,4 @@
-"""A line on what a value is part of: the formula that the docstring of its function begins with."""
+"""Comments on values: the formula at the beginning of a function's docstring."""
 
 from __future__ import annotations
 
@@ -11,17 +11,13 @@ from .sources import source
 
 
 def about(frames: Sequence[Any]) -> str:
-    """The innermost function around a value whose docstring begins with a formula, and that formula; empty if none.
+    """Name and formula of the innermost function whose docstring begins with a formula; empty if there is none.
 
-    A method's docstring, or that of its class if it says more.
+    A class's docstring is preferred to a method's if it has more of a formula.
 
     - `frames`: places in the source, the innermost first.
     """
-    for frame in frames:
-        text = _about(frame.file, frame.line)
-        if text:
-            return text
-    return ""
+    return next(filter(None, (_about(frame.file, frame.line) for frame in frames)), "")
 
 
 @functools.lru_cache(4096)
@@ -30,11 +26,11 @@ def _about(file: str, line: int) -> str:
     docs = None if text is None else text.docs(line)
     if docs is None:
         return ""
-    # Of two that say as much the method's own is told.
-    told = max([(docs.name, docs.summary), (docs.owner, docs.owner_summary)], key=lambda of: _formulas(of[1]))
-    if not _formulas(told[1]):
+    # The method comes first, and wins a tie.
+    name, summary = max([(docs.name, docs.summary), (docs.owner, docs.owner_summary)], key=lambda of: _formulas(of[1]))
+    if not _formulas(summary):
         return ""
-    return f"{told[0].removesuffix('.__call__')}: {plain(told[1]).replace('`', '').rstrip('.')}"
+    return f"{name.removesuffix('.__call__')}: {plain(summary).replace('`', '').rstrip('.')}"
 
 
 def _formulas(summary: str) -> int:

@@ -1,4 +1,4 @@
-"""Names that C, C++ and CUDA accept."""
+"""Identifiers for C, C++ and CUDA."""
 
 from __future__ import annotations
 
@@ -27,18 +27,15 @@ int8_t int16_t int32_t int64_t uint8_t uint16_t uint32_t uint64_t size_t
 linux unix
 blockDim blockIdx gridDim threadIdx warpSize
 """
-"""Functions of `math.h` and its neighbours, our own helpers, and what some compilers define."""
+"""Functions of the C library, helpers of the generated code, and names that some compilers define."""
 
 RESERVED = frozenset(f"{KEYWORDS} {LIBRARY}".split())
 
 
 def identifier(name: str) -> str:
-    """A name in letters, digits and underscores that means nothing to a compiler yet.
-
-    - `name`: any, not empty.
-    """
+    """Turn a name, not empty, into an identifier that is not reserved in C, C++ or CUDA."""
     name = re.sub(r"\W+", "_", plain(name)).strip("_") or "v"
     if name[0].isdigit():
         name = f"v{name}"
-    # Functions of `math.h` have a twin for floats.
+    # Functions of `math.h` also exist for floats, as `sinf`.
     return f"{name}_" if name in RESERVED or (name.endswith("f") and name[:-1] in RESERVED) else name

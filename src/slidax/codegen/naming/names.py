@@ -1,4 +1,4 @@
-"""Names of values, from the statements of the source that made them."""
+"""Name values by the Python statements that computed them."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class Name(NamedTuple):
     """The preferred name of a value.
 
     - `text`: an identifier.
-    - `firm`: whether the source names the very value, so that a reader will look for it.
+    - `firm`: True if the source assigns this value to a variable, so that a reader looks for it.
     """
 
     text: str
@@ -27,48 +27,42 @@ class Name(NamedTuple):
 
 
 class Names:
-    """Names for the values of a program, and comments on them.
+    """Names and comments for the values of a program.
 
-    A value has the name of the variable that the source assigns it to, with the number of the joint behind it: `s_1`,
-    `m_12`. One that was only passed on has that of an operand or of the function that returned it.
+    A value is named after the variable that the source assigns it to, with the joint's number: `s_1`, `m_12`. A value
+    without a variable is named after an operand, or after the function that returned it.
 
-    - `program`: whose values have an `origin` with `frames`, `element` and `shape`, or None.
-    - `chosen`: names that are given to values.
+    - `program`: its values have an `origin` with `frames`, `element` and `shape`, or None.
+    - `chosen`: names of values, which take precedence.
     """
 
     def __init__(self, program: Program, chosen: Mapping[Value, str] | None = None) -> None:
         self._names = {value: Name(identifier(name), True) for value, name in (chosen or {}).items()}
         self._about: dict[Value, str] = {}
         self._read_inputs(program)
-        made: dict[Any, list[Value]] = {}
+        by_frames: dict[Any, list[Value]] = {}
         for value in program.walk():
             frames = tuple(value.origin.frames) if value.origin is not None and value.op != "const" else ()
             if frames and value.op != "input":
                 self._about[value] = about(frames)
-                made.setdefault(frames, []).append(value)
-        for frames, values in made.items():
+                by_frames.setdefault(frames, []).append(value)
+        for frames, values in by_frames.items():
             self._name_results(values, frames)
-        for frames, values in made.items():
+        for frames, values in by_frames.items():
             if not _is_differentiated(frames):
                 for value in values:
                     self._name_operands(value, frames[0])
 
     def of(self, value: Value) -> Name | None:
-        """The name of a value, None if it has none.
-
-        - `value`: of the program.
-        """
+        """Return a value's name, or None."""
         return self._names.get(value)
 
     def about(self, value: Value) -> str:
-        """A comment on a value, empty for none.
-
-        - `value`: of the program.
-        """
+        """Return the comment on a value; empty if there is none."""
         return self._about.get(value, "")
 
     def _read_inputs(self, program: Program) -> None:
-        """Names inputs by the last part of their names that tells them apart; `state.q` before `gains.surface.q`."""
+        """Name inputs by the shortest unique end of their paths; `state.q` before `gains.surface.q`."""
         paths = [entry.name.split(".") for entry in program.inputs]
         short: dict[int, str] = {}
         for k in sorted(range(len(paths)), key=lambda k: len(paths[k])):
@@ -81,29 +75,29 @@ class Names:
                 self._names.setdefault(value, Name(text, True))
 
     def _name_results(self, values: list[Value], frames: tuple[Any, ...]) -> None:
-        """Names what one expression gives, of all that it makes on the way."""
-        found = _found(frames)
-        if found is None:
+        """Name the results of one expression, and not its intermediate values."""
+        name = _result_name(frames)
+        if name is None:
             return
-        marked = [value for value in values if value.origin.element is not None]
-        # Its result comes last; but derivatives come after what they are of.
+        elements = [value for value in values if value.origin.element is not None]
+        # The result comes last; but derivatives come after the function's value.
         if not _is_differentiated(frames):
-            marked.reverse()
+            elements.reverse()
         done: set[int] = set()
-        for value in marked:
-            if value.origin.shape == marked[0].origin.shape and value.origin.element not in done:
+        for value in elements:
+            if value.origin.shape == elements[0].origin.shape and value.origin.element not in done:
                 done.add(value.origin.element)
-                self._name(value, *found)
+                self._name(value, *name)
 
-    def _name(self, value: Value, found: Named, firm: bool) -> None:
+    def _name(self, value: Value, named: Named, firm: bool) -> None:
         if value not in self._names:
-            index = "".join(str(k + 1) for k in found.path)
+            index = "".join(str(k + 1) for k in named.path)
             number = suffix(value.origin.element, value.origin.shape).removeprefix("_")
             tail = f"_{index}{number}" if index or number else ""
-            self._names[value] = Name(identifier(found.name + tail), firm)
+            self._names[value] = Name(identifier(named.name + tail), firm)
 
     def _name_operands(self, value: Value, frame: Any) -> None:
-        """Names what an operation is applied to by what the source calls it, as far as it is clear which is which."""
+        """Name the operands of an operation as the source does, if their order is known."""
         text = source(frame.file)
         node = None if text is None else text.at(frame)
         if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub) and value.op == "neg":
@@ -113,12 +107,12 @@ class Names:
         sides = [node.left, node.right]
         args = list(value.args)
         if value.op in ("add", "mul"):
-            # The builder may have swapped them: one of them has to be known.
+            # The builder may have swapped the operands: the name of one of them shows their order.
             known = [self._names[arg].text.partition("_")[0] if arg in self._names else None for arg in args]
-            called = [operand(side) for side in sides]
-            if any(name is not None and name == called[1 - k] for k, name in enumerate(known)):
+            names = [operand(side) for side in sides]
+            if any(name is not None and name == names[1 - k] for k, name in enumerate(known)):
                 args.reverse()
-            elif not any(name is not None and name == called[k] for k, name in enumerate(known)):
+            elif not any(name is not None and name == names[k] for k, name in enumerate(known)):
                 return
         for arg, side in zip(args, sides, strict=True):
             self._suggest(arg, side)
@@ -132,10 +126,9 @@ class Names:
 
 
 def suffix(element: int, shape: tuple[int, ...]) -> str:
-    """The number of an element, as names have it: `_2`, or `_12` in a matrix; nothing for a single number.
+    """Number of an array's element in a name: `_2`, or `_12` in a matrix; empty for a scalar.
 
     - `element`: counted in C order from 0.
-    - `shape`: of the array.
     """
     digits: list[str] = []
     for length in reversed(shape):
@@ -145,8 +138,8 @@ def suffix(element: int, shape: tuple[int, ...]) -> str:
     return f"_{('' if max(shape, default=0) < 10 else '_').join(digits)}" if digits else ""
 
 
-def _found(frames: tuple[Any, ...]) -> tuple[Named, bool] | None:
-    """The name that the first function on the way out gives, and whether it is more than that of a function."""
+def _result_name(frames: tuple[Any, ...]) -> tuple[Named, bool] | None:
+    """Name of an expression's result, and True for a variable's or False for a function's name."""
     value = Returned()
     differentiated = _is_differentiated(frames)
     function: Named | None = None
@@ -156,7 +149,7 @@ def _found(frames: tuple[Any, ...]) -> tuple[Named, bool] | None:
         fate = None if text is None or node is None else text.fate(node, value)
         function_name = frame.function.rpartition(".")[2]
         if differentiated and function_name.startswith("_"):
-            # A rule of differentiation, in which a name stands for a derivative as often as for what it is of.
+            # In a differentiation rule, a name may stand for the function's value or for its derivative.
             return None
         if isinstance(fate, Named):
             name = fate.name.strip("_")

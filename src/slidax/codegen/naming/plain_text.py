@@ -1,4 +1,4 @@
-"""Formulas and names in ASCII, for files that any compiler and editor reads."""
+"""Write formulas and names in ASCII, for any compiler and editor."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import re
 import unicodedata
 
 ACCENTS = {"DOT ABOVE": "d", "DIAERESIS": "dd", "MACRON": "_bar", "CIRCUMFLEX ACCENT": "_hat", "TILDE": "_tilde"}
-"""What an accent becomes: dots of a derivative go before the letter, the others behind it."""
+"""Replacements of accents: dots of a derivative go before the letter, the others behind it."""
 
 SIGNS = {
     "⁻": "-",
@@ -38,13 +38,10 @@ SHORT = {"epsilon": "eps", "lamda": "lambda"}
 
 
 def plain(text: str) -> str:
-    """A text in ASCII: τ is tau, ε̇ is deps, x² is x^2, ρ∞ is rho_inf.
-
-    - `text`: any.
-    """
+    """Transliterate a text to ASCII: τ is tau, ε̇ is deps, x² is x^2, ρ∞ is rho_inf."""
     text = text.replace("⃛", "\u0308\u0307")
     text = re.sub(r"(?<=\w)∞", "_inf", text)
-    text = re.sub(r"([⁻⁰¹²³⁴-⁹ˣᵃ-ᵿᵀⁿ]+)(\w?)", lambda found: f"^{found[1]} {found[2]}".rstrip(" "), text)
+    text = re.sub(r"([⁻⁰¹²³⁴-⁹ˣᵃ-ᵿᵀⁿ]+)(\w?)", lambda match: f"^{match[1]} {match[2]}".rstrip(" "), text)
     parts: list[str] = []
     for letter in unicodedata.normalize("NFKD", text):
         name = unicodedata.name(letter, "")
@@ -55,7 +52,7 @@ def plain(text: str) -> str:
             parts.append(_greek(name) if name.startswith("GREEK ") else SIGNS.get(letter, letter))
     spaced = parts[:1]
     for before, part in itertools.pairwise(parts):
-        # A letter that has become a word must not run into its neighbour.
+        # A letter that became a word needs a space before its neighbour.
         runs_on = max(len(before), len(part)) > 1 and before[-1:].isalpha() and part[:1].isalpha()
         spaced.append(f" {part}" if runs_on else part)
     return re.sub(r"[^\x20-\x7e]", "?", "".join(spaced))

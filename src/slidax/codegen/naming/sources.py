@@ -1,4 +1,4 @@
-"""What a source file says of the place that a value came from: what it is assigned to, and what its function is for."""
+"""Look up a place in a source file: the variable that a value is assigned to, and the docstrings around it."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 IDENTITIES = frozenset({"once", "asarray"})
-"""Functions that return what they are given."""
+"""Functions that return their argument."""
 
 STACKS = frozenset({"array", "stack", "asarray"})
 """Functions that make an array of a list."""
@@ -18,10 +18,10 @@ Span = tuple[int, int, int, int]
 
 
 class Returned(NamedTuple):
-    """A value on its way out of the functions that computed it.
+    """A value that a function returns.
 
-    - `position`: in the tuple that is returned; None: it is returned alone.
-    - `path`: in lists that became arrays, the outermost index first.
+    - `position`: index in the returned tuple; None: the value is returned alone.
+    - `path`: indices in lists that became arrays, the outermost first.
     """
 
     position: int | None = None
@@ -29,9 +29,8 @@ class Returned(NamedTuple):
 
 
 class Named(NamedTuple):
-    """A name that a value got.
+    """A value that the source assigns to a name.
 
-    - `name`: as in the source.
     - `path`: as in `Returned`.
     """
 
@@ -41,12 +40,11 @@ class Named(NamedTuple):
 
 @dataclass(frozen=True)
 class Docs:
-    """What a function is for.
+    """First lines of the docstrings of a function and its class.
 
     - `name`: of the function, with its class.
-    - `summary`: the first line of its docstring; empty if it has none.
+    - `summary`: empty if the function has no docstring.
     - `owner`: the class; empty outside of classes.
-    - `owner_summary`: the first line of the class's docstring.
     """
 
     name: str
@@ -56,10 +54,7 @@ class Docs:
 
 
 class Source:
-    """A file of Python.
-
-    - `text`: what is in it.
-    """
+    """A Python source file, parsed from its text."""
 
     def __init__(self, text: str) -> None:
         self._parents: dict[ast.AST, ast.AST] = {}
@@ -74,17 +69,13 @@ class Source:
                 self._functions.append(node)
 
     def at(self, frame: Any) -> ast.expr | None:
-        """The expression at a place.
-
-        - `frame`: the place, with `line`, `column`, `end_line`, `end_column`.
-        """
+        """Return the expression at a place that has `line`, `column`, `end_line` and `end_column`."""
         return self._at.get((frame.line, frame.column, frame.end_line, frame.end_column))
 
     def fate(self, node: ast.expr, value: Returned) -> Named | Returned | None:
-        """What becomes of what an expression gives: a name, or it is returned; None if it is used up in a larger one.
+        """Return the name of an expression's value, or its position if returned; None if a larger expression uses it.
 
-        - `node`: the expression.
-        - `value`: which part of it.
+        - `value`: the part of the value.
         """
         position, path = value
         inner: ast.AST = node
@@ -119,10 +110,7 @@ class Source:
             inner = outer
 
     def docs(self, line: int) -> Docs | None:
-        """What the innermost function around a line is for; None outside of functions.
-
-        - `line`: its number.
-        """
+        """Return the docstrings of the innermost function around a line; None outside of functions."""
         around = [node for node in self._functions if node.lineno <= line <= (node.end_lineno or 0)]
         if not around:
             return None
@@ -135,10 +123,7 @@ class Source:
 
 @functools.cache
 def source(file: str) -> Source | None:
-    """A file, read once; None if it cannot be read, as in a notebook.
-
-    - `file`: its path.
-    """
+    """Read a file, once; None if it cannot be read, as in a notebook."""
     try:
         return Source(Path(file).read_text(encoding="utf-8"))
     except (OSError, SyntaxError, ValueError):
@@ -146,19 +131,13 @@ def source(file: str) -> Source | None:
 
 
 def function_called(call: ast.Call) -> str:
-    """The name of the function that is called, without its module.
-
-    - `call`: the call.
-    """
+    """Return the name of the called function, without its module."""
     function = call.func
     return function.attr if isinstance(function, ast.Attribute) else getattr(function, "id", "")
 
 
 def operand(node: ast.expr) -> str | None:
-    """The name of an operand that has one: `x`, or `slope` for `error.slope`.
-
-    - `node`: the operand.
-    """
+    """Return the name of an operand, or None: `x`, or `slope` for `error.slope`."""
     if isinstance(node, ast.Name):
         return node.id
     return node.attr if isinstance(node, ast.Attribute) else None

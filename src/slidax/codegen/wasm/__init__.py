@@ -1,4 +1,4 @@
-"""WebAssembly from programs, by LLVM: for a page in a browser, and for whatever else runs it."""
+"""Compile programs to WebAssembly with LLVM."""
 
 from .module import Module as Module
 from .module import wasm_module as wasm_module

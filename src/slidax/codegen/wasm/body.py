@@ -1,4 +1,4 @@
-"""LLVM's text of a function whose multiply-adds are WebAssembly's."""
+"""LLVM IR of a function that uses WebAssembly's multiply-add instruction."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ FUSED = f"declare {PAIR} @llvm.wasm.relaxed.madd.v2f64({PAIR}, {PAIR}, {PAIR})"
 
 
 class Body(Blocks):
-    """The lines of a function."""
+    """LLVM IR of a function body."""
 
     def _value(self, value: Value) -> None:
         if value.op != "fma":
@@ -18,7 +18,7 @@ class Body(Blocks):
             return
         name, pairs = f"%v{value.number}", []
         for k, arg in enumerate(value.args):
-            # Both of a pair: to spread a number costs less than to put it beside a zero.
+            # The number fills both lanes: a splat costs less than a vector with a zero.
             self._write(f"{name}h{k} = insertelement {PAIR} poison, double {self._word(arg, 1)}, i32 0")
             self._write(f"{name}w{k} = shufflevector {PAIR} {name}h{k}, {PAIR} poison, <2 x i32> zeroinitializer")
             pairs.append(f"{PAIR} {name}w{k}")
@@ -27,10 +27,10 @@ class Body(Blocks):
 
 
 def helpers(once: str, twice: str) -> list[str]:
-    """The lines of two functions that stand for a multiply-add.
+    """LLVM IR of two functions that replace a multiply-add.
 
-    - `once`: the name of that which rounds once, but for the last bit: exact product and exact sum (Dekker, Knuth).
-    - `twice`: of that which rounds twice.
+    - `once`: name of the function that rounds once, except for the last bit: exact product and sum (Dekker, Knuth).
+    - `twice`: name of the function that rounds twice.
     """
     halves = f"splat (double {2.0**27 + 1.0})"
     steps = [
@@ -59,7 +59,7 @@ def helpers(once: str, twice: str) -> list[str]:
         f"define {PAIR} @{once}{arguments} #0 {{",
         "entry:",
         *(f"%{name} = {op} {PAIR} {x}, {y}" for name, op, x, y in steps),
-        # Of what is infinite, or so large that its halves are, there are no rests.
+        # NaN where a number or its halves overflow: then the rounded sum is the result.
         f"%known = fcmp oeq {PAIR} %exact, %exact",
         f"%found = select <2 x i1> %known, {PAIR} %exact, {PAIR} %total",
         f"ret {PAIR} %found",
@@ -74,7 +74,7 @@ def helpers(once: str, twice: str) -> list[str]:
 
 
 def _halves(name: str, scale: str) -> list[tuple[str, str, str, str]]:
-    """A number in two halves of its bits (Veltkamp)."""
+    """Split a number into two halves of its bits (Veltkamp)."""
     return [
         (f"{name}s", "fmul", f"%{name}", scale),
         (f"{name}d", "fsub", f"%{name}s", f"%{name}"),

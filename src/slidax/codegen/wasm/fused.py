@@ -1,4 +1,4 @@
-"""A program in the very operations of native code, with what is known put in after they were chosen."""
+"""Fuse a program as for native code, then replace inputs by constants."""
 
 from __future__ import annotations
 
@@ -16,40 +16,32 @@ from slidax.codegen.rebuild import Rebuilding, rebuild
 from slidax.codegen.trace.arrays import of_numbers
 
 INLINE = frozenset({"erf", "erf_inv"})
-"""Functions that are written out where they are used; the others are functions of the module."""
+"""Elementary functions that are expanded where they are used; the others are functions of the module."""
 
 
 def with_known(program: Program, known: Mapping[int, np.ndarray]) -> Program:
-    """The same program, fused as native code is, in which some inputs are numbers.
+    """Return a copy of a program, fused as native code is, with some inputs replaced by constants.
 
-    What is multiplied by a known zero is gone, as an arm's frames have many: only a number that is not finite would say
-    otherwise. Nothing else changes in the numbers, as products and sums were fused before.
+    Products with a constant zero are dropped, because an arm's frames have many of them. The results then differ from
+    native code only for factors that are not finite, as products and sums are fused before the replacement.
 
-    - `program`: stays as it is.
-    - `known`: by the place of each input.
+    - `known`: constants by the input's position.
     """
     fuse = fused()
     ready = rebuild(program, lambda builder, value, args: None if value.origin else fuse(builder, value, args))
-    return _Knowing(ready, known).finish()
+    return _Substitution(ready, known).finish()
 
 
 def function(name: str) -> Program:
-    """An elementary function by itself, from `x0` and perhaps `x1`.
-
-    - `name`: of the operation.
-    """
+    """Return the program of one elementary function, with the inputs `x0` and, for two arguments, `x1`."""
     builder = Builder()
     args = [builder.input(f"x{k}", "f64", ()).item() for k in range(2 if name in ("pow", "atan2") else 1)]
     builder.output("y", "f64", np.array(builder.apply(name, *args), object))
     return rebuild(builder.finish(), lambda b, value, args: lower(b, value.op, args))
 
 
-class _Knowing(Rebuilding):
-    """Puts numbers in the places of inputs.
-
-    - `program`: stays as it is.
-    - `known`: by the place of each input.
-    """
+class _Substitution(Rebuilding):
+    """Replaces inputs by constants."""
 
     def __init__(self, program: Program, known: Mapping[int, np.ndarray]) -> None:
         super().__init__(program, _simpler, {})
@@ -77,10 +69,10 @@ def _simpler(builder: Builder, value: Value, args: tuple[Value, ...]) -> Value |
     a, b, c = args
     if _is(a, 0.0) or _is(b, 0.0):
         return c
-    for one, other in ((a, b), (b, a)):
-        if _is(one, 1.0):
+    for factor, other in ((a, b), (b, a)):
+        if _is(factor, 1.0):
             return builder.apply("add", other, c)
-        if _is(one, -1.0):
+        if _is(factor, -1.0):
             return builder.apply("sub", c, other)
     if _is(c, 0.0):
         return builder.apply("mul", a, b)

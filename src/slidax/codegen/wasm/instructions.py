@@ -1,13 +1,13 @@
-"""Where in a module's code its instructions begin."""
+"""Locate instructions in a module's code."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 
-from .leb128 import read
+from .leb128 import decode
 
 MADD = bytes([0xFD, 0x87, 0x02])
-"""`f64x2.relaxed_madd`: a product and a sum, rounded once where the processor can."""
+"""`f64x2.relaxed_madd`: a product and a sum, rounded once on processors with a fused multiply-add."""
 
 BLOCK, ONE, TWO, NUMBERS = (
     frozenset({0x02, 0x03, 0x04}),
@@ -18,17 +18,14 @@ BLOCK, ONE, TWO, NUMBERS = (
 
 
 def madds(body: bytes) -> list[int]:
-    """Where multiply-adds stand in a function's body.
-
-    - `body`: with the declarations of its locals.
-    """
+    """Offsets of the multiply-adds in a function's body, which begins with the declarations of its locals."""
     return [at for at in _instructions(body) if body[at : at + 3] == MADD]
 
 
 def _instructions(body: bytes) -> Iterator[int]:
-    groups, at = read(body, 0)
+    groups, at = decode(body, 0)
     for _ in range(groups):
-        _, at = read(body, at)
+        _, at = decode(body, at)
         at += 1
     while at < len(body):
         yield at
@@ -36,39 +33,41 @@ def _instructions(body: bytes) -> Iterator[int]:
 
 
 def _after(body: bytes, at: int) -> int:
-    """Where the next instruction begins."""
+    """Offset of the next instruction."""
     op = body[at]
     at += 1
     if op in BLOCK:
-        # The type of a block is a byte here, or a number.
-        return read(body, at)[1]
+        # A block's type is one byte, or an index of variable length.
+        return decode(body, at)[1]
     if op in ONE or 0x20 <= op <= 0x26:
-        return read(body, at)[1]
+        return decode(body, at)[1]
     if op == TWO or 0x28 <= op <= 0x3E:
-        return read(body, read(body, at)[1])[1]
+        return decode(body, decode(body, at)[1])[1]
     if op in NUMBERS:
         return at + NUMBERS[op]
     if op in (0x3F, 0x40):
         return at + 1
     if op == 0x0E:
-        count, at = read(body, at)
+        count, at = decode(body, at)
         for _ in range(count + 1):
-            _, at = read(body, at)
+            _, at = decode(body, at)
         return at
     if op == 0x1C:
-        count, at = read(body, at)
+        count, at = decode(body, at)
         return at + count
     if op == 0xFC:
-        kind, at = read(body, at)
-        return at if kind <= 7 else read(body, read(body, at)[1])[1] if kind in (8, 10, 12, 14) else read(body, at)[1]
+        kind, at = decode(body, at)
+        for _ in range(0 if kind <= 7 else 2 if kind in (8, 10, 12, 14) else 1):
+            _, at = decode(body, at)
+        return at
     if op == 0xFD:
-        return _after_vector(body, *read(body, at))
+        return _after_vector(body, *decode(body, at))
     return at
 
 
 def _after_vector(body: bytes, kind: int, at: int) -> int:
     if kind <= 11 or kind in (92, 93) or 84 <= kind <= 91:
-        at = read(body, read(body, at)[1])[1]
+        at = decode(body, decode(body, at)[1])[1]
         return at + 1 if 84 <= kind <= 91 else at
     if kind in (12, 13):
         return at + 16

@@ -1,14 +1,10 @@
-"""Numbers of variable length, as WebAssembly writes them."""
+"""Unsigned integers of variable length (LEB128), as in WebAssembly."""
 
 from __future__ import annotations
 
 
-def read(data: bytes, at: int) -> tuple[int, int]:
-    """An unsigned number, and where the next thing begins.
-
-    - `data`: the bytes.
-    - `at`: where it begins.
-    """
+def decode(data: bytes, at: int) -> tuple[int, int]:
+    """Return the integer at an offset, and the offset behind it."""
     value = shift = 0
     while True:
         byte = data[at]
@@ -19,14 +15,11 @@ def read(data: bytes, at: int) -> tuple[int, int]:
             return value, at
 
 
-def written(value: int) -> bytes:
-    """An unsigned number.
-
-    - `value`: it.
-    """
-    found = bytearray()
+def encode(value: int) -> bytes:
+    """Return the bytes of an integer."""
+    data = bytearray()
     while True:
         byte, value = value & 0x7F, value >> 7
         if not value:
-            return bytes([*found, byte])
-        found.append(byte | 0x80)
+            return bytes([*data, byte])
+        data.append(byte | 0x80)

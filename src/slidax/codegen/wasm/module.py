@@ -1,4 +1,4 @@
-"""A program as a WebAssembly module."""
+"""Compile a program to a WebAssembly module."""
 
 from __future__ import annotations
 
@@ -25,31 +25,30 @@ from .object_file import bodies, functions_of, with_export
 TRIPLE = "wasm32-unknown-unknown"
 FEATURES = "+nontrapping-fptoint,+sign-ext,+bulk-memory,+simd128,+relaxed-simd"
 OPTIMISED = 2
-"""LLVM's level for instruction selection, scheduling and locals."""
+"""LLVM's optimisation level for instruction selection, scheduling and locals."""
 
 ENTRY, TWICE, ONCE = "run", "twice_rounded", "once_rounded"
-"""The function that is called, and those that stand for multiply-adds in a browser that has none."""
+"""The exported function, and the replacements of multiply-adds for a browser without them."""
 
 
 @dataclass(frozen=True)
 class Module:
-    """A module, and what its one function takes.
+    """A WebAssembly module, and the layout of its arguments.
 
-    Its memory is imported as `env.__linear_memory`, and nothing else is. The function `run(table, rows)` is given the
-    address of a table with the addresses, 32 bits each, of all inputs and then of all outputs, and how many rows each
-    logged output has room for. Truth values lie in memory as bytes, all else as in C.
+    Its only import is the memory, `env.__linear_memory`. The exported function is `run(table, rows)`: `table` is the
+    address of the 32-bit addresses of all inputs and then all outputs, and `rows` is the number of rows of each logged
+    output. Booleans are stored as bytes, all other types as in C.
 
-    Its multiply-adds are instructions that a browser may not know. Then each is replaced by a call, of as many bytes:
-    of a function that rounds once in elementary functions, which need it, and of one that rounds twice elsewhere.
+    A browser may lack the multiply-add instruction. Each one is then replaced by a call with the same number of bytes:
+    in elementary functions, which need it, to a function that rounds once, and elsewhere to one that rounds twice.
 
-    - `bytes`: the module.
-    - `inputs`: type, and number of elements of each.
-    - `outputs`: type, number of elements of each or of one of its rows, and whether it has rows.
+    - `inputs`: type and number of elements.
+    - `outputs`: type, number of elements (of a row, if logged), and True for a logged output.
     - `digest`: equal for equal programs.
-    - `code`: where the code begins that may be changed so, and where it ends.
-    - `entry_at`: from where on multiply-adds may be rounded twice.
-    - `once`, `twice`: the numbers of both functions.
-    - `others`: where the bytes of a multiply-add stand and mean something else.
+    - `code`: offsets of the code's beginning and end.
+    - `entry_at`: offset from which on multiply-adds may be rounded twice.
+    - `once`, `twice`: indices of both replacement functions.
+    - `others`: offsets at which the bytes of a multiply-add mean something else.
     """
 
     bytes: bytes
@@ -64,38 +63,37 @@ class Module:
 
 
 def wasm_module(program: Program, known: Mapping[int, np.ndarray] | None = None) -> Module:
-    """The module of a program.
+    """Compile a program, which is not changed.
 
-    - `program`: stays as it is.
-    - `known`: inputs that are numbers of the module, by their places; the module does not have them.
+    - `known`: inputs that become constants of the module, by position; the module does not have them as inputs.
 
-    Raises DefinitionError if llvmlite is missing, or the program asks for what there is no code for.
+    Raises DefinitionError if llvmlite is missing, or an operation of the program has no code.
     """
     known = known or {}
     with in_one_line(lambda: "the program"):
-        version, compiled = _compiler()
-        what = hashlib.sha256(digest(program).encode())
-        for place, array in sorted(known.items()):
-            what.update(f"{place} {array.dtype} {array.shape}".encode() + array.tobytes())
-        key = "\n".join([version, TRIPLE, FEATURES, str(OPTIMISED), what.hexdigest()])
-        object = cache.kept(key)
+        version, compile = _compiler()
+        identity = hashlib.sha256(digest(program).encode())
+        for position, array in sorted(known.items()):
+            identity.update(f"{position} {array.dtype} {array.shape}".encode() + array.tobytes())
+        key = "\n".join([version, TRIPLE, FEATURES, str(OPTIMISED), identity.hexdigest()])
+        object = cache.load(key)
         if object is None:
-            object = compiled(_text(with_known(program, known)))
-            cache.keep(key, object)
-    made, names = with_export(object, ENTRY), functions_of(object)
-    places = list(bodies(made))
-    found = {start + at for start, body in places for at in madds(body)}
-    seen = {at for at in range(places[0][0], len(made)) if made[at : at + len(MADD)] == MADD}
+            object = compile(_text(with_known(program, known)))
+            cache.store(key, object)
+    module, indices = with_export(object, ENTRY), functions_of(object)
+    functions = list(bodies(module))
+    instructions = {start + at for start, body in functions for at in madds(body)}
+    patterns = {at for at in range(functions[0][0], len(module)) if module[at : at + len(MADD)] == MADD}
     return Module(
-        bytes=made,
+        bytes=module,
         inputs=tuple((entry.type, entry.size) for k, entry in enumerate(program.inputs) if k not in known),
         outputs=tuple((entry.type, entry.size, entry.values is None) for entry in program.outputs),
-        digest=what.hexdigest(),
-        code=(places[0][0], places[-1][0] + len(places[-1][1])),
-        entry_at=places[names[ENTRY]][0],
-        once=names[ONCE],
-        twice=names[TWICE],
-        others=tuple(sorted(seen - found)),
+        digest=identity.hexdigest(),
+        code=(functions[0][0], functions[-1][0] + len(functions[-1][1])),
+        entry_at=functions[indices[ENTRY]][0],
+        once=indices[ONCE],
+        twice=indices[TWICE],
+        others=tuple(sorted(patterns - instructions)),
     )
 
 
@@ -126,7 +124,7 @@ def _text(ready: Program) -> str:
 
 
 def _function(name: str) -> tuple[list[str], set[str]]:
-    """The lines of an elementary function, and what they declare."""
+    """LLVM IR of an elementary function, and its declarations."""
     program = function(name)
     put_in_order(program)
     body = Body(program, 1)
@@ -150,12 +148,12 @@ def _machine() -> Any:
 
 
 def _compiler() -> tuple[str, Any]:
-    """What it is, and from LLVM's text to an object file."""
+    """The compiler's version, and a function from LLVM IR to an object file."""
     machine = _machine()
     import llvmlite
     import llvmlite.binding as llvm
 
-    def compiled(text: str) -> bytes:
+    def compile(text: str) -> bytes:
         return bytes(machine.emit_object(llvm.parse_assembly(text)))
 
-    return f"llvmlite {llvmlite.__version__}, LLVM {llvm.llvm_version_info}", compiled
+    return f"llvmlite {llvmlite.__version__}, LLVM {llvm.llvm_version_info}", compile
