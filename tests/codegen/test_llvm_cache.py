@@ -156,8 +156,8 @@ def test_a_file_under_the_name_of_another_is_not_run(folder, compilations):
 
 @pytest.mark.parametrize("what", ["another program's code", "no code at all"])
 def test_kept_code_that_does_not_fit_is_named_and_compiled_anew(folder, compilations, monkeypatch, what):
-    keys, store = [], cache.store
-    monkeypatch.setattr(cache, "store", lambda key, body: (keys.append(key), store(key, body)))
+    keys, store = [], cache.store_code
+    monkeypatch.setattr(cache, "store_code", lambda key, body: (keys.append(key), store(key, body)))
     llvm.compile(scaled())
     (kept,) = folder.iterdir()
     body = kept.read_bytes()[cache.DIGEST :].replace(b"runs_", b"walk_") if what.startswith("another") else b"nothing"

@@ -163,7 +163,7 @@ def _step_jvp(primals: Any, tangents: Any) -> tuple[Vector, Vector]:
 
     _, change = jax.jvp(residual, (moving,), (eqx.filter(tangents, tangent_mask(primals, tangents)),))
     reaching, metric, _, u = primals
-    jacobian = _residual_and_jacobian(reaching, metric, found, u, found)[1]
-    free = jnp.any(found != 0) | (reaching.layer > 0)
+    jacobian = _residual_and_jacobian(reaching, metric, root, u, root)[1]
+    free = jnp.any(root != 0) | (reaching.layer > 0)
     safe = jnp.where(free, jacobian, metric)
-    return found, jnp.where(free, -solve_symmetric(safe, change), 0.0)
+    return root, jnp.where(free, -solve_symmetric(safe, change), 0.0)

@@ -111,12 +111,12 @@ def _step_jvp(primals: Any, tangents: Any) -> tuple[Vector, Vector]:
 
     _, change = jax.jvp(residual, (moving,), (eqx.filter(tangents, mask),))
     law, metric, _, u = primals
-    damping, gain, layer = _parts(law, u, found.shape[0])
-    stuck = (found == 0) & (layer <= 0)
-    within = (jnp.abs(found) < layer) & ~stuck
+    damping, gain, layer = _parts(law, u, root.shape[0])
+    stuck = (root == 0) & (layer <= 0)
+    within = (jnp.abs(root) < layer) & ~stuck
     slope = damping + jnp.where(within, gain / jnp.where(within, layer, 1.0), 0.0)
     # A joint that is stuck at 0 stays there: its row and column are those of the identity.
     free = ~stuck
     both = free[:, None] & free[None, :]
     jacobian = jnp.where(both, metric, 0.0) + jnp.diag(jnp.where(free, slope, 1.0))
-    return found, -solve_symmetric(jacobian, jnp.where(free, change, 0.0))
+    return root, -solve_symmetric(jacobian, jnp.where(free, change, 0.0))

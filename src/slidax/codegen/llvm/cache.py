@@ -30,7 +30,7 @@ def path_of(key: str) -> Path:
     return folder() / f"{hashlib.sha256(key.encode()).hexdigest()}.o"
 
 
-def load(key: str) -> bytes | None:
+def load_code(key: str) -> bytes | None:
     """Return the object code for a key; None if there is none, or none that can be trusted."""
     path = path_of(key)
     try:
@@ -47,7 +47,7 @@ def load(key: str) -> bytes | None:
     return body if _checksum(key, body) == data[:DIGEST] else None
 
 
-def store(key: str, body: bytes) -> None:
+def store_code(key: str, body: bytes) -> None:
     """Store object code for a key, if the disk can be written."""
     path = path_of(key)
     try:

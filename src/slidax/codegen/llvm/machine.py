@@ -73,7 +73,7 @@ class Machine:
         - `text`: generates the module's IR.
         """
         key = self.key_of(source, level)
-        object = cache.load(key)
+        object = cache.load_code(key)
         if object is not None:
             try:
                 return Code(self, object, entry)
@@ -84,7 +84,7 @@ class Machine:
                     stacklevel=2,
                 )
         object = self.compiled(text(), level)
-        cache.store(key, object)
+        cache.store_code(key, object)
         return Code(self, object, entry)
 
     def compiled(self, text: str, level: int) -> bytes:

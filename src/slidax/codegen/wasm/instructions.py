@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from .leb128 import decode
+from .leb128 import decode_leb128
 
 MADD = bytes([0xFD, 0x87, 0x02])
 """`f64x2.relaxed_madd`: a product and a sum, rounded once on processors with a fused multiply-add."""
@@ -23,9 +23,9 @@ def madds(body: bytes) -> list[int]:
 
 
 def _instructions(body: bytes) -> Iterator[int]:
-    groups, at = decode(body, 0)
+    groups, at = decode_leb128(body, 0)
     for _ in range(groups):
-        _, at = decode(body, at)
+        _, at = decode_leb128(body, at)
         at += 1
     while at < len(body):
         yield at
@@ -38,36 +38,36 @@ def _after(body: bytes, at: int) -> int:
     at += 1
     if op in BLOCK:
         # A block's type is one byte, or an index of variable length.
-        return decode(body, at)[1]
+        return decode_leb128(body, at)[1]
     if op in ONE or 0x20 <= op <= 0x26:
-        return decode(body, at)[1]
+        return decode_leb128(body, at)[1]
     if op == TWO or 0x28 <= op <= 0x3E:
-        return decode(body, decode(body, at)[1])[1]
+        return decode_leb128(body, decode_leb128(body, at)[1])[1]
     if op in NUMBERS:
         return at + NUMBERS[op]
     if op in (0x3F, 0x40):
         return at + 1
     if op == 0x0E:
-        count, at = decode(body, at)
+        count, at = decode_leb128(body, at)
         for _ in range(count + 1):
-            _, at = decode(body, at)
+            _, at = decode_leb128(body, at)
         return at
     if op == 0x1C:
-        count, at = decode(body, at)
+        count, at = decode_leb128(body, at)
         return at + count
     if op == 0xFC:
-        kind, at = decode(body, at)
+        kind, at = decode_leb128(body, at)
         for _ in range(0 if kind <= 7 else 2 if kind in (8, 10, 12, 14) else 1):
-            _, at = decode(body, at)
+            _, at = decode_leb128(body, at)
         return at
     if op == 0xFD:
-        return _after_vector(body, *decode(body, at))
+        return _after_vector(body, *decode_leb128(body, at))
     return at
 
 
 def _after_vector(body: bytes, kind: int, at: int) -> int:
     if kind <= 11 or kind in (92, 93) or 84 <= kind <= 91:
-        at = decode(body, decode(body, at)[1])[1]
+        at = decode_leb128(body, decode_leb128(body, at)[1])[1]
         return at + 1 if 84 <= kind <= 91 else at
     if kind in (12, 13):
         return at + 16

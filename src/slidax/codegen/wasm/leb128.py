@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 
-def decode(data: bytes, at: int) -> tuple[int, int]:
+def decode_leb128(data: bytes, at: int) -> tuple[int, int]:
     """Return the integer at an offset, and the offset behind it."""
     value = shift = 0
     while True:
@@ -15,7 +15,7 @@ def decode(data: bytes, at: int) -> tuple[int, int]:
             return value, at
 
 
-def encode(value: int) -> bytes:
+def encode_leb128(value: int) -> bytes:
     """Return the bytes of an integer."""
     data = bytearray()
     while True:

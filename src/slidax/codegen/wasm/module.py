@@ -76,10 +76,10 @@ def wasm_module(program: Program, known: Mapping[int, np.ndarray] | None = None)
         for position, array in sorted(known.items()):
             identity.update(f"{position} {array.dtype} {array.shape}".encode() + array.tobytes())
         key = "\n".join([version, TRIPLE, FEATURES, str(OPTIMISED), identity.hexdigest()])
-        object = cache.load(key)
+        object = cache.load_code(key)
         if object is None:
             object = compile(_text(with_known(program, known)))
-            cache.store(key, object)
+            cache.store_code(key, object)
     module, indices = with_export(object, ENTRY), functions_of(object)
     functions = list(bodies(module))
     instructions = {start + at for start, body in functions for at in madds(body)}

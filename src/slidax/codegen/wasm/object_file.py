@@ -10,7 +10,7 @@ from collections.abc import Iterator
 
 from slidax._errors import DefinitionError
 
-from .leb128 import decode, encode
+from .leb128 import decode_leb128, encode_leb128
 
 MAGIC = b"\0asm\1\0\0\0"
 CUSTOM, EXPORT, CODE = 0, 7, 10
@@ -36,19 +36,19 @@ def with_export(object: bytes, name: str) -> bytes:
     if object[:8] != MAGIC:
         raise DefinitionError("not a WebAssembly object file: the magic number is missing")
     label = name.encode()
-    export = bytes([1]) + encode(len(label)) + label + bytes([0]) + encode(functions_of(object)[name])
+    export = bytes([1]) + encode_leb128(len(label)) + label + bytes([0]) + encode_leb128(functions_of(object)[name])
     sections = [(kind, body) for _, kind, body in _sections(object) if kind != CUSTOM]
     sections.insert(sum(kind in BEFORE_EXPORTS for kind, _ in sections), (EXPORT, export))
-    return MAGIC + b"".join(bytes([kind]) + encode(len(body)) + body for kind, body in sections)
+    return MAGIC + b"".join(bytes([kind]) + encode_leb128(len(body)) + body for kind, body in sections)
 
 
 def bodies(module: bytes) -> Iterator[tuple[int, bytes]]:
     """Offset and bytes of each function's body in a module or object file, in the functions' order."""
     for start, kind, section in _sections(module):
         if kind == CODE:
-            count, at = decode(section, 0)
+            count, at = decode_leb128(section, 0)
             for _ in range(count):
-                length, at = decode(section, at)
+                length, at = decode_leb128(section, at)
                 yield start + at, section[at : at + length]
                 at += length
 
@@ -58,7 +58,7 @@ def _sections(object: bytes) -> Iterator[tuple[int, int, bytes]]:
     at = len(MAGIC)
     while at < len(object):
         kind = object[at]
-        size, start = decode(object, at + 1)
+        size, start = decode_leb128(object, at + 1)
         yield start, kind, object[start : start + size]
         at = start + size
 
@@ -68,12 +68,12 @@ def functions_of(object: bytes) -> dict[str, int]:
     for _, kind, body in _sections(object):
         if kind != CUSTOM:
             continue
-        length, at = decode(body, 0)
+        length, at = decode_leb128(body, 0)
         if body[at : at + length] == b"linking":
-            _, at = decode(body, at + length)
+            _, at = decode_leb128(body, at + length)
             while at < len(body):
                 part = body[at]
-                size, start = decode(body, at + 1)
+                size, start = decode_leb128(body, at + 1)
                 if part == SYMBOLS:
                     return dict(_functions(body[start : start + size]))
                 at = start + size
@@ -82,14 +82,14 @@ def functions_of(object: bytes) -> dict[str, int]:
 
 def _functions(table: bytes) -> Iterator[tuple[str, int]]:
     """Functions that are defined here, up to the first symbol of another kind."""
-    count, at = decode(table, 0)
+    count, at = decode_leb128(table, 0)
     for _ in range(count):
         kind = table[at]
-        flags, at = decode(table, at + 1)
+        flags, at = decode_leb128(table, at + 1)
         if kind != FUNCTIONS:
             return
-        which, at = decode(table, at)
+        which, at = decode_leb128(table, at)
         if not flags & UNDEFINED or flags & EXPLICIT:
-            length, at = decode(table, at)
+            length, at = decode_leb128(table, at)
             yield table[at : at + length].decode(), which
             at += length
