@@ -57,16 +57,16 @@ bench: .venv/.installed ## Measure, and write benchmarks/PERFORMANCE.md
 figures: .venv/.installed ## Renew the figures of the documentation, and the tables beside them
 	@mkdir -p docs/figures
 	@.venv/bin/python examples/01_run_a_scenario.py docs/figures/tracking-error.svg
-	@.venv/bin/python scripts/write-figures $(ARGS)
+	@.venv/bin/python scripts/measure $(ARGS)
 
 tables: .venv/.installed ## Renew the measured tables of docs/choosing.md
-	@.venv/bin/python scripts/write-tables
+	@.venv/bin/python scripts/measure choosing
 
 targets: .venv/.installed ## Build and run the exported step on every target that is here, and renew docs/targets.md
 	@.venv/bin/python -m benchmarks.targets $(ARGS)
 
 benchmark: .venv/.installed ## Benchmark the schemes, and renew the table in docs/benchmark-of-schemes.md and README.md
-	@.venv/bin/python scripts/write-benchmark $(ARGS)
+	@.venv/bin/python scripts/measure benchmark $(ARGS)
 
 docs: .venv/.installed .venv-docs/.installed ## Run the code of all pages, and build the documentation site, site/
 	@.venv/bin/python scripts/build-site $(ARGS)
@@ -91,7 +91,7 @@ verify: .venv/.installed .venv-3.11/.installed ## Test on both Pythons, the long
 	@.venv-wheel/bin/python -m pip check
 	@cd .venv-wheel && bin/slidax run example-4.1 --json > run.json && bin/python -m json.tool run.json > /dev/null
 	@cd .venv-wheel && bin/slidax reproduce --out reproduction
-	@.venv/bin/python scripts/measure-soundness
+	@.venv/bin/python scripts/measure soundness
 	@echo "make verify: all passed"
 
 release: .venv/.installed ## Rehearse a release: build, judge, install and run it; uploads nothing

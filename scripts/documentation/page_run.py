@@ -1,25 +1,31 @@
-"""A page, run as a reader would: its files, its code and its commands, in their order."""
+"""Run the code of pages as a reader would; an unchanged page is not run again."""
 
 from __future__ import annotations
 
+import argparse
 import ast
 import contextlib
+import dataclasses
+import hashlib
 import importlib.util
 import io
+import json
 import os
 import shlex
 import shutil
 import subprocess
 import sys
+import tempfile
 import time
 import traceback
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
+from functools import cache
+from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-from .blocks import Block, PageError, blocks
-from .commands import commands
-from .parts_of_files import check_yaml
+from .blocks import Block, PageError, blocks, check_yaml, commands
 
 ROOT = Path(__file__).parents[2]
 COLUMNS = 110
@@ -27,13 +33,12 @@ COLUMNS = 110
 
 @dataclass
 class Outcome:
-    """What a block has made.
+    """Result of a block.
 
     - `index`: of the block on the page.
-    - `texts`: what was printed, after each of its commands, or once for Python.
+    - `texts`: the output, after each of its commands, or once for Python.
     - `figures`: files, in the folder of the outputs.
-    - `skipped`: why it was not run; empty if it was.
-    - `seconds`: how long it took.
+    - `skipped`: the reason if it was not run, else empty.
     """
 
     index: int
@@ -44,7 +49,7 @@ class Outcome:
 
 
 class PageRun:
-    """Runs the blocks of a page in a folder of its own, with one namespace for all Python.
+    """Run the blocks of a page in a folder of its own, with one namespace for all Python.
 
     - `page`: its file.
     - `folder`: where a reader stands; `examples` is copied there.
@@ -64,19 +69,19 @@ class PageRun:
 
         Raises PageError, with the line of the page, for the first that does not run.
         """
-        found = []
+        outcomes = []
         for index, block in enumerate(blocks(self.page.read_text(encoding="utf-8"))):
             outcome, started = Outcome(index), time.perf_counter()
             try:
-                self._one(block, outcome)
+                self._run_block(block, outcome)
             except Exception as error:
-                said = str(error) if isinstance(error, PageError) else traceback.format_exc(limit=-4)
-                raise PageError(f"{self.page.name}, line {block.first + 1}: {said}") from error
+                message = str(error) if isinstance(error, PageError) else traceback.format_exc(limit=-4)
+                raise PageError(f"{self.page.name}, line {block.first + 1}: {message}") from error
             outcome.seconds = time.perf_counter() - started
-            found.append(outcome)
-        return found
+            outcomes.append(outcome)
+        return outcomes
 
-    def _one(self, block: Block, outcome: Outcome) -> None:
+    def _run_block(self, block: Block, outcome: Outcome) -> None:
         for line in block.marks.get("file", "").splitlines() if block.language != "show" else ():
             name, _, source = (part.strip() for part in line.partition("="))
             (self.folder / name).parent.mkdir(parents=True, exist_ok=True)
@@ -94,7 +99,7 @@ class PageRun:
         elif block.language in ("console", "sh"):
             self._terminal(block, outcome)
         elif block.language == "text" and "said" in block.marks:
-            _same(block.text.splitlines(), self.printed)
+            _check_shown(block.text.splitlines(), self.printed)
         elif block.language == "yaml":
             check_yaml(block.text, block.marks.get("part of", ""), self.folder)
         elif block.language == "show":
@@ -113,7 +118,7 @@ class PageRun:
         self.printed = printed.getvalue()
 
     def _value(self, value: Any, outcome: Outcome) -> None:
-        """As a notebook shows the last line of a cell."""
+        """Show a value as a notebook shows the last line of a cell."""
         from matplotlib.figure import Figure
 
         if isinstance(value, Figure):
@@ -133,7 +138,7 @@ class PageRun:
                 raise PageError(f"`{command.line}` is not slidax alone: mark the block `shell` or `not run`")
             text, code = self._ours([*command.arguments, *shlex.split(block.marks.get("with", ""))])
             outcome.texts.append(text)
-            _same(command.shown, text)
+            _check_shown(command.shown, text)
             if code != (int(block.marks.get("exit", "0")) if command is typed[-1] else 0):
                 raise PageError(f"`{command.line}` left with exit code {code}:\n{text}")
 
@@ -159,7 +164,7 @@ class PageRun:
         script = tools / "slidax"
         script.write_text(f'#!/bin/sh\nexec "{sys.executable}" -c "from slidax.cli import main; main()" "$@"\n')
         script.chmod(0o755)
-        lines = (one.line for one in commands(block.language, block.text))
+        lines = (command.line for command in commands(block.language, block.text))
         done = subprocess.run(
             ["bash", "-euo", "pipefail", "-c", "\n".join(lines)],
             cwd=self.folder,
@@ -185,17 +190,130 @@ class PageRun:
         outcome.figures.append(name)
 
 
-def _same(shown: list[str], said: str) -> None:
-    """That what a page shows is what was printed; where a line is broken depends on the terminal.
-
-    - `shown`: the lines of the page.
-    - `said`: what was printed.
-    """
-    whole = " ".join(said.split())
+def _check_shown(shown: list[str], printed: str) -> None:
+    """Check that the lines of the page were printed; line breaks depend on the terminal."""
+    whole = " ".join(printed.split())
     for line in shown:
         if " ".join(line.split()) not in whole:
-            raise PageError(f"the page shows {line.strip()!r}, which was not printed; that was:\n{said}")
+            raise PageError(f"the page shows {line.strip()!r}, which was not printed; that was:\n{printed}")
 
 
 def _is_there(name: str) -> bool:
     return shutil.which(name) is not None or importlib.util.find_spec(name) is not None
+
+
+STORE = ROOT / "build" / "pages"
+SOURCES = ("src/slidax", "examples", "scripts/documentation/blocks.py", "scripts/documentation/page_run.py")
+PACKAGES = ("jax", "numpy", "scipy", "matplotlib", "llvmlite", "mujoco")
+
+
+@dataclass
+class PageResult:
+    """Results of a page's code.
+
+    - `outcomes`: of its blocks, as in `Outcome`.
+    - `figures`: the files of its figures.
+    """
+
+    outcomes: list[dict[str, Any]] = field(default_factory=list)
+    figures: list[Path] = field(default_factory=list)
+
+
+def pages() -> list[str]:
+    """The pages of docs/ with code, by their place there."""
+    paths = sorted((ROOT / "docs").rglob("*.md"))
+    return [
+        path.relative_to(ROOT / "docs").as_posix()
+        for path in paths
+        if "api" not in path.parts and blocks(path.read_text(encoding="utf-8"))
+    ]
+
+
+def run_all(jobs: int, only: list[str] | None) -> tuple[dict[str, PageResult], list[str]]:
+    """Run the code of all pages or of some: results by page, and messages of pages that fail.
+
+    - `jobs`: number of pages that run at a time.
+    """
+    names = [name for name in pages() if only is None or name in only or Path(name).stem in only]
+    results: dict[str, PageResult] = {}
+    failed: list[str] = []
+    with ThreadPoolExecutor(jobs) as pool:
+        for name, result in zip(names, pool.map(_run_page, names), strict=True):
+            if isinstance(result, str):
+                failed.append(f"docs/{name}: {result}")
+            else:
+                results[name] = result
+    return results, failed
+
+
+def _run_page(name: str) -> PageResult | str:
+    page = ROOT / "docs" / name
+    # Pages of different folders may have one name.
+    slug = name.removesuffix(".md").replace("/", ".")
+    folder = STORE / f"{slug}-{_key(page)}"
+    if not (folder / "outcomes.json").exists():
+        started = time.perf_counter()
+        for old in STORE.glob(f"{slug}-" + "?" * 16):
+            shutil.rmtree(old)
+        folder.mkdir(parents=True)
+        done = subprocess.run(
+            [sys.executable, "-X", "utf8", "-m", "documentation.page_run", page, "--out", folder],
+            capture_output=True,
+            text=True,
+            check=False,
+            env={**os.environ, "PYTHONPATH": f"{ROOT / 'src'}:{ROOT / 'scripts'}", "PYTHONDONTWRITEBYTECODE": "1"},
+        )
+        if done.returncode:
+            return done.stderr[-4000:]
+        print(f"{name}: {time.perf_counter() - started:.0f} s", flush=True)
+    outcomes = json.loads((folder / "outcomes.json").read_text(encoding="utf-8"))
+    return PageResult(outcomes, [folder / figure for outcome in outcomes for figure in outcome["figures"]])
+
+
+def _key(page: Path) -> str:
+    text = page.read_text(encoding="utf-8")
+    parts = [(block.language, block.text, sorted(block.marks.items())) for block in blocks(text)]
+    return hashlib.sha256(f"{parts}{sources()}".encode()).hexdigest()[:16]
+
+
+@cache
+def sources() -> str:
+    """A digest of everything that the code of a page calls."""
+    digest = hashlib.sha256(sys.version.encode())
+    for name in PACKAGES:
+        try:
+            digest.update(f"{name} {metadata.version(name)}".encode())
+        except metadata.PackageNotFoundError:
+            digest.update(f"no {name}".encode())
+    for source in SOURCES:
+        for path in sorted((ROOT / source).rglob("*")) or [ROOT / source]:
+            if path.is_file() and "__pycache__" not in path.parts:
+                digest.update(path.relative_to(ROOT).as_posix().encode())
+                digest.update(path.read_bytes())
+    return digest.hexdigest()
+
+
+def main() -> None:
+    """Run the code of one page in an empty folder, and write its outcomes; an error names its line."""
+    import matplotlib as mpl
+
+    mpl.use("agg")
+    parser = argparse.ArgumentParser(description=main.__doc__)
+    parser.add_argument("page", type=Path)
+    parser.add_argument("--out", type=Path, required=True, help="a folder for figures and outcomes.json")
+    parser.add_argument("--small", action="store_true", help="only blocks marked as small")
+    options = parser.parse_args()
+    # The same figure in the same bits.
+    mpl.rcParams["svg.hashsalt"] = options.page.stem
+    with tempfile.TemporaryDirectory() as folder:
+        try:
+            outcomes = PageRun(options.page.resolve(), Path(folder), options.out.resolve(), options.small).run()
+        except PageError as error:
+            print(error, file=sys.stderr)
+            raise SystemExit(1) from None
+    text = json.dumps([dataclasses.asdict(outcome) for outcome in outcomes], ensure_ascii=False, indent=1)
+    (options.out / "outcomes.json").write_text(text, encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,13 +1,19 @@
-"""Lays the pages of the site out in one folder: those of docs/, those that lie elsewhere, and the files they name."""
+"""Lay out the pages of the site, with their results, the gallery and the playground."""
 
 from __future__ import annotations
 
 import html
+import json
 import os
 import re
 import shutil
+import subprocess
+import sys
 from dataclasses import dataclass, field
 from pathlib import Path
+
+from .blocks import Block, blocks, commands
+from .page_run import STORE, PageResult, sources
 
 ROOT = Path(__file__).parents[2]
 ELSEWHERE = {
@@ -30,16 +36,16 @@ class Stage:
     - `folder`: where pages go.
     - `files`: what pages link to outside of docs/, by path in the repository.
     - `pages`: the pages that were laid out, by their place on the site.
-    - `made`: files that were made for the site, by their place on it.
+    - `extra`: files that are generated for the site, by their place on it.
     """
 
     folder: Path
     files: set[str] = field(default_factory=set)
     pages: dict[str, str] = field(default_factory=dict)
-    made: dict[str, Path] = field(default_factory=dict)
+    extra: dict[str, Path] = field(default_factory=dict)
 
     def lay_out(self) -> None:
-        """Reads all pages, with their links as the site needs them."""
+        """Read all pages, with their links as the site needs them."""
         for path in sorted((ROOT / "docs").rglob("*.md")):
             place = path.relative_to(ROOT / "docs").as_posix()
             if not place.startswith("api/"):
@@ -51,13 +57,11 @@ class Stage:
     def linked(self, text: str, source: str, place: str) -> str:
         """A page whose links lead to pages and files of the site.
 
-        - `text`: of the page.
-        - `source`: where it is in the repository.
         - `place`: where it will be on the site.
         """
         start = os.path.dirname(place)
 
-        def one(match: re.Match[str]) -> str:
+        def relink(match: re.Match[str]) -> str:
             label, target, title = match[1], match[2], match[3] or ""
             if SCHEME.match(target) or target.startswith("#"):
                 return match[0]
@@ -71,13 +75,10 @@ class Stage:
             return f"{label}({joined}{title})"
 
         parts = CODE.split(text)
-        return "".join(part if k % 2 else LINK.sub(one, part) for k, part in enumerate(parts))
+        return "".join(part if k % 2 else LINK.sub(relink, part) for k, part in enumerate(parts))
 
     def place_of(self, source: str) -> str:
-        """Where a file of the repository is on the site.
-
-        - `source`: its path.
-        """
+        """Where a file of the repository is on the site."""
         if source in ELSEWHERE:
             return ELSEWHERE[source]
         if source == "README.md":
@@ -88,7 +89,7 @@ class Stage:
         return f"files/{source}/index.md" if (ROOT / source).is_dir() else f"files/{source}.md"
 
     def write(self) -> None:
-        """Writes pages, figures and files down."""
+        """Write pages, figures and files down."""
         if self.folder.exists():
             shutil.rmtree(self.folder)
         for place, text in self.pages.items():
@@ -102,7 +103,7 @@ class Stage:
                 shutil.copy(path, to)
         for source in sorted(self.files):
             self._file(source)
-        for place, path in self.made.items():
+        for place, path in self.extra.items():
             to = self.folder / place
             to.parent.mkdir(parents=True, exist_ok=True)
             shutil.copy(path, to)
@@ -115,12 +116,12 @@ class Stage:
         target = self.folder / self.place_of(source)
         target.parent.mkdir(parents=True, exist_ok=True)
         if path.is_dir():
-            inside = sorted(one for one in path.rglob("*") if one.is_file() and "__pycache__" not in one.parts)
+            inside = sorted(inner for inner in path.rglob("*") if inner.is_file() and "__pycache__" not in inner.parts)
             lines = [f"# `{source}`", ""]
-            for one in inside:
-                relative = one.relative_to(path).as_posix()
+            for inner in inside:
+                relative = inner.relative_to(path).as_posix()
                 lines.append(f"- [{relative}]({relative}.md)")
-                self._shown(one, self.folder / "files" / f"{source}/{relative}.md")
+                self._shown(inner, self.folder / "files" / f"{source}/{relative}.md")
             target.write_text("\n".join([*lines, ""]), encoding="utf-8")
         else:
             self._shown(path, target)
@@ -140,9 +141,174 @@ class Stage:
 
 
 def _title(page: Path) -> str:
-    """The title of a page, up to a colon.
-
-    - `page`: its file.
-    """
+    """The title of a page, up to a colon."""
     first = page.read_text(encoding="utf-8").lstrip().partition("\n")[0].removeprefix("# ")
     return first.partition(":")[0].strip()
+
+
+SHOWN = ("tutorials/", "getting-started.md")
+"""The pages that show what their code prints; on the others it is run only."""
+
+LONGEST = 40
+"""Lines of output that are shown; the rest can be unfolded."""
+
+
+def with_results(text: str, place: str, result: PageResult) -> str:
+    """The page with its results.
+
+    - `text`: of the page, as it is laid out.
+    """
+    lines = text.split("\n")
+    for block, outcome in reversed(list(zip(blocks(text), result.outcomes, strict=True))):
+        below: list[str] = []
+        if place.startswith(SHOWN):
+            for text_shown in _texts(block, outcome["texts"]):
+                below += ["", *_folded(text_shown)]
+            if outcome["skipped"] and "not run" not in block.marks:
+                below += ["", f"*Not run here: {outcome['skipped']}.*"]
+        title = block.text.strip().strip('"') if block.language == "show" else ""
+        for figure in outcome["figures"]:
+            below += ["", f"![{title or 'Figure of the code above'}](made/{figure})"]
+        lines[block.last + 1 : block.last + 1] = below
+    return "\n".join(lines)
+
+
+def _texts(block: Block, texts: list[str]) -> list[str]:
+    """The output of a block, with each command before its own if there are several."""
+    lines = (
+        [command.line for command in commands(block.language, block.text)]
+        if block.language in ("console", "sh")
+        else []
+    )
+    if len(lines) > 1 and len(texts) == len(lines):
+        shown = [
+            f"$ {line.split('  #')[0].rstrip()}\n{text}"
+            for line, text in zip(lines, texts, strict=True)
+            if text.strip()
+        ]
+    else:
+        shown = texts
+    return [text.rstrip() for text in shown if text.strip()]
+
+
+def _folded(text: str) -> list[str]:
+    rows = [row.rstrip() for row in text.split("\n")]
+    if len(rows) <= LONGEST:
+        return [_pre(rows)]
+    head, rest = rows[: LONGEST // 2], rows[LONGEST // 2 :]
+    return [_pre(head), "", f"<details><summary>{len(rest)} more lines</summary>", _pre(rest), "</details>"]
+
+
+def _pre(rows: list[str]) -> str:
+    # An empty line would end the block of HTML for the reader of Markdown.
+    body = "\n".join(html.escape(row) if row else "&#8203;" for row in rows)
+    return f'<div class="output"><pre><code>{body}</code></pre></div>'
+
+
+GALLERY_MARK = "<!-- gallery -->"
+GALLERY_PAGE = "gallery.md"
+
+PROGRAM = """
+import sys
+import jax
+jax.config.update("jax_enable_x64", True)
+import json
+import matplotlib as mpl
+mpl.use("agg")
+mpl.rcParams["svg.hashsalt"] = "gallery"
+import slidax as sx
+from pathlib import Path
+out = Path(sys.argv[1])
+rows = []
+for name in sys.argv[2:]:
+    scenario = sx.scenarios.load(name)
+    run = scenario.simulate()
+    sx.figures.tracking_error(run).savefig(out / f"{name}-error.svg")
+    sx.figures.torque(run).savefig(out / f"{name}-torque.svg")
+    numbers = {"outcome": run.outcome.message if not run.outcome.ok else "ok"}
+    if run.outcome.ok:
+        numbers["steady error, worst joint"] = f"{max(map(float, sx.metrics.steady_error(run))):.2g} rad or m"
+        step = max(map(float, sx.metrics.steady_torque_step(run)))
+        numbers["torque step, steady, worst joint"] = f"{step:.2g} N m or N"
+        margin = sx.metrics.envelope_margin(run)
+        if margin is not None:
+            numbers["least room in the envelope"] = f"{100 * min(map(float, margin)):.0f} % of its width"
+    rows.append({"name": name, "numbers": numbers})
+(out / "gallery.json").write_text(json.dumps(rows), encoding="utf-8")
+"""
+
+
+def with_gallery(stage: Stage, run_code: bool) -> None:
+    """Fill the page of the gallery, where it has its mark."""
+    if GALLERY_PAGE not in stage.pages or not run_code:
+        return
+    folder = _gallery_folder()
+    from slidax.scenarios import catalogue
+
+    titles = catalogue()["scenarios"]
+    rows = json.loads((folder / "gallery.json").read_text(encoding="utf-8"))
+    sections = [_section(row["name"], titles[row["name"]], row["numbers"]) for row in rows]
+    stage.pages[GALLERY_PAGE] = stage.pages[GALLERY_PAGE].replace(GALLERY_MARK, "\n".join(sections))
+    stage.extra |= {f"made/{path.name}": path for path in folder.glob("*.svg")}
+
+
+def _gallery_folder() -> Path:
+    folder = STORE / f"gallery-{sources()[:16]}"
+    if not (folder / "gallery.json").exists():
+        folder.mkdir(parents=True, exist_ok=True)
+        from slidax.scenarios import catalogue
+
+        names = list(catalogue()["scenarios"])
+        subprocess.run([sys.executable, "-c", PROGRAM, folder, *names], check=True)
+    return folder
+
+
+def _section(name: str, title: str, numbers: dict[str, str]) -> str:
+    numbers_listed = "; ".join(f"{key}: {value}" for key, value in numbers.items())
+    return "\n".join(
+        [
+            f"## {html.escape(title)}",
+            "",
+            f"`slidax run {name}`: {numbers_listed}.",
+            "",
+            '<div class="gallery" markdown>',
+            "",
+            f"![Errors of {name} in their envelope](made/{name}-error.svg)",
+            "",
+            f"![Torques of {name}](made/{name}-torque.svg)",
+            "",
+            "</div>",
+            "",
+        ]
+    )
+
+
+PLAYGROUND_MARK = "<!-- playground -->"
+PLAYGROUND_PAGE = "playground.md"
+THERE = """<iframe class="playground" src="playground/index.html" title="The playground" loading="lazy"></iframe>
+
+[The playground on a page of its own](playground/index.html)"""
+MISSING = "This copy of the site was built without the playground."
+
+
+def with_playground(stage: Stage) -> None:
+    """Make the playground if slidax can, and put it on its page."""
+    folder = STORE / f"playground-{sources()[:16]}"
+    if not (folder / "index.html").exists():
+        done = subprocess.run(
+            [sys.executable, "-c", "from slidax.cli import main; main()", "export", "web", "--out", folder],
+            cwd=ROOT,
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        if done.returncode:
+            last = (done.stderr.strip().splitlines() or ["`slidax export web` is missing"])[-1]
+            print(f"no playground on this site: {last.strip('│ ')}")
+    there = (folder / "index.html").exists()
+    if PLAYGROUND_PAGE in stage.pages:
+        stage.pages[PLAYGROUND_PAGE] = stage.pages[PLAYGROUND_PAGE].replace(
+            PLAYGROUND_MARK, THERE if there else MISSING
+        )
+    if there:
+        stage.extra["playground/index.html"] = folder / "index.html"

@@ -8,10 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from scripts.documentation.blocks import MARKS, PageError, blocks
-from scripts.documentation.commands import Files, check, commands
+from scripts.documentation.blocks import MARKS, Files, PageError, blocks, check, check_yaml, commands, dotted
 from scripts.documentation.page_run import PageRun
-from scripts.documentation.parts_of_files import check_yaml, dotted
 from slidax import DefinitionError
 from slidax.cli import app
 from tests.documentation.pages import CODE, DOCS, PAGES, ROOT, TERMINAL, name, of
@@ -53,11 +51,11 @@ def _options(words: list[str]) -> set[str]:
 def test_files_that_commands_read_are_there_or_made_before_on_the_page(page: Path) -> None:
     files = Files(ROOT)
     for block in of(page):
-        files.made |= {line.partition("=")[0].strip() for line in block.marks.get("file", "").splitlines()}
+        files.written |= {line.partition("=")[0].strip() for line in block.marks.get("file", "").splitlines()}
         if named := re.match(r"# (\S+\.ya?ml)\n", block.text):
-            files.made.add(named[1])
+            files.written.add(named[1])
         if block.language in ("python", "before"):
-            files.made |= set(re.findall(r"[\"']([\w.-]+\.(?:csv|yaml|json|html))[\"']", block.text))
+            files.written |= set(re.findall(r"[\"']([\w.-]+\.(?:csv|yaml|json|html))[\"']", block.text))
         if block.language in TERMINAL and "not run" not in block.marks:
             for command in commands(block.language, block.text):
                 if command.is_ours:
@@ -93,7 +91,7 @@ def test_blocks_for_every_day_run(page: Path, tmp_path: Path) -> None:
 
 @pytest.mark.full
 def test_the_code_of_all_pages_runs() -> None:
-    from scripts.documentation.cache import run_all
+    from scripts.documentation.page_run import run_all
 
     found, failed = run_all(jobs=2, only=None)
     assert not failed, "\n\n".join(failed)

@@ -7,9 +7,8 @@ from pathlib import Path
 import pytest
 
 from scripts.documentation.blocks import PageError
-from scripts.documentation.cache import Found
-from scripts.documentation.page_run import PageRun
-from scripts.documentation.results import LONGEST, with_results
+from scripts.documentation.page_run import PageResult, PageRun
+from scripts.documentation.stage import LONGEST, with_results
 
 PAGE = """# A page
 
@@ -83,11 +82,11 @@ def test_figures_are_files_beside_the_page(tmp_path: Path) -> None:
 def test_results_stand_below_their_blocks_as_text() -> None:
     text = "# T\n\n```python\nprint('<b>')\n```\n\nEnd\n"
     outcome = {"index": 0, "texts": ["<b> & 1\n\n2\n"], "figures": ["t-0.svg"], "skipped": "", "seconds": 0.0}
-    shown = with_results(text, "tutorials/t.md", Found([outcome], []))
+    shown = with_results(text, "tutorials/t.md", PageResult([outcome], []))
     assert "&lt;b&gt; &amp; 1\n&#8203;\n2" in shown
     assert shown.index("print(") < shown.index("&lt;b&gt;") < shown.index("](made/t-0.svg)") < shown.index("End")
-    assert "&lt;b&gt;" not in with_results(text, "robots.md", Found([outcome], []))
+    assert "&lt;b&gt;" not in with_results(text, "robots.md", PageResult([outcome], []))
     long = {**outcome, "texts": ["\n".join(str(k) for k in range(LONGEST + 10))]}
     assert f"<summary>{LONGEST // 2 + 10} more lines</summary>" in with_results(
-        text, "tutorials/t.md", Found([long], [])
+        text, "tutorials/t.md", PageResult([long], [])
     )

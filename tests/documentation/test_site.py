@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from scripts.documentation import api, links
+from scripts.documentation.site import api_pages, check_links, parameters_page
 from scripts.documentation.stage import Stage
 from tests.architecture.test_architecture import ROOMS, public
 from tests.documentation.pages import ROOT
@@ -17,7 +17,7 @@ from tests.documentation.pages import ROOT
 
 @pytest.fixture(scope="module")
 def reference() -> tuple[dict[str, str], dict[str, str]]:
-    return api.pages()
+    return api_pages()
 
 
 @pytest.mark.parametrize("room", [room for room in ROOMS if room != "cli"])
@@ -55,7 +55,7 @@ def test_facts_are_those_of_the_declarations(reference: tuple[dict[str, str], di
 def test_the_page_of_parameters_has_every_part_that_a_file_can_name() -> None:
     from slidax.scenarios import catalogue
 
-    text = api.parameters_page()
+    text = parameters_page()
     for kind, members in catalogue().items():
         for name in members if kind != "scenarios" else ():
             assert f"\n\n### `{name}` {{ #{kind}.{name} }}\n\n" in text
@@ -91,7 +91,7 @@ def test_links_lead_to_where_things_are_on_the_site_and_code_is_left_alone() -> 
 def site(folder: Path, **pages: str) -> Any:
     for name, text in pages.items():
         (folder / f"{name}.html").write_text(text, encoding="utf-8")
-    return links.checked(folder)
+    return check_links(folder)
 
 
 def test_links_that_lead_nowhere_are_found(tmp_path: Path) -> None:
@@ -122,7 +122,7 @@ def test_what_is_fetched_from_another_host_is_found(tmp_path: Path) -> None:
 @pytest.mark.full
 @pytest.mark.skipif(not (ROOT / "site" / "index.html").exists(), reason="`make docs` has not been run")
 def test_the_site_that_was_built_has_no_wrong_link() -> None:
-    found = links.checked(ROOT / "site")
+    found = check_links(ROOT / "site")
     assert found.pages > 80
     assert not found.broken
     assert not found.foreign

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from scripts.sampled_data_figures.sudden_changes import (
+from scripts.figures.loop_rate import (
     DELAYS,
     RATES,
     SCENARIOS,

@@ -1,4 +1,4 @@
-"""The small version of `scripts/measure-soundness`: no certified bound is exceeded, no uncertifiable case accepted."""
+"""The small version of `scripts/measure soundness`: no certified bound is exceeded, no uncertifiable case accepted."""
 
 from __future__ import annotations
 

@@ -28,7 +28,7 @@ class Shown:
     - `scenario`: built in.
     - `arm`, `title`: its label and its title.
     - `changes`: changes that do not alter the run, but make friction or rotor inertia tunable.
-    - `gains`: of the rivals, the best of the grids of `scripts/robot_figures/tuned.py` on this very run.
+    - `gains`: of the rivals, the best of the grids of `scripts/figures/panda.py` on this very run.
     - `choices`: values that need programs of their own.
     """
 

@@ -1,30 +1,24 @@
-#!/usr/bin/env python3
-"""Designs for many arms, and beside files that were tuned by hand: the tables of docs/design.md.
-
-    scripts/measure-designs examples [--out RESULTS]
-    scripts/measure-designs hand [--out RESULTS]
-    scripts/measure-designs arms [--rates 1000,500] [--velocity no,yes] [--arms ...] [--cases 1000] [--out RESULTS]
-    scripts/measure-designs bound [--arms ...] [--out RESULTS]
-    scripts/measure-designs refusal [--minutes 10]
-    scripts/measure-designs write RESULTS...
+"""Designs for many arms, and in comparison with files tuned by hand: the tables of docs/design.md.
 
 `examples` designs laws for the files of examples/design, those of two-link.yaml also at 500 Hz and with a velocity
 sensor.
 
-`hand` designs laws for built-in scenarios: their arms, motions, sensors and drives, with masses and starts that are
-known to 10 % and .02 rad, and the deadline and torque step of the file's own law as requirements. Both laws then run in the
-scenario as it is, and in cases of that set. Where the design's step is larger in the scenario as it is, a smaller one is
+`hand` designs laws for built-in scenarios: their arms, motions, sensors and drives, with masses known to 10 % and
+starts to 0.02 rad, and the deadline and torque step of the file's own law as requirements. Both laws then run in the
+scenario itself, and in cases of that set. Where the design's step is larger in the scenario itself, a smaller one is
 required.
 
-`arms` designs laws for the arms of both examples, the built-in arms, and five of the package example-robot-data, none of
-which has rotors in its file. What `slidax new` writes for an arm is taken but for the law; unknown are rotors of .002
-to .005 kg m² for each N m, masses to 10 %, Coulomb friction of .5 to 1.5 % of the rating, and starts of .05 rad. A
-design is then tried in cases that were drawn anew, and in as many of a search for the worst one.
+`arms` designs laws for the arms of both examples, the built-in arms, and five of the package example-robot-data, none
+of which has rotors in its file. The scenarios are those of `slidax new` except for the law. Unknown are rotors of
+0.002 to 0.005 kg m² for each N m, masses to 10 %, Coulomb friction of 0.5 to 1.5 % of the rating, and starts of 0.05
+rad. Each design is then tried in new random cases, and in as many of a search for the worst one.
 
-`bound` asks for laws with a bound of the built-in arms and those of example-robot-data, with the payload and the friction
-of examples/design/panda-light.yaml and rotors that are known.
+`bound` requires a bound for the built-in arms and those of example-robot-data, with the payload and the friction of
+examples/design/panda-light.yaml and known rotors.
 
-`refusal` looks for as many minutes for gains that do what the page says cannot be had.
+`refusal` searches for gains that meet the requirement that the page calls impossible.
+
+`write` writes the tables from the files of `--out`.
 """
 
 from __future__ import annotations
@@ -32,16 +26,11 @@ from __future__ import annotations
 import argparse
 import importlib
 import json
-import re
 import tempfile
 import time
 import warnings
 from pathlib import Path
 from typing import Any
-
-import jax
-
-jax.config.update("jax_enable_x64", True)
 
 import numpy as np
 import yaml
@@ -61,8 +50,9 @@ from slidax.studies.predicate import ENVELOPE
 from slidax.studies.runner import Runner
 from slidax.studies.task import Task
 
-ROOT = Path(__file__).parents[1]
-PAGE, DESIGNS = ROOT / "docs" / "design.md", ROOT / "examples" / "design"
+from .shared import ROOT, write_table
+
+DESIGNS = ROOT / "examples" / "design"
 HAND = ("panda-payload", "ur5e-payload", "example-4.1-1khz")
 EXAMPLES = ("example-4.1-1khz", "example-4.2-1khz")
 READY = ("panda", "ur5e", "iiwa14", "gen3", "xarm7")
@@ -89,8 +79,9 @@ NOISE = 1e-3
 """Of a velocity sensor [rad/s]."""
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+def measure_designs() -> None:
+    """Measure one kind of designs, or write the tables."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("what", choices=("examples", "hand", "arms", "bound", "refusal", "write"))
     parser.add_argument("results", nargs="*", type=Path)
     parser.add_argument("--rates", default="1000,500")
@@ -99,22 +90,23 @@ def main() -> None:
     parser.add_argument("--cases", type=int, default=1000)
     parser.add_argument("--minutes", type=float, default=10.0)
     parser.add_argument("--out", type=Path)
-    given = parser.parse_args()
-    if given.what == "write":
-        write([json.loads(line) for path in given.results for line in path.read_text().splitlines()])
+    options = parser.parse_args()
+    if options.what == "write":
+        write([json.loads(line) for path in options.results for line in path.read_text().splitlines()])
         return
-    kinds = {"examples": of_examples, "hand": by_hand, "arms": lambda: of_arms(given)}
-    kinds["bound"] = lambda: with_bounds(given)
-    kinds["refusal"] = lambda: of_a_refusal(given.minutes)
-    rows = kinds[given.what]()
+    kinds = {"examples": of_examples, "hand": by_hand, "arms": lambda: of_arms(options)}
+    kinds["bound"] = lambda: with_bounds(options)
+    kinds["refusal"] = lambda: of_a_refusal(options.minutes)
+    rows = kinds[options.what]()
     for row in rows:
         print(json.dumps(row), flush=True)
-        if given.out:
-            with given.out.open("a") as file:
+        if options.out:
+            with options.out.open("a") as file:
                 file.write(json.dumps(row) + "\n")
 
 
 def of_examples() -> Any:
+    """Rows of the example designs."""
     noisy = {"resolution": 1e-5, "velocity_noise": NOISE, "velocity": "measured"}
     for name, rate, sensor in (
         ("two-link", 1000.0, None),
@@ -126,28 +118,29 @@ def of_examples() -> Any:
         file = DESIGNS / f"{name}.yaml"
         data = yaml.safe_load(file.read_text(encoding="utf-8"))
         if sensor is None and data["simulation"]["period"] == 1.0 / rate:
-            found, seconds = timed(file)
+            result, seconds = timed(file)
         else:
             data["simulation"]["period"] = 1.0 / rate
-            found, seconds = designed({**data, "sensor": sensor or data["sensor"]})
+            result, seconds = designed({**data, "sensor": sensor or data["sensor"]})
         row = {"kind": "example", "name": name, "rate": rate, "velocity": "no" if sensor is None else "yes"}
-        yield {**row, "seconds": seconds, **told(found)}
+        yield {**row, "seconds": seconds, **told(result)}
 
 
-def told(found: Any) -> dict[str, Any]:
-    """What a design is, or why there is none."""
-    if isinstance(found, Refused):
-        return {"refused": found.reason}
+def told(result: Any) -> dict[str, Any]:
+    """A design's numbers, or the reason of its refusal."""
+    if isinstance(result, Refused):
+        return {"refused": result.reason}
     return {
-        "proof": found.proof,
-        "horizon": found.choice.horizon,
-        "final": float(np.max(found.choice.final)),
-        "error": found.worst.error,
-        "step": found.worst.step,
+        "proof": result.proof,
+        "horizon": result.choice.horizon,
+        "final": float(np.max(result.choice.final)),
+        "error": result.worst.error,
+        "step": result.worst.step,
     }
 
 
 def by_hand() -> Any:
+    """Rows of designs in comparison with hand-tuned laws."""
     for name in HAND:
         own = sx.scenarios.load(name)
         described = own.description.model_dump(exclude_unset=True)
@@ -161,15 +154,17 @@ def by_hand() -> Any:
         required = before["set_step"]
         while True:
             requirements = {"deadline": deadline, "accuracy": "best", "torque_step": required}
-            found, seconds = designed({**blocks, "simulation": time_of, "uncertainty": uncertain, "requirements": requirements})
+            result, seconds = designed(
+                {**blocks, "simulation": time_of, "uncertainty": uncertain, "requirements": requirements}
+            )
             row = {"kind": "hand", "name": name, "seconds": seconds, "required": required, "before": before}
-            if isinstance(found, Refused):
-                yield {**row, "refused": found.reason}
+            if isinstance(result, Refused):
+                yield {**row, "refused": result.reason}
                 break
-            law = found.description.model_dump(exclude_unset=True)["scheme"]
+            law = result.description.model_dump(exclude_unset=True)["scheme"]
             after = numbers({**described, "scheme": law, "uncertainty": uncertain})
             if after["step"] <= before["step"]:
-                yield {**row, "after": after, "proof": found.proof}
+                yield {**row, "after": after, "proof": result.proof}
                 break
             # Calmer in the worst case is not always calmer in the scenario as it is.
             required *= CALMER * before["step"] / after["step"]
@@ -181,7 +176,7 @@ def deadline_of(scenario: sx.Scenario) -> float:
 
 
 def numbers(data: dict[str, Any]) -> dict[str, float]:
-    """What a scenario's law is judged by: in its own run, and the worst of cases of its set."""
+    """Errors and torque steps of a scenario's law: in its own run, and the largest of cases of its set."""
     # Rounding makes the largest error of one run random: the median of runs that begin within a step of the encoder.
     step = float(np.max(data["sensor"].get("resolution", ROUNDING)))
     own = cases_of({**data, "uncertainty": {"start.q": {"around": step, "each": "joint"}}}, OWN)
@@ -196,7 +191,7 @@ def numbers(data: dict[str, Any]) -> dict[str, float]:
 
 
 def cases_of(data: dict[str, Any], count: int) -> Any:
-    """What is measured of so many cases of a scenario's set."""
+    """Measured rows of random cases of a scenario's set."""
     scenario = validated(data).build("scenario")
     family, simulation = family_of(scenario), scenario.description.simulation
     drawn = points(5, 0, count, family.space.dimensions)
@@ -220,31 +215,31 @@ def timed(file: Path) -> tuple[Any, float]:
     begun = time.process_time()
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", sx.DefinitionWarning)
-        found = design(read_problem(file))
-    return found, time.process_time() - begun
+        result = design(read_problem(file))
+    return result, time.process_time() - begun
 
 
 def of_a_refusal(minutes: float) -> Any:
-    """Whether a longer search finds gains for what was refused: the same search, begun anew from wider and wider about."""
+    """Search longer for gains for a refused requirement, from wider and wider initial sets."""
     data = yaml.safe_load((DESIGNS / "two-link.yaml").read_text(encoding="utf-8"))
     data["requirements"] = {"deadline": 0.25, "accuracy": 1e-3}
-    found, seconds = designed(data)
-    yield {"kind": "refusal", "name": "two-link", "seconds": seconds, **told(found)}
-    made = importlib.import_module("slidax.design.design")
+    result, seconds = designed(data)
+    yield {"kind": "refusal", "name": "two-link", "seconds": seconds, **told(result)}
+    searching = importlib.import_module("slidax.design.design")
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "requirements.yaml"
         path.write_text(yaml.safe_dump(plain(data)), encoding="utf-8")
         problem = read_problem(path)
-    frame, first = made._begin(problem)
-    aim = made._aim(problem, frame)
-    trials, start = made._best(problem, frame, first)
+    frame, first = searching._begin(problem)
+    aim = searching._aim(problem, frame)
+    trials, start = searching._best(problem, frame, first)
     cases, many = trials.cases(POLISH), trials.cases(MOST)
     until, seed, tried = time.monotonic() + 60.0 * minutes, 0, 0
     while time.monotonic() < until and not start.holds:
         seed += 1
         laws = polished(trials, start.choice, cases, aim.cost, free=False, size=0.1 + 0.1 * (seed % 3), seed=seed)
         tried += len(laws)
-        top = trials.judged([one.choice for one in sorted(laws, key=aim.cost)[:TOP]], many)
+        top = trials.judged([trial.choice for trial in sorted(laws, key=aim.cost)[:TOP]], many)
         start = aim.best([start, *top])
     yield {
         "kind": "refusal",
@@ -259,68 +254,72 @@ def of_a_refusal(minutes: float) -> Any:
 def plain(value: Any) -> Any:
     """The same in lists and Python's own numbers."""
     if isinstance(value, dict):
-        return {str(key): plain(one) for key, one in value.items()}
+        return {str(key): plain(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
-        return [plain(one) for one in value]
+        return [plain(item) for item in value]
     return value.item() if isinstance(value, np.generic) else value
 
 
-def of_arms(given: argparse.Namespace) -> Any:
-    for name in asked(given, (*EXAMPLES, *READY, *PUBLIC)):
-        for rate in map(float, given.rates.split(",")):
-            for velocity in given.velocity.split(","):
+def of_arms(options: argparse.Namespace) -> Any:
+    """Rows of designs for arms."""
+    for name in chosen_arms(options, (*EXAMPLES, *READY, *PUBLIC)):
+        for rate in map(float, options.rates.split(",")):
+            for velocity in options.velocity.split(","):
                 row = {"kind": "arm", "name": name, "rate": rate, "velocity": velocity}
                 try:
-                    found, seconds = designed(required(name, rate, velocity == "yes"))
+                    result, seconds = designed(required(name, rate, velocity == "yes"))
                 except sx.DefinitionError as error:
                     yield {**row, "invalid": str(error)}
                     continue
-                row |= {"seconds": seconds, **told(found)}
-                if isinstance(found, Refused):
+                row |= {"seconds": seconds, **told(result)}
+                if isinstance(result, Refused):
                     yield row
                     continue
-                yield {**row, **in_new_cases(found, given.cases)}
+                yield {**row, **in_new_cases(result, options.cases)}
 
 
-def with_bounds(given: argparse.Namespace) -> Any:
+def with_bounds(options: argparse.Namespace) -> Any:
+    """Rows of designs with a bound."""
     light = yaml.safe_load((DESIGNS / "panda-light.yaml").read_text(encoding="utf-8"))
     friction_and_load = light["robot"]["plant"]
-    for name in asked(given, (*READY, *PUBLIC)):
+    for name in chosen_arms(options, (*READY, *PUBLIC)):
         data = drafted(name, 1000.0)
         rotors = data["robot"].get("plant", {}).get("armature", 0.0)
         data["robot"] |= {"plant": {**friction_and_load, "armature": rotors}, "nominal": {"armature": rotors}}
         blocks = {key: data[key] for key in KEPT if key in data}
         blocks |= {key: light[key] for key in ("simulation", "uncertainty", "requirements")}
-        found, row = bound_row(blocks, {"name": name}, given.cases)
+        result, row = bound_row(blocks, {"name": name}, options.cases)
         yield row
-        if isinstance(found, Refused):
+        if isinstance(result, Refused):
             blocks["robot"]["nominal"]["load"] = friction_and_load["load"]
-            yield bound_row(blocks, {"name": f"{name}, whose law is told of the load"}, given.cases)[1]
+            yield bound_row(blocks, {"name": f"{name}, whose law is told of the load"}, options.cases)[1]
 
 
-def bound_row(asked: dict[str, Any], row: dict[str, Any], cases: int) -> tuple[Any, dict[str, Any]]:
-    found, seconds = designed(asked)
-    row = {"kind": "bound", **row, "seconds": seconds, **told(found)}
-    return found, row if isinstance(found, Refused) else {**row, **in_new_cases(found, cases)}
+def bound_row(requirements: dict[str, Any], row: dict[str, Any], cases: int) -> tuple[Any, dict[str, Any]]:
+    """A design with a bound, and its row."""
+    result, seconds = designed(requirements)
+    row = {"kind": "bound", **row, "seconds": seconds, **told(result)}
+    return result, row if isinstance(result, Refused) else {**row, **in_new_cases(result, cases)}
 
 
-def asked(given: argparse.Namespace, all_of_them: tuple[str, ...]) -> tuple[str, ...]:
-    return all_of_them if given.arms is None else tuple(given.arms.split(","))
+def chosen_arms(options: argparse.Namespace, all_of_them: tuple[str, ...]) -> tuple[str, ...]:
+    """The arms of `--arms`, by default all."""
+    return all_of_them if options.arms is None else tuple(options.arms.split(","))
 
 
-def in_new_cases(found: Any, cases: int) -> dict[str, Any]:
+def in_new_cases(result: Any, cases: int) -> dict[str, Any]:
     """A design in cases that were drawn anew, and in as many of a search for the worst."""
-    seen = statistical(found.description.build("design"), cases, seed=3).bound
+    judged = statistical(result.description.build("design"), cases, seed=3).bound
     return {
         "cases": cases,
-        "failures": int(seen["failures"]),
-        "searched": int(seen["searched"]),
-        "worst": float(seen["worst_margin"]),
+        "failures": int(judged["failures"]),
+        "searched": int(judged["searched"]),
+        "worst": float(judged["worst_margin"]),
     }
 
 
 def drafted(name: str, rate: float) -> dict[str, Any]:
-    """What `slidax new` writes for an arm."""
+    """The scenario that `slidax new` writes for an arm."""
     data: dict[str, Any] = yaml.safe_load(
         draft(public(PUBLIC[name]) if name in PUBLIC else name, rate, folder=Path("/")).text
     )
@@ -345,7 +344,13 @@ def required(name: str, rate: float, velocity: bool) -> dict[str, Any]:
         if name == "example-4.2-1khz":
             # The third joint slides: a length is no angle.
             uncertain["start.q"] = {"around": 0.005, "each": "joint"}
-        return {**blocks, "sensor": sensor, "simulation": time_of, "uncertainty": uncertain, "requirements": requirements}
+        return {
+            **blocks,
+            "sensor": sensor,
+            "simulation": time_of,
+            "uncertainty": uncertain,
+            "requirements": requirements,
+        }
     data = drafted(name, rate)
     rated = np.abs(np.asarray(data["actuator"]["torque"], float))
     data["robot"]["plant"] = {"armature": (0.0035 * rated).tolist(), "coulomb": (0.01 * rated).tolist()}
@@ -370,15 +375,14 @@ def public(file: str) -> Path:
     import site
 
     for place in site.getsitepackages():
-        found = Path(place) / "cmeel.prefix" / "share" / "example-robot-data" / "robots" / file
-        if found.is_file():
-            return found
+        path = Path(place) / "cmeel.prefix" / "share" / "example-robot-data" / "robots" / file
+        if path.is_file():
+            return path
     raise SystemExit(f"{file} is not here: pip install example-robot-data")
 
 
 def write(rows: list[dict[str, Any]]) -> None:
-    """Puts the tables into the page."""
-    page = PAGE.read_text(encoding="utf-8")
+    """Put the tables into the page."""
     for kind, table in (
         ("example", example_table),
         ("hand", hand_table),
@@ -387,14 +391,15 @@ def write(rows: list[dict[str, Any]]) -> None:
     ):
         own = [row for row in rows if row["kind"] == kind]
         if own:
-            mark = re.compile(rf"(<!-- table designs-{kind} -->\n).*?(<!-- end -->)", re.DOTALL)
-            text = "\n".join(table(own))
-            page = mark.sub(lambda found, text=text: f"{found[1]}\n{text}\n\n{found[2]}", page)
-    PAGE.write_text(page, encoding="utf-8")
+            write_table("design.md", f"designs-{kind}", "\n".join(table(own)))
 
 
 def example_table(rows: list[dict[str, Any]]) -> list[str]:
-    head = "| requirements | rate [Hz] | velocity sensor | proof | H [ms] | final radius [rad] | error [rad] | step [N m] | time |"
+    """The table of examples."""
+    head = (
+        "| requirements | rate [Hz] | velocity sensor | proof | H [ms] | final radius [rad] | error [rad] | step [N m] "
+        "| time |"
+    )
     lines = [head, "|---|---:|---|---|---:|---:|---:|---:|---:|"]
     for row in rows:
         begin = f"| `{row['name']}.yaml` | {row['rate']:g} | {row['velocity']} |"
@@ -418,30 +423,38 @@ def hand_table(rows: list[dict[str, Any]]) -> list[str]:
         if "after" not in row:
             lines.append(f"| `{row['name']}` | refused: {row['refused']} | | | | | | {row['seconds']:.0f} s |")
             continue
-        for law, one, took in (("by hand", row["before"], ""), ("designed", row["after"], f"{row['seconds']:.0f} s")):
+        for law, values, took in (
+            ("by hand", row["before"], ""),
+            ("designed", row["after"], f"{row['seconds']:.0f} s"),
+        ):
             lines.append(
-                f"| `{row['name']}` | {law} | {one['error']:.2e} | {one['step']:.3g} | {one['set_error']:.2e} "
-                f"| {one['set_step']:.3g} | {one['outside']} | {took} |"
+                f"| `{row['name']}` | {law} | {values['error']:.2e} | {values['step']:.3g} | {values['set_error']:.2e} "
+                f"| {values['set_step']:.3g} | {values['outside']} | {took} |"
             )
     return lines
 
 
 def arm_table(rows: list[dict[str, Any]]) -> list[str]:
-    head = "| arm | rate [Hz] | velocity sensor | H [ms] | final radius | error | left, of cases | worst margin | time |"
+    """The table of arms."""
+    head = (
+        "| arm | rate [Hz] | velocity sensor | H [ms] | final radius | error | left, of cases | worst margin | time |"
+    )
     lines = [head, "|---|---:|---|---:|---:|---:|---:|---:|---:|"]
     for row in rows:
         begin = f"| {row['name']} | {row['rate']:g} | {row['velocity']} |"
         if "proof" not in row:
-            said = row.get("refused") or row.get("invalid")
-            lines.append(f"{begin} {said} | | | | | {row.get('seconds', 0):.0f} s |")
+            reason = row.get("refused") or row.get("invalid")
+            lines.append(f"{begin} {reason} | | | | | {row.get('seconds', 0):.0f} s |")
             continue
         lines.append(
-            f"{begin} {1e3 * row['horizon']:.3g} | {row['final']:.2e} | {row['error']:.1e} | {row['failures']} of {row['cases']} | {row['worst']:.3f} | {row['seconds']:.0f} s |"
+            f"{begin} {1e3 * row['horizon']:.3g} | {row['final']:.2e} | {row['error']:.1e} "
+            f"| {row['failures']} of {row['cases']} | {row['worst']:.3f} | {row['seconds']:.0f} s |"
         )
     return lines
 
 
 def bound_table(rows: list[dict[str, Any]]) -> list[str]:
+    """The table of designs with a bound."""
     head = "| arm | proof | H [ms] | largest final radius | error | step [N m] | left, of cases | worst margin | time |"
     lines = [head, "|---|---|---:|---:|---:|---:|---:|---:|---:|"]
     for row in rows:
@@ -453,9 +466,5 @@ def bound_table(rows: list[dict[str, Any]]) -> list[str]:
             f"| {row['step']:.2g} | {row['failures']} of {row['cases']} | {row['worst']:.3f} | {row['seconds']:.0f} s |"
         )
     reasons = {row["name"]: row["refused"] for row in rows if "proof" not in row}
-    said = [f"- {name}: {one.split('gives none: ')[-1].split(' (docs/')[0]}" for name, one in reasons.items()]
-    return [*lines, "", "What the refusals name:", "", *said]
-
-
-if __name__ == "__main__":
-    main()
+    listed = [f"- {name}: {reason.split('gives none: ')[-1].split(' (docs/')[0]}" for name, reason in reasons.items()]
+    return [*lines, "", "Reasons of the refusals:", "", *listed]

@@ -1,1 +1,0 @@
-"""The figures and tables of docs/learning.md."""

@@ -1,1 +1,0 @@
-"""The figures and measured tables of docs/sampled-data.md and docs/loop-rate.md."""
