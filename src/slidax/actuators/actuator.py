@@ -1,4 +1,4 @@
-"""A drive: from the torque that is commanded to the torque on the joint."""
+"""A drive: from the commanded torque to the torque on the joint."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Delivery(eqx.Module):
 class Actuator(AbstractPart):
     """A command is limited, held until the next, delayed by `dead_time` periods, and then `T τ̇ + τ = command`.
 
-    The dead time need not be whole: the command that applies then changes within the period. Between changes the lag is
+    With a fractional dead time, the command that applies changes within the period. Between changes the lag is
     integrated exactly, by an exponential.
     """
 
@@ -44,11 +44,11 @@ class Actuator(AbstractPart):
 
     @property
     def change(self) -> float:
-        """When within a period the next command applies, as a share of it, in [0, 1)."""
+        """Time within a period at which the next command applies, as a share of the period, in [0, 1)."""
         return self.dead_time - math.floor(self.dead_time)
 
     def init(self, tau: Vector) -> Delivery:
-        """The memory of a drive that has held a torque for long; as much of it as the limits allow.
+        """The memory of a drive that has long applied a torque, clipped to the limits.
 
         - `tau`: that torque [n], N m or N.
         """
@@ -56,7 +56,7 @@ class Actuator(AbstractPart):
         return Delivery(commands=jnp.broadcast_to(tau, (math.ceil(self.dead_time) + 1, *tau.shape)), lagged=tau)
 
     def set(self, tau: Vector, period: Scalar, memory: Delivery) -> tuple[Vector, Delivery]:
-        """Takes a command at a sample. Returns the one that is set, [n], N m or N, and the memory after it.
+        """Set a command at a sample. Returns the limited command, [n], N m or N, and the memory after it.
 
         - `tau`: commanded torque [n], N m or N.
         - `period`: time since the last sample, and to the next [s], > 0.

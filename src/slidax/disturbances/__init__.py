@@ -1,4 +1,4 @@
-"""Disturbances: forces from outside that no law knows, which add up and scale."""
+"""Disturbances: external forces that the controller does not know."""
 
 from .constant import Constant as Constant
 from .disturbance import AbstractDisturbance as AbstractDisturbance

@@ -1,4 +1,4 @@
-"""A force that does not change."""
+"""A constant force."""
 
 from __future__ import annotations
 
@@ -19,17 +19,9 @@ class Constant(AbstractDisturbance):
     value: Vector = parameter("c, the force", "N m or N")
 
     def __call__(self, t: Scalar, state: State) -> Vector:
-        """`c`, [n], N m or N.
-
-        - `t`: time [s].
-        - `state`: positions and velocities.
-        """
+        """`c`, [n], N m or N."""
         return self.value
 
     def off_chord(self, upper: Any, samples: Samples) -> Floats:
-        """Zero: it is straight.
-
-        - `upper`: has the largest value of each number.
-        - `samples`: a period apart.
-        """
+        """Zero for a constant force."""
         return np.zeros(samples.q.shape)

@@ -19,8 +19,8 @@ class Samples:
     """States at samples a period apart; over each period a joint's velocity goes from one value to the next.
 
     - `period`: h [s].
-    - `t`: when each period begins [N], s.
-    - `q`, `dq`: positions and velocities at its beginning [N n].
+    - `t`: beginning of each period [N], s.
+    - `q`, `dq`: positions and velocities at that time [N n].
     """
 
     period: float
@@ -74,10 +74,10 @@ class AbstractDisturbance(AbstractPart):
     def off_chord(self, upper: Any, samples: Samples) -> Floats:
         """Bound of the force's distance from the straight line between its values at two samples [N n], N m or N.
 
-        It holds for every disturbance of this class whose numbers lie between this one's and those of `upper`. A class
-        that declares no bound has an infinite one, and no certificate covers it.
+        The bound holds for every disturbance of this class with parameters between those of `self` and `upper`. A class
+        without its own bound has an infinite one, and no certificate covers it.
 
-        - `upper`: has the largest value of each number, as this one has the least.
+        - `upper`: has the largest value of each parameter, as `self` has the smallest.
         - `samples`: a period apart.
         """
         return np.full(samples.q.shape, np.inf)
@@ -105,11 +105,7 @@ class Sum(AbstractDisturbance):
             raise DefinitionError(f"`Sum.terms` must be at most {MOST_TERMS}; got {len(self.terms)}")
 
     def __call__(self, t: Scalar, state: State) -> Vector:
-        """The sum of all terms, [n], N m or N; zero if there is none.
-
-        - `t`: time [s].
-        - `state`: positions and velocities.
-        """
+        """The sum of all terms, [n], N m or N; zero if there is none."""
         return sum((term(t, state) for term in self.terms), start=0.0 * state.q)
 
     def breakpoints(self) -> tuple[float, ...]:
@@ -117,11 +113,7 @@ class Sum(AbstractDisturbance):
         return tuple(time for term in self.terms for time in term.breakpoints())
 
     def off_chord(self, upper: Any, samples: Samples) -> Floats:
-        """The sum of the terms' bounds.
-
-        - `upper`: has the largest value of each number.
-        - `samples`: a period apart.
-        """
+        """The sum of the terms' bounds."""
         pairs = zip(self.terms, upper.terms, strict=True)
         return sum((low.off_chord(high, samples) for low, high in pairs), start=np.zeros(samples.q.shape))
 
@@ -133,11 +125,7 @@ class Scaled(AbstractDisturbance):
     factor: Scalar = parameter("what it is multiplied by")
 
     def __call__(self, t: Scalar, state: State) -> Vector:
-        """The scaled force, [n], N m or N.
-
-        - `t`: time [s].
-        - `state`: positions and velocities.
-        """
+        """The scaled force, [n], N m or N."""
         return self.factor * self.disturbance(t, state)
 
     def breakpoints(self) -> tuple[float, ...]:
@@ -145,11 +133,7 @@ class Scaled(AbstractDisturbance):
         return self.disturbance.breakpoints()
 
     def off_chord(self, upper: Any, samples: Samples) -> Floats:
-        """The factor's largest size times the bound of what is scaled.
-
-        - `upper`: has the largest value of each number.
-        - `samples`: a period apart.
-        """
+        """The factor's largest size times the bound of the scaled disturbance."""
         factor = largest(self.factor, upper.factor)
         if not factor.any():
             return np.zeros(samples.q.shape)

@@ -25,20 +25,12 @@ class ElasticStop(AbstractDisturbance):
     damping: PerJoint = parameter("c, damping over stiffness", "s/rad or s/m", ">= 0", default=0.0)
 
     def __call__(self, t: Scalar, state: State) -> Vector:
-        """The force, [n], N m or N.
-
-        - `t`: time [s].
-        - `state`: positions and velocities.
-        """
+        """The force, [n], N m or N."""
         deep = jnp.maximum(0.0, state.q - self.position)
         return -self.stiffness * deep * jnp.maximum(0.0, 1.0 + self.damping * state.dq)
 
     def off_chord(self, upper: Any, samples: Samples) -> Floats:
-        """By how much it can change in a period in which the joint may touch the surface; else zero.
-
-        - `upper`: has the largest value of each number.
-        - `samples`: a period apart.
-        """
+        """Largest change of the force in a period in which the joint may touch the surface; else zero."""
         deepest = np.maximum(0.0, samples.q + samples.way - np.asarray(self.position))
         fastest = np.abs(samples.dq) + samples.turn
         damping, stiffness = largest(self.damping, upper.damping), largest(self.stiffness, upper.stiffness)

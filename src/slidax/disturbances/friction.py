@@ -29,20 +29,13 @@ class Friction(AbstractDisturbance):
     )
 
     def __call__(self, t: Scalar, state: State) -> Vector:
-        """The friction force, [n], N m or N.
-
-        - `t`: time [s].
-        - `state`: positions and velocities.
-        """
+        """The friction force, [n], N m or N."""
         return -(self.coulomb * jnp.tanh(state.dq / self.smoothing) + self.viscous * state.dq)
 
     def off_chord(self, upper: Any, samples: Samples) -> Floats:
-        """`f_c min(.77 x²/8, x, 2)`, `x = |Δq̇|/v_s`: by the curvature of tanh, its slope, or from side to side.
+        """`f_c min(.77 x²/8, x, 2)`, `x = |Δq̇|/v_s`: by the curvature, slope or range of tanh.
 
         `max |tanh''| = 4/(3 √3)`. Viscous friction is as straight as the velocity.
-
-        - `upper`: has the largest value of each number.
-        - `samples`: a period apart.
         """
         x = samples.turn / np.asarray(self.smoothing)
         return largest(self.coulomb, upper.coulomb) * np.minimum(np.minimum(BEND * x * x / 8.0, x), 2.0)

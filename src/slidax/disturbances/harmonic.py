@@ -22,19 +22,11 @@ class Harmonic(AbstractDisturbance):
     phase: PerJoint = parameter("φ, phase at t = 0", "rad", default=0.0)
 
     def __call__(self, t: Scalar, state: State) -> Vector:
-        """`a sin(ω t + φ)`, [n], N m or N.
-
-        - `t`: time [s].
-        - `state`: positions and velocities.
-        """
+        """`a sin(ω t + φ)`, [n], N m or N."""
         return self.amplitude * jnp.sin(self.frequency * t + self.phase)
 
     def off_chord(self, upper: Any, samples: Samples) -> Floats:
-        """`|a| min(ω² h²/8, 2)`: `h²/8` times its largest second derivative, and never more than from peak to peak.
-
-        - `upper`: has the largest value of each number.
-        - `samples`: a period apart.
-        """
+        """`|a| min(ω² h²/8, 2)`: `h²/8` times its largest second derivative, and never more than from peak to peak."""
         angle = largest(self.frequency, upper.frequency) * samples.period
         bound: Floats = largest(self.amplitude, upper.amplitude) * np.minimum(angle**2 / 8.0, 2.0)
         return np.broadcast_to(bound, samples.q.shape)

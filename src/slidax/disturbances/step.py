@@ -1,4 +1,4 @@
-"""A force that sets in at a time, such as a payload's weight or a push."""
+"""A force with a beginning and an end, such as a payload's weight."""
 
 from __future__ import annotations
 
@@ -22,22 +22,14 @@ class Step(AbstractDisturbance):
     end: Scalar = parameter("when it ends; infinite if it stays", "s", "(start, inf]", default=float("inf"))
 
     def __call__(self, t: Scalar, state: State) -> Vector:
-        """`c` while it lasts, [n], N m or N.
-
-        - `t`: time [s].
-        - `state`: positions and velocities.
-        """
+        """`c` while it lasts, [n], N m or N."""
         return jnp.where((t >= self.start) & (t < self.end), self.value, 0.0)
 
     def breakpoints(self) -> tuple[float, ...]:
-        """When it sets in, and when it ends."""
+        """Beginning and end of the force [s]."""
         return tuple(time for time in (float(self.start), float(self.end)) if np.isfinite(time))
 
     def off_chord(self, upper: Any, samples: Samples) -> Floats:
-        """|c| in each period in which, or at whose end, it may set in or end; else zero.
-
-        - `upper`: has the largest value of each number.
-        - `samples`: a period apart.
-        """
+        """|c| in each period with a possible jump inside or at its end; else zero."""
         jumps = samples.jumps(self.start, upper.start) | samples.jumps(self.end, upper.end)
         return jumps[:, None] * largest(self.value, upper.value)

@@ -1,4 +1,4 @@
-"""From what is measured to the state that a law uses, and to the push that its model does not explain."""
+"""Estimators of the state, and of the acceleration that the nominal model does not explain."""
 
 from .estimator import AbstractEstimator as AbstractEstimator
 from .estimator import Estimate as Estimate

@@ -45,7 +45,7 @@ class AbstractEstimator(AbstractPart):
     def __call__(
         self, measured: State, prior: Estimate, elapsed: Scalar, missed: Bool[Array, ""], memory: Memory
     ) -> tuple[Estimate, Memory]:
-        """The estimate at the time of a measurement, and the memory after it; the same tree as before it.
+        """The estimate at the time of a measurement, and the memory after it, a tree like `memory`.
 
         - `measured`: measured positions and velocities.
         - `prior`: the last estimate, moved by the nominal model and with its push to the time of this measurement.
@@ -66,9 +66,9 @@ class AbstractEstimator(AbstractPart):
 def reseated(
     measured: State, prior: Estimate, elapsed: Scalar, missed: Bool[Array, "..."], usual: Estimate
 ) -> Estimate:
-    """After missed samples the position that is measured, `q̇ + 2 (q' - q)/T`, and the push of before; else `usual`.
+    """After missed samples, the measured position, `q̇ + 2 (q' - q)/T`, and the previous push; else `usual`.
 
-    The velocity is right if the acceleration was off by a constant since the last measurement.
+    The velocity is exact if the acceleration error was constant since the last measurement.
 
     - `measured`: measured positions; velocities are not used.
     - `prior`: q and q̇, the prediction.

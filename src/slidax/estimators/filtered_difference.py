@@ -29,23 +29,13 @@ class FilteredDifference(AbstractEstimator):
     )
 
     def init(self, measured: State) -> State:
-        """The last measured position and the last estimated velocity.
-
-        - `measured`: the first measurement.
-        """
+        """The last measured position and the last estimated velocity."""
         return measured
 
     def __call__(
         self, measured: State, prior: Estimate, elapsed: Scalar, missed: Bool[Array, ""], memory: State
     ) -> tuple[Estimate, State]:
-        """The measured positions, the filtered velocities, and the push.
-
-        - `measured`: measured positions; velocities are not used.
-        - `prior`: the prediction.
-        - `elapsed`: time since the last measurement [s], > 0.
-        - `missed`: whether samples were missed.
-        - `memory`: the last measured position and the last estimated velocity.
-        """
+        """The measured positions, the filtered velocities, and the push."""
         share = -jnp.expm1(-self.cutoff * elapsed)
         correction = share * ((measured.q - memory.q) / elapsed - 0.5 * (prior.state.dq + memory.dq))
         usual = Estimate(

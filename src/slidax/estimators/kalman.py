@@ -1,4 +1,4 @@
-"""A Kalman filter with fixed gains, for each joint by itself."""
+"""A Kalman filter with fixed gains for each joint."""
 
 from __future__ import annotations
 
@@ -62,16 +62,16 @@ class Kalman(AbstractEstimator):
     def of_arm(
         cls, mass: Any, *, variance: Any, period: Any, torque_density: Any = TORQUE_DENSITY, fastest: Any = None
     ) -> Kalman:
-        """The steady filter for a disturbance torque that drifts alike on all joints, each with its own inertia.
+        """The steady filter for a disturbance torque with the same drift on all joints, each with its own inertia.
 
-        Only the gains are kept of it, so that a sample costs no more than three products. They can be batched and
-        differentiated by every argument: to vary one, or to tune it, make the filter from it inside `vmap` or `grad`.
+        The filter stores only the gains, so that a sample costs three products. They can be batched and differentiated
+        with respect to every argument: construct the filter inside `vmap` or `grad`.
 
         - `mass`: inertia matrix of the nominal arm where it works [n n], kg m², kg m, kg.
         - `variance`: of a measured position, one number or [n], rad² or m², > 0; `r²/12` for a resolution r.
         - `period`: time between two samples [s], > 0.
         - `torque_density`: spectral density of dτ_d/dt, one number or [n], (N m/s)² s, > 0. docs/loop-rate.md shows
-          what more or less of it does.
+          its effect.
         - `fastest`: largest d, bandwidth times period; a joint whose filter would be faster gets the one of coarser
           encoders. None: no limit.
 
@@ -94,8 +94,6 @@ class Kalman(AbstractEstimator):
         The density of the push is that of the torque over Î², and the pace d of a filter is the sixth root of its
         density: it becomes `d (I/Î)^(1/3)`. The gains change as those of `paced` do: by `(I/Î)^(1/3)` and its square
         and cube for a slow filter, and hardly for a fast one.
-
-        - `inertia`: Î, the diagonal of M̂ [n], kg m² or kg.
         """
         if self.inertia is None or self.pace is None:
             return self
@@ -104,23 +102,12 @@ class Kalman(AbstractEstimator):
         return Kalman(gains, inertia, self.pace * ratio)
 
     def init(self, measured: State) -> tuple[()]:
-        """Nothing to keep.
-
-        - `measured`: the first measurement.
-        """
         return ()
 
     def __call__(
         self, measured: State, prior: Estimate, elapsed: Scalar, missed: Bool[Array, ""], memory: tuple[()]
     ) -> tuple[Estimate, tuple[()]]:
-        """The prediction, corrected in proportion to the residual.
-
-        - `measured`: measured positions; velocities are not used.
-        - `prior`: the prediction.
-        - `elapsed`: time since the last measurement [s], > 0.
-        - `missed`: whether samples were missed.
-        - `memory`: empty.
-        """
+        """The prediction, corrected in proportion to the residual."""
         residual = measured.q - prior.state.q
         usual = Estimate(
             state=State(

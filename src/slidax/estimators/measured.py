@@ -1,4 +1,4 @@
-"""Positions and velocities as they are measured."""
+"""Measured positions and velocities, and an α-β filter of the disturbance."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ class Measured(AbstractEstimator):
 
     @classmethod
     def tolerant(cls, delay: float, most: Any = 1.0) -> Measured:
-        """The default for a joint whose inertia, or whose drive's torque, may be far from what its law believes.
+        """The default for a joint whose inertia or drive torque may be far from the nominal one.
 
         Extrapolating the push by its trend costs tolerance, the more the longer the delay. Up to one period the filter
         is `critical` with g = 1/6; beyond, it has no trend, and g = 0.3. docs/learning.md has the inertia ratios that
@@ -72,23 +72,13 @@ class Measured(AbstractEstimator):
         return cls.critical(jnp.minimum(WITH_TREND, most), delay + 1.0)
 
     def init(self, measured: State) -> Vector:
-        """The push's rate, d: none.
-
-        - `measured`: the first measurement.
-        """
+        """The push's rate d, zero at the start."""
         return jnp.zeros_like(measured.q)
 
     def __call__(
         self, measured: State, prior: Estimate, elapsed: Scalar, missed: Bool[Array, ""], memory: Vector
     ) -> tuple[Estimate, Vector]:
-        """The measurement, and the push.
-
-        - `measured`: measured positions and velocities.
-        - `prior`: the prediction.
-        - `elapsed`: time since the last measurement [s], > 0.
-        - `missed`: whether samples were missed.
-        - `memory`: d, [n].
-        """
+        """The measurement, and the push."""
         unexplained = (measured.dq - prior.state.dq) / elapsed
         grown = (1.0 - self.ahead) * elapsed * memory
         # w + h d, what the filter expected of this period, is `push + (1 - ahead) h d`.

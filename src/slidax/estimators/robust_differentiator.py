@@ -37,23 +37,12 @@ class RobustDifferentiator(AbstractEstimator):
     lipschitz: PerJoint = parameter("L, how fast the push may change", "rad/s³ or m/s³", "> 0", "(L, Levant, 2003)")
 
     def init(self, measured: State) -> tuple[()]:
-        """Nothing to keep.
-
-        - `measured`: the first measurement.
-        """
         return ()
 
     def __call__(
         self, measured: State, prior: Estimate, elapsed: Scalar, missed: Bool[Array, ""], memory: tuple[()]
     ) -> tuple[Estimate, tuple[()]]:
-        """The estimate whose error in the position is the least that the push may explain.
-
-        - `measured`: measured positions; velocities are not used.
-        - `prior`: the prediction.
-        - `elapsed`: h, time since the last measurement [s], > 0.
-        - `missed`: whether samples were missed.
-        - `memory`: empty.
-        """
+        """The estimate with the smallest position error that a change of the push can explain."""
         residual = measured.q - prior.state.q
         sign = jnp.sign(residual)
         # The bounds are out of reach of any arm; they keep the quotient finite for all numbers.

@@ -1,4 +1,4 @@
-"""A function of time with its first two derivatives."""
+"""First and second derivatives of a function of time."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where increasing functions, one per joint, reach given values."""
+"""Roots of increasing functions, one per joint."""
 
 from __future__ import annotations
 
@@ -55,12 +55,12 @@ def increasing_root(
     Its derivative is that of the root, `dx = (d target - ∂f/∂parameters d parameters)/f'`, whatever steps led there.
 
     - `function`: f, with its slope; each entry increasing.
-    - `parameters`: what else f depends on; any pytree.
+    - `parameters`: further arguments of f; any pytree.
     - `target`: [n].
-    - `guess`: where to begin, inside the bracket, [n].
+    - `guess`: first point, inside the bracket, [n].
     - `at_guess`: value and slope there.
     - `bracket`: two points with the root between them, [n] each.
-    - `tolerance`: how far from the target the value may be, [n].
+    - `tolerance`: largest distance of the value from the target, [n].
     """
     return _root(function, parameters, target, (guess, at_guess, bracket, tolerance))
 

@@ -1,4 +1,4 @@
-"""Small dense algebra, written out: a library call inside a scanned step would cost five times the whole step."""
+"""Dense linear algebra for small sizes: a library call in a scanned step would cost five times the whole step."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ def matvec(a: Matrix, x: Vector) -> Vector:
 def solve_symmetric(a: Matrix, b: Vector) -> Vector:
     """The solution x of `A x = b` by `A = L D Lᵀ` without pivoting, unrolled over the fixed size.
 
-    Column by column: what is left of A and b after each is one operation on arrays, so that there are few to trace and
-    to compile, and nothing waits for more than the column before.
+    Column by column: the update of A and b is one operation on arrays. There are few operations to trace and compile,
+    and each depends on the previous column only.
 
     - `a`: symmetric positive definite matrix [n n]; only the lower triangle is read.
     - `b`: right-hand side [n].

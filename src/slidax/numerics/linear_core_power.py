@@ -1,4 +1,4 @@
-"""The older power function with a straight core."""
+"""A power function with a linear core."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The point of a box that is nearest to a given one, in a metric of its own."""
+"""Projection onto a box in a weighted norm."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ SWEEPS = 30
 def nearest_in_box(wanted: Vector, lower: Vector, upper: Vector, mass: Matrix) -> Vector:
     """The x in the box that minimises `(x - wanted)ᵀ M⁻¹ (x - wanted)`, [n].
 
-    Of all torques within their limits it is the one whose accelerations are nearest to the wanted ones, weighed by the
-    inertia (Gauss, the principle of least constraint, 1829): a joint that is not at its limit gets just what it wants,
-    although another lacks torque. Clipping each torque by itself would throw the coupled joints about.
+    Of all torques within their limits, these give the accelerations nearest to the wanted ones, weighted by the inertia
+    (Gauss's principle of least constraint, 1829). A joint that is not at its limit gets its wanted acceleration,
+    although another joint lacks torque. Clipping each torque separately would disturb the coupled joints.
 
     - `wanted`: [n].
     - `lower`, `upper`: the box [n]; may be infinite.

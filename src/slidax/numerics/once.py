@@ -1,4 +1,4 @@
-"""A hint to the compiler."""
+"""A compiler hint against repeated computation."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ Tree = TypeVar("Tree")
 
 
 def once(x: Tree) -> Tree:
-    """`x`, computed in one place. XLA repeats what it considers cheap, sines and cosines too, in every consumer.
+    """Compute `x` once. XLA repeats operations that it considers cheap, also sines and cosines, in every consumer.
 
     - `x`: any pytree of arrays.
     """

@@ -14,8 +14,8 @@ from jaxtyping import Array, Float
 def power(x: Float[Array, "..."], a: Float[Array, "..."]) -> Float[Array, "..."]:
     """`x^a` for `x >= 0`.
 
-    Its derivative is taken as `a x^a / x`, and as 0 at `x = 0` (true for a > 1). So a function and its time
-    derivatives share a single power, by far the most expensive operation of a step, and no infinity arises at 0.
+    Its derivative is taken as `a x^a / x`, and as 0 at `x = 0` (true for a > 1). A function and its time derivatives
+    then share a single power, by far the most expensive operation of a step, and no infinity occurs at 0.
 
     - `x`: base, not negative.
     - `a`: exponent, broadcast with `x`.

@@ -22,12 +22,12 @@ def runge_kutta_4(
 ) -> tuple[Any, tuple[Watch, ...]]:
     """The classical Runge-Kutta step: order 4, four evaluations at t, t + h/2 (twice) and t + h.
 
-    - `rate`: from time and state to (the state's time derivative, what to watch).
+    - `rate`: function of time and state that returns (the state's time derivative, values to record).
     - `t`: time at the step's start [s].
     - `state`: state at the step's start: any pytree.
     - `h`: step [s].
 
-    Returns the state at `t + h`, and what was watched at each of the four evaluations, in order.
+    Returns the state at `t + h`, and the recorded values of the four evaluations, in order.
     """
 
     def moved(slope: Any, by: Scalar) -> Any:

@@ -1,4 +1,4 @@
-"""The sign, sharp or with a straight piece through zero."""
+"""The saturation function."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ def saturation(x: Float[Array, "..."], width: Float[Array, "..."]) -> Float[Arra
     """`sat(x/width)`: `x/width` for `|x| <= width`, else `sgn(x)`, elementwise; for `width = 0` it is `sgn(x)`.
 
     - `x`: any real array.
-    - `width`: half-width of the straight piece, >= 0, broadcast with `x`.
+    - `width`: half-width of the linear range, >= 0, broadcast with `x`.
     """
     wide = width > 0
     straight = jnp.clip(x / jnp.where(wide, width, 1.0), -1.0, 1.0)

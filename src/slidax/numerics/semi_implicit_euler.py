@@ -18,12 +18,12 @@ def semi_implicit_euler(
 ) -> tuple[Any, tuple[Watch, ...]]:
     """`q̇⁺ = q̇ + h q̈(t, q, q̇)`, `q⁺ = q + h q̇⁺`: order 1, one evaluation.
 
-    - `rate`: from time and state to (the state's time derivative, what to watch).
+    - `rate`: function of time and state that returns (the state's time derivative, values to record).
     - `t`: time at the step's start [s].
-    - `state`: state at the step's start: any pytree with fields `q` and `dq`; what else it holds moves by Euler's rule.
+    - `state`: state at the step's start: any pytree with fields `q` and `dq`; other fields follow Euler's rule.
     - `h`: step [s].
 
-    Returns the state at `t + h`, and what was watched at each evaluation, in order.
+    Returns the state at `t + h`, and the recorded values of each evaluation, in order.
     """
     slope, watch = rate(t, state)
     moved = jax.tree.map(lambda y, dy: y + h * dy, state, slope)

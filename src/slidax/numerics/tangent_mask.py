@@ -1,4 +1,4 @@
-"""Which parts of the arguments of a function with its own derivative are differentiated."""
+"""Find the differentiated arguments of a function with a custom derivative."""
 
 from __future__ import annotations
 
@@ -8,9 +8,8 @@ import jax
 
 
 def tangent_mask(primals: Any, tangents: Any) -> Any:
-    """A tree of bools like `primals`: whether each leaf has a tangent. Those that are constant come as None.
+    """A tree of bools like `primals`, True for each leaf with a tangent.
 
-    - `primals`: any pytree.
-    - `tangents`: the tree that `eqx.filter_custom_jvp` gives with it.
+    - `tangents`: from `eqx.filter_custom_jvp`, with None for constants.
     """
     return jax.tree.map(lambda p, d: d is not None, primals, tangents, is_leaf=lambda x: x is None)

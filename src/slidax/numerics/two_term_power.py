@@ -1,4 +1,4 @@
-"""A power function whose core is the sum of a straight line and a higher power."""
+"""A power function with a core of a linear term and a higher power."""
 
 from __future__ import annotations
 

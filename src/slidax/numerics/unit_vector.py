@@ -1,4 +1,4 @@
-"""The direction of a vector, sharp or smoothed."""
+"""The unit vector, discontinuous or smoothed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Performance functions: how fast the envelope narrows."""
+"""Performance functions: the radius of the envelope over time."""
 
 from .exponential import Exponential as Exponential
 from .finite_time import FiniteTime as FiniteTime

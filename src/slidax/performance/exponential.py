@@ -17,8 +17,5 @@ class Exponential(AbstractPerformance):
     rate: PerJoint = parameter("l, how fast it narrows", "1/s", "> 0", "so that the envelope narrows (Definition 4)")
 
     def radius(self, t: Scalar) -> PerJoint:
-        """`ρ(t)`, [n], rad or m.
-
-        - `t`: time [s], >= 0.
-        """
+        """`ρ(t)`, [n], rad or m."""
         return (self.initial - self.final) * jnp.exp(-self.rate * t) + self.final

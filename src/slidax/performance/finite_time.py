@@ -1,4 +1,4 @@
-"""A performance function that settles at a time which depends on where it starts."""
+"""A performance function with a settling time that depends on its initial value."""
 
 from __future__ import annotations
 
@@ -31,15 +31,12 @@ class FiniteTime(AbstractPerformance):
 
     @property
     def deadline(self) -> PerJoint:
-        """`T`, when the function settles, [n], s."""
+        """`T`, the settling time, [n], s."""
         a = 1.0 - self.exponent
         return power(self.initial - self.final, a) / (a * self.rate)
 
     def radius(self, t: Scalar) -> PerJoint:
-        """`ρ(t)`, [n], rad or m.
-
-        - `t`: time [s], >= 0.
-        """
+        """`ρ(t)`, [n], rad or m."""
         a = 1.0 - self.exponent
         left = jnp.maximum(power(self.initial - self.final, a) - a * self.rate * t, 0.0)
         return power(left, 1.0 / a) + self.final

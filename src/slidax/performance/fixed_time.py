@@ -1,4 +1,4 @@
-"""The paper's performance function: settled at a time drawn in advance."""
+"""The paper's performance function, with a prescribed settling time."""
 
 from __future__ import annotations
 
@@ -21,9 +21,6 @@ class FixedTime(AbstractPerformance):
     )
 
     def radius(self, t: Scalar) -> PerJoint:
-        """`ρ(t)`, [n], rad or m.
-
-        - `t`: time [s], >= 0.
-        """
+        """`ρ(t)`, [n], rad or m."""
         left = jnp.maximum(1.0 - t / self.deadline, 0.0)
         return (self.initial - self.final) * power(left, self.exponent) + self.final

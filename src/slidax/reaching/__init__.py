@@ -1,4 +1,4 @@
-"""Reaching laws: from the surface to the torque that drives it to zero, and how large that torque must be."""
+"""Reaching laws: the torque that drives the sliding variable to zero, and bounds of its size."""
 
 from .bound import AbstractBound as AbstractBound
 from .fixed_bound import FixedBound as FixedBound

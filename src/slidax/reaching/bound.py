@@ -8,7 +8,7 @@ from slidax.parts import AbstractPart, Scalar, State, Vector
 
 
 class AbstractBound(AbstractPart):
-    """`u`, the size of the robust torque, eqs. (44), (45): no less than what it has to overcome."""
+    """`u`, the size of the robust torque, eqs. (44), (45): at least the bound of the uncertainty."""
 
     @abstractmethod
     def __call__(self, state: State, tau: Vector) -> Scalar:

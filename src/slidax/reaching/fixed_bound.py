@@ -15,8 +15,4 @@ class FixedBound(AbstractBound):
     size: Scalar = parameter("u, size of the robust torque", "N m", ">= 0")
 
     def __call__(self, state: State, tau: Vector) -> Scalar:
-        """u, N m.
-
-        - `state`, `tau`: not used.
-        """
         return self.size

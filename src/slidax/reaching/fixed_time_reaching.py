@@ -36,42 +36,25 @@ class FixedTimeReaching(AbstractReaching):
                 raise DefinitionError(f"`FixedTimeReaching.gain` {rule}; got {shown(matrix)}")
 
     def continuous_term(self, s: Vector) -> Vector:
-        """`K0 Sig^r(s)`, [n], N m or N.
-
-        - `s`: sliding variable [n], rad/s or m/s.
-        """
+        """`K0 Sig^r(s)`, [n], N m or N."""
         powers = sig(s, self.exponent)
         return matvec(self.gain, powers) if self.gain.ndim == 2 else self.gain * powers
 
     def switching_direction(self, s: Vector) -> Vector:
-        """`s/(‖s‖ + s0)`, [n], and 0 at s = 0.
-
-        - `s`: sliding variable [n], rad/s or m/s.
-        """
+        """`s/(‖s‖ + s0)`, [n], and 0 at s = 0."""
         return unit_vector(s, self.layer)
 
     def continuous_term_and_slope(self, s: Vector) -> tuple[Vector, Vector]:
-        """`K0 Sig^r(s)` and its derivative, [n], for a diagonal K0.
-
-        - `s`: sliding variable [n], rad/s or m/s.
-        """
+        """`K0 Sig^r(s)` and its derivative, [n], for a diagonal K0."""
         powers, slope = sig_and_slope(s, self.exponent)
         return self.gain * powers, self.gain * slope
 
     def moved(self, s: Vector, step: Vector) -> Vector:
-        """`s + step`, [n]: a power above one is met by Newton's steps as it is.
-
-        - `s`: sliding variable [n], rad/s or m/s.
-        - `step`: of it [n].
-        """
+        """`s + step`, [n]: Newton's steps need no other coordinates for a power above one."""
         return s + step
 
     def implicit(self, metric: Matrix, s: Vector, u: Scalar) -> Vector:
         """The implicit step, [n], with a diagonal K0: a full one times Sig^r is not monotone, so it may have none.
-
-        - `metric`: A = M0/H, symmetric positive definite [n n].
-        - `s`: sliding variable [n], rad/s or m/s.
-        - `u`: size of the robust torque, >= 0, N m.
 
         Raises DefinitionError if K0 is a matrix.
         """

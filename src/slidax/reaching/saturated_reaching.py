@@ -1,4 +1,4 @@
-"""The reaching law of the textbooks: damping, and a saturated torque for each joint by itself."""
+"""The textbook reaching law: damping, and a saturated torque for each joint."""
 
 from __future__ import annotations
 
@@ -36,26 +36,15 @@ class SaturatedReaching(AbstractReaching):
     )
 
     def continuous_term(self, s: Vector) -> Vector:
-        """`K_D s`, [n], N m or N.
-
-        - `s`: sliding variable [n], rad/s or m/s.
-        """
+        """`K_D s`, [n], N m or N."""
         return self.damping * s
 
     def switching_direction(self, s: Vector) -> Vector:
-        """`w ∘ sat(s/φ)`, [n].
-
-        - `s`: sliding variable [n], rad/s or m/s.
-        """
+        """`w ∘ sat(s/φ)`, [n]."""
         return self.weights * saturation(s, self.layer)
 
     def implicit(self, metric: Matrix, s: Vector, u: Scalar) -> Vector:
-        """The implicit step, [n], by sweeps that solve one joint after the other exactly; it converges for every SPD A.
-
-        - `metric`: A = M0/H, symmetric positive definite [n n].
-        - `s`: sliding variable [n], rad/s or m/s.
-        - `u`: size of the robust torque, >= 0, N m.
-        """
+        """The implicit step, [n], by exact sweeps over the joints, which converge for every SPD A."""
         return _step(self, metric, s, u)
 
 

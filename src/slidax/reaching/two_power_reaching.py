@@ -36,34 +36,21 @@ class TwoPowerReaching(AbstractReaching):
     )
 
     def continuous_term(self, s: Vector) -> Vector:
-        """`K1 Sig^v1(s) + K2 Sig^v2(s)`, [n], N m or N.
-
-        - `s`: sliding variable [n], rad/s or m/s.
-        """
+        """`K1 Sig^v1(s) + K2 Sig^v2(s)`, [n], N m or N."""
         return self.k1 * sig(s, self.v1) + self.k2 * sig(s, self.v2)
 
     def switching_direction(self, s: Vector) -> Vector:
-        """`s/(‖s‖ + s0)`, [n], and 0 at s = 0.
-
-        - `s`: sliding variable [n], rad/s or m/s.
-        """
+        """`s/(‖s‖ + s0)`, [n], and 0 at s = 0."""
         return unit_vector(s, self.layer)
 
     def continuous_term_and_slope(self, s: Vector) -> tuple[Vector, Vector]:
-        """`K1 Sig^v1(s) + K2 Sig^v2(s)` and its derivative, [n]; below 1e-30 the second power is a straight line.
-
-        - `s`: sliding variable [n], rad/s or m/s.
-        """
+        """`K1 Sig^v1(s) + K2 Sig^v2(s)` and its derivative, [n]; below 1e-30 the second power is a straight line."""
         far, far_slope = sig_and_slope(s, self.v1)
         ratio, near_slope = self._near(s)
         return self.k1 * far + self.k2 * s * ratio, self.k1 * far_slope + self.k2 * near_slope
 
     def moved(self, s: Vector, step: Vector) -> Vector:
-        """The s that a step along the tangent of `sig^v2` leads to, [n], with which Newton does not jump over zero.
-
-        - `s`: sliding variable [n], rad/s or m/s.
-        - `step`: of it [n].
-        """
+        """The s after a step along the tangent of `sig^v2`, [n], with which Newton does not jump over zero."""
         ratio, slope = self._near(s)
         near = s * ratio + slope * step
         straight, _ = self._near(jnp.zeros_like(s))
@@ -75,10 +62,4 @@ class TwoPowerReaching(AbstractReaching):
         return ratio, jnp.where(jnp.abs(s) > LEAST, self.v2, 1.0) * ratio
 
     def implicit(self, metric: Matrix, s: Vector, u: Scalar) -> Vector:
-        """The implicit step, [n].
-
-        - `metric`: A = M0/H, symmetric positive definite [n n].
-        - `s`: sliding variable [n], rad/s or m/s.
-        - `u`: size of the robust torque, >= 0, N m.
-        """
         return proximal_step(self, metric, s, u)

@@ -17,7 +17,7 @@ class UncertaintyBound(AbstractBound):
     known to be `m1 <= ‖M⁻¹(q)‖ <= m2`, eq. (47).
     """
 
-    title = "How large the robust torque must be."
+    title = "Robust torque that covers the lumped uncertainty."
 
     inverse_inertia_min: Scalar = parameter("m1 <= ‖M⁻¹(q)‖", "1/(kg m²)", "> 0", "(m1, eq. 47)")
     inverse_inertia_max: Scalar = parameter("m2 >= ‖M⁻¹(q)‖", "1/(kg m²)", ">= inverse_inertia_min", "(m2, eq. 47)")
@@ -33,11 +33,7 @@ class UncertaintyBound(AbstractBound):
         return (most - least) / (most + least)
 
     def __call__(self, state: State, tau: Vector) -> Scalar:
-        """`u`, eq. (45), N m.
-
-        - `state`: positions and velocities.
-        - `tau`: `τ0 + τ1` [n], N m or N.
-        """
+        """`u`, eq. (45), N m."""
         q_norm = vector_norm(state.q)
         dq_square = jnp.sum(state.dq * state.dq)
         gamma = self.gamma

@@ -1,4 +1,4 @@
-"""Random numbers by seed and sample: no state, the same bits every time."""
+"""Stateless random numbers: functions of a seed and the sample's number."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ ENCODERS, DIFFERENCED_ENCODERS, DELAYED, LOSSY = 1, 2, 3, 4
 
 
 def whole(value: Any) -> Array:
-    """A field converter: whole numbers and lists of them become int arrays, so that a batch can vary them.
+    """Convert integers and lists of them to int arrays, so that a batch can vary them.
 
     - `value`: a whole number, a list of them or an array.
 
@@ -30,10 +30,7 @@ def whole(value: Any) -> Array:
 
 
 def seed(chances: str) -> Any:
-    """The declaration of a seed.
-
-    - `chances`: what another seed gives others of.
-    """
+    """Declare a seed of `chances`."""
     return parameter(f"a whole number; another seed gives other {chances}", default=0, converter=whole)
 
 
@@ -44,19 +41,17 @@ def _key(seed: Int[Array, ""], stream: int, k: Int[Array, ""]) -> Key[Array, ""]
 def normal(seed: Int[Array, ""], stream: int, k: Int[Array, ""], shape: tuple[int, ...]) -> Float[Array, "..."]:
     """Independent numbers with mean 0 and standard deviation 1.
 
-    - `seed`: any whole number.
-    - `stream`: the kind of sensor.
+    - `stream`: number for the kind of sensor.
     - `k`: number of the sample.
-    - `shape`: of what is returned.
+    - `shape`: of the result.
     """
     return jax.random.normal(_key(seed, stream, k), shape, float)
 
 
 def uniform(seed: Int[Array, ""], stream: int, k: Int[Array, ""]) -> Float[Array, ""]:
-    """A number in [0, 1), each equally likely.
+    """A uniform random number in [0, 1).
 
-    - `seed`: any whole number.
-    - `stream`: the kind of sensor.
+    - `stream`: number for the kind of sensor.
     - `k`: number of the sample.
     """
     return jax.random.uniform(_key(seed, stream, k), (), float)

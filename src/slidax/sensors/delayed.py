@@ -1,4 +1,4 @@
-"""A sensor whose measurements arrive late, and at uneven times."""
+"""A sensor with delay and jitter."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class History(eqx.Module):
 
     - `start`: the state at sample 0.
     - `q`, `dq`: the last states [m n]; that of sample k is in row k mod m.
-    - `inner`: the memory of the sensor that is late.
+    - `inner`: the memory of the delayed sensor.
     """
 
     start: State
@@ -56,14 +56,11 @@ class Delayed(AbstractSensor):
 
     @property
     def kept(self) -> int:
-        """m, the number of states that are kept."""
+        """m, the number of stored states."""
         return math.ceil(self.periods + 0.5 * self.jitter) + 1
 
     def init(self, state: State) -> History:
-        """A history of the first state.
-
-        - `state`: true positions and velocities at sample 0.
-        """
+        """A history of the first state."""
         shape = (self.kept, *state.q.shape)
         return History(
             start=state,
@@ -73,13 +70,7 @@ class Delayed(AbstractSensor):
         )
 
     def __call__(self, k: Int[Array, ""], state: State, period: Scalar, memory: History) -> tuple[Measurement, History]:
-        """Measurement of the delayed state.
-
-        - `k`: number of the sample.
-        - `state`: true positions and velocities at sample k.
-        - `period`: time between two samples [s].
-        - `memory`: the states before.
-        """
+        """Measurement of the delayed state."""
         row = k % self.kept
         q, dq = memory.q.at[row].set(state.q), memory.dq.at[row].set(state.dq)
         measurement, inner = self.sensor(k, self._past(k, q, dq, period, memory.start), period, memory.inner)

@@ -15,8 +15,8 @@ from .sensor import AbstractSensor, Measurement
 class DifferencedEncoders(AbstractSensor):
     """`q' = r round((q + σ ν)/r)`, and `v⁺ = v + (1 - e^{-c h}) ((q' - q'₋)/h - v)`, `q̇' = v⁺`.
 
-    There is no sensor of the velocity: it is the difference of the last two positions, through a low-pass of first
-    order, and lags by about `1/c + h/2`. At sample 0 it is the true one, since nothing came before.
+    There is no velocity sensor: the velocity is the difference of the last two positions after a first-order low-pass,
+    and lags by about `1/c + h/2`. At sample 0 it is the true velocity.
     """
 
     title = "Encoders only: the velocity is a filtered difference of their counts, as drives report it."
@@ -29,20 +29,11 @@ class DifferencedEncoders(AbstractSensor):
     seed: Int[Array, ""] = seed("noise")
 
     def init(self, state: State) -> State:
-        """The position that was counted last, and the filtered velocity: at the start both are the true ones.
-
-        - `state`: true positions and velocities at sample 0.
-        """
+        """The position that was counted last, and the filtered velocity: at the start both are the true ones."""
         return state
 
     def __call__(self, k: Int[Array, ""], state: State, period: Scalar, memory: State) -> tuple[Measurement, State]:
-        """Rounded positions, and the velocities that follow from them.
-
-        - `k`: number of the sample.
-        - `state`: true positions and velocities at it.
-        - `period`: time between two samples [s].
-        - `memory`: the last measurement.
-        """
+        """Rounded positions, and the velocities that follow from them."""
         noise = normal(self.seed, DIFFERENCED_ENCODERS, k, state.q.shape)
         q = rounded(state.q + self.position_noise * noise, self.resolution)
         share = -jnp.expm1(-self.cutoff * period)

@@ -1,4 +1,4 @@
-"""Encoders for the positions, and velocities that are measured too."""
+"""Position encoders with velocity sensors."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from .sensor import AbstractSensor, Measurement
 class Encoders(AbstractSensor):
     """`q' = r round((q + σ_q ν)/r)`, `q̇' = q̇ + σ_v ν'`, where ν and ν' are white with mean 0 and deviation 1.
 
-    The velocity has a sensor of its own, as with a tachometer; drives that difference their encoder are
+    The velocity has its own sensor, such as a tachometer. For drives that difference their encoder, use
     `DifferencedEncoders`.
     """
 
@@ -29,22 +29,12 @@ class Encoders(AbstractSensor):
     seed: Int[Array, ""] = seed("noise")
 
     def init(self, state: State) -> tuple[()]:
-        """Nothing to keep.
-
-        - `state`: true positions and velocities at sample 0.
-        """
         return ()
 
     def __call__(
         self, k: Int[Array, ""], state: State, period: Scalar, memory: tuple[()]
     ) -> tuple[Measurement, tuple[()]]:
-        """Rounded positions and noisy velocities.
-
-        - `k`: number of the sample.
-        - `state`: true positions and velocities at it.
-        - `period`: time between two samples [s].
-        - `memory`: empty.
-        """
+        """Rounded positions and noisy velocities."""
         noise = normal(self.seed, ENCODERS, k, (2, *state.q.shape))
         measured = State(
             q=rounded(state.q + self.position_noise * noise[0], self.resolution),

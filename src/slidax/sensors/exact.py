@@ -1,4 +1,4 @@
-"""A sensor without any fault."""
+"""A sensor without errors."""
 
 from __future__ import annotations
 
@@ -16,20 +16,9 @@ class Exact(AbstractSensor):
     title = "A sensor without any fault."
 
     def init(self, state: State) -> tuple[()]:
-        """Nothing to keep.
-
-        - `state`: true positions and velocities at sample 0.
-        """
         return ()
 
     def __call__(
         self, k: Int[Array, ""], state: State, period: Scalar, memory: tuple[()]
     ) -> tuple[Measurement, tuple[()]]:
-        """The true state.
-
-        - `k`: number of the sample.
-        - `state`: true positions and velocities at it.
-        - `period`: time between two samples [s].
-        - `memory`: empty.
-        """
         return Measurement(state=state, fresh=jnp.asarray(True)), ()

@@ -17,7 +17,7 @@ class Arrived(eqx.Module):
     """The memory of `Lossy`.
 
     - `last`: the last state that arrived.
-    - `inner`: the memory of the sensor whose samples get lost.
+    - `inner`: the memory of the inner sensor.
     """
 
     last: State
@@ -47,20 +47,11 @@ class Lossy(AbstractSensor):
             )
 
     def init(self, state: State) -> Arrived:
-        """The first state, which is never used, for sample 0 arrives.
-
-        - `state`: true positions and velocities at sample 0.
-        """
+        """The first state, which is never used, for sample 0 arrives."""
         return Arrived(last=state, inner=self.sensor.init(state))
 
     def __call__(self, k: Int[Array, ""], state: State, period: Scalar, memory: Arrived) -> tuple[Measurement, Arrived]:
-        """Measurement at sample k, or the last one that arrived.
-
-        - `k`: number of the sample.
-        - `state`: true positions and velocities at sample k.
-        - `period`: time between two samples [s].
-        - `memory`: contains the last state that arrived.
-        """
+        """Measurement at sample k, or the last one that arrived."""
         measurement, inner = self.sensor(k, state, period, memory.inner)
         by_chance = uniform(self.seed, LOSSY, k) < self.probability
         since = k.astype(self.starts.dtype) - self.starts

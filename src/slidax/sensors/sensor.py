@@ -37,10 +37,10 @@ class AbstractSensor(AbstractPart):
 
     @abstractmethod
     def __call__(self, k: Int[Array, ""], state: State, period: Scalar, memory: Memory) -> tuple[Measurement, Memory]:
-        """The measurement at sample k, and the memory after it; the same tree as before it.
+        """The measurement at sample k, and the memory after it, a tree like `memory`.
 
         - `k`: number of the sample, from 0 on.
-        - `state`: true positions and velocities at it.
+        - `state`: true positions and velocities at sample k.
         - `period`: time between two samples [s], > 0.
         - `memory`: what `init` returned, or the call at the last sample.
         """

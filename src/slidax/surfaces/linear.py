@@ -25,15 +25,9 @@ class Linear(AbstractSurface):
     )
 
     def pull_and_slope(self, eps: Vector) -> tuple[Vector, Vector]:
-        """`Λ e`, and `Λ`, both [n].
-
-        - `eps`: error, or transformed error ε1, [n].
-        """
+        """`Λ e`, and `Λ`, both [n]."""
         return self.rate * eps, self.rate * jnp.ones_like(eps)
 
     def reach(self, pull: Vector) -> Vector:
-        """`pull/Λ`, [n].
-
-        - `pull`: >= 0, [n], rad/s or m/s.
-        """
+        """`pull/Λ`, [n]."""
         return pull / self.rate

@@ -1,4 +1,4 @@
-"""The older fixed-time terminal surface, with a kink at the edge of its straight core."""
+"""An earlier fixed-time terminal surface, with a kink at the edge of its linear core."""
 
 from __future__ import annotations
 
@@ -28,17 +28,11 @@ class LinearCoreFixedTime(AbstractSurface):
     delta: PerJoint = parameter("δ, half-width of the straight core", "", "(0, 1]", "(eq. 78)")
 
     def pull_and_slope(self, eps: Vector) -> tuple[Vector, Vector]:
-        """`K1 Ŝ^p(ε1) + K2 Sig^q(ε1)`, and `K1 F̂^p(ε1) + K2 H^q(ε1)`, both [n]; at |ε1| = δ the outer slope.
-
-        - `eps`: error, or transformed error ε1, [n].
-        """
+        """`K1 Ŝ^p(ε1) + K2 Sig^q(ε1)`, and `K1 F̂^p(ε1) + K2 H^q(ε1)`, both [n]; at |ε1| = δ the outer slope."""
         near, near_slope = linear_core_power_and_slope(eps, self.p, self.delta)
         far, far_slope = sig_and_slope(eps, self.q)
         return self.k1 * near + self.k2 * far, self.k1 * near_slope + self.k2 * far_slope
 
     def reach(self, pull: Vector) -> Vector:
-        """`(pull/K2)^(1/q)`, [n]: the far power alone pulls as hard there.
-
-        - `pull`: >= 0, [n], rad/s or m/s.
-        """
+        """`(pull/K2)^(1/q)`, [n]: the far power alone pulls as hard there."""
         return power(pull / self.k2, 1.0 / self.q)

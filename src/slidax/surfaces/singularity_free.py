@@ -26,17 +26,11 @@ class SingularityFree(AbstractSurface):
     delta: PerJoint = parameter("δ, half-width of the core", "rad or m", "> 0", "([24])")
 
     def pull_and_slope(self, eps: Vector) -> tuple[Vector, Vector]:
-        """`C1 S_α(e) + C2 Sig^β(e)`, and `C1 S_α'(e) + C2 β |e|^(β-1)`, both [n].
-
-        - `eps`: error, or transformed error ε1, [n].
-        """
+        """`C1 S_α(e) + C2 Sig^β(e)`, and `C1 S_α'(e) + C2 β |e|^(β-1)`, both [n]."""
         near, near_slope = two_term_power_and_slope(eps, self.alpha, self.r, self.delta)
         far, far_slope = sig_and_slope(eps, self.beta)
         return self.c1 * near + self.c2 * far, self.c1 * near_slope + self.c2 * far_slope
 
     def reach(self, pull: Vector) -> Vector:
-        """`(pull/C2)^(1/β)`, [n]: the far power alone pulls as hard there.
-
-        - `pull`: >= 0, [n], rad/s or m/s.
-        """
+        """`(pull/C2)^(1/β)`, [n]: the far power alone pulls as hard there."""
         return power(pull / self.c2, 1.0 / self.beta)

@@ -50,9 +50,7 @@ def sliding_variable(
     - `transformation`: e to ε1, with A and B.
     - `surface`: the pull on ε1.
     - `t`: time [s].
-    - `state`: positions and velocities.
-    - `reference`: what the joints should do.
-    - `memory`: what the transformation keeps.
+    - `memory`: state of the transformation.
     """
     e, de = state.q - reference.q, state.dq - reference.dq
     error = once(transformation(t, e, de, memory))

@@ -24,17 +24,11 @@ class SmoothFixedTime(AbstractSurface):
     delta: PerJoint = parameter("δ, half-width of the smooth core", "", "(0, 1]", "(eq. 29)")
 
     def pull_and_slope(self, eps: Vector) -> tuple[Vector, Vector]:
-        """`K1 S^p(ε1) + K2 S^q(ε1)`, and `K1 F^p(ε1) + K2 H^q(ε1)` with (33), (35), (37), (39), both [n].
-
-        - `eps`: transformed error ε1 [n].
-        """
+        """`K1 S^p(ε1) + K2 S^q(ε1)`, and `K1 F^p(ε1) + K2 H^q(ε1)` with (33), (35), (37), (39), both [n]."""
         near, near_slope = smooth_power_and_slope(eps, self.p, self.delta)
         far, far_slope = sig_and_slope(eps, self.q)
         return self.k1 * near + self.k2 * far, self.k1 * near_slope + self.k2 * far_slope
 
     def reach(self, pull: Vector) -> Vector:
-        """`(pull/K2)^(1/q)`, [n]: the far power alone pulls as hard there.
-
-        - `pull`: >= 0, [n], rad/s or m/s.
-        """
+        """`(pull/K2)^(1/q)`, [n]: the far power alone pulls as hard there."""
         return power(pull / self.k2, 1.0 / self.q)

@@ -21,7 +21,7 @@ class AbstractSurface(AbstractPart):
 
     @abstractmethod
     def reach(self, pull: Vector) -> Vector:
-        """A transformed error where the pull is at least this strong, [n]: the end of a bracket.
+        """A transformed error at which the pull is at least this strong, [n]: the end of a bracket.
 
         - `pull`: >= 0, [n], rad/s or m/s.
         """

@@ -1,4 +1,4 @@
-"""From the tracking error to the transformed error that a surface is built on."""
+"""Transformations of the tracking error, on which the surfaces act."""
 
 from .frame import Frame as Frame
 from .prescribed_performance import PrescribedPerformance as PrescribedPerformance

@@ -1,4 +1,4 @@
-"""The envelope as a plan over one horizon sees it."""
+"""The envelope for a plan over one horizon."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from .psi import Sides, psi_and_slope, psi_inverse
 
 
 class Frame(eqx.Module):
-    """Where the led error `y = e + c ė` may be now, and where a plan over one horizon may end.
+    """Limits of the led error `y = e + c ė` now, and at the end of a plan over one horizon.
 
     - `now`: radius of the led envelope, `ρ + c ρ̇`, [n], rad or m; 1 without an envelope.
     - `ahead`: its tangent one horizon later, `now + H (ρ̇ + c ρ̈)`, [n], rad or m; 1 without an envelope.

@@ -28,20 +28,11 @@ class PrescribedPerformance(AbstractTransformation):
     overshoot: PerJoint = parameter("ϑ, width of the side away from the initial error over ρ", "", "(0, 1)", "(eq. 13)")
 
     def init(self, t: Scalar, e: Vector) -> Sides:
-        """The sides by the sign of the initial error, eq. (13).
-
-        - `t`: time at the start [s].
-        - `e`: error at the start [n].
-        """
+        """The sides by the sign of the initial error, eq. (13)."""
         return Sides(lower=jnp.where(e >= 0, -self.overshoot, -1.0), upper=jnp.where(e >= 0, 1.0, self.overshoot))
 
     def __call__(self, t: Scalar, e: Vector, de: Vector, memory: Sides) -> TransformedError:
-        """Eqs. (24)-(28), with `Ȧ = diag(-(ρ̈ρ - ρ̇²)/ρ²)`.
-
-        - `t`: time [s].
-        - `e`, `de`: error and its rate [n].
-        - `memory`: the sides.
-        """
+        """Eqs. (24)-(28), with `Ȧ = diag(-(ρ̈ρ - ρ̇²)/ρ²)`."""
         rho, drho, ddrho = self.performance.radius_rate_curvature(t)
         # One division, and it does not wait for the error.
         inverse = 1.0 / rho
@@ -58,22 +49,12 @@ class PrescribedPerformance(AbstractTransformation):
         )
 
     def envelope(self, t: Scalar, memory: Sides) -> Envelope:
-        """`b ρ(t) < e < b̄ ρ(t)`, eq. (12).
-
-        - `t`: time [s].
-        - `memory`: the sides.
-        """
+        """`b ρ(t) < e < b̄ ρ(t)`, eq. (12)."""
         rho = self.performance.radius(t)
         return Envelope(lower=memory.lower * rho, upper=memory.upper * rho)
 
     def frame(self, t: Scalar, lead: Scalar, horizon: Scalar, memory: Sides) -> Frame:
-        """The envelope of the led error, and its tangent one horizon later.
-
-        - `t`: time [s].
-        - `lead`: c in `y = e + c ė` [s].
-        - `horizon`: H [s].
-        - `memory`: the sides.
-        """
+        """The envelope of the led error, and its tangent one horizon later."""
         rho, drho, ddrho = self.performance.radius_rate_curvature(t)
         slimmest = SLIMMEST * rho
         now = jnp.maximum(rho + lead * drho, slimmest)

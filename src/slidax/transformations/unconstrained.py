@@ -1,4 +1,4 @@
-"""No transformation: the error itself, for schemes that promise no envelope."""
+"""The identity, for schemes without an envelope."""
 
 from __future__ import annotations
 
@@ -16,37 +16,16 @@ class Unconstrained(AbstractTransformation):
     title = "No transformation: the error itself, for schemes that promise no envelope."
 
     def init(self, t: Scalar, e: Vector) -> tuple[()]:
-        """Nothing to keep.
-
-        - `t`: time at the start [s].
-        - `e`: error at the start [n].
-        """
         return ()
 
     def __call__(self, t: Scalar, e: Vector, de: Vector, memory: tuple[()]) -> TransformedError:
-        """The error and its rate as they are, [rad], [rad/s].
-
-        - `t`: time [s].
-        - `e`, `de`: error and its rate [n].
-        - `memory`: empty.
-        """
+        """The error and its rate as they are, [rad], [rad/s]."""
         zero = jnp.zeros_like(e)
         return TransformedError(eps1=e, eps2=de, beta=jnp.ones_like(e), alpha=zero, alpha_rate=zero)
 
     def envelope(self, t: Scalar, memory: tuple[()]) -> None:
-        """None: there are no bounds.
-
-        - `t`: time [s].
-        - `memory`: empty.
-        """
         return None
 
     def frame(self, t: Scalar, lead: Scalar, horizon: Scalar, memory: tuple[()]) -> Frame:
-        """The whole line.
-
-        - `t`: time [s].
-        - `lead`, `horizon`: c and H [s].
-        - `memory`: empty.
-        """
         half_width = jnp.ones(())
         return Frame(now=half_width, ahead=half_width, sides=None)
