@@ -14,7 +14,7 @@ from .disturbance import AbstractDisturbance, Floats, Samples
 class Constant(AbstractDisturbance):
     """`τ_d = c`."""
 
-    title = "A force that does not change."
+    title = "A constant force."
 
     value: Vector = parameter("c, the force", "N m or N")
 

@@ -1,4 +1,4 @@
-"""A stiff surface that a joint meets from one side, such as a table below a vertical axis."""
+"""A stiff surface on one side of a joint, such as a table below a vertical axis."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class ElasticStop(AbstractDisturbance):
     Source: Hunt and Crossley, Coefficient of restitution interpreted as damping in vibroimpact, 1975, with exponent 1.
     """
 
-    title = "A stiff surface that a joint meets from one side, such as a table below a vertical axis."
+    title = "A stiff surface on one side of a joint, such as a table below a vertical axis."
 
     stiffness: PerJoint = parameter("k; 0 for a joint that meets nothing", "N m/rad or N/m", ">= 0")
     position: PerJoint = parameter("a, from which on the joint is in contact", "rad or m")

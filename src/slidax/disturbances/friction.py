@@ -1,4 +1,4 @@
-"""Friction in the joints."""
+"""Coulomb and viscous friction in the joints."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ BEND = 4.0 / (3.0 * 3.0**0.5)
 class Friction(AbstractDisturbance):
     """`τ_d = -(f_c tanh(q̇/v_s) + f_v q̇)`: Coulomb friction, smoothed near rest, and viscous friction."""
 
-    title = "Friction in the joints."
+    title = "Coulomb and viscous friction in the joints."
 
     coulomb: PerJoint = parameter("f_c, Coulomb friction", "N m or N", ">= 0", "or it would drive the joint")
     viscous: PerJoint = parameter(

@@ -15,7 +15,7 @@ from .disturbance import AbstractDisturbance, Floats, Samples, largest
 class Step(AbstractDisturbance):
     """`τ_d = c` for `start <= t < end`, else 0."""
 
-    title = "A force that sets in at a time, such as a payload's weight or a push."
+    title = "A force with a beginning and an end, such as a payload's weight."
 
     value: Vector = parameter("c, the force", "N m or N")
     start: Scalar = parameter("when it sets in", "s")

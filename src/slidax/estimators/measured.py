@@ -25,7 +25,7 @@ class Measured(AbstractEstimator):
     For sensors with a good velocity.
     """
 
-    title = "Positions and velocities as they are measured."
+    title = "Measured positions and velocities, and an α-β filter of the disturbance."
 
     reads_velocity: ClassVar[bool] = True
 

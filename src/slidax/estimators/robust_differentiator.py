@@ -1,4 +1,4 @@
-"""Levant's differentiator of second order, implicit in time, around the model's prediction."""
+"""Levant's second-order differentiator, implicit in time, around the model's prediction."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class RobustDifferentiator(AbstractEstimator):
     discretization of arbitrary-order robust exact differentiators, 2024.
     """
 
-    title = "Levant's differentiator of second order, implicit in time, around the model's prediction."
+    title = "Levant's second-order differentiator, implicit in time, around the model's prediction."
 
     lipschitz: PerJoint = parameter("L, how fast the push may change", "rad/s³ or m/s³", "> 0", "(L, Levant, 2003)")
 

@@ -1,4 +1,4 @@
-"""The classical performance function, which settles only in the limit."""
+"""The classical exponential performance function."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from .performance import AbstractPerformance
 class Exponential(AbstractPerformance):
     """`ρ(t) = (ρ0 - ρ∞) exp(-l t) + ρ∞`. Source: Bechlioulis and Rovithakis, 2008, the paper's [28]."""
 
-    title = "The classical performance function, which settles only in the limit."
+    title = "The classical exponential performance function."
 
     rate: PerJoint = parameter("l, how fast it narrows", "1/s", "> 0", "so that the envelope narrows (Definition 4)")
 

@@ -17,7 +17,7 @@ class FiniteTime(AbstractPerformance):
     finite-time functions it cites as [43]. Reconstructed: the paper does not print that function; this one is usual.
     """
 
-    title = "A performance function that settles at a time which depends on where it starts."
+    title = "A performance function with a settling time that depends on its initial value."
 
     rate: PerJoint = parameter(
         "c, how fast it narrows", "rad^(1-κ)/s", "> 0", "so that the envelope narrows (Definition 4)"

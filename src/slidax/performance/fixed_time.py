@@ -13,7 +13,7 @@ from .performance import AbstractPerformance
 class FixedTime(AbstractPerformance):
     """`ρ(t) = (ρ0 - ρ∞)(1 - t/T)^σ + ρ∞` for `t < T`, then `ρ∞`, eq. (20)."""
 
-    title = "The paper's performance function: settled at a time drawn in advance."
+    title = "The paper's performance function, with a prescribed settling time."
 
     deadline: PerJoint = parameter("T, when it is settled", "s", "> 0", "(eq. 20)")
     exponent: PerJoint = parameter(

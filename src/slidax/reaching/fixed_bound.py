@@ -1,4 +1,4 @@
-"""A robust torque whose size does not depend on the state."""
+"""A robust torque of constant size."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from .bound import AbstractBound
 class FixedBound(AbstractBound):
     """`u = const`: for laws that choose the size of their robust torque by hand."""
 
-    title = "A robust torque whose size does not depend on the state."
+    title = "A robust torque of constant size."
 
     size: Scalar = parameter("u, size of the robust torque", "N m", ">= 0")
 

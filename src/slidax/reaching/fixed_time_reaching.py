@@ -1,4 +1,4 @@
-"""The reaching law of the paper: a power and a unit vector, sharp or smoothed."""
+"""The reaching law of the paper: a power and a unit vector, discontinuous or smoothed."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from .reaching import AbstractReaching
 class FixedTimeReaching(AbstractReaching):
     """`-K0 Sig^r(s) - u s/(‖s‖ + s0)`, eqs. (43), (51); with `s0 = 0` the unit vector (44), 0 at s = 0."""
 
-    title = "The reaching law of the paper: a power and a unit vector, sharp or smoothed."
+    title = "The reaching law of the paper: a power and a unit vector, discontinuous or smoothed."
 
     gain: PerJoint = parameter("K0, symmetric positive definite", "N m or N", matrix=True)
     exponent: Scalar = parameter("r, exponent of the power of s", "", "> 1", "(r, eq. 43)")

@@ -27,7 +27,7 @@ class SaturatedReaching(AbstractReaching):
     Source: Slotine and Li, Applied Nonlinear Control, 1991, chapters 7 and 9, where `u w = K`.
     """
 
-    title = "The reaching law of the textbooks: damping, and a saturated torque for each joint by itself."
+    title = "The textbook reaching law: damping, and a saturated torque for each joint."
 
     damping: PerJoint = parameter("diagonal of K_D", "N m s/rad or N s/m", ">= 0", "(K_D; Slotine and Li, 1991)")
     weights: PerJoint = parameter("w, each joint's share of u, ‖w‖ <= 1", "", "[0, 1]", "a joint's share of u")

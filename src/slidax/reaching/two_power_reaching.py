@@ -1,4 +1,4 @@
-"""The reaching law with two powers, one for each side of one."""
+"""The reaching law with two powers, above and below one."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class TwoPowerReaching(AbstractReaching):
     confidence medium.
     """
 
-    title = "The reaching law with two powers, one for each side of one."
+    title = "The reaching law with two powers, above and below one."
 
     k1: PerJoint = parameter("diagonal of K1", "N m or N", "> 0", "so that K1 is diagonal positive definite ([24])")
     k2: PerJoint = parameter("diagonal of K2", "N m or N", "> 0", "so that K2 is diagonal positive definite ([24])")

@@ -1,4 +1,4 @@
-"""Encoders only: the velocity is a filtered difference of their counts, as drives report it."""
+"""Encoders without velocity sensors: the velocity is a filtered difference of positions."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class DifferencedEncoders(AbstractSensor):
     and lags by about `1/c + h/2`. At sample 0 it is the true velocity.
     """
 
-    title = "Encoders only: the velocity is a filtered difference of their counts, as drives report it."
+    title = "Encoders without velocity sensors: the velocity is a filtered difference of positions."
 
     resolution: PerJoint = parameter("r, 2π over the counts per turn", "rad or m", ">= 0", "(0 for none)")
     position_noise: PerJoint = parameter(

@@ -19,7 +19,7 @@ class Encoders(AbstractSensor):
     `DifferencedEncoders`.
     """
 
-    title = "Encoders for the positions, and velocities that are measured too."
+    title = "Position encoders with velocity sensors."
 
     resolution: PerJoint = parameter("r, 2π over the counts per turn", "rad or m", ">= 0", "(0 for none)")
     position_noise: PerJoint = parameter(

@@ -13,7 +13,7 @@ from .sensor import AbstractSensor, Measurement
 class Exact(AbstractSensor):
     """The state itself, at once and always."""
 
-    title = "A sensor without any fault."
+    title = "A sensor without errors."
 
     def init(self, state: State) -> tuple[()]:
         return ()

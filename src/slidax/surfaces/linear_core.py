@@ -15,7 +15,7 @@ class LinearCoreFixedTime(AbstractSurface):
     with a slope that jumps at δ, and so a torque that does.
     """
 
-    title = "The older fixed-time terminal surface, with a kink at the edge of its straight core."
+    title = "An earlier fixed-time terminal surface, with a kink at the edge of its linear core."
 
     k1: PerJoint = parameter(
         "diagonal of K1", "rad/s or m/s", "> 0", "so that K1 is diagonal positive definite (eq. 40)"

@@ -1,4 +1,4 @@
-"""The logarithmic transformation that turns an envelope into the whole line."""
+"""The logarithmic transformation from the envelope to all real numbers."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class PrescribedPerformance(AbstractTransformation):
     The side of the envelope towards the initial error has the full width ρ, the other ϑ ρ, eq. (13).
     """
 
-    title = "The logarithmic transformation that turns an envelope into the whole line."
+    title = "The logarithmic transformation from the envelope to all real numbers."
 
     performance: AbstractPerformance = piece("ρ(t), the radius of the envelope")
     overshoot: PerJoint = parameter("ϑ, width of the side away from the initial error over ρ", "", "(0, 1)", "(eq. 13)")

@@ -13,7 +13,7 @@ from .transformation import AbstractTransformation, TransformedError
 class Unconstrained(AbstractTransformation):
     """`ε1 = e`, `ε2 = ė`, `B = I`, `A = Ȧ = 0`: with it, (40)-(45) are the law of a scheme without an envelope."""
 
-    title = "No transformation: the error itself, for schemes that promise no envelope."
+    title = "The identity, for schemes without an envelope."
 
     def init(self, t: Scalar, e: Vector) -> tuple[()]:
         return ()
