@@ -7,7 +7,7 @@ import jax.numpy as jnp
 
 from slidax.codegen.builder import Builder
 from slidax.codegen.c import statements
-from slidax.codegen.c.layout import Line
+from slidax.codegen.c.layout import CodeLine
 from slidax.codegen.c.scopes import scoped, stack
 from slidax.codegen.ir import Call, functions
 from slidax.codegen.rebuild import rebuild
@@ -181,7 +181,7 @@ def test_without_a_library_all_is_written_out():
 def test_blocks_that_follow_each_other_share_their_stack():
     lines = []
     for k in range(3):
-        lines += [Line(1, f"double a{k}[40];", f"part {k}"), Line(1, f"f(a{k});", f"part {k}")]
+        lines += [CodeLine(1, f"double a{k}[40];", f"part {k}"), CodeLine(1, f"f(a{k});", f"part {k}")]
     assert stack(lines) == 3 * 320
     blocks = scoped(lines)
     assert stack(blocks) == 320
@@ -190,10 +190,10 @@ def test_blocks_that_follow_each_other_share_their_stack():
 
 def test_what_is_needed_after_a_block_is_declared_before_it():
     lines = [
-        Line(1, "double a[40];", "one"),
-        Line(1, "const double s = f(a);", "one"),
-        Line(1, "double b[40];", "two"),
-        Line(1, "g(b, s);", "two"),
+        CodeLine(1, "double a[40];", "one"),
+        CodeLine(1, "const double s = f(a);", "one"),
+        CodeLine(1, "double b[40];", "two"),
+        CodeLine(1, "g(b, s);", "two"),
     ]
     texts = [line.text for line in scoped(lines)]
     assert texts.index("double s;") < texts.index("{") < texts.index("s = f(a);")

@@ -15,7 +15,7 @@ ZEROS = frozenset({"0.0", "0.0f", "0", "false"})
 """Numbers whose bits are all zero."""
 
 
-class Run:
+class AssignmentRun:
     """Assignments that one loop makes, or a single assignment.
 
     - `lanes`: the assignments, in order.
@@ -49,7 +49,7 @@ class Run:
         return any(place in read for place in self.writes for read in self.reads)
 
 
-def runs_of(statements: Sequence[Statement], stored: Stored, where: Where) -> list[Run]:
+def runs_of(statements: Sequence[Statement], stored: Stored, where: Where) -> list[AssignmentRun]:
     """Return runs of assignments, in an order in which they can be made.
 
     A loop has only one assignment: compilers do not vectorise several.
@@ -71,9 +71,9 @@ def _element(word: str) -> int:
     return int(word.partition("[")[2][:-1]) if word[-1] == "]" else 0
 
 
-def _split(statements: Sequence[Statement], stored: Stored, where: Where) -> list[Run]:
+def _split(statements: Sequence[Statement], stored: Stored, where: Where) -> list[AssignmentRun]:
     """Runs of statements, in their order."""
-    runs: list[Run] = []
+    runs: list[AssignmentRun] = []
     k = 0
     while k < len(statements):
         end = k + 1
@@ -84,12 +84,12 @@ def _split(statements: Sequence[Statement], stored: Stored, where: Where) -> lis
         # A table of constants is no shorter than assignments that are made once.
         if count < LEAST or not at[0].step:
             count, at = 1, []
-        runs.append(Run(list(statements[k : k + count]), at, where))
+        runs.append(AssignmentRun(list(statements[k : k + count]), at, where))
         k += count
     return runs
 
 
-def _order(runs: Sequence[Run]) -> list[Run] | None:
+def _order(runs: Sequence[AssignmentRun]) -> list[AssignmentRun] | None:
     """The runs in an order that keeps each read and write in place; None if there is no such order."""
     readers: defaultdict[str, list[tuple[int, int, int]]] = defaultdict(list)
     writers: defaultdict[str, list[tuple[int, int, int]]] = defaultdict(list)
@@ -111,7 +111,7 @@ def _order(runs: Sequence[Run]) -> list[Run] | None:
                     before[other_k].add(k)
                 else:
                     before[k].add(other_k)
-    order: list[Run] = []
+    order: list[AssignmentRun] = []
     left = list(range(len(runs)))
     done: set[int] = set()
     while left:

@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 
 from ..ir import Branch, Loop, Region, Value
 from .calls import CallWriter
-from .expressions import CHOICE, EITHER, UNARY, Expression
-from .layout import Line
+from .expressions import CHOICE, EITHER, UNARY, CExpression
+from .layout import CodeLine
 from .placement import counts
 from .writer import HEAVY, Rows
 
@@ -83,7 +83,7 @@ class BlockWriter(CallWriter):
                 start = f" = {self.texts[no[k]].text}" if plain else ""
                 self.line(f"{self.dialect.type(result.type)} {names[k]}{start};", result)
                 self.bytes += self.dialect.size(result.type)
-            self.texts[result] = Expression(names[k])
+            self.texts[result] = CExpression(names[k])
         self.line(f"if ({condition.text}) {{")
         self._leave(then, [(names[k], value) for k, value in yes.items()])
         if not plain:
@@ -91,13 +91,13 @@ class BlockWriter(CallWriter):
             self._leave(otherwise, [(names[k], value) for k, value in no.items()])
         self.line("}")
 
-    def _choice(self, when: Expression, yes: Expression, no: Expression) -> Expression | None:
+    def _choice(self, when: CExpression, yes: CExpression, no: CExpression) -> CExpression | None:
         """Choice between expressions; None if it is too long to read."""
         text = f"{when.within(EITHER)} ? {yes.within(EITHER)} : {no.within(CHOICE)}"
         weight = 1 + when.weight + yes.weight + no.weight
         if weight > HEAVY or len(text) > self.room():
             return None
-        return Expression(text, CHOICE, weight, when.reads | yes.reads | no.reads)
+        return CExpression(text, CHOICE, weight, when.reads | yes.reads | no.reads)
 
     def _hint(self, branch: Branch, k: int) -> str | None:
         for value in (self.placement.left(branch)[k], branch.yes[k], branch.no[k]):
@@ -107,7 +107,7 @@ class BlockWriter(CallWriter):
                     return name
         return None
 
-    def _side(self, region: Region, leaves: Mapping[Value, str]) -> list[Line]:
+    def _side(self, region: Region, leaves: Mapping[Value, str]) -> list[CodeLine]:
         """Lines of one side; inner blocks assign the results of this side directly."""
         around, self.lines = self.lines, []
         self.level += 1
@@ -119,7 +119,7 @@ class BlockWriter(CallWriter):
         side, self.lines = self.lines, around
         return side
 
-    def _leave(self, lines: list[Line], pairs: list[tuple[str, Value]]) -> None:
+    def _leave(self, lines: list[CodeLine], pairs: list[tuple[str, Value]]) -> None:
         self.lines += lines
         self.level += 1
         self.assign(pairs)
@@ -137,7 +137,7 @@ class BlockWriter(CallWriter):
             if counts(param):
                 continue
             names[k] = self._carried(loop, k, left)
-            self.texts[param] = Expression(names[k], reads=frozenset((names[k],)))
+            self.texts[param] = CExpression(names[k], reads=frozenset((names[k],)))
         head, condition = self._head(loop)
         if counted:
             self.line(counted)
@@ -149,14 +149,14 @@ class BlockWriter(CallWriter):
         self.level += 1
         if head and not counted:
             self.line(f"if ({condition}) {{")
-            self.lines.append(Line(self.level + 1, "break;"))
+            self.lines.append(CodeLine(self.level + 1, "break;"))
             self.line("}")
         self.region(loop.body)
         self.assign([(names[k], loop.following[k]) for k in names])
         self.level -= 1
         self.line("}")
         for k, result in left.items():
-            self.texts[result] = Expression(names[k] if k in names else self.texts[loop.params[0]].text)
+            self.texts[result] = CExpression(names[k] if k in names else self.texts[loop.params[0]].text)
 
     def _counter(self, loop: Loop, left: Mapping[int, Value]) -> str:
         """Head of a `for`."""
@@ -165,7 +165,7 @@ class BlockWriter(CallWriter):
             self.keep(loop.turns)
         param = loop.params[0]
         type, name = self.declared(param, self._index())
-        self.texts[param] = Expression(name, reads=frozenset((name,)))
+        self.texts[param] = CExpression(name, reads=frozenset((name,)))
         start = f"{type} {name} = 0"
         if 0 in left:
             self.line(start + ";")
@@ -189,7 +189,7 @@ class BlockWriter(CallWriter):
         self.line(f"{type} {name} = {start};", param)
         return name
 
-    def _head(self, loop: Loop) -> tuple[list[Line], str]:
+    def _head(self, loop: Loop) -> tuple[list[CodeLine], str]:
         """Lines at the start of an iteration, and the condition to stop, or to continue if there are no such lines."""
         around, self.lines = self.lines, []
         self.level += 1

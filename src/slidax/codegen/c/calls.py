@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 from ..ir import Call, Input, Program, Value
-from .expressions import Expression
+from .expressions import CExpression
 from .layout import INDENT, WIDTH
 from .writer import Writer
 
@@ -50,7 +50,7 @@ class CallWriter(Writer, ABC):
         self.bytes += size * self.dialect.size("f64")
         self.line(f"{callee.name}({', '.join((*arguments, name))});", call)
         for k, result in self.placement.left(call).items():
-            self.texts[result] = Expression(f"{name}[{k}]")
+            self.texts[result] = CExpression(f"{name}[{k}]")
 
     def _hint_of(self, call: Call) -> str | None:
         """Name of the results in the source, without a number."""

@@ -20,11 +20,11 @@ LOGICAL = {"and": ("&&", BOTH), "or": ("||", EITHER), "xor": ("!=", EQUAL)}
 CALLED = {"rem": "fmod", "abs": "fabs"}
 OPPOSITE = {"lt": "ge", "le": "gt", "gt": "le", "ge": "lt", "eq": "ne", "ne": "eq"}
 
-NOTHING: frozenset[str] = frozenset()
+NO_READS: frozenset[str] = frozenset()
 
 
 @dataclass(frozen=True)
-class Expression:
+class CExpression:
     """A C expression.
 
     - `precedence`: of its outermost operator.
@@ -35,17 +35,17 @@ class Expression:
     text: str
     precedence: int = PRIMARY
     weight: int = 0
-    reads: frozenset[str] = NOTHING
+    reads: frozenset[str] = NO_READS
 
     def within(self, precedence: int) -> str:
         """Return the text as an operand, in parentheses if it binds less tightly than `precedence`."""
         return self.text if self.precedence >= precedence else f"({self.text})"
 
 
-def constant(number: float | int | bool, type: Type, dialect: Dialect) -> Expression:
+def constant(number: float | int | bool, type: Type, dialect: Dialect) -> CExpression:
     """Return a number as an expression."""
     text = dialect.number(number, type)
-    return Expression(text, UNARY if text[0] == "-" or text.startswith("(double)") else PRIMARY)
+    return CExpression(text, UNARY if text[0] == "-" or text.startswith("(double)") else PRIMARY)
 
 
 class Expressions:
@@ -62,7 +62,7 @@ class Expressions:
         self.helpers = helpers
         self.alike = False
 
-    def operation(self, op: str, type: Type, of: Type, args: list[Expression], *, counts: bool = False) -> Expression:
+    def operation(self, op: str, type: Type, of: Type, args: list[CExpression], *, counts: bool = False) -> CExpression:
         """Return an operation of the IR as an expression.
 
         - `of`: type of its last argument.
@@ -72,9 +72,9 @@ class Expressions:
             args = sorted(args, key=lambda arg: (arg.precedence, re.sub(r"\d+", "", arg.text)))
         text, precedence = _commuted(op, args) if counts else self._text(op, type, of, args)
         weight = 1 + sum(arg.weight for arg in args)
-        return Expression(text, precedence, weight, NOTHING.union(*[arg.reads for arg in args]))
+        return CExpression(text, precedence, weight, NO_READS.union(*[arg.reads for arg in args]))
 
-    def _text(self, op: str, type: Type, of: Type, args: list[Expression]) -> tuple[str, int]:
+    def _text(self, op: str, type: Type, of: Type, args: list[CExpression]) -> tuple[str, int]:
         if op in COMPARED:
             return _two(args, *COMPARED[op], each=SHIFT)
         if op in EQUATED:
@@ -95,7 +95,7 @@ class Expressions:
             return self._logical(op, args)
         return self._real(op, type, args) if type in FLOATS else self._integer(op, type, args)
 
-    def _real(self, op: str, type: Type, args: list[Expression]) -> tuple[str, int]:
+    def _real(self, op: str, type: Type, args: list[CExpression]) -> tuple[str, int]:
         if op in ("add", "mul"):
             return _commuted(op, args)
         if op == "sub" and _is_negated(args[1]):
@@ -110,7 +110,7 @@ class Expressions:
             return self._erf_inv(type, args[0])
         return _call(self.dialect.function(CALLED.get(op, op), type), args)
 
-    def _erf_inv(self, type: Type, arg: Expression) -> tuple[str, int]:
+    def _erf_inv(self, type: Type, arg: CExpression) -> tuple[str, int]:
         if self.dialect.kernel:
             return _call(self.dialect.function("erfinv", type), [arg])
         name = self.helpers.named("erf_inv", "f64")
@@ -118,7 +118,7 @@ class Expressions:
             return f"(float){name}((double){arg.within(UNARY)})", UNARY
         return _call(name, [arg])
 
-    def _integer(self, op: str, type: Type, args: list[Expression]) -> tuple[str, int]:
+    def _integer(self, op: str, type: Type, args: list[CExpression]) -> tuple[str, int]:
         signed = type in ("i32", "i64")
         if op == "not":
             return f"~{args[0].within(UNARY)}", UNARY
@@ -134,7 +134,7 @@ class Expressions:
             return _two(args, *SUM[op])
         return _call(self.helpers.named(op, type), args)
 
-    def _logical(self, op: str, args: list[Expression]) -> tuple[str, int]:
+    def _logical(self, op: str, args: list[CExpression]) -> tuple[str, int]:
         if op == "not":
             return f"!{args[0].within(UNARY)}", UNARY
         if op == "isfinite":
@@ -148,7 +148,7 @@ class Expressions:
             return f" {sign} ".join(sides), precedence
         return _two(args, sign, precedence, each=BOTH if op == "and" else SHIFT)
 
-    def _converted(self, type: Type, of: Type, arg: Expression) -> tuple[str, int]:
+    def _converted(self, type: Type, of: Type, arg: CExpression) -> tuple[str, int]:
         type, of = self.dialect.narrowed(type), self.dialect.narrowed(of)
         if type == of:
             return arg.text, arg.precedence
@@ -161,7 +161,7 @@ class Expressions:
             return _call(self.helpers.named(f"to_{type}", of), [arg])
         return f"({self.dialect.type(type)}){arg.within(UNARY)}", UNARY
 
-    def _bits(self, type: Type, of: Type, arg: Expression) -> tuple[str, int]:
+    def _bits(self, type: Type, of: Type, arg: CExpression) -> tuple[str, int]:
         if type == of:
             return arg.text, arg.precedence
         text = arg.text
@@ -180,29 +180,29 @@ class Expressions:
         return f"{name}({text})", PRIMARY
 
 
-def _call(name: str, args: list[Expression]) -> tuple[str, int]:
+def _call(name: str, args: list[CExpression]) -> tuple[str, int]:
     return f"{name}({', '.join(arg.text for arg in args)})", PRIMARY
 
 
-def _two(args: list[Expression], sign: str, precedence: int, *, each: int | None = None) -> tuple[str, int]:
+def _two(args: list[CExpression], sign: str, precedence: int, *, each: int | None = None) -> tuple[str, int]:
     """Two operands; the operator groups from the left unless each operand must bind tighter."""
     left, right = args
     first = left.within(precedence if each is None else each)
     return f"{first} {sign} {right.within(precedence + 1 if each is None else each)}", precedence
 
 
-def _negated(arg: Expression) -> tuple[str, int]:
+def _negated(arg: CExpression) -> tuple[str, int]:
     if arg.precedence < TIMES or arg.text.startswith("-"):
         return f"-({arg.text})", UNARY
     # -a b is -(a b), to the last bit.
     return f"-{arg.text}", min(UNARY, arg.precedence)
 
 
-def _is_negated(arg: Expression) -> bool:
+def _is_negated(arg: CExpression) -> bool:
     return arg.text.startswith("-") and arg.precedence >= TIMES
 
 
-def _commuted(op: str, args: list[Expression]) -> tuple[str, int]:
+def _commuted(op: str, args: list[CExpression]) -> tuple[str, int]:
     """A sum or a product in the order with the fewest signs and parentheses: every order gives the same bits."""
     left, right = args
     sign, precedence = SUM[op]
@@ -217,5 +217,5 @@ def _commuted(op: str, args: list[Expression]) -> tuple[str, int]:
     return f"{left.within(precedence)} {sign} {right.within(precedence + 1)}", precedence
 
 
-def _is_number(arg: Expression) -> bool:
+def _is_number(arg: CExpression) -> bool:
     return arg.weight == 0 and arg.text.lstrip("-")[:1].isdigit()

@@ -6,7 +6,7 @@ from collections import defaultdict
 from collections.abc import Sequence
 
 from .alike import Access, Piece, parse
-from .layout import Line
+from .layout import CodeLine
 
 
 class Statement:
@@ -17,7 +17,7 @@ class Statement:
     - `piece`: its expression.
     """
 
-    def __init__(self, line: Line, place: int, type: str, name: str, text: str) -> None:
+    def __init__(self, line: CodeLine, place: int, type: str, name: str, text: str) -> None:
         self.line = line
         self.place = place
         self.type = type

@@ -5,29 +5,29 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 
-from .layout import Line
+from .alike import ELEMENT
+from .layout import CodeLine
 
-OPENED = re.compile(r"const \w+ (\w+)\[(\d+)\] = \{")
-ELEMENT = re.compile(r"([A-Za-z_]\w*(?:->\w+)?)\[(\d+)\]")
+ARRAY_HEAD = re.compile(r"const \w+ (\w+)\[(\d+)\] = \{")
 
 
-def pass_in_place(lines: Sequence[Line]) -> list[Line]:
+def pass_in_place(lines: Sequence[CodeLine]) -> list[CodeLine]:
     """Return the lines without arrays that copy parts of others.
 
     - `lines`: of a function; only the next call reads an array of elements.
     """
-    out: list[Line] = []
+    out: list[CodeLine] = []
     where: dict[str, str] = {}
     k = 0
     while k < len(lines):
-        opened = OPENED.fullmatch(lines[k].text)
+        opened = ARRAY_HEAD.fullmatch(lines[k].text)
         if opened is None:
             line = lines[k]
             words = [word for word in where if word in line.text]
             text = line.text
             for word in words:
                 text = re.sub(rf"\b{word}\b", where[word], text)
-            out.append(line if text == line.text else Line(line.level, text, line.about))
+            out.append(line if text == line.text else CodeLine(line.level, text, line.about))
             k += 1
             continue
         end = next(n for n in range(k, len(lines)) if lines[n].text == "};")

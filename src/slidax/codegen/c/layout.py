@@ -15,7 +15,7 @@ MARKS = (", ", " + ", " - ", " * ", " && ", " || ", " ? ", " : ", " = ")
 JOINTS = (" && ", " || ")
 """Preferred places."""
 
-DECLARED = re.compile(r"(double|float|bool|u?int(?:32|64)_t) \w+(?:\[\d+\])?(?:, \w+(?:\[\d+\])?)*;")
+UNINITIALISED = re.compile(r"(double|float|bool|u?int(?:32|64)_t) \w+(?:\[\d+\])?(?:, \w+(?:\[\d+\])?)*;")
 """Declaration of variables of one type without a value."""
 
 MORE = 10
@@ -23,7 +23,7 @@ MORE = 10
 
 
 @dataclass(frozen=True)
-class Line:
+class CodeLine:
     """One line.
 
     - `level`: depth of indentation.
@@ -40,7 +40,7 @@ class Line:
     element: tuple[int, int] | None = None
 
 
-def format_lines(lines: list[Line]) -> list[str]:
+def format_lines(lines: list[CodeLine]) -> list[str]:
     """Return the lines as text, with a comment before two or more lines about a new subject.
 
     A repeated comment is cut after its first words, at the colon.
@@ -61,23 +61,23 @@ def format_lines(lines: list[Line]) -> list[str]:
     return texts
 
 
-def join_declarations(lines: list[Line]) -> list[Line]:
+def join_declarations(lines: list[CodeLine]) -> list[CodeLine]:
     """Return the lines with adjacent declarations of one type, without a value, joined."""
-    out: list[Line] = []
+    out: list[CodeLine] = []
     for line in lines:
         last = out[-1] if out else line
-        match, before = DECLARED.fullmatch(line.text), DECLARED.fullmatch(last.text)
+        match, before = UNINITIALISED.fullmatch(line.text), UNINITIALISED.fullmatch(last.text)
         together = match is not None and before is not None and match.group(1) == before.group(1)
         if out and together and (line.level, line.about) == (last.level, last.about):
             text = f"{last.text[:-1]}, {line.text.partition(' ')[2]}"
             if len(INDENT) * line.level + len(text) <= WIDTH:
-                out[-1] = Line(line.level, text, line.about)
+                out[-1] = CodeLine(line.level, text, line.about)
                 continue
         out.append(line)
     return out
 
 
-def _break_line(line: Line) -> list[str]:
+def _break_line(line: CodeLine) -> list[str]:
     """A line as text, broken where it is too long."""
     text, before = line.text, INDENT * line.level
     texts: list[str] = []
@@ -105,9 +105,9 @@ def _comment(text: str, level: int) -> list[str]:
     return lines
 
 
-def _runs(lines: list[Line]) -> Iterator[list[Line]]:
+def _runs(lines: list[CodeLine]) -> Iterator[list[CodeLine]]:
     """Adjacent lines with one comment and level."""
-    run: list[Line] = []
+    run: list[CodeLine] = []
     for line in lines:
         if run and (line.about, line.level) != (run[-1].about, run[-1].level):
             yield run

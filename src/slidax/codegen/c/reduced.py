@@ -7,11 +7,11 @@ from collections.abc import Callable, Sequence
 
 from .alike import LEAST, Access, Piece, accesses, parse
 from .helpers import Helpers
-from .layout import INDENT, WIDTH, Line
+from .layout import INDENT, WIDTH, CodeLine
 
-ELEMENT = re.compile(r"(.*)\[(\d+)\]")
+ANY_ELEMENT = re.compile(r"(.*)\[(\d+)\]")
 CONDITION = re.compile(r"((?:const bool )?[\w>\[\]-]+ = |if \(|while \()(.*)(;|\) \{)")
-DECLARED = re.compile(r"const bool (\w+) = ")
+BOOL_DECLARATION = re.compile(r"const bool (\w+) = ")
 LOOP = 4
 """Lines of a loop: its result, its head, its body, and its end."""
 
@@ -19,14 +19,14 @@ Named = Callable[[str], str]
 """From a stem to a free name."""
 
 
-def reduce_conditions(lines: Sequence[Line], named: Named, index: str, helpers: Helpers) -> list[Line]:
+def reduce_conditions(lines: Sequence[CodeLine], named: Named, index: str, helpers: Helpers) -> list[CodeLine]:
     """Replace long conditions on array elements by loops; the conditions, which have no side effects, keep their value.
 
     - `named`: returns free names.
     - `index`: variable of the loops.
     - `helpers`: collects the called functions.
     """
-    out: list[Line] = []
+    out: list[CodeLine] = []
     turning = False
     for line in lines:
         # Existing loops get no loops inside.
@@ -40,23 +40,23 @@ def reduce_conditions(lines: Sequence[Line], named: Named, index: str, helpers: 
         reduction = _Reduction(named, index, helpers, line, loops=not turning and before != "while (")
         text = reduction.of(text)
         out += reduction.lines
-        declared = DECLARED.fullmatch(before)
+        declared = BOOL_DECLARATION.fullmatch(before)
         if declared is not None and reduction.lines and text == reduction.result:
             # The loop computes just this variable.
             out[-LOOP:] = [_renamed(each, text, declared.group(1)) for each in out[-LOOP:]]
         else:
-            out.append(Line(line.level, before + text + after, line.about))
+            out.append(CodeLine(line.level, before + text + after, line.about))
     return out
 
 
 class _Reduction:
-    def __init__(self, named: Named, index: str, helpers: Helpers, line: Line, *, loops: bool) -> None:
+    def __init__(self, named: Named, index: str, helpers: Helpers, line: CodeLine, *, loops: bool) -> None:
         self.named = named
         self.index = index
         self.helpers = helpers
         self.line = line
         self.loops = loops
-        self.lines: list[Line] = []
+        self.lines: list[CodeLine] = []
         # Variable of the last loop's result.
         self.result = ""
 
@@ -80,7 +80,7 @@ class _Reduction:
         short: list[str] = []
         for term in dict.fromkeys(terms):
             piece = parse(term)
-            matches = [ELEMENT.fullmatch(word) for word in piece.operands]
+            matches = [ANY_ELEMENT.fullmatch(word) for word in piece.operands]
             places = [(match.group(1), int(match.group(2))) for match in matches if match is not None]
             if not places:
                 short.append(self.of(term))
@@ -120,16 +120,16 @@ class _Reduction:
         self.result = name
         level, about, index = self.line.level, self.line.about, self.index
         self.lines += [
-            Line(level, f"bool {name} = {'false' if sign == ' || ' else 'true'};", about),
-            Line(level, f"for (size_t {index} = 0; {index} < {count}; ++{index}) {{", about),
-            Line(level + 1, f"{name} = {sign.join([name, *turn])};"),
-            Line(level, "}", about),
+            CodeLine(level, f"bool {name} = {'false' if sign == ' || ' else 'true'};", about),
+            CodeLine(level, f"for (size_t {index} = 0; {index} < {count}; ++{index}) {{", about),
+            CodeLine(level + 1, f"{name} = {sign.join([name, *turn])};"),
+            CodeLine(level, "}", about),
         ]
         return name
 
 
-def _renamed(line: Line, name: str, other: str) -> Line:
-    return Line(line.level, re.sub(rf"\b{name}\b", other, line.text), line.about)
+def _renamed(line: CodeLine, name: str, other: str) -> CodeLine:
+    return CodeLine(line.level, re.sub(rf"\b{name}\b", other, line.text), line.about)
 
 
 def _element(access: Access, index: str) -> str:

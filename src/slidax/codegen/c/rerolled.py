@@ -13,21 +13,21 @@ from collections.abc import Sequence
 
 from .alike import LEAST, Access, parse
 from .arrays import Arrays
-from .assignments import Run, runs_of
+from .assignments import AssignmentRun, runs_of
 from .groups import Group, Statement, fits_loop, order_groups
 from .helpers import Helpers
 from .in_place import pass_in_place
-from .layout import Line
+from .layout import CodeLine
 from .reduced import reduce_conditions
 
 Local = dict[Access, str]
 """Name of each value that lives for one iteration, by its place."""
 
-DECLARED = re.compile(r"(const )?(double|float|bool|u?int(?:32|64)_t) (\w+)(?: = (.*))?;")
-ASSIGNED = re.compile(r"([A-Za-z_]\w*(?:->\w+)?(?:\[\d+\])?) = (.*);")
+DECLARATION = re.compile(r"(const )?(double|float|bool|u?int(?:32|64)_t) (\w+)(?: = (.*))?;")
+ASSIGNMENT = re.compile(r"([A-Za-z_]\w*(?:->\w+)?(?:\[\d+\])?) = (.*);")
 
 
-def reroll(lines: Sequence[Line], taken: set[str], helpers: Helpers) -> list[Line]:
+def reroll(lines: Sequence[CodeLine], taken: set[str], helpers: Helpers) -> list[CodeLine]:
     """Return the lines of a function with loops.
 
     - `taken`: names in use.
@@ -37,21 +37,21 @@ def reroll(lines: Sequence[Line], taken: set[str], helpers: Helpers) -> list[Lin
 
 
 class _Rerolling:
-    def __init__(self, lines: Sequence[Line], taken: set[str], helpers: Helpers) -> None:
+    def __init__(self, lines: Sequence[CodeLine], taken: set[str], helpers: Helpers) -> None:
         self.lines = lines
         self.helpers = helpers
-        self.out: list[Line] = []
+        self.out: list[CodeLine] = []
         self.used: Counter[str] = Counter()
         self.declared: set[str] = set()
         for line in lines:
-            match = DECLARED.fullmatch(line.text)
+            match = DECLARATION.fullmatch(line.text)
             text = line.text if match is None else match.group(4) or ""
             self.used.update(parse(text).operands)
         identifiers = {word for line in lines for word in re.findall(r"[A-Za-z_]\w*", line.text)} | taken
         self.index = next(name for name in ("i", "j", "k", "m", "n", "turn") if name not in identifiers)
         self.arrays = Arrays(identifiers)
 
-    def run(self) -> list[Line]:
+    def run(self) -> list[CodeLine]:
         k = 0
         while k < len(self.lines):
             end, kind = self._run_of(k)
@@ -64,7 +64,7 @@ class _Rerolling:
             else:
                 self.out.append(self.lines[k])
             k = end
-        renamed = [Line(line.level, self._with_arrays(line.text), line.about) for line in self.out]
+        renamed = [CodeLine(line.level, self._with_arrays(line.text), line.about) for line in self.out]
         return reduce_conditions(pass_in_place(renamed), self.arrays.new_name, self.index, self.helpers)
 
     def _run_of(self, k: int) -> tuple[int, str]:
@@ -85,7 +85,7 @@ class _Rerolling:
         """Print declarations of constants, similar ones next to each other."""
         statements = []
         for k in range(first, end):
-            match = DECLARED.fullmatch(self.lines[k].text)
+            match = DECLARATION.fullmatch(self.lines[k].text)
             assert match is not None
             statements.append(Statement(self.lines[k], k, match.group(2), match.group(3), match.group(4)))
         self._print(order_groups(self.arrays.groups_of(statements)), self.lines[first].level)
@@ -99,7 +99,7 @@ class _Rerolling:
                 if group.array:
                     self._declare(lane.type, group.array, level, lane.line)
                     text = f"{group.array}[{self.arrays.stored[lane.name][1]}] = {lane.piece.text};"
-                    self.out.append(Line(level, text, lane.line.about))
+                    self.out.append(CodeLine(level, text, lane.line.about))
                 else:
                     self.out.append(lane.line)
                 k += 1
@@ -110,12 +110,12 @@ class _Rerolling:
             self._loop(together, level)
             k += len(together)
 
-    def _declare(self, type: str, array: str, level: int, line: Line) -> None:
+    def _declare(self, type: str, array: str, level: int, line: CodeLine) -> None:
         """Declare an array once."""
         if array not in self.declared:
             self.declared.add(array)
             size = 1 + max(at for name, at in self.arrays.stored.values() if name == array)
-            self.out.append(Line(level, f"{type} {array}[{size}];", line.about))
+            self.out.append(CodeLine(level, f"{type} {array}[{size}];", line.about))
 
     def _loop(self, groups: list[Group], level: int) -> None:
         """Print groups as one loop."""
@@ -130,7 +130,7 @@ class _Rerolling:
                 assert group.target is not None
                 whole = len(group.lanes) == sum(array == group.array for array, _ in self.arrays.stored.values())
                 local[group.target] = group.array if whole else self.arrays.new_name(group.lanes[0].name)
-        body: list[Line] = []
+        body: list[CodeLine] = []
         about = groups[0].lanes[0].line.about
         for group in groups:
             lane = group.lanes[0]
@@ -138,22 +138,24 @@ class _Rerolling:
             text = lane.piece.fill(texts)
             assert group.target is not None
             if group.target in local:
-                body.append(Line(level + 1, f"const {lane.type} {local[group.target]} = {text};"))
+                body.append(CodeLine(level + 1, f"const {lane.type} {local[group.target]} = {text};"))
             else:
                 self._declare(lane.type, group.array, level, lane.line)
-                body.append(Line(level + 1, f"{group.target.element(self.index)} = {text};"))
+                body.append(CodeLine(level + 1, f"{group.target.element(self.index)} = {text};"))
         self._turns(groups[0].turns, body, level, about)
 
-    def _turns(self, turns: int, body: list[Line], level: int, about: str) -> None:
-        self.out.append(Line(level, f"for (size_t {self.index} = 0; {self.index} < {turns}; ++{self.index}) {{", about))
+    def _turns(self, turns: int, body: list[CodeLine], level: int, about: str) -> None:
+        self.out.append(
+            CodeLine(level, f"for (size_t {self.index} = 0; {self.index} < {turns}; ++{self.index}) {{", about)
+        )
         self.out += body
-        self.out.append(Line(level, "}", about))
+        self.out.append(CodeLine(level, "}", about))
 
     def _operand(self, access: Access, local: Local, level: int, lane: Statement) -> str:
         if access.numbers:
             name = self.arrays.new_name("table")
             numbers = ", ".join(access.numbers)
-            self.out.append(Line(level, f"static const {lane.type} {name}[{len(access.numbers)}] = {{{numbers}}};"))
+            self.out.append(CodeLine(level, f"static const {lane.type} {name}[{len(access.numbers)}] = {{{numbers}}};"))
             return f"{name}[{self.index}]"
         if not access.step:
             return self.arrays.read(access.text)
@@ -176,13 +178,13 @@ class _Rerolling:
             k = last
 
     def _array_of_variables(self, first: int, end: int) -> None:
-        matches = [DECLARED.fullmatch(self.lines[k].text) for k in range(first, end)]
+        matches = [DECLARATION.fullmatch(self.lines[k].text) for k in range(first, end)]
         variables = [match for match in matches if match is not None]
         line, type = self.lines[first], variables[0].group(2)
         array = self.arrays.new_name(variables[0].group(3))
         for k, match in enumerate(variables):
             self.arrays.stored[match.group(3)] = (array, k)
-        self.out.append(Line(line.level, f"{type} {array}[{end - first}];", line.about))
+        self.out.append(CodeLine(line.level, f"{type} {array}[{end - first}];", line.about))
         starts = [
             Statement(self.lines[first + k], first + k, "", f"{array}[{k}]", match.group(4))
             for k, match in enumerate(variables)
@@ -193,7 +195,7 @@ class _Rerolling:
     def _assignments(self, first: int, end: int) -> None:
         statements = []
         for k in range(first, end):
-            match = ASSIGNED.fullmatch(self.lines[k].text)
+            match = ASSIGNMENT.fullmatch(self.lines[k].text)
             assert match is not None
             statements.append(Statement(self.lines[k], k, "", match.group(1), match.group(2)))
         self._print_assigned(statements, self.lines[first].level)
@@ -204,15 +206,15 @@ class _Rerolling:
             lane = run.lanes[0]
             about = lane.line.about
             if not run.at:
-                self.out.append(Line(level, f"{lane.name} = {lane.piece.text};", about))
+                self.out.append(CodeLine(level, f"{lane.name} = {lane.piece.text};", about))
             elif run.is_block_move:
-                self.out.append(Line(level, self._moved(run), about))
+                self.out.append(CodeLine(level, self._moved(run), about))
             else:
                 texts = [self._operand(access, {}, level, _typed(lane)) for access in run.at[1:]]
-                body = [Line(level + 1, f"{run.at[0].element(self.index)} = {lane.piece.fill(texts)};")]
+                body = [CodeLine(level + 1, f"{run.at[0].element(self.index)} = {lane.piece.fill(texts)};")]
                 self._turns(len(run.lanes), body, level, about)
 
-    def _moved(self, run: Run) -> str:
+    def _moved(self, run: AssignmentRun) -> str:
         """Copy of a part of an array to another one, or to zero."""
         target, source = run.at
         arrays = (target.array, source.array) if source.step else (target.array,)
@@ -227,14 +229,14 @@ def _typed(lane: Statement) -> Statement:
     return lane
 
 
-def _kind(line: Line) -> str:
-    match = DECLARED.fullmatch(line.text)
+def _kind(line: CodeLine) -> str:
+    match = DECLARATION.fullmatch(line.text)
     if match is not None:
         return "known" if match.group(1) else "mutable"
-    return "assigned" if ASSIGNED.fullmatch(line.text) else ""
+    return "assigned" if ASSIGNMENT.fullmatch(line.text) else ""
 
 
-def _stem(line: Line) -> tuple[str, str]:
-    match = DECLARED.fullmatch(line.text)
+def _stem(line: CodeLine) -> tuple[str, str]:
+    match = DECLARATION.fullmatch(line.text)
     assert match is not None
     return match.group(2), re.sub(r"(_?\d+[a-z]*|_[a-z]{1,2})$", "", match.group(3))

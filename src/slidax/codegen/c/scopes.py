@@ -8,11 +8,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
-from .layout import Line
+from .layout import CodeLine
 
 SIZES = {"double": 8, "float": 4, "int64_t": 8, "uint64_t": 8, "int32_t": 4, "uint32_t": 4, "int": 4, "bool": 1}
-DECLARED = re.compile(rf"(const )?({'|'.join(SIZES)}) (\w+)(?:\[(\d+)\])?(?: = (.*)|;)?;?")
-NAME = re.compile(r"[A-Za-z_]\w*")
+VARIABLE = re.compile(rf"(const )?({'|'.join(SIZES)}) (\w+)(?:\[(\d+)\])?(?: = (.*)|;)?;?")
+IDENTIFIER = re.compile(r"[A-Za-z_]\w*")
 ARGUMENT = re.compile(r"\w+->\w+;?")
 """Members of a function's arguments, known from its start."""
 
@@ -27,7 +27,7 @@ class _Item:
     - `names`: number of occurrences of each identifier.
     """
 
-    lines: list[Line]
+    lines: list[CodeLine]
     names: Counter[str]
 
 
@@ -45,14 +45,14 @@ class _Variable:
     fixed: bool
 
 
-def scoped(lines: Sequence[Line]) -> list[Line]:
+def scoped(lines: Sequence[CodeLine]) -> list[CodeLine]:
     """Return the lines of a function's body with blocks around parts of them."""
     items = _items(lines)
     if len(items) < 2:
         return list(lines)
     variables = _variables(items)
     cuts = _cuts(items, variables)
-    out: list[Line] = []
+    out: list[CodeLine] = []
     if len(cuts) == 2:
         return [line for item in items for line in _inner(item)]
     for start, end in pairwise(cuts):
@@ -71,7 +71,7 @@ def scoped(lines: Sequence[Line]) -> list[Line]:
     return out
 
 
-def stack(lines: Sequence[Line]) -> int:
+def stack(lines: Sequence[CodeLine]) -> int:
     """Return a function's stack in bytes: arrays take it while their block lasts, numbers while they are needed."""
     items = _items(lines)
     variables = _variables(items).values()
@@ -87,10 +87,10 @@ def stack(lines: Sequence[Line]) -> int:
 
 def _within(item: _Item) -> int:
     """Bytes of the blocks in an item: only one of them at a time."""
-    if len(item.lines) < 3 or DECLARED.match(item.lines[0].text):
+    if len(item.lines) < 3 or VARIABLE.match(item.lines[0].text):
         return 0
     level, most = item.lines[0].level, 0
-    part: list[Line] = []
+    part: list[CodeLine] = []
     for line in item.lines:
         if line.level != level:
             part.append(line)
@@ -100,13 +100,13 @@ def _within(item: _Item) -> int:
     return most + (8 if item.lines[0].text.startswith("for (") else 0)
 
 
-def _inner(item: _Item) -> list[Line]:
+def _inner(item: _Item) -> list[CodeLine]:
     """Lines of an item, with blocks inside it."""
-    if len(item.lines) < 4 or DECLARED.match(item.lines[0].text):
+    if len(item.lines) < 4 or VARIABLE.match(item.lines[0].text):
         return item.lines
-    out: list[Line] = []
+    out: list[CodeLine] = []
     level = item.lines[0].level
-    part: list[Line] = []
+    part: list[CodeLine] = []
     for line in item.lines:
         if line.level == level:
             out += scoped(part)
@@ -117,7 +117,7 @@ def _inner(item: _Item) -> list[Line]:
     return out + part
 
 
-def _items(lines: Sequence[Line]) -> list[_Item]:
+def _items(lines: Sequence[CodeLine]) -> list[_Item]:
     items: list[_Item] = []
     depth = 0
     for line in lines:
@@ -125,7 +125,7 @@ def _items(lines: Sequence[Line]) -> list[_Item]:
         if depth == 0 and not closes:
             items.append(_Item([], Counter()))
         items[-1].lines.append(line)
-        items[-1].names.update(NAME.findall(line.text))
+        items[-1].names.update(IDENTIFIER.findall(line.text))
         depth += opens - closes
     return items
 
@@ -136,7 +136,7 @@ def _variables(items: Sequence[_Item]) -> dict[str, _Variable]:
         for name in item.names:
             if name in variables:
                 variables[name].last = k
-        match = DECLARED.match(item.lines[0].text)
+        match = VARIABLE.match(item.lines[0].text)
         if match is not None:
             size = SIZES[match.group(2)] * int(match.group(4) or 1)
             fixed = match.group(4) is not None and match.group(5) is not None
@@ -177,21 +177,21 @@ def _saved(arrays: Sequence[_Variable], cuts: Sequence[int]) -> int:
     return sum(local.values()) - max(local.values(), default=0)
 
 
-def _block(lines: Sequence[Line], leaving: set[str]) -> list[Line]:
+def _block(lines: Sequence[CodeLine], leaving: set[str]) -> list[CodeLine]:
     """A block; variables that are needed after it are declared before it."""
-    before: list[Line] = []
-    inside: list[Line] = []
+    before: list[CodeLine] = []
+    inside: list[CodeLine] = []
     level = lines[0].level
     for line in lines:
-        match = DECLARED.match(line.text)
+        match = VARIABLE.match(line.text)
         if match is None or match.group(3) not in leaving or line.level != level:
-            inside.append(Line(line.level + 1, line.text, line.about))
+            inside.append(CodeLine(line.level + 1, line.text, line.about))
             continue
         _, type, name, size, value = match.groups()
         if value is not None and ARGUMENT.fullmatch(value):
             before.append(line)
             continue
-        before.append(Line(level, f"{type} {name}{f'[{size}]' if size else ''};"))
+        before.append(CodeLine(level, f"{type} {name}{f'[{size}]' if size else ''};"))
         if value is not None and size is None:
-            inside.append(Line(line.level + 1, f"{name} = {value.rstrip(';')};", line.about))
-    return [*before, Line(level, "{"), *scoped(inside), Line(level, "}")]
+            inside.append(CodeLine(line.level + 1, f"{name} = {value.rstrip(';')};", line.about))
+    return [*before, CodeLine(level, "{"), *scoped(inside), CodeLine(level, "}")]

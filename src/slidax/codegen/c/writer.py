@@ -8,9 +8,9 @@ from collections.abc import Callable, Mapping
 from ..ir import Branch, Call, Loop, Program, Region, Value
 from ..naming import Names
 from .dialect import Dialect
-from .expressions import Expression, Expressions, constant
+from .expressions import CExpression, Expressions, constant
 from .helpers import Helpers
-from .layout import INDENT, WIDTH, Line
+from .layout import INDENT, WIDTH, CodeLine
 from .placement import Placement, counts_by_little
 
 Read = Callable[[int, int | str], str]
@@ -52,8 +52,8 @@ class Writer(ABC):
         self.taken = taken
         self.helpers = Helpers(dialect)
         self.expressions = Expressions(dialect, self.helpers)
-        self.lines: list[Line] = []
-        self.texts: dict[Value, Expression] = {}
+        self.lines: list[CodeLine] = []
+        self.texts: dict[Value, CExpression] = {}
         self.reads: set[int] = set()
         self.places: dict[Value, str] = {}  # of inputs
         self.loops = False
@@ -71,10 +71,10 @@ class Writer(ABC):
     def line(self, text: str, value: Value | None = None) -> None:
         """Write a line, without indentation, that computes a value."""
         if value is None:
-            self.lines.append(Line(self.level, text))
+            self.lines.append(CodeLine(self.level, text))
         else:
             visit = getattr(value.origin, "visit", None)
-            self.lines.append(Line(self.level, text, self.names.about(value), visit, self.together.get(value)))
+            self.lines.append(CodeLine(self.level, text, self.names.about(value), visit, self.together.get(value)))
 
     def fresh(self, hint: str | None) -> str:
         """Return an unused name; without a hint, a short one with a number."""
@@ -103,7 +103,7 @@ class Writer(ABC):
         """Write all values that are placed in a region."""
         for value in self.placement.order[region]:
             if value in self.precomputed:
-                self.texts[value] = Expression(self.precomputed[value], reads=frozenset((self.precomputed[value],)))
+                self.texts[value] = CExpression(self.precomputed[value], reads=frozenset((self.precomputed[value],)))
             elif isinstance(value, Loop):
                 self.loop(value)
             elif isinstance(value, Branch):
@@ -136,7 +136,7 @@ class Writer(ABC):
         written = self.texts[value]
         type, name = self.declared(value, hint)
         self.line(f"const {type} {name} = {written.text};", value)
-        self.texts[value] = Expression(name)
+        self.texts[value] = CExpression(name)
 
     def room(self) -> int:
         """Return the largest number of characters in an expression."""
@@ -151,7 +151,7 @@ class Writer(ABC):
             text = self.read(which, element)
             self.reads.add(which)
             self.places[value] = text
-            self.texts[value] = Expression(text, reads=frozenset((text,)))
+            self.texts[value] = CExpression(text, reads=frozenset((text,)))
             # A loop over an array reads its elements in place.
             if self.placement.uses[value] > 1 and not text.isidentifier() and not (self.loops and text[-1] == "]"):
                 self.keep(value)
@@ -160,7 +160,7 @@ class Writer(ABC):
         if not self._is_cheap(value) and not self.is_inline(value):
             self.keep(value)
 
-    def _composed(self, value: Value) -> Expression:
+    def _composed(self, value: Value) -> CExpression:
         """Expression of a value; operands that make it too long or too heavy get variables of their own."""
         args = list(dict.fromkeys(value.args))
         while True:
@@ -175,12 +175,12 @@ class Writer(ABC):
                 return written
             self.keep(heaviest)
 
-    def _operation(self, value: Value) -> Expression:
+    def _operation(self, value: Value) -> CExpression:
         args = [self.texts[arg] for arg in value.args]
         if value.op == "load":
             self.reads.add(value.data)
             text = self.read(value.data, args[0].text)
-            return Expression(text, weight=1 + args[0].weight, reads=args[0].reads | {text})
+            return CExpression(text, weight=1 + args[0].weight, reads=args[0].reads | {text})
         counts = counts_by_little(value)
         return self.expressions.operation(value.op, value.type, value.args[-1].type, args, counts=counts)
 
